@@ -7,12 +7,11 @@ use crate::http::{Document, Http};
 use crate::problem::Problem;
 use crate::report::{Reporter, Standing};
 use crate::schedule::Backoff;
-use crate::slots::{Slot, Slots};
+use crate::slots::{Lock, Slot, Slots};
 use crate::state::StateFile;
 use crate::vouching::Vouching;
 use crate::{Settings, log};
 use lightpath_manifest::{Distrust, Manifest};
-use std::fs::File;
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -44,7 +43,7 @@ pub struct Agent {
     /// The last problem that the server should know of: the version that could not be installed, and why.
     trouble: Option<(u32, String)>,
     reporter: Reporter,
-    _lock: File,
+    _lock: Lock,
 }
 
 impl Agent {
@@ -178,13 +177,17 @@ impl Agent {
     fn follow(&mut self, document: &Document) -> Result<bool, Problem> {
         let manifest = self.accept(document)?;
         let is_in_use = self.in_use.as_ref().is_some_and(|(_, known)| is_same_file(known, &manifest));
+        let is_rejected = self.state.state.rejected.as_ref().is_some_and(|rejected| rejected.is_of(&manifest));
         if is_in_use {
             self.state.state.rejected = None;
-        } else if self.state.state.rejected.as_ref().is_some_and(|rejected| rejected.is_of(&manifest)) {
+        } else if is_rejected {
             log::line(format_args!("the agent does not try version {} again: it was refused before", manifest.version));
         } else {
             self.trying = manifest.version;
             self.install(&manifest, document)?;
+        }
+        for slot in Slot::BOTH {
+            self.slots.remove_other_parts(slot, None)?;
         }
         self.state.set_etag(document.etag.as_deref());
         self.state.save()?;

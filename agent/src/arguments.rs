@@ -1,8 +1,9 @@
 //! The command line of the program `lightpath-agent`.
 
 use crate::{Agent, KernelId, Pace, Problem, Settings, log, status};
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 use lightpath_manifest::PublicKey;
+use std::ffi::OsString;
 use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -48,7 +49,16 @@ pub struct Cli {
     pub command: Option<Command>,
     /// How to keep a kernel.
     #[command(flatten)]
-    pub run: Option<RunArguments>,
+    pub run: RunArguments,
+}
+
+/// What the command line asks for.
+#[derive(Debug)]
+pub enum Task {
+    /// Keep a kernel.
+    Run(Box<RunArguments>),
+    /// Do something else.
+    Other(Command),
 }
 
 /// What to do instead of keeping a kernel.
@@ -154,17 +164,27 @@ impl RunArguments {
 }
 
 impl Cli {
+    /// Reads a command line. (The derived parser would ask for the arguments of the agent also before a command, as soon
+    /// as the environment has one of them.)
+    ///
+    /// # Errors
+    ///
+    /// The text that explains what is wrong, or the help.
+    pub fn task(words: impl IntoIterator<Item = OsString>) -> Result<Task, clap::Error> {
+        let matches = Self::command().try_get_matches_from(words)?;
+        match matches.subcommand_name() {
+            Some(_) => Command::from_arg_matches(&matches).map(Task::Other),
+            None => RunArguments::from_arg_matches(&matches).map(|arguments| Task::Run(Box::new(arguments))),
+        }
+    }
+
     /// Parses the command line, runs the agent and returns the exit code.
     #[must_use]
     pub fn run() -> ExitCode {
-        let cli = Self::parse();
-        match (cli.command, cli.run) {
-            (Some(Command::Status(arguments)), _) => print_status(&arguments),
-            (None, Some(arguments)) => keep(arguments),
-            (None, None) => {
-                let _ = writeln!(std::io::stderr(), "lightpath-agent: see lightpath-agent --help");
-                ExitCode::from(2)
-            }
+        match Self::task(std::env::args_os()) {
+            Ok(Task::Run(arguments)) => keep(*arguments),
+            Ok(Task::Other(Command::Status(arguments))) => print_status(&arguments),
+            Err(error) => error.exit(),
         }
     }
 }
@@ -229,20 +249,22 @@ fn public_key(text: &str) -> Result<PublicKey, &'static str> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::CommandFactory as _;
 
     const GOOD: &str = "lightpath-agent --server https://lab:7070/ --display pluto --device bench-7 --kernel 515nm-150mm \
         --root 3d4017c3e843895a92b70aa74d1b7ebc9c982ccf2ec4968cc0cd55f12af4660c --directory /var/lib/lightpath";
 
+    fn parsed(line: &str) -> Result<Task, clap::Error> {
+        Cli::task(line.split_whitespace().map(OsString::from))
+    }
+
     #[test]
     fn arguments_become_settings() {
         Cli::command().debug_assert();
-        let cli = Cli::try_parse_from(GOOD.split_whitespace()).unwrap();
-        let settings = cli.run.unwrap().settings();
+        let Task::Run(arguments) = parsed(GOOD).unwrap() else { panic!() };
+        let settings = arguments.settings();
         assert_eq!((&*settings.server, &*settings.form), ("https://lab:7070", "compact"));
         assert_eq!(settings.self_test_limit, Duration::from_secs(60));
-        let status = Cli::try_parse_from(["lightpath-agent", "status", "--directory", "/x"]).unwrap();
-        assert!(matches!(status.command, Some(Command::Status(_))));
+        assert!(matches!(parsed("lightpath-agent status --directory /x"), Ok(Task::Other(Command::Status(_)))));
     }
 
     #[test]
@@ -256,12 +278,9 @@ mod tests {
             ("--device bench-7", "", "--device"),
         ] {
             let line = GOOD.replacen(from, to, 1);
-            let error = Cli::try_parse_from(line.split_whitespace()).unwrap_err().to_string();
+            let error = parsed(&line).unwrap_err().to_string();
             assert!(error.contains(text), "{line}: {error}");
         }
-        assert!(
-            Cli::try_parse_from(["lightpath-agent"]).is_err()
-                || Cli::try_parse_from(["lightpath-agent"]).unwrap().run.is_none()
-        );
+        assert!(parsed("lightpath-agent").unwrap_err().to_string().contains("--server"));
     }
 }

@@ -44,7 +44,7 @@ mod status;
 mod vouching;
 
 pub use agent::{Agent, Checked};
-pub use arguments::{Cli, Command, RunArguments, StatusArguments};
+pub use arguments::{Cli, Command, RunArguments, StatusArguments, Task};
 pub use kernel_id::KernelId;
 pub use problem::{BodyProblem, Problem};
 pub use settings::{Pace, Settings};

@@ -45,6 +45,18 @@ impl Slot {
     }
 }
 
+/// Keeps other agents out of a directory until it is dropped.
+#[derive(Debug)]
+pub(crate) struct Lock(File);
+
+impl Drop for Lock {
+    fn drop(&mut self) {
+        // A program that another thread starts at this moment has a copy of the file for some time. Closing it here
+        // would leave the directory locked until then.
+        let _ = self.0.unlock();
+    }
+}
+
 /// The directory.
 #[derive(Clone, Debug)]
 pub(crate) struct Slots {
@@ -57,9 +69,9 @@ impl Slots {
         Self { root: root.to_owned() }
     }
 
-    /// Makes the directory and its slots. The returned file keeps other agents out while it is open. The lock is on the
+    /// Makes the directory and its slots. The returned lock keeps other agents out. It is on the
     /// directory itself: this needs no file, so it works on a disk that became read-only.
-    pub(crate) fn open(root: &Path) -> Result<(Self, File), Problem> {
+    pub(crate) fn open(root: &Path) -> Result<(Self, Lock), Problem> {
         let slots = Self::at(root);
         if !root.is_dir() {
             fs::create_dir_all(root).map_err(Problem::disk("create", root))?;
@@ -69,7 +81,7 @@ impl Slots {
             TryLockError::WouldBlock => Problem::Locked { path: root.to_owned() },
             TryLockError::Error(error) => Problem::disk("lock", root)(error),
         })?;
-        Ok((slots, lock))
+        Ok((slots, Lock(lock)))
     }
 
     pub(crate) fn root(&self) -> &Path {

@@ -97,7 +97,6 @@ pub(crate) fn settings(server: &str, directory: &Path) -> Settings {
         self_test: None,
         self_test_limit: Duration::from_secs(20),
         pace: Pace {
-            stall: Duration::from_millis(400),
             wait: Duration::ZERO,
             error_pause_min: Duration::from_millis(40),
             error_pause_max: Duration::from_millis(320),

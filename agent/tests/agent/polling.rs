@@ -124,6 +124,7 @@ fn server_that_is_away_or_silent_is_a_problem_that_passes() {
     let silent = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let mut settings = bench.settings();
     settings.server = format!("http://{}", silent.local_addr().unwrap());
+    settings.pace.stall = Duration::from_millis(500);
     let text = problem(&mut lightpath_agent::Agent::start(settings).unwrap());
     assert!(text.contains("timeout"), "{text}");
     bench.assert_uses(1);

@@ -102,7 +102,12 @@ impl Server {
                 }
                 let shared = Arc::clone(&shared);
                 // A client that has gone is what many tests are about.
-                thread::spawn(move || drop(answer(&shared, stream.unwrap())));
+                thread::spawn(move || {
+                    let stream = stream.unwrap();
+                    // Head and body are sent one after the other.
+                    stream.set_nodelay(true).unwrap();
+                    drop(answer(&shared, stream));
+                });
             }
         });
         server
@@ -110,10 +115,6 @@ impl Server {
 
     pub(crate) fn url(&self) -> String {
         format!("http://{}", self.address)
-    }
-
-    pub(crate) fn address(&self) -> SocketAddr {
-        self.address
     }
 
     pub(crate) fn change(&self, change: impl FnOnce(&mut Script)) {
@@ -185,14 +186,27 @@ impl Request {
     }
 }
 
-fn answer(shared: &Shared, stream: TcpStream) -> std::io::Result<()> {
-    let mut reader = BufReader::new(stream.try_clone()?);
-    let Some(request) = Request::read(&mut reader) else { return Ok(()) };
-    answer_on(shared, &request, stream)
+/// Answers the requests of a connection, until the client closes it or the script cuts it.
+fn answer(shared: &Shared, stream: impl Read + Write) -> std::io::Result<()> {
+    let mut reader = BufReader::new(stream);
+    while let Some(request) = Request::read(&mut reader) {
+        if !answer_on(shared, &request, reader.get_mut())? {
+            break;
+        }
+    }
+    Ok(())
 }
 
-/// Notes a request and answers it on any kind of connection, which ends then.
-fn answer_on(shared: &Shared, request: &Request, mut stream: impl Write) -> std::io::Result<()> {
+/// Answers the requests of a connection that was accepted elsewhere.
+pub(crate) fn answer_over(server: &Server, stream: impl Read + Write) {
+    let _ = answer(&server.shared, stream);
+}
+
+/// Notes a request and answers it. Returns whether the connection goes on.
+fn answer_on(shared: &Shared, request: &Request, stream: &mut impl Write) -> std::io::Result<bool> {
+    // Note it before the answer: a test looks for it as soon as its agent has the answer.
+    shared.requests.lock().unwrap().push(request.clone());
+    shared.received.notify_all();
     let (script, sending) = {
         let mut script = shared.script.lock().unwrap();
         let next = if request.is_for_file() { script.next.pop_front() } else { None };
@@ -200,28 +214,19 @@ fn answer_on(shared: &Shared, request: &Request, mut stream: impl Write) -> std:
         (script.clone(), sending)
     };
     let sent = if request.is_report() {
-        head(&mut stream, script.report_status, "content-type: application/json\r\ncontent-length: 2\r\n")
+        head(stream, script.report_status, "content-type: application/json\r\ncontent-length: 2\r\n")
             .and_then(|()| stream.write_all(b"{}"))
     } else if request.is_for_file() {
-        send_file(&script, &sending, request, &mut stream)
+        send_file(&script, &sending, request, stream)
     } else {
-        send_document(&script, request, &mut stream)
+        send_document(&script, request, stream)
     };
-    shared.requests.lock().unwrap().push(request.clone());
-    shared.received.notify_all();
-    sent.and_then(|()| stream.flush())
-}
-
-/// Answers one request on a connection that was accepted elsewhere.
-pub(crate) fn answer_over(server: &Server, stream: impl Read + Write) {
-    let mut reader = BufReader::new(stream);
-    if let Some(request) = Request::read(&mut reader) {
-        let _ = answer_on(&server.shared, &request, reader.into_inner());
-    }
+    sent.and_then(|()| stream.flush())?;
+    Ok(!request.is_for_file() || !matches!(sending, Sending::CutAfter(_) | Sending::StallAfter(_)))
 }
 
 fn head(stream: &mut impl Write, status: u16, fields: &str) -> std::io::Result<()> {
-    write!(stream, "HTTP/1.1 {status} Status\r\nconnection: close\r\n{fields}\r\n")
+    write!(stream, "HTTP/1.1 {status} Status\r\n{fields}\r\n")
 }
 
 fn send_document(script: &Script, request: &Request, stream: &mut impl Write) -> std::io::Result<()> {

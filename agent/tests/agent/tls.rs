@@ -28,7 +28,6 @@ fn server_is_trusted_if_the_authority_of_the_device_vouches_for_it() {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let mut settings = bench.settings();
     settings.server = format!("https://localhost:{}", listener.local_addr().unwrap().port());
-    settings.directory = bench.directory();
     let (folder, server) = (bench.directory(), Arc::new(bench));
     let behind = Arc::clone(&server);
     let config = Arc::new(config);
