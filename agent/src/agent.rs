@@ -38,9 +38,7 @@ pub struct Agent {
     in_use: Option<(Slot, Manifest)>,
     /// When the keyring was fetched last; `None`: not since the start.
     keyring_at: Option<Instant>,
-    /// Version that the present check tries to install; 0: none.
-    trying: u32,
-    /// The last problem that the server should know of: the version that could not be installed, and why.
+    /// The last problem that the server should know of, and the version that caused it; 0: none did.
     trouble: Option<(u32, String)>,
     reporter: Reporter,
     _lock: Lock,
@@ -70,7 +68,6 @@ impl Agent {
             vouching,
             in_use: None,
             keyring_at: None,
-            trying: 0,
             trouble: None,
             reporter,
             _lock: lock,
@@ -94,12 +91,13 @@ impl Agent {
     ///
     /// [`Problem`]. The kernel in use stays as it was.
     pub fn check(&mut self, wait: Duration) -> Result<Checked, Problem> {
-        self.trying = 0;
         let checked = self.check_and_install(wait);
         match &checked {
             // The state remembers a version that the self-test refused.
             Ok(_) | Err(Problem::SelfTest { .. }) => self.trouble = None,
-            Err(problem) if problem.is_for_report() => self.trouble = Some((self.trying, problem.to_string())),
+            Err(problem @ Problem::Body { version, .. }) => self.trouble = Some((*version, problem.to_string())),
+            // The device is at fault, and not the version: a rollout must not count it as a failure.
+            Err(problem) if problem.is_for_report() => self.trouble = Some((0, problem.to_string())),
             Err(_) => {}
         }
         checked
@@ -183,7 +181,6 @@ impl Agent {
         } else if is_rejected {
             log::line(format_args!("the agent does not try version {} again: it was refused before", manifest.version));
         } else {
-            self.trying = manifest.version;
             self.install(&manifest, document)?;
         }
         for slot in Slot::BOTH {

@@ -83,10 +83,10 @@ fn wait(child: &mut Child, limit: Duration) -> std::io::Result<Option<std::proce
     }
 }
 
-/// The number of the last line `loss NUMBER`.
+/// The number of the last line `loss NUMBER`, which must not be negative.
 fn loss(output: &str) -> Option<f64> {
     let mut numbers = output.lines().filter_map(|line| line.trim().strip_prefix("loss ")?.trim().parse::<f64>().ok());
-    numbers.rfind(|loss| loss.is_finite())
+    numbers.rfind(|loss| loss.is_finite() && *loss >= 0.0)
 }
 
 #[cfg(test)]
