@@ -190,7 +190,8 @@ impl Http {
             None => "name its file with --token-file".to_owned(),
         };
         format!(
-            "make one on the server with `lightpathd token create {device} --role firmware --display {display}`, and {file}"
+            "make one on the server with `lightpathd token create {device} --role firmware --display {display}`, \
+             and {file}"
         )
     }
 }

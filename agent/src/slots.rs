@@ -69,8 +69,8 @@ impl Slots {
         Self { root: root.to_owned() }
     }
 
-    /// Makes the directory and its slots. The returned lock keeps other agents out. It is on the
-    /// directory itself: this needs no file, so it works on a disk that became read-only.
+    /// Makes the directory. The returned lock keeps other agents out. It is on the directory itself: this needs no file,
+    /// so it works on a disk that became read-only.
     pub(crate) fn open(root: &Path) -> Result<(Self, Lock), Problem> {
         let slots = Self::at(root);
         if !root.is_dir() {

@@ -12,6 +12,8 @@ mod bodies;
 mod disk;
 mod kills;
 mod material;
+// It reads the memory of a process from /proc.
+#[cfg(target_os = "linux")]
 mod memory;
 mod polling;
 mod reports;
