@@ -4,11 +4,12 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Every crate, with the crates of the workspace that it may depend on.
-const CRATES: [(&str, &[&str]); 15] = [
+const CRATES: [(&str, &[&str]); 16] = [
     ("optics", &[]),
     ("manifest", &[]),
     ("proto", &[]),
     ("client", &["manifest", "proto"]),
+    ("agent", &["fail-points", "manifest"]),
     ("server/domain", &["optics"]),
     ("server/fail-points", &[]),
     ("server/fixtures", &["domain"]),

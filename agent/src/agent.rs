@@ -1,0 +1,262 @@
+//! The agent: the order of all steps.
+
+mod install;
+mod recovery;
+
+use crate::http::{Document, Http};
+use crate::problem::Problem;
+use crate::report::{Reporter, Standing};
+use crate::schedule::Backoff;
+use crate::slots::{Lock, Slot, Slots};
+use crate::state::StateFile;
+use crate::vouching::Vouching;
+use crate::{Settings, log};
+use lightpath_manifest::{Distrust, Manifest};
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// The result of one question to the server.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Checked {
+    /// Version in use; 0: none.
+    pub version: u32,
+    /// Whether the version in use is the one that the server offers. It is not, if the agent gave that one up before.
+    pub is_offered: bool,
+    /// Time after which to ask again.
+    pub poll_after: Duration,
+}
+
+/// Keeps a verified kernel in a directory.
+#[derive(Debug)]
+pub struct Agent {
+    settings: Settings,
+    http: Http,
+    slots: Slots,
+    state: StateFile,
+    vouching: Vouching,
+    /// The slot in use and what its manifest says.
+    in_use: Option<(Slot, Manifest)>,
+    /// When the keyring was fetched last; `None`: not since the start.
+    keyring_at: Option<Instant>,
+    /// The last problem that the server should know of, and the version that caused it; 0: none did.
+    trouble: Option<(u32, String)>,
+    reporter: Reporter,
+    _lock: Lock,
+}
+
+impl Agent {
+    /// Opens the directory, checks what lies in it, and lets the application use a kernel that is whole:
+    ///
+    /// 1. What a kill has left half written is removed.
+    /// 2. The slot in use is checked: its kernel against its manifest, its manifest against the keyring beside it.
+    /// 3. If it is damaged, the other slot is used, if that one is whole; otherwise none.
+    ///
+    /// # Errors
+    ///
+    /// [`Problem::Locked`], [`Problem::Setting`], and [`Problem::Disk`] if the directory cannot be made or read.
+    pub fn start(settings: Settings) -> Result<Self, Problem> {
+        let http = Http::new(&settings)?;
+        let (slots, lock) = Slots::open(&settings.directory)?;
+        let state = StateFile::open(slots.file("state"));
+        let vouching = Vouching::load(&slots.file("keyring"), &settings, &state.state.roots);
+        let reporter = Reporter::new(&settings.pace);
+        let mut agent = Self {
+            settings,
+            http,
+            slots,
+            state,
+            vouching,
+            in_use: None,
+            keyring_at: None,
+            trouble: None,
+            reporter,
+            _lock: lock,
+        };
+        agent.recover();
+        Ok(agent)
+    }
+
+    /// Asks the server once, and does what follows from its answer:
+    ///
+    /// 1. The keyring is fetched at the start, each day and before its end.
+    /// 2. The manifest is fetched, unless it is still the same. It must be for this kernel, count now, and have no lower
+    ///    generation than one before. Then its generation is remembered.
+    /// 3. Its file is fetched into the slot that is not in use, and its size and digest are checked.
+    /// 4. The self-test runs. A version that it refuses is not tried again.
+    /// 5. The slot becomes the one in use.
+    ///
+    /// The server may hold its answer back for `wait`, until something changes.
+    ///
+    /// # Errors
+    ///
+    /// [`Problem`]. The kernel in use stays as it was.
+    pub fn check(&mut self, wait: Duration) -> Result<Checked, Problem> {
+        let checked = self.check_and_install(wait);
+        match &checked {
+            // The state remembers a version that the self-test refused.
+            Ok(_) | Err(Problem::SelfTest { .. }) => self.trouble = None,
+            Err(problem @ Problem::Body { version, .. }) => self.trouble = Some((*version, problem.to_string())),
+            // The device is at fault, and not the version: a rollout must not count it as a failure.
+            Err(problem) if problem.is_for_report() => self.trouble = Some((0, problem.to_string())),
+            Err(_) => {}
+        }
+        checked
+    }
+
+    /// Reports to the server, if a report is due. Problems are logged.
+    pub fn report(&mut self) {
+        let standing = self.standing();
+        self.reporter.send(&standing, &self.http, &self.settings);
+    }
+
+    /// Checks and reports for ever. A problem is logged, and the next try comes after a pause.
+    pub fn run(&mut self) -> ! {
+        let pace = self.settings.pace;
+        let mut backoff = Backoff::new(pace.error_pause_min, pace.error_pause_max);
+        self.report();
+        loop {
+            let pause = match self.check(pace.wait) {
+                Ok(checked) => {
+                    backoff.reset();
+                    checked.poll_after
+                }
+                Err(problem) => {
+                    if let Problem::Cut { has_progress: true, .. } = problem {
+                        backoff.reset();
+                    }
+                    let named = if let Problem::Refused { retry_after, .. } = &problem { *retry_after } else { None };
+                    let pause = backoff.next().max(named.unwrap_or_default());
+                    log::line(format_args!("{problem}; the agent tries again in {:.0} s", pause.as_secs_f64()));
+                    pause
+                }
+            };
+            self.sleep(pause);
+        }
+    }
+
+    /// The slot and the version in use.
+    #[must_use]
+    pub fn in_use(&self) -> Option<(Slot, u32)> {
+        self.in_use.as_ref().map(|(slot, manifest)| (*slot, manifest.version))
+    }
+
+    /// Sleeps, and sends the reports that become due.
+    fn sleep(&mut self, pause: Duration) {
+        let end = Instant::now() + pause;
+        loop {
+            self.report();
+            let left = end.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return;
+            }
+            thread::sleep(left.min(self.reporter.due_in()));
+        }
+    }
+
+    fn check_and_install(&mut self, wait: Duration) -> Result<Checked, Problem> {
+        if self.slots.current() != self.in_use.as_ref().map(|(slot, _)| *slot) {
+            // A failed step, or another program, has moved the link.
+            self.recover();
+        }
+        self.look_at_keyring()?;
+        // Without a kernel the manifest is needed, also the same one again.
+        let etag = if self.in_use.is_some() { self.state.state.etag.clone() } else { String::new() };
+        let answer = self.http.manifest(&etag, wait)?;
+        let poll_after = answer.poll_after;
+        let is_offered = match answer.document {
+            Some(document) => self.follow(&document)?,
+            None => self.state.state.rejected.is_none(),
+        };
+        let version = self.in_use.as_ref().map_or(0, |(_, manifest)| manifest.version);
+        Ok(Checked { version, is_offered, poll_after })
+    }
+
+    /// Does what a manifest says. Returns whether its version is in use now.
+    fn follow(&mut self, document: &Document) -> Result<bool, Problem> {
+        let manifest = self.accept(document)?;
+        let is_in_use = self.in_use.as_ref().is_some_and(|(_, known)| is_same_file(known, &manifest));
+        let is_rejected = self.state.state.rejected.as_ref().is_some_and(|rejected| rejected.is_of(&manifest));
+        if is_in_use {
+            self.state.state.rejected = None;
+        } else if is_rejected {
+            log::line(format_args!("the agent does not try version {} again: it was refused before", manifest.version));
+        } else {
+            self.install(&manifest, document)?;
+        }
+        for slot in Slot::BOTH {
+            self.slots.remove_other_parts(slot, None)?;
+        }
+        self.state.set_etag(document.etag.as_deref());
+        self.state.save()?;
+        Ok(self.state.state.rejected.is_none())
+    }
+
+    /// Checks a manifest, with a newer keyring if it needs one, and remembers its generation.
+    fn accept(&mut self, document: &Document) -> Result<Manifest, Problem> {
+        let wanted = self.settings.wanted(self.state.state.generation);
+        let accepted = |vouching: &Vouching| vouching.trust.manifest(&document.bytes, &wanted, log::now());
+        let manifest = match accepted(&self.vouching) {
+            Err(Distrust::UnknownKey { .. } | Distrust::KeyringTime { .. }) => {
+                self.fetch_keyring()?;
+                accepted(&self.vouching).map_err(Problem::Manifest)?
+            }
+            manifest => manifest.map_err(Problem::Manifest)?,
+        };
+        let is_other =
+            self.state.state.rejected.as_ref().is_some_and(|rejected| rejected.generation < manifest.generation);
+        if is_other {
+            self.state.state.rejected = None;
+        }
+        self.state.state.generation = manifest.generation;
+        self.state.save()?;
+        Ok(manifest)
+    }
+
+    /// Fetches the keyring at the start, each day and before its end. An older one that still counts is enough to go on.
+    fn look_at_keyring(&mut self) -> Result<(), Problem> {
+        let is_due = self.keyring_at.is_none_or(|at| at.elapsed() >= self.settings.pace.keyring_interval);
+        if !is_due && !self.vouching.must_be_renewed(log::now()) {
+            return Ok(());
+        }
+        match self.fetch_keyring() {
+            Err(problem) if self.vouching.keyring().is_some_and(|keyring| log::now() < keyring.expires) => {
+                log::line(format_args!("{problem}; the agent goes on with the keyring that it has"));
+                Ok(())
+            }
+            fetched => fetched,
+        }
+    }
+
+    fn fetch_keyring(&mut self) -> Result<(), Problem> {
+        let document = self.http.keyring()?;
+        let known = self.state.state.keyring;
+        self.vouching.renew(document.bytes, known, log::now(), &self.slots.file("keyring"))?;
+        self.keyring_at = Some(Instant::now());
+        let version = self.vouching.keyring().map_or(0, |keyring| keyring.version);
+        self.state.state.keyring = version.max(known);
+        self.state.state.roots = pinned_text(&self.settings);
+        self.state.save()
+    }
+
+    fn standing(&self) -> Standing {
+        let rejected = self.state.state.rejected.as_ref().map(|rejected| (rejected.version, rejected.message.clone()));
+        let (tried_version, message) = self.trouble.clone().or(rejected).unwrap_or_default();
+        let (version, digest) = match &self.in_use {
+            Some((_, manifest)) => (manifest.version, manifest.digest.clone()),
+            None => (0, String::new()),
+        };
+        let loss = self.state.state.loss.as_ref().filter(|(of, _)| *of == digest).map(|(_, loss)| *loss);
+        Standing { version, digest, generation: self.state.state.generation, tried_version, message, loss }
+    }
+}
+
+/// The pinned root keys as the state keeps them.
+fn pinned_text(settings: &Settings) -> String {
+    let roots: Vec<String> = settings.roots.iter().map(ToString::to_string).collect();
+    roots.join(",")
+}
+
+/// Whether two manifests name the same file of the same version.
+fn is_same_file(one: &Manifest, other: &Manifest) -> bool {
+    (one.version, &one.digest) == (other.version, &other.digest)
+}

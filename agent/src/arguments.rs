@@ -1,0 +1,286 @@
+//! The command line of the program `lightpath-agent`.
+
+use crate::{Agent, KernelId, Pace, Problem, Settings, log, status};
+use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
+use lightpath_manifest::PublicKey;
+use std::ffi::OsString;
+use std::io::Write as _;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Duration;
+
+/// Forms of kernel files.
+const FORMS: [&str; 7] = ["compact", "safetensors", "f16", "complex64", "npz", "npy", "pt"];
+const EXAMPLES: &str = "\
+A display that is always up to date:
+  lightpath-agent --server https://lab:7070 --display pluto --device bench-7 \\
+      --kernel 515nm-150mm --root 3d4017c3e843895a92b70aa74d1b7ebc9c982ccf2ec4968cc0cd55f12af4660c \\
+      --token-file /etc/lightpath/token --directory /var/lib/lightpath
+The application opens /var/lib/lightpath/current/kernel. On the server,
+  lightpathd token create bench-7 --role firmware --display pluto    prints the token, and
+  lightpathd key list                                                prints the root key.
+
+One check, for a timer or for a trial:
+  lightpath-agent --once …
+What is installed, without a server:
+  lightpath-agent status --directory /var/lib/lightpath
+
+Exit codes of --once and status: 0 a verified kernel is in use (with --once: the one that the server offers), 1 it is \
+not, 2 wrong usage.";
+
+/// Keep a verified kernel on a display in the field.
+///
+/// The agent asks the server which version of a kernel is active, fetches its file, checks signatures, size and digest,
+/// runs the device's own test, and only then replaces the link DIR/current in one step. The last good kernel stays in
+/// use whatever happens: cuts, full disks, power failures, wrong files. Every option can be given by its environment
+/// variable instead.
+#[derive(Debug, Parser)]
+#[command(
+    name = "lightpath-agent",
+    version,
+    max_term_width = 110,
+    after_long_help = EXAMPLES,
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true
+)]
+pub struct Cli {
+    /// What to do instead of keeping a kernel.
+    #[command(subcommand)]
+    pub command: Option<Command>,
+    /// How to keep a kernel.
+    #[command(flatten)]
+    pub run: RunArguments,
+}
+
+/// What the command line asks for.
+#[derive(Debug)]
+pub enum Task {
+    /// Keep a kernel.
+    Run(Box<RunArguments>),
+    /// Do something else.
+    Other(Command),
+}
+
+/// What to do instead of keeping a kernel.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Print what is installed in a directory, without asking the server
+    Status(StatusArguments),
+}
+
+/// Arguments of `lightpath-agent status`.
+#[derive(Debug, Args)]
+pub struct StatusArguments {
+    /// Look into this directory
+    #[arg(long, env = "LIGHTPATH_DIRECTORY", value_name = "DIR")]
+    pub directory: PathBuf,
+}
+
+/// Arguments of `lightpath-agent`.
+#[derive(Debug, Args)]
+pub struct RunArguments {
+    /// Ask the server at this address
+    #[arg(long, env = "LIGHTPATH_SERVER", value_name = "URL", value_parser = server)]
+    pub server: String,
+
+    /// Keep a kernel of the display with this id
+    #[arg(long, env = "LIGHTPATH_DISPLAY", value_name = "ID", value_parser = word)]
+    pub display: String,
+
+    /// Report under this name, for example bench-7
+    #[arg(long, env = "LIGHTPATH_DEVICE", value_name = "NAME", value_parser = word)]
+    pub device: String,
+
+    /// Keep the kernel with this id: wavelength and distance, for example 515nm-150mm
+    #[arg(long, env = "LIGHTPATH_KERNEL", value_name = "ID")]
+    pub kernel: KernelId,
+
+    /// Fetch the kernel in this form
+    #[arg(long, env = "LIGHTPATH_FORM", value_name = "FORM", default_value = "compact", value_parser = FORMS)]
+    pub form: String,
+
+    /// Trust keyrings that this root key signed: 64 hexadecimal digits; give the option once for each root key
+    #[arg(
+        long = "root",
+        env = "LIGHTPATH_ROOT",
+        value_name = "PUBLIC-KEY",
+        value_delimiter = ',',
+        required = true,
+        value_parser = public_key
+    )]
+    pub roots: Vec<PublicKey>,
+
+    /// Read the access token from this file
+    #[arg(long, env = "LIGHTPATH_TOKEN_FILE", value_name = "FILE")]
+    pub token_file: Option<PathBuf>,
+
+    /// Trust the certificate authorities in this PEM file instead of those of the system
+    #[arg(long, env = "LIGHTPATH_CA_FILE", value_name = "FILE")]
+    pub ca_file: Option<PathBuf>,
+
+    /// Keep the kernel in this directory, which belongs to the agent alone
+    #[arg(long, env = "LIGHTPATH_DIRECTORY", value_name = "DIR")]
+    pub directory: PathBuf,
+
+    /// Run this program with the path of a new kernel before it is used; the exit status 0 means that the kernel is
+    /// good, and a line "loss 0.0123" on stdout is reported
+    #[arg(long, env = "LIGHTPATH_SELF_TEST", value_name = "COMMAND")]
+    pub self_test: Option<PathBuf>,
+
+    /// End the self-test after this time \[s\], and take the kernel for bad
+    #[arg(
+        long,
+        env = "LIGHTPATH_SELF_TEST_LIMIT_S",
+        value_name = "SECONDS",
+        default_value_t = 60,
+        value_parser = clap::value_parser!(u64).range(1..=86_400)
+    )]
+    pub self_test_limit_s: u64,
+
+    /// Check once, and exit
+    #[arg(long)]
+    pub once: bool,
+}
+
+impl RunArguments {
+    /// What the agent is told.
+    #[must_use]
+    pub fn settings(self) -> Settings {
+        Settings {
+            server: self.server,
+            display: self.display,
+            device: self.device,
+            kernel: self.kernel,
+            form: self.form,
+            roots: self.roots,
+            token_file: self.token_file,
+            ca_file: self.ca_file,
+            directory: self.directory,
+            self_test: self.self_test,
+            self_test_limit: Duration::from_secs(self.self_test_limit_s),
+            pace: Pace::default(),
+        }
+    }
+}
+
+impl Cli {
+    /// Reads a command line. (The derived parser would ask for the arguments of the agent also before a command, as soon
+    /// as the environment has one of them.)
+    ///
+    /// # Errors
+    ///
+    /// The text that explains what is wrong, or the help.
+    pub fn task(words: impl IntoIterator<Item = OsString>) -> Result<Task, clap::Error> {
+        let matches = Self::command().try_get_matches_from(words)?;
+        match matches.subcommand_name() {
+            Some(_) => Command::from_arg_matches(&matches).map(Task::Other),
+            None => RunArguments::from_arg_matches(&matches).map(|arguments| Task::Run(Box::new(arguments))),
+        }
+    }
+
+    /// Parses the command line, runs the agent and returns the exit code.
+    #[must_use]
+    pub fn run() -> ExitCode {
+        match Self::task(std::env::args_os()) {
+            Ok(Task::Run(arguments)) => keep(*arguments),
+            Ok(Task::Other(Command::Status(arguments))) => print_status(&arguments),
+            Err(error) => error.exit(),
+        }
+    }
+}
+
+fn keep(arguments: RunArguments) -> ExitCode {
+    let once = arguments.once;
+    let started = Agent::start(arguments.settings());
+    let mut agent = match started {
+        Ok(agent) => agent,
+        Err(problem) => {
+            log::line(&problem);
+            return ExitCode::from(if matches!(problem, Problem::Setting(_)) { 2 } else { 1 });
+        }
+    };
+    if !once {
+        agent.run();
+    }
+    let checked = agent.check(Duration::ZERO);
+    agent.report();
+    match checked {
+        Ok(checked) if checked.is_offered => ExitCode::SUCCESS,
+        Ok(_) => ExitCode::FAILURE,
+        Err(problem) => {
+            log::line(problem);
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn print_status(arguments: &StatusArguments) -> ExitCode {
+    let (text, is_good) = status(&arguments.directory);
+    if writeln!(std::io::stdout().lock(), "{text}").is_ok() && is_good { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}
+
+fn server(text: &str) -> Result<String, String> {
+    let rest = text.strip_prefix("https://").or_else(|| text.strip_prefix("http://"));
+    let is_plain = |rest: &&str| {
+        !rest.is_empty() && rest.bytes().all(|byte| byte.is_ascii_graphic()) && !rest.contains(['?', '#', '@'])
+    };
+    match rest.map(|rest| rest.trim_end_matches('/')).filter(is_plain) {
+        Some(_) => Ok(text.trim_end_matches('/').to_owned()),
+        None => Err("must be an address such as https://lab:7070".to_owned()),
+    }
+}
+
+fn word(text: &str) -> Result<String, String> {
+    let is_word = (1..=63).contains(&text.len())
+        && text.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"._-".contains(&byte))
+        && !text.starts_with('.');
+    if is_word {
+        Ok(text.to_owned())
+    } else {
+        Err("must be 1 to 63 characters of a-z, A-Z, 0-9, '.', '_' and '-'".into())
+    }
+}
+
+fn public_key(text: &str) -> Result<PublicKey, &'static str> {
+    PublicKey::parse(text)
+        .ok_or("a root key has 64 hexadecimal digits in lower case, as `lightpathd key list` prints it")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const GOOD: &str = "lightpath-agent --server https://lab:7070/ --display pluto --device bench-7 --kernel 515nm-150mm \
+        --root 3d4017c3e843895a92b70aa74d1b7ebc9c982ccf2ec4968cc0cd55f12af4660c --directory /var/lib/lightpath";
+
+    fn parsed(line: &str) -> Result<Task, clap::Error> {
+        Cli::task(line.split_whitespace().map(OsString::from))
+    }
+
+    #[test]
+    fn arguments_become_settings() {
+        Cli::command().debug_assert();
+        let Task::Run(arguments) = parsed(GOOD).unwrap() else { panic!() };
+        let settings = arguments.settings();
+        assert_eq!((&*settings.server, &*settings.form), ("https://lab:7070", "compact"));
+        assert_eq!(settings.self_test_limit, Duration::from_secs(60));
+        assert!(matches!(parsed("lightpath-agent status --directory /x"), Ok(Task::Other(Command::Status(_)))));
+    }
+
+    #[test]
+    fn wrong_arguments_say_what_is_right() {
+        for (from, to, text) in [
+            ("https://lab", "lab", "https://lab:7070"),
+            ("--display pluto", "--display ../x", "1 to 63 characters"),
+            ("515nm-150mm", "515.0nm-150mm", "632.8nm"),
+            ("3d4017", "3D4017", "64 hexadecimal digits"),
+            ("--device bench-7", "--device bench-7 --form lpk", "safetensors"),
+            ("--device bench-7", "", "--device"),
+        ] {
+            let line = GOOD.replacen(from, to, 1);
+            let error = parsed(&line).unwrap_err().to_string();
+            assert!(error.contains(text), "{line}: {error}");
+        }
+        assert!(parsed("lightpath-agent").unwrap_err().to_string().contains("--server"));
+    }
+}

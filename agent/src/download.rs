@@ -1,0 +1,218 @@
+//! Fetches a file into a part on the disk, which continues after every interruption.
+
+use crate::http::{Http, PIECE_BYTES};
+use crate::problem::{BodyProblem, Problem};
+use crate::settings::Pace;
+use lightpath_fail_points as fail;
+use lightpath_manifest::Manifest;
+use sha2::{Digest as _, Sha256};
+use std::fs::{File, OpenOptions};
+use std::io::{self, Read, Seek as _, SeekFrom, Write as _};
+use std::path::Path;
+use std::thread;
+use ureq::http::{Response, header};
+use ureq::{Body, BodyReader};
+
+/// Limit on the cuts of one poll. After it, the agent asks for the manifest again, and pauses.
+const CUTS_MAX: u32 = 20;
+
+/// Fetches the file of a manifest to `path`, from the byte on at which an earlier try ended. Afterwards the file is
+/// whole, right and flushed. A corrupt one is removed and fetched once more, from the start.
+pub(crate) fn fetch(http: &Http, pace: Pace, manifest: &Manifest, path: &Path) -> Result<(), Problem> {
+    let part = Part { http, pace, manifest, path };
+    match part.fetch_once() {
+        Err(Problem::Body { .. }) => {
+            part.remove()?;
+            part.fetch_once().inspect_err(|problem| {
+                if matches!(problem, Problem::Body { .. }) {
+                    // The next poll begins again, even if this removal fails: then the digest is wrong again.
+                    let _ = part.remove();
+                }
+            })
+        }
+        ended => ended,
+    }
+}
+
+/// SHA-256 of a file, in the form of a manifest.
+pub(crate) fn digest_of_file(path: &Path) -> io::Result<String> {
+    let mut hasher = Sha256::new();
+    hash_rest(&mut File::open(path)?, &mut hasher)?;
+    Ok(digest(hasher))
+}
+
+/// A file that is being fetched.
+struct Part<'a> {
+    http: &'a Http,
+    pace: Pace,
+    manifest: &'a Manifest,
+    path: &'a Path,
+}
+
+/// The bytes of a part so far.
+struct Received {
+    file: File,
+    hasher: Sha256,
+    bytes: u64,
+}
+
+impl Part<'_> {
+    fn fetch_once(&self) -> Result<(), Problem> {
+        let mut received = self.open().map_err(self.disk("write"))?;
+        let before = received.bytes;
+        let mut cuts = 0;
+        while received.bytes < self.manifest.size_bytes {
+            let begin = received.bytes;
+            let Err((reason, problem)) = self.receive(&mut received) else { continue };
+            if let Some(problem) = problem {
+                return Err(problem);
+            }
+            cuts += 1;
+            if received.bytes == begin || cuts == CUTS_MAX {
+                return Err(Problem::Cut {
+                    version: self.manifest.version,
+                    bytes: received.bytes,
+                    size_bytes: self.manifest.size_bytes,
+                    has_progress: received.bytes > before,
+                    reason,
+                });
+            }
+            thread::sleep(self.pace.cut_pause);
+        }
+        let found = digest(received.hasher);
+        if found != self.manifest.digest {
+            return Err(self.wrong(BodyProblem::Digest { found, wanted: self.manifest.digest.clone() }));
+        }
+        fail::point("part.flush").and_then(|()| received.file.sync_all()).map_err(self.disk("flush"))
+    }
+
+    /// Opens the part, and hashes what an earlier try has left of it.
+    fn open(&self) -> io::Result<Received> {
+        let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(self.path)?;
+        let mut received = Received { hasher: Sha256::new(), bytes: file.metadata()?.len(), file: file.try_clone()? };
+        if received.bytes > self.manifest.size_bytes {
+            received.restart()?;
+        }
+        hash_rest(&mut file, &mut received.hasher)?;
+        Ok(received)
+    }
+
+    /// Receives the rest of the file. An error without a problem is a cut.
+    fn receive(&self, received: &mut Received) -> Result<(), (String, Option<Problem>)> {
+        let is = |problem| (String::new(), Some(problem));
+        let response = match self.http.file(self.manifest, received.bytes) {
+            Err(Problem::Unreachable { reason, .. }) => return Err((reason, None)),
+            answer => answer.map_err(is)?,
+        };
+        self.place(&response, received).map_err(is)?;
+        let mut body = response.into_body().into_reader();
+        let mut piece = vec![0; PIECE_BYTES];
+        loop {
+            match read(&mut body, &mut piece) {
+                Ok(0) => break,
+                Ok(length) => self.write(&piece[..length], received).map_err(is)?,
+                Err(error) => return Err((error.to_string(), None)),
+            }
+        }
+        if received.bytes < self.manifest.size_bytes {
+            return Err(("the server ended the body".to_owned(), None));
+        }
+        Ok(())
+    }
+
+    /// Checks which bytes an answer has, and goes there in the part.
+    fn place(&self, response: &Response<Body>, received: &mut Received) -> Result<(), Problem> {
+        let size_bytes = self.manifest.size_bytes;
+        let field = |name| response.headers().get(name).and_then(|value: &header::HeaderValue| value.to_str().ok());
+        match response.status().as_u16() {
+            200 => {
+                if received.bytes > 0 {
+                    received.restart().map_err(self.disk("write"))?;
+                }
+            }
+            206 => {
+                let found = field(header::CONTENT_RANGE).unwrap_or_default();
+                let rest = found.strip_prefix(&format!("bytes {}-", received.bytes));
+                if !rest.is_some_and(|rest| rest.ends_with(&format!("/{size_bytes}"))) {
+                    let found = crate::http::one_line(found, 100);
+                    return Err(self.wrong(BodyProblem::Part { found, first: received.bytes, size_bytes }));
+                }
+            }
+            // The file ends before the bytes that were asked for.
+            _ => return Err(self.wrong(BodyProblem::Shorter { found_bytes: received.bytes, size_bytes })),
+        }
+        match field(header::CONTENT_LENGTH).and_then(|length| length.parse::<u64>().ok()) {
+            Some(length) if length > size_bytes - received.bytes => Err(self.wrong(BodyProblem::Longer { size_bytes })),
+            Some(length) if length < size_bytes - received.bytes => {
+                let found_bytes = received.bytes + length;
+                Err(self.wrong(BodyProblem::Shorter { found_bytes, size_bytes }))
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn write(&self, bytes: &[u8], received: &mut Received) -> Result<(), Problem> {
+        let size_bytes = self.manifest.size_bytes;
+        if bytes.len() as u64 > size_bytes - received.bytes {
+            return Err(self.wrong(BodyProblem::Longer { size_bytes }));
+        }
+        if let Err(error) = fail::point("part.write").and_then(|()| received.file.write_all(bytes)) {
+            if Problem::is_no_space(&error) {
+                // Other programs need the space more than an unfinished file.
+                let _ = self.remove();
+            }
+            return Err(self.disk("write")(error));
+        }
+        received.hasher.update(bytes);
+        received.bytes += bytes.len() as u64;
+        Ok(())
+    }
+
+    fn remove(&self) -> Result<(), Problem> {
+        crate::durable::remove(self.path).map_err(self.disk("remove"))
+    }
+
+    fn wrong(&self, problem: BodyProblem) -> Problem {
+        Problem::Body { version: self.manifest.version, problem }
+    }
+
+    fn disk(&self, action: &'static str) -> impl FnOnce(io::Error) -> Problem {
+        Problem::disk(action, self.path)
+    }
+}
+
+impl Received {
+    fn restart(&mut self) -> io::Result<()> {
+        fail::point("part.truncate")?;
+        self.file.set_len(0)?;
+        self.file.seek(SeekFrom::Start(0))?;
+        (self.hasher, self.bytes) = (Sha256::new(), 0);
+        Ok(())
+    }
+}
+
+/// Reads the next bytes of a body.
+fn read(body: &mut BodyReader<'_>, piece: &mut [u8]) -> io::Result<usize> {
+    loop {
+        match body.read(piece) {
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            ended => return ended,
+        }
+    }
+}
+
+fn hash_rest(file: &mut File, hasher: &mut Sha256) -> io::Result<()> {
+    let mut piece = vec![0; PIECE_BYTES];
+    loop {
+        match file.read(&mut piece) {
+            Ok(0) => return Ok(()),
+            Ok(length) => hasher.update(&piece[..length]),
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            Err(error) => return Err(error),
+        }
+    }
+}
+
+fn digest(hasher: Sha256) -> String {
+    hasher.finalize().iter().fold("sha256-".to_owned(), |digest, byte| digest + &format!("{byte:02x}"))
+}

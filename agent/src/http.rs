@@ -1,0 +1,274 @@
+//! Calls of the server.
+
+use crate::problem::Problem;
+use crate::settings::{Pace, Settings};
+use lightpath_manifest::{DOCUMENT_BYTES_MAX, Manifest};
+use std::fs;
+use std::io::Read as _;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
+use ureq::http::{HeaderMap, Response, header};
+use ureq::tls::{Certificate, PemItem, RootCerts, TlsConfig, parse_pem};
+use ureq::{Agent, Body};
+
+/// Size of the pieces in which bytes come from the network and go to the disk \[bytes\].
+pub(crate) const PIECE_BYTES: usize = 32 << 10;
+/// Time after which to ask again when the server names none.
+const POLL_AFTER_DEFAULT: Duration = Duration::from_secs(60);
+/// Limits on the time that a server may name \[s\]. They are those of its setting `poll_interval_s`.
+const POLL_AFTER_S: (u64, u64) = (1, 86_400);
+/// Limit on the size of an error that is read \[bytes\].
+const ERROR_BYTES_MAX: u64 = 8 << 10;
+/// Limit on the length of a server's message in the log \[characters\].
+const MESSAGE_CHARS_MAX: usize = 300;
+/// Limit on the size of an answer's head \[bytes\].
+const HEAD_BYTES_MAX: usize = 16 << 10;
+
+/// A document of the server, as it was received.
+#[derive(Debug)]
+pub(crate) struct Document {
+    pub(crate) bytes: Vec<u8>,
+    pub(crate) etag: Option<String>,
+}
+
+/// Answer to a question for the manifest.
+#[derive(Debug)]
+pub(crate) struct Answer {
+    /// `None`: nothing has changed.
+    pub(crate) document: Option<Document>,
+    /// Time after which to ask again.
+    pub(crate) poll_after: Duration,
+}
+
+/// The server.
+#[derive(Debug)]
+pub(crate) struct Http {
+    agent: Agent,
+    settings: Settings,
+}
+
+impl Http {
+    pub(crate) fn new(settings: &Settings) -> Result<Self, Problem> {
+        let pace = settings.pace;
+        let mut config = Agent::config_builder()
+            .http_status_as_error(false)
+            // No address of this server leads elsewhere, and the token must not go elsewhere.
+            .max_redirects(0)
+            .user_agent(user_agent())
+            .accept_encoding("")
+            .timeout_connect(Some(pace.connect))
+            .timeout_resolve(Some(pace.connect))
+            .timeout_send_request(Some(pace.stall))
+            .timeout_per_read(Some(pace.stall))
+            .timeout_per_write(Some(pace.stall))
+            .timeout_recv_body(Some(pace.piece))
+            .max_response_header_size(HEAD_BYTES_MAX)
+            .input_buffer_size(PIECE_BYTES)
+            .output_buffer_size(4 << 10)
+            .max_idle_connections(1);
+        if settings.server.starts_with("https:") {
+            config = config.tls_config(tls(settings.ca_file.as_deref())?);
+        }
+        Ok(Self { agent: config.build().new_agent(), settings: settings.clone() })
+    }
+
+    /// Asks for the manifest, unless it is still the one with this ETag. The server may wait for a change.
+    pub(crate) fn manifest(&self, etag: &str, wait: Duration) -> Result<Answer, Problem> {
+        let Settings { display, kernel, form, device, .. } = &self.settings;
+        let wait_s = wait.as_secs();
+        let path =
+            format!("/v1/displays/{display}/kernels/{kernel}/manifest?form={form}&device={device}&wait_s={wait_s}");
+        let headers: &[_] = if etag.is_empty() { &[] } else { &[(header::IF_NONE_MATCH, etag.to_owned())] };
+        let response = self.get(&path, headers, wait)?;
+        let poll_after = poll_after(response.headers());
+        if response.status() == 304 {
+            return Ok(Answer { document: None, poll_after });
+        }
+        Ok(Answer { document: Some(self.document("the manifest", response)?), poll_after })
+    }
+
+    /// Asks for the keyring.
+    pub(crate) fn keyring(&self) -> Result<Document, Problem> {
+        let response = self.get("/v1/keyring", &[], Duration::ZERO)?;
+        self.document("the keyring", response)
+    }
+
+    /// Asks for the bytes of a file from `first` on. The answer has status 200, 206 or 416.
+    pub(crate) fn file(&self, manifest: &Manifest, first: u64) -> Result<Response<Body>, Problem> {
+        let Manifest { version, form, digest, .. } = manifest;
+        let Settings { display, kernel, .. } = &self.settings;
+        let path = format!("/v1/displays/{display}/kernels/{kernel}/versions/{version}/{form}/{digest}");
+        let range = [(header::RANGE, format!("bytes={first}-")), (header::IF_RANGE, format!("\"{digest}\""))];
+        let response = self.get(&path, if first == 0 { &[] } else { &range }, Duration::ZERO)?;
+        match response.status().as_u16() {
+            200 | 206 | 416 => Ok(response),
+            _ => Err(self.refusal("the file", response)),
+        }
+    }
+
+    /// Tells the server what the device uses.
+    pub(crate) fn report(&self, json: &str) -> Result<(), Problem> {
+        let Settings { server, display, device, .. } = &self.settings;
+        let mut request = self
+            .agent
+            .post(format!("{server}/v1/displays/{display}/devices/{device}/report"))
+            .header(header::CONTENT_TYPE, "application/json");
+        if let Some(token) = self.token()? {
+            request = request.header(header::AUTHORIZATION, token);
+        }
+        let response = request.send(json).map_err(|error| self.unreachable(&error))?;
+        if response.status().is_success() { Ok(()) } else { Err(self.refusal("the report", response)) }
+    }
+
+    fn get(
+        &self,
+        path: &str,
+        headers: &[(header::HeaderName, String)],
+        wait: Duration,
+    ) -> Result<Response<Body>, Problem> {
+        let Pace { stall, .. } = self.settings.pace;
+        let mut request = self.agent.get(format!("{}{path}", self.settings.server));
+        for (name, value) in headers {
+            request = request.header(name, value);
+        }
+        if let Some(token) = self.token()? {
+            request = request.header(header::AUTHORIZATION, token);
+        }
+        let limit = Some(wait + stall);
+        let request = request.config().timeout_recv_response(limit).timeout_per_read(limit).build();
+        request.call().map_err(|error| self.unreachable(&error))
+    }
+
+    fn document(&self, what: &'static str, mut response: Response<Body>) -> Result<Document, Problem> {
+        if response.status() != 200 {
+            return Err(self.refusal(what, response));
+        }
+        let etag = response.headers().get(header::ETAG).and_then(|etag| etag.to_str().ok()).map(str::to_owned);
+        let mut bytes = Vec::new();
+        // One byte more is enough for the check of the size to refuse it.
+        let mut body = response.body_mut().as_reader().take(DOCUMENT_BYTES_MAX as u64 + 1);
+        body.read_to_end(&mut bytes).map_err(|error| self.unreachable(&error.into()))?;
+        Ok(Document { bytes, etag })
+    }
+
+    /// The header with the token.
+    fn token(&self) -> Result<Option<String>, Problem> {
+        let Some(path) = &self.settings.token_file else { return Ok(None) };
+        let wrong = |reason: String| Problem::Setting(format!("the token file {} {reason}", path.display()));
+        let text = fs::read_to_string(path).map_err(|error| wrong(format!("cannot be read: {error}")))?;
+        let token = text.trim();
+        if token.is_empty() || !token.bytes().all(|byte| byte.is_ascii_graphic()) {
+            return Err(wrong("must have one line with the token".to_owned()));
+        }
+        Ok(Some(format!("Bearer {token}")))
+    }
+
+    fn unreachable(&self, error: &ureq::Error) -> Problem {
+        Problem::Unreachable { server: self.settings.server.clone(), reason: error.to_string() }
+    }
+
+    fn refusal(&self, what: &'static str, mut response: Response<Body>) -> Problem {
+        let status = response.status().as_u16();
+        let retry_after =
+            response.headers().get(header::RETRY_AFTER).and_then(|value| value.to_str().ok()?.parse().ok());
+        let retry_after = retry_after.map(|seconds: u64| Duration::from_secs(seconds.min(POLL_AFTER_S.1)));
+        let mut body = Vec::new();
+        // What arrived of the message is better than none.
+        let _ = response.body_mut().as_reader().take(ERROR_BYTES_MAX).read_to_end(&mut body);
+        let message = message_of(&body);
+        match status {
+            401 | 403 => Problem::Token { status, message, fix: self.fix() },
+            _ => Problem::Refused { what, status, message, retry_after },
+        }
+    }
+
+    fn fix(&self) -> String {
+        let Settings { device, display, token_file, .. } = &self.settings;
+        let file = match token_file {
+            Some(path) => format!("put it into {}", path.display()),
+            None => "name its file with --token-file".to_owned(),
+        };
+        format!(
+            "make one on the server with `lightpathd token create {device} --role firmware --display {display}`, \
+             and {file}"
+        )
+    }
+}
+
+/// Name and version of the agent.
+pub(crate) fn user_agent() -> &'static str {
+    concat!("lightpath-agent ", env!("CARGO_PKG_VERSION"))
+}
+
+/// Whom to trust as a server.
+fn tls(ca_file: Option<&Path>) -> Result<TlsConfig, Problem> {
+    let certificates = match ca_file {
+        Some(path) => certificates_of(path)?,
+        None => {
+            let found = rustls_native_certs::load_native_certs();
+            found.certs.iter().map(|certificate| Certificate::from_der(certificate).to_owned()).collect()
+        }
+    };
+    if certificates.is_empty() {
+        let file = ca_file.map_or("this system".to_owned(), |path| path.display().to_string());
+        let text = format!("{file} has no certificate authorities: name a PEM file with --ca-file");
+        return Err(Problem::Setting(text));
+    }
+    let provider = Arc::new(rustls::crypto::ring::default_provider());
+    let roots = RootCerts::new_with_certs(&certificates);
+    Ok(TlsConfig::builder().root_certs(roots).unversioned_rustls_crypto_provider(provider).build())
+}
+
+fn certificates_of(path: &Path) -> Result<Vec<Certificate<'static>>, Problem> {
+    let wrong = |reason: String| Problem::Setting(format!("the file {} {reason}", path.display()));
+    let pem = fs::read(path).map_err(|error| wrong(format!("cannot be read: {error}")))?;
+    let items = parse_pem(&pem).filter_map(|item| match item {
+        Ok(PemItem::Certificate(certificate)) => Some(Ok(certificate)),
+        Ok(_) => None,
+        Err(error) => Some(Err(wrong(format!("is not in PEM form: {error}")))),
+    });
+    items.collect()
+}
+
+fn poll_after(headers: &HeaderMap) -> Duration {
+    let seconds = headers.get("lightpath-poll-after-s").and_then(|value| value.to_str().ok()?.parse::<u64>().ok());
+    seconds.map_or(POLL_AFTER_DEFAULT, |seconds| Duration::from_secs(seconds.clamp(POLL_AFTER_S.0, POLL_AFTER_S.1)))
+}
+
+/// The message of an error, in one line of printable characters.
+fn message_of(body: &[u8]) -> String {
+    let json: Option<serde_json::Value> = serde_json::from_slice(body).ok();
+    let message = json.as_ref().and_then(|json| json["error"]["message"].as_str()).map(str::to_owned);
+    let message = message.unwrap_or_else(|| String::from_utf8_lossy(body).into_owned());
+    one_line(&message, MESSAGE_CHARS_MAX)
+}
+
+/// A text without line feeds and control characters, cut to a length.
+pub(crate) fn one_line(text: &str, chars_max: usize) -> String {
+    let plain: String = text.chars().map(|character| if character.is_control() { ' ' } else { character }).collect();
+    let words: Vec<&str> = plain.split_whitespace().collect();
+    words.join(" ").chars().take(chars_max).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn messages_of_a_server_are_one_line() {
+        assert_eq!(message_of(b"{\"error\": {\"message\": \"no\\nkernel\"}}"), "no kernel");
+        assert_eq!(message_of(b"<html>\r\n\x1b[1mbad gateway"), "<html> [1mbad gateway");
+        assert_eq!(message_of(&[b'x'; 4000]).len(), MESSAGE_CHARS_MAX);
+    }
+
+    #[test]
+    fn server_names_the_next_poll_within_limits() {
+        for (value, seconds) in [("7", 7), ("0", 1), ("999999999", 86_400), ("soon", 60), ("-1", 60)] {
+            let headers: HeaderMap =
+                [("lightpath-poll-after-s".parse().unwrap(), value.parse().unwrap())].into_iter().collect();
+            assert_eq!(poll_after(&headers).as_secs(), seconds, "{value}");
+        }
+        assert_eq!(poll_after(&HeaderMap::new()), POLL_AFTER_DEFAULT);
+    }
+}

@@ -1,0 +1,52 @@
+//! The agent of a display in the field: it keeps a verified kernel on the device's disk.
+//!
+//! [`Agent::start`] checks what lies on the disk. [`Agent::check`] asks the server once for the active version, fetches
+//! and checks its file, tests it, and then lets the application use it. [`Agent::run`] does this for ever.
+//!
+//! ```text
+//! DIR/current ──> a          the slot in use; the application opens DIR/current/kernel
+//! DIR/a, DIR/b               slots: kernel, manifest (what vouches for it), keyring (what vouched for the manifest)
+//! DIR/b/part-sha256-…        a file that is being fetched
+//! DIR/keyring, DIR/state     the newest trusted keyring; what the agent remembers
+//! ```
+//!
+//! # Invariants
+//!
+//! - `DIR/current/kernel` is a whole file whose manifest was accepted, or it does not exist.
+//! - The agent changes only the slot that is not in use. One rename of `current` changes the slot in use.
+//! - A kernel becomes a slot's `kernel` only after its digest is right and its self-test has passed.
+//! - The memory that a kernel takes does not depend on its size.
+//!
+//! # Layout
+//!
+//! - `arguments`, `settings`, `kernel_id`: what the agent is told. `status`: what it prints about a directory.
+//! - `agent`: the order of all steps. `slots`: the directory. `durable`: changes that survive a power cut. `state`: what
+//!   the agent remembers. `vouching`: which keyrings and manifests it accepts.
+//! - `http`: calls of the server. `download`: a file in pieces. `self_test`: the device's own test. `report`: what the
+//!   server is told. `schedule`: when. `problem`: what can go wrong. `log`: lines on stderr.
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
+mod agent;
+mod arguments;
+mod download;
+mod durable;
+mod http;
+mod kernel_id;
+mod log;
+mod problem;
+mod report;
+mod schedule;
+mod self_test;
+mod settings;
+mod slots;
+mod state;
+mod status;
+mod vouching;
+
+pub use agent::{Agent, Checked};
+pub use arguments::{Cli, Command, RunArguments, StatusArguments, Task};
+pub use kernel_id::KernelId;
+pub use problem::{BodyProblem, Problem};
+pub use settings::{Pace, Settings};
+pub use slots::Slot;
+pub use status::status;

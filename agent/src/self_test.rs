@@ -1,0 +1,123 @@
+//! The device's own test of a kernel, before it is used.
+
+use crate::http::one_line;
+use rustix::process::{Pid, Signal, kill_process_group};
+use std::io::Read as _;
+use std::os::unix::process::CommandExt as _;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc;
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// Limit on the output that is kept \[bytes\].
+const OUTPUT_BYTES_MAX: u64 = 64 << 10;
+/// Time between two looks at the program.
+const LOOK: Duration = Duration::from_millis(10);
+/// Time for the rest of the output after the program has ended.
+const REST: Duration = Duration::from_secs(1);
+/// Limit on the last line of the output in a message \[characters\].
+const LINE_CHARS_MAX: usize = 300;
+
+/// What a test said about a kernel.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Verdict {
+    /// The kernel is good. The loss is that of the line `loss NUMBER`, if there is one.
+    Good(Option<f64>),
+    /// The kernel must not be used, for this reason.
+    Bad(String),
+}
+
+/// Runs `program` with the path of the kernel as its argument.
+pub(crate) fn run(program: &Path, kernel: &Path, limit: Duration) -> Verdict {
+    let mut command = Command::new(program);
+    // A group of its own, so that the programs which the test starts end with it.
+    command.arg(kernel).stdin(Stdio::null()).stdout(Stdio::piped()).process_group(0);
+    let mut child = match command.spawn() {
+        Ok(child) => child,
+        Err(error) => return Verdict::Bad(format!("could not run {}: {error}", program.display())),
+    };
+    let output = collect(&mut child);
+    let ended = wait(&mut child, limit);
+    let output = output.recv_timeout(REST).unwrap_or_default();
+    let text = match ended {
+        Ok(Some(status)) if status.success() => return Verdict::Good(loss(&output)),
+        Ok(Some(status)) => status.to_string(),
+        Ok(None) => format!("no end within {} s", limit.as_secs_f64()),
+        Err(error) => error.to_string(),
+    };
+    let last = output.lines().rev().find(|line| !line.trim().is_empty()).unwrap_or_default();
+    Verdict::Bad(one_line(&format!("{text}: {last}"), LINE_CHARS_MAX).trim_end_matches(':').to_owned())
+}
+
+/// Reads the output in a thread of its own, so that a program with much output does not wait for ever.
+fn collect(child: &mut Child) -> mpsc::Receiver<String> {
+    let (sender, receiver) = mpsc::channel();
+    if let Some(mut stdout) = child.stdout.take() {
+        thread::spawn(move || {
+            let mut bytes = Vec::new();
+            let _ = stdout.by_ref().take(OUTPUT_BYTES_MAX).read_to_end(&mut bytes);
+            let _ = sender.send(String::from_utf8_lossy(&bytes).into_owned());
+            let _ = std::io::copy(&mut stdout, &mut std::io::sink());
+        });
+    }
+    receiver
+}
+
+/// Waits for the end of the program. `None`: it ran past its limit and was killed.
+fn wait(child: &mut Child, limit: Duration) -> std::io::Result<Option<std::process::ExitStatus>> {
+    let begin = Instant::now();
+    loop {
+        if let Some(status) = child.try_wait()? {
+            return Ok(Some(status));
+        }
+        if begin.elapsed() >= limit {
+            if let Some(group) = i32::try_from(child.id()).ok().and_then(Pid::from_raw) {
+                let _ = kill_process_group(group, Signal::KILL);
+            }
+            child.kill()?;
+            child.wait()?;
+            return Ok(None);
+        }
+        thread::sleep(LOOK);
+    }
+}
+
+/// The number of the last line `loss NUMBER`, which must not be negative.
+fn loss(output: &str) -> Option<f64> {
+    let mut numbers = output.lines().filter_map(|line| line.trim().strip_prefix("loss ")?.trim().parse::<f64>().ok());
+    numbers.rfind(|loss| loss.is_finite() && *loss >= 0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::PermissionsExt as _;
+
+    fn verdict(script: &str, limit_ms: u64) -> Verdict {
+        let folder = tempfile::tempdir().unwrap();
+        let program = folder.path().join("test");
+        std::fs::write(&program, format!("#!/bin/sh\n{script}\n")).unwrap();
+        std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o700)).unwrap();
+        run(&program, Path::new("/kernel"), Duration::from_millis(limit_ms))
+    }
+
+    #[test]
+    fn exit_status_decides_and_the_loss_is_read() {
+        assert_eq!(verdict("echo begin; echo loss 0.5; echo loss 0.0123", 10_000), Verdict::Good(Some(0.0123)));
+        assert_eq!(verdict("test $1 = /kernel; echo loss none", 10_000), Verdict::Good(None));
+        let bad = Verdict::Bad("exit status: 3: too blurred".to_owned());
+        assert_eq!(verdict("echo too blurred; exit 3", 10_000), bad);
+        assert_eq!(verdict("exit 1", 10_000), Verdict::Bad("exit status: 1".to_owned()));
+        assert_eq!(verdict("head -c 1000000 /dev/zero; exit 0", 10_000), Verdict::Good(None));
+    }
+
+    #[test]
+    fn programs_that_hang_or_are_missing_refuse_the_kernel() {
+        let begin = Instant::now();
+        assert_eq!(verdict("echo wait; sleep 60", 200), Verdict::Bad("no end within 0.2 s: wait".to_owned()));
+        assert!(begin.elapsed() < Duration::from_secs(20), "the program that the test started ended, too");
+        let missing = run(Path::new("/missing"), Path::new("/kernel"), Duration::from_secs(1));
+        assert!(matches!(missing, Verdict::Bad(text) if text.starts_with("could not run /missing")));
+    }
+}

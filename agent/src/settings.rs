@@ -1,0 +1,88 @@
+//! What the agent is told.
+
+use crate::KernelId;
+use lightpath_manifest::{PublicKey, Wanted};
+use std::path::PathBuf;
+use std::time::Duration;
+
+/// What an agent does, for which device.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// URL of the server without a slash at its end, such as `https://lab:7070`.
+    pub server: String,
+    /// Id of the display.
+    pub display: String,
+    /// Name under which the server knows this device.
+    pub device: String,
+    /// The kernel.
+    pub kernel: KernelId,
+    /// Form of its file, such as `compact`.
+    pub form: String,
+    /// Root keys from the device's manufacture.
+    pub roots: Vec<PublicKey>,
+    /// File with the token of the device. It is read before each call, so that it can be replaced at any time.
+    pub token_file: Option<PathBuf>,
+    /// PEM file with the certificate authorities that may vouch for the server; without it, those of the system.
+    pub ca_file: Option<PathBuf>,
+    /// Directory that the agent keeps.
+    pub directory: PathBuf,
+    /// Program that tests a new kernel.
+    pub self_test: Option<PathBuf>,
+    /// Time limit of that program.
+    pub self_test_limit: Duration,
+    /// Times and limits.
+    pub pace: Pace,
+}
+
+impl Settings {
+    /// What a manifest must say to count for this device.
+    pub(crate) fn wanted(&self, generation: u64) -> Wanted {
+        Wanted {
+            display: self.display.clone(),
+            wavelength_pm: self.kernel.wavelength_pm,
+            distance_nm: self.kernel.distance_nm,
+            form: self.form.clone(),
+            generation,
+        }
+    }
+}
+
+/// Times of the agent. Tests shorten them.
+#[derive(Clone, Copy, Debug)]
+pub struct Pace {
+    /// Longest time until a connection is open, with the search of its address and the handshake of TLS.
+    pub connect: Duration,
+    /// Longest time in which nothing arrives.
+    pub stall: Duration,
+    /// Longest time for one piece of a file. After it, the agent asks for the manifest again and continues the file.
+    pub piece: Duration,
+    /// Time for which the server may wait for a change before it answers.
+    pub wait: Duration,
+    /// First pause after an error. It doubles with each further one.
+    pub error_pause_min: Duration,
+    /// Longest pause after an error.
+    pub error_pause_max: Duration,
+    /// Pause before a cut download continues.
+    pub cut_pause: Duration,
+    /// Longest time between two reports.
+    pub report_interval: Duration,
+    /// Longest time between two looks at the keyring, which is where a device learns of revoked keys.
+    pub keyring_interval: Duration,
+}
+
+impl Default for Pace {
+    fn default() -> Self {
+        Self {
+            connect: Duration::from_secs(15),
+            stall: Duration::from_secs(30),
+            piece: Duration::from_secs(1800),
+            // The server's own limit: gateways commonly end requests after a minute.
+            wait: Duration::from_secs(50),
+            error_pause_min: Duration::from_secs(5),
+            error_pause_max: Duration::from_secs(300),
+            cut_pause: Duration::from_secs(1),
+            report_interval: Duration::from_secs(3600),
+            keyring_interval: Duration::from_secs(86_400),
+        }
+    }
+}

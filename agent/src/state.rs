@@ -1,0 +1,224 @@
+//! What the agent remembers over restarts: a text file, replaced in one step.
+//!
+//! ```text
+//! lightpath-agent state 1
+//! display pluto
+//! roots 3d4017c3…                  root keys that were pinned when the keyring was accepted
+//! keyring 3
+//! generation 7
+//! etag "0f…"
+//! rejected 13 7 sha256-… the self-test refused version 13: …
+//! loss sha256-… 0.0123
+//! check 92a009a9f0d4cab8
+//! ```
+//!
+//! Lines of things that the agent does not know are absent. `check` has the first eight bytes of the SHA-256 of all lines
+//! before it, so that a damaged file is not believed.
+
+use crate::problem::Problem;
+use crate::{durable, log};
+use lightpath_manifest::Manifest;
+use sha2::{Digest as _, Sha256};
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::{fs, io};
+
+const HEAD: &str = "lightpath-agent state 1";
+/// Limit on the size of the file \[bytes\]: far above what the agent writes.
+const FILE_BYTES_MAX: u64 = 64 << 10;
+/// Limit on the length of an ETag \[bytes\]. The server's have 34.
+const ETAG_BYTES_MAX: usize = 256;
+
+/// A version that the agent gave up.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Rejected {
+    pub(crate) version: u32,
+    pub(crate) generation: u64,
+    pub(crate) digest: String,
+    /// The cause, in one line.
+    pub(crate) message: String,
+}
+
+impl Rejected {
+    /// Whether the manifest offers what was given up. Another version, generation or file is a new chance.
+    pub(crate) fn is_of(&self, manifest: &Manifest) -> bool {
+        (self.version, self.generation, &self.digest) == (manifest.version, manifest.generation, &manifest.digest)
+    }
+}
+
+/// What the agent remembers.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct State {
+    /// Display that the generation belongs to.
+    pub(crate) display: String,
+    /// Root keys that were pinned, separated by commas.
+    pub(crate) roots: String,
+    /// Highest version of a keyring that was accepted.
+    pub(crate) keyring: u32,
+    /// Highest generation of a manifest that was accepted.
+    pub(crate) generation: u64,
+    /// ETag of the manifest that was dealt with last; empty: none.
+    pub(crate) etag: String,
+    pub(crate) rejected: Option<Rejected>,
+    /// Digest of a kernel and the loss that its self-test printed.
+    pub(crate) loss: Option<(String, f64)>,
+}
+
+impl State {
+    fn text(&self) -> String {
+        let mut text = format!("{HEAD}\ndisplay {}\nroots {}\n", self.display, self.roots);
+        // Writing to a string cannot fail.
+        let _ = writeln!(text, "keyring {}\ngeneration {}", self.keyring, self.generation);
+        if !self.etag.is_empty() {
+            let _ = writeln!(text, "etag {}", self.etag);
+        }
+        if let Some(Rejected { version, generation, digest, message }) = &self.rejected {
+            let _ = writeln!(text, "rejected {version} {generation} {digest} {message}");
+        }
+        if let Some((digest, loss)) = &self.loss {
+            let _ = writeln!(text, "loss {digest} {loss}");
+        }
+        let check = check_of(&text);
+        text + "check " + &check + "\n"
+    }
+
+    fn parse(text: &str) -> Option<Self> {
+        let (lines, check) = text.strip_suffix('\n')?.rsplit_once("\ncheck ")?;
+        let mut state = Self::default();
+        if check_of(&format!("{lines}\n")) != check {
+            return None;
+        }
+        let mut lines = lines.lines();
+        if lines.next() != Some(HEAD) {
+            return None;
+        }
+        for line in lines {
+            let (name, value) = line.split_once(' ')?;
+            match name {
+                "display" => state.display = value.to_owned(),
+                "roots" => state.roots = value.to_owned(),
+                "keyring" => state.keyring = value.parse().ok()?,
+                "generation" => state.generation = value.parse().ok()?,
+                "etag" => state.etag = value.to_owned(),
+                "rejected" => {
+                    let mut words = value.splitn(4, ' ');
+                    let (version, generation) = (words.next()?.parse().ok()?, words.next()?.parse().ok()?);
+                    let (digest, message) = (words.next()?.to_owned(), words.next()?.to_owned());
+                    state.rejected = Some(Rejected { version, generation, digest, message });
+                }
+                "loss" => {
+                    let (digest, loss) = value.split_once(' ')?;
+                    state.loss = Some((digest.to_owned(), loss.parse().ok()?));
+                }
+                // A newer agent wrote the line before it was replaced by this one.
+                _ => {}
+            }
+        }
+        Some(state)
+    }
+}
+
+/// The state and the file that holds it.
+#[derive(Debug)]
+pub(crate) struct StateFile {
+    path: PathBuf,
+    saved: State,
+    pub(crate) state: State,
+}
+
+impl StateFile {
+    /// Reads the file. A missing or damaged one counts as empty: the manifest in the slots still says which generation
+    /// was accepted.
+    pub(crate) fn open(path: PathBuf) -> Self {
+        let saved = match read(&path) {
+            Ok(Some(state)) => state,
+            Ok(None) => {
+                log::line(format_args!("the agent ignores {}, because the file is damaged", path.display()));
+                State::default()
+            }
+            Err(error) => {
+                if error.kind() != io::ErrorKind::NotFound {
+                    log::line(format_args!("the agent cannot read {}: {error}", path.display()));
+                }
+                State::default()
+            }
+        };
+        Self { path, state: saved.clone(), saved }
+    }
+
+    /// Writes the state, if it has changed.
+    pub(crate) fn save(&mut self) -> Result<(), Problem> {
+        if self.state == self.saved {
+            return Ok(());
+        }
+        durable::write_file(&self.path, self.state.text().as_bytes()).map_err(Problem::disk("write", &self.path))?;
+        self.saved = self.state.clone();
+        Ok(())
+    }
+
+    /// Remembers the ETag of a manifest that was dealt with. An ETag that cannot be written into a line is left out.
+    pub(crate) fn set_etag(&mut self, etag: Option<&str>) {
+        let is_plain = |etag: &&str| etag.len() <= ETAG_BYTES_MAX && etag.bytes().all(|byte| byte.is_ascii_graphic());
+        self.state.etag = etag.filter(is_plain).unwrap_or_default().to_owned();
+    }
+}
+
+/// Reads a state without the right to change it; `None` if the file is damaged.
+pub(crate) fn read(path: &Path) -> io::Result<Option<State>> {
+    if fs::metadata(path)?.len() > FILE_BYTES_MAX {
+        return Ok(None);
+    }
+    Ok(String::from_utf8(fs::read(path)?).ok().and_then(|text| State::parse(&text)))
+}
+
+fn check_of(text: &str) -> String {
+    Sha256::digest(text)[..8].iter().fold(String::new(), |hex, byte| hex + &format!("{byte:02x}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn state() -> State {
+        State {
+            display: "pluto".to_owned(),
+            roots: "00".repeat(32),
+            keyring: 3,
+            generation: 7,
+            etag: "\"0f\"".to_owned(),
+            rejected: Some(Rejected {
+                version: 13,
+                generation: 7,
+                digest: "sha256-0f".to_owned(),
+                message: "exit status 3: too blurred".to_owned(),
+            }),
+            loss: Some(("sha256-00".to_owned(), 0.0123)),
+        }
+    }
+
+    #[test]
+    fn state_is_read_back_and_damaged_files_are_not_believed() {
+        for state in [state(), State::default()] {
+            assert_eq!(State::parse(&state.text()), Some(state));
+        }
+        let text = state().text();
+        for end in 0..text.len() {
+            assert_eq!(State::parse(&text[..end]), None, "{end}");
+        }
+        assert_eq!(State::parse(&text.replace("generation 7", "generation 6")), None);
+    }
+
+    #[test]
+    fn file_is_written_only_when_something_has_changed() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("state");
+        let mut file = StateFile::open(path.clone());
+        file.save().unwrap();
+        assert!(!path.exists());
+        file.state = state();
+        file.set_etag(Some("\"with\nline\""));
+        assert_eq!(file.state.etag, "");
+        file.save().unwrap();
+        assert_eq!(StateFile::open(path).state, file.state);
+    }
+}

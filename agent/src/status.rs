@@ -1,0 +1,70 @@
+//! What is installed in a directory, for people.
+
+use crate::slots::{Slot, Slots};
+use crate::state;
+use crate::vouching::{installed_manifest, read_document};
+use lightpath_manifest::{Manifest, SignedKeyring, SignedManifest, Wanted};
+use std::path::Path;
+
+/// The text, and whether a whole kernel is in use. Nothing is changed, and no server is asked.
+#[must_use]
+pub fn status(directory: &Path) -> (String, bool) {
+    let slots = Slots::at(directory);
+    let current = slots.current();
+    let mut lines = Vec::new();
+    let mut is_good = false;
+    for slot in Slot::BOTH {
+        let found = verified(&slots, slot);
+        let use_ = if current == Some(slot) { ", in use" } else { "" };
+        is_good |= current == Some(slot) && matches!(found, Ok(Some(_)));
+        let text = match found {
+            Ok(Some(manifest)) => about(&manifest),
+            Ok(None) => "empty".to_owned(),
+            Err(reason) => format!("damaged: {reason}"),
+        };
+        lines.push(format!("slot {}{use_}: {text}", slot.name()));
+    }
+    if current.is_none() {
+        lines.push("no kernel is in use".to_owned());
+    }
+    let keyring = read_document(&slots.file("keyring")).ok().and_then(|bytes| SignedKeyring::parse(&bytes).ok());
+    if let Some(keyring) = keyring {
+        let keyring = keyring.unchecked();
+        lines.push(format!("keyring: version {}, until {}", keyring.version, keyring.expires));
+    }
+    if let Ok(Some(state)) = state::read(&slots.file("state")) {
+        lines.push(format!("highest generation: {}", state.generation));
+        if let Some(rejected) = state.rejected {
+            let (version, generation) = (rejected.version, rejected.generation);
+            lines.push(format!("given up: version {version}, generation {generation}: {}", rejected.message));
+        }
+        if let Some((digest, loss)) = state.loss {
+            lines.push(format!("loss of the self-test: {loss} with {digest}"));
+        }
+    }
+    (lines.join("\n"), is_good)
+}
+
+fn about(manifest: &Manifest) -> String {
+    let Manifest { display, generation, version, form, digest, size_bytes, .. } = manifest;
+    // Picometres and nanometres are whole numbers far below the precision of f64.
+    let (nm, mm) = (manifest.wavelength_pm as f64 / 1e3, manifest.distance_nm as f64 / 1e6);
+    format!(
+        "version {version} of {display}, {nm} nm, {mm} mm, generation {generation}, {form}, {size_bytes} bytes, {digest}"
+    )
+}
+
+/// The manifest of a slot whose kernel is whole.
+fn verified(slots: &Slots, slot: Slot) -> Result<Option<Manifest>, String> {
+    if !slots.kernel(slot).exists() {
+        return Ok(None);
+    }
+    let read = |name: &str| read_document(&slots.folder(slot).join(name)).map_err(|error| format!("{name}: {error}"));
+    let (manifest, keyring) = (read("manifest")?, read("keyring")?);
+    let said = SignedManifest::parse(&manifest).map_err(|error| error.to_string())?;
+    let Manifest { display, wavelength_pm, distance_nm, form, .. } = said.unchecked().clone();
+    let wanted = Wanted { display, wavelength_pm, distance_nm, form, generation: 0 };
+    let manifest = installed_manifest(&manifest, &keyring, &wanted).map_err(|error| error.to_string())?;
+    slots.check_kernel(slot, &manifest)?;
+    Ok(Some(manifest))
+}

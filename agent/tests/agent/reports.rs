@@ -1,0 +1,106 @@
+//! What the server is told.
+
+use crate::bench::{Bench, SIZE, check, problem};
+use crate::material::{digest, kernel};
+use crate::polling::running;
+use crate::server::Sending;
+use lightpath_agent::Agent;
+use std::thread;
+use std::time::Duration;
+
+/// The reports since the last call.
+fn reports(bench: &Bench) -> Vec<serde_json::Value> {
+    let requests = bench.server.take_requests();
+    let reports = requests.iter().filter(|request| request.is_report());
+    reports.map(|request| serde_json::from_str(&request.body).unwrap()).collect()
+}
+
+fn report(bench: &Bench, agent: &mut Agent) -> serde_json::Value {
+    agent.report();
+    let mut all = reports(bench);
+    assert_eq!(all.len(), 1, "{all:?}");
+    all.pop().unwrap()
+}
+
+#[test]
+fn reports_say_what_is_in_use_and_what_was_given_up() {
+    let (bench, mut agent) = Bench::with_kernel();
+    let all = {
+        agent.report();
+        bench.server.take_requests()
+    };
+    assert_eq!(all[0].path, "/v1/displays/pluto/devices/bench-7/report");
+    assert_eq!(all[0].headers["content-type"], "application/json");
+    let said: serde_json::Value = serde_json::from_str(&all[0].body).unwrap();
+    let expected = serde_json::json!({
+        "kernel": "515nm-150mm",
+        "version": 1,
+        "form": "compact",
+        "digest": digest(&kernel(1, SIZE)),
+        "generation": "7",
+        "triedVersion": 0,
+        "message": "",
+        "agent": concat!("lightpath-agent ", env!("CARGO_PKG_VERSION")),
+    });
+    assert_eq!(said, expected);
+    // Nothing has changed.
+    check(&mut agent).unwrap();
+    agent.report();
+    assert_eq!(reports(&bench).len(), 0);
+    bench.server.offer(2, 8, &kernel(2, SIZE));
+    bench.server.change(|script| script.sending = Sending::Instead(b"x".to_vec()));
+    let text = problem(&mut agent);
+    let said = report(&bench, &mut agent);
+    assert_eq!((&said["version"], &said["triedVersion"], &said["generation"]), (&1.into(), &2.into(), &"8".into()));
+    assert_eq!(said["message"], text);
+    // A problem of the network says nothing about the version.
+    bench.server.change(|script| script.refusal = Some((503, "later")));
+    problem(&mut agent);
+    agent.report();
+    assert_eq!(reports(&bench).len(), 0);
+    bench.server.change(|script| (script.refusal, script.sending) = (None, Sending::Whole));
+    check(&mut agent).unwrap();
+    let said = report(&bench, &mut agent);
+    assert_eq!((&said["version"], &said["triedVersion"], &said["message"]), (&2.into(), &0.into(), &"".into()));
+}
+
+#[test]
+fn device_without_a_kernel_reports_version_0() {
+    let bench = Bench::new();
+    let said = report(&bench, &mut bench.agent());
+    assert_eq!((&said["version"], &said["digest"], &said["generation"]), (&0.into(), &"".into(), &"0".into()));
+}
+
+#[test]
+fn report_is_sent_again_after_an_error_and_from_time_to_time() {
+    let (bench, agent) = Bench::with_kernel();
+    drop(agent);
+    let mut settings = bench.settings();
+    settings.pace.report_interval = Duration::from_millis(300);
+    let mut agent = Agent::start(settings).unwrap();
+    bench.server.change(|script| script.report_status = 500);
+    thread::spawn(move || agent.run());
+    let count = |count: usize| {
+        move |requests: &[crate::server::Request]| {
+            requests.iter().filter(|request| request.is_report()).count() >= count
+        }
+    };
+    bench.server.wait_for(count(3));
+    bench.server.change(|script| script.report_status = 200);
+    bench.server.take_requests();
+    let requests = bench.server.wait_for(count(4));
+    let times: Vec<_> = requests.iter().filter(|request| request.is_report()).map(|request| request.at).collect();
+    assert!(times[3] - times[2] >= Duration::from_millis(295), "{times:?}");
+}
+
+#[test]
+fn server_without_reports_is_no_obstacle() {
+    let bench = Bench::new();
+    bench.server.change(|script| (script.report_status, script.poll_after_s) = (404, 1));
+    let _running = running(&bench);
+    let requests =
+        bench.server.wait_for(|requests| requests.iter().filter(|request| request.is_for_manifest()).count() >= 3);
+    // At the start and after the installation, and not at each poll.
+    assert_eq!(requests.iter().filter(|request| request.is_report()).count(), 2, "{requests:?}");
+    bench.assert_uses(1);
+}

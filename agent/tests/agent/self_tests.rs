@@ -1,0 +1,85 @@
+//! The device's own test.
+
+use crate::bench::{Bench, SIZE, check, problem};
+use crate::material::kernel;
+use lightpath_agent::Agent;
+
+/// A test that refuses version 2.
+const REFUSES_2: &str =
+    "head -n 1 \"$1\"; grep -aq '^kernel 2$' \"$1\" && { echo too blurred; exit 3; }; echo loss 0.0123";
+
+fn with_test(bench: &Bench, script: &str) -> Agent {
+    let mut settings = bench.settings();
+    settings.self_test = Some(bench.script(script));
+    Agent::start(settings).unwrap()
+}
+
+fn last_report(bench: &Bench, agent: &mut Agent) -> serde_json::Value {
+    agent.report();
+    let requests = bench.server.take_requests();
+    let report = requests.iter().rev().find(|request| request.is_report()).unwrap();
+    serde_json::from_str(&report.body).unwrap()
+}
+
+#[test]
+fn version_that_fails_is_given_up_until_version_or_generation_change() {
+    let bench = Bench::new();
+    let mut agent = with_test(&bench, REFUSES_2);
+    check(&mut agent).unwrap();
+    bench.assert_uses(1);
+    assert_eq!(last_report(&bench, &mut agent)["selfTestLoss"], 0.0123);
+    bench.server.offer(2, 8, &kernel(2, SIZE));
+    let text = problem(&mut agent);
+    assert_eq!(text, "the self-test refused version 2: exit status: 3: too blurred");
+    bench.assert_uses(1);
+    // Not again: not at the next poll, and not after a restart.
+    assert!(!check(&mut agent).unwrap().is_offered);
+    drop(agent);
+    let mut agent = with_test(&bench, REFUSES_2);
+    for _ in 0..2 {
+        let checked = check(&mut agent).unwrap();
+        assert_eq!((checked.version, checked.is_offered), (1, false));
+    }
+    let said = last_report(&bench, &mut agent);
+    assert_eq!(
+        (&said["version"], &said["triedVersion"], &said["message"]),
+        (&1.into(), &2.into(), &text.clone().into())
+    );
+    assert_eq!(said["selfTestLoss"], 0.0123, "it is that of the version in use");
+    assert!(lightpath_agent::status(&bench.directory()).0.contains("given up: version 2, generation 8: the self-test"));
+    // Somebody has moved `active` once more: a new chance.
+    bench.server.offer(2, 9, &kernel(2, SIZE));
+    bench.server.take_requests();
+    assert_eq!(problem(&mut agent), text);
+    assert!(bench.server.take_requests().iter().any(|request| request.is_for_file()));
+    // At the same generation another group gets another version.
+    bench.server.offer(3, 9, &kernel(3, SIZE));
+    assert!(check(&mut agent).unwrap().is_offered);
+    bench.assert_uses(3);
+    let said = last_report(&bench, &mut agent);
+    assert_eq!((&said["version"], &said["triedVersion"], &said["message"]), (&3.into(), &0.into(), &"".into()));
+}
+
+#[test]
+fn test_sees_the_whole_new_file_while_the_old_one_is_in_use() {
+    let (bench, agent) = Bench::with_kernel();
+    drop(agent);
+    let seen = bench.folder.path().join("seen");
+    let script = format!("cat \"$1\" {}/current/kernel > {}", bench.directory().display(), seen.display());
+    bench.server.offer(2, 8, &kernel(2, SIZE));
+    check(&mut with_test(&bench, &script)).unwrap();
+    assert_eq!(std::fs::read(seen).unwrap(), [kernel(2, SIZE), kernel(1, SIZE)].concat());
+    bench.assert_uses(2);
+}
+
+#[test]
+fn first_kernel_that_fails_leaves_the_device_without_one() {
+    let bench = Bench::new();
+    bench.server.offer(2, 7, &kernel(2, SIZE));
+    let mut agent = with_test(&bench, REFUSES_2);
+    problem(&mut agent);
+    assert!(!check(&mut agent).unwrap().is_offered);
+    let said = last_report(&bench, &mut agent);
+    assert_eq!((&said["version"], &said["triedVersion"]), (&0.into(), &2.into()));
+    assert_eq!(crate::bench::in_use(&bench.directory()), None);
+}
