@@ -2,6 +2,7 @@
 
 use crate::process::{CommandOutput, lightpath};
 use crate::server::TestServer;
+use lightpath_server::config::Config;
 use serde_json::Value;
 use std::path::PathBuf;
 use tempfile::TempDir;
@@ -14,7 +15,12 @@ pub(crate) struct CommandLine {
 
 impl CommandLine {
     pub(crate) async fn start() -> Self {
-        Self { server: TestServer::start().await, folder: TempDir::new().unwrap() }
+        Self::start_with(|_| ()).await
+    }
+
+    /// Starts with settings of the server that `change` has modified.
+    pub(crate) async fn start_with(change: impl FnOnce(&mut Config)) -> Self {
+        Self { server: TestServer::with(change).await, folder: TempDir::new().unwrap() }
     }
 
     /// Path of a file in the folder.

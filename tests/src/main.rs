@@ -11,7 +11,7 @@ mod job_shapes;
 mod ledger;
 /// Displays, pictures, kernels and job specs.
 mod material;
-/// Runs the programs `lightpath` and `lightpathd` as processes.
+/// Runs the programs `lightpath`, `lightpathd` and `lightpath-agent` as processes.
 mod process;
 /// A server inside the test's process.
 mod server;
@@ -36,6 +36,8 @@ mod determinism;
 mod disk;
 /// Estimates of memory against the measured memory, for jobs of all kinds.
 mod estimates;
+/// Twenty devices and their agents: promotions, staged rollouts and rollbacks through the command line.
+mod fleet;
 /// Slow connections, and connections with invalid bytes.
 mod hostile;
 /// The import rules of crates and modules.

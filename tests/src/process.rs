@@ -1,4 +1,4 @@
-//! Runs the programs `lightpath` and `lightpathd` as processes.
+//! Runs the programs `lightpath`, `lightpathd` and `lightpath-agent` as processes.
 
 use lightpath::Client;
 use std::path::{Path, PathBuf};
@@ -52,6 +52,12 @@ pub(crate) async fn lightpathd(arguments: &[&str]) -> CommandOutput {
         stdout: String::from_utf8(stdout).unwrap(),
         stderr: String::from_utf8(stderr).unwrap(),
     }
+}
+
+/// Starts `lightpath-agent` with these arguments. It is killed when the handle is dropped.
+pub(crate) fn agent(arguments: &[&str]) -> Child {
+    let mut command = Command::new(binary("lightpath-agent"));
+    command.args(arguments).stdin(Stdio::null()).stderr(Stdio::null()).kill_on_drop(true).spawn().unwrap()
 }
 
 /// Exit code and output of a command that has ended.

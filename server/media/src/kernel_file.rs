@@ -414,9 +414,10 @@ mod tests {
             model.setup = model.setup.planned().unwrap().0;
             let bytes = encode(&model, kind).unwrap();
             assert_eq!(bytes, encode(&model, kind).unwrap());
-            assert!(interpolated_from_m(&bytes).unwrap().is_empty());
-            let interpolated = encode_interpolated(&model, kind, &[0.07, 0.0702]).unwrap();
-            assert_eq!(interpolated_from_m(&interpolated).unwrap(), [0.07, 0.0702]);
+            assert_eq!(origin(&bytes).unwrap(), Origin::default());
+            let photographed = Origin { interpolated_from_m: vec![0.07, 0.0702], ..Origin::default() };
+            let interpolated = encode_with(&model, kind, &photographed).unwrap();
+            assert_eq!(origin(&interpolated).unwrap(), photographed);
             assert_eq!(decode(&interpolated).unwrap(), (model.clone(), kind));
             assert_eq!(decode(&bytes).unwrap(), (model, kind));
         }
