@@ -10,7 +10,7 @@ use lightpath_domain::reason::PreconditionReason;
 use sqlx::Row;
 
 /// Limit on the aliases of a kernel besides `active`: a page of them can be read.
-const ALIASES_MAX: usize = 64;
+pub const ALIASES_MAX: usize = 64;
 
 /// A change of the version that an alias names.
 struct Move<'a> {
@@ -20,6 +20,19 @@ struct Move<'a> {
     cause: Cause,
     overridden: &'a [String],
     undoes: Option<i64>,
+}
+
+/// What an alias shall name, for [`Store::set_alias`].
+#[derive(Clone, Debug)]
+pub struct AliasMove {
+    /// The alias; not `active`.
+    pub alias: String,
+    /// The version; `None`: the alias is removed.
+    pub version: Option<u32>,
+    /// Version that the alias must name before (`Some(None)`: none); `None`: whichever it names.
+    pub expected: Option<Option<u32>>,
+    /// Who moves it, and why.
+    pub cause: Cause,
 }
 
 /// A version to make active, for [`Store::promote`].
@@ -54,27 +67,15 @@ impl Store {
         .await
     }
 
-    /// Lets an alias other than `active` name a version, or removes it (`None`). If `expected` is given, the alias must
-    /// name that version before (`Some(None)`: none).
+    /// Lets an alias other than `active` name a version, or removes it.
     ///
     /// # Errors
     ///
     /// [`StoreError::NotFound`] if the version does not exist; [`StoreError::Aborted`] if the alias names another
     /// version than expected; [`StoreError::Precondition`] if the kernel has [`ALIASES_MAX`] aliases.
-    pub async fn set_alias(
-        &self,
-        key: &KernelKey,
-        alias: &str,
-        version: Option<u32>,
-        expected: Option<Option<u32>>,
-        cause: &Cause,
-        now_ms: i64,
-    ) -> Result<Kernel, StoreError> {
-        let (key, alias, cause) = (key.clone(), alias.to_owned(), cause.clone());
-        self.write(move |write| {
-            Box::pin(async move { set_alias(write, &key, &alias, version, expected, cause, now_ms).await })
-        })
-        .await
+    pub async fn set_alias(&self, key: &KernelKey, step: AliasMove, now_ms: i64) -> Result<Kernel, StoreError> {
+        let key = key.clone();
+        self.write(move |write| Box::pin(async move { set_alias(write, &key, step, now_ms).await })).await
     }
 
     /// Undoes the latest promotion that has not been undone. The version `expected` (`None`: no version) must be active
@@ -177,17 +178,14 @@ pub(super) async fn promote(
 async fn set_alias(
     write: &mut Write,
     key: &KernelKey,
-    alias: &str,
-    version: Option<u32>,
-    expected: Option<Option<u32>>,
-    cause: Cause,
+    AliasMove { alias, version, expected, cause }: AliasMove,
     now_ms: i64,
 ) -> Result<Kernel, StoreError> {
     let (id, kernel) = find(write.sql(), key).await?;
     if let Some(version) = version {
         require_version(&kernel, version)?;
     }
-    let from = kernel.aliases.get(alias).copied();
+    let from = kernel.aliases.get(&alias).copied();
     if expected.is_some_and(|expected| expected != from) {
         let now = from.map_or_else(|| "no version".to_owned(), |version| format!("version {version}"));
         let message = format!("the alias {alias} of {key} names {now}; read the kernel again");
@@ -204,7 +202,7 @@ async fn set_alias(
         .bind(&key.display)
         .fetch_one(write.sql())
         .await?;
-    let step = Move { alias, from, to: version, cause, overridden: &[], undoes: None };
+    let step = Move { alias: &alias, from, to: version, cause, overridden: &[], undoes: None };
     apply(write, id, key, step, generation, now_ms).await
 }
 

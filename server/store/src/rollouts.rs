@@ -21,6 +21,17 @@ const ROLLOUTS: &str = "select r.*, k.display, k.wavelength_pm, k.distance_nm, \
                         and not p.passed) as devices_failed \
                         from rollout r join kernel k on k.id = r.kernel";
 
+/// A larger share for a rollout, for [`Store::widen_rollout`].
+#[derive(Clone, Debug)]
+pub struct Widening {
+    /// The new share of the devices \[%\].
+    pub share_percent: f64,
+    /// Revision that the rollout must have; `None`: whichever it has.
+    pub expected_revision: Option<u32>,
+    /// Name of the caller's token; empty: no token was required.
+    pub caller: String,
+}
+
 impl Store {
     /// Starts a rollout.
     ///
@@ -50,12 +61,10 @@ impl Store {
         &self,
         key: &KernelKey,
         number: u32,
-        share_percent: f64,
-        expected_revision: Option<u32>,
-        caller: &str,
+        Widening { share_percent, expected_revision, caller }: Widening,
         now_ms: i64,
     ) -> Result<Rollout, StoreError> {
-        let (key, caller) = (key.clone(), caller.to_owned());
+        let key = key.clone();
         self.write(move |write| {
             Box::pin(async move {
                 let rollout = running(write.sql(), &key, number, expected_revision).await?;

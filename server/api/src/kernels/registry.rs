@@ -12,6 +12,7 @@ use lightpath_domain::kernel::{ACTIVE, KernelKey};
 use lightpath_domain::kernel_format::KernelFormat;
 use lightpath_domain::promotion::PromotionGate;
 use lightpath_proto::v1;
+use lightpath_store::AliasMove;
 
 /// Gates of a display's history that one answer shows.
 const GATES_SHOWN: u32 = 100;
@@ -60,11 +61,12 @@ impl Api {
     ) -> Result<v1::Kernel, ApiError> {
         let key = names::kernel_key(call, &Field::new("kernel"), &request.kernel)?;
         call.concerns(key.to_string());
-        let alias = alias(&Field::new("alias"), &request.alias)?;
+        let alias = alias(&Field::new("alias"), &request.alias)?.to_owned();
         let reason = Field::new("reason").text(request.reason, REASON_BYTES_MAX)?;
         let some = |version: u32| (version > 0).then_some(version);
         let (version, expected) = (some(request.version), request.expected_version.map(some));
-        let kernel = self.store.set_alias(&key, alias, version, expected, &cause(call, reason), now_ms()).await?;
+        let step = AliasMove { alias, version, expected, cause: cause(call, reason) };
+        let kernel = self.store.set_alias(&key, step, now_ms()).await?;
         Ok(to_wire::kernel(&kernel))
     }
 

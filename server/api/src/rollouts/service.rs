@@ -12,6 +12,7 @@ use crate::time::now_ms;
 use lightpath_domain::rollout::RolloutPlan;
 use lightpath_proto::v1;
 use lightpath_proto::v1::rollout_service_server::RolloutService;
+use lightpath_store::Widening;
 use tonic::{Request, Response, Status};
 
 /// Default of the limit on failed devices \[%\].
@@ -72,8 +73,9 @@ impl Api {
         let (key, number) = names::rollout(call, &Field::new("name"), &request.name)?;
         call.concerns(&request.name);
         let share_percent = Field::new("share_percent").number(request.share_percent, 0.0..=100.0)?;
-        let (revision, caller) = (request.expected_revision, &call.caller.name);
-        let rollout = self.store.widen_rollout(&key, number, share_percent, revision, caller, now_ms()).await?;
+        let (expected_revision, caller) = (request.expected_revision, call.caller.name.clone());
+        let widening = Widening { share_percent, expected_revision, caller };
+        let rollout = self.store.widen_rollout(&key, number, widening, now_ms()).await?;
         Ok(to_wire::rollout(rollout, Vec::new()))
     }
 

@@ -1,7 +1,7 @@
 //! Tests of aliases, deprecations, promotion gates, devices and staged rollouts.
 
 use super::*;
-use crate::AbortReason;
+use crate::{AbortReason, AliasMove, Widening};
 use lightpath_domain::device::{InstalledFile, InstalledKernel, Report};
 use lightpath_domain::kernel_format::KernelFormat;
 use lightpath_domain::promotion::PromotionGate;
@@ -17,6 +17,14 @@ async fn with_versions() -> (Store, TempDir) {
     }
     store.promote(&key(), promotion(1, None), 6).await.unwrap();
     (store, folder)
+}
+
+fn step(alias: &str, version: Option<u32>, expected: Option<Option<u32>>) -> AliasMove {
+    AliasMove { alias: alias.to_owned(), version, expected, cause: cause("to try") }
+}
+
+fn widening(share_percent: f64, expected_revision: Option<u32>) -> Widening {
+    Widening { share_percent, expected_revision, caller: "ada".to_owned() }
 }
 
 fn plan(version: u32, share_percent: f64) -> RolloutPlan {
@@ -57,7 +65,7 @@ async fn aliases_are_compared_and_swapped_and_leave_the_generation() {
     let (store, _folder) = with_versions().await;
     let set = |version, expected| {
         let store = store.clone();
-        async move { store.set_alias(&key(), "candidate", version, expected, &cause("to try"), 9).await }
+        async move { store.set_alias(&key(), step("candidate", version, expected), 9).await }
     };
     assert!(matches!(set(Some(4), None).await, Err(StoreError::NotFound { .. })));
     assert_eq!(set(Some(2), Some(None)).await.unwrap().aliases["candidate"], 2);
@@ -85,9 +93,9 @@ async fn aliases_are_compared_and_swapped_and_leave_the_generation() {
     set(Some(3), None).await.unwrap();
     assert_eq!(store.rollback(&key(), Some(2), &cause("worse"), 11).await.unwrap().active_version, Some(1));
     for n in 0..63 {
-        store.set_alias(&key(), &format!("lab-{n}"), Some(1), None, &cause(""), 12).await.unwrap();
+        store.set_alias(&key(), step(&format!("lab-{n}"), Some(1), None), 12).await.unwrap();
     }
-    let full = store.set_alias(&key(), "one-more", Some(1), None, &cause(""), 12).await;
+    let full = store.set_alias(&key(), step("one-more", Some(1), None), 12).await;
     assert!(matches!(full, Err(StoreError::Precondition { reason: PreconditionReason::KernelFull, .. })), "{full:?}");
 }
 
@@ -152,11 +160,11 @@ async fn a_rollout_reaches_its_share_and_its_group_and_then_all() {
             "{refused:?}"
         );
     }
-    assert!(store.widen_rollout(&key(), 1, 10.0, None, "ada", 23).await.is_err(), "it does not shrink");
-    assert!(store.widen_rollout(&key(), 1, 60.0, Some(2), "ada", 23).await.is_err(), "another revision");
-    let widened = store.widen_rollout(&key(), 1, 60.0, Some(1), "ada", 24).await.unwrap();
+    assert!(store.widen_rollout(&key(), 1, widening(10.0, None), 23).await.is_err(), "it does not shrink");
+    assert!(store.widen_rollout(&key(), 1, widening(60.0, Some(2)), 23).await.is_err(), "another revision");
+    let widened = store.widen_rollout(&key(), 1, widening(60.0, Some(1)), 24).await.unwrap();
     assert_eq!((widened.revision, widened.plan.share_percent), (2, 60.0));
-    store.widen_rollout(&key(), 1, 100.0, None, "ada", 25).await.unwrap();
+    store.widen_rollout(&key(), 1, widening(100.0, None), 25).await.unwrap();
     assert_eq!(seen(&store, None).await, (2, 5), "also devices without a name");
     let done = store.complete_rollout(&key(), 1, Some(3), "ada", 26).await.unwrap();
     assert_eq!((done.state, done.end_time_ms), (RolloutState::Completed, Some(26)));
