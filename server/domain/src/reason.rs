@@ -35,6 +35,8 @@ macro_rules! reasons {
 reasons! {
     /// Why the present state does not allow a request, as a code for programs.
     pub enum PreconditionReason {
+        /// The version is active already.
+        AlreadyActive = "ALREADY_ACTIVE",
         /// The dataset from which the kernel version was learned was deleted.
         DatasetDeleted = "DATASET_DELETED",
         /// The dataset has no pairs.
@@ -51,6 +53,8 @@ reasons! {
         DatasetSplitEmpty = "DATASET_SPLIT_EMPTY",
         /// A job that this job waits for has failed or was cancelled.
         DependencyEnded = "DEPENDENCY_ENDED",
+        /// The display has reached its limit of devices.
+        DevicesFull = "DEVICES_FULL",
         /// The display has reached its limit of datasets.
         DisplayFull = "DISPLAY_FULL",
         /// Jobs, datasets or kernels refer to the display.
@@ -75,19 +79,17 @@ reasons! {
         NoSigningKey = "NO_SIGNING_KEY",
         /// The kernel cannot be written in this format.
         NoSuchForm = "NO_SUCH_FORM",
-        /// The version does not pass the promotion gate of the display.
-        PromotionGateFailed = "PROMOTION_GATE_FAILED",
-        /// The rollout has ended.
-        RolloutEnded = "ROLLOUT_ENDED",
-        /// A rollout of the kernel is running.
-        RolloutRunning = "ROLLOUT_RUNNING",
-        /// The display has reached its limit of devices.
-        DevicesFull = "DEVICES_FULL",
         /// The queue is not paused.
         NotPaused = "NOT_PAUSED",
         /// The display has no simulated bench.
         NotSimulated = "NOT_SIMULATED",
         /// A waiting or running job of the same owner has the same unique key.
         NotUnique = "NOT_UNIQUE",
+        /// The version does not pass the promotion gate of the display.
+        PromotionGateFailed = "PROMOTION_GATE_FAILED",
+        /// The rollout has ended.
+        RolloutEnded = "ROLLOUT_ENDED",
+        /// A rollout of the kernel is running.
+        RolloutRunning = "ROLLOUT_RUNNING",
     }
 }

@@ -213,7 +213,7 @@ async fn start(
     require_no_rollout(&kernel)?;
     if kernel.active_version == Some(plan.version) {
         let message = format!("version {} of {key} is active already", plan.version);
-        return Err(StoreError::precondition(PreconditionReason::RolloutEnded, message));
+        return Err(StoreError::precondition(PreconditionReason::AlreadyActive, message));
     }
     let number: u32 = sqlx::query_scalar(
         "insert into rollout (kernel, number, version, from_version, state, share_percent, group_name, \

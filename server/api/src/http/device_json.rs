@@ -1,5 +1,6 @@
 //! Devices as JSON: their reports, their list, and the kernels that are nearest to a distance.
 
+use super::kernel_files::{List, checked};
 use super::refusal::Refusal;
 use crate::api::Api;
 use crate::call::Call;
@@ -12,16 +13,6 @@ use tonic::Status;
 
 /// Limit on the size of a report \[bytes\]: its texts have at most some kilobytes.
 pub(super) const BODY_BYTES_MAX: usize = 16 << 10;
-
-/// Parameters of a list.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct List {
-    #[serde(default, alias = "pageSize")]
-    page_size: u32,
-    #[serde(default, alias = "pageToken")]
-    page_token: String,
-}
 
 /// Where to look for kernels.
 #[derive(Debug, Deserialize)]
@@ -52,7 +43,7 @@ pub(super) async fn list_devices(
     Path(display): Path<String>,
     query: Result<Query<List>, QueryRejection>,
 ) -> Result<Json<v1::ListDevicesResponse>, Refusal> {
-    let Query(List { page_size, page_token }) = query.map_err(|error| Status::invalid_argument(error.body_text()))?;
+    let Query(List { page_size, page_token }) = checked(query)?;
     let request = v1::ListDevicesRequest { display: format!("displays/{display}"), page_size, page_token };
     Ok(Json(api.list_devices(&call, request).await?))
 }
@@ -64,8 +55,7 @@ pub(super) async fn find_nearest_kernels(
     Path(display): Path<String>,
     query: Result<Query<Place>, QueryRejection>,
 ) -> Result<Json<v1::FindNearestKernelsResponse>, Refusal> {
-    let Query(place) = query.map_err(|error| Status::invalid_argument(error.body_text()))?;
-    let Place { wavelength_m, distance_m } = place;
+    let Query(Place { wavelength_m, distance_m }) = checked(query)?;
     let request = v1::FindNearestKernelsRequest { display: format!("displays/{display}"), wavelength_m, distance_m };
     Ok(Json(api.find_nearest_kernels(&call, request).await?))
 }

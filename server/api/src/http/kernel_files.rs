@@ -46,14 +46,14 @@ const POLL_AFTER: &str = "lightpath-poll-after-s";
 const IMMUTABLE: &str = "private, max-age=31536000, immutable";
 const TEXT: &str = "text/plain; charset=us-ascii";
 
-/// Parameters of a list of kernels.
+/// Parameters of a list.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct List {
     #[serde(default, alias = "pageSize")]
-    page_size: u32,
+    pub(super) page_size: u32,
     #[serde(default, alias = "pageToken")]
-    page_token: String,
+    pub(super) page_token: String,
 }
 
 /// Parameters of a manifest.
@@ -330,7 +330,8 @@ fn parsed_form(name: &str) -> Result<KernelFormat, Refusal> {
     })
 }
 
-fn checked<T>(query: Result<Query<T>, QueryRejection>) -> Result<Query<T>, Refusal> {
+/// The parameters of a request, or a refusal that names what is wrong.
+pub(super) fn checked<T>(query: Result<Query<T>, QueryRejection>) -> Result<Query<T>, Refusal> {
     query.map_err(|rejection| Status::invalid_argument(rejection.body_text()).into())
 }
 
