@@ -1,6 +1,6 @@
 //! Reports to the server: which version the device uses, and which one it gave up.
 
-use crate::http::{Http, user_agent};
+use crate::http::{Http, one_line, user_agent};
 use crate::problem::Problem;
 use crate::schedule::Backoff;
 use crate::settings::Pace;
@@ -38,7 +38,7 @@ impl Standing {
             "digest": self.digest,
             "generation": self.generation.to_string(),
             "triedVersion": self.tried_version,
-            "message": shortened(&self.message),
+            "message": shortened(&one_line(&self.message, MESSAGE_BYTES_MAX)),
             "agent": user_agent(),
         });
         if let Some(loss) = self.loss {

@@ -17,7 +17,9 @@ impl Table {
 
     pub(crate) fn row<const COLUMNS: usize>(&mut self, cells: [String; COLUMNS]) {
         debug_assert_eq!(COLUMNS, self.right.len(), "a row has a cell for each column");
-        self.rows.push(cells.into());
+        // A control character of somebody else's text must not reach the terminal.
+        let plain = |cell: String| cell.replace(char::is_control, "\u{fffd}");
+        self.rows.push(cells.map(plain).into());
     }
 
     /// The lines of the table, or the line `empty` if the table has no rows.

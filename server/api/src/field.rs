@@ -80,6 +80,14 @@ impl Field {
         Ok(value)
     }
 
+    /// Checks a text for people that stands in one line. Control characters could change what a terminal shows.
+    pub(crate) fn line(&self, value: String, bytes_max: usize) -> Result<String, ApiError> {
+        if value.chars().any(char::is_control) {
+            return Err(self.invalid("has a line break or another control character; write one line"));
+        }
+        self.text(value, bytes_max)
+    }
+
     /// Checks a distance \[m\].
     pub(crate) fn distance(&self, value: f64) -> Result<Distance, ApiError> {
         let allowed = format!("within ±{} m and not 0", Distance::MAX_M);

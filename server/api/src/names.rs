@@ -89,6 +89,11 @@ pub(crate) fn rollout(call: &Call, field: &Field, name: &str) -> Result<(KernelK
 
 /// Checks the id of a device. Ids are like the names of tokens, because a device is named after its token.
 pub(crate) fn device_id(field: &Field, id: &str) -> Result<String, ApiError> {
+    if id.starts_with(['.', '-']) {
+        return Err(
+            field.invalid(format!("is {:?}, but an id must start with a letter, a digit or '_'", shortened(id)))
+        );
+    }
     pair_id(field, id)
 }
 

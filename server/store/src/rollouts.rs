@@ -8,7 +8,7 @@ use super::{AbortReason, Store, StoreError, page};
 use lightpath_domain::device::Report;
 use lightpath_domain::kernel::{Cause, Kernel, KernelKey};
 use lightpath_domain::reason::PreconditionReason;
-use lightpath_domain::rollout::{Rollout, RolloutEvent, RolloutPlan, RolloutState};
+use lightpath_domain::rollout::{Rollout, RolloutEvent, RolloutPlan, RolloutState, is_in_share};
 use lightpath_domain::units::{Distance, Wavelength};
 use sqlx::sqlite::SqliteRow;
 use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
@@ -20,6 +20,9 @@ const ROLLOUTS: &str = "select r.*, k.display, k.wavelength_pm, k.distance_nm, \
                         (select count(*) from rollout_report p where p.kernel = r.kernel and p.number = r.number \
                         and not p.passed) as devices_failed \
                         from rollout r join kernel k on k.id = r.kernel";
+
+/// Limit on the events of a rollout that tell why devices failed: more than a person reads.
+const EVENTS_MAX: u32 = 900;
 
 /// A larger share for a rollout, for [`Store::widen_rollout`].
 #[derive(Clone, Debug)]
@@ -149,6 +152,31 @@ impl Store {
         .await
     }
 
+    /// Halts all rollouts that are running, with this message. They may have been halted after the backup from which
+    /// the database was restored.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn halt_all_rollouts(&self, message: &str, now_ms: i64) -> Result<(), StoreError> {
+        let message = message.to_owned();
+        self.write(move |write| {
+            Box::pin(async move {
+                let mut query = QueryBuilder::<Sqlite>::new(ROLLOUTS);
+                query.push(" where r.state = 'running'");
+                for row in query.build().fetch_all(write.sql()).await? {
+                    let Rollout { key, number, .. } = rollout_of(&row)?;
+                    let (state, message) = (RolloutState::Halted, message.clone());
+                    let ending = Ending { state, caller: String::new(), message };
+                    end(write, &key, number, ending, now_ms).await?;
+                    raise_generation(write, &key, now_ms).await?;
+                }
+                Ok(())
+            })
+        })
+        .await
+    }
+
     /// A rollout with its events, the oldest first.
     ///
     /// # Errors
@@ -238,7 +266,8 @@ async fn start(
     let generation = raise_generation(write, key, now_ms).await?.unsigned_abs();
     let RolloutPlan { version, share_percent, group, cause, .. } = plan;
     let group = if group.is_empty() { String::new() } else { format!(" and the group {group}") };
-    let message = format!("{share_percent} % of the devices{group} get version {version}");
+    let why = if cause.reason.is_empty() { String::new() } else { format!(": {}", cause.reason) };
+    let message = format!("{share_percent} % of the devices{group} get version {version}{why}");
     let event = RolloutEvent { time_ms: now_ms, caller: cause.caller, message, generation };
     append_event(write, key, number, event).await?;
     find_rollout(write.sql(), key, number).await
@@ -276,6 +305,9 @@ pub(super) async fn note_report(
     let Some(number) = kernel.rollout else { return Ok(()) };
     let key = &kernel.key;
     let Rollout { plan, .. } = find_rollout(write.sql(), key, number).await?;
+    if !is_member(write.sql(), key, number, &plan, &report.device).await? {
+        return Ok(());
+    }
     let installed = &report.installed;
     let is_installed = installed.file.as_ref().is_some_and(|file| file.version == plan.version);
     let is_within = match (plan.self_test_loss_max, installed.self_test_loss) {
@@ -287,6 +319,16 @@ pub(super) async fn note_report(
         (false, true) => is_within,
         (false, false) => return Ok(()),
     };
+    let before: Option<bool> =
+        sqlx::query_scalar("select passed from rollout_report where kernel = ? and number = ? and device = ?")
+            .bind(kernel_id)
+            .bind(number)
+            .bind(&report.device)
+            .fetch_optional(write.sql())
+            .await?;
+    if !passed && before != Some(false) {
+        note_failure(write, key, number, report).await?;
+    }
     sqlx::query(
         "insert into rollout_report values (?, ?, ?, ?, ?) on conflict do update set passed = excluded.passed, \
          time_ms = excluded.time_ms",
@@ -311,6 +353,46 @@ pub(super) async fn note_report(
     end(write, key, number, ending, installed.report_time_ms).await?;
     raise_generation(write, key, installed.report_time_ms).await?;
     Ok(())
+}
+
+/// Whether a device gets the version of a rollout.
+async fn is_member(
+    sql: &mut SqliteConnection,
+    key: &KernelKey,
+    number: u32,
+    plan: &RolloutPlan,
+    device: &str,
+) -> Result<bool, StoreError> {
+    if is_in_share(key, number, device, plan.share_percent) {
+        return Ok(true);
+    }
+    let group: Option<String> = sqlx::query_scalar("select group_name from device where display = ? and id = ?")
+        .bind(&key.display)
+        .bind(device)
+        .fetch_optional(sql)
+        .await?;
+    Ok(!plan.group.is_empty() && group.as_deref() == Some(&plan.group))
+}
+
+/// Notes why a device failed, as long as the rollout has few events.
+async fn note_failure(write: &mut Write, key: &KernelKey, number: u32, report: &Report) -> Result<(), StoreError> {
+    let installed = &report.installed;
+    let why = match (installed.tried_version, installed.self_test_loss) {
+        (None, Some(loss)) => format!("its self-test measured a loss of {loss}"),
+        _ => installed.message.clone(),
+    };
+    let (message, time_ms) = (format!("{} failed: {why}", report.device), installed.report_time_ms);
+    let count = "select count(*) from rollout_event e join kernel k on k.id = e.kernel where k.name = ? and number = ?";
+    let events: u32 = sqlx::query_scalar(count).bind(key.to_string()).bind(number).fetch_one(write.sql()).await?;
+    if events >= EVENTS_MAX {
+        return Ok(());
+    }
+    let generation: i64 = sqlx::query_scalar("select generation from display where id = ?")
+        .bind(&key.display)
+        .fetch_one(write.sql())
+        .await?;
+    let event = RolloutEvent { time_ms, caller: String::new(), message, generation: generation.unsigned_abs() };
+    append_event(write, key, number, event).await
 }
 
 /// Raises the generation of a display whose devices changed their groups while a rollout runs: what they get changes.

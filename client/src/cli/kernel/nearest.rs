@@ -30,7 +30,7 @@ impl Nearest {
                     kernel.name.clone(),
                     show::version_or_dash(kernel.active_version),
                     units::show_m(kernel.distance_m - distance_m),
-                    if kernel.interpolated { "interpolated" } else { "photographed" }.to_owned(),
+                    if kernel.interpolated { "interpolated" } else { "" }.to_owned(),
                 ]);
             }
             let hint = match found.can_be_interpolated {

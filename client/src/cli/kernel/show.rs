@@ -221,14 +221,15 @@ pub(super) fn version_facts(version: &KernelVersion) -> String {
         facts.add("server", &lineage.code_version);
         facts.add("parent", show::version_or_dash(lineage.parent_version));
     }
-    facts.add_some("note", note(&lineage.parameters_json));
+    facts.add_some("bundle of", text_of(&lineage.parameters_json, "/bundle/version"));
+    facts.add_some("note", text_of(&lineage.parameters_json, "/note"));
     facts.add_some("created", version.create_time.as_ref().map(show::time));
     let parts = version.metrics.as_ref().map(quality_text::parts).filter(|table| !table.is_empty());
     facts.text() + &parts.map(|table| format!("\n{table}")).unwrap_or_default()
 }
 
-/// What the file of an imported version did not hold.
-fn note(parameters_json: &str) -> Option<String> {
+/// A text in the parameters of a version.
+fn text_of(parameters_json: &str, pointer: &str) -> Option<String> {
     let parameters: serde_json::Value = serde_json::from_str(parameters_json).ok()?;
-    Some(parameters.get("note")?.as_str()?.to_owned())
+    Some(parameters.pointer(pointer)?.as_str()?.to_owned())
 }

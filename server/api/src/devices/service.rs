@@ -10,6 +10,7 @@ use crate::pages::Page;
 use crate::permissions;
 use crate::time::now_ms;
 use lightpath_domain::device::{Device, InstalledFile, InstalledKernel, Report};
+use lightpath_domain::kernel::KernelKey;
 use lightpath_domain::kernel_format::KernelFormat;
 use lightpath_proto::v1;
 use lightpath_proto::v1::device_service_server::DeviceService;
@@ -61,17 +62,24 @@ impl Api {
         permissions::device_of(call, &device)?;
         call.concerns(&request.name);
         let kernel = format!("displays/{display}/kernels/{}", request.kernel);
-        let generation = Field::new("generation").integer(request.generation, 0..=i64::MAX.unsigned_abs())?;
+        let key = names::kernel_key(call, &Field::new("kernel"), &kernel)?;
+        // A device cannot have accepted what the server has not signed.
+        let newest = self.store.kernel_moment(&key, None).await?.generation;
+        let generation = Field::new("generation").integer(request.generation, 0..=newest)?;
+        let file = installed_file(request.version, &request.form, &request.digest)?;
+        if let Some(file) = &file {
+            self.require_file(call, &key, file).await?;
+        }
         let loss = request.self_test_loss;
         let report = Report {
             device,
-            agent: Field::new("agent").text(request.agent, AGENT_BYTES_MAX)?,
+            agent: Field::new("agent").line(request.agent, AGENT_BYTES_MAX)?,
             installed: InstalledKernel {
-                kernel: names::kernel_key(call, &Field::new("kernel"), &kernel)?,
-                file: installed_file(request.version, &request.form, &request.digest)?,
+                kernel: key,
+                file,
                 generation,
                 tried_version: (request.tried_version > 0).then_some(request.tried_version),
-                message: Field::new("message").text(request.message, MESSAGE_BYTES_MAX)?,
+                message: Field::new("message").line(request.message, MESSAGE_BYTES_MAX)?,
                 self_test_loss: loss
                     .map(|loss| Field::new("self_test_loss").number(loss, 0.0..=f64::MAX))
                     .transpose()?,
@@ -80,6 +88,20 @@ impl Api {
         };
         self.store.report_device(report).await?;
         Ok(v1::ReportDeviceResponse {})
+    }
+
+    /// Refuses a file that the server does not have: a device with other bytes has another kernel.
+    async fn require_file(&self, call: &Call, key: &KernelKey, file: &InstalledFile) -> Result<(), ApiError> {
+        let version = self.store.kernel_version(key, file.version).await?;
+        let digest = match file.form {
+            KernelFormat::Safetensors => version.content.artifact.clone(),
+            form => self.converted(call, &version, form).await?.digest,
+        };
+        if digest == file.digest {
+            return Ok(());
+        }
+        let name = format!("{key}/versions/{} in the form {}", file.version, file.form.as_str());
+        Err(Field::new("digest").invalid(format!("is {}, but {name} has {digest}", file.digest)))
     }
 
     pub(crate) async fn list_devices(

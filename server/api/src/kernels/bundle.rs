@@ -33,6 +33,11 @@ pub(super) fn record(version: &KernelVersion) -> Value {
 }
 
 impl Record {
+    /// Whether the version is one of a display with this id.
+    pub(super) fn is_of(&self, display: &str) -> bool {
+        self.version.starts_with(&format!("displays/{display}/kernels/"))
+    }
+
     /// The lineage of the imported version. Jobs, datasets and versions have other names on the other server, so its
     /// parameters say where they come from.
     pub(super) fn imported_lineage(self) -> KernelLineage {

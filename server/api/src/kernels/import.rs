@@ -71,7 +71,14 @@ impl Api {
             Some(record) => {
                 let record: Record = serde_json::from_value(record)
                     .map_err(|error| field.invalid(format!("is a bundle with a damaged record: {error}")))?;
-                (record.metrics.clone(), record.imported_lineage())
+                // Photographs of another display say nothing about this one.
+                let is_own = record.is_of(&key.display);
+                if !is_own && !request.from_another_display {
+                    let problem = format!("is a bundle of {}; set from_another_display if it fits", record.version);
+                    return Err(field.invalid(problem));
+                }
+                let metrics = if is_own { record.metrics.clone() } else { KernelMetrics::default() };
+                (metrics, record.imported_lineage())
             }
             // Without a record the version is not measured.
             None => (KernelMetrics::default(), lineage(parameters.to_string(), origin.interpolated_from_m)),

@@ -51,7 +51,7 @@ impl Api {
         let key = names::kernel_key(call, &Field::new("kernel"), &request.kernel)?;
         let version = Field::new("version").integer(request.version, 1..=u32::MAX)?;
         call.concerns(format!("{key}/versions/{version}"));
-        let reason = Field::new("reason").text(request.reason, REASON_BYTES_MAX)?;
+        let reason = Field::new("reason").line(request.reason, REASON_BYTES_MAX)?;
         let (expected_active, force) = (request.expected_active_version, request.force);
         let passage = Passage { version, expected_active, force, reason: &reason };
         let Passed { expected_active, overridden } = self.pass_gate(call, &key, passage).await?;
@@ -80,7 +80,7 @@ impl Api {
     ) -> Result<v1::Kernel, ApiError> {
         let key = names::kernel_key(call, &Field::new("kernel"), &request.kernel)?;
         call.concerns(key.to_string());
-        let reason = Field::new("reason").text(request.reason, REASON_BYTES_MAX)?;
+        let reason = Field::new("reason").line(request.reason, REASON_BYTES_MAX)?;
         let expected = Field::new("expected_active_version").required(request.expected_active_version)?;
         let expected = (expected > 0).then_some(expected);
         Ok(to_wire::kernel(&self.store.rollback(&key, expected, &cause(call, reason), now_ms()).await?))
@@ -129,7 +129,7 @@ impl Api {
     }
 
     /// How a version does at the gate of its display.
-    async fn verdict(&self, call: &Call, candidate: &KernelVersion) -> Result<Verdict, ApiError> {
+    pub(crate) async fn verdict(&self, call: &Call, candidate: &KernelVersion) -> Result<Verdict, ApiError> {
         let key = &candidate.key;
         let gate = self.gate_of(&key.display).await?;
         let active = self.store.kernel(key).await?.active_version;

@@ -29,7 +29,7 @@ impl Api {
     ) -> Result<v1::DisplayGate, ApiError> {
         let display = self.display_named(call, &Field::new("display"), &request.display).await?;
         call.concerns(&request.display);
-        let reason = Field::new("reason").text(request.reason, REASON_BYTES_MAX)?;
+        let reason = Field::new("reason").line(request.reason, REASON_BYTES_MAX)?;
         let gate = gate_from_wire(&Field::new("gate"), request.gate.unwrap_or_default())?;
         self.store.set_gate(&display.id, &gate, &cause(call, reason), now_ms()).await?;
         self.display_gate(&display.id).await
@@ -62,7 +62,7 @@ impl Api {
         let key = names::kernel_key(call, &Field::new("kernel"), &request.kernel)?;
         call.concerns(key.to_string());
         let alias = alias(&Field::new("alias"), &request.alias)?.to_owned();
-        let reason = Field::new("reason").text(request.reason, REASON_BYTES_MAX)?;
+        let reason = Field::new("reason").line(request.reason, REASON_BYTES_MAX)?;
         let some = |version: u32| (version > 0).then_some(version);
         let (version, expected) = (some(request.version), request.expected_version.map(some));
         let step = AliasMove { alias, version, expected, cause: cause(call, reason) };
@@ -78,7 +78,7 @@ impl Api {
         let (key, version) = names::kernel_version(call, &Field::new("name"), &request.name)?;
         call.concerns(&request.name);
         let field = Field::new("reason");
-        let reason = field.text(request.reason, REASON_BYTES_MAX)?;
+        let reason = field.line(request.reason, REASON_BYTES_MAX)?;
         if reason.trim().is_empty() {
             return Err(field.invalid("is empty, but must say why"));
         }

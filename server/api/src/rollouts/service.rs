@@ -9,7 +9,9 @@ use crate::kernels::promotion::{Passage, Passed, REASON_BYTES_MAX, cause};
 use crate::names;
 use crate::pages::Page;
 use crate::time::now_ms;
-use lightpath_domain::rollout::RolloutPlan;
+use lightpath_domain::kernel::KernelKey;
+use lightpath_domain::reason::PreconditionReason;
+use lightpath_domain::rollout::{RolloutPlan, RolloutState};
 use lightpath_proto::v1;
 use lightpath_proto::v1::rollout_service_server::RolloutService;
 use lightpath_store::Widening;
@@ -58,7 +60,7 @@ impl Api {
         let key = names::kernel_key(call, &Field::new("kernel"), &request.kernel)?;
         let version = Field::new("version").integer(request.version, 1..=u32::MAX)?;
         call.concerns(format!("{key}/versions/{version}"));
-        let reason = Field::new("reason").text(request.reason.clone(), REASON_BYTES_MAX)?;
+        let reason = Field::new("reason").line(request.reason.clone(), REASON_BYTES_MAX)?;
         let mut plan = plan(&request, version)?;
         let (expected_active, force) = (request.expected_active_version, request.force);
         let passage = Passage { version, expected_active, force, reason: &reason };
@@ -73,6 +75,7 @@ impl Api {
         let (key, number) = names::rollout(call, &Field::new("name"), &request.name)?;
         call.concerns(&request.name);
         let share_percent = Field::new("share_percent").number(request.share_percent, 0.0..=100.0)?;
+        self.require_still_passes(call, &key, number).await?;
         let (expected_revision, caller) = (request.expected_revision, call.caller.name.clone());
         let widening = Widening { share_percent, expected_revision, caller };
         let rollout = self.store.widen_rollout(&key, number, widening, now_ms()).await?;
@@ -86,15 +89,35 @@ impl Api {
     ) -> Result<v1::Rollout, ApiError> {
         let (key, number) = names::rollout(call, &Field::new("name"), &request.name)?;
         call.concerns(&request.name);
+        self.require_still_passes(call, &key, number).await?;
         let (revision, caller) = (request.expected_revision, &call.caller.name);
         let rollout = self.store.complete_rollout(&key, number, revision, caller, now_ms()).await?;
         Ok(to_wire::rollout(rollout, Vec::new()))
     }
 
+    /// Refuses to go on with a version that fails the gate now, other than by what was overridden at the start.
+    async fn require_still_passes(&self, call: &Call, key: &KernelKey, number: u32) -> Result<(), ApiError> {
+        let (rollout, _) = self.store.rollout(key, number).await?;
+        let candidate = self.store.kernel_version(key, rollout.plan.version).await?;
+        let failures = self.verdict(call, &candidate).await?.checks.into_iter().filter(|check| !check.passed);
+        let failures = failures.map(|check| check.finding);
+        let new: Vec<String> = failures.filter(|finding| !rollout.plan.overridden.contains(finding)).collect();
+        if new.is_empty() || rollout.state != RolloutState::Running {
+            return Ok(());
+        }
+        let message = format!(
+            "{key}/versions/{} does not pass the promotion gate any more: {}; halt the rollout, and start it again with \
+             force if you must",
+            rollout.plan.version,
+            new.join("; ")
+        );
+        Err(ApiError::Precondition { reason: PreconditionReason::PromotionGateFailed, message })
+    }
+
     async fn halt_rollout(&self, call: &Call, request: v1::HaltRolloutRequest) -> Result<v1::Rollout, ApiError> {
         let (key, number) = names::rollout(call, &Field::new("name"), &request.name)?;
         call.concerns(&request.name);
-        let reason = Field::new("reason").text(request.reason, REASON_BYTES_MAX)?;
+        let reason = Field::new("reason").line(request.reason, REASON_BYTES_MAX)?;
         let rollout = self.store.halt_rollout(&key, number, &cause(call, reason), now_ms()).await?;
         Ok(to_wire::rollout(rollout, Vec::new()))
     }

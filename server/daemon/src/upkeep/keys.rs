@@ -259,6 +259,7 @@ pub async fn install(store: &Store, document: &str, now_ms: i64) -> Result<u32, 
 /// [`KeysError`].
 pub(super) async fn raise_after_restore(store: &Store, now_ms: i64) -> Result<(), KeysError> {
     let now_s = now_ms.div_euclid(1000);
+    store.halt_all_rollouts("halted: the server was restored from a backup", now_s * 1000).await?;
     store.raise_generations(now_s.unsigned_abs()).await?;
     if store.keyring().await?.is_none() {
         return Ok(());

@@ -5,14 +5,16 @@ use crate::kernels::{KERNEL, import, kernel};
 use crate::manifests::{Answer, curl, store_of};
 use crate::serving::{Serving, small_display};
 use lightpath_domain::access::Role;
-use lightpath_domain::kernel::{KernelKey, KernelLineage, KernelMetrics, KernelModel, NewKernelVersion};
+use lightpath_domain::kernel::{Cause, KernelKey, KernelLineage, KernelMetrics, KernelModel, NewKernelVersion};
 use lightpath_domain::units::{Distance, Wavelength};
 use lightpath_manifest::SignedManifest;
 use lightpath_proto::v1;
 use lightpath_proto::v1::device_service_client::DeviceServiceClient;
 use lightpath_proto::v1::display_service_client::DisplayServiceClient;
+use lightpath_proto::v1::fetch_kernel_response::Part;
 use lightpath_proto::v1::kernel_service_client::KernelServiceClient;
 use lightpath_proto::v1::rollout_service_client::RolloutServiceClient;
+use lightpath_store::Promotion;
 use tonic::transport::Channel;
 use tonic::{Code, Status};
 
@@ -180,19 +182,28 @@ fn dense() -> Vec<u8> {
 }
 
 async fn report(serving: &Serving, device: &str, version: u32, tried_version: u32) -> Result<(), Status> {
-    let request = v1::ReportDeviceRequest {
+    let request = v1::ReportDeviceRequest { tried_version, ..report_of(serving, device, version).await };
+    devices(serving).report_device(request).await.map(drop)
+}
+
+/// The report of a device that uses the compact form of a version.
+async fn report_of(serving: &Serving, device: &str, version: u32) -> v1::ReportDeviceRequest {
+    let format = v1::KernelFormat::Compact.into();
+    let fetch = v1::FetchKernelRequest { kernel: KERNEL.into(), version, format, ..Default::default() };
+    let mut stream = kernels(serving).fetch_kernel(fetch).await.unwrap().into_inner();
+    stream.message().await.unwrap();
+    let Some(Part::File(file)) = stream.message().await.unwrap().unwrap().part else { panic!("no file") };
+    v1::ReportDeviceRequest {
         name: format!("{LAB}/devices/{device}"),
         kernel: "515nm-50mm".into(),
         version,
         form: "compact".into(),
-        digest: format!("sha256-{}", "0".repeat(64)),
+        digest: file.digest,
         generation: 1,
-        tried_version,
-        message: "tried".into(),
+        message: "too noisy".into(),
         agent: "agent 1".into(),
         ..Default::default()
-    };
-    devices(serving).report_device(request).await.map(drop)
+    }
 }
 
 /// The version for a device, by its manifest.
@@ -233,11 +244,23 @@ async fn a_rollout_goes_to_some_devices_and_halts_when_they_fail() {
     assert_eq!(version_for(&serving, "").await, (2, 2));
     refused(promote(&serving, 1, false, "").await, Code::FailedPrecondition, "rollouts/1 is running");
     report(&serving, "bench-1", 3, 0).await.unwrap();
+    // Other devices have no say, and a report must be about the version's own file.
+    for device in ["bench-3", "bench-4", "bench-5"] {
+        report(&serving, device, 2, 3).await.unwrap();
+    }
+    let good = report_of(&serving, "bench-2", 3).await;
+    let other = v1::ReportDeviceRequest { digest: format!("sha256-{}", "0".repeat(64)), ..good.clone() };
+    refused(devices(&serving).report_device(other).await, Code::InvalidArgument, "digest is sha256-000");
+    let future = v1::ReportDeviceRequest { generation: 3, ..good.clone() };
+    refused(devices(&serving).report_device(future).await, Code::InvalidArgument, "generation is 3");
+    let coloured = v1::ReportDeviceRequest { message: "\u{1b}[31m".into(), ..good };
+    refused(devices(&serving).report_device(coloured).await, Code::InvalidArgument, "message has a line break");
     report(&serving, "bench-2", 2, 3).await.unwrap();
     let get = v1::GetRolloutRequest { name: started.name.clone() };
     let halted = rollouts(&serving).get_rollout(get).await.unwrap().into_inner();
     assert_eq!((halted.state(), halted.devices_passed, halted.devices_failed), (v1::rollout::State::Halted, 1, 1));
-    assert!(halted.events[1].message.contains("1 of 2 devices failed, the last one bench-2"), "{halted:?}");
+    assert_eq!(halted.events[1].message, "bench-2 failed: too noisy");
+    assert!(halted.events[2].message.contains("1 of 2 devices failed, the last one bench-2"), "{halted:?}");
     assert_eq!(version_for(&serving, "bench-1").await, (2, 3));
     let widen = v1::WidenRolloutRequest { name: started.name, share_percent: 50.0, ..Default::default() };
     refused(rollouts(&serving).widen_rollout(widen).await, Code::FailedPrecondition, "has ended");
@@ -247,6 +270,16 @@ async fn a_rollout_goes_to_some_devices_and_halts_when_they_fail() {
     let widen = v1::WidenRolloutRequest { name: second.name.clone(), share_percent: 100.0, ..Default::default() };
     rollouts(&serving).widen_rollout(widen).await.unwrap();
     assert_eq!(version_for(&serving, "").await.0, 3);
+    // The gate is checked again at the end.
+    let deprecate = |undo| v1::DeprecateKernelVersionRequest {
+        name: format!("{KERNEL}/versions/3"),
+        reason: "burns the panel".into(),
+        undo,
+    };
+    kernels(&serving).deprecate_kernel_version(deprecate(false)).await.unwrap();
+    let gate = rollouts(&serving).complete_rollout(complete(Some(2))).await;
+    refused(gate, Code::FailedPrecondition, "any more: it is deprecated: burns the panel");
+    kernels(&serving).deprecate_kernel_version(deprecate(true)).await.unwrap();
     refused(rollouts(&serving).complete_rollout(complete(Some(1))).await, Code::Aborted, "has the revision 2 now");
     rollouts(&serving).complete_rollout(complete(Some(2))).await.unwrap();
     let get = v1::GetKernelRequest { name: KERNEL.into() };
@@ -285,19 +318,21 @@ async fn a_device_reports_for_itself_alone() {
         lineage: KernelLineage::default(),
     };
     store.add_kernel_version(&key, content, 1).await.unwrap();
+    let (cause, overridden) = (Cause::default(), Vec::new());
+    store.promote(&key, Promotion { version: 1, expected_active: None, cause, overridden }, 2).await.unwrap();
 
     let body = format!(
-        r#"{{"kernel":"515nm-50mm","version":1,"form":"compact","digest":"{digest}","generation":"7","agent":"a 1"}}"#
+        r#"{{"kernel":"515nm-50mm","version":1,"form":"safetensors","digest":"{digest}","generation":"1","agent":"a 1"}}"#
     );
     let done = post_report(serving, "bench-7", &token, &body).await;
     assert_eq!((done.status, done.text().as_str()), (200, "{}"), "{done:?}");
     let other = post_report(serving, "bench-8", &token, &body).await;
     assert!(other.status == 403 && other.text().contains("stands for the device bench-7"), "{}", other.text());
     for (body, problem) in [
-        (body.replace("compact", "round"), "form is"),
+        (body.replace("safetensors", "round"), "form is"),
         (body.replace("515nm-50mm", "515nm-60mm"), "does not exist"),
         (body.replace("\"version\":1", "\"version\":9"), "versions/9 does not exist"),
-        (body.replace("\"7\"", "\"18446744073709551615\""), "generation is 18446744073709551615"),
+        (body.replace("n\":\"1\"", "n\":\"18446744073709551615\""), "generation is 18446744073709551615"),
         (body.replace("agent", "unknown"), "unknown"),
         ("{".to_owned(), "Failed to parse"),
         (format!("{{\"message\":\"{}\"}}", "x".repeat(20_000)), "length limit"),
@@ -308,7 +343,7 @@ async fn a_device_reports_for_itself_alone() {
     let authorization = format!("authorization: Bearer {admin}");
     let listed = curl(serving, &format!("/v1/{LAB}/devices"), &["--header", &authorization]).await;
     let text = listed.text();
-    assert!(text.contains("\"generation\":\"7\"") && text.contains("devices/bench-7"), "{text}");
+    assert!(text.contains("\"generation\":\"1\"") && text.contains("devices/bench-7"), "{text}");
     assert_eq!(text.matches("displays/lab/devices/").count(), 1, "{text}");
     let own = format!("authorization: Bearer {token}");
     let list = curl(serving, &format!("/v1/{LAB}/devices"), &["--header", &own]).await;

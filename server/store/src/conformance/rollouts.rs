@@ -183,7 +183,11 @@ async fn a_rollout_reaches_its_share_and_its_group_and_then_all() {
 #[tokio::test]
 async fn failing_devices_halt_a_rollout_and_all_go_back() {
     let (store, _folder) = with_versions().await;
-    store.start_rollout(&key(), plan(2, 100.0), Some(1), 20).await.unwrap();
+    store.start_rollout(&key(), plan(2, 1e-9), Some(1), 20).await.unwrap();
+    // Devices that do not get the version have no say.
+    store.report_device(report("elsewhere", 1, Some(2), None)).await.unwrap();
+    assert_eq!(store.rollouts(&key(), None, 9).await.unwrap()[0].devices_failed, 0);
+    store.widen_rollout(&key(), 1, widening(100.0, None), 20).await.unwrap();
     store.report_device(report("elsewhere", 1, None, None)).await.unwrap();
     store.report_device(report("a", 2, None, Some(0.05))).await.unwrap();
     store.report_device(report("b", 1, Some(2), None)).await.unwrap();
@@ -192,21 +196,31 @@ async fn failing_devices_halt_a_rollout_and_all_go_back() {
     // The device tried again, and it works now.
     store.report_device(report("b", 2, None, Some(0.1))).await.unwrap();
     store.report_device(report("c", 2, None, Some(0.2))).await.unwrap();
-    assert_eq!(seen(&store, Some("d")).await, (2, 2));
+    assert_eq!(seen(&store, Some("d")).await, (2, 3));
     store.report_device(report("d", 1, Some(2), None)).await.unwrap();
-    assert_eq!(seen(&store, Some("d")).await, (1, 3));
+    assert_eq!(seen(&store, Some("d")).await, (1, 4));
     let (rollout, events) = store.rollout(&key(), 1).await.unwrap();
     assert_eq!((rollout.state, rollout.devices_passed, rollout.devices_failed), (RolloutState::Halted, 2, 2));
     let last = events.last().unwrap();
     assert!(last.message.starts_with("halted: 2 of 4 devices failed, the last one d;"), "{}", last.message);
-    assert_eq!((last.caller.as_str(), last.generation), ("", 3));
+    assert_eq!((last.caller.as_str(), last.generation), ("", 4));
+    let told: Vec<_> = events.iter().filter(|event| event.message.contains(" failed: ")).collect();
+    assert_eq!(told.len(), 3, "{events:?}");
+    assert_eq!(told[0].message, "b failed: self-test");
+    assert_eq!(told[1].message, "c failed: its self-test measured a loss of 0.2");
     assert_eq!(store.kernel(&key()).await.unwrap().active_version, Some(1));
     assert!(store.halt_rollout(&key(), 1, &cause("late"), 50).await.is_err());
 
     store.start_rollout(&key(), plan(3, 100.0), Some(1), 51).await.unwrap();
     let halted = store.halt_rollout(&key(), 2, &cause("noise"), 52).await.unwrap();
     assert_eq!(halted.state, RolloutState::Halted);
-    assert_eq!(seen(&store, None).await, (1, 5));
+    assert_eq!(seen(&store, None).await, (1, 6));
+    store.start_rollout(&key(), plan(3, 100.0), Some(1), 53).await.unwrap();
+    store.halt_all_rollouts("restored", 54).await.unwrap();
+    store.halt_all_rollouts("restored", 55).await.unwrap();
+    let (rollout, events) = store.rollout(&key(), 3).await.unwrap();
+    assert_eq!((rollout.state, events.last().unwrap().message.as_str()), (RolloutState::Halted, "restored"));
+    assert_eq!(seen(&store, None).await, (1, 8));
 }
 
 #[tokio::test]

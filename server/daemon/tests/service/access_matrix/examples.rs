@@ -268,11 +268,13 @@ fn devices() -> Vec<Example> {
     let list = json!({ "display": "$display", "page_size": 1, "page_token": "" });
     let report = json!({
         "name": "$device", "kernel": "515nm-4mm", "version": "$number", "form": "compact", "digest": DIGEST,
-        "generation": "1", "tried_version": "$number", "message": "why", "agent": "agent 1"
+        "generation": "1", "message": "why", "agent": "agent 1"
     });
+    let trial = json!({ "name": "$device", "kernel": "515nm-4mm", "tried_version": "$number", "message": "why" });
     let group = json!({ "name": "$device", "group": "second" });
     vec![
-        Example::new::<v1::ReportDeviceRequest>("DeviceService/ReportDevice", report),
+        Example::new::<v1::ReportDeviceRequest>("DeviceService/ReportDevice", report).refused(Code::InvalidArgument),
+        Example::new::<v1::ReportDeviceRequest>("DeviceService/ReportDevice", trial),
         Example::new::<v1::ListDevicesRequest>("DeviceService/ListDevices", list),
         Example::new::<v1::SetDeviceGroupRequest>("DeviceService/SetDeviceGroup", group),
         Example::new::<v1::DeleteDeviceRequest>("DeviceService/DeleteDevice", json!({ "name": "$device" })),
