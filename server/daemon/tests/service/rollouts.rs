@@ -264,28 +264,32 @@ async fn a_rollout_goes_to_some_devices_and_halts_when_they_fail() {
     assert_eq!(version_for(&serving, "bench-1").await, (2, 3));
     let widen = v1::WidenRolloutRequest { name: started.name, share_percent: 50.0, ..Default::default() };
     refused(rollouts(&serving).widen_rollout(widen).await, Code::FailedPrecondition, "has ended");
+    a_rollout_ends_through_the_gate(&serving, start).await;
+    serving.stop().await.unwrap();
+}
 
-    let second = rollouts(&serving).start_rollout(start).await.unwrap().into_inner();
+/// Widens a rollout to all devices, and completes it.
+async fn a_rollout_ends_through_the_gate(serving: &Serving, start: v1::StartRolloutRequest) {
+    let second = rollouts(serving).start_rollout(start).await.unwrap().into_inner();
     let complete = |expected_revision| v1::CompleteRolloutRequest { name: second.name.clone(), expected_revision };
     let widen = v1::WidenRolloutRequest { name: second.name.clone(), share_percent: 100.0, ..Default::default() };
-    rollouts(&serving).widen_rollout(widen).await.unwrap();
-    assert_eq!(version_for(&serving, "").await.0, 3);
+    rollouts(serving).widen_rollout(widen).await.unwrap();
+    assert_eq!(version_for(serving, "").await.0, 3);
     // The gate is checked again at the end.
     let deprecate = |undo| v1::DeprecateKernelVersionRequest {
         name: format!("{KERNEL}/versions/3"),
         reason: "burns the panel".into(),
         undo,
     };
-    kernels(&serving).deprecate_kernel_version(deprecate(false)).await.unwrap();
-    let gate = rollouts(&serving).complete_rollout(complete(Some(2))).await;
+    kernels(serving).deprecate_kernel_version(deprecate(false)).await.unwrap();
+    let gate = rollouts(serving).complete_rollout(complete(Some(2))).await;
     refused(gate, Code::FailedPrecondition, "any more: it is deprecated: burns the panel");
-    kernels(&serving).deprecate_kernel_version(deprecate(true)).await.unwrap();
-    refused(rollouts(&serving).complete_rollout(complete(Some(1))).await, Code::Aborted, "has the revision 2 now");
-    rollouts(&serving).complete_rollout(complete(Some(2))).await.unwrap();
+    kernels(serving).deprecate_kernel_version(deprecate(true)).await.unwrap();
+    refused(rollouts(serving).complete_rollout(complete(Some(1))).await, Code::Aborted, "has the revision 2 now");
+    rollouts(serving).complete_rollout(complete(Some(2))).await.unwrap();
     let get = v1::GetKernelRequest { name: KERNEL.into() };
-    let kernel = kernels(&serving).get_kernel(get).await.unwrap().into_inner();
+    let kernel = kernels(serving).get_kernel(get).await.unwrap().into_inner();
     assert_eq!((kernel.active_version, kernel.rollout.as_str()), (3, ""));
-    serving.stop().await.unwrap();
 }
 
 async fn post_report(serving: &Serving, device: &str, token: &str, body: &str) -> Answer {
