@@ -37,6 +37,23 @@ pub(crate) struct Limit {
     pub(crate) limit: u32,
 }
 
+/// How a version shall pass the promotion gate.
+#[derive(Debug, Args)]
+pub(crate) struct Passage {
+    /// Record this reason in the history, at most 1024 bytes [default: none]
+    #[arg(long, value_name = "TEXT", default_value = "", hide_default_value = true)]
+    pub(crate) reason: String,
+
+    /// Go on even if the version fails the gate; needs --reason, and the history keeps what failed
+    #[arg(long, requires = "reason")]
+    pub(crate) force: bool,
+
+    /// Go on only if this version is active now; 0 means no active version [default: the version that is active when
+    /// the gate is checked]
+    #[arg(long, value_name = "N")]
+    pub(crate) expected_active: Option<u32>,
+}
+
 /// Parser of propagation methods.
 pub(crate) fn propagation() -> WordParser<v1::PropagationMethod> {
     WordParser::new()

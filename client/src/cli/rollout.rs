@@ -1,6 +1,6 @@
 //! The commands `lightpath rollout …`.
 
-use super::arguments::Limit;
+use super::arguments::{Limit, Passage};
 use super::failure::Failure;
 use super::kernel_choice::KernelChoice;
 use super::session::{Session, more_hint, pages};
@@ -65,18 +65,8 @@ pub(crate) struct Start {
     #[arg(long, value_name = "LOSS")]
     self_test_loss_max: Option<f64>,
 
-    /// Record this reason in the history, at most 1024 bytes [default: none]
-    #[arg(long, value_name = "TEXT", default_value = "", hide_default_value = true)]
-    reason: String,
-
-    /// Start even if the version fails the gate; needs --reason, and the history keeps what failed
-    #[arg(long, requires = "reason")]
-    force: bool,
-
-    /// Start only if this version is active now; 0 means no active version [default: the version that is active when
-    /// the gate is checked]
-    #[arg(long, value_name = "N")]
-    expected_active: Option<u32>,
+    #[command(flatten)]
+    passage: Passage,
 }
 
 /// A rollout: by default the running one of a kernel.
@@ -166,6 +156,7 @@ impl RolloutCommand {
 impl Start {
     /// Starts the rollout and returns its name.
     async fn run(self, session: &Session) -> Result<String, Failure> {
+        let Passage { reason, force, expected_active } = self.passage;
         let request = v1::StartRolloutRequest {
             kernel: self.kernel.name(session).await?,
             version: self.version,
@@ -174,9 +165,9 @@ impl Start {
             failed_percent_max: Some(self.failed_max),
             devices_min: self.devices_min,
             self_test_loss_max: self.self_test_loss_max,
-            reason: self.reason,
-            expected_active_version: self.expected_active,
-            force: self.force,
+            reason,
+            expected_active_version: expected_active,
+            force,
         };
         Ok(session.client.start_rollout(request).await?.name)
     }

@@ -1,6 +1,7 @@
 //! Checks of requests, field by field. Every refusal names the path of the field and the allowed values.
 
 use crate::error::ApiError;
+use lightpath_domain::kernel_format::KernelFormat;
 use lightpath_domain::units::{Distance, Wavelength};
 use std::fmt::{self, Display};
 use std::ops::RangeInclusive;
@@ -86,6 +87,14 @@ impl Field {
             return Err(self.invalid("has a line break or another control character; write one line"));
         }
         self.text(value, bytes_max)
+    }
+
+    /// Checks the name of a kernel's form.
+    pub(crate) fn form(&self, name: &str) -> Result<KernelFormat, ApiError> {
+        KernelFormat::parse(name).ok_or_else(|| {
+            let forms: Vec<&str> = KernelFormat::ALL.iter().map(|form| form.as_str()).collect();
+            self.invalid(format!("is {:?}, but must be one of {}", shortened(name), forms.join(", ")))
+        })
     }
 
     /// Checks a distance \[m\].

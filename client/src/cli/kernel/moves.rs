@@ -1,7 +1,7 @@
 //! The commands `lightpath kernel promote`, `rollback` and `history`.
 
 use super::show::kernel_facts;
-use crate::cli::arguments::Limit;
+use crate::cli::arguments::{Limit, Passage};
 use crate::cli::failure::Failure;
 use crate::cli::kernel_choice::KernelChoice;
 use crate::cli::session::{Session, more_hint, pages};
@@ -27,18 +27,8 @@ pub(crate) struct Promote {
     #[arg(long, value_name = "N")]
     version: u32,
 
-    /// Record this reason in the history, at most 1024 bytes [default: none]
-    #[arg(long, value_name = "TEXT", default_value = "", hide_default_value = true)]
-    reason: String,
-
-    /// Promote the version even if it fails the gate; needs --reason, and the history keeps what failed
-    #[arg(long, requires = "reason")]
-    force: bool,
-
-    /// Promote only if this version is active now; 0 means no active version [default: the version that is active when
-    /// the gate is checked]
-    #[arg(long, value_name = "N")]
-    expected_active: Option<u32>,
+    #[command(flatten)]
+    passage: Passage,
 }
 
 /// Make the version active again that was active before the last change.
@@ -68,12 +58,13 @@ pub(crate) struct History {
 
 impl Promote {
     pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
+        let Passage { reason, force, expected_active } = self.passage;
         let request = v1::PromoteKernelRequest {
             kernel: self.kernel.name(session).await?,
             version: self.version,
-            reason: self.reason,
-            expected_active_version: self.expected_active,
-            force: self.force,
+            reason,
+            expected_active_version: expected_active,
+            force,
         };
         session.print(&session.client.promote_kernel(request).await?, kernel_facts)
     }

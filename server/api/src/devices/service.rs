@@ -4,7 +4,7 @@ use super::to_wire;
 use crate::api::Api;
 use crate::call::Call;
 use crate::error::ApiError;
-use crate::field::{Field, shortened};
+use crate::field::Field;
 use crate::names;
 use crate::pages::Page;
 use crate::permissions;
@@ -143,9 +143,6 @@ fn installed_file(version: u32, form: &str, digest: &str) -> Result<Option<Insta
     if version == 0 {
         return Ok(None);
     }
-    let form = KernelFormat::parse(form).ok_or_else(|| {
-        let forms: Vec<&str> = KernelFormat::ALL.iter().map(|form| form.as_str()).collect();
-        Field::new("form").invalid(format!("is {:?}, but must be one of {}", shortened(form), forms.join(", ")))
-    })?;
+    let form = Field::new("form").form(form)?;
     Ok(Some(InstalledFile { version, form, digest: Field::new("digest").digest(digest)? }))
 }

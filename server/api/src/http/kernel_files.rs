@@ -10,7 +10,7 @@ use crate::accounts::{OpenStream, StreamKind};
 use crate::api::Api;
 use crate::call::Call;
 use crate::error::ApiError;
-use crate::field::{Field, shortened};
+use crate::field::Field;
 use crate::kernels::conversions::Converted;
 use crate::manifests::Issued;
 use crate::names;
@@ -323,11 +323,7 @@ fn has(headers: &HeaderMap, etag: &str) -> bool {
 }
 
 fn parsed_form(name: &str) -> Result<KernelFormat, Refusal> {
-    KernelFormat::parse(name).ok_or_else(|| {
-        let forms: Vec<&str> = KernelFormat::ALL.iter().map(|form| form.as_str()).collect();
-        let message = format!("form is {:?}, but must be one of {}", shortened(name), forms.join(", "));
-        Status::invalid_argument(message).into()
-    })
+    Ok(Field::new("form").form(name)?)
 }
 
 /// The parameters of a request, or a refusal that names what is wrong.

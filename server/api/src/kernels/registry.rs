@@ -5,11 +5,10 @@ use super::to_wire;
 use crate::api::Api;
 use crate::call::Call;
 use crate::error::ApiError;
-use crate::field::{Field, shortened};
+use crate::field::Field;
 use crate::names;
 use crate::time::now_ms;
 use lightpath_domain::kernel::{ACTIVE, KernelKey};
-use lightpath_domain::kernel_format::KernelFormat;
 use lightpath_domain::promotion::PromotionGate;
 use lightpath_proto::v1;
 use lightpath_store::AliasMove;
@@ -108,13 +107,7 @@ impl Api {
 fn gate_from_wire(field: &Field, gate: v1::PromotionGate) -> Result<PromotionGate, ApiError> {
     let percent = gate.better_than_active_percent;
     let percent = percent.map(|percent| field.at("better_than_active_percent").number(percent, 0.0..=100.0));
-    let forms = gate.forms.iter().map(|name| {
-        KernelFormat::parse(name).ok_or_else(|| {
-            let known: Vec<&str> = KernelFormat::ALL.iter().map(|form| form.as_str()).collect();
-            let problem = format!("has {:?}, but must have some of {}", shortened(name), known.join(", "));
-            field.at("forms").invalid(problem)
-        })
-    });
+    let forms = gate.forms.iter().map(|name| field.at("forms").form(name));
     Ok(PromotionGate {
         better_than_active_percent: percent.transpose()?,
         worse_than_ideal_allowed: gate.worse_than_ideal_allowed,

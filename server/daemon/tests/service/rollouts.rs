@@ -126,7 +126,7 @@ async fn a_version_passes_the_gate_or_is_forced_and_the_history_says_what_failed
     kernels(&serving).deprecate_kernel_version(deprecate(true)).await.unwrap();
     promote(&serving, 4, false, "").await.unwrap();
     for (gate, problem) in [
-        (v1::PromotionGate { forms: vec!["round".into()], ..Default::default() }, "gate.forms has \"round\""),
+        (v1::PromotionGate { forms: vec!["round".into()], ..Default::default() }, "gate.forms is \"round\""),
         (
             v1::PromotionGate { better_than_active_percent: Some(f64::NAN), ..Default::default() },
             "gate.better_than_active_percent is NaN",
