@@ -5,6 +5,7 @@ use base64::engine::general_purpose::STANDARD;
 use ring::signature::{ED25519, Ed25519KeyPair, KeyPair as _, UnparsedPublicKey};
 use sha2::{Digest as _, Sha256};
 use std::fmt::{self, Write as _};
+use std::str::FromStr;
 
 /// Bytes before the seed in PKCS#8, version 1, of an Ed25519 key (RFC 8410, section 7).
 const PKCS8_HEAD: [u8; 16] =
@@ -58,6 +59,15 @@ impl PublicKey {
     #[must_use]
     pub fn verifies(&self, signed: &[u8], signature: &Signature) -> bool {
         UnparsedPublicKey::new(&ED25519, self.0).verify(signed, &signature.0).is_ok()
+    }
+}
+
+impl FromStr for PublicKey {
+    type Err = &'static str;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        Self::parse(text)
+            .ok_or("a public key has 64 hexadecimal digits in lower case, as `lightpathd key list` prints it")
     }
 }
 

@@ -144,7 +144,11 @@ impl DisplayModel {
                 "a display with all orders has a transfer function for each sub-sample, not a single one of bins";
             return Err(Error::Incompatible { name: "kernel", reason });
         }
-        bins.map(|h| h.re + h.im).expect_finite("kernel")
+        bins.map(|h| h.re + h.im).expect_finite("kernel")?;
+        if bins.values().iter().all(|h| *h == Complex32::ZERO) {
+            return Err(Error::Incompatible { name: "kernel", reason: "it is zero everywhere, so no light passes" });
+        }
+        Ok(())
     }
 
     /// Errors of a smooth kernel with its ghost; `None` for other kernels.

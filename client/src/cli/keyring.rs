@@ -4,7 +4,7 @@ use super::failure::Failure;
 use super::session::Session;
 use clap::{Args, Subcommand};
 use lightpath::v1;
-use lightpath_manifest::{PublicKey, SignedKeyring, SigningKey, Time};
+use lightpath_manifest::{SignedKeyring, SigningKey, Time};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -69,11 +69,6 @@ fn signed(text: &str, key: &SigningKey) -> Result<String, String> {
     let all = format!("{body}{signatures}signature {} {}\n", key.public(), key.sign(body.as_bytes()));
     SignedKeyring::parse(all.as_bytes()).map_err(|error| format!("the file is no keyring: {error}"))?;
     Ok(all)
-}
-
-/// Parses a public key.
-pub(super) fn public_key(text: &str) -> Result<PublicKey, &'static str> {
-    PublicKey::parse(text).ok_or("a public key has 64 hexadecimal digits in lower case")
 }
 
 /// The present time.

@@ -185,7 +185,7 @@ impl Choice {
         // The running rollout of a kernel is its newest one.
         let request = v1::ListRolloutsRequest { kernel: kernel.clone(), page_size: 1, ..Default::default() };
         let newest = session.client.list_rollouts(request).await?.rollouts.pop();
-        let rollout = newest.ok_or_else(|| Failure::Usage(format!("{kernel} has no rollouts")))?;
+        let rollout = newest.ok_or_else(|| Failure::Refused(format!("{kernel} has no rollouts")))?;
         Ok((rollout.name, rollout.revision))
     }
 }

@@ -91,5 +91,7 @@ reasons! {
         RolloutEnded = "ROLLOUT_ENDED",
         /// A rollout of the kernel is running.
         RolloutRunning = "ROLLOUT_RUNNING",
+        /// The version is deprecated.
+        VersionDeprecated = "VERSION_DEPRECATED",
     }
 }

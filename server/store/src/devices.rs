@@ -41,11 +41,7 @@ impl Store {
             .bind(page(limit))
             .fetch_all(&mut *read)
             .await?;
-        let mut devices = Vec::with_capacity(rows.len());
-        for row in &rows {
-            devices.push(device_of(&mut read, row).await?);
-        }
-        Ok(devices)
+        with_kernels(&mut read, display, &rows).await
     }
 
     /// Puts a device into a group (empty: none), and creates the device if it is unknown.
@@ -76,13 +72,14 @@ impl Store {
                     .bind(&device)
                     .fetch_one(write.sql())
                     .await?;
-                device_of(write.sql(), &row).await
+                let devices = with_kernels(write.sql(), &display, &[row]).await?;
+                devices.into_iter().next().ok_or_else(|| not_found(&display, &device))
             })
         })
         .await
     }
 
-    /// Forgets a device and its reports.
+    /// Forgets a device and its reports, also those that count in rollouts that run.
     ///
     /// # Errors
     ///
@@ -93,10 +90,10 @@ impl Store {
             Box::pin(async move {
                 let delete = "delete from device where display = ? and id = ?";
                 let deleted = sqlx::query(delete).bind(&display).bind(&device).execute(write.sql()).await?;
-                match deleted.rows_affected() {
-                    0 => Err(StoreError::not_found(format!("displays/{display}/devices/{device}"))),
-                    _ => Ok(()),
+                if deleted.rows_affected() == 0 {
+                    return Err(not_found(&display, &device));
                 }
+                rollouts::forget_reports(write, &display, &device).await
             })
         })
         .await
@@ -179,20 +176,45 @@ async fn create(sql: &mut SqliteConnection, display: &str, device: &str) -> Resu
     Ok(())
 }
 
-async fn device_of(sql: &mut SqliteConnection, row: &SqliteRow) -> Result<Device, StoreError> {
-    let (display, id): (String, String) = (row.try_get("display")?, row.try_get("id")?);
+fn not_found(display: &str, device: &str) -> StoreError {
+    StoreError::not_found(format!("displays/{display}/devices/{device}"))
+}
+
+/// The devices of rows that are in the order of their ids, with their kernels.
+async fn with_kernels(
+    sql: &mut SqliteConnection,
+    display: &str,
+    rows: &[SqliteRow],
+) -> Result<Vec<Device>, StoreError> {
+    let mut devices = rows.iter().map(|row| device_of(display, row)).collect::<Result<Vec<_>, _>>()?;
+    let (Some(first), Some(last)) = (devices.first(), devices.last()) else { return Ok(devices) };
     let kernels = sqlx::query(
         "select d.*, k.wavelength_pm, k.distance_nm from device_kernel d join kernel k on k.id = d.kernel \
-         where d.display = ? and d.device = ? order by k.name",
+         where d.display = ? and d.device between ? and ? order by d.device, k.name",
     )
-    .bind(&display)
-    .bind(&id)
+    .bind(display)
+    .bind(&first.id)
+    .bind(&last.id)
     .fetch_all(sql)
     .await?;
+    let mut kernels = kernels.iter().peekable();
+    for device in &mut devices {
+        while let Some(row) = kernels.peek() {
+            if row.try_get::<&str, _>("device")? != device.id {
+                break;
+            }
+            device.kernels.push(installed_of(display, row)?);
+            kernels.next();
+        }
+    }
+    Ok(devices)
+}
+
+fn device_of(display: &str, row: &SqliteRow) -> Result<Device, StoreError> {
     Ok(Device {
-        kernels: kernels.iter().map(|row| installed_of(&display, row)).collect::<Result<_, _>>()?,
-        display,
-        id,
+        display: display.to_owned(),
+        id: row.try_get("id")?,
+        kernels: Vec::new(),
         group: row.try_get("group_name")?,
         agent: row.try_get("agent")?,
         report_time_ms: row.try_get("report_time_ms")?,

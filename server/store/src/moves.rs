@@ -1,7 +1,7 @@
 //! Changes of the versions that `active` and other aliases name, and their history.
 
 use super::changes::Change;
-use super::kernels::find;
+use super::kernels::{find, find_version};
 use super::rows::{from_json, to_json};
 use super::write::Write;
 use super::{AbortReason, Store, StoreError, page};
@@ -85,7 +85,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`]; [`StoreError::Aborted`] if a version other than `expected` is active;
-    /// [`StoreError::Precondition`] if there is no promotion to undo.
+    /// [`StoreError::Precondition`] if there is no promotion to undo, or the version before is deprecated.
     pub async fn rollback(
         &self,
         key: &KernelKey,
@@ -259,6 +259,14 @@ async fn rollback(
         let message = format!("{key} has no earlier active version to go back to");
         return Err(StoreError::precondition(PreconditionReason::NoEarlierVersion, message));
     };
+    if let Some(deprecation) = find_version(write.sql(), key, to).await?.deprecation {
+        let message = format!(
+            "{key} would go back to version {to}, which is deprecated: {}; promote another version, or this one with force \
+             and a reason",
+            deprecation.cause.reason
+        );
+        return Err(StoreError::precondition(PreconditionReason::VersionDeprecated, message));
+    }
     let (from, to) = (kernel.active_version, Some(to));
     let step = Move { alias: ACTIVE, from, to, cause, overridden: &[], undoes: Some(undone) };
     let generation = raise_generation(write, key, now_ms).await?;

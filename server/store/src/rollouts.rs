@@ -355,6 +355,19 @@ pub(super) async fn note_report(
     Ok(())
 }
 
+/// Takes back what a device reported in rollouts that run. An ended rollout keeps its history.
+pub(super) async fn forget_reports(write: &mut Write, display: &str, device: &str) -> Result<(), StoreError> {
+    sqlx::query(
+        "delete from rollout_report where device = ?2 and (kernel, number) in (select r.kernel, r.number \
+         from rollout r join kernel k on k.id = r.kernel where k.display = ?1 and r.state = 'running')",
+    )
+    .bind(display)
+    .bind(device)
+    .execute(write.sql())
+    .await?;
+    Ok(())
+}
+
 /// Whether a device gets the version of a rollout.
 async fn is_member(
     sql: &mut SqliteConnection,

@@ -2,7 +2,7 @@
 
 use crate::cli::failure::Failure;
 use crate::cli::kernel_choice::KernelChoice;
-use crate::cli::keyring::{now, public_key};
+use crate::cli::keyring::now;
 use crate::cli::session::Session;
 use crate::cli::words::WordParser;
 use clap::Args;
@@ -35,7 +35,7 @@ pub(crate) struct Manifest {
     device: String,
 
     /// Check the signatures with this root key, 64 hexadecimal digits, as lightpathd key list prints it
-    #[arg(long, value_name = "PUBLIC", value_parser = public_key)]
+    #[arg(long, value_name = "PUBLIC")]
     root: Option<PublicKey>,
 }
 

@@ -30,7 +30,8 @@ impl Api {
         let models = [self.model_of(call, &first).await?, self.model_of(call, &second).await?];
         let (display, _) = self.store.display(&first_key.display).await?;
         let need_bytes = exporting_bytes(first.content.size_bytes + second.content.size_bytes, &display, &first_key);
-        let compare = move || comparison([&models[0], &models[1]]);
+        let names = [&first, &second].map(|version| format!("version {}", version.version));
+        let compare = move || comparison([&models[0], &models[1]], [&names[0], &names[1]]);
         let found = self.accounts.compute(call, need_bytes, compare).await?;
         let Comparison { transfer, source, parameters, picture_png } =
             found.map_err(|error| ApiError::Precondition {

@@ -66,7 +66,7 @@ pub struct Revoke {
 #[derive(Debug, clap::Args)]
 pub struct Draft {
     /// Public key of a new root key, 64 hexadecimal digits, which replaces the present one
-    #[arg(long, value_name = "PUBLIC", value_parser = public_key)]
+    #[arg(long, value_name = "PUBLIC")]
     new_root: Option<PublicKey>,
     /// List a new key for manifests
     #[arg(long, conflicts_with = "revoke")]
@@ -74,6 +74,9 @@ pub struct Draft {
     /// Revoke the key with this id, and list a new one
     #[arg(long, value_name = "ID")]
     revoke: Option<String>,
+    /// Number of the keyring. After a restore it must be above all that devices have seen [default: the next one]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    version: Option<u32>,
     #[command(flatten)]
     folder: DataDir,
 }
@@ -127,14 +130,14 @@ impl List {
 impl Draft {
     fn run(self) -> anyhow::Result<bool> {
         let now_ms = Clock::default().now_ms();
-        let Self { new_root, rotate, revoke, folder } = self;
+        let Self { new_root, rotate, revoke, version, folder } = self;
         let text = with_store(&folder, async move |store| {
             let change = match (rotate, revoke) {
                 (true, _) => KeyChange::Rotate,
                 (false, Some(id)) => KeyChange::Revoke(find(&keys::state(store).await?, &id, "manifest")?),
                 (false, None) => KeyChange::Renew,
             };
-            keys::draft(store, change, new_root, now_ms).await
+            keys::draft(store, change, new_root, version, now_ms).await
         })?;
         write!(std::io::stdout().lock(), "{text}")?;
         Ok(true)
@@ -201,8 +204,4 @@ fn table(state: &KeyState) -> String {
     let lines: Vec<String> = state.keys.iter().map(line).collect();
     let head = format!("{:<18}{:<10}{:<11}{:<66}{}", "ID", "USE", "PRIVATE", "PUBLIC KEY", "COUNTS");
     format!("keyring {}, until {}\n\n{head}\n{}", state.keyring, state.keyring_expires, lines.join("\n"))
-}
-
-fn public_key(text: &str) -> Result<PublicKey, &'static str> {
-    PublicKey::parse(text).ok_or("a public key has 64 hexadecimal digits in lower case")
 }

@@ -50,6 +50,14 @@ pub enum KeysError {
         /// Id that was given.
         id: String,
     },
+    /// Devices have a newer keyring.
+    #[error("the number {version} is too low: the next keyring has at least {least}")]
+    OldVersion {
+        /// Number that was given.
+        version: u32,
+        /// Least number of the next keyring.
+        least: u32,
+    },
     /// The keyring that was given is not acceptable to devices.
     #[error("devices would refuse this keyring: {0}")]
     Refused(#[from] Distrust),
@@ -217,8 +225,8 @@ async fn drafted(
     Ok((keyring, new))
 }
 
-/// The text of the next keyring, signed with the root keys of this server, if it has any. A new manifest key in it is
-/// kept here.
+/// The text of the next keyring, signed with the root keys of this server, if it has any. It has the given number, or
+/// the next one. A new manifest key in it is kept here.
 ///
 /// # Errors
 ///
@@ -227,9 +235,15 @@ pub(super) async fn draft(
     store: &Store,
     change: KeyChange,
     new_root: Option<PublicKey>,
+    version: Option<u32>,
     now_ms: i64,
 ) -> Result<String, KeysError> {
-    let (keyring, new) = drafted(store, change, new_root, now_ms).await?;
+    let (mut keyring, new) = drafted(store, change, new_root, now_ms).await?;
+    let least = keyring.version;
+    keyring.version = version.unwrap_or(least);
+    if keyring.version < least {
+        return Err(KeysError::OldVersion { version: keyring.version, least });
+    }
     // Private keys that no keyring lists sign nothing.
     store.add_private_keys(new.iter().map(private).collect(), now_ms).await?;
     let roots = private_roots(store, &keyring).await?;
@@ -268,7 +282,12 @@ pub(super) async fn raise_after_restore(store: &Store, now_ms: i64) -> Result<()
     keyring.version = keyring.version.max(u32::try_from(now_s).unwrap_or(u32::MAX));
     match sign_and_add(store, &keyring, &[], Vec::new(), now_ms).await {
         Err(KeysError::RootElsewhere { .. }) => {
-            tracing::warn!("devices may refuse the restored keyring: sign one with a higher version, and install it");
+            let version = keyring.version;
+            tracing::warn!(
+                version,
+                "devices may have a newer keyring than the restored one: make one with `lightpathd key draft --version`, \
+                 sign it where the root key is, and install it"
+            );
             Ok(())
         }
         added => added,

@@ -417,7 +417,7 @@ async fn keys_are_renewed_before_they_end_and_the_root_key_can_live_elsewhere() 
     // The root key moves to another place.
     let now_ms = NOW_MS + 211 * DAY_MS;
     let elsewhere = SigningKey::from_seed([5; 32]);
-    let draft = keys::draft(store, KeyChange::Renew, Some(elsewhere.public()), now_ms).await.unwrap();
+    let draft = keys::draft(store, KeyChange::Renew, Some(elsewhere.public()), None, now_ms).await.unwrap();
     assert_eq!(install(store, &draft, now_ms).await.unwrap(), 4);
     let old = rotated.keys.iter().find(|key| key.use_ == "root").unwrap();
     assert!(store.forget_private_key(&old.public).await.unwrap());
@@ -426,7 +426,7 @@ async fn keys_are_renewed_before_they_end_and_the_root_key_can_live_elsewhere() 
     // The server only warns.
     tend(store, now_ms + 80 * DAY_MS).await.unwrap();
     assert_eq!(state(store).await.unwrap().keyring, 4);
-    let next = keys::draft(store, KeyChange::Renew, None, now_ms).await.unwrap();
+    let next = keys::draft(store, KeyChange::Renew, None, None, now_ms).await.unwrap();
     let unsigned = install(store, &next, now_ms).await.unwrap_err();
     assert!(matches!(unsigned, KeysError::Refused(_)), "{unsigned}");
     let signature = elsewhere.sign(next.as_bytes());
@@ -438,9 +438,11 @@ async fn keys_are_renewed_before_they_end_and_the_root_key_can_live_elsewhere() 
     // A key is revoked, with its successor, by the root key elsewhere.
     let signer = state(store).await.unwrap().keys.into_iter().find(|key| key.use_ == "manifest").unwrap();
     let revoked = KeyChange::Revoke(PublicKey::parse(&signer.public).unwrap());
-    let next = keys::draft(store, revoked, None, now_ms).await.unwrap();
+    let low = keys::draft(store, revoked, None, Some(5), now_ms).await.unwrap_err();
+    assert_eq!(low.to_string(), "the number 5 is too low: the next keyring has at least 6");
+    let next = keys::draft(store, revoked, None, Some(70), now_ms).await.unwrap();
     let signed = format!("{next}signature {} {}\n", elsewhere.public(), elsewhere.sign(next.as_bytes()));
-    assert_eq!(install(store, &signed, now_ms).await.unwrap(), 6);
+    assert_eq!(install(store, &signed, now_ms).await.unwrap(), 70);
     let keys = state(store).await.unwrap().keys;
     let is_here = |use_: &str| keys.iter().filter(|key| key.use_ == use_).map(|key| key.is_here).collect::<Vec<_>>();
     assert_eq!((is_here("revoked"), is_here("manifest").last()), (vec![false], Some(&true)));

@@ -14,10 +14,14 @@ pub enum ColourMap {
 }
 
 impl ColourMap {
-    /// The colour (sRGB) at `t`, from 0 to 1. Values outside take the colour of the nearest end.
+    /// The colour (sRGB) at `t`, from 0 to 1. Values outside take the colour of the nearest end; NaN, where there is no
+    /// value, is grey.
     #[must_use]
     pub fn colour(self, t: f32) -> [u8; 3] {
-        let t = if t.is_nan() { 0.0 } else { t.clamp(0.0, 1.0) };
+        if t.is_nan() {
+            return [0x80; 3];
+        }
+        let t = t.clamp(0.0, 1.0);
         let (lightness, chroma, hue) = match self {
             Self::Sequential => {
                 let hue = 5.25 - 3.45 * t.powf(0.9);

@@ -198,7 +198,7 @@ mod tests {
 
     #[test]
     fn safetensors_that_start_like_a_pickle_are_read() {
-        let numbers = vec![0; 4 * 2 * 64 * 96];
+        let numbers = vec![1; 4 * 2 * 64 * 96];
         // One of 32 header lengths begins with the first byte of a pickle.
         let files = (1..300).map(|letters| {
             let tensor = TensorView::new(Dtype::F32, vec![64, 96, 2], &numbers).unwrap();
@@ -267,5 +267,8 @@ mod tests {
         assert!(error.contains("not a readable kernel"), "{error}");
         let error = import(b"\x80\x02}q\x00.", &model().setup).unwrap_err().to_string();
         assert!(error.contains("before 1.6"), "{error}");
+        let dark = array::npy("<c8", &[32, 48], &[0; 32 * 48 * 8]);
+        let error = import(&dark, &model().setup).unwrap_err().to_string();
+        assert!(error.contains("no light passes"), "{error}");
     }
 }

@@ -23,12 +23,12 @@ pub struct Comparison {
     pub picture_png: Vec<u8>,
 }
 
-/// Compares two models of one display.
+/// Compares two models of one display. The picture calls them by these names.
 ///
 /// # Errors
 ///
 /// [`ReportError`] if the picture cannot be written.
-pub fn comparison(models: [&DisplayModel; 2]) -> Result<Comparison, ReportError> {
+pub fn comparison(models: [&DisplayModel; 2], names: [&str; 2]) -> Result<Comparison, ReportError> {
     let [first, second] = models;
     let nyquist = 0.5 / first.setup.grid().pixel_pitch_m();
     let (h, g) = (ratio(first), ratio(second));
@@ -40,9 +40,9 @@ pub fn comparison(models: [&DisplayModel; 2]) -> Result<Comparison, ReportError>
     let (source, _) = KernelDifference::of((0..SAMPLES * SAMPLES).map(at).map(of_source));
     let between = |fx: f64, fy: f64| {
         let (h, g) = (h(fx, fy), turn * g(fx, fy));
-        if h.norm() > 1e-6 { g / h } else { Complex64::ZERO }
+        if h.norm() > 1e-6 { g / h } else { Complex64::new(f64::NAN, f64::NAN) }
     };
-    let picture_png = sheet(models, between).png().map_err(|error| PictureError::Encode(error.to_string()))?;
+    let picture_png = sheet(models, names, between).png().map_err(|error| PictureError::Encode(error.to_string()))?;
     Ok(Comparison { transfer, source, parameters: parameters(models), picture_png })
 }
 
@@ -53,22 +53,36 @@ fn light(model: &DisplayModel, x: f64, y: f64) -> Complex64 {
     model.source.value(x, y) * model.dust.factor(pixel(y, grid.height_px()), pixel(x, grid.width_px()))
 }
 
-fn sheet(models: [&DisplayModel; 2], between: impl Fn(f64, f64) -> Complex64) -> Canvas {
+fn sheet(models: [&DisplayModel; 2], names: [&str; 2], between: impl Fn(f64, f64) -> Complex64) -> Canvas {
+    let [first, second] = names;
     let nyquist = 0.5 / models[0].setup.grid().pixel_pitch_m();
     let per_mm = nyquist / 1000.0;
     let amplitude = band(nyquist, |fx, fy| between(fx, fy).norm());
     let phase = band(nyquist, |fx, fy| between(fx, fy).arg());
-    let cyclic = (-PI as f32, PI as f32);
-    // Amplitudes of 0 to 2 show gain and loss alike.
+    let title = |of: &str| format!("{of}: {second} / {first}");
+    let gain = deviation(&amplitude);
     let ratios = vec![
-        heat("second / first: amplitude", &amplitude, ColourMap::Sequential, (0.0, 2.0), per_mm, ""),
-        heat("second / first: phase", &phase, ColourMap::Cyclic, cyclic, per_mm, "rad"),
+        heat(&title("H, amplitude"), &amplitude, ColourMap::Diverging, (1.0 - gain, 1.0 + gain), per_mm, ""),
+        heat(&title("H, phase"), &phase, ColourMap::Cyclic, (-PI as f32, PI as f32), per_mm, "rad"),
     ];
     let sources: Vec<Plane<f32>> = models.iter().map(|model| source_amplitude(model)).collect();
+    if models.iter().all(|model| model.source.is_flat() && model.dust.is_none()) {
+        return Canvas::grid(&[ratios]);
+    }
     let top = sources.iter().flat_map(|plane| plane.values()).copied().fold(f32::MIN_POSITIVE, f32::max);
-    let titles = ["first: light on the modulator", "second: light on the modulator"];
-    let lights = titles.iter().zip(&sources).map(|(title, values)| light_picture(models[0], title, values, top));
-    Canvas::grid(&[ratios, lights.collect()])
+    let light = |(name, values): (&str, &Plane<f32>)| {
+        light_picture(models[0], &format!("light on the modulator: {name}"), values, top)
+    };
+    Canvas::grid(&[ratios, names.into_iter().zip(&sources).map(light).collect()])
+}
+
+/// Largest deviation from 1 that nearly all of these ratios have, so that a single one does not pale the others; at least
+/// 0.01, at most 1.
+fn deviation(ratios: &Plane<f32>) -> f32 {
+    let finite = ratios.values().iter().filter(|ratio| ratio.is_finite());
+    let mut deviations: Vec<f32> = finite.map(|ratio| (ratio - 1.0).abs()).collect();
+    deviations.sort_by(f32::total_cmp);
+    deviations.get(deviations.len() * 49 / 50).copied().unwrap_or(0.0).clamp(0.01, 1.0)
 }
 
 fn source_amplitude(model: &DisplayModel) -> Plane<f32> {
@@ -140,9 +154,9 @@ mod tests {
         let mut source = SmoothField::flat(1);
         source.log_amplitude[0] = 0.2;
         let second = DisplayModel { kernel: KernelShape::Smooth(errors), source, ..first.clone() };
-        let same = comparison([&first, &first]).unwrap();
+        let same = comparison([&first, &first], ["version 1", "version 1"]).unwrap();
         assert!(same.transfer.relative < 1e-9 && same.source.relative < 1e-9);
-        let found = comparison([&first, &second]).unwrap();
+        let found = comparison([&first, &second], ["version 1", "version 2"]).unwrap();
         // A tilt of ±0.1 rad has an rms of 0.1/√3, and a slope of ±0.2 of the logarithm changes no phase.
         assert!((found.transfer.phase_rad - 0.1 / 3.0_f64.sqrt()).abs() < 1e-3, "{:?}", found.transfer);
         assert!(found.source.phase_rad < 1e-6 && (found.source.relative - 0.2 / 3.0_f64.sqrt()).abs() < 0.01);

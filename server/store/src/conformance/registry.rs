@@ -221,6 +221,22 @@ async fn versions_are_numbered_and_rollbacks_undo_promotions_in_reverse_order() 
     assert!(store.kernels(None, Some(&key().to_string()), 50).await.unwrap().is_empty());
 }
 
+#[tokio::test]
+async fn no_rollback_goes_to_a_deprecated_version() {
+    let (store, _folder) = store().await;
+    record(&store, 10).await;
+    for n in 1..=2 {
+        store.add_kernel_version(&key(), new_version(n), 1).await.unwrap();
+        store.promote(&key(), promotion(n, (n > 1).then_some(1)), 2).await.unwrap();
+    }
+    store.deprecate_kernel_version(&key(), 1, true, &cause("dirty lens"), 3).await.unwrap();
+    let refused = store.rollback(&key(), Some(2), &cause("worse"), 4).await;
+    assert!(refused.is_err_and(|error| error.to_string().contains("version 1, which is deprecated: dirty lens")));
+    assert_eq!(store.kernel(&key()).await.unwrap().active_version, Some(2));
+    store.deprecate_kernel_version(&key(), 1, false, &cause("cleaned"), 5).await.unwrap();
+    assert_eq!(store.rollback(&key(), Some(2), &cause("worse"), 6).await.unwrap().active_version, Some(1));
+}
+
 /// Two callers see that version 3 is worse. One goes back, and the other one learns that another version is active.
 #[tokio::test]
 async fn only_one_of_two_rollbacks_goes_back() {

@@ -248,3 +248,17 @@ async fn reports_say_who_runs_what() {
     assert!(matches!(store.delete_device("lab", "b").await, Err(StoreError::NotFound { .. })));
     assert_eq!(store.devices("lab", None, 9).await.unwrap().len(), 2);
 }
+
+#[tokio::test]
+async fn a_deleted_device_counts_no_more_in_a_running_rollout() {
+    let (store, _folder) = with_versions().await;
+    store.start_rollout(&key(), RolloutPlan { devices_min: 100, ..plan(2, 100.0) }, Some(1), 30).await.unwrap();
+    for device in ["a", "b"] {
+        store.report_device(report(device, 1, Some(2), None)).await.unwrap();
+    }
+    store.delete_device("lab", "a").await.unwrap();
+    assert_eq!(store.rollout(&key(), 1).await.unwrap().0.devices_failed, 1);
+    store.halt_rollout(&key(), 1, &cause("noise"), 31).await.unwrap();
+    store.delete_device("lab", "b").await.unwrap();
+    assert_eq!(store.rollout(&key(), 1).await.unwrap().0.devices_failed, 1, "an ended rollout keeps its history");
+}
