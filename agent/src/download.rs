@@ -2,6 +2,7 @@
 
 use crate::http::{Http, PIECE_BYTES};
 use crate::problem::{BodyProblem, Problem};
+use crate::regular_file;
 use crate::settings::Pace;
 use lightpath_fail_points as fail;
 use lightpath_manifest::Manifest;
@@ -37,7 +38,7 @@ pub(crate) fn fetch(http: &Http, pace: Pace, manifest: &Manifest, path: &Path) -
 /// SHA-256 of a file, in the form of a manifest.
 pub(crate) fn digest_of_file(path: &Path) -> io::Result<String> {
     let mut hasher = Sha256::new();
-    hash_rest(&mut File::open(path)?, &mut hasher)?;
+    hash_rest(&mut regular_file::open(path)?, &mut hasher)?;
     Ok(digest(hasher))
 }
 

@@ -34,6 +34,7 @@ mod http;
 mod kernel_id;
 mod log;
 mod problem;
+mod regular_file;
 mod report;
 mod schedule;
 mod self_test;

@@ -107,6 +107,14 @@ pub enum Problem {
         /// What the connection says.
         reason: String,
     },
+    /// The device's own test cannot be started.
+    #[error("could not start the self-test {}: {source}; put a program there, or correct --self-test", program.display())]
+    SelfTestStart {
+        /// The program.
+        program: PathBuf,
+        /// What the system says.
+        source: io::Error,
+    },
     /// The device's own test refused the kernel.
     #[error("the self-test refused version {version}: {reason}")]
     SelfTest {
@@ -159,7 +167,8 @@ impl Problem {
         move |source| Self::Disk { action, path: path.to_owned(), source }
     }
 
-    /// Whether the server should hear of this: problems of the network and of access pass no report anyway.
+    /// Whether the server should hear of this: problems of the network and of access pass no report anyway. A request that
+    /// the server refuses for good, such as one for a form that the version lacks, stays a problem until somebody acts.
     pub(crate) fn is_for_report(&self) -> bool {
         match self {
             Self::Disk { .. }
@@ -168,12 +177,13 @@ impl Problem {
             | Self::OlderKeyring { .. }
             | Self::Manifest(_)
             | Self::Body { .. }
+            | Self::SelfTestStart { .. }
             | Self::SelfTest { .. } => true,
+            Self::Refused { status, .. } => (400..500).contains(status) && *status != 429,
             Self::Locked { .. }
             | Self::Setting(_)
             | Self::Unreachable { .. }
             | Self::Token { .. }
-            | Self::Refused { .. }
             | Self::Cut { .. } => false,
         }
     }

@@ -16,12 +16,12 @@
 //! before it, so that a damaged file is not believed.
 
 use crate::problem::Problem;
-use crate::{durable, log};
+use crate::{durable, log, regular_file};
 use lightpath_manifest::Manifest;
 use sha2::{Digest as _, Sha256};
 use std::fmt::Write as _;
+use std::io::{self, Read as _};
 use std::path::{Path, PathBuf};
-use std::{fs, io};
 
 const HEAD: &str = "lightpath-agent state 1";
 /// Limit on the size of the file \[bytes\]: far above what the agent writes.
@@ -165,10 +165,10 @@ impl StateFile {
 
 /// Reads a state without the right to change it; `None` if the file is damaged.
 pub(crate) fn read(path: &Path) -> io::Result<Option<State>> {
-    if fs::metadata(path)?.len() > FILE_BYTES_MAX {
-        return Ok(None);
-    }
-    Ok(String::from_utf8(fs::read(path)?).ok().and_then(|text| State::parse(&text)))
+    let mut bytes = Vec::new();
+    regular_file::open(path)?.take(FILE_BYTES_MAX + 1).read_to_end(&mut bytes)?;
+    let whole = Some(bytes).filter(|bytes| bytes.len() as u64 <= FILE_BYTES_MAX);
+    Ok(whole.and_then(|bytes| String::from_utf8(bytes).ok()).and_then(|text| State::parse(&text)))
 }
 
 fn check_of(text: &str) -> String {

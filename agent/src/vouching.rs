@@ -1,11 +1,10 @@
 //! Which keyrings and manifests the agent accepts.
 
 use crate::problem::Problem;
-use crate::{Settings, durable, log};
+use crate::{Settings, durable, log, regular_file};
 use lightpath_manifest::{
     DOCUMENT_BYTES_MAX, Distrust, Keyring, Manifest, PublicKey, SignedKeyring, SignedManifest, Time, Trust, Wanted,
 };
-use std::fs::File;
 use std::io::{self, Read as _};
 use std::path::Path;
 
@@ -110,6 +109,6 @@ fn intact(document: &[u8]) -> Option<Keyring> {
 pub(crate) fn read_document(path: &Path) -> io::Result<Vec<u8>> {
     let mut document = Vec::new();
     // One byte more is enough for the check of the size to refuse it.
-    File::open(path)?.take(DOCUMENT_BYTES_MAX as u64 + 1).read_to_end(&mut document)?;
+    regular_file::open(path)?.take(DOCUMENT_BYTES_MAX as u64 + 1).read_to_end(&mut document)?;
     Ok(document)
 }

@@ -46,11 +46,13 @@ impl Agent {
         fail::point("kernel.used").map_err(Problem::disk("use", &self.slots.kernel(slot)))
     }
 
-    /// Runs the device's own test. A version that it refuses is remembered and removed.
+    /// Runs the device's own test. A version that it refuses is remembered and removed. If the test cannot be started,
+    /// the fetched file stays for the next try.
     fn test(&mut self, manifest: &Manifest, kernel: &Path) -> Result<(), Problem> {
         let Some(program) = &self.settings.self_test else { return Ok(()) };
         log::line(format_args!("{} tests version {}", program.display(), manifest.version));
-        let reason = match self_test::run(program, kernel, self.settings.self_test_limit) {
+        let not_started = |source| Problem::SelfTestStart { program: program.clone(), source };
+        let reason = match self_test::run(program, kernel, self.settings.self_test_limit).map_err(not_started)? {
             Verdict::Good(loss) => {
                 self.state.state.loss = loss.map(|loss| (manifest.digest.clone(), loss));
                 return self.state.save();

@@ -23,6 +23,19 @@ fn report(bench: &Bench, agent: &mut Agent) -> serde_json::Value {
 }
 
 #[test]
+fn a_form_that_the_version_lacks_is_reported() {
+    let (bench, mut agent) = Bench::with_kernel();
+    bench.server.change(|script| script.refusal = Some((400, "version 2 is not available as compact")));
+    let text = problem(&mut agent);
+    bench.server.change(|script| script.refusal = None);
+    reports(&bench);
+    let said = report(&bench, &mut agent);
+    assert_eq!((&said["version"], &said["triedVersion"]), (&1.into(), &0.into()));
+    assert_eq!(said["message"].as_str(), Some(text.as_str()));
+    assert_eq!(text, "the server refused the manifest (400: version 2 is not available as compact)");
+}
+
+#[test]
 fn reports_say_what_is_in_use_and_what_was_given_up() {
     let (bench, mut agent) = Bench::with_kernel();
     let all = {

@@ -83,3 +83,31 @@ fn first_kernel_that_fails_leaves_the_device_without_one() {
     assert_eq!((&said["version"], &said["triedVersion"]), (&0.into(), &2.into()));
     assert_eq!(crate::bench::in_use(&bench.directory()), None);
 }
+
+#[test]
+fn a_test_that_cannot_start_is_a_wrong_setting_and_no_bad_version() {
+    let bench = Bench::new();
+    let mut settings = bench.settings();
+    settings.self_test = Some(bench.script("echo loss 0.5"));
+    let mut agent = Agent::start(settings.clone()).unwrap();
+    check(&mut agent).unwrap();
+    drop(agent);
+    let program = settings.self_test.clone().unwrap();
+    let moved = program.with_extension("away");
+    std::fs::rename(&program, &moved).unwrap();
+    let mut agent = Agent::start(settings).unwrap();
+    bench.server.offer(2, 8, &kernel(2, SIZE));
+    for _ in 0..2 {
+        let text = problem(&mut agent);
+        assert!(text.starts_with("could not start the self-test") && text.ends_with("correct --self-test"), "{text}");
+        assert_eq!(agent.in_use().unwrap().1, 1);
+    }
+    let said = last_report(&bench, &mut agent);
+    assert_eq!((&said["version"], &said["triedVersion"]), (&1.into(), &0.into()), "a rollout does not count it");
+    assert!(said["message"].as_str().unwrap().starts_with("could not start the self-test"), "{said}");
+    std::fs::rename(&moved, &program).unwrap();
+    bench.server.take_requests();
+    check(&mut agent).unwrap();
+    bench.assert_uses(2);
+    assert!(!bench.server.take_requests().iter().any(|request| request.is_for_file()), "it was fetched before");
+}
