@@ -8,7 +8,7 @@ use crate::problem::Problem;
 use crate::report::{Reporter, Standing};
 use crate::schedule::Backoff;
 use crate::slots::{Lock, Slot, Slots};
-use crate::state::StateFile;
+use crate::state::{Proof, StateFile};
 use crate::vouching::Vouching;
 use crate::{Settings, log};
 use lightpath_manifest::{Distrust, Manifest};
@@ -208,6 +208,7 @@ impl Agent {
             self.state.state.rejected = None;
         }
         self.state.state.generation = manifest.generation;
+        self.state.note(Proof::Manifest);
         self.state.save()?;
         Ok(manifest)
     }
@@ -235,6 +236,7 @@ impl Agent {
         let version = self.vouching.keyring().map_or(0, |keyring| keyring.version);
         self.state.state.keyring = version.max(known);
         self.state.state.roots = pinned_text(&self.settings);
+        self.state.note(Proof::Keyring);
         self.state.save()
     }
 

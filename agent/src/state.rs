@@ -118,11 +118,23 @@ impl State {
     }
 }
 
+/// What a server must prove before the state of another server or display is overwritten. Settings that were wrong for one
+/// start so cost nothing: the generation of the right display is remembered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Proof {
+    /// A keyring that the pinned root keys signed.
+    Keyring,
+    /// A manifest for the display of the settings.
+    Manifest,
+}
+
 /// The state and the file that holds it.
 #[derive(Debug)]
 pub(crate) struct StateFile {
     path: PathBuf,
     saved: State,
+    /// What must come before the file is written again; `None`: nothing.
+    awaited: Option<Proof>,
     pub(crate) state: State,
 }
 
@@ -143,12 +155,22 @@ impl StateFile {
                 State::default()
             }
         };
-        Self { path, state: saved.clone(), saved }
+        Self { path, state: saved.clone(), awaited: None, saved }
     }
 
-    /// Writes the state, if it has changed.
+    /// Begins anew, in memory alone until the proof is there.
+    pub(crate) fn begin_anew(&mut self, state: State, awaited: Proof) {
+        (self.state, self.awaited) = (state, Some(awaited));
+    }
+
+    /// Notes a proof, after which the file may be written.
+    pub(crate) fn note(&mut self, proof: Proof) {
+        self.awaited = self.awaited.filter(|awaited| *awaited != proof);
+    }
+
+    /// Writes the state, if it has changed and nothing is awaited.
     pub(crate) fn save(&mut self) -> Result<(), Problem> {
-        if self.state == self.saved {
+        if self.state == self.saved || self.awaited.is_some() {
             return Ok(());
         }
         durable::write_file(&self.path, self.state.text().as_bytes()).map_err(Problem::disk("write", &self.path))?;

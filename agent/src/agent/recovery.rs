@@ -4,7 +4,7 @@ use super::{Agent, pinned_text};
 use crate::log;
 use crate::problem::Problem;
 use crate::slots::Slot;
-use crate::state::State;
+use crate::state::{Proof, State};
 use lightpath_manifest::Manifest;
 
 impl Agent {
@@ -86,9 +86,10 @@ impl Agent {
         };
         if is_other_display || is_other_server {
             log::line("the agent begins anew, because the display or all root keys are others than before");
-            let keyring = if is_other_server { 0 } else { state.keyring };
-            *state = State { keyring, ..State::default() };
+            let (keyring, proof) = if is_other_server { (0, Proof::Keyring) } else { (state.keyring, Proof::Manifest) };
+            self.state.begin_anew(State { keyring, ..State::default() }, proof);
         }
+        let state = &mut self.state.state;
         if state.display.is_empty() && !is_other_server {
             // The state was lost: the generation that it had is at least that of the slots.
             state.generation = whole.iter().map(|(_, manifest)| manifest.generation).max().unwrap_or_default();

@@ -4,6 +4,7 @@ use crate::bench::{Bench, SIZE, check, in_use, problem};
 use crate::material::{
     EXPIRED, REVOKED, ROOT, SIGNER, STRANGER, digest, in_hours, kernel, key, keyring, manifest, signed,
 };
+use lightpath_agent::{Agent, Settings};
 use lightpath_manifest::{Keyring, ListedKey, Manifest};
 
 #[test]
@@ -141,4 +142,23 @@ fn other_root_keys_on_the_command_line_begin_anew() {
     bench.server.offer(3, 2, &kernel(3, SIZE));
     check(&mut lightpath_agent::Agent::start(settings).unwrap()).unwrap();
     bench.assert_uses(3);
+}
+
+#[test]
+fn settings_that_were_wrong_once_do_not_forget_the_generation() {
+    let (bench, agent) = Bench::with_kernel();
+    drop(agent);
+    let wrong_root = Settings { roots: vec![key(STRANGER).public()], ..bench.settings() };
+    let wrong_display = Settings { display: "venus".to_owned(), ..bench.settings() };
+    for (wrong, reason) in [(wrong_root, "not signed by a root key of this device"), (wrong_display, "but venus")] {
+        let mut agent = Agent::start(wrong).unwrap();
+        let found = problem(&mut agent);
+        assert!(found.contains(reason), "{found}");
+        drop(agent);
+        bench.server.offer(2, 6, &kernel(2, SIZE));
+        assert!(problem(&mut bench.agent()).contains("generation 6, but generation 7 was accepted before"));
+        bench.server.offer(1, 7, &kernel(1, SIZE));
+        check(&mut bench.agent()).unwrap();
+        bench.assert_uses(1);
+    }
 }
