@@ -112,7 +112,7 @@ impl Http {
         let Settings { server, display, device, .. } = &self.settings;
         let mut request = self
             .agent
-            .post(format!("{server}/v1/displays/{display}/devices/{device}/report"))
+            .post(format!("{server}/v1/displays/{display}/devices/{device}:report"))
             .header(header::CONTENT_TYPE, "application/json");
         if let Some(token) = self.token()? {
             request = request.header(header::AUTHORIZATION, token);

@@ -1,8 +1,11 @@
 //! The Lightpath API as Rust types: messages, clients and servers of package `lightpath.v1`.
 //!
 //! The `.proto` files document the API, with the unit, range and default of every field. Every message implements the
-//! traits of serde for the JSON form of protobuf, and every enumeration implements [`Words`].
+//! traits of serde for the JSON form of protobuf, and every enumeration implements [`Words`]. [`routes`] has the methods over HTTP.
 
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
+pub mod routes;
 mod words;
 
 pub use words::{Word, Words};

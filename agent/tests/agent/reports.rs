@@ -42,7 +42,7 @@ fn reports_say_what_is_in_use_and_what_was_given_up() {
         agent.report();
         bench.server.take_requests()
     };
-    assert_eq!(all[0].path, "/v1/displays/pluto/devices/bench-7/report");
+    assert_eq!(all[0].path, "/v1/displays/pluto/devices/bench-7:report");
     assert_eq!(all[0].headers["content-type"], "application/json");
     let said: serde_json::Value = serde_json::from_str(&all[0].body).unwrap();
     let expected = serde_json::json!({

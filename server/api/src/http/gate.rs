@@ -6,15 +6,16 @@
 
 use super::origin::Hosts;
 use super::protocol::{is_grpc, require_grpc};
-use super::refusal::{code_name, refuse};
+use super::refusal::{RefusalCode, code_name, refuse};
 use super::token_expiry::{EndedTokens, ending_at_expiry, not_accepted};
+use super::transcode::Called;
 use crate::accounts::{Client, Rate};
 use crate::api::Api;
 use crate::audit::{Audit, Change, Refusal};
 use crate::call::Call;
 use crate::connections::Peer;
 use crate::error::{ApiError, LimitReason};
-use crate::rules::{Access, Effect, Rule, rule_of};
+use crate::rules::{Access, Effect, Rule, WRONG_VERB, rule_of};
 use crate::time::now_ms;
 use axum::Extension;
 use axum::extract::{MatchedPath, Request, State};
@@ -62,10 +63,15 @@ struct Visit {
 impl Visit {
     fn of(request: &Request, peer: Option<Peer>) -> Self {
         let path = request.uri().path();
+        let is_grpc = is_grpc(path);
+        if let Some(called) = request.extensions().get::<Called>() {
+            let rule = called.method().map_or(Some(WRONG_VERB), |method| rule_of(method, None));
+            return Self { peer, name: called.method().unwrap_or(UNKNOWN_PATH).to_owned(), rule, is_grpc };
+        }
         let route = request.extensions().get::<MatchedPath>().map(MatchedPath::as_str);
         let rule = rule_of(path, route);
         let known = rule.map(|_| route.filter(|route| !route.contains("{*")).unwrap_or(path));
-        Self { peer, name: known.unwrap_or(UNKNOWN_PATH).to_owned(), rule, is_grpc: is_grpc(path) }
+        Self { peer, name: known.unwrap_or(UNKNOWN_PATH).to_owned(), rule, is_grpc }
     }
 
     /// Whether every client may make the call, without a token and a limit.
@@ -263,14 +269,5 @@ fn code_of(response: &Response, is_grpc: bool) -> Code {
     if is_grpc {
         return response.headers().get("grpc-status").map_or(Code::Ok, |status| Code::from_bytes(status.as_bytes()));
     }
-    match response.status().as_u16() {
-        200..=399 => Code::Ok,
-        400 => Code::InvalidArgument,
-        401 => Code::Unauthenticated,
-        403 => Code::PermissionDenied,
-        404 => Code::NotFound,
-        409 => Code::Aborted,
-        429 => Code::ResourceExhausted,
-        _ => Code::Unknown,
-    }
+    response.extensions().get::<RefusalCode>().map_or(Code::Ok, |refusal| refusal.0)
 }

@@ -1,10 +1,11 @@
-//! Kernels over HTTP, for firmware: lists, signed manifests, and files in pieces.
+//! Kernels over HTTP, for firmware: signed manifests, and files in pieces.
 //!
 //! A device asks for the manifest with the ETag that it has (`If-None-Match`), and gets 304 until something changes.
 //! Then it fetches the file, whose path has everything that the manifest says about it. The bytes of such a path never
 //! change, so a cut download continues with `Range`, on any server that holds the kernel.
 
 use super::byte_range::{RangeOutcome, requested_range};
+use super::etags::{etag, has, text_value};
 use super::refusal::Refusal;
 use crate::accounts::{OpenStream, StreamKind};
 use crate::api::Api;
@@ -15,20 +16,18 @@ use crate::kernels::conversions::Converted;
 use crate::manifests::Issued;
 use crate::names;
 use crate::permissions;
+use axum::Extension;
 use axum::body::{Body, Bytes};
 use axum::extract::rejection::QueryRejection;
 use axum::extract::{Path, Query, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use axum::{Extension, Json};
 use futures::stream;
 use lightpath_artifacts::ArtifactReader;
 use lightpath_domain::kernel::{KernelKey, KernelVersion};
 use lightpath_media::kernel_formats::KernelFormat;
 use lightpath_proto::v1;
 use serde::Deserialize;
-use sha2::{Digest as _, Sha256};
-use std::fmt::Write as _;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::broadcast::error::RecvError;
@@ -45,16 +44,6 @@ const POLL_AFTER: &str = "lightpath-poll-after-s";
 /// What a path names never changes.
 const IMMUTABLE: &str = "private, max-age=31536000, immutable";
 const TEXT: &str = "text/plain; charset=us-ascii";
-
-/// Parameters of a list.
-#[derive(Debug, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct List {
-    #[serde(default, alias = "pageSize")]
-    pub(super) page_size: u32,
-    #[serde(default, alias = "pageToken")]
-    pub(super) page_token: String,
-}
 
 /// Parameters of a manifest.
 #[derive(Debug, Deserialize)]
@@ -79,28 +68,6 @@ pub(super) struct FilePath {
     version: u32,
     form: String,
     digest: String,
-}
-
-/// Handles `GET /v1/displays/{display}/kernels`.
-pub(super) async fn list_kernels(
-    State(api): State<Api>,
-    Extension(call): Extension<Call>,
-    Path(display): Path<String>,
-    query: Result<Query<List>, QueryRejection>,
-) -> Result<Json<v1::ListKernelsResponse>, Refusal> {
-    let Query(List { page_size, page_token }) = checked(query)?;
-    let request = v1::ListKernelsRequest { page_size, page_token, display: format!("displays/{display}") };
-    Ok(Json(api.list_kernels(&call, request).await?))
-}
-
-/// Handles `GET /v1/displays/{display}/kernels/{kernel}`.
-pub(super) async fn get_kernel(
-    State(api): State<Api>,
-    Extension(call): Extension<Call>,
-    Path((display, kernel)): Path<(String, String)>,
-) -> Result<Json<v1::Kernel>, Refusal> {
-    let request = v1::GetKernelRequest { name: format!("displays/{display}/kernels/{kernel}") };
-    Ok(Json(api.get_kernel(&call, request).await?))
 }
 
 /// Handles `GET /v1/keyring`.
@@ -305,33 +272,11 @@ fn document(api: &Api, headers: &HeaderMap, text: String) -> Response {
     }
 }
 
-/// The strong ETag of a text.
-fn etag(text: &str) -> String {
-    let mut etag = String::from("\"");
-    for byte in &Sha256::digest(text)[..16] {
-        // Writing to a string cannot fail.
-        let _ = write!(etag, "{byte:02x}");
-    }
-    etag + "\""
-}
-
-/// Whether the client has what the ETag names (RFC 9110, section 13.1.2).
-fn has(headers: &HeaderMap, etag: &str) -> bool {
-    let fields = headers.get_all(header::IF_NONE_MATCH).into_iter().filter_map(|value| value.to_str().ok());
-    let mut tags = fields.flat_map(|value| value.split(',')).map(str::trim);
-    tags.any(|tag| tag == "*" || tag.strip_prefix("W/").unwrap_or(tag) == etag)
-}
-
 fn parsed_form(name: &str) -> Result<KernelFormat, Refusal> {
     Ok(Field::new("form").form(name)?)
 }
 
 /// The parameters of a request, or a refusal that names what is wrong.
-pub(super) fn checked<T>(query: Result<Query<T>, QueryRejection>) -> Result<Query<T>, Refusal> {
+fn checked<T>(query: Result<Query<T>, QueryRejection>) -> Result<Query<T>, Refusal> {
     query.map_err(|rejection| Status::invalid_argument(rejection.body_text()).into())
-}
-
-/// A header field. The texts of this file are ASCII.
-fn text_value(text: &str) -> HeaderValue {
-    HeaderValue::from_str(text).unwrap_or_else(|_| HeaderValue::from_static(""))
 }

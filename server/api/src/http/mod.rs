@@ -1,18 +1,18 @@
-//! Plain HTTP beside gRPC: health, metrics, jobs as JSON with the same messages, and kernels for firmware.
+//! Plain HTTP beside gRPC: health, metrics, the methods of the API as JSON, and kernels for firmware.
 //!
 //! # Layout
 //!
 //! - `gate`: identifies callers and checks their roles. `origin`: keeps out web pages of other sites. `protocol`: gRPC or
 //!   HTTP. `token_expiry`: ends calls of invalid tokens.
 //! - `memory_use`: memory of each call, taken from the memory budget. `checked_body`: bodies whose frames these check.
-//! - `requests`: deadlines and metrics of requests, including gRPC. `jobs_json`: `/v1/jobs`. `kernel_files`, `byte_range`:
-//!   kernels and keyrings for devices. `device_json`: what devices report. `refusal`: errors as answers.
+//! - `requests`: deadlines and metrics of requests, including gRPC. `transcode`: the methods of the API as JSON.
+//!   `kernel_files`, `byte_range`: kernels and keyrings for devices. `etags`: conditions of requests. `refusal`: errors
+//!   as answers.
 
 mod byte_range;
 mod checked_body;
-mod device_json;
+mod etags;
 mod gate;
-mod jobs_json;
 mod kernel_files;
 mod memory_use;
 mod origin;
@@ -20,39 +20,31 @@ mod protocol;
 mod refusal;
 mod requests;
 mod token_expiry;
+mod transcode;
 
 pub use crate::accounts::{MemoryBudget, Rate};
 use crate::api::Api;
 use crate::call::Call;
 use crate::error::ApiError;
 use crate::time::now_ms;
-use axum::extract::{DefaultBodyLimit, Request, State};
+use axum::extract::State;
 use axum::http::{StatusCode, header};
 use axum::middleware;
 use axum::response::{IntoResponse, Response};
-use axum::routing::{get, post};
+use axum::routing::get;
 use axum::{Extension, Router};
 pub use gate::Gate;
 use lightpath_metrics as metrics;
 pub use origin::Hosts;
-use protocol::is_grpc;
-use refusal::{Refusal, refuse};
+use refusal::Refusal;
 use std::sync::Arc;
 pub use token_expiry::EndedTokens;
-use tonic::Status;
 
-/// Paths of plain HTTP.
-const PATHS: [&str; 12] = [
+/// Paths of plain HTTP that have handlers of their own.
+const PATHS: [&str; 5] = [
     "/healthz",
     "/metrics",
-    "/v1/jobs",
-    "/v1/jobs/{id}",
     "/v1/keyring",
-    "/v1/displays/{display}/devices",
-    "/v1/displays/{display}/devices/{device}/report",
-    "/v1/displays/{display}/nearest-kernels",
-    "/v1/displays/{display}/kernels",
-    "/v1/displays/{display}/kernels/{kernel}",
     "/v1/displays/{display}/kernels/{kernel}/manifest",
     "/v1/displays/{display}/kernels/{kernel}/versions/{version}/{form}/{digest}",
 ];
@@ -61,28 +53,23 @@ const PATHS: [&str; 12] = [
 pub fn router(gate: Gate, budget: Arc<MemoryBudget>, grpc: tonic::service::Routes) -> Router {
     requests::expect_all();
     let api = gate.api.clone();
-    let [healthz, metrics_path, jobs, job, keyring, devices, report, nearest, kernels, kernel, manifest, file] = PATHS;
+    // Both routers have a fallback, and a merged router can have only one.
+    let grpc = grpc.into_axum_router().reset_fallback();
+    let methods = grpc.clone();
+    let [healthz, metrics_path, keyring, manifest, file] = PATHS;
     let http = Router::new()
         .route(healthz, get(health))
         .route(metrics_path, get(metrics))
-        .route(jobs, get(jobs_json::list_jobs))
-        .route(job, get(jobs_json::get_job))
         .route(keyring, get(kernel_files::get_keyring))
-        .route(devices, get(device_json::list_devices))
-        .route(report, post(device_json::report_device).layer(DefaultBodyLimit::max(device_json::BODY_BYTES_MAX)))
-        .route(nearest, get(device_json::find_nearest_kernels))
-        .route(kernels, get(kernel_files::list_kernels))
-        .route(kernel, get(kernel_files::get_kernel))
         .route(manifest, get(kernel_files::get_manifest))
         .route(file, get(kernel_files::get_file))
-        .fallback(unknown)
+        .fallback(move |request| transcode::call_method(methods.clone(), request))
         .with_state(api.clone());
-    // Both routers have a fallback, and a merged router can have only one.
-    let grpc = grpc.into_axum_router().reset_fallback();
     http.merge(grpc)
         .layer(middleware::from_fn_with_state(gate, gate::pass))
         .layer(middleware::from_fn_with_state(budget, memory_use::with_memory_limit))
         .layer(middleware::from_fn_with_state(api, requests::with_deadline))
+        .layer(middleware::from_fn(transcode::find_method))
 }
 
 async fn health(State(api): State<Api>) -> Response {
@@ -105,13 +92,4 @@ async fn metrics(State(api): State<Api>, Extension(call): Extension<Call>) -> Re
     const TEXT_FORMAT: &str = "text/plain; version=0.0.4; charset=utf-8";
     let text = metrics::render(&api.store, &api.artifacts, now_ms()).await.map_err(ApiError::from)?;
     Ok(([(header::CONTENT_TYPE, TEXT_FORMAT)], text).into_response())
-}
-
-/// Answers an unknown path in its protocol.
-async fn unknown(request: Request) -> Response {
-    let path = request.uri().path();
-    if is_grpc(path) {
-        return refuse(Status::unimplemented(format!("the method {path} does not exist")), true);
-    }
-    refuse(Status::not_found(format!("the path {path} does not exist")), false)
 }

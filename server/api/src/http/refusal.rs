@@ -1,7 +1,7 @@
 //! Errors as answers, in gRPC or HTTP.
 
 use crate::error::ApiError;
-use axum::Json;
+use axum::Extension;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use http_body::Frame;
@@ -12,7 +12,7 @@ use tonic_types::StatusExt as _;
 
 /// The answer to a refused call.
 pub(super) fn refuse(status: Status, is_grpc: bool) -> Response {
-    if is_grpc { status.into_http() } else { Refusal(status).into_response() }
+    if is_grpc { status.into_http() } else { Refusal::from(status).into_response() }
 }
 
 /// The last frame of an answer that has started and cannot continue.
@@ -27,34 +27,53 @@ pub(super) fn closing_frame(status: Status, is_grpc: bool) -> Result<Frame<Bytes
 
 /// An error in the form `{"error": {"code", "status", "message", "reason", "metadata"}}`.
 #[derive(Debug)]
-pub(super) struct Refusal(Status);
+pub(super) struct Refusal {
+    status: Status,
+    http: StatusCode,
+}
 
 impl From<Status> for Refusal {
     fn from(status: Status) -> Self {
-        Self(status)
+        let http = http_status(status.code());
+        Self { status, http }
     }
 }
 
 impl From<ApiError> for Refusal {
     fn from(error: ApiError) -> Self {
-        Self(error.into())
+        Status::from(error).into()
     }
 }
 
-impl IntoResponse for Refusal {
-    fn into_response(self) -> Response {
-        let (http, name) = (http_status(self.0.code()), code_name(self.0.code()));
-        let details = self.0.get_error_details();
-        let mut error = json!({ "code": http.as_u16(), "status": name, "message": self.0.message() });
-        if let Some(info) = details.error_info() {
+impl Refusal {
+    /// The refusal with an HTTP status that says more than the gRPC code.
+    pub(super) fn with_status(self, http: StatusCode) -> Self {
+        Self { http, ..self }
+    }
+
+    /// The body of the answer.
+    pub(super) fn json(&self) -> Vec<u8> {
+        let name = code_name(self.status.code());
+        let mut error = json!({ "code": self.http.as_u16(), "status": name, "message": self.status.message() });
+        if let Some(info) = self.status.get_error_details().error_info() {
             error["reason"] = Value::from(info.reason.clone());
             error["metadata"] = json!(info.metadata);
         }
-        let body = Json(json!({ "error": error }));
-        match details.retry_info().and_then(|info| info.retry_delay) {
-            Some(delay) => (http, [(header::RETRY_AFTER, delay.as_secs().max(1).to_string())], body).into_response(),
-            None => (http, body).into_response(),
-        }
+        json!({ "error": error }).to_string().into_bytes()
+    }
+}
+
+/// The gRPC code of a refusal, kept with its answer for the audit log.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RefusalCode(pub(super) Code);
+
+impl IntoResponse for Refusal {
+    fn into_response(self) -> Response {
+        let code = RefusalCode(self.status.code());
+        let delay = self.status.get_error_details().retry_info().and_then(|info| info.retry_delay);
+        let retry = delay.map(|delay| [(header::RETRY_AFTER, delay.as_secs().max(1).to_string())]);
+        let json = [(header::CONTENT_TYPE, "application/json")];
+        (self.http, Extension(code), retry, json, self.json()).into_response()
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::protocol::is_grpc;
 use super::refusal::refuse;
+use super::transcode::Called;
 use crate::api::Api;
 use crate::error::ApiError;
 use axum::extract::{MatchedPath, Request, State};
@@ -9,6 +10,7 @@ use axum::http::{HeaderMap, HeaderValue};
 use axum::middleware::Next;
 use axum::response::Response;
 use lightpath_metrics as metrics;
+use lightpath_proto::routes::ROUTES;
 use std::collections::HashSet;
 use std::sync::LazyLock;
 use std::time::{Duration, Instant};
@@ -60,6 +62,9 @@ pub(super) async fn with_deadline(State(api): State<Api>, request: Request, next
 
 /// Name of the method for the metrics: one of a fixed set, so that clients cannot create new ones.
 fn method(request: &Request) -> String {
+    if let Some(called) = request.extensions().get::<Called>() {
+        return called.method().unwrap_or("unknown").to_owned();
+    }
     let route = request.extensions().get::<MatchedPath>().map(MatchedPath::as_str);
     match route {
         None => "unknown".to_owned(),
@@ -74,6 +79,7 @@ fn method(request: &Request) -> String {
 /// Starts the counters of the metrics for all methods.
 pub(super) fn expect_all() {
     metrics::expect_requests(METHODS.iter().map(|method| (method.clone(), "Ok")));
+    metrics::expect_requests(ROUTES.iter().map(|route| (route.method.to_owned(), "200")));
     metrics::expect_requests(super::PATHS.map(|path| (path.to_owned(), "200")));
 }
 

@@ -1,5 +1,6 @@
 //! Tests of HTTP/1.1 on the port that also serves gRPC.
 
+use crate::manifests::curl;
 use crate::serving::Serving;
 use lightpath_proto::v1::kernel_service_client::KernelServiceClient;
 use serde_json::Value;
@@ -107,4 +108,73 @@ async fn refusals_are_json() {
         let body: Value = serde_json::from_str(&body).unwrap();
         assert_eq!((actual, &body["error"]["status"]), (code, &Value::from(status)), "{path}: {body}");
     }
+}
+
+/// Arguments of curl for a request with a JSON body. It is sent without asking first (`Expect: 100-continue`).
+fn json(body: &str) -> [&str; 6] {
+    ["--header", "content-type: application/json", "--header", "expect:", "--data", body]
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_job_is_submitted_watched_and_cancelled_with_curl_alone() {
+    let serving = Serving::start().await;
+    let example = crate::jobs::submit_long(&serving).await;
+    let cancelled = curl(&serving, &format!("/v1/{}:cancel", example.name), &["--request", "POST"]).await;
+    assert_eq!(cancelled.status, 200, "{}", cancelled.text());
+    let body = format!(r#"{{"spec": {}, "batch": "by hand"}}"#, serde_json::to_string(&example.spec).unwrap());
+    let submitted = curl(&serving, "/v1/jobs", &json(&body)).await;
+    let job: Value = serde_json::from_slice(&submitted.body).unwrap();
+    assert_eq!((submitted.status, &job["batch"]), (200, &Value::from("by hand")), "{job}");
+    let path = format!("/v1/{}", job["name"].as_str().unwrap());
+    let (watch, cancel) = (format!("{path}:watch"), format!("{path}:cancel"));
+    let empty = json("{}");
+    let (watched, cancelled) = tokio::join!(curl(&serving, &watch, &[]), curl(&serving, &cancel, &empty));
+    assert_eq!(cancelled.status, 200, "{}", cancelled.text());
+    assert_eq!(watched.field("content-type"), Some("text/event-stream"));
+    // The stream ends with the job.
+    let events = watched.text();
+    let last = events.lines().filter_map(|line| line.strip_prefix("data: ")).next_back().unwrap();
+    assert_eq!(serde_json::from_str::<Value>(last).unwrap()["state"], "STATE_CANCELLED", "{events}");
+    let missing = curl(&serving, "/v1/jobs/none:watch", &[]).await;
+    assert_eq!(missing.status, 404, "{}", missing.text());
+}
+
+#[tokio::test]
+async fn an_answer_that_the_client_has_is_not_sent_again() {
+    let serving = Serving::start().await;
+    let first = curl(&serving, "/v1/displays", &[]).await;
+    let etag = first.field("etag").unwrap().to_owned();
+    let condition = format!("if-none-match: {etag}");
+    let again = curl(&serving, "/v1/displays", &["--header", &condition]).await;
+    assert_eq!((again.status, again.body.len()), (304, 0));
+    assert_eq!(again.field("etag"), Some(etag.as_str()));
+    serving.display("new").await;
+    let changed = curl(&serving, "/v1/displays", &["--header", &condition]).await;
+    assert_eq!(changed.status, 200);
+    assert!(changed.text().contains("displays/new") && changed.field("etag") != Some(etag.as_str()));
+    let head = curl(&serving, "/v1/displays", &["--head"]).await;
+    assert_eq!((head.status, head.body.len()), (200, 0));
+}
+
+#[tokio::test]
+async fn requests_in_a_wrong_form_are_refused_with_the_fix() {
+    let serving = Serving::start().await;
+    let folder = tempfile::tempdir().unwrap();
+    let long = folder.path().join("long.json");
+    std::fs::write(&long, format!("{{\"reason\": \"{}\"}}", "x".repeat(5 << 20))).unwrap();
+    let long = format!("@{}", long.display());
+    for (path, more, status, fix) in [
+        ("/v1/queue:pause", &["--data", "{}"][..], 415, "content-type must be application/json"),
+        ("/v1/queue:pause", &json(&long)[..], 413, "more than 4194304 bytes"),
+        ("/v1/queue:pause", &json("{\"reason\": 3}")[..], 400, "expected a string"),
+        ("/v1/queue:pause", &["--request", "DELETE"][..], 405, "only POST"),
+        ("/v1/queue:pause?reason=x", &json("{}")[..], 400, "reason is unknown"),
+        ("/v1/jobs?colour=red", &[][..], 400, "known are: pageSize"),
+        ("/v1/jobs/1/2", &[][..], 404, "does not exist"),
+    ] {
+        let answer = curl(&serving, path, more).await;
+        assert!(answer.status == status && answer.text().contains(fix), "{path}: {answer:?}");
+    }
+    let delete = curl(&serving, "/v1/jobs", &["--request", "DELETE"]).await;
+    assert_eq!(delete.field("allow"), Some("POST, GET"));
 }

@@ -3,7 +3,8 @@
 //!
 //! # Layout
 //!
-//! - `roles`: which callers may make each call, over which protocol. `protocols`: requests in any protocol.
+//! - `roles`: which callers may make each call, over which protocol. `http_routes`: the same over HTTP.
+//!   `protocols`: requests in any protocol.
 //! - `foreign`: what a token may not see does not exist for it. `own`: what it may see is answered, and every change is
 //!   logged. `fields`: what each field of each request names. `examples`: a valid request for every method.
 //! - `two_worlds`: a server with two displays. `world`: the things on one display. `traces`: what reveals them. `person`:
@@ -12,6 +13,7 @@
 mod examples;
 mod fields;
 mod foreign;
+mod http_routes;
 mod own;
 mod person;
 mod protocols;

@@ -22,7 +22,11 @@ pub(super) struct Form {
 impl Form {
     /// Body of such a request.
     fn body(self) -> &'static str {
-        if self.method == "POST" { EMPTY_MESSAGE } else { "" }
+        match (self.method, self.content_type) {
+            ("POST" | "PUT", Some("application/json")) => "{}",
+            ("POST", _) => EMPTY_MESSAGE,
+            _ => "",
+        }
     }
 }
 

@@ -45,24 +45,29 @@ const HTTP: [Form; 4] = [
 
 /// A kind of caller.
 #[derive(Clone, Debug)]
-struct Caller {
+pub(super) struct Caller {
     /// Name of the role; `anonymous` without a token.
     role: &'static str,
-    is_scoped: bool,
-    token: Option<String>,
+    pub(super) is_scoped: bool,
+    pub(super) token: Option<String>,
 }
 
 impl Caller {
     /// The refusal of a call with an empty message; `None` if the call is allowed.
-    fn refusal(&self, path: &str, roles: &str) -> Option<Code> {
+    pub(super) fn refusal(&self, path: &str, roles: &str) -> Option<Code> {
         if !roles.split(' ').any(|role| role == self.role) {
             return Some(if self.role == "anonymous" { Code::Unauthenticated } else { Code::PermissionDenied });
         }
         (self.is_scoped && ALL_DISPLAYS.contains(&path)).then_some(Code::PermissionDenied)
     }
+
+    /// Whether the caller has no token.
+    pub(super) fn is_anonymous(&self) -> bool {
+        self.token.is_none()
+    }
 }
 
-async fn callers(guarded: &Guarded) -> Vec<Caller> {
+pub(super) async fn callers(guarded: &Guarded) -> Vec<Caller> {
     let store = guarded.store().await;
     let mut callers = vec![Caller { role: "anonymous", is_scoped: false, token: None }];
     for role in Role::ALL {
@@ -83,7 +88,7 @@ fn is_grpc(path: &str) -> bool {
 }
 
 /// The refusal in an answer; `None` if a handler answered.
-fn refusal(answer: &Answer) -> Option<Code> {
+pub(super) fn refusal(answer: &Answer) -> Option<Code> {
     match (answer.http, answer.grpc) {
         (401, _) | (_, Some(Code::Unauthenticated)) => Some(Code::Unauthenticated),
         (403, _) | (_, Some(Code::PermissionDenied)) => Some(Code::PermissionDenied),

@@ -1,24 +1,9 @@
-//! Compiles `lightpath/v1/*.proto` without protoc. protox parses the files, prost and tonic generate Rust code, and
-//! pbjson adds the JSON form of protobuf. This script also lists the values of every enumeration with their comments.
+//! Generates the names and help texts of the API's enumerations.
 
-use prost::Message as _;
 use prost_types::source_code_info::Location;
 use prost_types::{DescriptorProto, EnumDescriptorProto, FileDescriptorProto};
+use std::error::Error;
 use std::fmt::Write as _;
-use std::{env, error::Error, fs, path::PathBuf};
-
-const PROTOS: [&str; 10] = [
-    "lightpath/v1/artifact.proto",
-    "lightpath/v1/dataset.proto",
-    "lightpath/v1/device.proto",
-    "lightpath/v1/display.proto",
-    "lightpath/v1/job.proto",
-    "lightpath/v1/kernel.proto",
-    "lightpath/v1/photo.proto",
-    "lightpath/v1/promotion.proto",
-    "lightpath/v1/propagation.proto",
-    "lightpath/v1/rollout.proto",
-];
 
 /// Field numbers in descriptors. The path of a comment in `SourceCodeInfo` consists of such numbers and of indices.
 const MESSAGE_IN_FILE: i32 = 4;
@@ -27,25 +12,8 @@ const MESSAGE_IN_MESSAGE: i32 = 3;
 const ENUM_IN_MESSAGE: i32 = 4;
 const VALUE_IN_ENUM: i32 = 2;
 
-fn main() -> Result<(), Box<dyn Error>> {
-    println!("cargo:rerun-if-changed=lightpath");
-    let descriptors = protox::compile(PROTOS, ["."])?;
-    let out_dir = PathBuf::from(env::var("OUT_DIR")?);
-    let encoded = descriptors.encode_to_vec();
-    fs::write(out_dir.join("descriptors.bin"), &encoded)?;
-    fs::write(out_dir.join("words.rs"), words_code(&descriptors.file)?)?;
-
-    tonic_prost_build::configure()
-        .bytes(".")
-        .compile_well_known_types(true)
-        .extern_path(".google.protobuf", "::pbjson_types")
-        .compile_fds(descriptors)?;
-    pbjson_build::Builder::new().register_descriptors(&encoded)?.emit_fields().build(&[".lightpath.v1"])?;
-    Ok(())
-}
-
 /// Returns Rust code that implements `Words` for every enumeration of the API.
-fn words_code(files: &[FileDescriptorProto]) -> Result<String, Box<dyn Error>> {
+pub(crate) fn words_code(files: &[FileDescriptorProto]) -> Result<String, Box<dyn Error>> {
     let mut code = String::new();
     for file in files.iter().filter(|file| file.package() == "lightpath.v1") {
         let comments = file.source_code_info.as_ref().map_or(&[][..], |info| &info.location);

@@ -1,0 +1,46 @@
+//! Compiles `lightpath/v1/*.proto` without protoc. protox parses the files, prost and tonic generate Rust code, and
+//! pbjson adds the JSON form of protobuf.
+//!
+//! `words`: the values of every enumeration with their comments. `routes`: the methods over HTTP.
+
+mod routes;
+mod words;
+
+use prost::Message as _;
+use std::{env, error::Error, fs, path::PathBuf};
+
+const PROTOS: [&str; 10] = [
+    "lightpath/v1/artifact.proto",
+    "lightpath/v1/dataset.proto",
+    "lightpath/v1/device.proto",
+    "lightpath/v1/display.proto",
+    "lightpath/v1/job.proto",
+    "lightpath/v1/kernel.proto",
+    "lightpath/v1/photo.proto",
+    "lightpath/v1/promotion.proto",
+    "lightpath/v1/propagation.proto",
+    "lightpath/v1/rollout.proto",
+];
+
+fn main() -> Result<(), Box<dyn Error>> {
+    println!("cargo:rerun-if-changed=lightpath");
+    println!("cargo:rerun-if-changed=google");
+    println!("cargo:rerun-if-changed=build");
+    let mut compiler = protox::Compiler::new(["."])?;
+    compiler.include_imports(true).include_source_info(true).open_files(PROTOS)?;
+    let descriptors = compiler.file_descriptor_set();
+    let out_dir = PathBuf::from(env::var("OUT_DIR")?);
+    // Only this form has the annotations of the methods: the types of prost do not know them.
+    fs::write(out_dir.join("descriptors.bin"), compiler.encode_file_descriptor_set())?;
+    fs::write(out_dir.join("words.rs"), words::words_code(&descriptors.file)?)?;
+    fs::write(out_dir.join("routes.rs"), routes::routes_code(&compiler.descriptor_pool())?)?;
+
+    let encoded = descriptors.encode_to_vec();
+    tonic_prost_build::configure()
+        .bytes(".")
+        .compile_well_known_types(true)
+        .extern_path(".google.protobuf", "::pbjson_types")
+        .compile_fds(descriptors)?;
+    pbjson_build::Builder::new().register_descriptors(&encoded)?.emit_fields().build(&[".lightpath.v1"])?;
+    Ok(())
+}

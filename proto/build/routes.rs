@@ -1,0 +1,129 @@
+//! Generates the table of the methods over HTTP from their annotations (`google.api.http`).
+
+use protox::prost_reflect::{
+    DescriptorPool, DynamicMessage, FieldDescriptor, Kind, MessageDescriptor, MethodDescriptor, Value,
+};
+use std::error::Error;
+use std::fmt::Write as _;
+
+/// Returns Rust code with the routes of all annotated methods of `lightpath.v1`.
+pub(crate) fn routes_code(pool: &DescriptorPool) -> Result<String, Box<dyn Error>> {
+    let extension = pool.get_extension_by_name("google.api.http").ok_or("google.api.http is missing")?;
+    let mut code = String::from("/// The methods over HTTP.\npub const ROUTES: &[Route] = &[\n");
+    let services = pool.services().filter(|service| service.package_name() == "lightpath.v1");
+    for method in services.flat_map(|service| service.methods().collect::<Vec<_>>()) {
+        let options = method.options();
+        if !options.has_extension(&extension) {
+            continue;
+        }
+        let annotation = options.get_extension(&extension);
+        let rule = annotation.as_message().ok_or("google.api.http is no message")?;
+        write_route(&mut code, &method, rule)?;
+        let others = rule.get_field_by_name("additional_bindings");
+        for other in others.iter().filter_map(|others| others.as_list()).flatten().filter_map(Value::as_message) {
+            write_route(&mut code, &method, other)?;
+        }
+    }
+    code.push_str("];\n");
+    Ok(code)
+}
+
+/// Writes the route of a method by one of its rules.
+fn write_route(code: &mut String, method: &MethodDescriptor, rule: &DynamicMessage) -> Result<(), Box<dyn Error>> {
+    let verbs = ["get", "put", "post", "delete"];
+    let found = verbs.iter().find_map(|verb| Some((*verb, text_of(rule, verb).filter(|path| !path.is_empty())?)));
+    let (verb, path) = found.ok_or_else(|| format!("{} has no path", method.full_name()))?;
+    let body = text_of(rule, "body").unwrap_or_default();
+    let template = Template::parse(&path).ok_or_else(|| format!("the path {path} has another form"))?;
+    let from_query = if body.is_empty() { query_code(&method.input(), &template)? } else { String::new() };
+    let body = match body.as_str() {
+        "" => "Body::Nothing".to_owned(),
+        "*" => "Body::Request".to_owned(),
+        field => format!("Body::Field({field:?})"),
+    };
+    writeln!(code, "    Route {{ verb: {:?}, path: {path:?},", verb.to_uppercase())?;
+    writeln!(code, "        method: \"/{}/{}\",", method.parent_service().full_name(), method.name())?;
+    writeln!(code, "        segments: &[{}], action: {:?},", template.segments_code(), template.action)?;
+    writeln!(code, "        variable: {:?}, body: {body},", template.variable)?;
+    writeln!(code, "        query: &[{from_query}], is_stream: {},", method.is_server_streaming())?;
+    let (request, answer) = (rust_type(&method.input()), rust_type(&method.output()));
+    writeln!(code, "        encode: encode::<{request}>, to_json: to_json::<{answer}> }},")?;
+    Ok(())
+}
+
+fn text_of(rule: &DynamicMessage, field: &str) -> Option<String> {
+    Some(rule.get_field_by_name(field)?.as_str()?.to_owned())
+}
+
+fn rust_type(message: &MessageDescriptor) -> String {
+    format!("v1::{}", message.name())
+}
+
+/// The path of a rule.
+struct Template {
+    /// Texts of the segments; `None`: any text.
+    segments: Vec<Option<String>>,
+    /// What follows the last colon.
+    action: String,
+    /// Field that the path has, with the first segment of its value and the one after its last.
+    variable: Option<(String, usize, usize)>,
+}
+
+impl Template {
+    fn parse(path: &str) -> Option<Self> {
+        let (mut segments, mut variable) = (Vec::new(), None);
+        let (path, action) = match path.rsplit_once(':') {
+            Some((path, action)) => (path, action),
+            None => (path, ""),
+        };
+        let mut rest = path.strip_prefix('/')?;
+        while !rest.is_empty() {
+            if let Some(inside) = rest.strip_prefix('{') {
+                let (inside, after) = inside.split_once('}')?;
+                let (field, form) = inside.split_once('=').unwrap_or((inside, "*"));
+                let begin = segments.len();
+                segments.extend(form.split('/').map(|part| (part != "*").then(|| part.to_owned())));
+                if variable.replace((field.to_owned(), begin, segments.len())).is_some() {
+                    return None;
+                }
+                rest = after.strip_prefix('/').unwrap_or(after);
+            } else {
+                let (segment, after) = rest.split_once('/').unwrap_or((rest, ""));
+                segments.push(Some(segment.to_owned()));
+                rest = after;
+            }
+        }
+        Some(Self { segments, action: action.to_owned(), variable })
+    }
+
+    fn segments_code(&self) -> String {
+        let codes = self.segments.iter().map(|segment| format!("{segment:?}"));
+        codes.collect::<Vec<_>>().join(", ")
+    }
+}
+
+/// Code of the fields of a request that its query may have.
+fn query_code(request: &MessageDescriptor, template: &Template) -> Result<String, Box<dyn Error>> {
+    let mut code = String::new();
+    let in_path = template.variable.as_ref().map(|(field, ..)| field.as_str());
+    for field in request.fields().filter(|field| Some(field.name()) != in_path) {
+        let kind = parameter_kind(&field).ok_or_else(|| format!("a query cannot have {}", field.full_name()))?;
+        write!(code, "Parameter {{ name: {:?}, json_name: {:?}, ", field.name(), field.json_name())?;
+        write!(code, "kind: {kind}, is_list: {} }}, ", field.is_list())?;
+    }
+    Ok(code)
+}
+
+fn parameter_kind(field: &FieldDescriptor) -> Option<String> {
+    match field.kind() {
+        Kind::Message(_) => None,
+        Kind::Bool => Some("ParameterKind::Flag".to_owned()),
+        Kind::Enum(values) => {
+            // The name of the first value is that of the enumeration and `UNSPECIFIED`.
+            let first = values.values().next()?;
+            let prefix = first.name().strip_suffix("UNSPECIFIED")?;
+            Some(format!("ParameterKind::Word({prefix:?})"))
+        }
+        _ => Some("ParameterKind::Text".to_owned()),
+    }
+}

@@ -1,0 +1,289 @@
+//! The methods over HTTP: which verb and path call which method, and how its messages become JSON. The annotations of
+//! the methods in the `.proto` files define them.
+
+use crate::v1;
+use percent_encoding::percent_decode_str;
+use prost::Message;
+use prost::bytes::Bytes;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use serde_json::{Map, Value};
+
+/// A method at one of its paths.
+#[derive(Debug)]
+pub struct Route {
+    /// HTTP verb, such as `GET`.
+    pub verb: &'static str,
+    /// Path as annotated, such as `/v1/{name=jobs/*}:cancel`.
+    pub path: &'static str,
+    /// Path of the gRPC method, such as `/lightpath.v1.JobService/CancelJob`.
+    pub method: &'static str,
+    /// Whether the method answers with a stream of messages.
+    pub is_stream: bool,
+    /// What the body of a request has.
+    pub body: Body,
+    /// Fields that the query may have.
+    pub query: &'static [Parameter],
+    segments: &'static [Option<&'static str>],
+    action: &'static str,
+    variable: Option<(&'static str, usize, usize)>,
+    encode: fn(Value) -> Result<Vec<u8>, serde_json::Error>,
+    to_json: fn(Bytes) -> Result<Vec<u8>, JsonError>,
+}
+
+/// What the body of a request has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Body {
+    /// Nothing: the fields that the path lacks are in the query.
+    Nothing,
+    /// All fields that the path lacks.
+    Request,
+    /// The value of this field.
+    Field(&'static str),
+}
+
+/// A field that the query of a request may have.
+#[derive(Clone, Copy, Debug)]
+pub struct Parameter {
+    /// Name in the `.proto` file.
+    pub name: &'static str,
+    /// Name in JSON.
+    pub json_name: &'static str,
+    /// Form of the value.
+    pub kind: ParameterKind,
+    /// Whether the parameter may stand several times.
+    pub is_list: bool,
+}
+
+/// Form of a query parameter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ParameterKind {
+    /// A text or a number.
+    Text,
+    /// `true` or `false`.
+    Flag,
+    /// A value of an enumeration with this prefix. `STATE_RUNNING` and `running` are the same value.
+    Word(&'static str),
+}
+
+/// Why the answer of a method did not become JSON.
+#[derive(Debug, thiserror::Error)]
+pub enum JsonError {
+    /// The answer is not of the method's type.
+    #[error("the answer of the method is damaged")]
+    Decode(#[from] prost::DecodeError),
+    /// The answer has a value that JSON cannot hold.
+    #[error("the answer of the method has no JSON form")]
+    Encode(#[from] serde_json::Error),
+}
+
+/// What is wrong with a request.
+#[derive(Debug, thiserror::Error)]
+#[error("{0}")]
+pub struct RequestError(String);
+
+/// A route that a path matches.
+#[derive(Clone, Debug)]
+pub struct Match {
+    /// The route.
+    pub route: &'static Route,
+    /// Value of the field that the path has.
+    value: Option<String>,
+}
+
+/// Finds the route of a request.
+///
+/// # Errors
+///
+/// The verbs that the path has routes for; empty if there is no such path.
+pub fn find(verb: &str, path: &str) -> Result<Match, Vec<&'static str>> {
+    let mut verbs = Vec::new();
+    for route in ROUTES {
+        let Some(value) = route.value_in(path) else { continue };
+        if route.verb == verb {
+            return Ok(Match { route, value });
+        }
+        verbs.push(route.verb);
+    }
+    Err(verbs)
+}
+
+impl Route {
+    /// The value of the path's variable, if the path has the form of this route.
+    fn value_in(&'static self, path: &str) -> Option<Option<String>> {
+        let mut path = path.strip_prefix('/')?;
+        if !self.action.is_empty() {
+            path = path.strip_suffix(self.action)?.strip_suffix(':')?;
+        }
+        let mut parts = path.split('/');
+        let mut values = Vec::new();
+        for (i, segment) in self.segments.iter().enumerate() {
+            let part = parts.next()?;
+            let is_last = i + 1 == self.segments.len();
+            match segment {
+                Some(text) if *text != part => return None,
+                // A colon in the last part begins an action. Clients that mean a colon send %3A.
+                None if part.is_empty() || (is_last && part.contains(':')) => return None,
+                _ => values.push(percent_decode_str(part).decode_utf8().ok()?),
+            }
+        }
+        if parts.next().is_some() {
+            return None;
+        }
+        Some(self.variable.map(|(_, begin, end)| values[begin..end].join("/")))
+    }
+
+    /// The JSON form of an answer of the method.
+    ///
+    /// # Errors
+    ///
+    /// [`JsonError`] if the bytes are no such message.
+    pub fn json(&self, answer: Bytes) -> Result<Vec<u8>, JsonError> {
+        (self.to_json)(answer)
+    }
+}
+
+impl Match {
+    /// The encoded request of the method, from the query and the JSON body (empty: none).
+    ///
+    /// # Errors
+    ///
+    /// [`RequestError`] if a field is unknown, stands twice or has a wrong value.
+    pub fn request(&self, query: Vec<(String, String)>, body: &[u8]) -> Result<Vec<u8>, RequestError> {
+        let mut request = self.body(body)?;
+        for (name, text) in query {
+            self.add_parameter(&mut request, &name, text)?;
+        }
+        if let (Some((field, ..)), Some(value)) = (self.route.variable, &self.value) {
+            let value = Value::from(value.clone());
+            if request.get(field).is_some_and(|other| *other != value) {
+                return Err(RequestError(format!("{field} differs from the path; leave it out of the body")));
+            }
+            request.insert(field.to_owned(), value);
+        }
+        (self.route.encode)(Value::Object(request)).map_err(|error| RequestError(error.to_string()))
+    }
+
+    /// The fields in the body.
+    fn body(&self, body: &[u8]) -> Result<Map<String, Value>, RequestError> {
+        if body.is_empty() {
+            return Ok(Map::new());
+        }
+        let parsed = |()| serde_json::from_slice(body).map_err(|error| RequestError(format!("the body: {error}")));
+        match self.route.body {
+            Body::Nothing => Err(RequestError("the request has a body, but the fields belong in the query".to_owned())),
+            Body::Field(field) => Ok(Map::from_iter([(field.to_owned(), parsed(())?)])),
+            Body::Request => match parsed(())? {
+                Value::Object(fields) => Ok(fields),
+                _ => Err(RequestError("the body must be a JSON object with the fields of the request".to_owned())),
+            },
+        }
+    }
+
+    fn add_parameter(&self, request: &mut Map<String, Value>, name: &str, text: String) -> Result<(), RequestError> {
+        let found = self.route.query.iter().find(|known| name == known.name || name == known.json_name);
+        let Some(parameter) = found else {
+            let known: Vec<&str> = self.route.query.iter().map(|known| known.json_name).collect();
+            let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
+            return Err(RequestError(format!("the query parameter {name} is unknown; known are: {known}")));
+        };
+        let value = match parameter.kind {
+            ParameterKind::Text => Value::from(text),
+            ParameterKind::Flag => match text.as_str() {
+                "true" => Value::from(true),
+                "false" => Value::from(false),
+                _ => return Err(RequestError(format!("{name} is {text:?}, but must be true or false"))),
+            },
+            ParameterKind::Word(prefix) => {
+                let word = text.to_ascii_uppercase().replace('-', "_");
+                match word.as_str() {
+                    "" => return Ok(()),
+                    word if word.starts_with(prefix) => Value::from(word),
+                    word => Value::from(format!("{prefix}{word}")),
+                }
+            }
+        };
+        let others = request.entry(parameter.name).or_insert_with(|| Value::Array(Vec::new()));
+        match others {
+            Value::Array(values) if parameter.is_list => values.push(value),
+            Value::Array(values) if values.is_empty() => *others = value,
+            _ => return Err(RequestError(format!("the query parameter {name} stands twice"))),
+        }
+        Ok(())
+    }
+}
+
+fn encode<M: Message + DeserializeOwned>(request: Value) -> Result<Vec<u8>, serde_json::Error> {
+    Ok(serde_json::from_value::<M>(request)?.encode_to_vec())
+}
+
+fn to_json<M: Message + Default + Serialize>(answer: Bytes) -> Result<Vec<u8>, JsonError> {
+    Ok(serde_json::to_vec(&M::decode(answer)?)?)
+}
+
+include!(concat!(env!("OUT_DIR"), "/routes.rs"));
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn query(pairs: &[(&str, &str)]) -> Vec<(String, String)> {
+        pairs.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned())).collect()
+    }
+
+    #[test]
+    fn paths_find_their_methods() {
+        let find_method = |verb, path| find(verb, path).map(|found| found.route.method);
+        assert_eq!(find_method("GET", "/v1/jobs"), Ok("/lightpath.v1.JobService/ListJobs"));
+        assert_eq!(find_method("POST", "/v1/jobs/0193:cancel"), Ok("/lightpath.v1.JobService/CancelJob"));
+        assert_eq!(find_method("GET", "/v1/jobs/0193/events"), Ok("/lightpath.v1.JobService/ListJobEvents"));
+        assert_eq!(find_method("POST", "/v1/queue:pause"), Ok("/lightpath.v1.JobService/PauseQueue"));
+        assert_eq!(find_method("GET", "/v1/displays/lab/kernels"), Ok("/lightpath.v1.KernelService/ListKernels"));
+        assert_eq!(find_method("DELETE", "/v1/jobs"), Err(vec!["POST", "GET"]));
+        for unknown in ["/v1", "/v1/", "/v1/jobs/", "/v1/jobs/a/b", "/v1/jobs/0193:explode", "/jobs", "", "v1/jobs"] {
+            assert_eq!(find_method("GET", unknown), Err(vec![]), "{unknown}");
+        }
+    }
+
+    #[test]
+    fn paths_queries_and_bodies_make_requests() {
+        let encoded = |verb, path, pairs: &[(&str, &str)], body: &str| {
+            find(verb, path).unwrap().request(query(pairs), body.as_bytes()).unwrap()
+        };
+        let list = encoded("GET", "/v1/displays/lab/kernels", &[("pageSize", "7")], "");
+        let wanted = v1::ListKernelsRequest { display: "displays/lab".into(), page_size: 7, ..Default::default() };
+        assert_eq!(list, wanted.encode_to_vec());
+        let list = encoded("GET", "/v1/jobs", &[("state", "running"), ("page_token", "x")], "");
+        let state = v1::job::State::Running.into();
+        let wanted = v1::ListJobsRequest { state, page_token: "x".into(), ..Default::default() };
+        assert_eq!(list, wanted.encode_to_vec());
+        let pause = encoded("POST", "/v1/queue:pause", &[], r#"{"reason": "laser off"}"#);
+        let wanted = v1::PauseQueueRequest { reason: "laser off".into(), ..Default::default() };
+        assert_eq!(pause, wanted.encode_to_vec());
+        let batch = encoded("GET", "/v1/batches/night%2F3%3Ared", &[], "");
+        assert_eq!(batch, v1::GetBatchRequest { batch: "night/3:red".into() }.encode_to_vec());
+    }
+
+    #[test]
+    fn wrong_requests_name_the_field() {
+        let error = |verb, path, pairs: &[(&str, &str)], body: &str| {
+            find(verb, path).unwrap().request(query(pairs), body.as_bytes()).unwrap_err().to_string()
+        };
+        let unknown = error("GET", "/v1/displays", &[("size", "7")], "");
+        assert!(unknown.contains("size is unknown; known are: pageSize, pageToken"), "{unknown}");
+        assert!(error("GET", "/v1/jobs", &[("batch", "a"), ("batch", "b")], "").contains("batch stands twice"));
+        assert!(error("GET", "/v1/jobs", &[("state", "lost")], "").contains("STATE_LOST"));
+        assert!(error("POST", "/v1/jobs", &[], "[]").contains("JSON object"));
+        assert!(error("POST", "/v1/jobs", &[], r#"{"specc": {}}"#).contains("specc"));
+        assert!(error("POST", "/v1/jobs/a:cancel", &[], r#"{"name": "jobs/b"}"#).contains("name differs"));
+        assert!(error("GET", "/v1/jobs", &[], "{}").contains("belong in the query"));
+    }
+
+    #[test]
+    fn answers_become_json() {
+        let route = find("GET", "/v1/queue").unwrap().route;
+        let json = route.json(v1::Queue { queued: 3, ..Default::default() }.encode_to_vec().into()).unwrap();
+        assert_eq!(serde_json::from_slice::<Value>(&json).unwrap()["queued"], "3");
+        assert!(route.json(Bytes::from_static(b"\xff")).is_err());
+    }
+}

@@ -1,0 +1,27 @@
+//! ETags: names of contents, with which clients ask whether something changed.
+
+use axum::http::{HeaderMap, HeaderValue, header};
+use sha2::{Digest as _, Sha256};
+use std::fmt::Write as _;
+
+/// The strong ETag of a content.
+pub(super) fn etag(content: impl AsRef<[u8]>) -> String {
+    let mut etag = String::from("\"");
+    for byte in &Sha256::digest(content)[..16] {
+        // Writing to a string cannot fail.
+        let _ = write!(etag, "{byte:02x}");
+    }
+    etag + "\""
+}
+
+/// Whether the client has what the ETag names (RFC 9110, section 13.1.2).
+pub(super) fn has(headers: &HeaderMap, etag: &str) -> bool {
+    let fields = headers.get_all(header::IF_NONE_MATCH).into_iter().filter_map(|value| value.to_str().ok());
+    let mut tags = fields.flat_map(|value| value.split(',')).map(str::trim);
+    tags.any(|tag| tag == "*" || tag.strip_prefix("W/").unwrap_or(tag) == etag)
+}
+
+/// A header field with an ASCII text.
+pub(super) fn text_value(text: &str) -> HeaderValue {
+    HeaderValue::from_str(text).unwrap_or_else(|_| HeaderValue::from_static(""))
+}

@@ -1,0 +1,171 @@
+//! Every method of the API over HTTP: a path and JSON become a call of the gRPC method in this process, and its answer
+//! becomes JSON. So HTTP has the same checks, errors and messages as gRPC.
+
+use super::etags::{etag, has, text_value};
+use super::protocol::is_grpc;
+use super::refusal::{Refusal, refuse};
+use crate::api::MESSAGE_BYTES_MAX;
+use crate::error::ApiError;
+use axum::Router;
+use axum::body::{Body, to_bytes};
+use axum::extract::{Query, Request};
+use axum::http::request::Parts;
+use axum::http::{HeaderValue, Method, StatusCode, header};
+use axum::middleware::Next;
+use axum::response::sse::{Event, KeepAlive, Sse};
+use axum::response::{IntoResponse, Response};
+use futures::StreamExt as _;
+use lightpath_proto::routes::{self, Match};
+use prost::bytes::{Buf as _, BufMut as _, Bytes};
+use tonic::codec::{Codec, DecodeBuf, Decoder, EncodeBuf, Encoder};
+use tonic::codegen::http::uri::PathAndQuery;
+use tonic::metadata::MetadataMap;
+use tonic::{Status, Streaming};
+
+/// The method that a request calls over HTTP; for a known path with another verb, the verbs that it has.
+#[derive(Clone, Debug)]
+pub(super) struct Called(Result<Match, Vec<&'static str>>);
+
+impl Called {
+    /// Path of the gRPC method; `None` if the verb is wrong.
+    pub(super) fn method(&self) -> Option<&'static str> {
+        self.0.as_ref().ok().map(|found| found.route.method)
+    }
+}
+
+/// Finds the method before all other layers, which then know what is called.
+pub(super) async fn find_method(mut request: Request, next: Next) -> Response {
+    // HEAD asks for the header of GET. The server leaves out the body.
+    let verb = if request.method() == Method::HEAD { &Method::GET } else { request.method() };
+    let found = routes::find(verb.as_str(), request.uri().path());
+    if !matches!(&found, Err(verbs) if verbs.is_empty()) {
+        request.extensions_mut().insert(Called(found));
+    }
+    next.run(request).await
+}
+
+/// Answers a request that no other route answers: calls its method, or says what is wrong with its path.
+pub(super) async fn call_method(grpc: Router, request: Request) -> Response {
+    let (mut parts, body) = request.into_parts();
+    match parts.extensions.remove::<Called>() {
+        Some(Called(Ok(found))) => call(grpc, found, parts, body).await.unwrap_or_else(IntoResponse::into_response),
+        Some(Called(Err(verbs))) => wrong_verb(&parts, &verbs),
+        None => unknown(parts.uri.path()),
+    }
+}
+
+fn wrong_verb(parts: &Parts, verbs: &[&str]) -> Response {
+    let (path, allowed) = (parts.uri.path(), verbs.join(", "));
+    let status = Status::unimplemented(format!("{} is not possible at {path}, only {allowed}", parts.method));
+    let mut response = Refusal::from(status).with_status(StatusCode::METHOD_NOT_ALLOWED).into_response();
+    response.headers_mut().insert(header::ALLOW, text_value(&allowed));
+    response
+}
+
+/// Answers an unknown path in its protocol.
+fn unknown(path: &str) -> Response {
+    if is_grpc(path) {
+        return refuse(Status::unimplemented(format!("the method {path} does not exist")), true);
+    }
+    refuse(Status::not_found(format!("the path {path} does not exist")), false)
+}
+
+async fn call(grpc: Router, found: Match, parts: Parts, body: Body) -> Result<Response, Refusal> {
+    let route = found.route;
+    let Query(query) = Query::<Vec<(String, String)>>::try_from_uri(&parts.uri)
+        .map_err(|rejection| Status::invalid_argument(rejection.body_text()))?;
+    let body = json_body(&parts, body).await?;
+    let message = found.request(query, &body).map_err(|error| Status::invalid_argument(error.to_string()))?;
+    let request = tonic::Request::from_parts(MetadataMap::new(), parts.extensions, Bytes::from(message));
+    let path = PathAndQuery::from_static(route.method);
+    let mut client = tonic::client::Grpc::new(grpc);
+    // A router is always ready.
+    let answer = if route.is_stream {
+        let answers = client.server_streaming(request, path, Messages).await?.into_inner();
+        return Ok(events(answers, found));
+    } else {
+        client.unary(request, path, Messages).await?.into_inner()
+    };
+    let json = route.json(answer).map_err(|error| Status::internal(error.to_string()))?;
+    if parts.method != Method::GET && parts.method != Method::HEAD {
+        return Ok(([(header::CONTENT_TYPE, JSON)], json).into_response());
+    }
+    let etag = etag(&json);
+    let fields =
+        [(header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache")), (header::ETAG, text_value(&etag))];
+    Ok(match has(&parts.headers, &etag) {
+        true => (StatusCode::NOT_MODIFIED, fields).into_response(),
+        false => (fields, [(header::CONTENT_TYPE, JSON)], json).into_response(),
+    })
+}
+
+const JSON: HeaderValue = HeaderValue::from_static("application/json");
+
+/// The body of a request, which must be JSON or empty.
+async fn json_body(parts: &Parts, body: Body) -> Result<Bytes, Refusal> {
+    let Ok(bytes) = to_bytes(body, MESSAGE_BYTES_MAX).await else {
+        let message = format!("the body did not arrive, or has more than {MESSAGE_BYTES_MAX} bytes");
+        return Err(Refusal::from(Status::invalid_argument(message)).with_status(StatusCode::PAYLOAD_TOO_LARGE));
+    };
+    let content_type = parts.headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or("");
+    let media_type = content_type.split(';').next().unwrap_or("").trim();
+    // A web page of another site can send other types without asking.
+    if !bytes.is_empty() && !media_type.eq_ignore_ascii_case("application/json") {
+        let status = Status::invalid_argument("the header content-type must be application/json");
+        return Err(Refusal::from(status).with_status(StatusCode::UNSUPPORTED_MEDIA_TYPE));
+    }
+    Ok(bytes)
+}
+
+/// The answers of a stream as server-sent events: `message` for each answer, and `error` for a refusal, which is the
+/// last.
+fn events(answers: Streaming<Bytes>, found: Match) -> Response {
+    let events = answers.map(move |answer| {
+        let json =
+            answer.and_then(|answer| found.route.json(answer).map_err(|error| Status::internal(error.to_string())));
+        let (event, data) = match json {
+            Ok(json) => ("message", json),
+            Err(status) => ("error", Refusal::from(status).json()),
+        };
+        Ok::<_, ApiError>(Event::default().event(event).data(String::from_utf8_lossy(&data)))
+    });
+    Sse::new(events).keep_alive(KeepAlive::default()).into_response()
+}
+
+/// Messages as they are, for calls whose messages are encoded already.
+#[derive(Debug)]
+struct Messages;
+
+impl Codec for Messages {
+    type Encode = Bytes;
+    type Decode = Bytes;
+    type Encoder = Self;
+    type Decoder = Self;
+
+    fn encoder(&mut self) -> Self {
+        Self
+    }
+
+    fn decoder(&mut self) -> Self {
+        Self
+    }
+}
+
+impl Encoder for Messages {
+    type Item = Bytes;
+    type Error = Status;
+
+    fn encode(&mut self, message: Bytes, buffer: &mut EncodeBuf<'_>) -> Result<(), Status> {
+        buffer.put(message);
+        Ok(())
+    }
+}
+
+impl Decoder for Messages {
+    type Item = Bytes;
+    type Error = Status;
+
+    fn decode(&mut self, buffer: &mut DecodeBuf<'_>) -> Result<Option<Bytes>, Status> {
+        Ok(Some(buffer.copy_to_bytes(buffer.remaining())))
+    }
+}
