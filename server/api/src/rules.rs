@@ -110,6 +110,8 @@ pub(crate) const METHODS: &[(&str, Rule)] = &[
 const ROUTES: &[(&str, Rule)] = &[
     ("/healthz", rule(Access::Everyone, Effect::Reads)),
     ("/metrics", rule(READERS, Effect::Reads)),
+    ("/v1/artifacts/{digest}/content", rule(READERS, Effect::Reads)),
+    ("/v1/artifacts/{digest}/upload", rule(SUBMITTERS, Effect::Changes)),
     ("/v1/keyring", rule(KERNEL_READERS, Effect::Reads)),
     ("/v1/displays/{display}/kernels/{kernel}/manifest", rule(KERNEL_READERS, Effect::Reads)),
     ("/v1/displays/{display}/kernels/{kernel}/versions/{version}/{form}/{digest}", rule(KERNEL_READERS, Effect::Reads)),

@@ -7,10 +7,13 @@ use crate::call::Call;
 use crate::error::ApiError;
 use crate::field::Field;
 use crate::time::now_ms;
+use futures::{Stream, StreamExt as _, stream};
 use lightpath_artifacts::{ArtifactError, UploadWriter};
 use lightpath_proto::v1;
 use lightpath_proto::v1::write_artifact_request::Part;
 use lightpath_store::ArtifactRecord;
+use prost::bytes::Bytes;
+use std::pin::pin;
 use std::time::Duration;
 use tokio::time::{Instant, sleep, timeout};
 use tonic::Streaming;
@@ -47,40 +50,48 @@ impl Api {
                 return Err(Field::new("start").invalid("is missing, but must be in the first message"));
             }
         };
-        Ok(to_wire::artifact(self.receive(call, start, parts).await?))
+        let chunks = pin!(stream::try_unfold(parts, async |mut parts| {
+            let chunk = next_chunk(&mut parts).await?;
+            Ok(chunk.map(|chunk| (chunk, parts)))
+        }));
+        self.receive(call, start, chunks).await
+    }
+
+    /// Receives an artifact over HTTP.
+    pub(crate) async fn write_artifact_bytes(
+        &self,
+        call: &Call,
+        start: v1::WriteArtifactStart,
+        chunks: impl Stream<Item = Result<Bytes, ApiError>> + Unpin,
+    ) -> Result<v1::Artifact, ApiError> {
+        let _open = self.accounts.streams.open(StreamKind::Upload, &call.client)?;
+        self.receive(call, start, chunks).await
     }
 
     async fn receive(
         &self,
         call: &Call,
         start: v1::WriteArtifactStart,
-        mut parts: Streaming<v1::WriteArtifactRequest>,
-    ) -> Result<ArtifactRecord, ApiError> {
+        mut chunks: impl Stream<Item = Result<Bytes, ApiError>> + Unpin,
+    ) -> Result<v1::Artifact, ApiError> {
         let digest = Field::new("start.digest").digest(&start.digest)?;
         call.concerns(&digest);
         let size_bytes = Field::new("start.size_bytes").integer(start.size_bytes, 0..=ARTIFACT_BYTES_MAX)?;
         let mut upload = match self.turn(call, &digest, size_bytes, start.offset_bytes).await? {
-            Turn::Stored(record) => return Ok(record),
+            Turn::Stored(record) => return Ok(to_wire::artifact(record)),
             Turn::Granted(upload) => upload,
         };
         while upload.received_bytes() < size_bytes {
-            match next_part(&mut parts).await? {
-                Some(Part::Chunk(chunk)) if chunk.len() <= CHUNK_BYTES_MAX => upload.write(chunk.into()).await?,
-                Some(Part::Chunk(chunk)) => {
-                    let problem = format!("has {} bytes, but at most {CHUNK_BYTES_MAX} are accepted", chunk.len());
-                    return Err(Field::new("chunk").invalid(problem));
-                }
-                Some(Part::Start(_)) => {
-                    return Err(
-                        Field::new("start").invalid("is in a later message, but must be in the first message only")
-                    );
-                }
+            let chunk = timeout(UPLOAD_IDLE_MAX, chunks.next()).await.map_err(|_| ApiError::Idle(UPLOAD_IDLE_MAX))?;
+            match chunk {
+                Some(chunk) => upload.write(chunk?.into()).await?,
                 None => break,
             }
         }
         let _publishing = self.artifacts.publishing().await;
         upload.finish().await?;
-        Ok(self.store.record_artifact(&digest, size_bytes, &call.caller.name, now_ms()).await?)
+        let record = self.store.record_artifact(&digest, size_bytes, &call.caller.name, now_ms()).await?;
+        Ok(to_wire::artifact(record))
     }
 
     /// Waits while another call of the caller uploads the same artifact, until that artifact is stored or the other
@@ -111,6 +122,21 @@ enum Turn {
     Stored(ArtifactRecord),
     /// No other call of the caller uploads the artifact.
     Granted(UploadWriter),
+}
+
+/// The next chunk of an upload over gRPC.
+async fn next_chunk(parts: &mut Streaming<v1::WriteArtifactRequest>) -> Result<Option<Bytes>, ApiError> {
+    match next_part(parts).await? {
+        None => Ok(None),
+        Some(Part::Chunk(chunk)) if chunk.len() <= CHUNK_BYTES_MAX => Ok(Some(chunk)),
+        Some(Part::Chunk(chunk)) => {
+            let problem = format!("has {} bytes, but at most {CHUNK_BYTES_MAX} are accepted", chunk.len());
+            Err(Field::new("chunk").invalid(problem))
+        }
+        Some(Part::Start(_)) => {
+            Err(Field::new("start").invalid("is in a later message, but must be in the first message only"))
+        }
+    }
 }
 
 async fn next_part(parts: &mut Streaming<v1::WriteArtifactRequest>) -> Result<Option<Part>, ApiError> {

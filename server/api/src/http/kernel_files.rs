@@ -4,10 +4,10 @@
 //! Then it fetches the file, whose path has everything that the manifest says about it. The bytes of such a path never
 //! change, so a cut download continues with `Range`, on any server that holds the kernel.
 
-use super::byte_range::{RangeOutcome, requested_range};
 use super::etags::{etag, has, text_value};
+use super::file_answer::ServedFile;
 use super::refusal::Refusal;
-use crate::accounts::{OpenStream, StreamKind};
+use crate::accounts::StreamKind;
 use crate::api::Api;
 use crate::call::Call;
 use crate::error::ApiError;
@@ -17,12 +17,10 @@ use crate::manifests::Issued;
 use crate::names;
 use crate::permissions;
 use axum::Extension;
-use axum::body::{Body, Bytes};
 use axum::extract::rejection::QueryRejection;
 use axum::extract::{Path, Query, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use futures::stream;
 use lightpath_artifacts::ArtifactReader;
 use lightpath_domain::kernel::{KernelKey, KernelVersion};
 use lightpath_media::kernel_formats::KernelFormat;
@@ -37,12 +35,8 @@ use tonic::Status;
 /// Longest time for which a request for a manifest waits for a change \[s\]. Gateways commonly end requests after a
 /// minute.
 const WAIT_S_MAX: u64 = 50;
-/// Size of the pieces of a file \[bytes\]. Many slow devices may fetch at once, and each holds a few pieces.
-const PIECE_BYTES: usize = 32 << 10;
 /// Header with the time after which a device should ask again \[s\].
 const POLL_AFTER: &str = "lightpath-poll-after-s";
-/// What a path names never changes.
-const IMMUTABLE: &str = "private, max-age=31536000, immutable";
 const TEXT: &str = "text/plain; charset=us-ascii";
 
 /// Parameters of a manifest.
@@ -170,34 +164,8 @@ pub(super) async fn get_file(
     let etag = format!("\"{}\"", path.digest);
     let open = api.accounts.streams.open(StreamKind::Download, &call.client)?;
     let whole = file_of(&api, &call, &version, form, &path.digest).await?;
-    if has(&headers, &etag) {
-        return Ok((StatusCode::NOT_MODIFIED, [(header::ETAG, etag), (header::CACHE_CONTROL, IMMUTABLE.into())])
-            .into_response());
-    }
-    let range = match requested_range(&headers, &etag, whole.size_bytes) {
-        RangeOutcome::Whole => None,
-        RangeOutcome::Part { first, last } => Some((first, last)),
-        RangeOutcome::Unsatisfiable => {
-            let range = format!("bytes */{}", whole.size_bytes);
-            return Ok((StatusCode::RANGE_NOT_SATISFIABLE, [(header::CONTENT_RANGE, range)]).into_response());
-        }
-    };
-    let (first, last) = range.unwrap_or((0, whole.size_bytes.saturating_sub(1)));
-    let length = if whole.size_bytes == 0 { 0 } else { last - first + 1 };
-    let reader = whole.reader(&api, &call, (first, length)).await?;
-    let mut response = Response::new(Body::from_stream(pieces(reader, open)));
-    let fields = response.headers_mut();
-    fields.insert(header::CONTENT_TYPE, HeaderValue::from_static("application/octet-stream"));
-    fields.insert(header::ACCEPT_RANGES, HeaderValue::from_static("bytes"));
-    fields.insert(header::CACHE_CONTROL, HeaderValue::from_static(IMMUTABLE));
-    fields.insert(header::CONTENT_LENGTH, HeaderValue::from(length));
-    fields.insert(header::ETAG, text_value(&etag));
-    if range.is_some() {
-        *response.status_mut() = StatusCode::PARTIAL_CONTENT;
-        let text = format!("bytes {first}-{last}/{}", whole.size_bytes);
-        response.headers_mut().insert(header::CONTENT_RANGE, text_value(&text));
-    }
-    Ok(response)
+    let file = ServedFile { etag, size_bytes: whole.size_bytes, content_type: "application/octet-stream" };
+    file.answer(&headers, open, async |range| whole.reader(&api, &call, range).await).await
 }
 
 /// A file that a manifest may name.
@@ -245,17 +213,6 @@ impl KernelFile {
             Some(converted) => api.conversion_reader(call, &self.version, self.form, converted, range).await,
         }
     }
-}
-
-/// The bytes of a reader in small pieces. The download is counted until its end.
-fn pieces(
-    reader: ArtifactReader,
-    open: OpenStream,
-) -> impl futures::Stream<Item = Result<Bytes, ApiError>> + Send + 'static {
-    stream::try_unfold((reader, open), |(mut reader, open)| async move {
-        let piece = reader.next_chunk(PIECE_BYTES).await?;
-        Ok(piece.map(|piece| (Bytes::from(piece), (reader, open))))
-    })
 }
 
 /// A signed document, or 304 if the client has it.

@@ -6,12 +6,14 @@
 //!   HTTP. `token_expiry`: ends calls of invalid tokens.
 //! - `memory_use`: memory of each call, taken from the memory budget. `checked_body`: bodies whose frames these check.
 //! - `requests`: deadlines and metrics of requests, including gRPC. `transcode`: the methods of the API as JSON.
-//!   `kernel_files`, `byte_range`: kernels and keyrings for devices. `etags`: conditions of requests. `refusal`: errors
-//!   as answers.
+//!   `kernel_files`: kernels and keyrings for devices. `artifact_files`: files of datasets and results. `file_answer`,
+//!   `byte_range`: files in ranges. `etags`: conditions of requests. `refusal`: errors as answers.
 
+mod artifact_files;
 mod byte_range;
 mod checked_body;
 mod etags;
+mod file_answer;
 mod gate;
 mod kernel_files;
 mod memory_use;
@@ -27,11 +29,11 @@ use crate::api::Api;
 use crate::call::Call;
 use crate::error::ApiError;
 use crate::time::now_ms;
-use axum::extract::State;
+use axum::extract::{DefaultBodyLimit, State};
 use axum::http::{StatusCode, header};
 use axum::middleware;
 use axum::response::{IntoResponse, Response};
-use axum::routing::get;
+use axum::routing::{get, put};
 use axum::{Extension, Router};
 pub use gate::Gate;
 use lightpath_metrics as metrics;
@@ -40,10 +42,15 @@ use refusal::Refusal;
 use std::sync::Arc;
 pub use token_expiry::EndedTokens;
 
+const ARTIFACT_CONTENT: &str = "/v1/artifacts/{digest}/content";
+const ARTIFACT_UPLOAD: &str = "/v1/artifacts/{digest}/upload";
+
 /// Paths of plain HTTP that have handlers of their own.
-const PATHS: [&str; 5] = [
+const PATHS: [&str; 7] = [
     "/healthz",
     "/metrics",
+    ARTIFACT_CONTENT,
+    ARTIFACT_UPLOAD,
     "/v1/keyring",
     "/v1/displays/{display}/kernels/{kernel}/manifest",
     "/v1/displays/{display}/kernels/{kernel}/versions/{version}/{form}/{digest}",
@@ -56,10 +63,12 @@ pub fn router(gate: Gate, budget: Arc<MemoryBudget>, grpc: tonic::service::Route
     // Both routers have a fallback, and a merged router can have only one.
     let grpc = grpc.into_axum_router().reset_fallback();
     let methods = grpc.clone();
-    let [healthz, metrics_path, keyring, manifest, file] = PATHS;
+    let [healthz, metrics_path, content, upload, keyring, manifest, file] = PATHS;
     let http = Router::new()
         .route(healthz, get(health))
         .route(metrics_path, get(metrics))
+        .route(content, get(artifact_files::get_content))
+        .route(upload, put(artifact_files::upload).layer(DefaultBodyLimit::disable()))
         .route(keyring, get(kernel_files::get_keyring))
         .route(manifest, get(kernel_files::get_manifest))
         .route(file, get(kernel_files::get_file))

@@ -1,5 +1,6 @@
 //! Deadlines and metrics of all requests, gRPC and HTTP.
 
+use super::ARTIFACT_UPLOAD;
 use super::protocol::is_grpc;
 use super::refusal::refuse;
 use super::transcode::Called;
@@ -24,7 +25,7 @@ use uuid::Uuid;
 const ANSWER_DEADLINE: Duration = Duration::from_secs(120);
 /// Time limit for an upload, whose answer follows its last byte. Each chunk has another time limit.
 const UPLOAD_DEADLINE: Duration = Duration::from_secs(24 * 3600);
-const UPLOAD: &str = "/lightpath.v1.ArtifactService/WriteArtifact";
+const UPLOADS: [&str; 2] = ["/lightpath.v1.ArtifactService/WriteArtifact", ARTIFACT_UPLOAD];
 
 /// Paths that are answered even while the server stops, so that operators can watch it.
 const ALWAYS: [&str; 3] = ["/healthz", "/metrics", "/grpc.health.v1.Health/"];
@@ -35,7 +36,7 @@ pub(super) async fn with_deadline(State(api): State<Api>, request: Request, next
     let begin = Instant::now();
     let is_grpc = is_grpc(request.uri().path());
     let method = method(&request);
-    let limit = if request.uri().path() == UPLOAD { UPLOAD_DEADLINE } else { ANSWER_DEADLINE };
+    let limit = if UPLOADS.contains(&method.as_str()) { UPLOAD_DEADLINE } else { ANSWER_DEADLINE };
     let limit = client_limit(request.headers()).map_or(limit, |client| client.min(limit));
     let id = Uuid::now_v7().to_string();
     let span = tracing::info_span!("request", id, method);

@@ -4,7 +4,6 @@
 use super::etags::{etag, has, text_value};
 use super::protocol::is_grpc;
 use super::refusal::{Refusal, refuse};
-use crate::api::MESSAGE_BYTES_MAX;
 use crate::error::ApiError;
 use axum::Router;
 use axum::body::{Body, to_bytes};
@@ -21,6 +20,10 @@ use tonic::codec::{Codec, DecodeBuf, Decoder, EncodeBuf, Encoder};
 use tonic::codegen::http::uri::PathAndQuery;
 use tonic::metadata::MetadataMap;
 use tonic::{Status, Streaming};
+
+/// Limit on the body of a request \[bytes\]. The parsed JSON takes up to sixteen times as much memory, which is the
+/// memory that a message over gRPC may take.
+const JSON_BYTES_MAX: usize = 256 << 10;
 
 /// The method that a request calls over HTTP; for a known path with another verb, the verbs that it has.
 #[derive(Clone, Debug)]
@@ -103,8 +106,8 @@ const JSON: HeaderValue = HeaderValue::from_static("application/json");
 
 /// The body of a request, which must be JSON or empty.
 async fn json_body(parts: &Parts, body: Body) -> Result<Bytes, Refusal> {
-    let Ok(bytes) = to_bytes(body, MESSAGE_BYTES_MAX).await else {
-        let message = format!("the body did not arrive, or has more than {MESSAGE_BYTES_MAX} bytes");
+    let Ok(bytes) = to_bytes(body, JSON_BYTES_MAX).await else {
+        let message = format!("the body did not arrive, or has more than {JSON_BYTES_MAX} bytes");
         return Err(Refusal::from(Status::invalid_argument(message)).with_status(StatusCode::PAYLOAD_TOO_LARGE));
     };
     let content_type = parts.headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or("");

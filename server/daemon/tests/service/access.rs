@@ -101,6 +101,8 @@ pub(crate) const EXPECTED: &[(&str, &str)] = &[
     ("/metrics", MAY_READ),
     ("/v1/jobs", MAY_READ),
     ("/v1/jobs/0193", MAY_READ),
+    ("/v1/artifacts/0/content", MAY_READ),
+    ("/v1/artifacts/0/upload", MAY_SUBMIT),
     ("/v1/keyring", MAY_FETCH),
     ("/v1/displays/lab/devices", MAY_READ),
     ("/v1/displays/lab/kernels", MAY_FETCH),

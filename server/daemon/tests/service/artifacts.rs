@@ -1,5 +1,6 @@
 //! Tests of artifacts: uploads, interrupted uploads, checks of digests, reads of ranges.
 
+use crate::manifests::curl;
 use crate::serving::{Serving, expect};
 use lightpath_artifacts::digest_of;
 use lightpath_proto::v1;
@@ -119,4 +120,63 @@ async fn concurrent_uploads_are_limited() {
     drop(parts);
     expect(upload.await.unwrap(), Code::InvalidArgument, "0 bytes arrived");
     serving.upload(b"another").await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn curl_uploads_continues_and_downloads() {
+    let serving = Serving::start().await;
+    let bytes: Vec<u8> = (0..300_000_u32).map(|i| (i.wrapping_mul(7919) >> 8) as u8).collect();
+    let digest = digest_of(&bytes);
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str, part: &[u8]| {
+        std::fs::write(folder.path().join(name), part).unwrap();
+        format!("@{}", folder.path().join(name).display())
+    };
+    let (first, rest, whole) = (file("first", &bytes[..1000]), file("rest", &bytes[1000..]), file("whole", &bytes));
+    let upload = format!("/v1/artifacts/{digest}/upload");
+    let put = async |range: &str, data: &str| {
+        let range = format!("content-range: {range}");
+        let common = ["--request", "PUT", "--header", "expect:", "--data-binary", data];
+        let more = if range.ends_with(' ') { &[][..] } else { &["--header", &range][..] };
+        curl(&serving, &upload, &[&common[..], more].concat()).await
+    };
+    let cut = put("bytes 0-299999/300000", &first).await;
+    assert!(cut.status == 400 && cut.text().contains("1000 bytes arrived"), "{cut:?}");
+    let state = curl(&serving, &format!("/v1/uploads/{digest}"), &[]).await;
+    assert!(state.text().contains("\"receivedBytes\":\"1000\""), "{}", state.text());
+    let gap = put("bytes 2000-299999/300000", &rest).await;
+    assert_eq!((gap.status, gap.text().contains("offset_bytes is 2000")), (409, true), "{}", gap.text());
+    let wrong = put("bytes 1000-1999/300000", &rest).await;
+    assert!(wrong.status == 400 && wrong.text().contains("must reach to the end"), "{}", wrong.text());
+    let done = put("bytes 1000-299999/300000", &rest).await;
+    assert!(done.status == 200 && done.text().contains("\"sizeBytes\":\"300000\""), "{}", done.text());
+    assert_eq!(put("", &whole).await.status, 200, "the same bytes again");
+
+    let content = format!("/v1/artifacts/{digest}/content");
+    let downloaded = curl(&serving, &content, &[]).await;
+    assert_eq!((downloaded.status, downloaded.field("content-length")), (200, Some("300000")));
+    assert_eq!(downloaded.field("x-content-type-options"), Some("nosniff"));
+    assert_eq!(downloaded.body, bytes);
+    let part = curl(&serving, &content, &["--range", "299990-"]).await;
+    assert_eq!((part.status, part.field("content-range")), (206, Some("bytes 299990-299999/300000")));
+    assert_eq!(part.body, bytes[299_990..]);
+    let known = format!("if-none-match: {}", downloaded.field("etag").unwrap());
+    assert_eq!(curl(&serving, &content, &["--header", &known]).await.status, 304);
+    let missing = curl(&serving, &format!("/v1/artifacts/{}/content", digest_of(b"missing")), &[]).await;
+    assert_eq!(missing.status, 404, "{}", missing.text());
+    let unnamed = curl(&serving, "/v1/artifacts/passwd/content", &[]).await;
+    assert!(unnamed.status == 400 && unnamed.text().contains("digest is"), "{}", unnamed.text());
+}
+
+#[tokio::test]
+async fn an_upload_with_other_bytes_than_its_digest_says_is_refused() {
+    let serving = Serving::start().await;
+    let upload = format!("/v1/artifacts/{}/upload", digest_of(b"these bytes"));
+    let other = curl(&serving, &upload, &["--request", "PUT", "--data-binary", "other bytes"]).await;
+    assert!(other.status == 400 && other.text().contains("digest"), "{}", other.text());
+    let chunked = ["--request", "PUT", "--header", "transfer-encoding: chunked", "--data-binary", "these bytes"];
+    let unknown = curl(&serving, &upload, &chunked).await;
+    assert!(unknown.status == 411 && unknown.text().contains("content-length"), "{}", unknown.text());
+    let right = curl(&serving, &upload, &["--request", "PUT", "--data-binary", "these bytes"]).await;
+    assert_eq!(right.status, 200, "{}", right.text());
 }

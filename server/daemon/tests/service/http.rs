@@ -165,7 +165,7 @@ async fn requests_in_a_wrong_form_are_refused_with_the_fix() {
     let long = format!("@{}", long.display());
     for (path, more, status, fix) in [
         ("/v1/queue:pause", &["--data", "{}"][..], 415, "content-type must be application/json"),
-        ("/v1/queue:pause", &json(&long)[..], 413, "more than 4194304 bytes"),
+        ("/v1/queue:pause", &json(&long)[..], 413, "more than 262144 bytes"),
         ("/v1/queue:pause", &json("{\"reason\": 3}")[..], 400, "expected a string"),
         ("/v1/queue:pause", &["--request", "DELETE"][..], 405, "only POST"),
         ("/v1/queue:pause?reason=x", &json("{}")[..], 400, "reason is unknown"),

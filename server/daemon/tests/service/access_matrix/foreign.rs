@@ -153,10 +153,11 @@ impl Search<'_> {
             "$batch" => format!("/v1/jobs?display=displays/lab&batch={}", world.text(key)),
             "$kernel" => format!("/v1/{}/manifest", world.text(key)),
             "$spare" => format!("/v1/{}/devices", world.text(key)),
+            "$target" => format!("/v1/artifacts/{}/content", world.text(key)),
             "$far_kernel" => format!("/v1/{}/kernels:nearest?distance_m=0.004", world.display(key)),
             _ => format!("/v1/{}", world.text(key)),
         };
-        for key in ["$display", "$batch", "$waiting", "$ended", "$kernel", "$spare", "$far_kernel"] {
+        for key in ["$display", "$batch", "$waiting", "$ended", "$kernel", "$spare", "$target", "$far_kernel"] {
             let mut answers = Vec::new();
             for world in [&self.worlds.foreign, &self.worlds.foreign.missing()] {
                 let answer = client.http1(&path_of(world, key), get).await;

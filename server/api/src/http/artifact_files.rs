@@ -1,0 +1,79 @@
+//! Files of datasets and results over HTTP: downloads, and uploads that continue after a cut.
+
+use super::file_answer::ServedFile;
+use super::refusal::Refusal;
+use crate::accounts::StreamKind;
+use crate::api::Api;
+use crate::call::Call;
+use crate::error::ApiError;
+use crate::field::Field;
+use axum::body::Body;
+use axum::extract::{Path, State};
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::Response;
+use axum::{Extension, Json};
+use futures::StreamExt as _;
+use lightpath_proto::v1;
+use std::pin::pin;
+use tonic::Status;
+
+/// Handles `GET /v1/artifacts/{digest}/content`.
+pub(super) async fn get_content(
+    State(api): State<Api>,
+    Extension(call): Extension<Call>,
+    Path(digest): Path<String>,
+    headers: HeaderMap,
+) -> Result<Response, Refusal> {
+    let field = Field::new("digest");
+    let digest = field.digest(&digest)?;
+    let Some(record) = api.artifact_for_caller(&call, &digest).await? else {
+        return Err(field.missing(format!("artifact {digest}"), "use a digest from the result of a job").into());
+    };
+    let open = api.accounts.streams.open(StreamKind::Download, &call.client)?;
+    // The server does not know the type of an artifact, and must not let a browser run one.
+    let (etag, content_type) = (format!("\"{digest}\""), "application/octet-stream");
+    let file = ServedFile { etag, size_bytes: record.size_bytes, content_type };
+    file.answer(&headers, open, async |range| api.checked_reader(&call, &digest, range).await).await
+}
+
+/// Handles `PUT /v1/artifacts/{digest}/upload`.
+pub(super) async fn upload(
+    State(api): State<Api>,
+    Extension(call): Extension<Call>,
+    Path(digest): Path<String>,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<Json<v1::Artifact>, Refusal> {
+    let (offset_bytes, size_bytes) = extent(&headers)?;
+    let start = v1::WriteArtifactStart { digest, size_bytes, offset_bytes };
+    let chunks = pin!(body.into_data_stream().map(|chunk| chunk.map_err(|error| {
+        ApiError::Stream(Box::new(Status::cancelled(format!("the body of the upload broke off: {error}"))))
+    })));
+    Ok(Json(api.write_artifact_bytes(&call, start, chunks).await?))
+}
+
+/// Where the body of an upload begins in the artifact, and the size of the artifact \[bytes\]: from `content-range`
+/// (`bytes 1000-1999/2000`), or from `content-length` if the body is the whole artifact.
+fn extent(headers: &HeaderMap) -> Result<(u64, u64), Refusal> {
+    let text = |name| headers.get(name).and_then(|value| value.to_str().ok());
+    let Some(range) = text(header::CONTENT_RANGE) else {
+        let length = text(header::CONTENT_LENGTH).and_then(|length| length.parse().ok());
+        return length.map(|size_bytes| (0, size_bytes)).ok_or_else(|| {
+            let message = "the header content-length is missing: it tells the size of the artifact";
+            Refusal::from(Status::invalid_argument(message)).with_status(StatusCode::LENGTH_REQUIRED)
+        });
+    };
+    let parsed = || {
+        let (range, size) = range.strip_prefix("bytes ")?.split_once('/')?;
+        let (first, last) = range.split_once('-')?;
+        let (first, last, size): (u64, u64, u64) = (first.parse().ok()?, last.parse().ok()?, size.parse().ok()?);
+        (first <= last && last.checked_add(1) == Some(size)).then_some((first, size))
+    };
+    parsed().ok_or_else(|| {
+        let message = format!(
+            "the header content-range is {range:?}, but must reach to the end of the artifact, such as \
+             \"bytes 1000-1999/2000\""
+        );
+        Status::invalid_argument(message).into()
+    })
+}
