@@ -1,8 +1,11 @@
 //! Compiles `lightpath/v1/*.proto` without protoc. protox parses the files, prost and tonic generate Rust code, and
 //! pbjson adds the JSON form of protobuf.
 //!
-//! `words`: the values of every enumeration with their comments. `routes`: the methods over HTTP.
+//! `words`: the values of every enumeration with their comments. `annotations`: the methods over HTTP, for `routes`, their
+//! table, and `openapi`, their document.
 
+mod annotations;
+mod openapi;
 mod routes;
 mod words;
 
@@ -26,6 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     println!("cargo:rerun-if-changed=lightpath");
     println!("cargo:rerun-if-changed=google");
     println!("cargo:rerun-if-changed=build");
+    println!("cargo:rerun-if-changed=openapi.json");
     let mut compiler = protox::Compiler::new(["."])?;
     compiler.include_imports(true).include_source_info(true).open_files(PROTOS)?;
     let descriptors = compiler.file_descriptor_set();
@@ -33,7 +37,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     // Only this form has the annotations of the methods: the types of prost do not know them.
     fs::write(out_dir.join("descriptors.bin"), compiler.encode_file_descriptor_set())?;
     fs::write(out_dir.join("words.rs"), words::words_code(&descriptors.file)?)?;
-    fs::write(out_dir.join("routes.rs"), routes::routes_code(&compiler.descriptor_pool())?)?;
+    let pool = compiler.descriptor_pool();
+    fs::write(out_dir.join("routes.rs"), routes::routes_code(&pool)?)?;
+    let document = openapi::openapi_document(&pool, &fs::read_to_string("openapi.json")?)?;
+    fs::write(out_dir.join("openapi.json"), document)?;
 
     let encoded = descriptors.encode_to_vec();
     tonic_prost_build::configure()

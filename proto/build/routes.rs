@@ -1,40 +1,23 @@
 //! Generates the table of the methods over HTTP from their annotations (`google.api.http`).
 
-use protox::prost_reflect::{
-    DescriptorPool, DynamicMessage, FieldDescriptor, Kind, MessageDescriptor, MethodDescriptor, Value,
-};
+use crate::annotations::{Binding, bindings};
+use protox::prost_reflect::{DescriptorPool, FieldDescriptor, Kind, MessageDescriptor};
 use std::error::Error;
 use std::fmt::Write as _;
 
 /// Returns Rust code with the routes of all annotated methods of `lightpath.v1`.
 pub(crate) fn routes_code(pool: &DescriptorPool) -> Result<String, Box<dyn Error>> {
-    let extension = pool.get_extension_by_name("google.api.http").ok_or("google.api.http is missing")?;
     let mut code = String::from("/// The methods over HTTP.\npub const ROUTES: &[Route] = &[\n");
-    let services = pool.services().filter(|service| service.package_name() == "lightpath.v1");
-    for method in services.flat_map(|service| service.methods().collect::<Vec<_>>()) {
-        let options = method.options();
-        if !options.has_extension(&extension) {
-            continue;
-        }
-        let annotation = options.get_extension(&extension);
-        let rule = annotation.as_message().ok_or("google.api.http is no message")?;
-        write_route(&mut code, &method, rule)?;
-        let others = rule.get_field_by_name("additional_bindings");
-        for other in others.iter().filter_map(|others| others.as_list()).flatten().filter_map(Value::as_message) {
-            write_route(&mut code, &method, other)?;
-        }
+    for binding in bindings(pool)? {
+        write_route(&mut code, &binding)?;
     }
     code.push_str("];\n");
     Ok(code)
 }
 
-/// Writes the route of a method by one of its rules.
-fn write_route(code: &mut String, method: &MethodDescriptor, rule: &DynamicMessage) -> Result<(), Box<dyn Error>> {
-    let verbs = ["get", "put", "post", "delete"];
-    let found = verbs.iter().find_map(|verb| Some((*verb, text_of(rule, verb).filter(|path| !path.is_empty())?)));
-    let (verb, path) = found.ok_or_else(|| format!("{} has no path", method.full_name()))?;
-    let body = text_of(rule, "body").unwrap_or_default();
-    let template = Template::parse(&path).ok_or_else(|| format!("the path {path} has another form"))?;
+fn write_route(code: &mut String, binding: &Binding) -> Result<(), Box<dyn Error>> {
+    let Binding { method, verb, path, body, .. } = binding;
+    let template = Template::parse(path).ok_or_else(|| format!("the path {path} has another form"))?;
     let from_query = if body.is_empty() { query_code(&method.input(), &template)? } else { String::new() };
     let body = match body.as_str() {
         "" => "Body::Nothing".to_owned(),
@@ -49,10 +32,6 @@ fn write_route(code: &mut String, method: &MethodDescriptor, rule: &DynamicMessa
     let (request, answer) = (rust_type(&method.input()), rust_type(&method.output()));
     writeln!(code, "        encode: encode::<{request}>, to_json: to_json::<{answer}> }},")?;
     Ok(())
-}
-
-fn text_of(rule: &DynamicMessage, field: &str) -> Option<String> {
-    Some(rule.get_field_by_name(field)?.as_str()?.to_owned())
 }
 
 fn rust_type(message: &MessageDescriptor) -> String {

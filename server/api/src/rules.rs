@@ -112,6 +112,7 @@ const ROUTES: &[(&str, Rule)] = &[
     ("/metrics", rule(READERS, Effect::Reads)),
     ("/v1/artifacts/{digest}/content", rule(READERS, Effect::Reads)),
     ("/v1/artifacts/{digest}/upload", rule(SUBMITTERS, Effect::Changes)),
+    ("/openapi.json", rule(KERNEL_READERS, Effect::Reads)),
     ("/v1/keyring", rule(KERNEL_READERS, Effect::Reads)),
     ("/v1/displays/{display}/kernels/{kernel}/manifest", rule(KERNEL_READERS, Effect::Reads)),
     ("/v1/displays/{display}/kernels/{kernel}/versions/{version}/{form}/{digest}", rule(KERNEL_READERS, Effect::Reads)),

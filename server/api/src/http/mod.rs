@@ -30,7 +30,7 @@ use crate::call::Call;
 use crate::error::ApiError;
 use crate::time::now_ms;
 use axum::extract::{DefaultBodyLimit, State};
-use axum::http::{StatusCode, header};
+use axum::http::{HeaderMap, StatusCode, header};
 use axum::middleware;
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, put};
@@ -46,11 +46,12 @@ const ARTIFACT_CONTENT: &str = "/v1/artifacts/{digest}/content";
 const ARTIFACT_UPLOAD: &str = "/v1/artifacts/{digest}/upload";
 
 /// Paths of plain HTTP that have handlers of their own.
-const PATHS: [&str; 7] = [
+const PATHS: [&str; 8] = [
     "/healthz",
     "/metrics",
     ARTIFACT_CONTENT,
     ARTIFACT_UPLOAD,
+    "/openapi.json",
     "/v1/keyring",
     "/v1/displays/{display}/kernels/{kernel}/manifest",
     "/v1/displays/{display}/kernels/{kernel}/versions/{version}/{form}/{digest}",
@@ -63,12 +64,13 @@ pub fn router(gate: Gate, budget: Arc<MemoryBudget>, grpc: tonic::service::Route
     // Both routers have a fallback, and a merged router can have only one.
     let grpc = grpc.into_axum_router().reset_fallback();
     let methods = grpc.clone();
-    let [healthz, metrics_path, content, upload, keyring, manifest, file] = PATHS;
+    let [healthz, metrics_path, content, upload, openapi, keyring, manifest, file] = PATHS;
     let http = Router::new()
         .route(healthz, get(health))
         .route(metrics_path, get(metrics))
         .route(content, get(artifact_files::get_content))
         .route(upload, put(artifact_files::upload).layer(DefaultBodyLimit::disable()))
+        .route(openapi, get(get_openapi))
         .route(keyring, get(kernel_files::get_keyring))
         .route(manifest, get(kernel_files::get_manifest))
         .route(file, get(kernel_files::get_file))
@@ -86,6 +88,11 @@ async fn health(State(api): State<Api>) -> Response {
         Ok(()) => (StatusCode::OK, "serving\n").into_response(),
         Err(problem) => (StatusCode::SERVICE_UNAVAILABLE, format!("{problem}\n")).into_response(),
     }
+}
+
+/// Answers with the document of this API.
+async fn get_openapi(headers: HeaderMap) -> Response {
+    transcode::json_answer(&headers, lightpath_proto::OPENAPI)
 }
 
 /// Answers with the metrics, which name all displays.

@@ -9,7 +9,7 @@ use axum::Router;
 use axum::body::{Body, to_bytes};
 use axum::extract::{Query, Request};
 use axum::http::request::Parts;
-use axum::http::{HeaderValue, Method, StatusCode, header};
+use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
@@ -93,13 +93,18 @@ async fn call(grpc: Router, found: Match, parts: Parts, body: Body) -> Result<Re
     if parts.method != Method::GET && parts.method != Method::HEAD {
         return Ok(([(header::CONTENT_TYPE, JSON)], json).into_response());
     }
+    Ok(json_answer(&parts.headers, json))
+}
+
+/// JSON, or 304 if the client has it.
+pub(super) fn json_answer(headers: &HeaderMap, json: impl AsRef<[u8]> + IntoResponse) -> Response {
     let etag = etag(&json);
     let fields =
         [(header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache")), (header::ETAG, text_value(&etag))];
-    Ok(match has(&parts.headers, &etag) {
+    match has(headers, &etag) {
         true => (StatusCode::NOT_MODIFIED, fields).into_response(),
         false => (fields, [(header::CONTENT_TYPE, JSON)], json).into_response(),
-    })
+    }
 }
 
 const JSON: HeaderValue = HeaderValue::from_static("application/json");

@@ -19,6 +19,7 @@ mod malformed;
 mod manifests;
 mod memory_limits;
 mod mutation;
+mod openapi;
 mod ownership;
 mod photos;
 mod preparing;
