@@ -103,6 +103,9 @@ fn parameter_kind(field: &FieldDescriptor) -> Option<String> {
             let prefix = first.name().strip_suffix("UNSPECIFIED")?;
             Some(format!("ParameterKind::Word({prefix:?})"))
         }
-        _ => Some("ParameterKind::Text".to_owned()),
+        Kind::Uint32 | Kind::Uint64 => Some("ParameterKind::Count".to_owned()),
+        Kind::Double => Some("ParameterKind::Number".to_owned()),
+        Kind::String => Some("ParameterKind::Text".to_owned()),
+        _ => None,
     }
 }

@@ -27,7 +27,7 @@ pub struct Route {
     segments: &'static [Option<&'static str>],
     action: &'static str,
     variable: Option<(&'static str, usize, usize)>,
-    encode: fn(Value) -> Result<Vec<u8>, serde_json::Error>,
+    encode: fn(Value) -> Result<Vec<u8>, RequestError>,
     to_json: fn(Bytes) -> Result<Vec<u8>, JsonError>,
 }
 
@@ -58,8 +58,12 @@ pub struct Parameter {
 /// Form of a query parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ParameterKind {
-    /// A text or a number.
+    /// A text.
     Text,
+    /// A whole number, 0 or more.
+    Count,
+    /// A number.
+    Number,
     /// `true` or `false`.
     Flag,
     /// A value of an enumeration with this prefix. `STATE_RUNNING` and `running` are the same value.
@@ -77,10 +81,21 @@ pub enum JsonError {
     Encode(#[from] serde_json::Error),
 }
 
-/// What is wrong with a request.
+/// What is wrong with a request: `{field} {problem}`.
 #[derive(Debug, thiserror::Error)]
-#[error("{0}")]
-pub struct RequestError(String);
+#[error("{field} {problem}")]
+pub struct RequestError {
+    /// The field in the body or the query, or what else is wrong, such as `the body`.
+    pub field: String,
+    /// What is wrong with it, and the fix.
+    pub problem: String,
+}
+
+impl RequestError {
+    fn new(field: &str, problem: impl Into<String>) -> Self {
+        Self { field: field.to_owned(), problem: problem.into() }
+    }
+}
 
 /// A route that a path matches.
 #[derive(Clone, Debug)]
@@ -157,11 +172,11 @@ impl Match {
         if let (Some((field, ..)), Some(value)) = (self.route.variable, &self.value) {
             let value = Value::from(value.clone());
             if request.get(field).is_some_and(|other| *other != value) {
-                return Err(RequestError(format!("{field} differs from the path; leave it out of the body")));
+                return Err(RequestError::new(field, "differs from the path; leave it out of the body"));
             }
             request.insert(field.to_owned(), value);
         }
-        (self.route.encode)(Value::Object(request)).map_err(|error| RequestError(error.to_string()))
+        (self.route.encode)(Value::Object(request))
     }
 
     /// The fields in the body.
@@ -169,13 +184,16 @@ impl Match {
         if body.is_empty() {
             return Ok(Map::new());
         }
-        let parsed = |()| serde_json::from_slice(body).map_err(|error| RequestError(format!("the body: {error}")));
+        let parsed = |()| {
+            serde_json::from_slice(body)
+                .map_err(|error| RequestError::new("the body", format!("is no valid JSON: {error}")))
+        };
         match self.route.body {
-            Body::Nothing => Err(RequestError("the request has a body, but the fields belong in the query".to_owned())),
+            Body::Nothing => Err(RequestError::new("the body", "must be empty: the fields belong in the query")),
             Body::Field(field) => Ok(Map::from_iter([(field.to_owned(), parsed(())?)])),
             Body::Request => match parsed(())? {
                 Value::Object(fields) => Ok(fields),
-                _ => Err(RequestError("the body must be a JSON object with the fields of the request".to_owned())),
+                _ => Err(RequestError::new("the body", "must be a JSON object with the fields of the request")),
             },
         }
     }
@@ -185,14 +203,17 @@ impl Match {
         let Some(parameter) = found else {
             let known: Vec<&str> = self.route.query.iter().map(|known| known.json_name).collect();
             let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
-            return Err(RequestError(format!("the query parameter {name} is unknown; known are: {known}")));
+            return Err(RequestError::new(name, format!("is unknown in the query; known are: {known}")));
         };
+        let must_be = |what: &str| RequestError::new(name, format!("is {text:?}, but must be {what}"));
         let value = match parameter.kind {
-            ParameterKind::Text => Value::from(text),
+            ParameterKind::Count if text.parse::<u64>().is_err() => return Err(must_be("a whole number, 0 or more")),
+            ParameterKind::Number if text.parse::<f64>().is_err() => return Err(must_be("a number")),
+            ParameterKind::Text | ParameterKind::Count | ParameterKind::Number => Value::from(text),
             ParameterKind::Flag => match text.as_str() {
                 "true" => Value::from(true),
                 "false" => Value::from(false),
-                _ => return Err(RequestError(format!("{name} is {text:?}, but must be true or false"))),
+                _ => return Err(must_be("true or false")),
             },
             ParameterKind::Word(prefix) => {
                 let word = text.to_ascii_uppercase().replace('-', "_");
@@ -207,14 +228,22 @@ impl Match {
         match others {
             Value::Array(values) if parameter.is_list => values.push(value),
             Value::Array(values) if values.is_empty() => *others = value,
-            _ => return Err(RequestError(format!("the query parameter {name} stands twice"))),
+            _ => return Err(RequestError::new(name, "stands twice in the query")),
         }
         Ok(())
     }
 }
 
-fn encode<M: Message + DeserializeOwned>(request: Value) -> Result<Vec<u8>, serde_json::Error> {
-    Ok(serde_json::from_value::<M>(request)?.encode_to_vec())
+fn encode<M: Message + DeserializeOwned>(request: Value) -> Result<Vec<u8>, RequestError> {
+    let message: Result<M, _> = serde_path_to_error::deserialize(request);
+    message.map(|message| message.encode_to_vec()).map_err(|error| {
+        let (path, inner) = (error.path().to_string(), error.inner().to_string());
+        // The message of a number that its field cannot hold names only types of Rust.
+        let inner =
+            if inner.contains("untagged enum") { "a number that the field cannot hold".to_owned() } else { inner };
+        let path = if path == "." { "the body" } else { &path };
+        RequestError::new(path, format!("is wrong: {inner}"))
+    })
 }
 
 fn to_json<M: Message + Default + Serialize>(answer: Bytes) -> Result<Vec<u8>, JsonError> {
@@ -270,9 +299,16 @@ mod tests {
             find(verb, path).unwrap().request(query(pairs), body.as_bytes()).unwrap_err().to_string()
         };
         let unknown = error("GET", "/v1/displays", &[("size", "7")], "");
-        assert!(unknown.contains("size is unknown; known are: pageSize, pageToken"), "{unknown}");
+        assert!(unknown.contains("size is unknown in the query; known are: pageSize, pageToken"), "{unknown}");
         assert!(error("GET", "/v1/jobs", &[("batch", "a"), ("batch", "b")], "").contains("batch stands twice"));
-        assert!(error("GET", "/v1/jobs", &[("state", "lost")], "").contains("STATE_LOST"));
+        let state = error("GET", "/v1/jobs", &[("state", "lost")], "");
+        assert!(state.starts_with("state is wrong: ") && state.contains("STATE_LOST"), "{state}");
+        let size = error("GET", "/v1/jobs", &[("pageSize", "-1")], "");
+        assert_eq!(size, "pageSize is \"-1\", but must be a whole number, 0 or more");
+        let far = error("GET", "/v1/displays/lab/kernels:nearest", &[("distanceM", "far")], "");
+        assert_eq!(far, "distanceM is \"far\", but must be a number");
+        let iterations = error("POST", "/v1/jobs", &[], r#"{"spec": {"optimizeHologram": {"iterations": 1e99}}}"#);
+        assert_eq!(iterations, "spec.optimizeHologram.iterations is wrong: a number that the field cannot hold");
         assert!(error("POST", "/v1/jobs", &[], "[]").contains("JSON object"));
         assert!(error("POST", "/v1/jobs", &[], r#"{"specc": {}}"#).contains("specc"));
         assert!(error("POST", "/v1/jobs/a:cancel", &[], r#"{"name": "jobs/b"}"#).contains("name differs"));

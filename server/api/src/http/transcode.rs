@@ -5,6 +5,7 @@ use super::etags::{etag, has, text_value};
 use super::protocol::is_grpc;
 use super::refusal::{Refusal, refuse};
 use crate::error::ApiError;
+use crate::field::Field;
 use axum::Router;
 use axum::body::{Body, to_bytes};
 use axum::extract::{Query, Request};
@@ -78,7 +79,7 @@ async fn call(grpc: Router, found: Match, parts: Parts, body: Body) -> Result<Re
     let Query(query) = Query::<Vec<(String, String)>>::try_from_uri(&parts.uri)
         .map_err(|rejection| Status::invalid_argument(rejection.body_text()))?;
     let body = json_body(&parts, body).await?;
-    let message = found.request(query, &body).map_err(|error| Status::invalid_argument(error.to_string()))?;
+    let message = found.request(query, &body).map_err(|error| Field::new(&error.field).invalid(error.problem))?;
     let request = tonic::Request::from_parts(MetadataMap::new(), parts.extensions, Bytes::from(message));
     let path = PathAndQuery::from_static(route.method);
     let mut client = tonic::client::Grpc::new(grpc);

@@ -338,7 +338,7 @@ async fn a_device_reports_for_itself_alone() {
         (body.replace("\"version\":1", "\"version\":9"), "versions/9 does not exist"),
         (body.replace("n\":\"1\"", "n\":\"18446744073709551615\""), "generation is 18446744073709551615"),
         (body.replace("agent", "unknown"), "unknown"),
-        ("{".to_owned(), "the body: EOF"),
+        ("{".to_owned(), "the body is no valid JSON: EOF"),
         (format!("{{\"message\":\"{}\"}}", "x".repeat(20_000)), "message"),
     ] {
         let answer = post_report(serving, "bench-7", &token, &body).await;
