@@ -32,18 +32,33 @@ pub fn comparison(models: [&DisplayModel; 2], names: [&str; 2]) -> Result<Compar
     let [first, second] = models;
     let nyquist = 0.5 / first.setup.grid().pixel_pitch_m();
     let (h, g) = (ratio(first), ratio(second));
-    let along = |i: usize| (2 * i + 1) as f64 / SAMPLES as f64 - 1.0;
-    let at = |i: usize| (along(i % SAMPLES), along(i / SAMPLES));
     let of_band = |(x, y): (f64, f64)| (h(nyquist * x, nyquist * y), g(nyquist * x, nyquist * y));
     let of_source = |(x, y): (f64, f64)| (light(first, x, y), light(second, x, y));
-    let (transfer, turn) = KernelDifference::of((0..SAMPLES * SAMPLES).map(at).map(of_band));
-    let (source, _) = KernelDifference::of((0..SAMPLES * SAMPLES).map(at).map(of_source));
-    let between = |fx: f64, fy: f64| {
-        let (h, g) = (h(fx, fy), turn * g(fx, fy));
-        if h.norm() > 1e-6 { g / h } else { Complex64::new(f64::NAN, f64::NAN) }
-    };
+    let (transfer, turn) = KernelDifference::of(samples().map(of_band));
+    let (source, _) = KernelDifference::of(samples().map(of_source));
+    let between = quotient(h, g, turn);
     let picture_png = sheet(models, names, between).png().map_err(|error| PictureError::Encode(error.to_string()))?;
     Ok(Comparison { transfer, source, parameters: parameters(models), picture_png })
+}
+
+/// Points of a grid from −1 to 1 along each axis.
+fn samples() -> impl Iterator<Item = (f64, f64)> {
+    let along = |i: usize| (2 * i + 1) as f64 / SAMPLES as f64 - 1.0;
+    (0..SAMPLES * SAMPLES).map(move |i| (along(i % SAMPLES), along(i / SAMPLES)))
+}
+
+/// The quotient g / h of two transfer functions, with the phase of the best factor `turn` on g: a constant phase shows
+/// nothing. Its amplitude stays, so that an equal amplitude is 1 everywhere. NaN where h passes no light.
+fn quotient(
+    h: impl Fn(f64, f64) -> Complex64,
+    g: impl Fn(f64, f64) -> Complex64,
+    turn: Complex64,
+) -> impl Fn(f64, f64) -> Complex64 {
+    let turn = Complex64::cis(turn.arg());
+    move |fx, fy| {
+        let (h, g) = (h(fx, fy), turn * g(fx, fy));
+        if h.norm() > 1e-6 { g / h } else { Complex64::new(f64::NAN, f64::NAN) }
+    }
 }
 
 /// The light on the modulator at −1 to 1 along each axis, with its dust.
@@ -164,5 +179,9 @@ mod tests {
             name.starts_with("degree of the source") && values == &[None, Some("1".to_owned())]
         }));
         assert!(found.picture_png.starts_with(b"\x89PNG"));
+        // The best factor for a tilt is smaller than 1, but the picture shows the same amplitude.
+        let between = quotient(ratio(&first), ratio(&second), Complex64::from_polar(0.998, 0.3));
+        let (amplitude, middle) = (between(2e4, -1e4).norm(), between(0.0, 0.0).arg());
+        assert!((amplitude - 1.0).abs() < 1e-9 && (middle - 0.3).abs() < 1e-9, "{amplitude} {middle}");
     }
 }
