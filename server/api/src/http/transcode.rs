@@ -17,6 +17,7 @@ use axum::response::{IntoResponse, Response};
 use futures::StreamExt as _;
 use lightpath_proto::routes::{self, Match};
 use prost::bytes::{Buf as _, BufMut as _, Bytes};
+use std::error::Error;
 use tonic::codec::{Codec, DecodeBuf, Decoder, EncodeBuf, Encoder};
 use tonic::codegen::http::uri::PathAndQuery;
 use tonic::metadata::MetadataMap;
@@ -112,10 +113,7 @@ const JSON: HeaderValue = HeaderValue::from_static("application/json");
 
 /// The body of a request, which must be JSON or empty.
 async fn json_body(parts: &Parts, body: Body) -> Result<Bytes, Refusal> {
-    let Ok(bytes) = to_bytes(body, JSON_BYTES_MAX).await else {
-        let message = format!("the body did not arrive, or has more than {JSON_BYTES_MAX} bytes");
-        return Err(Refusal::from(Status::invalid_argument(message)).with_status(StatusCode::PAYLOAD_TOO_LARGE));
-    };
+    let bytes = to_bytes(body, JSON_BYTES_MAX).await.map_err(|error| body_refusal(&error))?;
     let content_type = parts.headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or("");
     let media_type = content_type.split(';').next().unwrap_or("").trim();
     // A web page of another site can send other types without asking.
@@ -124,6 +122,19 @@ async fn json_body(parts: &Parts, body: Body) -> Result<Bytes, Refusal> {
         return Err(Refusal::from(status).with_status(StatusCode::UNSUPPORTED_MEDIA_TYPE));
     }
     Ok(bytes)
+}
+
+/// The refusal of a body: that of the memory budget, which ends bodies with its status, or that of a long body.
+fn body_refusal(error: &axum::Error) -> Refusal {
+    let mut cause: Option<&(dyn Error + 'static)> = Some(error);
+    while let Some(found) = cause {
+        if let Some(status) = found.downcast_ref::<Status>() {
+            return status.clone().into();
+        }
+        cause = found.source();
+    }
+    let message = format!("the body did not arrive, or has more than {JSON_BYTES_MAX} bytes");
+    Refusal::from(Status::invalid_argument(message)).with_status(StatusCode::PAYLOAD_TOO_LARGE)
 }
 
 /// The answers of a stream as server-sent events: `message` for each answer, and `error` for a refusal, which is the
@@ -176,5 +187,24 @@ impl Decoder for Messages {
 
     fn decode(&mut self, buffer: &mut DecodeBuf<'_>) -> Result<Option<Bytes>, Status> {
         Ok(Some(buffer.copy_to_bytes(buffer.remaining())))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use futures::stream;
+
+    #[tokio::test]
+    async fn a_body_that_ends_with_a_status_is_refused_with_it() {
+        let refused = |error: Status| async {
+            let body = Body::from_stream(stream::iter([Ok(Bytes::from_static(b"{")), Err(error)]));
+            let (parts, ()) = Request::new(()).into_parts();
+            json_body(&parts, body).await.unwrap_err().into_response().status()
+        };
+        assert_eq!(refused(Status::resource_exhausted("no memory left")).await, StatusCode::TOO_MANY_REQUESTS);
+        let (parts, ()) = Request::new(()).into_parts();
+        let long = json_body(&parts, Body::from(vec![b' '; JSON_BYTES_MAX + 1])).await.unwrap_err();
+        assert_eq!(long.into_response().status(), StatusCode::PAYLOAD_TOO_LARGE);
     }
 }
