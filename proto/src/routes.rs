@@ -130,22 +130,21 @@ impl Route {
         if !self.action.is_empty() {
             path = path.strip_suffix(self.action)?.strip_suffix(':')?;
         }
-        let mut parts = path.split('/');
-        let mut values = Vec::new();
-        for (i, segment) in self.segments.iter().enumerate() {
-            let part = parts.next()?;
-            let is_last = i + 1 == self.segments.len();
-            match segment {
-                Some(text) if *text != part => return None,
-                // A colon in the last part begins an action. Clients that mean a colon send %3A.
-                None if part.is_empty() || (is_last && part.contains(':')) => return None,
-                _ => values.push(percent_decode_str(part).decode_utf8().ok()?),
-            }
-        }
-        if parts.next().is_some() {
+        let last = self.segments.len() - 1;
+        let is_part = |(i, (segment, part)): (usize, (&Option<&str>, &str))| match segment {
+            Some(text) => *text == part,
+            // A colon in the last part begins an action. Clients that mean a colon send %3A.
+            None => !part.is_empty() && (i < last || !part.contains(':')),
+        };
+        let is_match = path.split('/').count() == self.segments.len()
+            && self.segments.iter().zip(path.split('/')).enumerate().all(is_part);
+        if !is_match {
             return None;
         }
-        Some(self.variable.map(|(_, begin, end)| values[begin..end].join("/")))
+        let Some((_, begin, end)) = self.variable else { return Some(None) };
+        let parts = path.split('/').take(end).skip(begin);
+        let decoded: Result<Vec<_>, _> = parts.map(|part| percent_decode_str(part).decode_utf8()).collect();
+        Some(Some(decoded.ok()?.join("/")))
     }
 
     /// The JSON form of an answer of the method.

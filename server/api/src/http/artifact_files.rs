@@ -1,5 +1,6 @@
 //! Files of datasets and results over HTTP: downloads, and uploads that continue after a cut.
 
+use super::checked_body::status_of;
 use super::file_answer::ServedFile;
 use super::refusal::Refusal;
 use crate::accounts::StreamKind;
@@ -47,7 +48,8 @@ pub(super) async fn upload(
     let (offset_bytes, size_bytes) = extent(&headers)?;
     let start = v1::WriteArtifactStart { digest, size_bytes, offset_bytes };
     let chunks = pin!(body.into_data_stream().map(|chunk| chunk.map_err(|error| {
-        ApiError::Stream(Box::new(Status::cancelled(format!("the body of the upload broke off: {error}"))))
+        let cut = || Status::cancelled(format!("the body of the upload broke off: {error}"));
+        ApiError::Stream(Box::new(status_of(&error).unwrap_or_else(cut)))
     })));
     Ok(Json(api.write_artifact_bytes(&call, start, chunks).await?))
 }

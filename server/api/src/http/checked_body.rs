@@ -3,8 +3,10 @@
 use axum::body::Body;
 use http_body::{Frame, SizeHint};
 use prost::bytes::Bytes;
+use std::error::Error;
 use std::pin::Pin;
 use std::task::{Context, Poll, ready};
+use tonic::Status;
 
 /// The last that a body that did not pass a check passes on: a frame, or an error that breaks it off.
 pub(super) type Last = Result<Frame<Bytes>, axum::Error>;
@@ -24,6 +26,18 @@ pub(super) trait FrameCheck: Send + Unpin + 'static {
     fn check(&mut self, frame: Frame<Bytes>) -> Result<Frame<Bytes>, Last> {
         Ok(frame)
     }
+}
+
+/// The status with which a check ended a body; `None` if the body ended for another reason.
+pub(super) fn status_of(error: &axum::Error) -> Option<Status> {
+    let mut cause: Option<&(dyn Error + 'static)> = Some(error);
+    while let Some(found) = cause {
+        if let Some(status) = found.downcast_ref::<Status>() {
+            return Some(status.clone());
+        }
+        cause = found.source();
+    }
+    None
 }
 
 /// Wraps a body, so that `check` sees each of its frames.

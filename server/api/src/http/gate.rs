@@ -269,5 +269,8 @@ fn code_of(response: &Response, is_grpc: bool) -> Code {
     if is_grpc {
         return response.headers().get("grpc-status").map_or(Code::Ok, |status| Code::from_bytes(status.as_bytes()));
     }
-    response.extensions().get::<RefusalCode>().map_or(Code::Ok, |refusal| refusal.0)
+    let is_error = response.status().is_client_error() || response.status().is_server_error();
+    // The router refuses a wrong verb without a code.
+    let without_code = if is_error { Code::Unknown } else { Code::Ok };
+    response.extensions().get::<RefusalCode>().map_or(without_code, |refusal| refusal.0)
 }

@@ -1,10 +1,10 @@
 //! Every method of the API over HTTP: a path and JSON become a call of the gRPC method in this process, and its answer
 //! becomes JSON. So HTTP has the same checks, errors and messages as gRPC.
 
+use super::checked_body::status_of;
 use super::etags::{etag, has, text_value};
 use super::protocol::is_grpc;
 use super::refusal::{Refusal, refuse};
-use crate::error::ApiError;
 use crate::field::Field;
 use axum::Router;
 use axum::body::{Body, to_bytes};
@@ -17,7 +17,7 @@ use axum::response::{IntoResponse, Response};
 use futures::StreamExt as _;
 use lightpath_proto::routes::{self, Match};
 use prost::bytes::{Buf as _, BufMut as _, Bytes};
-use std::error::Error;
+use std::convert::Infallible;
 use tonic::codec::{Codec, DecodeBuf, Decoder, EncodeBuf, Encoder};
 use tonic::codegen::http::uri::PathAndQuery;
 use tonic::metadata::MetadataMap;
@@ -83,14 +83,13 @@ async fn call(grpc: Router, found: Match, parts: Parts, body: Body) -> Result<Re
     let message = found.request(query, &body).map_err(|error| Field::new(&error.field).invalid(error.problem))?;
     let request = tonic::Request::from_parts(MetadataMap::new(), parts.extensions, Bytes::from(message));
     let path = PathAndQuery::from_static(route.method);
+    // Nothing waits until this client is ready: a router always is.
     let mut client = tonic::client::Grpc::new(grpc);
-    // A router is always ready.
-    let answer = if route.is_stream {
+    if route.is_stream {
         let answers = client.server_streaming(request, path, Messages).await?.into_inner();
         return Ok(events(answers, found));
-    } else {
-        client.unary(request, path, Messages).await?.into_inner()
-    };
+    }
+    let answer = client.unary(request, path, Messages).await?.into_inner();
     let json = route.json(answer).map_err(|error| Status::internal(error.to_string()))?;
     if parts.method != Method::GET && parts.method != Method::HEAD {
         return Ok(([(header::CONTENT_TYPE, JSON)], json).into_response());
@@ -126,12 +125,8 @@ async fn json_body(parts: &Parts, body: Body) -> Result<Bytes, Refusal> {
 
 /// The refusal of a body: that of the memory budget, which ends bodies with its status, or that of a long body.
 fn body_refusal(error: &axum::Error) -> Refusal {
-    let mut cause: Option<&(dyn Error + 'static)> = Some(error);
-    while let Some(found) = cause {
-        if let Some(status) = found.downcast_ref::<Status>() {
-            return status.clone().into();
-        }
-        cause = found.source();
+    if let Some(status) = status_of(error) {
+        return status.into();
     }
     let message = format!("the body did not arrive, or has more than {JSON_BYTES_MAX} bytes");
     Refusal::from(Status::invalid_argument(message)).with_status(StatusCode::PAYLOAD_TOO_LARGE)
@@ -147,7 +142,7 @@ fn events(answers: Streaming<Bytes>, found: Match) -> Response {
             Ok(json) => ("message", json),
             Err(status) => ("error", Refusal::from(status).json()),
         };
-        Ok::<_, ApiError>(Event::default().event(event).data(String::from_utf8_lossy(&data)))
+        Ok::<_, Infallible>(Event::default().event(event).data(String::from_utf8_lossy(&data)))
     });
     Sse::new(events).keep_alive(KeepAlive::default()).into_response()
 }

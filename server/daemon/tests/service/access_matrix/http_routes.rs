@@ -84,7 +84,11 @@ async fn changes_over_http_are_in_the_audit_log_with_their_object() {
     assert_eq!(admin.http1("/v1/queue:pause", pause).await.http, 200);
     let missing = admin.http1("/v1/jobs/none:cancel", pause).await;
     assert_eq!(missing.http, 404);
+    let get = Form { method: "GET", content_type: None };
+    assert_eq!(admin.http1("/v1/artifacts/0/upload", get).await.http, 405);
     let audit = guarded.audit().await;
+    let upload = audit.lines().find(|line| line.contains("/v1/artifacts/{digest}/upload")).unwrap();
+    assert!(!upload.contains(r#""outcome":"OK""#), "{upload}");
     assert!(audit.contains(r#""call":"/lightpath.v1.JobService/PauseQueue","object":"#), "{audit}");
     assert!(audit.contains(r#""outcome":"NOT_FOUND""#), "{audit}");
 }
