@@ -10,6 +10,8 @@ pub(crate) struct Binding {
     pub(crate) verb: &'static str,
     /// Path as annotated, such as `/v1/{name=jobs/*}:cancel`.
     pub(crate) path: String,
+    /// The parts of the path.
+    pub(crate) template: Template,
     /// Field that the body has; `*`: all fields that the path lacks. Empty: no body.
     pub(crate) body: String,
     /// Whether this is the first path of the method.
@@ -18,10 +20,8 @@ pub(crate) struct Binding {
 
 impl Binding {
     /// Name of the field that the path has.
-    pub(crate) fn variable(&self) -> Option<String> {
-        let (_, rest) = self.path.split_once('{')?;
-        let end = rest.find(['=', '}'])?;
-        Some(rest[..end].to_owned())
+    pub(crate) fn variable(&self) -> Option<&str> {
+        self.template.variable.as_ref().map(|(field, ..)| field.as_str())
     }
 }
 
@@ -51,5 +51,44 @@ fn binding(method: &MethodDescriptor, rule: &DynamicMessage, is_first: bool) -> 
     let verbs = ["get", "put", "post", "delete"];
     let found = verbs.iter().find_map(|verb| Some((*verb, text(verb).filter(|path| !path.is_empty())?)));
     let (verb, path) = found.ok_or_else(|| format!("{} has no path", method.full_name()))?;
-    Ok(Binding { method: method.clone(), verb, path, body: text("body").unwrap_or_default(), is_first })
+    let template = Template::parse(&path).ok_or_else(|| format!("the path {path} has another form"))?;
+    Ok(Binding { method: method.clone(), verb, path, template, body: text("body").unwrap_or_default(), is_first })
+}
+
+/// The path of a rule.
+pub(crate) struct Template {
+    /// Texts of the segments; `None`: any text.
+    pub(crate) segments: Vec<Option<String>>,
+    /// What follows the last colon.
+    pub(crate) action: String,
+    /// Field that the path has, with the first segment of its value and the one after its last.
+    pub(crate) variable: Option<(String, usize, usize)>,
+}
+
+impl Template {
+    fn parse(path: &str) -> Option<Self> {
+        let (mut segments, mut variable) = (Vec::new(), None);
+        let (path, action) = match path.rsplit_once(':') {
+            Some((path, action)) => (path, action),
+            None => (path, ""),
+        };
+        let mut rest = path.strip_prefix('/')?;
+        while !rest.is_empty() {
+            if let Some(inside) = rest.strip_prefix('{') {
+                let (inside, after) = inside.split_once('}')?;
+                let (field, form) = inside.split_once('=').unwrap_or((inside, "*"));
+                let begin = segments.len();
+                segments.extend(form.split('/').map(|part| (part != "*").then(|| part.to_owned())));
+                if variable.replace((field.to_owned(), begin, segments.len())).is_some() {
+                    return None;
+                }
+                rest = after.strip_prefix('/').unwrap_or(after);
+            } else {
+                let (segment, after) = rest.split_once('/').unwrap_or((rest, ""));
+                segments.push(Some(segment.to_owned()));
+                rest = after;
+            }
+        }
+        Some(Self { segments, action: action.to_owned(), variable })
+    }
 }

@@ -1,7 +1,7 @@
 //! Generates the OpenAPI document of the API over HTTP: the frame `openapi.json` of this folder, with every annotated
 //! method and every message of `lightpath.v1`.
 
-use crate::annotations::{Binding, bindings};
+use crate::annotations::{Binding, Template, bindings};
 use protox::prost_reflect::{
     Cardinality, DescriptorPool, EnumDescriptor, FieldDescriptor, FileDescriptor, Kind, MessageDescriptor,
     MethodDescriptor,
@@ -14,7 +14,7 @@ pub(crate) fn openapi_document(pool: &DescriptorPool, frame: &str) -> Result<Str
     let mut document: Value = serde_json::from_str(frame)?;
     document["info"]["version"] = json!(std::env::var("CARGO_PKG_VERSION")?);
     for binding in bindings(pool)? {
-        let (path, parameters) = open_path(&binding.path);
+        let (path, parameters) = open_path(&binding.template);
         document["paths"][&path][binding.verb] = operation(&binding, parameters);
     }
     for message in pool.all_messages().filter(|message| message.package_name() == "lightpath.v1") {
@@ -27,31 +27,25 @@ pub(crate) fn openapi_document(pool: &DescriptorPool, frame: &str) -> Result<Str
 }
 
 /// A path such as `/v1/{name=displays/*/kernels/*}:promote` as OpenAPI writes it,
-/// `/v1/displays/{display}/kernels/{kernel}:promote`, and its parameters.
-fn open_path(path: &str) -> (String, Vec<Value>) {
+/// `/v1/displays/{display}/kernels/{kernel}:promote`, and its parameters. A part has the name of its collection, or that
+/// of the field if it is the whole field.
+fn open_path(template: &Template) -> (String, Vec<Value>) {
     let (mut open, mut parameters, mut collection) = (String::new(), Vec::new(), "");
-    for part in path.split_inclusive(['/', '{', '}', '=', ':', '*']) {
-        let (text, mark) = part.split_at(part.len() - usize::from(part.ends_with(['/', '{', '}', '=', ':', '*'])));
-        match mark {
-            "*" => {
-                let name = collection.strip_suffix('s').unwrap_or(collection);
-                open += &format!("{{{name}}}");
-                parameters
-                    .push(json!({ "name": name, "in": "path", "required": true, "schema": { "type": "string" } }));
-            }
-            // The name of the field does not stand in the path.
-            "=" | "{" => {}
-            "}" if !text.is_empty() => {
-                open += &format!("{{{text}}}");
-                parameters
-                    .push(json!({ "name": text, "in": "path", "required": true, "schema": { "type": "string" } }));
-            }
-            "}" => {}
-            _ => {
-                open += part;
-                collection = text;
-            }
+    for segment in &template.segments {
+        if let Some(text) = segment {
+            open += &format!("/{text}");
+            collection = text;
+            continue;
         }
+        let name = match &template.variable {
+            Some((field, begin, end)) if end - begin == 1 => field,
+            _ => collection.strip_suffix('s').unwrap_or(collection),
+        };
+        open += &format!("/{{{name}}}");
+        parameters.push(json!({ "name": name, "in": "path", "required": true, "schema": { "type": "string" } }));
+    }
+    if !template.action.is_empty() {
+        open += &format!(":{}", template.action);
     }
     (open, parameters)
 }
@@ -62,7 +56,7 @@ fn operation(binding: &Binding, mut parameters: Vec<Value>) -> Value {
     let summary = comment.split_once(". ").map_or(comment.as_str(), |(first, _)| first).trim_end_matches('.');
     let in_path = binding.variable();
     let input = method.input();
-    let free = || input.fields().filter(|field| Some(field.name()) != in_path.as_deref());
+    let free = || input.fields().filter(|field| Some(field.name()) != in_path);
     if binding.body.is_empty() {
         parameters.extend(free().map(|field| {
             let description = comment_of(&field.parent_message().parent_file(), field.path());
@@ -71,7 +65,7 @@ fn operation(binding: &Binding, mut parameters: Vec<Value>) -> Value {
     }
     let body = match binding.body.as_str() {
         "" => Value::Null,
-        "*" => schema(&input, in_path.as_deref()),
+        "*" => schema(&input, in_path),
         name => input.get_field_by_name(name).map_or(Value::Null, |field| field_type(&field)),
     };
     let mut operation = json!({
