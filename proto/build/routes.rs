@@ -51,8 +51,10 @@ fn query_code(binding: &Binding) -> Result<String, Box<dyn Error>> {
 
 fn parameter_kind(field: &FieldDescriptor) -> Option<String> {
     match field.kind() {
-        Kind::Message(_) => None,
         Kind::Bool => Some("ParameterKind::Flag".to_owned()),
+        Kind::Message(message) if message.full_name() == "google.protobuf.Timestamp" => {
+            Some("ParameterKind::Time".to_owned())
+        }
         Kind::Enum(values) => {
             // The name of the first value is that of the enumeration and `UNSPECIFIED`.
             let first = values.values().next()?;

@@ -2,6 +2,7 @@
 //! the methods in the `.proto` files define them.
 
 use crate::v1;
+use pbjson_types::Timestamp;
 use percent_encoding::percent_decode_str;
 use prost::Message;
 use prost::bytes::Bytes;
@@ -66,6 +67,8 @@ pub enum ParameterKind {
     Number,
     /// `true` or `false`.
     Flag,
+    /// A time in the form of RFC 3339.
+    Time,
     /// A value of an enumeration with this prefix. `STATE_RUNNING` and `running` are the same value.
     Word(&'static str),
 }
@@ -208,7 +211,10 @@ impl Match {
         let value = match parameter.kind {
             ParameterKind::Count if text.parse::<u64>().is_err() => return Err(must_be("a whole number, 0 or more")),
             ParameterKind::Number if text.parse::<f64>().is_err() => return Err(must_be("a number")),
-            ParameterKind::Text | ParameterKind::Count | ParameterKind::Number => Value::from(text),
+            ParameterKind::Time if !is_time(&text) => return Err(must_be("a time such as 2026-11-24T09:30:00Z")),
+            ParameterKind::Text | ParameterKind::Count | ParameterKind::Number | ParameterKind::Time => {
+                Value::from(text)
+            }
             ParameterKind::Flag => match text.as_str() {
                 "true" => Value::from(true),
                 "false" => Value::from(false),
@@ -231,6 +237,10 @@ impl Match {
         }
         Ok(())
     }
+}
+
+fn is_time(text: &str) -> bool {
+    serde_json::from_value::<Timestamp>(Value::from(text)).is_ok()
 }
 
 fn encode<M: Message + DeserializeOwned>(request: Value) -> Result<Vec<u8>, RequestError> {
@@ -285,6 +295,9 @@ mod tests {
         let state = v1::job::State::Running.into();
         let wanted = v1::ListJobsRequest { state, page_token: "x".into(), ..Default::default() };
         assert_eq!(list, wanted.encode_to_vec());
+        let list = encoded("GET", "/v1/jobs", &[("since", "1970-01-01T01:00:02+01:00")], "");
+        let since = Some(Timestamp { seconds: 2, nanos: 0 });
+        assert_eq!(list, v1::ListJobsRequest { since, ..Default::default() }.encode_to_vec());
         let pause = encoded("POST", "/v1/queue:pause", &[], r#"{"reason": "laser off"}"#);
         let wanted = v1::PauseQueueRequest { reason: "laser off".into(), ..Default::default() };
         assert_eq!(pause, wanted.encode_to_vec());
@@ -306,6 +319,8 @@ mod tests {
         assert_eq!(size, "pageSize is \"-1\", but must be a whole number, 0 or more");
         let far = error("GET", "/v1/displays/lab/kernels:nearest", &[("distanceM", "far")], "");
         assert_eq!(far, "distanceM is \"far\", but must be a number");
+        let since = error("GET", "/v1/jobs", &[("since", "2h")], "");
+        assert_eq!(since, "since is \"2h\", but must be a time such as 2026-11-24T09:30:00Z");
         let iterations = error("POST", "/v1/jobs", &[], r#"{"spec": {"optimizeHologram": {"iterations": 1e99}}}"#);
         assert_eq!(iterations, "spec.optimizeHologram.iterations is wrong: a number that the field cannot hold");
         assert!(error("POST", "/v1/jobs", &[], "[]").contains("JSON object"));

@@ -6,10 +6,11 @@ use super::progress::{Progress, or_interrupted};
 use super::session::{Session, more_hint, pages, print_note};
 use super::table::Table;
 use super::words::WordParser;
-use super::{job_text, show};
+use super::{job_text, show, times};
 use clap::{Args, Subcommand};
 use futures::{StreamExt as _, TryStreamExt as _};
 use lightpath::names;
+use lightpath::v1::list_jobs_request::{Order, View};
 use lightpath::v1::{self, Job, job};
 
 /// Most jobs that `job watch` follows at once. Each needs a stream; one connection carries more. The limit is higher
@@ -19,7 +20,7 @@ const NAMED_WATCHES_MAX: usize = 64;
 /// Commands for jobs.
 #[derive(Debug, Subcommand)]
 pub(crate) enum JobCommand {
-    /// List jobs, newest first
+    /// List jobs, the newest first
     List(List),
     /// Show one job
     Show(Id),
@@ -55,6 +56,26 @@ pub(crate) struct List {
     /// List only jobs of this batch
     #[arg(long, value_name = "NAME", default_value = "", hide_default_value = true)]
     batch: String,
+
+    /// List only jobs of this kind
+    #[arg(long, value_parser = WordParser::<job::Kind>::new())]
+    kind: Option<job::Kind>,
+
+    /// List only jobs of this owner
+    #[arg(long, value_name = "NAME", default_value = "", hide_default_value = true)]
+    owner: String,
+
+    /// List only jobs submitted since this time, such as 2026-11-21T22:00:00+01:00, or within this duration, such as 2h
+    #[arg(long, value_name = "TIME", value_parser = times::before_now)]
+    since: Option<i64>,
+
+    /// List only jobs whose id, request id, owner, batch, unique key, display or dataset contains this text
+    #[arg(long, value_name = "TEXT", default_value = "", hide_default_value = true)]
+    text: String,
+
+    /// List the oldest jobs first
+    #[arg(long)]
+    oldest_first: bool,
 }
 
 /// Arguments of `job batch`.
@@ -118,12 +139,32 @@ impl List {
             let display = display.clone();
             let batch = self.batch.clone();
             let state = self.state.unwrap_or_default().into();
-            let request = v1::ListJobsRequest { page_size, page_token, state, display, batch };
+            let kind = self.kind.unwrap_or_default().into();
+            let (owner, text, since) = (
+                self.owner.clone(),
+                self.text.clone(),
+                self.since.map(|seconds| pbjson_types::Timestamp { seconds, nanos: 0 }),
+            );
+            let order = if self.oldest_first { Order::OldestFirst } else { Order::NewestFirst }.into();
+            let view = View::Full.into();
+            let request = v1::ListJobsRequest {
+                page_size,
+                page_token,
+                state,
+                display,
+                batch,
+                kind,
+                owner,
+                text,
+                since,
+                order,
+                view,
+            };
             let answer = session.client.list_jobs(request).await?;
             Ok((answer.jobs, answer.next_page_token))
         })
         .await?;
-        session.print(&v1::ListJobsResponse { jobs, next_page_token }, |list| {
+        session.print(&v1::ListJobsResponse { jobs, next_page_token, ..Default::default() }, |list| {
             table(&list.jobs).text_or("no jobs") + more_hint(&list.next_page_token)
         })
     }

@@ -29,6 +29,7 @@ mod simulate;
 mod strengths_text;
 mod submission;
 mod table;
+mod times;
 mod words;
 
 use clap::{CommandFactory as _, Parser, Subcommand};

@@ -2,9 +2,7 @@
 
 use super::failure::Failure;
 use super::session::{Session, print_note};
-use super::show::now_s;
-use super::{job_text, progress};
-use chrono::DateTime;
+use super::{job_text, progress, times};
 use clap::Args;
 use lightpath::v1::{Job, SubmitJobRequest, job_spec};
 use lightpath::{job_spec as spec_of, names};
@@ -40,36 +38,16 @@ pub(crate) struct Submission {
 
     /// Do not start the job before this time, such as 2026-11-21T22:00:00+01:00, or before this duration from now, such
     /// as 90m
-    #[arg(long, value_name = "TIME", value_parser = not_before)]
+    #[arg(long, value_name = "TIME", value_parser = times::from_now)]
     pub(crate) not_before: Option<i64>,
 
     /// Let the job fail if an attempt takes longer than this, such as 90s, 45m or 2h [default: the server's setting]
-    #[arg(long, value_name = "TIME", value_parser = seconds)]
+    #[arg(long, value_name = "TIME", value_parser = times::duration_s)]
     pub(crate) timeout: Option<f64>,
 
     /// Start only after the job with this id has succeeded; may be given several times
     #[arg(long, value_name = "JOB")]
     pub(crate) after: Vec<String>,
-}
-
-/// Parses a duration such as `45m` into seconds.
-fn seconds(text: &str) -> Result<f64, String> {
-    let units = [("s", 1.0), ("m", 60.0), ("h", 3600.0), ("d", 86_400.0)];
-    let split = units.iter().find_map(|(unit, seconds)| Some((text.strip_suffix(unit)?, seconds)));
-    let value = split.and_then(|(number, unit)| Some(number.trim().parse::<f64>().ok()? * unit));
-    value
-        .filter(|seconds| *seconds > 0.0 && seconds.is_finite())
-        .ok_or_else(|| "must be a number above 0 with its unit, s, m, h or d, such as 90s, 45m, 2h".to_owned())
-}
-
-/// Parses a time, or a duration from now, into seconds since 1970.
-fn not_before(text: &str) -> Result<i64, String> {
-    if let Ok(duration_s) = seconds(text) {
-        return Ok(now_s().saturating_add(duration_s.ceil() as i64));
-    }
-    DateTime::parse_from_rfc3339(text).map(|time| time.timestamp()).map_err(|_| {
-        "must be a time with its offset, such as 2026-11-21T22:00:00+01:00, or a duration, such as 90m".to_owned()
-    })
 }
 
 impl Submission {
@@ -133,21 +111,4 @@ impl Submission {
 /// The command to watch a job that the client does not wait for.
 pub(crate) fn watch_hint(job: &Job) -> String {
     format!("watch it with: lightpath job watch {}", names::id(&job.name))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn durations_and_times_are_parsed() {
-        assert_eq!(seconds("90s"), Ok(90.0));
-        assert_eq!(seconds("1.5h"), Ok(5400.0));
-        for bad in ["", "90", "0s", "-1m", "m", "infs", "NaNs"] {
-            assert!(seconds(bad).unwrap_err().contains("such as 90s"), "{bad}");
-        }
-        assert_eq!(not_before("2026-11-21T22:00:00+01:00"), Ok(1_795_294_800));
-        assert!(not_before("2m").unwrap() >= now_s() + 119);
-        assert!(not_before("tomorrow").unwrap_err().contains("such as 2026"));
-    }
 }

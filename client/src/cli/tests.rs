@@ -126,6 +126,7 @@ const COMMANDS: &[&str] = &[
      --not-before 2026-11-21T22:00:00+01:00 --timeout 45m --after 0193 --after jobs/0194",
     "lightpath kernel learn --dataset bench-1 --not-before 90m",
     "lightpath job list --batch night",
+    "lightpath job list --kind learn-kernel --owner ada --since 2h --text bench-1 --oldest-first",
     "lightpath job batch night",
     "lightpath queue show",
     "lightpath queue pause --display lab-2 --reason maintenance",

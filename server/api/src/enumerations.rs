@@ -23,7 +23,16 @@ pub(crate) trait OnWire: Sized {
 impl Field {
     /// The value of an enumeration; `None` if it is unspecified.
     pub(crate) fn enum_value<T: OnWire>(&self, number: i32) -> Result<Option<T>, ApiError> {
-        T::from_wire(number).ok_or_else(|| self.invalid(format!("is {number}, but must be a value of the enumeration")))
+        T::from_wire(number).ok_or_else(|| self.unknown_value(number))
+    }
+
+    /// The value of an enumeration that only messages have.
+    pub(crate) fn wire_value<T: TryFrom<i32>>(&self, number: i32) -> Result<T, ApiError> {
+        T::try_from(number).map_err(|_| self.unknown_value(number))
+    }
+
+    fn unknown_value(&self, number: i32) -> ApiError {
+        self.invalid(format!("is {number}, but must be a value of the enumeration"))
     }
 }
 

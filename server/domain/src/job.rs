@@ -129,6 +129,41 @@ pub struct Job {
     pub estimate: Estimate,
 }
 
+/// What a list shows of a job.
+#[derive(Clone, Debug, PartialEq)]
+pub struct JobSummary {
+    /// Id: the last part of the resource name.
+    pub id: String,
+    /// Kind: a word of [`JobSpec::KINDS`].
+    pub kind: String,
+    /// Id of the display.
+    pub display: String,
+    /// Owner; empty: unknown.
+    pub owner: String,
+    /// Name of the batch.
+    pub batch: Option<String>,
+    /// State.
+    pub state: JobState,
+    /// Whether a user asked to cancel the job.
+    pub cancel_requested: bool,
+    /// Priority. Jobs with a lower number run first.
+    pub priority: i32,
+    /// Number of attempts started so far.
+    pub attempt: u32,
+    /// Time when the job was submitted \[ms since 1970\].
+    pub create_time_ms: i64,
+    /// Start of the latest attempt \[ms since 1970\].
+    pub start_time_ms: Option<i64>,
+    /// Time when the job ended \[ms since 1970\].
+    pub finish_time_ms: Option<i64>,
+    /// Progress of the latest attempt.
+    pub progress: Option<Progress>,
+    /// Error that ended the latest attempt.
+    pub error: Option<JobError>,
+    /// Number that grows with every change.
+    pub revision: u64,
+}
+
 /// Owner, order and time limits of a job. By default the owner is unknown and the job starts as soon as possible.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Scheduling {

@@ -2,7 +2,7 @@
 
 use super::StoreError;
 use super::rows::{from_json, from_json_option, from_word};
-use lightpath_domain::job::{Estimate, Job, Scheduling};
+use lightpath_domain::job::{Estimate, Job, JobSummary, Scheduling};
 use sqlx::Row;
 use sqlx::sqlite::SqliteRow;
 
@@ -39,5 +39,26 @@ pub(super) fn job_of(row: &SqliteRow) -> Result<Job, StoreError> {
             memory_bytes: row.try_get::<i64, _>("estimated_bytes")?.unsigned_abs(),
             time_s: row.try_get::<i64, _>("estimated_ms")? as f64 / 1e3,
         },
+    })
+}
+
+/// Converts the columns that a list shows into what it shows.
+pub(super) fn summary_of(row: &SqliteRow) -> Result<JobSummary, StoreError> {
+    Ok(JobSummary {
+        id: row.try_get("id")?,
+        kind: row.try_get("kind")?,
+        display: row.try_get("display")?,
+        owner: row.try_get("owner")?,
+        batch: row.try_get("batch")?,
+        state: from_word("job.state", row.try_get("state")?)?,
+        cancel_requested: row.try_get("cancel_requested")?,
+        priority: row.try_get("priority")?,
+        attempt: row.try_get("attempt")?,
+        create_time_ms: row.try_get("create_time_ms")?,
+        start_time_ms: row.try_get("start_time_ms")?,
+        finish_time_ms: row.try_get("finish_time_ms")?,
+        progress: from_json_option("job.progress", row.try_get("progress")?)?,
+        error: from_json_option("job.error", row.try_get("error")?)?,
+        revision: row.try_get::<i64, _>("revision")?.unsigned_abs(),
     })
 }

@@ -3,11 +3,11 @@
 use super::changes::Change;
 use super::events::append_event;
 use super::job_rows::job_of;
-use super::rows::{from_word, to_json, to_word};
+use super::rows::{from_word, to_json};
 use super::write::Write;
-use super::{Store, StoreError, dependencies, page};
+use super::{Store, StoreError, dependencies};
 use lightpath_domain::job::{Job, JobSpec, JobState, NewJob, Scheduling};
-use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
+use sqlx::{Row, SqliteConnection};
 use uuid::Uuid;
 
 /// Whether a submit created a job.
@@ -34,17 +34,6 @@ impl From<u32> for QueueLimits {
     fn from(queued: u32) -> Self {
         Self { queued, queued_per_owner: 0, stored_bytes_per_owner: 0 }
     }
-}
-
-/// Selection of jobs in a list.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct JobFilter {
-    /// Only jobs in this state; `None`: all states.
-    pub state: Option<JobState>,
-    /// Only jobs for the display with this id; `None`: all displays.
-    pub display: Option<String>,
-    /// Only jobs of this batch; `None`: all jobs.
-    pub batch: Option<String>,
 }
 
 /// Numbers of jobs in each state.
@@ -108,16 +97,6 @@ impl Store {
         row.as_ref().map(job_of).transpose()
     }
 
-    /// At most `limit` jobs that match the filter, newest first and older than the job `after`.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
-    pub async fn jobs(&self, filter: &JobFilter, after: Option<&str>, limit: u32) -> Result<Vec<Job>, StoreError> {
-        let rows = list_query(filter, after, limit)?.build().fetch_all(self.readers()).await?;
-        rows.iter().map(job_of).collect()
-    }
-
     /// Digests of the checkpoints of all jobs.
     ///
     /// # Errors
@@ -151,29 +130,6 @@ impl Store {
     }
 }
 
-/// The query of [`Store::jobs`]. Each combination of filters has an index.
-pub(super) fn list_query(
-    filter: &JobFilter,
-    after: Option<&str>,
-    limit: u32,
-) -> Result<QueryBuilder<Sqlite>, StoreError> {
-    let mut query = QueryBuilder::new("select * from job where true");
-    if let Some(state) = filter.state {
-        query.push(" and state = ").push_bind(to_word("job.state", &state)?);
-    }
-    if let Some(display) = &filter.display {
-        query.push(" and display = ").push_bind(display.clone());
-    }
-    if let Some(batch) = &filter.batch {
-        query.push(" and batch = ").push_bind(batch.clone());
-    }
-    if let Some(after) = after {
-        query.push(" and id < ").push_bind(after.to_owned());
-    }
-    query.push(" order by id desc limit ").push_bind(page(limit));
-    Ok(query)
-}
-
 async fn submit(
     write: &mut Write,
     new: NewJob,
@@ -191,9 +147,9 @@ async fn submit(
     let row = sqlx::query(
         "insert into job (id, request_id, display, dataset, spec, state, priority, attempts_max, create_time_ms, \
          run_time_ms, owner, batch, unique_key, not_before_ms, timeout_ms, after, waiting_for, \
-         estimated_bytes, estimated_ms) \
+         estimated_bytes, estimated_ms, kind, words) \
          values (?1, ?2, ?3, ?4, ?5, 'queued', ?6, ?7, ?8, max(?8, coalesce(?12, ?8)), ?9, ?10, ?11, ?12, ?13, ?14, ?15, \
-         ?16, ?17) \
+         ?16, ?17, ?18, lower(concat_ws(' ', ?1, ?2, ?9, ?10, ?11, ?3, ?4))) \
          returning *",
     )
     .bind(Uuid::now_v7().to_string())
@@ -213,6 +169,7 @@ async fn submit(
     .bind(unfinished.len() as i64)
     .bind(i64::try_from(new.estimate.memory_bytes).unwrap_or(i64::MAX))
     .bind((new.estimate.time_s * 1e3) as i64)
+    .bind(new.spec.kind())
     .fetch_one(write.sql())
     .await?;
     let job = job_of(&row)?;

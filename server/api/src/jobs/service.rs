@@ -9,11 +9,13 @@ use crate::field::Field;
 use crate::names;
 use crate::pages::Page;
 use crate::permissions::require_all_displays;
-use crate::time::now_ms;
+use crate::time::{ms, now_ms};
 use lightpath_metrics as metrics;
 use lightpath_proto::v1;
 use lightpath_proto::v1::job_service_server::JobService;
+use lightpath_proto::v1::list_jobs_request::{Order, View};
 use lightpath_store::{BatchProgress, JobFilter};
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::mem;
 use tonic::{Request, Response, Status};
 
@@ -82,18 +84,23 @@ impl Api {
         call: &Call,
         request: v1::ListJobsRequest,
     ) -> Result<v1::ListJobsResponse, ApiError> {
-        let state = Field::new("state").enum_value(request.state)?;
-        let display = names::display_filter(call, &Field::new("display"), &request.display)?;
-        let batch = label(&Field::new("batch"), request.batch)?;
-        let list = ["jobs", &request.state.to_string(), &request.display, batch.as_deref().unwrap_or_default()];
-        let page = Page::new(&list, request.page_size, &request.page_token)?;
-        let filter = JobFilter { state, display, batch };
+        let filter = filter_of(call, &request)?;
+        let page = Page::new(&["jobs", &hash_of(&filter)], request.page_size, &request.page_token)?;
+        let after = page.after.as_deref();
+        if Field::new("view").wire_value::<View>(request.view)? == View::Basic {
+            let mut summaries = self.store.job_summaries(&filter, after, page.limit()).await?;
+            for error in summaries.iter_mut().filter_map(|job| job.error.as_mut()) {
+                error.message = self.text_for(&call.caller, mem::take(&mut error.message)).await?;
+            }
+            let (summaries, next_page_token) = page.fill(summaries, |job| job.id.clone(), to_wire::summary);
+            return Ok(v1::ListJobsResponse { summaries, next_page_token, ..Default::default() });
+        }
         let mut jobs = Vec::new();
-        for job in self.store.jobs(&filter, page.after.as_deref(), page.limit()).await? {
+        for job in self.store.jobs(&filter, after, page.limit()).await? {
             jobs.push(self.seen_by(&call.caller, job).await?);
         }
         let (jobs, next_page_token) = page.fill(jobs, |job| job.id.clone(), to_wire::job);
-        Ok(v1::ListJobsResponse { jobs, next_page_token })
+        Ok(v1::ListJobsResponse { jobs, next_page_token, ..Default::default() })
     }
 
     async fn cancel_job(&self, call: &Call, request: v1::CancelJobRequest) -> Result<v1::Job, ApiError> {
@@ -142,4 +149,27 @@ impl Api {
         let BatchProgress { queued, running, succeeded, failed, cancelled, done } = self.store.batch(&batch).await?;
         Ok(v1::Batch { batch, queued, running, succeeded, failed, cancelled, done })
     }
+}
+
+/// Checks the filters of a list.
+fn filter_of(call: &Call, request: &v1::ListJobsRequest) -> Result<JobFilter, ApiError> {
+    let since = Field::new("since");
+    let since_ms = request.since.as_ref().map(|time| ms(time).ok_or_else(|| since.invalid("is not a valid time")));
+    Ok(JobFilter {
+        state: Field::new("state").enum_value(request.state)?,
+        display: names::display_filter(call, &Field::new("display"), &request.display)?,
+        batch: label(&Field::new("batch"), request.batch.clone())?,
+        kind: to_wire::kind_word(Field::new("kind").wire_value(request.kind)?),
+        owner: label(&Field::new("owner"), request.owner.clone())?,
+        text: label(&Field::new("text"), request.text.clone())?,
+        since_ms: since_ms.transpose()?,
+        oldest_first: Field::new("order").wire_value::<Order>(request.order)? == Order::OldestFirst,
+    })
+}
+
+/// A short text that is another one for another filter.
+fn hash_of(filter: &JobFilter) -> String {
+    let mut hasher = DefaultHasher::new();
+    filter.hash(&mut hasher);
+    format!("{:016x}", hasher.finish())
 }

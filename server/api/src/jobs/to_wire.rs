@@ -6,8 +6,13 @@ use super::{
 };
 use crate::enumerations::OnWire as _;
 use crate::time::timestamp;
-use lightpath_domain::job::{Job, JobError, JobEvent, JobResult, JobSpec, Progress};
+use lightpath_domain::job::{Job, JobError, JobEvent, JobResult, JobSpec, JobState, JobSummary, Progress};
 use lightpath_proto::v1::{self, job_result, job_spec};
+
+/// Begin of the names of [`v1::job::Kind`]. The rest is a word of [`JobSpec::KINDS`] in capitals.
+const KIND_PREFIX: &str = "KIND_";
+/// Limit on the message of an error in a summary \[characters\].
+const SUMMARY_MESSAGE_MAX: usize = 200;
 
 /// Converts a job into its message.
 pub(crate) fn job(job: Job) -> v1::Job {
@@ -39,6 +44,46 @@ pub(crate) fn job(job: Job) -> v1::Job {
         estimated_memory_bytes: job.estimate.memory_bytes,
         estimated_time_s: job.estimate.time_s,
     }
+}
+
+/// Converts what a list shows of a job into its message.
+pub(crate) fn summary(job: JobSummary) -> v1::JobSummary {
+    let has_succeeded = job.state == JobState::Succeeded;
+    v1::JobSummary {
+        name: format!("jobs/{}", job.id),
+        kind: kind_of(&job.kind).into(),
+        display: format!("displays/{}", job.display),
+        owner: job.owner,
+        batch: job.batch.unwrap_or_default(),
+        state: job.state.to_wire(),
+        cancel_requested: job.cancel_requested,
+        priority: job.priority,
+        attempt: job.attempt,
+        create_time: Some(timestamp(job.create_time_ms)),
+        start_time: job.start_time_ms.map(timestamp),
+        finish_time: job.finish_time_ms.map(timestamp),
+        progress: job.progress.filter(|_| !has_succeeded).map(progress),
+        error: job.error.map(|error| JobError { message: beginning(error.message), ..error }).map(self::error),
+        revision: job.revision,
+    }
+}
+
+/// The value of the enumeration for a word of [`JobSpec::KINDS`].
+fn kind_of(word: &str) -> v1::job::Kind {
+    v1::job::Kind::from_str_name(&format!("{KIND_PREFIX}{}", word.to_ascii_uppercase())).unwrap_or_default()
+}
+
+/// The word of [`JobSpec::KINDS`] for a value of the enumeration; `None`: unspecified.
+pub(crate) fn kind_word(kind: v1::job::Kind) -> Option<String> {
+    let name = kind.as_str_name().strip_prefix(KIND_PREFIX).unwrap_or_default();
+    (kind != v1::job::Kind::Unspecified).then(|| name.to_ascii_lowercase())
+}
+
+fn beginning(message: String) -> String {
+    if message.chars().count() <= SUMMARY_MESSAGE_MAX {
+        return message;
+    }
+    message.chars().take(SUMMARY_MESSAGE_MAX - 1).chain(['…']).collect()
 }
 
 /// Converts an event into its message.
@@ -82,4 +127,24 @@ fn result(result: JobResult) -> v1::JobResult {
         JobResult::Verify(result) => job_result::Kind::Verify(verify_hologram::to_wire::result(result)),
     };
     v1::JobResult { kind: Some(kind) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_kind_of_job_has_a_value_of_the_enumeration() {
+        for word in JobSpec::KINDS {
+            assert_eq!(kind_word(kind_of(word)).as_deref(), Some(word));
+        }
+        assert_eq!(kind_word(v1::job::Kind::Unspecified), None);
+    }
+
+    #[test]
+    fn long_errors_are_shortened_in_summaries() {
+        assert_eq!(beginning("no".to_owned()), "no");
+        let shortened = beginning("ä".repeat(SUMMARY_MESSAGE_MAX + 1));
+        assert_eq!((shortened.chars().count(), shortened.ends_with("ä…")), (SUMMARY_MESSAGE_MAX, true));
+    }
 }

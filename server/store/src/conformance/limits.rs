@@ -133,8 +133,8 @@ async fn jobs_wait_for_a_limited_number_of_other_jobs() {
         &folder,
         format!(
             "with recursive n(i) as (select 1 union all select i + 1 from n where i < 320) \
-             insert into job (id, request_id, display, spec, state, priority, attempts_max, create_time_ms, run_time_ms) \
-             select 'j' || i, 'j' || i, 'lab', '{spec}', 'queued', 0, 3, 1, 1 from n; \
+             insert into job (id, request_id, display, kind, words, spec, state, priority, attempts_max, create_time_ms, \
+             run_time_ms) select 'j' || i, 'j' || i, 'lab', 'simulate_capture', 'j' || i, '{spec}', 'queued', 0, 3, 1, 1 from n; \
              insert into job_dependency select a.id, b.id from job a join job b on a.id <> b.id limit {}",
             DEPENDENCIES_MAX - 1
         ),

@@ -55,9 +55,9 @@ const ROWS: &[(usize, &str)] = &[(
     values (1, 1, 9, 'ada', 'started', 1);
     insert into rollout_report values (1, 1, 'bench-7', 1, 10);
 
-    insert into job (id, request_id, display, spec, state, attempt, start_time_ms, finish_time_ms, lease_id,
+    insert into job (id, request_id, display, kind, words, spec, state, attempt, start_time_ms, finish_time_ms, lease_id,
     lease_until_ms, worker, error, result, checkpoint, owner, priority, attempts_max, create_time_ms, run_time_ms)
-    select column1, 'request-' || column1, 'lab', '{"kind":"simulate_capture","display":"lab",
+    select column1, 'request-' || column1, 'lab', 'simulate_capture', 'ada', '{"kind":"simulate_capture","display":"lab",
     "wavelength":{"pm":515000},"distance":{"nm":150000000},"phase":"sha256-' || printf('%064x', 0) || '","seed":1,
     "elapsed_s":0.0}', column2, column3, column4, column5, column6, column7, column8, column9, column10, column11,
     'ada', 0, 3, 11, 11

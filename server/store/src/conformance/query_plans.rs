@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::JobFilter;
-use crate::jobs::list_query;
+use crate::job_lists::list_query;
 use crate::queue::BATCH;
 use lightpath_domain::job::JobState;
 use sqlx::{AssertSqlSafe, Row as _};
@@ -17,11 +17,14 @@ async fn plan(store: &Store, sql: &str) -> Vec<String> {
 #[tokio::test]
 async fn every_filter_of_a_list_has_an_index_in_the_order_of_the_list() {
     let (store, _folder) = store().await;
-    for case in 0..8 {
+    for case in 0..32 {
         let filter = JobFilter {
             state: (case & 1 > 0).then_some(JobState::Queued),
             display: (case & 2 > 0).then(|| "lab".to_owned()),
             batch: (case & 4 > 0).then(|| "night".to_owned()),
+            oldest_first: case & 8 > 0,
+            since_ms: (case & 16 > 0).then_some(1),
+            ..JobFilter::default()
         };
         let filters = [
             ("state=?", filter.state.is_some()),
@@ -29,14 +32,36 @@ async fn every_filter_of_a_list_has_an_index_in_the_order_of_the_list() {
             ("batch=?", filter.batch.is_some()),
         ];
         for after in [None, Some("0193")] {
-            let query = list_query(&filter, after, 50).unwrap();
+            let query = list_query("*", &filter, after, 50).unwrap();
             let steps = plan(&store, query.sql().as_str()).await;
             assert_eq!(steps.len(), 1, "{filter:?}: {steps:?}");
             for (term, is_given) in filters {
                 assert_eq!(steps[0].contains(term), is_given, "{filter:?}: {steps:?}");
             }
-            assert_eq!(steps[0].contains("id<?"), after.is_some(), "{filter:?}: {steps:?}");
+            let (before, from) = match filter.oldest_first {
+                false => (after.is_some(), filter.since_ms.is_some()),
+                true => (false, after.is_some() || filter.since_ms.is_some()),
+            };
+            assert_eq!(steps[0].contains("id<?"), before, "{filter:?}: {steps:?}");
+            assert_eq!(steps[0].contains("id>?"), from, "{filter:?}: {steps:?}");
         }
+    }
+}
+
+#[tokio::test]
+async fn searches_read_one_narrow_index_in_the_order_of_the_list() {
+    let (store, _folder) = store().await;
+    let word = || Some("word".to_owned());
+    for filter in [
+        JobFilter { kind: word(), ..JobFilter::default() },
+        JobFilter { owner: word(), state: Some(JobState::Queued), oldest_first: true, ..JobFilter::default() },
+        JobFilter { text: word(), display: word(), batch: word(), since_ms: Some(1), ..JobFilter::default() },
+    ] {
+        let query = list_query("*", &filter, Some("0193"), 50).unwrap();
+        let steps = plan(&store, query.sql().as_str()).await;
+        let searched = steps.iter().any(|step| step.contains("USING COVERING INDEX job_to_search (id"));
+        assert!(searched, "{filter:?}: {steps:?}");
+        assert!(steps.iter().any(|step| step == "SEARCH job USING PRIMARY KEY (id=?)"), "{filter:?}: {steps:?}");
     }
 }
 

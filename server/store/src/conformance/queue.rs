@@ -329,12 +329,54 @@ async fn lists_are_filtered_and_paged_newest_first() {
     assert_eq!(list(JobFilter::default(), None, 50).await, ids);
     assert_eq!(list(JobFilter::default(), Some(ids[1].clone()), 2).await, ids[2..4]);
     let (running, _) = claim(&store, 2).await.unwrap();
-    let running_only = JobFilter { state: Some(JobState::Running), display: Some("lab".into()), batch: None };
+    let running_only =
+        JobFilter { state: Some(JobState::Running), display: Some("lab".into()), ..JobFilter::default() };
     assert_eq!(list(running_only, None, 50).await, [running]);
+    let oldest_first = JobFilter { oldest_first: true, ..JobFilter::default() };
+    assert_eq!(list(oldest_first, Some(ids[3].clone()), 2).await, [ids[2].clone(), ids[1].clone()]);
     let elsewhere = JobFilter { display: Some("elsewhere".into()), ..JobFilter::default() };
     assert!(list(elsewhere, None, 50).await.is_empty());
     let counts = store.queue_counts().await.unwrap();
     assert_eq!((counts.queued, counts.running), (4, 1));
+}
+
+#[tokio::test]
+async fn lists_are_searched_for_kinds_owners_times_and_texts() {
+    let (store, _folder) = store().await;
+    let mut ids = Vec::new();
+    for (request_id, owner, batch) in [("r-1", "ada", None), ("R-2", "bob", Some("Night")), ("r-3", "ada", None)] {
+        let mut new = new_job(request_id, 1);
+        new.scheduling.owner = owner.to_owned();
+        new.scheduling.batch = batch.map(str::to_owned);
+        ids.push(store.submit(&new, 1, QUEUE_LIMIT).await.unwrap().0.id);
+    }
+    let list = async |filter: JobFilter, after: Option<&str>| {
+        let jobs = store.job_summaries(&filter, after, 50).await.unwrap();
+        jobs.iter().map(|job| ids.iter().position(|id| *id == job.id).unwrap()).collect::<Vec<_>>()
+    };
+    let all = JobFilter::default;
+    let word = |word: &str| Some(word.to_owned());
+    assert_eq!(list(JobFilter { kind: word("simulate_capture"), ..all() }, None).await, [2, 1, 0]);
+    assert_eq!(list(JobFilter { kind: word("learn_kernel"), ..all() }, None).await, [0; 0]);
+    assert_eq!(list(JobFilter { owner: word("ada"), ..all() }, None).await, [2, 0]);
+    assert_eq!(list(JobFilter { owner: word("ada"), ..all() }, Some(&ids[2])).await, [0]);
+    assert_eq!(list(JobFilter { owner: word("ada"), oldest_first: true, ..all() }, None).await, [0, 2]);
+    for (text, found) in [("r-2", vec![1]), ("NIGHT", vec![1]), ("ada", vec![2, 0]), (&ids[2], vec![2]), ("%", vec![])]
+    {
+        assert_eq!(list(JobFilter { text: word(text), ..all() }, None).await, found, "{text}");
+    }
+    let both = JobFilter { text: word("r-"), owner: word("bob"), state: Some(JobState::Queued), ..all() };
+    assert_eq!(list(both, None).await, [1]);
+    let time_ms = i64::from_str_radix(&ids[0].replace('-', "")[..12], 16).unwrap();
+    assert_eq!(list(JobFilter { since_ms: Some(time_ms), ..all() }, None).await, [2, 1, 0]);
+    assert_eq!(list(JobFilter { since_ms: Some(time_ms + 60_000), ..all() }, None).await, [0; 0]);
+    assert_eq!(list(JobFilter { since_ms: Some(i64::MIN), ..all() }, None).await, [2, 1, 0]);
+    let one = store.job_summary(&ids[1]).await.unwrap();
+    assert_eq!(
+        (one.kind.as_str(), one.batch.as_deref(), one.display.as_str()),
+        ("simulate_capture", Some("Night"), "lab")
+    );
+    assert_eq!(list(all(), None).await, [2, 1, 0]);
 }
 
 #[tokio::test]

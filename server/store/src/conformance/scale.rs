@@ -51,9 +51,10 @@ async fn fill(path: &std::path::Path, finished: u32) {
     let result = serde_json::to_string(&result()).unwrap();
     let sql = "with recursive n(i) as (select 0 union all select i + 1 from n where i + 1 < ?1) \
         insert into job (id, request_id, display, spec, state, priority, attempt, attempts_max, create_time_ms, run_time_ms, \
-        start_time_ms, finish_time_ms, result, owner, batch) \
+        start_time_ms, finish_time_ms, result, owner, batch, kind, words) \
         select printf('%s%012d', ?2, i), printf('%s%d', ?2, i), 'lab-' || (i % 5), ?3, ?4, i % 3, 1, 3, i, i, \
-        iif(?4 = 'queued', null, i), iif(?4 = 'queued', null, i + 1), ?5, 'owner ' || (i % 20), 'batch ' || (i % 20) from n";
+        iif(?4 = 'queued', null, i), iif(?4 = 'queued', null, i + 1), ?5, 'owner ' || (i % 20), 'batch ' || (i % 20), \
+        'simulate_capture', printf('%s%012d %s%d owner %d batch %d lab-%d', ?2, i, ?2, i, i % 20, i % 20, i % 5) from n";
     for (count, prefix, state, result) in
         [(finished, "a", "succeeded", Some(&result)), (finished / 10, "b", "queued", None)]
     {
@@ -96,10 +97,10 @@ async fn many_jobs_keep_queries_fast() {
     let filters = [
         JobFilter::default(),
         JobFilter { state: Some(JobState::Succeeded), ..JobFilter::default() },
-        JobFilter { state: Some(JobState::Running), display: Some("lab-1".to_owned()), batch: None },
-        JobFilter { state: Some(JobState::Succeeded), display: Some("lab-1".to_owned()), batch: None },
-        JobFilter { state: Some(JobState::Running), display: None, batch: Some("batch 1".to_owned()) },
-        JobFilter { state: None, display: Some("lab-2".to_owned()), batch: Some("batch 1".to_owned()) },
+        JobFilter { state: Some(JobState::Running), display: Some("lab-1".to_owned()), ..JobFilter::default() },
+        JobFilter { state: Some(JobState::Succeeded), display: Some("lab-1".to_owned()), ..JobFilter::default() },
+        JobFilter { state: Some(JobState::Running), batch: Some("batch 1".to_owned()), ..JobFilter::default() },
+        JobFilter { display: Some("lab-2".to_owned()), batch: Some("batch 1".to_owned()), ..JobFilter::default() },
     ];
     let filters = &filters;
     let list = times(async |n| {
@@ -109,6 +110,21 @@ async fn many_jobs_keep_queries_fast() {
     })
     .await;
     list.print("list");
+    let summaries = times(async |n| {
+        store.job_summaries(&filters[n as usize % filters.len()], None, 51).await.unwrap();
+    })
+    .await;
+    summaries.print("list summaries");
+    let searches = [
+        JobFilter { text: Some("no job has this text".to_owned()), ..JobFilter::default() },
+        JobFilter { owner: Some("nobody".to_owned()), oldest_first: true, ..JobFilter::default() },
+        JobFilter { kind: Some("learn_kernel".to_owned()), ..JobFilter::default() },
+    ];
+    let search = times(async |n| {
+        store.job_summaries(&searches[n as usize % searches.len()], None, 51).await.unwrap();
+    })
+    .await;
+    search.print("search through all jobs");
     let batch = times(async |n| {
         store.batch(&format!("batch {}", n % 20)).await.unwrap();
     })

@@ -141,6 +141,10 @@ fn jobs() -> Vec<Example> {
             json!({ "display": "$display", "batch": "$batch", "page_size": 1, "page_token": "" }),
         ),
         Example::new::<v1::ListJobsRequest>("JobService/ListJobs", json!({ "display": "$display" })),
+        Example::new::<v1::ListJobsRequest>(
+            "JobService/ListJobs",
+            json!({ "display": "$display", "owner": "ada", "since": "2026-01-01T00:00:00Z", "text": "a", "view": "VIEW_BASIC" }),
+        ),
         Example::new::<v1::ListJobEventsRequest>(
             "JobService/ListJobEvents",
             json!({ "name": "$ended", "page_size": 1, "page_token": "" }),
