@@ -163,6 +163,18 @@ impl Client {
         Ok(self.kernels().watch_kernel(request).await.map_err(|status| self.error(status))?.into_inner())
     }
 
+    /// Streams an event after each change on the server, for dashboards.
+    ///
+    /// The stream ends when the connection is lost. A client that then names the last event it received misses none.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::Error::Refused`] when the server refuses the call, [`crate::Error::Unreachable`] when no server
+    /// answers.
+    pub async fn watch_events(&self, request: v1::WatchEventsRequest) -> Result<Streaming<v1::Event>> {
+        Ok(self.events().watch_events(request).await.map_err(|status| self.error(status))?.into_inner())
+    }
+
     /// Streams a range of an artifact's bytes without checking the digest. [`Client::download`] checks it.
     ///
     /// # Errors

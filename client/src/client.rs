@@ -4,6 +4,7 @@ use crate::v1::artifact_service_client::ArtifactServiceClient;
 use crate::v1::dataset_service_client::DatasetServiceClient;
 use crate::v1::device_service_client::DeviceServiceClient;
 use crate::v1::display_service_client::DisplayServiceClient;
+use crate::v1::event_service_client::EventServiceClient;
 use crate::v1::job_service_client::JobServiceClient;
 use crate::v1::kernel_service_client::KernelServiceClient;
 use crate::v1::photo_service_client::PhotoServiceClient;
@@ -121,6 +122,10 @@ impl Client {
 
     pub(crate) fn displays(&self) -> DisplayServiceClient<Transport> {
         DisplayServiceClient::new(self.transport.clone()).max_decoding_message_size(MESSAGE_BYTES_MAX)
+    }
+
+    pub(crate) fn events(&self) -> EventServiceClient<Transport> {
+        EventServiceClient::new(self.transport.clone()).max_decoding_message_size(MESSAGE_BYTES_MAX)
     }
 
     pub(crate) fn jobs(&self) -> JobServiceClient<Transport> {

@@ -12,11 +12,12 @@ mod words;
 use prost::Message as _;
 use std::{env, error::Error, fs, path::PathBuf};
 
-const PROTOS: [&str; 10] = [
+const PROTOS: [&str; 11] = [
     "lightpath/v1/artifact.proto",
     "lightpath/v1/dataset.proto",
     "lightpath/v1/device.proto",
     "lightpath/v1/display.proto",
+    "lightpath/v1/event.proto",
     "lightpath/v1/job.proto",
     "lightpath/v1/kernel.proto",
     "lightpath/v1/photo.proto",

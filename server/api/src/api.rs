@@ -3,6 +3,7 @@
 use crate::accounts::Accounts;
 use crate::checked_targets::CheckedTargets;
 use crate::error::ApiError;
+use crate::events::EventLog;
 use crate::jobs::estimate::JobLimits;
 use crate::kernels::conversions::Conversions;
 use crate::manifests::{ManifestRules, Manifests};
@@ -12,6 +13,7 @@ use lightpath_proto::v1::artifact_service_server::ArtifactServiceServer;
 use lightpath_proto::v1::dataset_service_server::DatasetServiceServer;
 use lightpath_proto::v1::device_service_server::DeviceServiceServer;
 use lightpath_proto::v1::display_service_server::DisplayServiceServer;
+use lightpath_proto::v1::event_service_server::EventServiceServer;
 use lightpath_proto::v1::job_service_server::JobServiceServer;
 use lightpath_proto::v1::kernel_service_server::KernelServiceServer;
 use lightpath_proto::v1::photo_service_server::PhotoServiceServer;
@@ -53,6 +55,7 @@ pub struct Api {
     pub(crate) conversions: Conversions,
     pub(crate) manifests: Manifests,
     pub(crate) last_reconstructor: LastReconstructor,
+    pub(crate) events: EventLog,
     pub(crate) stopping: CancellationToken,
     /// Result of the latest health check.
     health: watch::Sender<Result<(), String>>,
@@ -71,6 +74,7 @@ impl Api {
             conversions: Conversions::default(),
             manifests: Manifests::new(limits.manifests),
             last_reconstructor: LastReconstructor::default(),
+            events: EventLog::default(),
             stopping,
             health: watch::Sender::new(Ok(())),
             job_limits: limits.jobs,
@@ -93,6 +97,7 @@ impl Api {
             .add_service(KernelServiceServer::new(self.clone()).max_decoding_message_size(limit))
             .add_service(RolloutServiceServer::new(self.clone()).max_decoding_message_size(limit))
             .add_service(DeviceServiceServer::new(self.clone()).max_decoding_message_size(limit))
+            .add_service(EventServiceServer::new(self.clone()).max_decoding_message_size(limit))
             .add_service(PhotoServiceServer::new(self.clone()).max_decoding_message_size(limit))
             .add_service(ArtifactServiceServer::new(self).max_decoding_message_size(limit))
             .add_service(health_service)

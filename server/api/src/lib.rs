@@ -10,6 +10,7 @@
 //! - `api`: state shared by all services. `call`: passing gRPC requests with their callers to methods.
 //! - `rules`: which roles may make each call. `permissions`: which displays a caller may use.
 //! - `field`, `names`, `pages`, `time`: checks of fields, resource names, pages of lists, and times.
+//! - `events`: the stream of all changes, for dashboards.
 //! - `accounts`: what each client uses: calls, memory, threads and streams. `watch`: streams that follow changes.
 //! - `reconstructors`: optics for the pairs of a dataset. `checked_targets`: a memory of the targets that have light.
 //! - `error`: errors of the API. `status`: conversion of errors into gRPC statuses.
@@ -29,6 +30,7 @@ mod devices;
 mod displays;
 mod enumerations;
 mod error;
+mod events;
 mod field;
 pub mod http;
 mod jobs;

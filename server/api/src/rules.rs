@@ -62,6 +62,7 @@ pub(crate) const METHODS: &[(&str, Rule)] = &[
     ("DisplayService/ListDisplays", rule(READERS, Effect::Reads)),
     ("DisplayService/DeleteDisplay", rule(ADMINS, Effect::Changes)),
     ("DisplayService/PlanPropagation", rule(READERS, Effect::Reads)),
+    ("EventService/WatchEvents", rule(READERS, Effect::Reads)),
     ("JobService/SubmitJob", rule(SUBMITTERS, Effect::Creates)),
     ("JobService/GetJob", rule(READERS, Effect::Reads)),
     ("JobService/ListJobs", rule(READERS, Effect::Reads)),

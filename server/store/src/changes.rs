@@ -8,6 +8,33 @@ use tokio::sync::{Notify, broadcast};
 /// (`RecvError::Lagged`) reads the present state and continues.
 const BACKLOG: usize = 1024;
 
+/// Something that changed, for listeners who follow everything.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub enum Changed {
+    /// The job with this id.
+    Job(String),
+    /// The kernel: its versions, their names, or its rollouts.
+    Kernel(KernelKey),
+    /// The pauses of the queue.
+    Queue,
+    /// The display with this id, or its gate.
+    Display(String),
+    /// A dataset.
+    Dataset {
+        /// Its id.
+        id: String,
+        /// Id of its display.
+        display: String,
+    },
+    /// A device.
+    Device {
+        /// Id of its display.
+        display: String,
+        /// Its id.
+        id: String,
+    },
+}
+
 /// A change that a transaction announces after its commit.
 #[derive(Clone, Debug)]
 pub(super) enum Change {
@@ -19,6 +46,8 @@ pub(super) enum Change {
     Kernel(KernelKey),
     /// A job may have become ready to claim.
     Claimable,
+    /// Something changed that only listeners who follow everything want to know.
+    Other(Changed),
 }
 
 #[derive(Debug)]
@@ -27,6 +56,7 @@ pub(super) struct Changes {
     pub(super) cancels: broadcast::Sender<String>,
     pub(super) kernels: broadcast::Sender<KernelKey>,
     pub(super) claimable: Arc<Notify>,
+    pub(super) all: broadcast::Sender<Changed>,
 }
 
 impl Default for Changes {
@@ -36,6 +66,7 @@ impl Default for Changes {
             cancels: broadcast::Sender::new(BACKLOG),
             kernels: broadcast::Sender::new(BACKLOG),
             claimable: Arc::default(),
+            all: broadcast::Sender::new(BACKLOG),
         }
     }
 }
@@ -45,9 +76,16 @@ impl Changes {
         for change in changes {
             // A send fails only if there is no listener, which is no error.
             match change {
-                Change::Job(id) => drop(self.jobs.send(id)),
+                Change::Job(id) => {
+                    drop(self.all.send(Changed::Job(id.clone())));
+                    drop(self.jobs.send(id));
+                }
                 Change::Cancel(id) => drop(self.cancels.send(id)),
-                Change::Kernel(key) => drop(self.kernels.send(key)),
+                Change::Kernel(key) => {
+                    drop(self.all.send(Changed::Kernel(key.clone())));
+                    drop(self.kernels.send(key));
+                }
+                Change::Other(changed) => drop(self.all.send(changed)),
                 Change::Claimable => self.claimable.notify_one(),
             }
         }

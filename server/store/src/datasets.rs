@@ -1,5 +1,6 @@
 //! Datasets and their pairs.
 
+use super::changes::Changed;
 use super::rows::{from_json, from_json_option, from_word, to_json, to_word};
 use super::write::Write;
 use super::{AbortReason, Store, StoreError, page};
@@ -103,6 +104,7 @@ async fn create(write: &mut Write, dataset: Dataset, now_ms: i64) -> Result<Data
             "with other properties; choose another name",
         ));
     }
+    write.announce_changed(changed(&stored));
     Ok(stored)
 }
 
@@ -143,11 +145,16 @@ async fn delete(write: &mut Write, id: &str, now_ms: i64) -> Result<(), StoreErr
     let keep = "update artifact set use_time_ms = max(use_time_ms, ?2) where digest in \
                 (select phase from pair where dataset = ?1 union select photo from pair where dataset = ?1)";
     sqlx::query(keep).bind(id).bind(now_ms).execute(write.sql()).await?;
-    let deleted = sqlx::query("delete from dataset where id = ?").bind(id).execute(write.sql()).await?;
-    match deleted.rows_affected() {
-        0 => Err(StoreError::not_found(format!("datasets/{id}"))),
-        _ => Ok(()),
-    }
+    let delete = sqlx::query_scalar("delete from dataset where id = ? returning display");
+    let display: Option<String> = delete.bind(id).fetch_optional(write.sql()).await?;
+    let display = display.ok_or_else(|| StoreError::not_found(format!("datasets/{id}")))?;
+    write.announce_changed(Changed::Dataset { id: id.to_owned(), display });
+    Ok(())
+}
+
+/// The announcement of a change of the dataset.
+pub(super) fn changed(dataset: &Dataset) -> Changed {
+    Changed::Dataset { id: dataset.id.clone(), display: dataset.display.clone() }
 }
 
 async fn add_pair(write: &mut Write, id: &str, pair: &Pair, findings: &[Finding]) -> Result<Dataset, StoreError> {
@@ -180,6 +187,7 @@ async fn add_pair(write: &mut Write, id: &str, pair: &Pair, findings: &[Finding]
                where id = ?1 returning *";
     let row =
         sqlx::query(sql).bind(id).bind(to_json("dataset.findings", &dataset_findings)?).fetch_one(write.sql()).await?;
+    write.announce_changed(changed(&dataset));
     dataset_of(&row)
 }
 

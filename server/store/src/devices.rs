@@ -1,5 +1,6 @@
 //! Devices and their reports.
 
+use super::changes::Changed;
 use super::kernels::find;
 use super::moves::require_version;
 use super::rollouts;
@@ -65,6 +66,7 @@ impl Store {
                 let changed =
                     sqlx::query(regroup).bind(&display).bind(&device).bind(&group).execute(write.sql()).await?;
                 if changed.rows_affected() > 0 {
+                    write.announce_changed(device_changed(&display, &device));
                     rollouts::note_regrouping(write, &display, now_ms).await?;
                 }
                 let row = sqlx::query("select * from device where display = ? and id = ?")
@@ -93,6 +95,7 @@ impl Store {
                 if deleted.rows_affected() == 0 {
                     return Err(not_found(&display, &device));
                 }
+                write.announce_changed(device_changed(&display, &device));
                 rollouts::forget_reports(write, &display, &device).await
             })
         })
@@ -151,7 +154,12 @@ async fn store_report(write: &mut Write, report: &Report) -> Result<(), StoreErr
     .bind(installed.report_time_ms)
     .execute(write.sql())
     .await?;
+    write.announce_changed(device_changed(display, device));
     rollouts::note_report(write, id, &kernel, report).await
+}
+
+fn device_changed(display: &str, device: &str) -> Changed {
+    Changed::Device { display: display.to_owned(), id: device.to_owned() }
 }
 
 /// Creates a device if it is unknown.

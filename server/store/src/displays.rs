@@ -1,5 +1,6 @@
 //! Stored displays.
 
+use super::changes::Changed;
 use super::rows::{from_json, to_json};
 use super::{Store, StoreError, page};
 use lightpath_domain::display::Display;
@@ -33,6 +34,7 @@ impl Store {
                         "with other properties; choose another id",
                     ));
                 }
+                write.announce_changed(Changed::Display(id));
                 display_of(&row)
             })
         })
@@ -88,7 +90,10 @@ impl Store {
                 let deleted = sqlx::query("delete from display where id = ?").bind(&id).execute(write.sql()).await?;
                 match deleted.rows_affected() {
                     0 => Err(StoreError::not_found(format!("displays/{id}"))),
-                    _ => Ok(()),
+                    _ => {
+                        write.announce_changed(Changed::Display(id));
+                        Ok(())
+                    }
                 }
             })
         })

@@ -1,5 +1,6 @@
 //! Promotion gates of displays.
 
+use super::changes::Changed;
 use super::rows::{from_json, to_json};
 use super::{Store, StoreError, page};
 use lightpath_domain::kernel::Cause;
@@ -35,7 +36,10 @@ impl Store {
                 .await?;
                 match inserted.rows_affected() {
                     0 => Err(StoreError::not_found(format!("displays/{display}"))),
-                    _ => Ok(()),
+                    _ => {
+                        write.announce_changed(Changed::Display(display));
+                        Ok(())
+                    }
                 }
             })
         })

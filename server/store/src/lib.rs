@@ -59,6 +59,7 @@ mod totals;
 mod write;
 
 pub use artifacts::ArtifactRecord;
+pub use changes::Changed;
 pub use collection::Deleted;
 pub use devices::DEVICES_MAX;
 pub use error::{AbortReason, StoreError};

@@ -4,7 +4,7 @@
 //! if the dataset has changed since the job read it. So the digest of a finalized dataset always matches its stored
 //! pairs and alignment, even if other callers add pairs or align the dataset at the same time.
 
-use super::datasets::{require_artifact, with_pairs};
+use super::datasets::{changed, require_artifact, with_pairs};
 use super::rows::{to_json, to_word};
 use super::write::Write;
 use super::{AbortReason, StoreError};
@@ -129,5 +129,6 @@ async fn update_dataset(write: &mut Write, dataset: &Dataset) -> Result<(), Stor
     .bind(dataset.finalize_time_ms)
     .execute(write.sql())
     .await?;
+    write.announce_changed(changed(dataset));
     Ok(())
 }

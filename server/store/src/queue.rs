@@ -1,6 +1,6 @@
 //! The queue as a whole: its pauses and its state.
 
-use super::changes::Change;
+use super::changes::{Change, Changed};
 use super::{Store, StoreError};
 use lightpath_domain::reason::PreconditionReason;
 use sqlx::Row;
@@ -69,6 +69,7 @@ impl Store {
                 }
                 let sql = "insert into pause values (?, ?, ?) on conflict do update set reason = excluded.reason";
                 sqlx::query(sql).bind(display).bind(now_ms).bind(reason).execute(write.sql()).await?;
+                write.announce_changed(Changed::Queue);
                 Ok(())
             })
         })
@@ -95,6 +96,7 @@ impl Store {
                     ));
                 }
                 write.announce(Change::Claimable);
+                write.announce_changed(Changed::Queue);
                 Ok(())
             })
         })

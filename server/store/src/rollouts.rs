@@ -1,5 +1,6 @@
 //! Staged rollouts.
 
+use super::changes::Changed;
 use super::kernels::find;
 use super::moves::{Promotion, promote, raise_generation, require_active, require_no_rollout, require_version};
 use super::rows::{from_json, from_word, to_json, to_word};
@@ -469,6 +470,7 @@ async fn append_event(write: &mut Write, key: &KernelKey, number: u32, event: Ro
     .bind(event.generation as i64)
     .execute(write.sql())
     .await?;
+    write.announce_changed(Changed::Kernel(key.clone()));
     Ok(())
 }
 

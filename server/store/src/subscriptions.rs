@@ -1,6 +1,6 @@
 //! Receiving announcements of changes in the store.
 
-use super::Store;
+use super::{Changed, Store};
 use lightpath_domain::kernel::KernelKey;
 use std::sync::Arc;
 use tokio::sync::{Notify, broadcast};
@@ -23,6 +23,12 @@ impl Store {
     #[must_use]
     pub fn subscribe_kernel_changes(&self) -> broadcast::Receiver<KernelKey> {
         self.inner.changes.kernels.subscribe()
+    }
+
+    /// Receives every change of a job, kernel, pause, display, dataset or device, after it is on disk.
+    #[must_use]
+    pub fn subscribe_changes(&self) -> broadcast::Receiver<Changed> {
+        self.inner.changes.all.subscribe()
     }
 
     /// Notified when a job may be ready to claim. One permit is kept. So a worker misses no job if it claims until the

@@ -1,6 +1,6 @@
 //! Write transactions.
 
-use super::changes::Change;
+use super::changes::{Change, Changed};
 use super::{Store, StoreError};
 use futures::future::BoxFuture;
 use lightpath_fail_points as fail;
@@ -49,6 +49,11 @@ impl Write {
 
     pub(super) fn announce(&mut self, change: Change) {
         self.changes.push(change);
+    }
+
+    /// Announces a change that only listeners who follow everything want to know.
+    pub(super) fn announce_changed(&mut self, changed: Changed) {
+        self.announce(Change::Other(changed));
     }
 }
 

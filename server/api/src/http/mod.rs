@@ -6,6 +6,7 @@
 //!   HTTP. `token_expiry`: ends calls of invalid tokens.
 //! - `memory_use`: memory of each call, taken from the memory budget. `checked_body`: bodies whose frames these check.
 //! - `requests`: deadlines and metrics of requests, including gRPC. `transcode`: the methods of the API as JSON.
+//!   `server_sent_events`: their streams.
 //!   `kernel_files`: kernels and keyrings for devices. `artifact_files`: files of datasets and results. `file_answer`,
 //!   `byte_range`: files in ranges. `etags`: conditions of requests. `refusal`: errors as answers.
 
@@ -21,6 +22,7 @@ mod origin;
 mod protocol;
 mod refusal;
 mod requests;
+mod server_sent_events;
 mod token_expiry;
 mod transcode;
 

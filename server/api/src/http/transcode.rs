@@ -5,6 +5,7 @@ use super::checked_body::status_of;
 use super::etags::{etag, has, text_value};
 use super::protocol::is_grpc;
 use super::refusal::{Refusal, refuse};
+use super::server_sent_events::{add_last_event_id, events};
 use crate::field::Field;
 use axum::Router;
 use axum::body::{Body, to_bytes};
@@ -12,16 +13,13 @@ use axum::extract::{Query, Request};
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
-use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
-use futures::StreamExt as _;
 use lightpath_proto::routes::{self, Match};
 use prost::bytes::{Buf as _, BufMut as _, Bytes};
-use std::convert::Infallible;
+use tonic::Status;
 use tonic::codec::{Codec, DecodeBuf, Decoder, EncodeBuf, Encoder};
 use tonic::codegen::http::uri::PathAndQuery;
 use tonic::metadata::MetadataMap;
-use tonic::{Status, Streaming};
 
 /// Limit on the body of a request \[bytes\]. The parsed JSON takes up to sixteen times as much memory, which is the
 /// memory that a message over gRPC may take.
@@ -77,8 +75,9 @@ fn unknown(path: &str) -> Response {
 
 async fn call(grpc: Router, found: Match, parts: Parts, body: Body) -> Result<Response, Refusal> {
     let route = found.route;
-    let Query(query) = Query::<Vec<(String, String)>>::try_from_uri(&parts.uri)
+    let Query(mut query) = Query::<Vec<(String, String)>>::try_from_uri(&parts.uri)
         .map_err(|rejection| Status::invalid_argument(rejection.body_text()))?;
+    add_last_event_id(route, &parts.headers, &mut query);
     let body = json_body(&parts, body).await?;
     let message = found.request(query, &body).map_err(|error| Field::new(&error.field).invalid(error.problem))?;
     let request = tonic::Request::from_parts(MetadataMap::new(), parts.extensions, Bytes::from(message));
@@ -87,7 +86,7 @@ async fn call(grpc: Router, found: Match, parts: Parts, body: Body) -> Result<Re
     let mut client = tonic::client::Grpc::new(grpc);
     if route.is_stream {
         let answers = client.server_streaming(request, path, Messages).await?.into_inner();
-        return Ok(events(answers, found));
+        return Ok(events(answers, route));
     }
     let answer = client.unary(request, path, Messages).await?.into_inner();
     let json = route.json(answer).map_err(|error| Status::internal(error.to_string()))?;
@@ -130,21 +129,6 @@ fn body_refusal(error: &axum::Error) -> Refusal {
     }
     let message = format!("the body did not arrive, or has more than {JSON_BYTES_MAX} bytes");
     Refusal::from(Status::invalid_argument(message)).with_status(StatusCode::PAYLOAD_TOO_LARGE)
-}
-
-/// The answers of a stream as server-sent events: `message` for each answer, and `error` for a refusal, which is the
-/// last.
-fn events(answers: Streaming<Bytes>, found: Match) -> Response {
-    let events = answers.map(move |answer| {
-        let json =
-            answer.and_then(|answer| found.route.json(answer).map_err(|error| Status::internal(error.to_string())));
-        let (event, data) = match json {
-            Ok(json) => ("message", json),
-            Err(status) => ("error", Refusal::from(status).json()),
-        };
-        Ok::<_, Infallible>(Event::default().event(event).data(String::from_utf8_lossy(&data)))
-    });
-    Sse::new(events).keep_alive(KeepAlive::default()).into_response()
 }
 
 /// Messages as they are, for calls whose messages are encoded already.

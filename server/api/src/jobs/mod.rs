@@ -15,6 +15,6 @@ mod service;
 mod simulate_capture;
 mod submit;
 mod suggest_holograms;
-mod to_wire;
+pub(crate) mod to_wire;
 mod verify_hologram;
 mod watch_job;

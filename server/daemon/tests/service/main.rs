@@ -8,6 +8,7 @@ mod audit;
 mod captures;
 mod decoders;
 mod displays;
+mod events;
 mod forms;
 mod holograms;
 mod http;

@@ -134,6 +134,7 @@ fn jobs() -> Vec<Example> {
         Example::new::<v1::GetJobRequest>("JobService/GetJob", named("$ended")),
         Example::new::<v1::GetJobRequest>("JobService/GetJob", named("$mixed")),
         Example::new::<v1::GetJobRequest>("JobService/GetJob", named("$failed")),
+        Example::new::<v1::WatchEventsRequest>("EventService/WatchEvents", json!({ "last_event_id": "" })),
         Example::new::<v1::WatchJobRequest>("JobService/WatchJob", named("$waiting")),
         Example::new::<v1::WatchJobRequest>("JobService/WatchJob", named("$failed")),
         Example::new::<v1::ListJobsRequest>(

@@ -141,6 +141,7 @@ const FIELDS: &[(&str, Names)] = &[
     ("ListJobsRequest.owner", Nothing),
     ("ListJobsRequest.since", Parts),
     ("ListJobsRequest.text", Nothing),
+    ("WatchEventsRequest.last_event_id", Nothing),
     ("WatchJobRequest.name", Job),
     ("CancelJobRequest.name", Job),
     ("RetryJobRequest.name", Job),

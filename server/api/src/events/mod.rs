@@ -1,0 +1,14 @@
+//! The stream of all events, for dashboards.
+//!
+//! One task turns the announcements of the store into events, and keeps the latest ones. Any number of streams send
+//! them, so that a change is read from the database once, not once for each dashboard.
+//!
+//! # Layout
+//!
+//! - `log`: the latest events. `publisher`: the task that fills it. `service`: the streams that read it.
+
+mod log;
+mod publisher;
+mod service;
+
+pub(crate) use log::EventLog;

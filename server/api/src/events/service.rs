@@ -1,0 +1,145 @@
+//! Streams of events.
+
+use super::log::{Entry, EventLog, Since};
+use super::publisher::publish;
+use crate::accounts::{OpenStream, StreamKind};
+use crate::api::Api;
+use crate::call::{Answers, Call, StatusStream};
+use crate::error::ApiError;
+use futures::{StreamExt as _, stream};
+use lightpath_domain::access::Caller;
+use lightpath_proto::v1;
+use lightpath_proto::v1::event::{Change, Reset};
+use lightpath_proto::v1::event_service_server::EventService;
+use std::collections::{HashSet, VecDeque};
+use std::mem;
+use std::sync::Arc;
+use tokio::sync::watch;
+use tonic::{Request, Response, Status};
+
+#[tonic::async_trait]
+impl EventService for Api {
+    type WatchEventsStream = StatusStream<v1::Event>;
+
+    async fn watch_events(
+        &self,
+        request: Request<v1::WatchEventsRequest>,
+    ) -> Result<Response<Self::WatchEventsStream>, Status> {
+        self.answer_with_stream(request, Self::watch_events).await
+    }
+}
+
+impl Api {
+    pub(crate) async fn watch_events(
+        &self,
+        call: &Call,
+        request: v1::WatchEventsRequest,
+    ) -> Result<Answers<v1::Event>, ApiError> {
+        let open = self.accounts.streams.open(StreamKind::Watch, &call.client)?;
+        let log = self.events.clone();
+        log.start_once(|| {
+            let changes = self.store.subscribe_changes();
+            drop(tokio::spawn(publish(self.store.clone(), log.clone(), changes, self.stopping.clone())));
+        });
+        let news = log.subscribe();
+        let resumed =
+            log.number(&request.last_event_id).filter(|number| matches!(log.since(*number), Since::Events(_)));
+        let latest = *news.borrow();
+        let follower = Follower {
+            api: self.clone(),
+            caller: call.caller.clone(),
+            log,
+            news,
+            sent: resumed.unwrap_or(latest),
+            must_reset: resumed.is_none(),
+            waiting: VecDeque::new(),
+            has_ended: false,
+            _open: open,
+        };
+        Ok(stream::unfold(follower, |mut follower| async move {
+            if follower.has_ended {
+                return None;
+            }
+            let next = follower.next().await;
+            follower.has_ended |= next.is_err();
+            Some((next, follower))
+        })
+        .boxed())
+    }
+}
+
+/// A stream of events. The transport polls it only when the client can receive more. So a slow client skips states, and
+/// needs no memory.
+struct Follower {
+    api: Api,
+    caller: Caller,
+    log: EventLog,
+    news: watch::Receiver<u64>,
+    /// Number of the latest event that `waiting` had.
+    sent: u64,
+    must_reset: bool,
+    waiting: VecDeque<Arc<Entry>>,
+    has_ended: bool,
+    _open: OpenStream,
+}
+
+impl Follower {
+    async fn next(&mut self) -> Result<v1::Event, ApiError> {
+        loop {
+            if mem::take(&mut self.must_reset) {
+                return Ok(self.event(self.sent, Change::Reset(Reset {})));
+            }
+            while let Some(entry) = self.waiting.pop_front() {
+                if self.may_see(&entry) {
+                    let change = self.seen(entry.message.clone()).await?;
+                    return Ok(self.event(entry.number, change));
+                }
+            }
+            self.fetch().await?;
+        }
+    }
+
+    /// Waits for events after those sent, and takes the latest one about each thing.
+    async fn fetch(&mut self) -> Result<(), ApiError> {
+        let sent = self.sent;
+        let latest = tokio::select! {
+            biased;
+            () = self.api.stopping.cancelled() => return Err(ApiError::Stopping),
+            latest = self.news.wait_for(|latest| *latest > sent) => *latest.map_err(|_| ApiError::Stopping)?,
+        };
+        match self.log.since(self.sent) {
+            Since::Events(entries) => {
+                let mut seen = HashSet::new();
+                for entry in entries.into_iter().rev() {
+                    self.sent = self.sent.max(entry.number);
+                    if entry.changed.as_ref().is_none_or(|changed| seen.insert(changed.clone())) {
+                        self.waiting.push_front(entry);
+                    }
+                }
+            }
+            Since::Missed => (self.sent, self.must_reset) = (latest, true),
+        }
+        Ok(())
+    }
+
+    fn may_see(&self, entry: &Entry) -> bool {
+        let displays = &self.caller.displays;
+        match (&entry.display, &entry.message) {
+            _ if displays.is_empty() => true,
+            (Some(display), _) => displays.contains(display),
+            (None, message) => matches!(message, Change::Reset(_)),
+        }
+    }
+
+    /// The change without the names of jobs that the caller may not see.
+    async fn seen(&self, mut change: Change) -> Result<Change, ApiError> {
+        if let Change::Job(v1::JobSummary { error: Some(error), .. }) = &mut change {
+            error.message = self.api.text_for(&self.caller, mem::take(&mut error.message)).await?;
+        }
+        Ok(change)
+    }
+
+    fn event(&self, number: u64, change: Change) -> v1::Event {
+        v1::Event { id: self.log.id(number), change: Some(change) }
+    }
+}
