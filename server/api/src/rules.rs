@@ -110,6 +110,9 @@ pub(crate) const METHODS: &[(&str, Rule)] = &[
 /// Rules for all other routes and paths.
 const ROUTES: &[(&str, Rule)] = &[
     ("/healthz", rule(Access::Everyone, Effect::Reads)),
+    // The page itself holds no secrets, and asks for a token.
+    ("/", rule(Access::Everyone, Effect::Reads)),
+    ("/page/{*file}", rule(Access::Everyone, Effect::Reads)),
     ("/metrics", rule(READERS, Effect::Reads)),
     ("/v1/artifacts/{digest}/content", rule(READERS, Effect::Reads)),
     ("/v1/artifacts/{digest}/upload", rule(SUBMITTERS, Effect::Changes)),

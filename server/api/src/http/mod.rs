@@ -4,6 +4,7 @@
 //!
 //! - `gate`: identifies callers and checks their roles. `origin`: keeps out web pages of other sites. `protocol`: gRPC or
 //!   HTTP. `token_expiry`: ends calls of invalid tokens.
+//! - `page`: the files of the dashboard. `compression`: gzip and zstd.
 //! - `memory_use`: memory of each call, taken from the memory budget. `checked_body`: bodies whose frames these check.
 //! - `requests`: deadlines and metrics of requests, including gRPC. `transcode`: the methods of the API as JSON.
 //!   `server_sent_events`: their streams.
@@ -13,12 +14,14 @@
 mod artifact_files;
 mod byte_range;
 mod checked_body;
+mod compression;
 mod etags;
 mod file_answer;
 mod gate;
 mod kernel_files;
 mod memory_use;
 mod origin;
+mod page;
 mod protocol;
 mod refusal;
 mod requests;
@@ -45,10 +48,11 @@ use std::sync::Arc;
 pub use token_expiry::EndedTokens;
 
 const ARTIFACT_CONTENT: &str = "/v1/artifacts/{digest}/content";
+const PAGE_FILE: &str = "/page/{*file}";
 const ARTIFACT_UPLOAD: &str = "/v1/artifacts/{digest}/upload";
 
 /// Paths of plain HTTP that have handlers of their own.
-const PATHS: [&str; 8] = [
+const PATHS: [&str; 10] = [
     "/healthz",
     "/metrics",
     ARTIFACT_CONTENT,
@@ -57,6 +61,8 @@ const PATHS: [&str; 8] = [
     "/v1/keyring",
     "/v1/displays/{display}/kernels/{kernel}/manifest",
     "/v1/displays/{display}/kernels/{kernel}/versions/{version}/{form}/{digest}",
+    "/",
+    PAGE_FILE,
 ];
 
 /// The router for gRPC and HTTP.
@@ -66,7 +72,7 @@ pub fn router(gate: Gate, budget: Arc<MemoryBudget>, grpc: tonic::service::Route
     // Both routers have a fallback, and a merged router can have only one.
     let grpc = grpc.into_axum_router().reset_fallback();
     let methods = grpc.clone();
-    let [healthz, metrics_path, content, upload, openapi, keyring, manifest, file] = PATHS;
+    let [healthz, metrics_path, content, upload, openapi, keyring, manifest, file, index, page_file] = PATHS;
     let http = Router::new()
         .route(healthz, get(health))
         .route(metrics_path, get(metrics))
@@ -76,9 +82,12 @@ pub fn router(gate: Gate, budget: Arc<MemoryBudget>, grpc: tonic::service::Route
         .route(keyring, get(kernel_files::get_keyring))
         .route(manifest, get(kernel_files::get_manifest))
         .route(file, get(kernel_files::get_file))
+        .route(index, get(page::get_index))
+        .route(page_file, get(page::get_file))
         .fallback(move |request| transcode::call_method(methods.clone(), request))
         .with_state(api.clone());
-    http.merge(grpc)
+    compression::with_compression(http)
+        .merge(grpc)
         .layer(middleware::from_fn_with_state(gate, gate::pass))
         .layer(middleware::from_fn_with_state(budget, memory_use::with_memory_limit))
         .layer(middleware::from_fn_with_state(api, requests::with_deadline))

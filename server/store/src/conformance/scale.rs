@@ -67,33 +67,8 @@ async fn fill(path: &std::path::Path, finished: u32) {
     connection.close().await.unwrap();
 }
 
-#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
-async fn many_jobs_keep_queries_fast() {
-    let requested_jobs = std::env::var("LIGHTPATH_SCALE_JOBS").ok().map(|jobs| jobs.parse().unwrap());
-    let finished = requested_jobs.unwrap_or(FINISHED);
-    let (store, folder) = store().await;
-    for n in 0..5 {
-        store.create_display(&display(&format!("lab-{n}")), 1).await.unwrap();
-    }
-    fill(&folder.path().join("lightpath.db"), finished).await;
-    let store = &store;
-    let counts = store.queue_counts().await.unwrap();
-    assert_eq!((counts.succeeded, counts.queued), (u64::from(finished), u64::from(finished / 10)));
-
-    let limits = ClaimLimits { per_owner: 50, per_display: 0 };
-    let claim = times(async |_| {
-        let (_, lease) = store.claim_within(limits, i64::MAX / 4, LEASE_MS, "w").await.unwrap().unwrap();
-        store.finish(&lease, result(), JobEffect::None, i64::MAX / 4 + 1).await.unwrap();
-    })
-    .await;
-    claim.print("claim and finish");
-    let submit = times(async |n| {
-        let mut new = new_job(&format!("new {n}"), 1);
-        new.scheduling.owner = format!("owner {}", n % 20);
-        store.submit(&new, 1, u32::MAX).await.unwrap();
-    })
-    .await;
-    submit.print("submit");
+/// Measures lists of jobs, summaries and searches; returns the times of the lists.
+async fn lists(store: &Store, finished: u32) -> Times {
     let filters = [
         JobFilter::default(),
         JobFilter { state: Some(JobState::Succeeded), ..JobFilter::default() },
@@ -125,6 +100,37 @@ async fn many_jobs_keep_queries_fast() {
     })
     .await;
     search.print("search through all jobs");
+    list
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn many_jobs_keep_queries_fast() {
+    let requested_jobs = std::env::var("LIGHTPATH_SCALE_JOBS").ok().map(|jobs| jobs.parse().unwrap());
+    let finished = requested_jobs.unwrap_or(FINISHED);
+    let (store, folder) = store().await;
+    for n in 0..5 {
+        store.create_display(&display(&format!("lab-{n}")), 1).await.unwrap();
+    }
+    fill(&folder.path().join("lightpath.db"), finished).await;
+    let store = &store;
+    let counts = store.queue_counts().await.unwrap();
+    assert_eq!((counts.succeeded, counts.queued), (u64::from(finished), u64::from(finished / 10)));
+
+    let limits = ClaimLimits { per_owner: 50, per_display: 0 };
+    let claim = times(async |_| {
+        let (_, lease) = store.claim_within(limits, i64::MAX / 4, LEASE_MS, "w").await.unwrap().unwrap();
+        store.finish(&lease, result(), JobEffect::None, i64::MAX / 4 + 1).await.unwrap();
+    })
+    .await;
+    claim.print("claim and finish");
+    let submit = times(async |n| {
+        let mut new = new_job(&format!("new {n}"), 1);
+        new.scheduling.owner = format!("owner {}", n % 20);
+        store.submit(&new, 1, u32::MAX).await.unwrap();
+    })
+    .await;
+    submit.print("submit");
+    let list = lists(store, finished).await;
     let batch = times(async |n| {
         store.batch(&format!("batch {}", n % 20)).await.unwrap();
     })

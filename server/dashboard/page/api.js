@@ -1,0 +1,60 @@
+// Calls of the API over HTTP. The token stays in memory, so that it is gone with the page.
+
+let token = "";
+const signInListeners = new Set();
+
+/** A refusal of the server, or a server that does not answer (status 0). */
+export class ApiError extends Error {
+  constructor(status, message, reason = "") {
+    super(message);
+    this.status = status;
+    this.reason = reason;
+  }
+}
+
+export function setToken(text) {
+  token = text;
+}
+
+export function hasToken() {
+  return token !== "";
+}
+
+/** Calls `listener` when the server asks for a token. */
+export function onSignInNeeded(listener) {
+  signInListeners.add(listener);
+}
+
+/** The answer of a request. The browser sends the ETag of what it has, so unchanged answers are not sent again. */
+export async function request(path, { method = "GET", body, headers = {}, signal } = {}) {
+  const fields = { ...headers };
+  if (token) fields.authorization = `Bearer ${token}`;
+  if (body !== undefined) fields["content-type"] ??= "application/json";
+  let response;
+  try {
+    response = await fetch(path, { method, body, headers: fields, signal, cache: "no-cache", credentials: "omit" });
+  } catch (error) {
+    if (error.name === "AbortError") throw error;
+    throw new ApiError(0, "The server does not answer.");
+  }
+  if (response.ok) return response;
+  const refusal = await response.json().then((answer) => answer.error, () => null);
+  if (response.status === 401) for (const listener of signInListeners) listener();
+  throw new ApiError(response.status, refusal?.message ?? `The server answered ${response.status}.`, refusal?.reason);
+}
+
+export async function get(path, parameters = {}, options = {}) {
+  const query = new URLSearchParams(Object.entries(parameters).filter(([, value]) => value !== "" && value != null));
+  const text = query.toString();
+  return (await request(`/v1/${path}${text ? `?${text}` : ""}`, options)).json();
+}
+
+export async function post(path, message = {}) {
+  return (await request(`/v1/${path}`, { method: "POST", body: JSON.stringify(message) })).json();
+}
+
+/** A picture as a URL for `img`, which cannot send the token itself. The caller revokes the URL. */
+export async function pictureUrl(path, options = {}) {
+  const response = await request(path, options);
+  return URL.createObjectURL(await response.blob());
+}

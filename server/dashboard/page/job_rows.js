@@ -1,0 +1,42 @@
+// A job as a row of a list.
+
+import { h } from "./dom.js";
+import { age, between, duration, idOf, words } from "./format.js";
+import { table } from "./table.js";
+
+export function stateOf(job) {
+  const state = words(job.state, "STATE");
+  return h("span", { class: `state ${state}` }, job.cancelRequested && state === "running" ? "cancelling" : state);
+}
+
+export function progressOf(job) {
+  const progress = job.progress;
+  if (!progress?.stepsTotal || job.state !== "STATE_RUNNING") return null;
+  const label = `${progress.stage}: ${progress.step} of ${progress.stepsTotal}`;
+  const eta = progress.etaS === undefined ? "" : `, ${duration(progress.etaS)} left`;
+  return h("div", { class: "progress" },
+    h("progress", { max: progress.stepsTotal, value: progress.step, "aria-label": `Progress of ${idOf(job.name)}` }),
+    h("span", {}, label + eta));
+}
+
+function timeOf(job) {
+  if (job.state === "STATE_RUNNING") return progressOf(job) ?? "starts";
+  if (job.error && job.state !== "STATE_SUCCEEDED") return h("span", { class: "reason" }, job.error.message);
+  const took = between(job.startTime, job.finishTime);
+  return took === null ? "" : `took ${duration(took)}`;
+}
+
+/** A table of jobs. `more` makes further cells of a row, with the names of their columns. */
+export function jobTable(caption, jobs, more = null) {
+  const row = (job) => h("tr", {},
+    h("td", {}, stateOf(job)),
+    h("th", { scope: "row" }, h("a", { href: `#/${job.name}`, "data-key": job.name }, words(job.kind, "KIND")),
+      h("small", {}, idOf(job.name).slice(0, 13))),
+    h("td", {}, idOf(job.display)),
+    h("td", {}, [job.owner, job.batch].filter(Boolean).join(" · ")),
+    h("td", { class: "wide" }, timeOf(job)),
+    h("td", { class: "right" }, h("time", { datetime: job.createTime, title: job.createTime }, age(job.createTime))),
+    more && h("td", { class: "right" }, more(job)));
+  const titles = ["State", "Job", "Display", "Owner · batch", "Progress", ">Submitted", ...(more ? [">Actions"] : [])];
+  return table(caption, titles, jobs.map(row));
+}

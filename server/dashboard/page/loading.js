@@ -1,0 +1,40 @@
+// What a page shows while it waits, when there is nothing, and when something failed.
+
+import { h, show } from "./dom.js";
+
+export function errorNote(error) {
+  const advice =
+    error.status === 403 ? "Sign in with a token whose role allows this, or ask an admin for one." :
+    error.status === 0 ? "The page tries again by itself." : null;
+  return h("div", { class: "note bad", role: "alert" }, h("p", {}, error.message), advice && h("p", {}, advice));
+}
+
+export function emptyNote(text, command) {
+  return h("div", { class: "note" }, h("p", {}, text), command && h("pre", {}, h("code", {}, command)));
+}
+
+/** Runs `work`, which fills `root`, now and whenever the returned function is called; a later run replaces an earlier one. */
+export function refresher(root, work) {
+  let runs = 0;
+  let again = false;
+  let active = false;
+  const run = async () => {
+    if (active) {
+      again = true;
+      return;
+    }
+    active = true;
+    do {
+      again = false;
+      try {
+        await work();
+      } catch (error) {
+        if (error.name !== "AbortError" && root.isConnected && (runs === 0 || error.status !== 0)) show(root, errorNote(error));
+      }
+      runs += 1;
+    } while (again);
+    active = false;
+  };
+  void run();
+  return run;
+}

@@ -1,0 +1,187 @@
+// One job: its progress, loss, pictures, quality, origin, log, and how to make it again.
+
+import { get, post } from "../api.js";
+import { chart } from "../chart.js";
+import { h, show } from "../dom.js";
+import { onEvent } from "../events.js";
+import { age, between, bytes, decibels, duration, idOf, length, number, percent } from "../format.js";
+import { progressOf, stateOf } from "../job_rows.js";
+import { errorNote, refresher } from "../loading.js";
+import { pictureViewer } from "../pictures.js";
+import { table } from "../table.js";
+
+const DETECTORS = ["point", "pixel", "supersampled"];
+const content = (digest) => `/v1/artifacts/${digest}/content`;
+
+export function jobPage(root, [id]) {
+  const name = `jobs/${id}`;
+  const head = h("div", {});
+  const notice = h("div", { role: "status" });
+  const loss = h("div", {});
+  const results = h("div", {});
+  const facts = h("div", {});
+  const log = h("div", {});
+  show(root, head, notice, loss, results, facts, log);
+  const history = { steps: [], losses: [], stage: "" };
+  let plot = null;
+  let viewers = [];
+  let shownRevision = "";
+  let hasEnded = false;
+
+  const refresh = refresher(head, async () => {
+    const job = await get(name);
+    if (job.revision === shownRevision) return;
+    shownRevision = job.revision;
+    hasEnded = ["STATE_SUCCEEDED", "STATE_FAILED", "STATE_CANCELLED"].includes(job.state);
+    showHead(job);
+    note(job.progress);
+    showFacts(job);
+    if (job.state === "STATE_SUCCEEDED") showResults(job);
+    const events = await get(`${name}/events`, { pageSize: 200 });
+    show(log, h("section", {}, h("h2", {}, "Log"), h("ol", { class: "log" }, events.events.map((event) =>
+      h("li", {}, h("time", { datetime: event.time }, new Date(event.time).toLocaleString()), ` ${event.message}`)))));
+  });
+
+  function showHead(job) {
+    const kind = Object.keys(job.spec)[0].replace(/[A-Z]/g, (letter) => ` ${letter.toLowerCase()}`);
+    const act = (verb, text) => h("button", { type: "button", "data-key": verb, onclick: async () => {
+      try {
+        await post(`${name}:${verb}`);
+        show(notice);
+      } catch (error) {
+        show(notice, errorNote(error));
+      }
+      void refresh();
+    } }, text);
+    const took = between(job.startTime, job.finishTime);
+    show(head, h("h1", {}, kind, " ", stateOf(job)),
+      h("p", {}, `${id}, submitted ${age(job.createTime)}${job.owner ? ` by ${job.owner}` : ""}${took === null ? "" : `, took ${duration(took)}`}`),
+      job.error && h("p", { class: "note bad" }, job.error.message),
+      progressOf({ ...job, name }),
+      h("p", { class: "actions" }, !hasEnded && !job.cancelRequested && act("cancel", "Cancel"),
+        ["STATE_FAILED", "STATE_CANCELLED"].includes(job.state) && act("retry", "Retry")));
+  }
+
+  /** Adds the loss of the latest step to the chart. */
+  function note(progress) {
+    if (!progress?.loss || hasEnded) return;
+    if (progress.stage !== history.stage || progress.step < (history.steps.at(-1) ?? 0)) Object.assign(history, { steps: [], losses: [], stage: progress.stage });
+    if (progress.step === history.steps.at(-1)) return;
+    history.steps.push(progress.step);
+    history.losses.push(progress.loss);
+    drawLoss(`Loss: ${progress.stage}`, "step", history.steps, history.losses);
+  }
+
+  function drawLoss(title, xLabel, steps, losses) {
+    if (plot?.title === title) return plot.update(steps, [losses]);
+    plot?.end();
+    plot = { title, ...chart({ title, xLabel, yLabel: "loss", xs: steps, series: [{ label: "loss", values: losses }], isLog: true }) };
+    show(loss, h("section", {}, plot.element));
+  }
+
+  function showFacts(job) {
+    const spec = Object.values(job.spec)[0];
+    const display = spec.display ?? spec.kernelVersion?.split("/kernels/")[0];
+    const link = (target) => h("a", { href: `#/${target.split("/versions/")[0]}` }, target);
+    const rows = [
+      ["Display", display && link(display)],
+      ["Batch", job.batch && h("a", { href: `#/jobs?batch=${encodeURIComponent(job.batch)}` }, job.batch)],
+      ["Attempt", `${job.attempt} of ${job.attemptsMax}`],
+      ["Waits for", job.after.map((after) => h("a", { href: `#/${after}` }, idOf(after), " "))],
+      ["Estimate", job.estimatedTimeS ? `${duration(job.estimatedTimeS)}, ${bytes(Number(job.estimatedMemoryBytes))} of memory` : null],
+      ["Kernel versions", job.kernelVersions.length ? job.kernelVersions.map((version) => version || "ideal").join(", ") : null],
+    ];
+    show(facts, h("section", {}, h("h2", {}, "Request"),
+      h("dl", { class: "facts" }, rows.filter(([, value]) => value && value.length !== 0).map(([term, value]) => [h("dt", {}, term), h("dd", {}, value)])),
+      h("details", {}, h("summary", {}, "The whole request"), h("pre", { tabindex: 0 }, h("code", {}, JSON.stringify(job.spec, null, 2))))),
+    h("section", {}, h("h2", {}, "Make it again"),
+      again("curl", `curl ${location.origin}/v1/jobs --header 'content-type: application/json' --data '${JSON.stringify({ spec: job.spec }).replaceAll("'", "'\\''")}'`),
+      again("Python", python(job.spec))));
+  }
+
+  function showResults(job) {
+    viewers.forEach((viewer) => viewer.end());
+    viewers = [];
+    const { hologram, learn, capture, prepare, ...others } = job.result;
+    const sections = [];
+    if (hologram) sections.push(hologramSections(job.spec.optimizeHologram, hologram));
+    if (learn) {
+      const losses = learn.lossHistory;
+      drawLoss("Training loss", "epoch, then refinement step", losses.map((_, i) => i + 1), losses);
+      sections.push(h("section", {}, h("h2", {}, "Learned kernels"), h("ul", {}, learn.kernels.map(({ kernelVersion }) =>
+        h("li", {}, h("a", { href: `#/${kernelVersion.split("/versions/")[0]}` }, kernelVersion))))));
+    }
+    if (capture) sections.push(pictures("Photograph", [{ label: "hologram", path: content(job.spec.simulateCapture.phase) }, { label: "photograph", path: content(capture.photo) }]));
+    const other = prepare ?? Object.values(others)[0];
+    if (other) sections.push(h("section", {}, h("h2", {}, "Result"), h("pre", { tabindex: 0 }, h("code", {}, JSON.stringify(other, null, 2)))));
+    show(results, sections);
+  }
+
+  function pictures(title, list) {
+    const viewer = pictureViewer(list);
+    viewers.push(viewer);
+    return h("section", {}, h("h2", {}, title), viewer.element);
+  }
+
+  function hologramSections(spec, result) {
+    return result.wavelengths.map((wavelength, w) => {
+      const at = (plane) => `${length(wavelength.wavelengthM)}, ${length(plane.distanceM)}`;
+      const shown = wavelength.planes.flatMap((plane, p) => [
+        spec.planes[p] && { label: `target ${at(plane)}`, path: content(spec.planes[p].target) },
+        { label: `reconstruction ${at(plane)}`, path: content(plane.reconstruction) },
+      ]).filter(Boolean);
+      wavelength.frames.forEach((frame, f) => shown.push({ label: `hologram${wavelength.frames.length > 1 ? ` ${f + 1}` : ""}`, path: content(frame.phase) }));
+      const qualities = wavelength.planes.flatMap((plane) => [["as optimized", plane.quality], ["quantized", plane.quantizedQuality]]
+        .flatMap(([phases, quality]) => DETECTORS.filter((detector) => quality?.[detector]).map((detector) => [at(plane), phases, detector, quality[detector]])));
+      return [
+        pictures(result.wavelengths.length > 1 ? `Pictures at ${length(wavelength.wavelengthM)}` : "Pictures", shown),
+        qualities.length > 0 && h("section", {}, h("h2", {}, "Quality"), qualityTable(qualities)),
+      ];
+    });
+  }
+
+  const ends = onEvent((kind, data) => {
+    if (kind === "reset") {
+      shownRevision = "";
+      void refresh();
+    }
+    if (kind !== "job" || data.name !== name) return;
+    const old = head.querySelector(".progress");
+    const fresh = progressOf(data);
+    if (data.state === "STATE_RUNNING" && old && fresh) {
+      old.replaceWith(fresh);
+      note(data.progress);
+      return;
+    }
+    void refresh();
+  });
+  return () => {
+    ends();
+    plot?.end();
+    viewers.forEach((viewer) => viewer.end());
+  };
+}
+
+function qualityTable(qualities) {
+  const titles = ["Plane", "Phases", "Detector", ">PSNR", ">SSIM", ">MS-SSIM", ">Diffraction efficiency", ">Speckle contrast"];
+  const row = ([plane, phases, detector, quality]) => h("tr", {}, h("th", { scope: "row" }, plane), h("td", {}, phases), h("td", {}, detector),
+    [decibels(quality.psnrDb), number(quality.ssim), number(quality.msSsim), percent(quality.diffractionEfficiency), number(quality.speckleContrast)]
+      .map((text) => h("td", { class: "right" }, text)));
+  return table("Quality of the reconstruction, as each detector sees it", titles, qualities.map(row));
+}
+
+function again(title, code) {
+  return h("details", {}, h("summary", {}, title), h("pre", { tabindex: 0 }, h("code", {}, code)));
+}
+
+function python(spec) {
+  return `import json, urllib.request
+
+spec = json.loads(${JSON.stringify(JSON.stringify(spec))})
+request = urllib.request.Request(
+    "${location.origin}/v1/jobs",
+    data=json.dumps({"spec": spec}).encode(),
+    headers={"content-type": "application/json"},  # and, with a token, "authorization": "Bearer …"
+)
+print(json.load(urllib.request.urlopen(request))["name"])`;
+}

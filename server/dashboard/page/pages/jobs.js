@@ -1,0 +1,85 @@
+// The list of jobs: filters, search, pages, cancel and retry.
+
+import { get, post } from "../api.js";
+import { h, show } from "../dom.js";
+import { onEvent } from "../events.js";
+import { idOf, words } from "../format.js";
+import { jobTable } from "../job_rows.js";
+import { emptyNote, errorNote, refresher } from "../loading.js";
+
+const STATES = ["queued", "running", "succeeded", "failed", "cancelled"];
+const KINDS = ["optimize_hologram", "learn_kernel", "simulate_capture", "evaluate_kernel", "prepare_dataset", "report_kernel", "verify_hologram", "suggest_holograms"];
+const FILTERS = ["text", "state", "kind", "display", "owner", "batch", "since"];
+const SINCE = [["", "any time"], ["3600", "the last hour"], ["86400", "the last day"], ["604800", "the last week"]];
+
+export function jobsPage(root, _, query) {
+  const pages = [""];
+  const list = h("div", { "aria-live": "off" });
+  const notice = h("div", { role: "status" });
+  const displays = h("datalist", { id: "displays" });
+  const form = h("form", { class: "filters", role: "search", onsubmit: (event) => event.preventDefault() },
+    input("text", "Search", "id, batch, dataset…"),
+    select("state", "State", [["", "all"], ...STATES.map((state) => [state, state])]),
+    select("kind", "Kind", [["", "all"], ...KINDS.map((kind) => [kind, kind.replaceAll("_", " ")])]),
+    input("display", "Display", "all", "displays"), input("owner", "Owner", "all"), input("batch", "Batch", "all"),
+    select("since", "Submitted in", SINCE), displays);
+  show(root, h("h1", {}, "Jobs"), form, notice, list);
+
+  function input(name, label, placeholder, list) {
+    return h("label", {}, label, h("input", { name, placeholder, list, value: query.get(name) ?? "", autocomplete: "off", oninput: later, maxlength: 128 }));
+  }
+  function select(name, label, options) {
+    return h("label", {}, label, h("select", { name, onchange: changed },
+      options.map(([value, text]) => h("option", { value, selected: (query.get(name) ?? "") === value }, text))));
+  }
+  let timer = 0;
+  function later() {
+    clearTimeout(timer);
+    timer = setTimeout(changed, 250);
+  }
+  function changed() {
+    const given = FILTERS.map((name) => [name, form.elements[name].value.trim()]).filter(([, value]) => value);
+    const text = new URLSearchParams(given).toString();
+    history.replaceState(null, "", `#/jobs${text ? `?${text}` : ""}`);
+    pages.length = 1;
+    void refresh();
+  }
+
+  const refresh = refresher(list, async () => {
+    const value = (name) => form.elements[name].value.trim();
+    const display = value("display") && `displays/${value("display")}`;
+    const since = value("since") && new Date(Math.floor(Date.now() / 60_000) * 60_000 - value("since") * 1000).toISOString();
+    const filters = { state: value("state"), kind: value("kind"), display, owner: value("owner"), batch: value("batch"), since, text: value("text") };
+    const page = await get("jobs", { view: "basic", pageSize: 50, pageToken: pages.at(-1), ...filters });
+    const number = pages.length;
+    const turn = (label, isPossible, move) => h("button", { type: "button", "data-key": label, disabled: !isPossible, onclick: () => { move(); void refresh(); } }, label);
+    show(list, page.summaries.length
+      ? jobTable(`Jobs, page ${number}`, page.summaries, actions)
+      : emptyNote(FILTERS.some(value) ? "No job fits these filters." : "There are no jobs yet. Send a picture to a display:",
+        FILTERS.some(value) ? null : "lightpath hologram optimize picture.png --display lab --distance 150mm"),
+    h("p", { class: "pager" }, turn("Newer", number > 1, () => pages.pop()), ` Page ${number} `,
+      turn("Older", page.nextPageToken, () => pages.push(page.nextPageToken))));
+  });
+
+  function actions(job) {
+    const act = (verb, done) => h("button", { type: "button", "data-key": `${verb} ${job.name}`, "aria-label": `${verb} ${words(job.kind, "KIND")} ${idOf(job.name)}`, onclick: async () => {
+      try {
+        await post(`${job.name}:${verb.toLowerCase()}`);
+        show(notice, h("p", {}, `${idOf(job.name)} ${done}`));
+      } catch (error) {
+        show(notice, errorNote(error));
+      }
+      void refresh();
+    } }, verb);
+    if (["STATE_QUEUED", "STATE_RUNNING"].includes(job.state) && !job.cancelRequested) return act("Cancel", "is cancelled.");
+    if (["STATE_FAILED", "STATE_CANCELLED"].includes(job.state)) return act("Retry", "is back in the queue.");
+    return null;
+  }
+
+  get("displays", { pageSize: 200 }).then((answer) => show(displays, answer.displays.map(({ name }) => h("option", { value: idOf(name) }))), () => {});
+  const ends = onEvent((kind) => (kind === "job" || kind === "reset") && void refresh());
+  return () => {
+    clearTimeout(timer);
+    ends();
+  };
+}
