@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Every crate, with the crates of the workspace that it may depend on.
-const CRATES: [(&str, &[&str]); 16] = [
+const CRATES: [(&str, &[&str]); 17] = [
     ("optics", &[]),
     ("manifest", &[]),
     ("proto", &[]),
@@ -17,8 +17,23 @@ const CRATES: [(&str, &[&str]); 16] = [
     ("server/artifacts", &["fail-points"]),
     ("server/media", &["artifacts", "domain", "optics"]),
     ("server/metrics", &["artifacts", "domain", "store"]),
+    ("server/dashboard", &[]),
     ("server/worker", &["artifacts", "domain", "media", "metrics", "optics", "store"]),
-    ("server/api", &["artifacts", "domain", "fail-points", "manifest", "media", "metrics", "optics", "proto", "store"]),
+    (
+        "server/api",
+        &[
+            "artifacts",
+            "dashboard",
+            "domain",
+            "fail-points",
+            "manifest",
+            "media",
+            "metrics",
+            "optics",
+            "proto",
+            "store",
+        ],
+    ),
     (
         "server/daemon",
         &[

@@ -34,7 +34,11 @@ export function pictureViewer(pictures) {
     pictureUrl(path, { signal: abort.signal }).then((url) => {
       urls.push(url);
       image.src = url;
-      image.onload = () => { figure.querySelector("figcaption").textContent = `${label}, ${image.naturalWidth} × ${image.naturalHeight} px`; };
+      // All pictures get the form of the last one, the display's, as fitted targets have.
+      image.onload = () => {
+        if (path === pictures.at(-1).path) stage.style.setProperty("--form", image.naturalWidth / image.naturalHeight);
+        figure.querySelector("figcaption").textContent = `${label}, ${image.naturalWidth} × ${image.naturalHeight} px`;
+      };
     }, (error) => {
       if (error.name !== "AbortError") figure.querySelector("figcaption").textContent = `${label}: ${error.message}`;
     });

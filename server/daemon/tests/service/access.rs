@@ -113,7 +113,8 @@ pub(crate) const EXPECTED: &[(&str, &str)] = &[
     ("/v1/displays/lab/kernels/515nm-4mm/versions/1/compact/sha256-0", MAY_FETCH),
     ("/v1/jobs/0193/other", ""),
     ("/v1/other", ""),
-    ("/", ""),
+    ("/", ALL_CALLERS),
+    ("/page", ""),
 ];
 
 /// A server that requires tokens, and a token for every role.

@@ -22,6 +22,7 @@ mod memory_limits;
 mod mutation;
 mod openapi;
 mod ownership;
+mod page;
 mod photos;
 mod preparing;
 mod raw;
