@@ -161,7 +161,7 @@ mod tests {
     #[test]
     fn unknown_paths_have_no_rule() {
         for path in
-            ["/", "/v1", "/v1/jobs/", "/lightpath.v1.JobService/Other", "/lightpath.v1.JobService/GetJob/", "/x"]
+            ["/page", "/v1", "/v1/jobs/", "/lightpath.v1.JobService/Other", "/lightpath.v1.JobService/GetJob/", "/x"]
         {
             assert_eq!(rule_of(path, None), None, "{path}");
         }

@@ -60,7 +60,8 @@ function signIn() {
   connection.textContent = "";
   const root = h("div", { class: "page" });
   show(main, root);
-  leave = signInPage(root, wasWrong, () => {
+  leave = () => {};
+  signInPage(root, wasWrong, () => {
     signOut.hidden = false;
     start();
     open();

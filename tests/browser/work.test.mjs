@@ -1,0 +1,91 @@
+// What users do: make a hologram from a dropped picture, promote and roll back, cancel, and keep the page open through a
+// restart of the server.
+
+import assert from "node:assert/strict";
+import { after, before, test } from "node:test";
+import { openPage, startBrowser } from "./browser.mjs";
+import { startServer } from "./server.mjs";
+
+let browser, server;
+before(async () => {
+  browser = await startBrowser();
+  server = await startServer();
+});
+after(async () => {
+  await browser?.close();
+  await server?.stop();
+});
+
+/** Drops a generated picture on the page. */
+async function drop(page) {
+  await page.evaluate(async () => {
+    const canvas = new OffscreenCanvas(160, 96);
+    const context = canvas.getContext("2d");
+    context.fillStyle = "white";
+    context.fillRect(40, 20, 60, 50);
+    const data = new DataTransfer();
+    data.items.add(new File([await canvas.convertToBlob({ type: "image/png" })], "square.png", { type: "image/png" }));
+    document.dispatchEvent(new DragEvent("drop", { dataTransfer: data, bubbles: true, cancelable: true }));
+  });
+}
+
+test("a dropped picture becomes a hologram, and its job is seen to finish", async () => {
+  const page = await openPage(browser, server.url);
+  await page.goto(`${server.url}/`);
+  await page.getByRole("heading", { name: "Overview" }).waitFor();
+  await drop(page);
+  await page.getByText("square.png").waitFor();
+  await page.getByLabel("Iterations").fill("30");
+  await page.getByRole("button", { name: "Make the hologram" }).click();
+  await page.getByRole("heading", { level: 1, name: "optimize hologram succeeded" }).waitFor();
+  await page.getByRole("img", { name: /^reconstruction/ }).waitFor();
+  const shown = await page.waitForFunction(() => {
+    const images = [...document.querySelectorAll(".pictures img")];
+    return images.length === 3 && images.every((image) => image.naturalWidth > 0) && images.map((image) => [image.naturalWidth, image.naturalHeight]);
+  });
+  assert.deepEqual(await shown.jsonValue(), [[160, 96], [160, 96], [160, 96]]);
+  await page.getByLabel("How pictures are compared").selectOption("wipe");
+  await page.getByLabel("Position of the wipe").fill("25");
+  assert.match(await page.locator(".pictures .window").nth(1).evaluate((element) => element.style.clipPath), /25%/);
+  assert.deepEqual(page.problems, []);
+});
+
+test("a version is promoted with a reason and rolled back, and another open page sees it", async () => {
+  const { kernels: [kernel] } = await server.get("displays/demo/kernels");
+  const [page, other] = [await openPage(browser, server.url), await openPage(browser, server.url)];
+  await page.goto(`${server.url}/#/${kernel.name}`);
+  await other.goto(`${server.url}/#/${kernel.name}`);
+  await other.getByText(`Version ${kernel.activeVersion} is active.`).waitFor();
+  await page.getByRole("button", { name: "Promote 2" }).click();
+  await page.getByText(/The promotion gate accepts/).waitFor();
+  await page.getByLabel(/Reason/).fill("a test");
+  await page.getByRole("dialog").getByRole("button", { name: "Promote" }).click();
+  await other.getByText("Version 2 is active.").waitFor();
+  assert.equal((await server.get(kernel.name)).activeVersion, 2);
+  await page.getByRole("button", { name: "Roll back 2" }).click();
+  await page.getByLabel(/Reason/).fill("the test is over");
+  await page.getByRole("dialog").getByRole("button", { name: "Roll back" }).click();
+  await other.getByText(`Version ${kernel.activeVersion} is active.`).waitFor();
+  await other.getByText(/the test is over/).waitFor();
+  assert.deepEqual([...page.problems, ...other.problems], []);
+});
+
+test("a running job is watched through a restart of the server, and cancelled", async () => {
+  const { summaries: [{ name }] } = await server.get("jobs?view=basic&kind=optimize_hologram");
+  const { spec } = await server.get(name);
+  spec.optimizeHologram.iterations = 10_000;
+  spec.optimizeHologram.kernel = "ideal";
+  spec.optimizeHologram.frames = 8;
+  const job = await server.post("jobs", { spec, owner: "ada" });
+  const page = await openPage(browser, server.url);
+  await page.goto(`${server.url}/#/${job.name}`);
+  await page.getByRole("progressbar").waitFor();
+  await server.restart(() => page.getByText("connection lost").waitFor());
+  await page.locator("#connection", { hasText: "live" }).waitFor();
+  await page.getByRole("button", { name: "Cancel" }).click();
+  await page.getByRole("heading", { level: 1, name: "optimize hologram cancelled" }).waitFor();
+  assert.equal((await server.get(job.name)).state, "STATE_CANCELLED");
+  await page.goto(`${server.url}/#/jobs?owner=ada&state=cancelled`);
+  await page.getByRole("button", { name: /^Retry/ }).waitFor();
+  assert.deepEqual(page.problems.filter((problem) => !/ERR_(CONNECTION|INCOMPLETE|EMPTY)/.test(problem)), []);
+});
