@@ -15,6 +15,7 @@ before(async () => {
   const { summaries } = await server.get("jobs?view=basic&pageSize=200");
   const { kernels } = await server.get("displays/demo/kernels");
   const job = (kind) => summaries.find((summary) => summary.kind === kind).name;
+  const holograms = summaries.filter(({ kind }) => kind === "KIND_OPTIMIZE_HOLOGRAM").map(({ name }) => name.split("/")[1]);
   addresses = [
     ["overview", "/", "Overview"],
     ["jobs", "/jobs?state=succeeded", "Jobs"],
@@ -24,6 +25,9 @@ before(async () => {
     ["displays", "/displays", "Displays"],
     ["display", "/displays/demo", "demo"],
     ["kernel", `/${kernels[0].name}`, kernels[0].name.split("/").pop()],
+    ["datasets", "/datasets", "Datasets"],
+    ["dataset", "/datasets/demo-photographs", "demo-photographs"],
+    ["comparison", `/compare?jobs=${holograms[0]},${holograms[1]}`, "Compare two jobs"],
     ["new hologram", "/new", "New hologram"],
     ["an unknown job", "/jobs/none", null],
     ["an unknown page", "/nowhere", "This page does not exist"],

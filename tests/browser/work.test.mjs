@@ -70,6 +70,34 @@ test("a version is promoted with a reason and rolled back, and another open page
   assert.deepEqual([...page.problems, ...other.problems], []);
 });
 
+test("two versions are compared, and a report shows what was learned", async () => {
+  const { kernels: [kernel] } = await server.get("displays/demo/kernels");
+  const page = await openPage(browser, server.url);
+  await page.goto(`${server.url}/#/${kernel.name}`);
+  await page.getByLabel("First version").selectOption("version 1");
+  await page.getByLabel("Second version").selectOption("version 2");
+  await page.getByRole("button", { name: "Compare versions" }).click();
+  const picture = page.getByRole("img", { name: "Amplitude and phase of versions 1 and 2" });
+  await picture.waitFor();
+  assert.ok(await picture.evaluate((image) => image.decode().then(() => image.naturalWidth > 100)));
+  await page.getByRole("button", { name: "Report 1" }).click();
+  await page.getByRole("heading", { level: 1, name: "report kernel succeeded" }).waitFor();
+  await page.waitForFunction(() => [...document.querySelectorAll(".pictures img")].filter((image) => image.naturalWidth > 0).length > 3);
+  assert.deepEqual(page.problems, []);
+});
+
+test("two chosen jobs are compared", async () => {
+  const page = await openPage(browser, server.url);
+  await page.goto(`${server.url}/#/jobs?kind=optimize_hologram&state=succeeded`);
+  await page.getByRole("checkbox").nth(0).check();
+  await page.getByText("Choose one more job").waitFor();
+  await page.getByRole("checkbox").nth(1).check();
+  await page.getByRole("link", { name: "Compare the two chosen jobs" }).click();
+  await page.getByText("Fields that differ").waitFor();
+  await page.waitForFunction(() => [...document.querySelectorAll(".pictures img")].filter((image) => image.naturalWidth > 0).length === 3);
+  assert.deepEqual(page.problems, []);
+});
+
 test("a running job is watched through a restart of the server, and cancelled", async () => {
   const { summaries: [{ name }] } = await server.get("jobs?view=basic&kind=optimize_hologram");
   const { spec } = await server.get(name);

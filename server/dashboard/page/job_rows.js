@@ -26,9 +26,10 @@ function timeOf(job) {
   return took === null ? "" : `took ${duration(took)}`;
 }
 
-/** A table of jobs. `more` makes further cells of a row, with the names of their columns. */
-export function jobTable(caption, jobs, more = null) {
+/** A table of jobs. `more` makes a last cell for actions, `choice` a first one. */
+export function jobTable(caption, jobs, more = null, choice = null) {
   const row = (job) => h("tr", {},
+    choice && h("td", {}, choice(job)),
     h("td", {}, stateOf(job)),
     h("th", { scope: "row" }, h("a", { href: `#/${job.name}`, "data-key": job.name }, words(job.kind, "KIND")),
       h("small", {}, idOf(job.name).slice(0, 13))),
@@ -37,6 +38,6 @@ export function jobTable(caption, jobs, more = null) {
     h("td", { class: "wide" }, timeOf(job)),
     h("td", { class: "right" }, h("time", { datetime: job.createTime, title: job.createTime }, age(job.createTime))),
     more && h("td", { class: "right" }, more(job)));
-  const titles = ["State", "Job", "Display", "Owner · batch", "Progress", ">Submitted", ...(more ? [">Actions"] : [])];
+  const titles = [...(choice ? ["Compare"] : []), "State", "Job", "Display", "Owner · batch", "Progress", ">Submitted", ...(more ? [">Actions"] : [])];
   return table(caption, titles, jobs.map(row));
 }

@@ -3,6 +3,9 @@
 import { hasToken, onSignInNeeded, setToken } from "./api.js";
 import { h, show } from "./dom.js";
 import { onConnection, start, stop } from "./events.js";
+import { comparePage } from "./pages/compare.js";
+import { datasetPage } from "./pages/dataset.js";
+import { datasetsPage } from "./pages/datasets.js";
 import { displayPage } from "./pages/display.js";
 import { displaysPage } from "./pages/displays.js";
 import { jobPage } from "./pages/job.js";
@@ -18,6 +21,9 @@ const ROUTES = [
   [/^\/$/, overviewPage, "Overview"],
   [/^\/jobs$/, jobsPage, "Jobs"],
   [/^\/jobs\/([^/]+)$/, jobPage, "Job"],
+  [/^\/compare$/, comparePage, "Compare"],
+  [/^\/datasets$/, datasetsPage, "Datasets"],
+  [/^\/datasets\/([^/]+)$/, datasetPage, "Dataset"],
   [/^\/new$/, newPage, "New hologram"],
   [/^\/displays$/, displaysPage, "Displays"],
   [/^\/displays\/([^/]+)$/, displayPage, "Display"],

@@ -3,26 +3,29 @@
 import { pictureUrl } from "./api.js";
 import { h } from "./dom.js";
 
+/** Path of the bytes of an artifact. */
+export const content = (digest) => `/v1/artifacts/${digest}/content`;
+
 const ZOOM_MAX = 32;
 const BLINK_MS = 700;
 
 /**
  * A viewer of pictures `{label, path}`. Wheel, `+` and `-` zoom; dragging and the arrow keys pan; all pictures follow.
- * Returns `{element, end}`.
+ * Pixels are shown as squares, unless `isSmooth`. Returns `{element, end}`.
  */
-export function pictureViewer(pictures) {
+export function pictureViewer(pictures, isSmooth = false) {
   const view = { zoom: 1, x: 0.5, y: 0.5 };
   const urls = [];
   const abort = new AbortController();
   const frames = pictures.map(frame);
-  const stage = h("div", { class: "pictures" }, frames);
+  const stage = h("div", { class: `pictures ${isSmooth ? "smooth" : ""}` }, frames);
   const wipe = h("input", { type: "range", min: 0, max: 100, value: 50, "aria-label": "Position of the wipe", hidden: true, oninput: apply });
   const modes = ["side by side", "wipe", "blink"];
   const mode = h("select", { "aria-label": "How pictures are compared", onchange: apply }, modes.map((name) => h("option", {}, name)));
   const pick = (label, at) => h("select", { "aria-label": label, onchange: apply }, pictures.map((picture, i) => h("option", { value: i, selected: i === at }, picture.label)));
   const [first, second] = [pick("First picture", 0), pick("Second picture", Math.min(1, pictures.length - 1))];
   const pair = h("span", { class: "pair", hidden: true }, first, " with ", second);
-  const smooth = h("label", {}, h("input", { type: "checkbox", onchange: (event) => stage.classList.toggle("smooth", event.target.checked) }), " smooth");
+  const smooth = h("label", {}, h("input", { type: "checkbox", checked: isSmooth, onchange: (event) => stage.classList.toggle("smooth", event.target.checked) }), " smooth");
   const reset = h("button", { type: "button", onclick: () => { Object.assign(view, { zoom: 1, x: 0.5, y: 0.5 }); apply(); } }, "Whole picture");
   const controls = h("div", { class: "controls" }, pictures.length > 1 && [mode, pair, wipe], reset, smooth);
   const element = h("div", { class: "viewer" }, controls, stage);

@@ -24,7 +24,7 @@ export function displayPage(root, [id]) {
       ["Notes", display.notes],
       ["Declared", age(display.createTime)],
     ];
-    show(head, h("h1", {}, id),
+    show(head, h("h1", { class: "name" }, id),
       h("dl", { class: "facts" }, facts.filter(([, value]) => value).map(([term, value]) => [h("dt", {}, term), h("dd", {}, value)])),
       h("p", {}, h("a", { href: `#/jobs?display=${encodeURIComponent(id)}` }, "Jobs of this display")));
     show(kernels, h("h2", {}, "Kernels"), kernelPage.kernels.length ? kernelTable(kernelPage.kernels)

@@ -7,11 +7,10 @@ import { onEvent } from "../events.js";
 import { age, between, bytes, decibels, duration, idOf, length, number, percent } from "../format.js";
 import { progressOf, stateOf } from "../job_rows.js";
 import { errorNote, refresher } from "../loading.js";
-import { pictureViewer } from "../pictures.js";
+import { content, pictureViewer } from "../pictures.js";
 import { table } from "../table.js";
 
 const DETECTORS = ["point", "pixel", "supersampled"];
-const content = (digest) => `/v1/artifacts/${digest}/content`;
 
 export function jobPage(root, [id]) {
   const name = `jobs/${id}`;
@@ -102,7 +101,7 @@ export function jobPage(root, [id]) {
   function showResults(job) {
     viewers.forEach((viewer) => viewer.end());
     viewers = [];
-    const { hologram, learn, capture, prepare, ...others } = job.result;
+    const { hologram, learn, capture, report, ...others } = job.result;
     const sections = [];
     if (hologram) sections.push(hologramSections(job.spec.optimizeHologram, hologram));
     if (learn) {
@@ -112,15 +111,21 @@ export function jobPage(root, [id]) {
         h("li", {}, h("a", { href: `#/${kernelVersion.split("/versions/")[0]}` }, kernelVersion))))));
     }
     if (capture) sections.push(pictures("Photograph", [{ label: "hologram", path: content(job.spec.simulateCapture.phase) }, { label: "photograph", path: content(capture.photo) }]));
-    const other = prepare ?? Object.values(others)[0];
+    if (report) sections.push(figures(report));
+    const other = Object.values(others)[0];
     if (other) sections.push(h("section", {}, h("h2", {}, "Result"), h("pre", { tabindex: 0 }, h("code", {}, JSON.stringify(other, null, 2)))));
     show(results, sections);
   }
 
-  function pictures(title, list) {
-    const viewer = pictureViewer(list);
+  function pictures(title, list, isSmooth = false) {
+    const viewer = pictureViewer(list, isSmooth);
     viewers.push(viewer);
     return h("section", {}, h("h2", {}, title), viewer.element);
+  }
+
+  function figures(report) {
+    const shown = report.figures.filter((figure) => figure.name.endsWith(".png"));
+    return shown.map((figure) => pictures(figure.title, [{ label: figure.title, path: content(figure.artifact) }], true));
   }
 
   function hologramSections(spec, result) {

@@ -16,6 +16,8 @@ export function jobsPage(root, _, query) {
   const pages = [""];
   const list = h("div", { "aria-live": "off" });
   const notice = h("div", { role: "status" });
+  const compare = h("p", { class: "note", role: "status", hidden: true });
+  const chosen = new Set();
   const displays = h("datalist", { id: "displays" });
   const form = h("form", { class: "filters", role: "search", onsubmit: (event) => event.preventDefault() },
     input("text", "Search", "id, batch, dataset…"),
@@ -23,7 +25,7 @@ export function jobsPage(root, _, query) {
     select("kind", "Kind", [["", "all"], ...KINDS.map((kind) => [kind, kind.replaceAll("_", " ")])]),
     input("display", "Display", "all", "displays"), input("owner", "Owner", "all"), input("batch", "Batch", "all"),
     select("since", "Submitted in", SINCE), displays);
-  show(root, h("h1", {}, "Jobs"), form, notice, list);
+  show(root, h("h1", {}, "Jobs"), form, notice, compare, list);
 
   function input(name, label, placeholder, list) {
     return h("label", {}, label, h("input", { name, placeholder, list, value: query.get(name) ?? "", autocomplete: "off", oninput: later, maxlength: 128 }));
@@ -54,12 +56,28 @@ export function jobsPage(root, _, query) {
     const number = pages.length;
     const turn = (label, isPossible, move) => h("button", { type: "button", "data-key": label, disabled: !isPossible, onclick: () => { move(); void refresh(); } }, label);
     show(list, page.summaries.length
-      ? jobTable(`Jobs, page ${number}`, page.summaries, actions)
+      ? jobTable(`Jobs, page ${number}`, page.summaries, actions, choice)
       : emptyNote(FILTERS.some(value) ? "No job fits these filters." : "There are no jobs yet. Send a picture to a display:",
         FILTERS.some(value) ? null : "lightpath hologram optimize picture.png --display lab --distance 150mm"),
     h("p", { class: "pager" }, turn("Newer", number > 1, () => pages.pop()), ` Page ${number} `,
       turn("Older", page.nextPageToken, () => pages.push(page.nextPageToken))));
   });
+
+  function choice(job) {
+    const id = idOf(job.name);
+    return h("input", { type: "checkbox", "data-key": `choose ${id}`, "aria-label": `Compare ${words(job.kind, "KIND")} ${id}`, checked: chosen.has(id), onchange: (event) => {
+      if (event.target.checked) chosen.add(id);
+      else chosen.delete(id);
+      showChosen();
+    } });
+  }
+
+  function showChosen() {
+    const ids = [...chosen];
+    compare.hidden = ids.length === 0;
+    show(compare, ids.length === 2 ? h("a", { href: `#/compare?jobs=${ids.join(",")}` }, "Compare the two chosen jobs")
+      : ids.length === 1 ? "Choose one more job to compare." : "Only two jobs can be compared.");
+  }
 
   function actions(job) {
     const act = (verb, done) => h("button", { type: "button", "data-key": `${verb} ${job.name}`, "aria-label": `${verb} ${words(job.kind, "KIND")} ${idOf(job.name)}`, onclick: async () => {

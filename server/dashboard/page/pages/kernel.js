@@ -4,7 +4,7 @@ import { get, post } from "../api.js";
 import { chart } from "../chart.js";
 import { h, show } from "../dom.js";
 import { onEvent } from "../events.js";
-import { age, bytes, idOf, length, number, words } from "../format.js";
+import { age, bytes, length, number, percent, words } from "../format.js";
 import { emptyNote, errorNote, refresher } from "../loading.js";
 import { table } from "../table.js";
 
@@ -14,8 +14,9 @@ export function kernelPage(root, [display, kernelId]) {
   const notice = h("div", { role: "status" });
   const quality = h("div", {});
   const versions = h("div", {});
+  const compared = h("div", {});
   const moves = h("div", {});
-  show(root, head, notice, quality, versions, moves);
+  show(root, head, notice, quality, versions, compared, moves);
   let plot = null;
   const refresh = refresher(head, async () => {
     const [kernel, page, moved] = await Promise.all([get(name), get(`${name}/versions`, { pageSize: 100 }), get(`${name}/moves`, { pageSize: 20 })]);
@@ -23,7 +24,8 @@ export function kernelPage(root, [display, kernelId]) {
       `, ${length(kernel.wavelengthM)} at ${length(kernel.distanceM)}. `,
       kernel.activeVersion ? `Version ${kernel.activeVersion} is active.` : "No version is active.", kernel.interpolated ? " It was interpolated." : ""));
     drawQuality(page.versions);
-    show(versions, h("section", {}, h("h2", {}, "Versions"), page.versions.length ? versionTable(kernel, page.versions, moved.moves) : emptyNote("There are no versions.")));
+    show(versions, h("section", {}, h("h2", {}, "Versions"), page.versions.length ? versionTable(kernel, page.versions, moved.moves) : emptyNote("There are no versions.")),
+      page.versions.length > 1 && comparison(page.versions));
     show(moves, moved.moves.length > 0 && h("section", {}, h("h2", {}, "History"), h("ol", { class: "log" }, moved.moves.map((move) =>
       h("li", {}, h("time", { datetime: move.time }, new Date(move.time).toLocaleString()),
         ` ${move.alias || "active"}: ${move.fromVersion || "none"} → ${move.toVersion || "none"}${move.caller ? ` by ${move.caller}` : ""}${move.rollback ? ", a rollback" : ""}${move.reason ? `: ${move.reason}` : ""}`)))),
@@ -60,12 +62,42 @@ export function kernelPage(root, [display, kernelId]) {
         h("td", { class: "right" }, bytes(Number(version.sizeBytes))),
         h("td", {}, version.lineage?.job ? h("a", { href: `#/${version.lineage.job}` }, "job") : "imported"),
         h("td", {}, age(version.createTime)),
-        h("td", { class: "right" }, version.active
+        h("td", { class: "right" }, button("Report", `of version ${version.version}`, () => report(version)), " ", version.active
           ? canRollBack && button("Roll back", `roll back ${version.version}`, () => rollBack(kernel))
           : button("Promote…", `promote ${version.version}`, () => promote(kernel, version))));
     };
     const titles = ["Version", "Model", ">Loss", ">Better than ideal", ">Pairs: train + validation + test", ">File", "From", "Made", ">Actions"];
     return table("Versions, the newest first. Losses are mean squared errors of the test photographs.", titles, list.map(row));
+  }
+
+  function comparison(list) {
+    const pick = (label, at) => h("select", { "aria-label": label, "data-key": label }, list.map(({ version }, i) => h("option", { value: version, selected: i === at }, `version ${version}`)));
+    const [first, second] = [pick("First version", 1), pick("Second version", 0)];
+    return h("p", { class: "controls" }, "Compare ", first, " with ", second, button("Compare", "the two versions", () => compare(first.value, second.value)));
+  }
+
+  async function compare(first, second) {
+    try {
+      const { transferDifference, transferPhaseRad, sourceDifference, parameters, picturePng } = await get("kernels:compare", { first: `${name}/versions/${first}`, second: `${name}/versions/${second}` });
+      const rows = [["transfer function, relative difference", percent(transferDifference)], ["transfer function, phase", `${number(transferPhaseRad)} rad`], ["source, relative difference", percent(sourceDifference)]];
+      const differing = parameters.filter((parameter) => parameter.first !== parameter.second);
+      show(compared, h("section", {}, h("h2", {}, `Versions ${first} and ${second}`),
+        h("dl", { class: "facts" }, rows.map(([term, value]) => [h("dt", {}, term), h("dd", {}, value)])),
+        differing.length > 0 && table("Parameters that differ", ["Parameter", `Version ${first}`, `Version ${second}`], differing.map((parameter) =>
+          h("tr", {}, h("th", { scope: "row" }, parameter.name), h("td", {}, parameter.first), h("td", {}, parameter.second)))),
+        picturePng && h("p", {}, h("img", { class: "wide-picture", src: `data:image/png;base64,${picturePng}`, alt: `Amplitude and phase of versions ${first} and ${second}` }))));
+    } catch (error) {
+      show(compared, errorNote(error));
+    }
+  }
+
+  async function report(version) {
+    try {
+      const job = await post("jobs", { spec: { reportKernel: { kernelVersion: version.name } } });
+      location.hash = `#/${job.name}`;
+    } catch (error) {
+      show(notice, errorNote(error));
+    }
   }
 
   async function promote(kernel, { version }) {

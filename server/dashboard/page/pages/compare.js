@@ -1,0 +1,46 @@
+// Two holograms' jobs side by side: what differs in their requests, their quality, and their pictures.
+
+import { get } from "../api.js";
+import { h, show } from "../dom.js";
+import { decibels, idOf, length, number } from "../format.js";
+import { stateOf } from "../job_rows.js";
+import { emptyNote, refresher } from "../loading.js";
+import { content, pictureViewer } from "../pictures.js";
+import { table } from "../table.js";
+
+export function comparePage(root, _, query) {
+  const names = (query.get("jobs") ?? "").split(",").filter(Boolean).slice(0, 2);
+  const body = h("div", {});
+  show(root, h("h1", {}, "Compare two jobs"), body);
+  let viewer = null;
+  if (names.length < 2) {
+    show(body, emptyNote("Choose two jobs in the list of jobs."), h("p", {}, h("a", { href: "#/jobs?kind=optimize_hologram" }, "To the jobs")));
+    return () => {};
+  }
+  refresher(body, async () => {
+    const jobs = await Promise.all(names.map((id) => get(`jobs/${id}`)));
+    const requests = jobs.map((job) => flat(job.spec));
+    const fields = [...new Set(requests.flatMap((request) => Object.keys(request)))].filter((field) => requests[0][field] !== requests[1][field]);
+    const planes = jobs.map((job) => job.result?.hologram?.wavelengths[0].planes ?? []);
+    const pictures = planes.map((list, i) => list[0] && { label: `${"AB"[i]}: reconstruction`, path: content(list[0].reconstruction) }).filter(Boolean);
+    const target = jobs[0].spec.optimizeHologram?.planes[0]?.target;
+    viewer = pictures.length ? pictureViewer([...(target ? [{ label: "target of A", path: content(target) }] : []), ...pictures]) : null;
+    const head = jobs.map((job, i) => h("li", {}, `${"AB"[i]}: `, h("a", { href: `#/${job.name}` }, idOf(job.name)), stateOf(job)));
+    const quality = planes.flatMap((list, i) => list.map((plane) => h("tr", {}, h("th", { scope: "row" }, "AB"[i]), h("td", {}, length(plane.distanceM)),
+      ["point", "pixel", "supersampled"].map((detector) => h("td", { class: "right" }, decibels((plane.quantizedQuality ?? plane.quality)?.[detector]?.psnrDb))),
+      h("td", { class: "right" }, number((plane.quantizedQuality ?? plane.quality)?.pixel?.ssim)))));
+    show(body, h("ul", { class: "log" }, head),
+      h("section", {}, h("h2", {}, "Requests"), fields.length
+        ? table("Fields that differ", ["Field", "A", "B"], fields.map((field) => h("tr", {}, h("th", { scope: "row" }, field), requests.map((request) => h("td", { class: "wide" }, request[field] ?? "–")))))
+        : h("p", {}, "The requests are the same.")),
+      quality.length > 0 && h("section", {}, h("h2", {}, "Quality"), table("Quality of the quantized holograms", ["Job", "Plane", ">PSNR, point", ">PSNR, pixel", ">PSNR, supersampled", ">SSIM, pixel"], quality)),
+      viewer && h("section", {}, h("h2", {}, "Pictures"), viewer.element));
+  });
+  return () => viewer?.end();
+}
+
+/** The fields of a message with their paths, such as `optimizeHologram.planes.0.distanceM`. */
+function flat(value, path = "") {
+  if (value === null || typeof value !== "object") return { [path]: String(value) };
+  return Object.assign({}, ...Object.entries(value).map(([name, inner]) => flat(inner, path ? `${path}.${name}` : name)));
+}

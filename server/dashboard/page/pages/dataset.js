@@ -1,0 +1,75 @@
+// One dataset: its pairs with their checks, its alignment, and what was found.
+
+import { get } from "../api.js";
+import { h, show } from "../dom.js";
+import { onEvent } from "../events.js";
+import { age, idOf, length, number, percent, words } from "../format.js";
+import { refresher } from "../loading.js";
+import { content, pictureViewer } from "../pictures.js";
+import { table } from "../table.js";
+
+export function datasetPage(root, [id]) {
+  const name = `datasets/${id}`;
+  const head = h("div", {});
+  const alignment = h("div", {});
+  const pairs = h("div", {});
+  const pictures = h("section", { "aria-live": "polite" });
+  show(root, head, alignment, pictures, pairs);
+  let viewers = [];
+  let chosen = null;
+
+  const refresh = refresher(head, async () => {
+    const dataset = await get(name);
+    const facts = [
+      ["Display", h("a", { href: `#/${dataset.display}` }, idOf(dataset.display))],
+      ["Wavelength", length(dataset.wavelengthM)],
+      ["Distance", length(dataset.distanceM)],
+      ["Photographs", `${words(dataset.photoEncoding, "ENCODING")}${dataset.photoBitDepth ? `, ${dataset.photoBitDepth} bit` : ""}`],
+      ["State", words(dataset.state, "STATE")],
+      ["Created", age(dataset.createTime)],
+    ];
+    show(head, h("h1", { class: "name" }, id), h("dl", { class: "facts" }, facts.map(([term, value]) => [h("dt", {}, term), h("dd", {}, value)])),
+      dataset.findings.length > 0 && h("section", {}, h("h2", {}, "Findings"), h("ul", {}, dataset.findings.map((finding) =>
+        h("li", {}, h("strong", {}, words(finding.kind, "KIND")), finding.pair ? ` in ${finding.pair}` : "", finding.excludes ? " (left out)" : "", `: ${finding.message}`)))));
+    showAlignment(dataset.alignment);
+    show(pairs, h("section", {}, h("h2", {}, `${dataset.pairs.length} pairs`), dataset.pairs.length > 0 && pairTable(dataset.pairs)));
+    if (!chosen && dataset.pairs.length) showPair(dataset.pairs[0]);
+  });
+
+  function showAlignment(found) {
+    if (!found) return show(alignment);
+    show(alignment, h("section", {}, h("h2", {}, "Alignment"), h("p", {}, found.explanation),
+      h("dl", { class: "facts" }, [["Method", words(found.method, "METHOD")], ["Corrected", `${number(found.correctedPx)} px`], ["Left", `${number(found.residualPx)} px at ${found.points} points`]]
+        .map(([term, value]) => [h("dt", {}, term), h("dd", {}, value)])),
+      found.before && found.after && viewer([{ label: "before", path: content(found.before) }, { label: "after", path: content(found.after) }])));
+  }
+
+  function viewer(list) {
+    const made = pictureViewer(list);
+    viewers.push(made);
+    return made.element;
+  }
+
+  function showPair(pair) {
+    chosen = pair;
+    viewers.forEach((made) => made.end());
+    viewers = [];
+    show(pictures, h("h2", {}, pair.id), viewer([{ label: "photograph", path: content(pair.photo) }, { label: "hologram", path: content(pair.phase) }]));
+  }
+
+  function pairTable(list) {
+    const row = (pair) => {
+      const checks = pair.checks ?? {};
+      const cells = [percent(checks.saturated), percent(checks.black), number(checks.contrast), number(checks.correlation), `${number(checks.misalignmentPx)} px`, `${number(checks.stretchPx)} px`, number(checks.vignetting)];
+      return h("tr", {}, h("th", { scope: "row" }, h("button", { type: "button", class: "link", "data-key": pair.id, onclick: () => showPair(pair) }, pair.id)),
+        h("td", {}, words(pair.split, "SPLIT")), cells.map((cell) => h("td", { class: "right" }, pair.checks ? cell : "–")));
+    };
+    return table("Pairs with the checks of their photographs; choose one to see it", ["Pair", "Split", ">Saturated", ">Black", ">Contrast", ">Correlation", ">Misaligned", ">Stretched", ">Vignetting"], list.map(row));
+  }
+
+  const ends = onEvent((kind, data) => (kind === "reset" || (kind === "dataset" && data.name === name)) && void refresh());
+  return () => {
+    ends();
+    viewers.forEach((made) => made.end());
+  };
+}

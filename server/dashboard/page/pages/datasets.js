@@ -1,0 +1,34 @@
+// All datasets: the photographs from which kernels are learned.
+
+import { get } from "../api.js";
+import { h, show } from "../dom.js";
+import { onEvent } from "../events.js";
+import { age, idOf, length, words } from "../format.js";
+import { emptyNote, refresher } from "../loading.js";
+import { table } from "../table.js";
+
+export function datasetsPage(root) {
+  const list = h("div", {});
+  const more = h("p", { class: "pager" });
+  const pages = [""];
+  show(root, h("h1", {}, "Datasets"), list, more);
+  const refresh = refresher(list, async () => {
+    const page = await get("datasets", { pageSize: 50, pageToken: pages.at(-1) });
+    show(list, page.datasets.length ? table("Photographs of holograms", ["Dataset", "Display", "Wavelength", "Distance", ">Pairs", "State", "Findings", ">Created"], page.datasets.map(row))
+      : emptyNote("There are no photographs yet. Send holograms with their photographs:", "lightpath dataset upload --help"));
+    const turn = (label, isPossible, move) => h("button", { type: "button", "data-key": label, disabled: !isPossible, onclick: () => { move(); void refresh(); } }, label);
+    show(more, (pages.length > 1 || page.nextPageToken) && [turn("Back", pages.length > 1, () => pages.pop()), " ", turn("Next", page.nextPageToken, () => pages.push(page.nextPageToken))]);
+  });
+  return onEvent((kind) => (kind === "dataset" || kind === "reset") && void refresh());
+}
+
+function row(dataset) {
+  const excluded = dataset.findings.filter((finding) => finding.excludes).length;
+  return h("tr", {},
+    h("th", { scope: "row" }, h("a", { href: `#/${dataset.name}`, "data-key": dataset.name }, idOf(dataset.name))),
+    h("td", {}, h("a", { href: `#/${dataset.display}` }, idOf(dataset.display))),
+    h("td", {}, length(dataset.wavelengthM)), h("td", {}, length(dataset.distanceM)),
+    h("td", { class: "right" }, dataset.pairCount), h("td", {}, words(dataset.state, "STATE")),
+    h("td", {}, dataset.findings.length ? `${dataset.findings.length}${excluded ? `, ${excluded} of them leave pairs out` : ""}` : "none"),
+    h("td", { class: "right" }, age(dataset.createTime)));
+}
