@@ -2,6 +2,8 @@
 
 use super::*;
 use clap::error::ErrorKind;
+use std::fs;
+use std::path::Path;
 
 /// Number of texts that [`damaged`] returns.
 pub(crate) const DAMAGED: usize = 3000;
@@ -137,6 +139,22 @@ const COMMANDS: &[&str] = &[
 #[test]
 fn commands_with_all_their_options_are_parsed() {
     for line in COMMANDS {
+        if let Err(error) = parse(line) {
+            panic!("{line}\n{error}");
+        }
+    }
+}
+
+/// Commands that the dashboard tells users to run.
+#[test]
+fn commands_on_the_dashboard_are_parsed() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../server/dashboard/page/pages");
+    let texts = fs::read_dir(folder).unwrap().map(|entry| fs::read_to_string(entry.unwrap().path()).unwrap());
+    let texts: Vec<String> = texts.collect();
+    let quoted = texts.iter().flat_map(|text| text.split(['"', '`']));
+    let commands: Vec<&str> = quoted.filter(|text| text.starts_with("lightpath ")).collect();
+    assert!(commands.len() > 3, "{commands:?}");
+    for line in commands {
         if let Err(error) = parse(line) {
             panic!("{line}\n{error}");
         }

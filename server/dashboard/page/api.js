@@ -49,6 +49,12 @@ export async function get(path, parameters = {}, options = {}) {
   return (await request(`/v1/${path}${text ? `?${text}` : ""}`, options)).json();
 }
 
+/** The values of the server's metrics without labels, by their names. */
+export async function metrics() {
+  const text = await (await request("/metrics")).text();
+  return Object.fromEntries([...text.matchAll(/^(\w+) (\S+)$/gm)].map(([, name, value]) => [name, Number(value)]));
+}
+
 export async function post(path, message = {}) {
   return (await request(`/v1/${path}`, { method: "POST", body: JSON.stringify(message) })).json();
 }

@@ -36,6 +36,7 @@ export function chart({ title, xLabel, yLabel, xs, series, isLog = false, isTime
     const lines = series.map(({ label, dash }, i) => ({
       label,
       dash,
+      spanGaps: true,
       stroke: colour(`--series-${i + 1}`),
       width: 2,
       points: { show: data[0].length < 40, size: 6 },

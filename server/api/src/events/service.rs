@@ -53,18 +53,13 @@ impl Api {
             sent: resumed.unwrap_or(latest),
             must_reset: resumed.is_none(),
             waiting: VecDeque::new(),
-            has_ended: false,
             _open: open,
         };
-        Ok(stream::unfold(follower, |mut follower| async move {
-            if follower.has_ended {
-                return None;
-            }
-            let next = follower.next().await;
-            follower.has_ended |= next.is_err();
-            Some((next, follower))
-        })
-        .boxed())
+        let events = stream::try_unfold(follower, |mut follower| async move {
+            let event = follower.next().await?;
+            Ok(Some((event, follower)))
+        });
+        Ok(events.boxed())
     }
 }
 
@@ -79,7 +74,6 @@ struct Follower {
     sent: u64,
     must_reset: bool,
     waiting: VecDeque<Arc<Entry>>,
-    has_ended: bool,
     _open: OpenStream,
 }
 

@@ -15,7 +15,7 @@ export function datasetsPage(root) {
   const refresh = refresher(list, async () => {
     const page = await get("datasets", { pageSize: 50, pageToken: pages.at(-1) });
     show(list, page.datasets.length ? table("Photographs of holograms", ["Dataset", "Display", "Wavelength", "Distance", ">Pairs", "State", "Findings", ">Created"], page.datasets.map(row))
-      : emptyNote("There are no photographs yet. Send holograms with their photographs:", "lightpath dataset upload --help"));
+      : emptyNote("There are no photographs yet. Send holograms with their photographs:", "lightpath dataset create bench-1 --display lab --distance 150mm"));
     const turn = (label, isPossible, move) => h("button", { type: "button", "data-key": label, disabled: !isPossible, onclick: () => { move(); void refresh(); } }, label);
     show(more, (pages.length > 1 || page.nextPageToken) && [turn("Back", pages.length > 1, () => pages.pop()), " ", turn("Next", page.nextPageToken, () => pages.push(page.nextPageToken))]);
   });

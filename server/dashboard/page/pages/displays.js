@@ -15,7 +15,7 @@ export function displaysPage(root) {
   const refresh = refresher(list, async () => {
     const page = await get("displays", { pageSize: 50, pageToken: pages.at(-1) });
     show(list, page.displays.length ? displayTable(page.displays) : emptyNote("No display is declared yet. Declare one:",
-      "lightpath display create --display lab --resolution 1920x1080 --pixel-pitch 8um --wavelength 515nm"));
+      "lightpath display create lab --resolution 1920x1080 --pixel-pitch 8um --wavelength 515nm"));
     const turn = (label, isPossible, move) => h("button", { type: "button", "data-key": label, disabled: !isPossible, onclick: () => { move(); void refresh(); } }, label);
     show(more, pages.length > 1 || page.nextPageToken ? [turn("Back", pages.length > 1, () => pages.pop()), " ", turn("Next", page.nextPageToken, () => pages.push(page.nextPageToken))] : null);
   });

@@ -83,7 +83,7 @@ export function newPage(root) {
 
   get("displays", { pageSize: 200 }).then(async ({ displays }) => {
     if (displays.length === 0) {
-      show(body, emptyNote("A hologram needs a display. Declare one:", "lightpath display create --display lab --resolution 1920x1080 --pixel-pitch 8um --wavelength 515nm"));
+      show(body, emptyNote("A hologram needs a display. Declare one:", "lightpath display create lab --resolution 1920x1080 --pixel-pitch 8um --wavelength 515nm"));
       return;
     }
     show(display, displays.map(({ name }) => h("option", { value: idOf(name) }, idOf(name))));

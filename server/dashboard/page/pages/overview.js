@@ -1,30 +1,40 @@
 // What the server does now.
 
-import { get } from "../api.js";
+import { get, metrics } from "../api.js";
+import { chart } from "../chart.js";
 import { h, show } from "../dom.js";
 import { onEvent } from "../events.js";
-import { age, idOf, words } from "../format.js";
+import { age, bytes, idOf, words } from "../format.js";
 import { jobTable, progressOf, stateOf } from "../job_rows.js";
 import { emptyNote, refresher } from "../loading.js";
 
 const LATEST = 12;
+/** How often that is read again of which no event tells [ms]. */
+const SLOW = 60_000;
+/** Displays and kernels for which the overview shows details; the pages of the displays show all. */
+const DISPLAYS_MAX = 6;
+const KERNELS_MAX = 4;
+const COUNT_MAX = 200;
 
 export function overviewPage(root) {
   const tiles = h("dl", { class: "tiles", "aria-label": "The queue" });
   const pauses = h("div", {});
   const running = h("div", { class: "cards" });
   const latest = h("div", {});
+  const displays = h("div", { class: "cards" });
+  const slow = { throughput: "–", disk: null };
   show(root, h("h1", {}, "Overview"), tiles, pauses,
     h("section", {}, h("h2", {}, "Running"), running),
-    h("section", {}, h("h2", {}, "Latest jobs"), latest));
+    h("section", {}, h("h2", {}, "Latest jobs"), latest),
+    h("section", {}, h("h2", {}, "Displays"), displays));
+  let plots = [];
 
   const refresh = refresher(latest, async () => {
-    const [queue, runningJobs, failed, jobs, displays] = await Promise.all([
+    const [queue, runningJobs, failed, jobs] = await Promise.all([
       get("queue").catch((error) => (error.status === 403 ? null : Promise.reject(error))),
       get("jobs", { view: "basic", state: "running", pageSize: 20 }),
       get("jobs", { view: "basic", state: "failed", pageSize: 50 }),
       get("jobs", { view: "basic", pageSize: LATEST }),
-      get("displays", { pageSize: 100 }),
     ]);
     const more = (page) => (page.nextPageToken ? "+" : "");
     const lastDay = failed.summaries.filter((job) => Date.now() - Date.parse(job.finishTime) < 86_400_000).length;
@@ -33,7 +43,8 @@ export function overviewPage(root) {
       tile("running", queue?.running ?? runningJobs.summaries.length, "#/jobs?state=running"),
       tile("queued", queue?.queued ?? "–", "#/jobs?state=queued"),
       tile("failed in the last day", `${lastDay}${lastDay === failed.summaries.length ? more(failed) : ""}`, "#/jobs?state=failed", lastDay ? "bad" : ""),
-      tile("displays", `${displays.displays.length}${more(displays)}`, "#/displays"));
+      tile("succeeded in the last hour", slow.throughput, "#/jobs?state=succeeded&since=3600"),
+      slow.disk !== null && h("div", { class: "tile" }, h("dt", {}, "free on the disk"), h("dd", {}, bytes(slow.disk))));
     show(pauses, (queue?.pauses ?? []).map((pause) => h("p", { class: "note" },
       `${pause.display ? idOf(pause.display) : "The whole queue"} is paused since ${age(pause.since)}: ${pause.reason}`)));
     show(running, runningJobs.summaries.length ? runningJobs.summaries.map(card) : emptyNote("No job runs now."));
@@ -42,6 +53,44 @@ export function overviewPage(root) {
       : emptyNote("There are no jobs yet. Send a picture to a display:", "lightpath hologram optimize picture.png --display lab --distance 150mm"));
   });
 
+  const refreshSlow = refresher(displays, async () => {
+    const since = new Date(Math.floor(Date.now() / SLOW) * SLOW - 3_600_000).toISOString();
+    const [done, disk, page] = await Promise.all([
+      get("jobs", { view: "basic", state: "succeeded", since, pageSize: COUNT_MAX }),
+      metrics().then((values) => values.lightpath_disk_free_bytes ?? null, () => null),
+      get("displays", { pageSize: DISPLAYS_MAX }),
+    ]);
+    Object.assign(slow, { throughput: `${done.summaries.length}${done.nextPageToken ? "+" : ""}`, disk });
+    void refresh();
+    const found = await Promise.all(page.displays.map(displayOf));
+    plots.forEach((plot) => plot.end());
+    plots = [];
+    show(displays, found.length ? found.map(displayCard)
+      : emptyNote("No display is declared yet. Declare one:", "lightpath display create lab --resolution 1920x1080 --pixel-pitch 8um --wavelength 515nm"),
+    page.nextPageToken && h("p", {}, h("a", { href: "#/displays" }, "All displays")));
+  });
+
+  function displayCard({ name, kernels, devices }) {
+    const measured = kernels.flatMap(({ kernel, versions }) => versions.filter(({ metrics }) => metrics?.testLoss > 0)
+      .map(({ createTime, metrics }) => ({ kernel: idOf(kernel.name), time: Date.parse(createTime) / 1000, gain: 10 * Math.log10(metrics.idealTestLoss / metrics.testLoss) })))
+      .sort((a, b) => a.time - b.time);
+    const labels = [...new Set(measured.map(({ kernel }) => kernel))];
+    const plot = measured.length > 1 ? chart({
+      title: "Learned kernels: how much better than the ideal one", xLabel: "", yLabel: "dB", isTime: true,
+      xs: measured.map(({ time }) => time),
+      series: labels.map((label) => ({ label, values: measured.map(({ kernel, gain }) => (kernel === label ? gain : null)) })),
+    }) : null;
+    if (plot) plots.push(plot);
+    const active = kernels.map(({ kernel }) => `${idOf(kernel.name)}: ${kernel.activeVersion ? `version ${kernel.activeVersion}` : "none active"}`);
+    const installed = new Map();
+    for (const version of devices.flatMap((device) => device.kernels.map((kernel) => kernel.version || "none"))) installed.set(version, (installed.get(version) ?? 0) + 1);
+    const versions = [...installed].map(([version, count]) => `${count} × ${version === "none" ? "none" : `version ${version}`}`).join(", ");
+    return h("article", { class: "card" }, h("h3", {}, h("a", { href: `#/${name}`, "data-key": name }, idOf(name))),
+      h("p", {}, active.length ? active.join("; ") : "no learned kernel"),
+      devices.length > 0 && h("p", {}, `${devices.length} devices: ${versions}`), plot?.element);
+  }
+
+  const timer = setInterval(() => document.hidden || void refreshSlow(), SLOW);
   const ends = onEvent((kind, data) => {
     if (kind === "job" && data.state === "STATE_RUNNING") {
       const shown = [...running.querySelectorAll("[data-job]")].find((element) => element.dataset.job === data.name);
@@ -49,9 +98,21 @@ export function overviewPage(root) {
       const fresh = progressOf(data);
       if (old && fresh) return old.replaceWith(fresh);
     }
-    if (kind === "job" || kind === "queue" || kind === "display" || kind === "reset") void refresh();
+    if (kind === "job" || kind === "queue" || kind === "reset") void refresh();
+    if (["display", "kernel", "device", "reset"].includes(kind)) void refreshSlow();
   });
-  return ends;
+  return () => {
+    ends();
+    clearInterval(timer);
+    plots.forEach((plot) => plot.end());
+  };
+}
+
+/** A display with its kernels, their newest versions, and its devices. */
+async function displayOf({ name }) {
+  const [{ kernels }, { devices }] = await Promise.all([get(`${name}/kernels`, { pageSize: KERNELS_MAX }), get(`${name}/devices`, { pageSize: 100 })]);
+  const withVersions = kernels.map(async (kernel) => ({ kernel, versions: (await get(`${kernel.name}/versions`, { pageSize: 20 })).versions }));
+  return { name, devices, kernels: await Promise.all(withVersions) };
 }
 
 function card(job) {
