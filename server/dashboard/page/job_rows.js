@@ -14,9 +14,20 @@ export function progressOf(job) {
   if (!progress?.stepsTotal || job.state !== "STATE_RUNNING") return null;
   const label = `${progress.stage}: ${progress.step} of ${progress.stepsTotal}`;
   const eta = progress.etaS === undefined ? "" : `, ${duration(progress.etaS)} left`;
-  return h("div", { class: "progress" },
+  return h("div", { class: "progress", "data-job": job.name },
     h("progress", { max: progress.stepsTotal, value: progress.step, "aria-label": `Progress of ${idOf(job.name)}` }),
     h("span", {}, label + eta));
+}
+
+/** Shows a job's new progress wherever `root` shows its old one; `false`: nowhere. */
+export function updateProgress(root, job) {
+  const shown = [...root.querySelectorAll(".progress")].filter((element) => element.dataset.job === job.name);
+  for (const element of shown) {
+    const fresh = progressOf(job);
+    if (!fresh) return false;
+    element.replaceWith(fresh);
+  }
+  return shown.length > 0;
 }
 
 function timeOf(job) {

@@ -5,7 +5,7 @@ import { chart } from "../chart.js";
 import { h, show } from "../dom.js";
 import { onEvent } from "../events.js";
 import { age, between, bytes, decibels, duration, idOf, length, number, percent } from "../format.js";
-import { progressOf, stateOf } from "../job_rows.js";
+import { progressOf, stateOf, updateProgress } from "../job_rows.js";
 import { errorNote, refresher } from "../loading.js";
 import { content, pictureViewer } from "../pictures.js";
 import { table } from "../table.js";
@@ -56,7 +56,7 @@ export function jobPage(root, [id]) {
     show(head, h("h1", {}, kind, " ", stateOf(job)),
       h("p", {}, `${id}, submitted ${age(job.createTime)}${job.owner ? ` by ${job.owner}` : ""}${took === null ? "" : `, took ${duration(took)}`}`),
       job.error && h("p", { class: "note bad" }, job.error.message),
-      progressOf({ ...job, name }),
+      progressOf(job),
       h("p", { class: "actions" }, !hasEnded && !job.cancelRequested && act("cancel", "Cancel"),
         ["STATE_FAILED", "STATE_CANCELLED"].includes(job.state) && act("retry", "Retry")));
   }
@@ -151,14 +151,8 @@ export function jobPage(root, [id]) {
       void refresh();
     }
     if (kind !== "job" || data.name !== name) return;
-    const old = head.querySelector(".progress");
-    const fresh = progressOf(data);
-    if (data.state === "STATE_RUNNING" && old && fresh) {
-      old.replaceWith(fresh);
-      note(data.progress);
-      return;
-    }
-    void refresh();
+    if (updateProgress(head, data)) note(data.progress);
+    else void refresh();
   });
   return () => {
     ends();

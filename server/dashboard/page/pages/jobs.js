@@ -4,7 +4,7 @@ import { get, post } from "../api.js";
 import { h, show } from "../dom.js";
 import { onEvent } from "../events.js";
 import { idOf, words } from "../format.js";
-import { jobTable } from "../job_rows.js";
+import { jobTable, updateProgress } from "../job_rows.js";
 import { emptyNote, errorNote, refresher } from "../loading.js";
 
 const STATES = ["queued", "running", "succeeded", "failed", "cancelled"];
@@ -95,7 +95,9 @@ export function jobsPage(root, _, query) {
   }
 
   get("displays", { pageSize: 200 }).then((answer) => show(displays, answer.displays.map(({ name }) => h("option", { value: idOf(name) }))), () => {});
-  const ends = onEvent((kind) => (kind === "job" || kind === "reset") && void refresh());
+  const ends = onEvent((kind, data) => {
+    if (kind === "reset" || (kind === "job" && !updateProgress(list, data))) void refresh();
+  });
   return () => {
     clearTimeout(timer);
     ends();

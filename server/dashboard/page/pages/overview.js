@@ -5,7 +5,7 @@ import { chart } from "../chart.js";
 import { h, show } from "../dom.js";
 import { onEvent } from "../events.js";
 import { age, bytes, idOf, words } from "../format.js";
-import { jobTable, progressOf, stateOf } from "../job_rows.js";
+import { jobTable, progressOf, stateOf, updateProgress } from "../job_rows.js";
 import { emptyNote, refresher } from "../loading.js";
 
 const LATEST = 12;
@@ -92,12 +92,7 @@ export function overviewPage(root) {
 
   const timer = setInterval(() => document.hidden || void refreshSlow(), SLOW);
   const ends = onEvent((kind, data) => {
-    if (kind === "job" && data.state === "STATE_RUNNING") {
-      const shown = [...running.querySelectorAll("[data-job]")].find((element) => element.dataset.job === data.name);
-      const old = shown?.querySelector(".progress");
-      const fresh = progressOf(data);
-      if (old && fresh) return old.replaceWith(fresh);
-    }
+    if (kind === "job" && updateProgress(root, data)) return;
     if (kind === "job" || kind === "queue" || kind === "reset") void refresh();
     if (["display", "kernel", "device", "reset"].includes(kind)) void refreshSlow();
   });
@@ -116,7 +111,7 @@ async function displayOf({ name }) {
 }
 
 function card(job) {
-  return h("article", { class: "card", "data-job": job.name },
+  return h("article", { class: "card" },
     h("h3", {}, h("a", { href: `#/${job.name}`, "data-key": `card ${job.name}` }, words(job.kind, "KIND")), " ", stateOf(job)),
     h("p", {}, `on ${idOf(job.display)}`, job.owner ? ` for ${job.owner}` : ""),
     progressOf(job) ?? h("p", {}, "starts"));

@@ -1,0 +1,39 @@
+// Takes the pictures of docs/dashboard.md. Run it after `lightpathd demo`:
+//
+//     LIGHTPATH_BINARIES=target/release LIGHTPATH_DEMO_DATA=lightpath-demo/data node tests/browser/pictures.mjs docs
+
+import { join } from "node:path";
+import { openPage, startBrowser } from "./browser.mjs";
+import { startServer } from "./server.mjs";
+
+const folder = process.argv[2];
+const server = await startServer();
+const browser = await startBrowser();
+const { summaries } = await server.get("jobs?view=basic&kind=optimize_hologram&pageSize=200");
+const { kernels: [kernel] } = await server.get("displays/demo/kernels");
+const [held] = summaries;
+
+// A job that runs while the overview is shown.
+const { spec } = await server.get(held.name);
+Object.assign(spec.optimizeHologram, { iterations: 10_000, frames: 8 });
+const running = await server.post("jobs", { spec, owner: "ada", batch: "night" });
+
+async function take(name, address, scheme, act) {
+  const page = await openPage(browser, server.url, { width: 1200, height: 800, scheme });
+  await page.goto(`${server.url}/#${address}`);
+  await page.getByRole("heading", { level: 1 }).waitFor();
+  await act(page);
+  await page.screenshot({ path: join(folder, `dashboard-${name}.png`) });
+  await page.context().close();
+}
+
+const drawn = (page) => page.waitForFunction(() => document.images.length > 1 && [...document.images].every((image) => image.naturalWidth > 0));
+await take("overview", "/", "dark", (page) => page.waitForFunction(() => document.querySelector("progress")?.value > 100));
+await server.post(`${running.name}:cancel`, {});
+await take("job", `/${held.name}`, "dark", async (page) => {
+  await drawn(page);
+  await page.getByLabel("How pictures are compared").selectOption("wipe");
+});
+await take("kernel", `/${kernel.name}`, "light", (page) => page.locator(".chart canvas").waitFor());
+await browser.close();
+await server.stop();
