@@ -15,8 +15,9 @@ export function datasetPage(root, [id]) {
   const pairs = h("div", {});
   const pictures = h("section", { "aria-live": "polite" });
   show(root, head, alignment, pictures, pairs);
-  let viewers = [];
   let chosen = null;
+  let alignmentViewer = null;
+  let pairViewer = null;
 
   const refresh = refresher(head, async () => {
     const dataset = await get(name);
@@ -37,24 +38,21 @@ export function datasetPage(root, [id]) {
   });
 
   function showAlignment(found) {
+    alignmentViewer?.end();
+    alignmentViewer = null;
     if (!found) return show(alignment);
+    if (found.before && found.after) alignmentViewer = pictureViewer([{ label: "before", path: content(found.before) }, { label: "after", path: content(found.after) }]);
     show(alignment, h("section", {}, h("h2", {}, "Alignment"), h("p", {}, found.explanation),
       h("dl", { class: "facts" }, [["Method", words(found.method, "METHOD")], ["Corrected", `${number(found.correctedPx)} px`], ["Left", `${number(found.residualPx)} px at ${found.points} points`]]
         .map(([term, value]) => [h("dt", {}, term), h("dd", {}, value)])),
-      found.before && found.after && viewer([{ label: "before", path: content(found.before) }, { label: "after", path: content(found.after) }])));
-  }
-
-  function viewer(list) {
-    const made = pictureViewer(list);
-    viewers.push(made);
-    return made.element;
+      alignmentViewer?.element));
   }
 
   function showPair(pair) {
     chosen = pair;
-    viewers.forEach((made) => made.end());
-    viewers = [];
-    show(pictures, h("h2", {}, pair.id), viewer([{ label: "photograph", path: content(pair.photo) }, { label: "hologram", path: content(pair.phase) }]));
+    pairViewer?.end();
+    pairViewer = pictureViewer([{ label: "photograph", path: content(pair.photo) }, { label: "hologram", path: content(pair.phase) }]);
+    show(pictures, h("h2", {}, pair.id), pairViewer.element);
   }
 
   function pairTable(list) {
@@ -70,6 +68,7 @@ export function datasetPage(root, [id]) {
   const ends = onEvent((kind, data) => (kind === "reset" || (kind === "dataset" && data.name === name)) && void refresh());
   return () => {
     ends();
-    viewers.forEach((made) => made.end());
+    alignmentViewer?.end();
+    pairViewer?.end();
   };
 }

@@ -5,19 +5,19 @@ import { h, show } from "../dom.js";
 import { onEvent } from "../events.js";
 import { age, idOf, length, words } from "../format.js";
 import { emptyNote, refresher } from "../loading.js";
+import { pager } from "../pager.js";
 import { table } from "../table.js";
 
 export function datasetsPage(root) {
   const list = h("div", {});
-  const more = h("p", { class: "pager" });
+  const more = h("div", {});
   const pages = [""];
   show(root, h("h1", {}, "Datasets"), list, more);
   const refresh = refresher(list, async () => {
     const page = await get("datasets", { pageSize: 50, pageToken: pages.at(-1) });
     show(list, page.datasets.length ? table("Photographs of holograms", ["Dataset", "Display", "Wavelength", "Distance", ">Pairs", "State", "Findings", ">Created"], page.datasets.map(row))
       : emptyNote("There are no photographs yet. Send holograms with their photographs:", "lightpath dataset create bench-1 --display lab --distance 150mm"));
-    const turn = (label, isPossible, move) => h("button", { type: "button", "data-key": label, disabled: !isPossible, onclick: () => { move(); void refresh(); } }, label);
-    show(more, (pages.length > 1 || page.nextPageToken) && [turn("Back", pages.length > 1, () => pages.pop()), " ", turn("Next", page.nextPageToken, () => pages.push(page.nextPageToken))]);
+    show(more, pager(pages, page.nextPageToken, refresh));
   });
   return onEvent((kind) => (kind === "dataset" || kind === "reset") && void refresh());
 }

@@ -5,19 +5,19 @@ import { h, show } from "../dom.js";
 import { onEvent } from "../events.js";
 import { idOf, length } from "../format.js";
 import { emptyNote, refresher } from "../loading.js";
+import { pager } from "../pager.js";
 import { table } from "../table.js";
 
 export function displaysPage(root) {
   const list = h("div", {});
-  const more = h("p", { class: "pager" });
+  const more = h("div", {});
   const pages = [""];
   show(root, h("h1", {}, "Displays"), list, more);
   const refresh = refresher(list, async () => {
     const page = await get("displays", { pageSize: 50, pageToken: pages.at(-1) });
     show(list, page.displays.length ? displayTable(page.displays) : emptyNote("No display is declared yet. Declare one:",
       "lightpath display create lab --resolution 1920x1080 --pixel-pitch 8um --wavelength 515nm"));
-    const turn = (label, isPossible, move) => h("button", { type: "button", "data-key": label, disabled: !isPossible, onclick: () => { move(); void refresh(); } }, label);
-    show(more, pages.length > 1 || page.nextPageToken ? [turn("Back", pages.length > 1, () => pages.pop()), " ", turn("Next", page.nextPageToken, () => pages.push(page.nextPageToken))] : null);
+    show(more, pager(pages, page.nextPageToken, refresh));
   });
   return onEvent((kind) => (kind === "display" || kind === "reset") && void refresh());
 }

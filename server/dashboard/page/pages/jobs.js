@@ -6,6 +6,7 @@ import { onEvent } from "../events.js";
 import { idOf, words } from "../format.js";
 import { jobTable, updateProgress } from "../job_rows.js";
 import { emptyNote, errorNote, refresher } from "../loading.js";
+import { pager } from "../pager.js";
 
 const STATES = ["queued", "running", "succeeded", "failed", "cancelled"];
 const KINDS = ["optimize_hologram", "learn_kernel", "simulate_capture", "evaluate_kernel", "prepare_dataset", "report_kernel", "verify_hologram", "suggest_holograms"];
@@ -18,6 +19,7 @@ export function jobsPage(root, _, query) {
   const notice = h("div", { role: "status" });
   const compare = h("p", { class: "note", role: "status", hidden: true });
   const chosen = new Set();
+  let since = "";
   const displays = h("datalist", { id: "displays" });
   const form = h("form", { class: "filters", role: "search", onsubmit: (event) => event.preventDefault() },
     input("text", "Search", "id, batch, dataset…"),
@@ -50,17 +52,15 @@ export function jobsPage(root, _, query) {
   const refresh = refresher(list, async () => {
     const value = (name) => form.elements[name].value.trim();
     const display = value("display") && `displays/${value("display")}`;
-    const since = value("since") && new Date(Math.floor(Date.now() / 60_000) * 60_000 - value("since") * 1000).toISOString();
+    // The tokens of further pages belong to one time.
+    if (pages.length === 1) since = value("since") && new Date(Math.floor(Date.now() / 60_000) * 60_000 - value("since") * 1000).toISOString();
     const filters = { state: value("state"), kind: value("kind"), display, owner: value("owner"), batch: value("batch"), since, text: value("text") };
     const page = await get("jobs", { view: "basic", pageSize: 50, pageToken: pages.at(-1), ...filters });
-    const number = pages.length;
-    const turn = (label, isPossible, move) => h("button", { type: "button", "data-key": label, disabled: !isPossible, onclick: () => { move(); void refresh(); } }, label);
     show(list, page.summaries.length
-      ? jobTable(`Jobs, page ${number}`, page.summaries, actions, choice)
+      ? jobTable(`Jobs, page ${pages.length}`, page.summaries, actions, choice)
       : emptyNote(FILTERS.some(value) ? "No job fits these filters." : "There are no jobs yet. Send a picture to a display:",
         FILTERS.some(value) ? null : "lightpath hologram optimize picture.png --display lab --distance 150mm"),
-    h("p", { class: "pager" }, turn("Newer", number > 1, () => pages.pop()), ` Page ${number} `,
-      turn("Older", page.nextPageToken, () => pages.push(page.nextPageToken))));
+    pager(pages, page.nextPageToken, refresh));
   });
 
   function choice(job) {
