@@ -13,9 +13,17 @@ export function emptyNote(text, command) {
   return h("div", { class: "note" }, h("p", {}, text), command && h("pre", {}, h("code", {}, command)));
 }
 
-/** Runs `work`, which fills `root`, now and whenever the returned function is called; a later run replaces an earlier one. */
+/** Least time from one reading after an event to the next, so that many dashboards and busy queues cost little [ms]. */
+const SPACING = 1000;
+
+/**
+ * Runs `work`, which fills `root`, now and whenever the returned function is called; calls during a run are one more
+ * run. Its method `soon`, for events, runs it at once, or `SPACING` after the run before.
+ */
 export function refresher(root, work) {
   let runs = 0;
+  let timer = 0;
+  let lastStart = 0;
   let again = false;
   let active = false;
   const run = async () => {
@@ -26,6 +34,7 @@ export function refresher(root, work) {
     active = true;
     do {
       again = false;
+      lastStart = Date.now();
       try {
         await work();
       } catch (error) {
@@ -34,6 +43,12 @@ export function refresher(root, work) {
       runs += 1;
     } while (again);
     active = false;
+  };
+  run.soon = () => {
+    timer ||= setTimeout(() => {
+      timer = 0;
+      if (root.isConnected) void run();
+    }, Math.max(0, lastStart + SPACING - Date.now()));
   };
   void run();
   return run;

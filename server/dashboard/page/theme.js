@@ -11,7 +11,7 @@ function chosen() {
   }
 }
 
-export function isDark() {
+function isDark() {
   return document.documentElement.dataset.theme === "dark";
 }
 

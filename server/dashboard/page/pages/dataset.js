@@ -65,7 +65,7 @@ export function datasetPage(root, [id]) {
     return table("Pairs with the checks of their photographs; choose one to see it", ["Pair", "Split", ">Saturated", ">Black", ">Contrast", ">Correlation", ">Misaligned", ">Stretched", ">Vignetting"], list.map(row));
   }
 
-  const ends = onEvent((kind, data) => (kind === "reset" || (kind === "dataset" && data.name === name)) && void refresh());
+  const ends = onEvent((kind, data) => (kind === "reset" || (kind === "dataset" && data.name === name)) && refresh.soon());
   return () => {
     ends();
     alignmentViewer?.end();

@@ -19,7 +19,7 @@ export function datasetsPage(root) {
       : emptyNote("There are no photographs yet. Send holograms with their photographs:", "lightpath dataset create bench-1 --display lab --distance 150mm"));
     show(more, pager(pages, page.nextPageToken, refresh));
   });
-  return onEvent((kind) => (kind === "dataset" || kind === "reset") && void refresh());
+  return onEvent((kind) => (kind === "dataset" || kind === "reset") && refresh.soon());
 }
 
 function row(dataset) {

@@ -33,7 +33,7 @@ export function displayPage(root, [id]) {
       : emptyNote("No device has reported yet. The agent on a device fetches kernels and reports:", "lightpath-agent --help"));
   });
   const own = (data) => data.name === name || data.name?.startsWith(`${name}/`);
-  return onEvent((kind, data) => (kind === "reset" || (["display", "kernel", "device"].includes(kind) && own(data))) && void refresh());
+  return onEvent((kind, data) => (kind === "reset" || (["display", "kernel", "device"].includes(kind) && own(data))) && refresh.soon());
 }
 
 function kernelTable(kernels) {

@@ -19,7 +19,7 @@ export function displaysPage(root) {
       "lightpath display create lab --resolution 1920x1080 --pixel-pitch 8um --wavelength 515nm"));
     show(more, pager(pages, page.nextPageToken, refresh));
   });
-  return onEvent((kind) => (kind === "display" || kind === "reset") && void refresh());
+  return onEvent((kind) => (kind === "display" || kind === "reset") && refresh.soon());
 }
 
 function displayTable(displays) {

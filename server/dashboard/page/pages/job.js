@@ -148,11 +148,11 @@ export function jobPage(root, [id]) {
   const ends = onEvent((kind, data) => {
     if (kind === "reset") {
       shownRevision = "";
-      void refresh();
+      refresh.soon();
     }
     if (kind !== "job" || data.name !== name) return;
     if (updateProgress(head, data)) note(data.progress);
-    else void refresh();
+    else refresh.soon();
   });
   return () => {
     ends();

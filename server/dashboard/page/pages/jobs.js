@@ -96,7 +96,7 @@ export function jobsPage(root, _, query) {
 
   get("displays", { pageSize: 200 }).then((answer) => show(displays, answer.displays.map(({ name }) => h("option", { value: idOf(name) }))), () => {});
   const ends = onEvent((kind, data) => {
-    if (kind === "reset" || (kind === "job" && !updateProgress(list, data))) void refresh();
+    if (kind === "reset" || (kind === "job" && !updateProgress(list, data))) refresh.soon();
   });
   return () => {
     clearTimeout(timer);

@@ -128,7 +128,7 @@ export function kernelPage(root, [display, kernelId]) {
     void refresh();
   }
 
-  const ends = onEvent((kind, data) => (kind === "reset" || (kind === "kernel" && data.name === name)) && void refresh());
+  const ends = onEvent((kind, data) => (kind === "reset" || (kind === "kernel" && data.name === name)) && refresh.soon());
   return () => {
     ends();
     plot?.end();

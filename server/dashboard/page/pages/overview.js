@@ -93,8 +93,8 @@ export function overviewPage(root) {
   const timer = setInterval(() => document.hidden || void refreshSlow(), SLOW);
   const ends = onEvent((kind, data) => {
     if (kind === "job" && updateProgress(root, data)) return;
-    if (kind === "job" || kind === "queue" || kind === "reset") void refresh();
-    if (["display", "kernel", "device", "reset"].includes(kind)) void refreshSlow();
+    if (kind === "job" || kind === "queue" || kind === "reset") refresh.soon();
+    if (["display", "kernel", "device", "reset"].includes(kind)) refreshSlow.soon();
   });
   return () => {
     ends();
