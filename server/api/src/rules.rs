@@ -115,6 +115,8 @@ const ROUTES: &[(&str, Rule)] = &[
     ("/page/{*file}", rule(Access::Everyone, Effect::Reads)),
     ("/metrics", rule(READERS, Effect::Reads)),
     ("/v1/artifacts/{digest}/content", rule(READERS, Effect::Reads)),
+    ("/v1/artifacts/{digest}/picture", rule(READERS, Effect::Reads)),
+    ("/v1/colormaps/{colormap}", rule(READERS, Effect::Reads)),
     ("/v1/artifacts/{digest}/upload", rule(SUBMITTERS, Effect::Changes)),
     ("/openapi.json", rule(KERNEL_READERS, Effect::Reads)),
     ("/v1/keyring", rule(KERNEL_READERS, Effect::Reads)),

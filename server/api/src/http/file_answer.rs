@@ -14,7 +14,7 @@ use lightpath_artifacts::ArtifactReader;
 /// Size of the pieces of a file \[bytes\]. Many slow devices may fetch at once, and each holds a few pieces.
 const PIECE_BYTES: usize = 32 << 10;
 /// What a path names never changes.
-const IMMUTABLE: &str = "private, max-age=31536000, immutable";
+pub(super) const IMMUTABLE: &str = "private, max-age=31536000, immutable";
 
 /// A file that a client asks for.
 pub(super) struct ServedFile {

@@ -8,10 +8,11 @@
 //! - `memory_use`: memory of each call, taken from the memory budget. `checked_body`: bodies whose frames these check.
 //! - `requests`: deadlines and metrics of requests, including gRPC. `transcode`: the methods of the API as JSON.
 //!   `server_sent_events`: their streams.
-//!   `kernel_files`: kernels and keyrings for devices. `artifact_files`: files of datasets and results. `file_answer`,
-//!   `byte_range`: files in ranges. `etags`: conditions of requests. `refusal`: errors as answers.
+//!   `kernel_files`: kernels and keyrings for devices. `artifact_files`: files of datasets and results.
+//!   `artifact_pictures`: the same as pictures. `file_answer`, `byte_range`: files in ranges. `etags`: conditions of requests. `refusal`: errors as answers.
 
 mod artifact_files;
+mod artifact_pictures;
 mod byte_range;
 mod checked_body;
 mod compression;
@@ -49,14 +50,17 @@ pub use token_expiry::EndedTokens;
 
 const ARTIFACT_CONTENT: &str = "/v1/artifacts/{digest}/content";
 const PAGE_FILE: &str = "/page/{*file}";
+const ARTIFACT_PICTURE: &str = "/v1/artifacts/{digest}/picture";
 const ARTIFACT_UPLOAD: &str = "/v1/artifacts/{digest}/upload";
 
 /// Paths of plain HTTP that have handlers of their own.
-const PATHS: [&str; 10] = [
+const PATHS: [&str; 12] = [
     "/healthz",
     "/metrics",
     ARTIFACT_CONTENT,
+    ARTIFACT_PICTURE,
     ARTIFACT_UPLOAD,
+    "/v1/colormaps/{colormap}",
     "/openapi.json",
     "/v1/keyring",
     "/v1/displays/{display}/kernels/{kernel}/manifest",
@@ -72,11 +76,14 @@ pub fn router(gate: Gate, budget: Arc<MemoryBudget>, grpc: tonic::service::Route
     // Both routers have a fallback, and a merged router can have only one.
     let grpc = grpc.into_axum_router().reset_fallback();
     let methods = grpc.clone();
-    let [healthz, metrics_path, content, upload, openapi, keyring, manifest, file, index, page_file] = PATHS;
+    let [healthz, metrics_path, content, picture, upload, colormap, openapi, keyring, manifest, file, index, page_file] =
+        PATHS;
     let http = Router::new()
         .route(healthz, get(health))
         .route(metrics_path, get(metrics))
         .route(content, get(artifact_files::get_content))
+        .route(picture, get(artifact_pictures::get_picture))
+        .route(colormap, get(artifact_pictures::get_colormap))
         .route(upload, put(artifact_files::upload).layer(DefaultBodyLimit::disable()))
         .route(openapi, get(get_openapi))
         .route(keyring, get(kernel_files::get_keyring))

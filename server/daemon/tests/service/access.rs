@@ -103,6 +103,8 @@ pub(crate) const EXPECTED: &[(&str, &str)] = &[
     ("/v1/jobs", MAY_READ),
     ("/v1/jobs/0193", MAY_READ),
     ("/v1/artifacts/0/content", MAY_READ),
+    ("/v1/artifacts/0/picture", MAY_READ),
+    ("/v1/colormaps/cyclic", MAY_READ),
     ("/v1/artifacts/0/upload", MAY_SUBMIT),
     ("/openapi.json", MAY_FETCH),
     ("/v1/keyring", MAY_FETCH),
@@ -204,9 +206,9 @@ async fn call(serving: &Serving, path: &'static str, token: Option<&str>) -> Cod
     let authorization = token.map(|token| format!("authorization: Bearer {token}\r\n")).unwrap_or_default();
     let request = format!("GET {path} HTTP/1.1\r\nhost: localhost\r\n{authorization}connection: close\r\n\r\n");
     stream.write_all(request.as_bytes()).await.unwrap();
-    let mut answer = String::new();
-    stream.read_to_string(&mut answer).await.unwrap();
-    match answer.split(' ').nth(1).unwrap() {
+    let mut answer = Vec::new();
+    stream.read_to_end(&mut answer).await.unwrap();
+    match String::from_utf8_lossy(&answer).split(' ').nth(1).unwrap() {
         "401" => Code::Unauthenticated,
         "403" => Code::PermissionDenied,
         _ => Code::Ok,

@@ -3,6 +3,7 @@
 
 mod access;
 mod access_matrix;
+mod artifact_pictures;
 mod artifacts;
 mod audit;
 mod captures;

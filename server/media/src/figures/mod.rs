@@ -1,7 +1,7 @@
 //! Pictures for people: contact sheets, heat maps, curves and alignments, as PNG.
 //!
 //! Light is shown sRGB-encoded, as every screen expects it. Other quantities are shown in colours of even steps, with a
-//! labelled colour bar. The same data give the same bytes.
+//! labelled colour bar. The same data give the same bytes. Views show pictures of users in the same colours.
 
 mod alignment;
 mod canvas;
@@ -12,6 +12,7 @@ mod curves;
 mod heatmap;
 mod text;
 mod ticks;
+mod view;
 
 pub use alignment::{marked, overlay};
 pub use canvas::Canvas;
@@ -20,3 +21,4 @@ pub use colours::ColourMap;
 pub use contact_sheet::{CaptionedPicture, ContactRow, ContactSheet};
 pub use curves::{Curve, Curves};
 pub use heatmap::{Axis, Heatmap};
+pub use view::{Subtracted, View, ViewColours, ViewRegion, view};

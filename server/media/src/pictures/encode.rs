@@ -68,9 +68,16 @@ pub fn colour_png(channels: [&[u8]; 3]) -> Result<Vec<u8>, PictureError> {
             });
         }
     }
-    let pixels = red.values().iter().zip(green.values()).zip(blue.values());
-    let bytes: Vec<u8> = pixels.flat_map(|((&r, &g), &b)| [r as u8, g as u8, b as u8]).collect();
-    png(&bytes, height_px, width_px, ExtendedColorType::Rgb8)
+    rgb_png(&Plane::from_fn(height_px, width_px, |y, x| [&red, &green, &blue].map(|plane| plane.at(y, x) as u8)))
+}
+
+/// Encodes red, green and blue values as an 8-bit PNG.
+///
+/// # Errors
+///
+/// [`PictureError::Encode`] for an empty plane.
+pub fn rgb_png(colours: &Plane<[u8; 3]>) -> Result<Vec<u8>, PictureError> {
+    png(colours.values().as_flattened(), colours.height_px(), colours.width_px(), ExtendedColorType::Rgb8)
 }
 
 /// Encodes a plane as an array file of NumPy: float32, C order, [height, width].

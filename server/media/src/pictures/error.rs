@@ -75,6 +75,14 @@ pub enum PictureError {
         /// Actual height \[px\].
         actual_height_px: u32,
     },
+    /// The wanted part is not inside the picture.
+    #[error("the region must have at least one pixel and lie inside the picture, which has {width_px}×{height_px} px")]
+    RegionOutside {
+        /// Width of the picture \[px\].
+        width_px: u32,
+        /// Height of the picture \[px\].
+        height_px: u32,
+    },
     /// A hologram's levels come in a file of the wrong kind.
     #[error("a hologram's levels must be a grey PNG of 8 or 16 bits without alpha, but this is {actual}")]
     NotLevels {

@@ -39,7 +39,7 @@ pub fn fit(picture: Plane<f32>, fit: Fit, height_px: usize, width_px: usize) -> 
             actual_width_px: w as u32,
             actual_height_px: h as u32,
         }),
-        Fit::Stretch => Ok(resample(&picture, Span::whole(h, height_px), Span::whole(w, width_px))),
+        Fit::Stretch => Ok(resized(&picture, height_px, width_px)),
         Fit::Cover => {
             let scale = scale_y.max(scale_x);
             Ok(resample(&picture, Span::middle(h, height_px, scale), Span::middle(w, width_px, scale)))
@@ -48,10 +48,15 @@ pub fn fit(picture: Plane<f32>, fit: Fit, height_px: usize, width_px: usize) -> 
             let scale = scale_y.min(scale_x);
             let inside = |side: usize, most: usize| ((side as f64 * scale).round() as usize).clamp(1, most);
             let (inner_h, inner_w) = (inside(h, height_px), inside(w, width_px));
-            let inner = resample(&picture, Span::whole(h, inner_h), Span::whole(w, inner_w));
-            Ok(bordered(&inner, height_px, width_px))
+            Ok(bordered(&resized(&picture, inner_h, inner_w), height_px, width_px))
         }
     }
+}
+
+/// The picture at another size; each axis is scaled separately.
+#[must_use]
+pub fn resized(picture: &Plane<f32>, height_px: usize, width_px: usize) -> Plane<f32> {
+    resample(picture, Span::whole(picture.height_px(), height_px), Span::whole(picture.width_px(), width_px))
 }
 
 fn bordered(inner: &Plane<f32>, height_px: usize, width_px: usize) -> Plane<f32> {

@@ -24,9 +24,9 @@ mod tests;
 
 pub use array::phase_npy;
 pub use decode::{Channel, SIDE_PX_MIN, colour_planes, photograph, picture_size, target_channel, target_intensity};
-pub use encode::{colour_png, grey_png_linear, grey_png_srgb, levels_png, npy_f32};
+pub use encode::{colour_png, grey_png_linear, grey_png_srgb, levels_png, npy_f32, rgb_png};
 pub use error::PictureError;
-pub use fit::fit;
+pub use fit::{fit, resized};
 pub use levels::levels;
 pub use memory::{pixels, reading_bytes};
 pub use photograph::{PhotoReading, SATURATED, SATURATION, photo_light};

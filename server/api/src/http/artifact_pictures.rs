@@ -1,0 +1,146 @@
+//! Artifacts as pictures for people, and the colours of their bars.
+
+use super::etags::{etag, has};
+use super::file_answer::IMMUTABLE;
+use super::refusal::Refusal;
+use crate::api::Api;
+use crate::call::Call;
+use crate::error::ApiError;
+use crate::field::Field;
+use axum::Extension;
+use axum::extract::rejection::{PathRejection, QueryRejection};
+use axum::extract::{Path, Query, State};
+use axum::http::{HeaderMap, StatusCode, header};
+use axum::response::{IntoResponse, Response};
+use lightpath_domain::dataset::Encoding;
+use lightpath_domain::job::Fit;
+use lightpath_media::figures::{ColourMap, Subtracted, View, ViewColours, ViewRegion, view};
+use lightpath_media::pictures::{SIDE_PX_MAX, rgb_png};
+use lightpath_optics::Plane;
+use serde::Deserialize;
+use tonic::Status;
+
+/// Number of colours of a map that clients get.
+const COLOURS: usize = 256;
+/// Largest number of decades of a logarithmic scale: more than light of 16 bits has.
+const DECADES_MAX: f64 = 9.0;
+const PNG: [(header::HeaderName, &str); 1] = [(header::CONTENT_TYPE, "image/png")];
+/// Memory for a pixel of a view \[bytes\]: three planes of light and their colours.
+const VIEW_PIXEL_BYTES: u64 = 3 * 4 + 3 + 3;
+
+/// The query of a picture.
+#[derive(Debug, Default, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct Wish {
+    /// Largest number of columns \[px\].
+    width: Option<u32>,
+    colormap: Option<Colours>,
+    /// Decades of a logarithmic scale.
+    log: Option<f32>,
+    /// Light at the end of the scale.
+    range: Option<f32>,
+    /// `x,y,width,height` \[px\].
+    region: Option<String>,
+    encoding: Option<Encoding>,
+    /// Digest of the picture whose light is subtracted.
+    minus: Option<String>,
+    /// How that picture is fitted to the size of the first.
+    minus_fit: Fit,
+    minus_encoding: Option<Encoding>,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Colours {
+    Grey,
+    Sequential,
+    Diverging,
+    Cyclic,
+}
+
+/// Handles `GET /v1/artifacts/{digest}/picture`.
+pub(super) async fn get_picture(
+    State(api): State<Api>,
+    Extension(call): Extension<Call>,
+    Path(digest): Path<String>,
+    query: Result<Query<Wish>, QueryRejection>,
+    headers: HeaderMap,
+) -> Result<Response, Refusal> {
+    let Query(wish) = query.map_err(|error| Status::invalid_argument(error.body_text()))?;
+    let (field, minus_field) = (Field::new("digest"), Field::new("minus"));
+    let digest = field.digest(&digest)?;
+    let minus = wish.minus.as_deref().map(|minus| minus_field.digest(minus)).transpose()?;
+    let wanted = wish.view()?;
+    let mut need_bytes = api.reading_bytes(&call, &field, &digest, 0).await?;
+    let pixels = api.picture_pixels(&call, &field, &digest).await?;
+    need_bytes += VIEW_PIXEL_BYTES * pixels;
+    if let Some(minus) = &minus {
+        need_bytes += api.reading_bytes(&call, &minus_field, minus, pixels).await?;
+    }
+    let etag = etag(format!("{digest} {wish:?}"));
+    let fields = [(header::ETAG, etag.clone()), (header::CACHE_CONTROL, IMMUTABLE.into())];
+    if has(&headers, &etag) {
+        return Ok((StatusCode::NOT_MODIFIED, fields).into_response());
+    }
+    let (artifacts, name) = (api.artifacts.clone(), digest.clone());
+    let draw = move || -> Result<_, ApiError> {
+        let picture = artifacts.read_blocking(&name)?;
+        let minus = minus.map(|minus| artifacts.read_blocking(&minus)).transpose()?;
+        let (fit, encoding) = (wish.minus_fit, wish.minus_encoding.unwrap_or(Encoding::Srgb));
+        let subtracted = minus.as_deref().map(|bytes| Subtracted { bytes, encoding, fit });
+        Ok(view(&picture, subtracted, &wanted))
+    };
+    let drawn = api.accounts.compute(&call, need_bytes, draw).await??;
+    let png = drawn.map_err(|error| field.invalid(format!("({digest}): {error}")))?;
+    Ok((fields, PNG, png).into_response())
+}
+
+/// Handles `GET /v1/colormaps/{colormap}`: the colours of a map from its start to its end, 256 in a row.
+pub(super) async fn get_colormap(colours: Result<Path<Colours>, PathRejection>) -> Result<Response, Refusal> {
+    let Path(colours) = colours.map_err(|error| Status::not_found(error.body_text()))?;
+    let row = Plane::from_fn(1, COLOURS, |_, x| match ViewColours::from(colours) {
+        ViewColours::Map(map) => map.colour(x as f32 / (COLOURS - 1) as f32),
+        ViewColours::Own | ViewColours::Grey => [x as u8; 3],
+    });
+    let png = rgb_png(&row).map_err(|error| Status::internal(error.to_string()))?;
+    Ok(([(header::CACHE_CONTROL, IMMUTABLE)], PNG, png).into_response())
+}
+
+impl Wish {
+    fn view(&self) -> Result<View, ApiError> {
+        let side = 1..=SIDE_PX_MAX;
+        let width = self.width.map(|width| Field::new("width").integer(width, side)).transpose()?;
+        let positive = |name: &str, value: f32, most: f64| {
+            let value = Field::new(name).number(value.into(), f64::from(f32::EPSILON)..=most)?;
+            Ok::<_, ApiError>(value as f32)
+        };
+        Ok(View {
+            encoding: self.encoding.unwrap_or(Encoding::Srgb),
+            region: self.region.as_deref().map(region).transpose()?,
+            width_px: width.map(|width| width as usize),
+            colours: self.colormap.map_or(ViewColours::Own, Into::into),
+            decades: self.log.map(|decades| positive("log", decades, DECADES_MAX)).transpose()?,
+            range: positive("range", self.range.unwrap_or(1.0), 1.0)?,
+        })
+    }
+}
+
+fn region(text: &str) -> Result<ViewRegion, ApiError> {
+    let numbers = text.split(',').map(str::parse).collect::<Result<Vec<usize>, _>>();
+    match numbers.as_deref() {
+        Ok(&[x_px, y_px, width_px, height_px]) => Ok(ViewRegion { x_px, y_px, width_px, height_px }),
+        _ => Err(Field::new("region")
+            .invalid(format!("is {text:?}, but must be x,y,width,height in px, such as 0,0,640,480"))),
+    }
+}
+
+impl From<Colours> for ViewColours {
+    fn from(colours: Colours) -> Self {
+        match colours {
+            Colours::Grey => Self::Grey,
+            Colours::Sequential => Self::Map(ColourMap::Sequential),
+            Colours::Diverging => Self::Map(ColourMap::Diverging),
+            Colours::Cyclic => Self::Map(ColourMap::Cyclic),
+        }
+    }
+}
