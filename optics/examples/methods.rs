@@ -28,7 +28,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let (height_px, width_px) = (target.height_px(), target.width_px());
     let grid = Grid::try_new(height_px, width_px, 8e-6)?;
-    let setup = OpticalSetup::try_new(grid, 515e-9, 0.15)?;
+    let (setup, _) = OpticalSetup::try_new(grid, 515e-9, 0.15)?.planned()?;
     let region = RegionOfInterest::middle(&grid);
     let back_propagated = InitialPhase::BackPropagated { range_rad: RANDOM_RANGE_RAD };
     let random = InitialPhase::Random { range_rad: RANDOM_RANGE_RAD };

@@ -5,8 +5,9 @@ use crate::orders::Orders;
 use crate::propagation_method::ConvolutionMethod;
 use crate::{Error, Grid, Result};
 
-/// Optical setup: the grid of pixels, the wavelength, the distance of the image, and the convolution that computes the
-/// propagation. The default method is the [band-limited angular spectrum](ConvolutionMethod::BandLimited).
+/// Optical setup: the grid of pixels, the wavelength, the distance of the image, the convolution that computes the
+/// propagation, and the part of a pixel that a camera there sees. The default method is the [band-limited angular
+/// spectrum](ConvolutionMethod::BandLimited).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct OpticalSetup {
     grid: Grid,
@@ -16,6 +17,7 @@ pub struct OpticalSetup {
     centre_x_m: f64,
     centre_y_m: f64,
     orders: Orders,
+    camera_fill_factor: f64,
 }
 
 impl OpticalSetup {
@@ -23,6 +25,8 @@ impl OpticalSetup {
     pub const WAVELENGTH_M_MIN: f64 = 100e-9;
     /// Longest wavelength \[m\]. No display works beyond the thermal infrared.
     pub const WAVELENGTH_M_MAX: f64 = 10e-6;
+    /// Smallest fill factor of a camera. Sensors without microlenses have 0.3 and more.
+    pub const CAMERA_FILL_FACTOR_MIN: f64 = 0.1;
     /// Largest distance of an image, in both directions \[m\]. At larger distances hardly any of the band remains for
     /// any size.
     pub const DISTANCE_M_MAX: f64 = 10.0;
@@ -50,6 +54,7 @@ impl OpticalSetup {
             centre_x_m: 0.0,
             centre_y_m: 0.0,
             orders: Orders::First,
+            camera_fill_factor: 1.0,
         })
     }
 
@@ -79,6 +84,20 @@ impl OpticalSetup {
             (Orders::First, method) => method,
         };
         Ok(Self { orders, ..self.with_method_regardless(method) })
+    }
+
+    /// Returns this setup for a camera whose pixels see light along this part of their sides. Only
+    /// [`Detector::Pixel`](crate::Detector::Pixel) depends on it.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::OutOfRange`] for a part that is not between [`Self::CAMERA_FILL_FACTOR_MIN`] and 1.
+    pub fn with_camera_fill_factor(self, camera_fill_factor: f64) -> Result<Self> {
+        if !(Self::CAMERA_FILL_FACTOR_MIN..=1.0).contains(&camera_fill_factor) {
+            let (name, value) = ("camera_fill_factor", camera_fill_factor);
+            return Err(Error::OutOfRange { name, value, allowed: "0.1 to 1" });
+        }
+        Ok(Self { camera_fill_factor, ..self })
     }
 
     /// Returns this setup with another method, without checking that the method is accurate. Use it to measure the
@@ -139,6 +158,12 @@ impl OpticalSetup {
             Orders::First | Orders::Filtered(_) => [1.0, 1.0],
             Orders::All { fill_factor_x, fill_factor_y } => [fill_factor_x, fill_factor_y],
         }
+    }
+
+    /// Side of the part of a pixel in which a camera sees light, in pixel pitches.
+    #[must_use]
+    pub fn camera_fill_factor(&self) -> f64 {
+        self.camera_fill_factor
     }
 
     /// Window of the image. It has the display's pixels; with [`ConvolutionMethod::Shifted`] its centre may lie away

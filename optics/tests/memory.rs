@@ -15,9 +15,9 @@ use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{
     Crosstalk, Detector, DisplayModel, Dust, Engine, EngineCache, FurtherMode, Ghost, Grid, HologramProblem,
     KernelShape, OpticalSetup, Optimization, OrderFilter, Orders, PartialCoherence, Plane, RegionOfInterest,
-    ResponseVariation, SimulatedBench, SmoothField,
+    ResponseVariation, SimulatedBench, SmoothField, SpatialVariation,
 };
-use num_complex::Complex64;
+use num_complex::{Complex32, Complex64};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::sync::Mutex;
 
@@ -111,9 +111,10 @@ fn check_quality(pool: &ThreadPool, frames: usize, model: DisplayModel) {
     check(&name, sampled.max(measured), peak_bytes(pool, work), 1.3);
 }
 
-fn check_opinion(pool: &ThreadPool, orders: Orders) {
+fn check_opinion(pool: &ThreadPool, orders: Orders, flaw: impl Fn(&mut DisplayModel)) {
     let (setup, _) = setup(300, 400, 0.06).with_orders(orders).unwrap().planned().unwrap();
-    let model = DisplayModel::ideal(setup);
+    let mut model = DisplayModel::ideal(setup);
+    flaw(&mut model);
     let engine = Engine::new(&model, Detector::Pixel, None).unwrap();
     let phases = [initial_phase(300, 400, 1.0, 1).unwrap()];
     let shown = ShownLight::of_frames(&engine, &phases).unwrap();
@@ -122,7 +123,13 @@ fn check_opinion(pool: &ThreadPool, orders: Orders) {
         SecondOpinion::of((&model, None), &phases, &shown, Detector::Pixel, wanted, Effort::CHEAP).unwrap().unwrap();
     };
     let estimate = EngineSize::of(&model, Detector::Pixel, 2).opinion_bytes();
-    check(&format!("second opinion, {orders:?}"), estimate, peak_bytes(pool, work), 1.5);
+    let (has_bins, varies) = (matches!(model.kernel, KernelShape::Bins(_)), !model.variation.is_none());
+    check(
+        &format!("second opinion, {orders:?}, bins {has_bins}, varies {varies}"),
+        estimate,
+        peak_bytes(pool, work),
+        1.5,
+    );
 }
 
 fn check_other_orders(pool: &ThreadPool, orders: Orders) {
@@ -285,8 +292,15 @@ fn counted_memory_is_that_of_the_functions() {
     check_quality(&pool, 1, DisplayModel::ideal(first.with_orders(filtered).unwrap()));
     for orders in [Orders::First, filtered, Orders::SQUARE] {
         check_other_orders(&pool, orders);
-        check_opinion(&pool, orders);
+        check_opinion(&pool, orders, |_| ());
     }
+    check_opinion(&pool, Orders::First, |model| {
+        model.kernel = KernelShape::Bins(Plane::filled(600, 800, Complex32::ONE));
+    });
+    check_opinion(&pool, Orders::First, |model| {
+        model.kernel = KernelShape::Smooth(SmoothField::flat(3));
+        model.variation = SpatialVariation::new(std::array::from_fn(|_| SmoothField::flat(2)));
+    });
     for model in KernelModel::ALL {
         check_learning(&pool, model, 1);
     }

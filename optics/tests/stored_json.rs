@@ -67,6 +67,8 @@ fn enumerations_are_stored_as_words() {
     for code in [
         WarningCode::BandLimited,
         WarningCode::SharpBandLimit,
+        WarningCode::WrapAround,
+        WarningCode::KernelWrapAround,
         WarningCode::ShortImpulseResponse,
         WarningCode::FewPoints,
         WarningCode::Paraxial,

@@ -94,6 +94,13 @@ pub(crate) struct Create {
     #[command(flatten)]
     orders: orders::Options,
 
+    /// Set the side of the part of a pixel in which the camera sees light, in pixel pitches of the display, 0.1 to 1
+    ///
+    /// For a camera with one pixel for each pixel of the display and gaps between them. One with more and smaller pixels
+    /// sees all light of a pixel. The detector `pixel` integrates over this part.
+    #[arg(long, value_name = "SIDE", default_value_t = 1.0)]
+    camera_fill_factor: f64,
+
     /// Store this text with the display, at most 4096 bytes [default: none]
     #[arg(long, value_name = "TEXT", default_value = "", hide_default_value = true)]
     notes: String,
@@ -200,6 +207,7 @@ impl Create {
             phase_response: self.phase_response.as_deref().map(phase_response).transpose()?,
             carrier: self.carrier.unwrap_or_default().into(),
             orders: self.orders.message()?,
+            camera_fill_factor: self.camera_fill_factor,
             notes: self.notes.clone(),
             simulated_bench,
             create_time: None,
@@ -262,6 +270,9 @@ fn facts(display: &Display) -> String {
     let carrier = Some(display.carrier()).filter(|carrier| *carrier != v1::Carrier::Unspecified);
     facts.add("carrier", carrier.map_or("none", Words::word));
     facts.add("orders", orders::text(display));
+    if display.camera_fill_factor != 1.0 {
+        facts.add("camera's fill factor", display.camera_fill_factor.to_string());
+    }
     if let Some(bench) = &display.simulated_bench {
         facts.add("simulated", format!("seed {}", bench.seed));
         for (name, value) in bench_file::properties(bench) {

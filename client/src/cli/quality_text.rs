@@ -7,9 +7,6 @@ use lightpath::v1::{
 };
 use lightpath::{Words as _, units};
 
-/// Difference of the engine and the independent model above which they contradict each other [dB].
-const CONTRADICTION_DB: f64 = 0.5;
-
 /// A table of all metrics for each detector: for the phase as optimized and as quantized for the display.
 pub(crate) fn table(plane: &PlaneResult) -> String {
     let mut table = Table::new(&[
@@ -59,9 +56,9 @@ pub(crate) fn other_orders(plane: &PlaneResult) -> Option<String> {
 /// rows`; `None`: there is none.
 pub(crate) fn second_opinion(plane: &PlaneResult) -> Option<String> {
     let opinion = plane.second_opinion?;
-    let SecondOpinion { rows, engine_psnr_db, independent_psnr_db } = opinion;
+    let SecondOpinion { rows, engine_psnr_db, independent_psnr_db, contradicts } = opinion;
     let difference_db = independent_psnr_db - engine_psnr_db;
-    Some(if is_contradiction(&opinion) {
+    Some(if contradicts {
         let (engine, independent) = (show::decibel(engine_psnr_db), show::decibel(independent_psnr_db));
         format!("contradicts: {independent} by the independent model, {engine} by the engine, on the same {rows} rows")
     } else {
@@ -130,7 +127,7 @@ pub(crate) fn opinions(found: &VerifyResult) -> String {
                 show::decibel(opinion.independent_psnr_db),
                 format!("{:+.3} dB", opinion.independent_psnr_db - opinion.engine_psnr_db),
                 opinion.rows.to_string(),
-                if is_contradiction(&opinion) { "contradicts" } else { "agrees" }.to_owned(),
+                if opinion.contradicts { "contradicts" } else { "agrees" }.to_owned(),
             ]);
         }
     }
@@ -140,11 +137,7 @@ pub(crate) fn opinions(found: &VerifyResult) -> String {
 /// Whether the independent model contradicts the engine for any picture and detector.
 pub(crate) fn has_contradiction(found: &VerifyResult) -> bool {
     let opinions = found.planes.iter().flat_map(|plane| [plane.point, plane.pixel, plane.supersampled]);
-    opinions.flatten().any(|opinion| is_contradiction(&opinion))
-}
-
-fn is_contradiction(opinion: &SecondOpinion) -> bool {
-    (opinion.independent_psnr_db - opinion.engine_psnr_db).abs() > CONTRADICTION_DB
+    opinions.flatten().any(|opinion| opinion.contradicts)
 }
 
 /// Six cells: PSNR of the optimized phase for the detectors point, pixel and supersampled, then PSNR, SSIM and
@@ -214,7 +207,10 @@ mod tests {
         assert_eq!(other_orders(&seen).as_deref(), Some(text));
         assert_eq!(table(&PlaneResult::default()), "");
         assert_eq!(second_opinion(&plane), None);
-        let opinion = |independent_psnr_db| SecondOpinion { rows: 8, engine_psnr_db: 40.0, independent_psnr_db };
+        let opinion = |independent_psnr_db: f64| {
+            let contradicts = (independent_psnr_db - 40.0).abs() > 0.5;
+            SecondOpinion { rows: 8, engine_psnr_db: 40.0, independent_psnr_db, contradicts }
+        };
         let judged = |db| second_opinion(&PlaneResult { second_opinion: Some(opinion(db)), ..plane.clone() }).unwrap();
         assert_eq!(judged(39.98), "agrees: the independent model finds -0.02 dB on 8 rows");
         let text = "contradicts: 38.0 dB by the independent model, 40.0 dB by the engine, on the same 8 rows";

@@ -123,6 +123,11 @@ impl<T: Real> Convolver<T> {
         self.along_y.offsets.len()
     }
 
+    /// Number of sub-samples in a pixel.
+    pub(crate) fn samples_per_pixel(&self) -> usize {
+        self.along_x.offsets.len() * self.along_y.offsets.len()
+    }
+
     /// Number of values in a buffer of `lanes` half-transformed fields.
     pub(crate) fn half_spectrum_len(&self, lanes: usize) -> usize {
         lanes * self.height_px * self.row_len()

@@ -108,11 +108,17 @@ impl<T: Real> Transfer<T> {
     }
 
     /// Multiplies all values by [`Self::scale`], for a kernel whose values were written without it.
-    pub(crate) fn scaled(mut self) -> Self {
+    pub(crate) fn scaled(self) -> Self {
         let scale = self.scale();
-        self.values
-            .par_chunks_mut(1 << 16)
-            .for_each(|values| values.iter_mut().for_each(|value| *value = value.scale(scale)));
+        self.times(scale)
+    }
+
+    /// Multiplies all values by a factor.
+    pub(crate) fn times(mut self, factor: T) -> Self {
+        if factor != T::one() {
+            let scale = |values: &mut [Complex<T>]| values.iter_mut().for_each(|value| *value = value.scale(factor));
+            self.values.par_chunks_mut(1 << 16).for_each(scale);
+        }
         self
     }
 

@@ -1,6 +1,7 @@
 //! Cache of FFT plans and sampled transfer functions, which engines of several jobs share.
 
 use super::core::{EngineCore, convolver, sample_kernels};
+use super::sub_samples::offsets_px;
 use crate::carrier::Carrier;
 use crate::convolution::{Convolver, Kernels};
 use crate::display_model::KernelShape;
@@ -62,8 +63,9 @@ impl EngineCache {
             return Arc::new(convolver(&model.setup, detector));
         }
         let (height_px, width_px) = (model.setup.grid().height_px(), model.setup.grid().width_px());
+        let offsets_px = offsets_px(&model.setup, detector);
         let fits = |plans: &Arc<Convolver<f32>>| {
-            (plans.height_px, plans.width_px, plans.offsets_px()) == (height_px, width_px, detector.offsets_px())
+            (plans.height_px, plans.width_px, plans.offsets_px()) == (height_px, width_px, &*offsets_px)
         };
         let mut parts = self.lock();
         let plans = match parts.plans.iter().position(fits) {

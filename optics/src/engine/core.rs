@@ -1,5 +1,6 @@
 //! Computations of an engine, in f32 or f64.
 
+use super::sub_samples::{offsets_px, sub_samples};
 use crate::buffers::zeros;
 use crate::carrier::Carrier;
 use crate::chebyshev::polynomials;
@@ -155,6 +156,11 @@ impl<T: Real> EngineCore<T> {
         self.detector
     }
 
+    /// Part of a pixel's side along which the camera sees light.
+    pub(crate) fn camera_fill_factor(&self) -> f64 {
+        self.setup.camera_fill_factor()
+    }
+
     /// Number of rows \[px\].
     #[must_use]
     pub fn height_px(&self) -> usize {
@@ -251,6 +257,11 @@ impl<T: Real> EngineCore<T> {
         self.convolver.inverse_rows(tiles, &self.kernels.along_x, results, use_row);
     }
 
+    /// Number of sub-samples in a pixel.
+    pub(crate) fn samples_per_pixel(&self) -> usize {
+        self.convolver.samples_per_pixel()
+    }
+
     /// Number of values in the half-transformed fields in the image plane.
     pub(crate) fn image_len(&self) -> usize {
         self.convolver.half_spectrum_len(self.convolver.lanes())
@@ -312,9 +323,14 @@ pub(crate) fn convolver<T: Real>(setup: &OpticalSetup, detector: Detector) -> Co
     let (height_px, width_px) = (setup.grid().height_px(), setup.grid().width_px());
     match setup.method() {
         ConvolutionMethod::AllOrders => {
-            Convolver::with_transfers(height_px, width_px, sample_transfers(setup, &detector.places_px()))
+            let (places, weights): (Vec<_>, Vec<_>) = sub_samples(setup, detector).into_iter().unzip();
+            // The light of a pixel is the mean over its sub-samples.
+            let factor = |weight: f64| T::of((weight * places.len() as f64).sqrt());
+            let transfers = sample_transfers(setup, &places).into_iter().zip(&weights);
+            let weighted = transfers.map(|(transfer, &weight)| transfer.times(factor(weight)));
+            Convolver::with_transfers(height_px, width_px, weighted.collect())
         }
-        _ => Convolver::new(height_px, width_px, detector.offsets_px()),
+        _ => Convolver::new(height_px, width_px, &offsets_px(setup, detector)),
     }
 }
 

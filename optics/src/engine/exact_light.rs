@@ -4,43 +4,14 @@
 //! Optimizations on a display that shows the first order move the samples by a linear phase instead, which takes fewer
 //! transforms; its error is some −50 dB of the light.
 //!
-//! The field of all orders has details finer than a pixel, so a few fixed sub-samples do not hold its light. A pixel is
-//! integrated by the quadrature of Gauss and Legendre along each axis. Light reaches a point of the image from
-//! directions up to the display's sides, and the intensity's finest detail there has
-//!
-//! ```text
-//! ν = N Δ²/(λz) = z_c/2z cycles per pixel
-//! ```
-//!
-//! N pixels along the axis, Δ pixel pitch \[m\], λ wavelength \[m\], z distance \[m\], z_c the critical distance.
+//! The field of all orders has details finer than a pixel, which is integrated at [more places](super::sub_samples).
 
 use super::core::{EngineCore, Fields, Transmission};
+use super::sub_samples::{WeightedPlace, reported_places};
 use crate::convolution::Real;
-use crate::propagation::passes::{for_each_sample_transfer, gauss_legendre};
-use crate::{Detector, OpticalSetup, Plane, Result};
+use crate::propagation::passes::for_each_sample_transfer;
+use crate::{Detector, Plane, Result};
 use rayon::prelude::*;
-use std::f64::consts::FRAC_PI_2;
-
-/// Fewest nodes along an axis.
-const NODES_MIN: usize = 2;
-/// Most nodes along an axis. They integrate details of up to four cycles per pixel.
-const NODES_MAX: usize = 8;
-
-/// Numbers of nodes along x and y at which the light of all orders is integrated over a pixel.
-pub(crate) fn nodes(setup: &OpticalSetup) -> [usize; 2] {
-    [setup.critical_distance_x_m(), setup.critical_distance_y_m()].map(|critical_m| {
-        let cycles = 0.5 * critical_m / setup.distance_m().abs();
-        ((FRAC_PI_2 * cycles + 1.5).ceil() as usize).clamp(NODES_MIN, NODES_MAX)
-    })
-}
-
-/// Places of the nodes in a pixel (x, y) \[px\], with their weights.
-fn places([nodes_x, nodes_y]: [usize; 2]) -> Vec<([f64; 2], f64)> {
-    let along = |nodes| gauss_legendre(nodes).into_iter().map(|(node, weight)| (0.5 * node, 0.5 * weight));
-    along(nodes_y)
-        .flat_map(|(y, weight_y)| along(nodes_x).map(move |(x, weight_x)| ([x, y], weight_x * weight_y)))
-        .collect()
-}
 
 impl<T: Real> EngineCore<T> {
     /// Light at the sub-samples of [`Detector::Supersampled`], 2×2 values per pixel, by the exact transfer function of
@@ -82,14 +53,19 @@ impl<T: Real> EngineCore<T> {
         self.light_at(&[([0.0, 0.0], 1.0)], sets).map(Some)
     }
 
-    /// Light of all orders, integrated over each pixel: for each set of phases the mean. The engine's detector does not
-    /// matter.
+    /// Light integrated over the part of each pixel that the camera sees: for each set of phases the mean. `None` where
+    /// samples at a quarter of a pixel hold the integral, or there are no exact transfer functions. The engine's detector
+    /// does not matter.
     ///
     /// # Errors
     ///
     /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for a phase of another size.
-    pub(crate) fn light_of_all_orders(&self, sets: &[&[Plane<T>]]) -> Result<Vec<Plane<T>>> {
-        self.light_at(&places(nodes(&self.setup)), sets)
+    pub(crate) fn light_over_pixels(&self, sets: &[&[Plane<T>]]) -> Result<Option<Vec<Plane<T>>>> {
+        let needs_places = self.shows_all_orders() || self.camera_fill_factor() < 1.0;
+        if !needs_places || !self.has_exact_places() {
+            return Ok(None);
+        }
+        self.light_at(&reported_places(&self.setup), sets).map(Some)
     }
 
     /// Weighted sum of the light at some places in each pixel: for each set of phases the mean.
@@ -97,7 +73,7 @@ impl<T: Real> EngineCore<T> {
     /// # Errors
     ///
     /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for a phase of another size.
-    pub(crate) fn light_at(&self, places: &[([f64; 2], f64)], sets: &[&[Plane<T>]]) -> Result<Vec<Plane<T>>> {
+    pub(crate) fn light_at(&self, places: &[WeightedPlace], sets: &[&[Plane<T>]]) -> Result<Vec<Plane<T>>> {
         let mut sums = vec![Plane::filled(self.height_px(), self.width_px(), T::zero()); sets.len()];
         let places_px: Vec<[f64; 2]> = places.iter().map(|(place, _)| *place).collect();
         self.for_each_place(&places_px, sets, |place, set, light| {
@@ -155,7 +131,7 @@ impl<T: Real> EngineCore<T> {
 mod tests {
     use super::*;
     use crate::hologram::initial_phase;
-    use crate::{DisplayModel, Grid, Orders};
+    use crate::{DisplayModel, Grid, OpticalSetup, Orders};
 
     #[test]
     fn pixel_light_matches_many_samples_of_each_pixel() {
@@ -165,7 +141,7 @@ mod tests {
             let setup = setup.with_orders(Orders::SQUARE).unwrap();
             let engine = EngineCore::<f64>::new(&DisplayModel::ideal(setup), Detector::Point, None).unwrap();
             let phases = [3, 4].map(|seed| initial_phase(8, 12, 6.0, seed).unwrap().map(f64::from));
-            let found = &engine.light_of_all_orders(&[&phases]).unwrap()[0];
+            let found = &engine.light_over_pixels(&[&phases]).unwrap().unwrap()[0];
             let along = |i: usize| (i as f64 + 0.5) / 16.0 - 0.5;
             let many: Vec<_> =
                 (0..16).flat_map(|j| (0..16).map(move |i| ([along(i), along(j)], 1.0 / 256.0))).collect();

@@ -4,21 +4,22 @@ use super::core::{EngineCore, Fields, Transmission, clenshaw};
 use crate::buffers::zeros;
 use crate::convolution::{Real, frequency_per_px, split_bin};
 use crate::interrupt;
-use crate::{Plane, Result};
+use crate::{Detector, Plane, Result};
 use num_complex::Complex;
 use pulp::Arch;
 use rayon::prelude::*;
 
 impl<T: Real> EngineCore<T> {
-    /// Intensities |u|² at every sub-sample of the detector, at its place in the image: k·`height_px` × k·`width_px`
-    /// values with k = 1 for [`Detector::Point`](crate::Detector::Point) and k = 2 for the other detectors. With
-    /// [`Detector::Pixel`](crate::Detector::Pixel) the mean over k×k samples is [`Self::light`].
+    /// Intensities at every sub-sample, see [`Engine::samples`](crate::Engine::samples).
     ///
     /// # Errors
     ///
     /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for a phase of another size.
     pub fn samples(&self, phase: &Plane<T>) -> Result<Plane<T>> {
         phase.expect_size("phase", self.height_px(), self.width_px())?;
+        if self.detector == Detector::Pixel {
+            return self.with_detector(Detector::Supersampled).samples(phase);
+        }
         Ok(self.sum_over_modes(|mode| mode.samples_of_mode(phase)))
     }
 
@@ -127,8 +128,8 @@ mod tests {
     use super::*;
     use crate::hologram::initial_phase;
     use crate::{
-        ConvolutionMethod, Detector, DisplayModel, FurtherMode, Grid, KernelShape, OpticalSetup, PartialCoherence,
-        SmoothField, reference,
+        ConvolutionMethod, DisplayModel, FurtherMode, Grid, KernelShape, OpticalSetup, PartialCoherence, SmoothField,
+        reference,
     };
     use num_complex::{Complex32, Complex64};
 
@@ -142,33 +143,40 @@ mod tests {
         EngineCore::new(&DisplayModel::ideal(setup()), detector, None).unwrap()
     }
 
+    /// Intensities beside the pixels' centres.
+    fn intensities_at(field: &Plane<Complex64>, [x_px, y_px]: [f64; 2]) -> Plane<f64> {
+        let transfer = reference::offset(|fx, fy| setup().transfer(fx, fy), x_px * PITCH_M, y_px * PITCH_M);
+        reference::propagate(field, PITCH_M, transfer).map(|u| u.norm_sqr())
+    }
+
     #[test]
     fn samples_match_light_at_offset_positions() {
         let phase = initial_phase(18, 25, 6.0, 3).unwrap().map(f64::from);
         let field = phase.map(Complex64::cis);
         let samples = engine(Detector::Supersampled).samples(&phase).unwrap();
         for (dy, dx) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
-            let offset_m = |d: usize| (d as f64 - 0.5) * 0.5 * PITCH_M;
-            let transfer = reference::offset(|fx, fy| setup().transfer(fx, fy), offset_m(dx), offset_m(dy));
-            let beside = reference::propagate(&field, PITCH_M, transfer);
+            let offset_px = |d: usize| (d as f64 - 0.5) * 0.5;
+            let beside = intensities_at(&field, [offset_px(dx), offset_px(dy)]);
             for (y, x) in (0..18).flat_map(|y| (0..25).map(move |x| (y, x))) {
-                let (found, expected) = (samples.at(2 * y + dy, 2 * x + dx), beside.at(y, x).norm_sqr());
+                let (found, expected) = (samples.at(2 * y + dy, 2 * x + dx), beside.at(y, x));
                 assert!((found - expected).abs() < 1e-11, "{y} {x} + {dy} {dx}: {found} {expected}");
             }
         }
+        let point = engine(Detector::Point);
+        assert_eq!(point.samples(&phase).unwrap(), point.light(&phase).unwrap());
     }
 
     #[test]
-    fn pixel_light_is_mean_of_samples() {
+    fn pixel_light_is_mean_over_its_places() {
         let phase = initial_phase(18, 25, 6.0, 3).unwrap().map(f64::from);
-        let (light, samples) =
-            (engine(Detector::Pixel).light(&phase).unwrap(), engine(Detector::Pixel).samples(&phase).unwrap());
+        let field = phase.map(Complex64::cis);
+        let light = engine(Detector::Pixel).light(&phase).unwrap();
+        let lights = Detector::Pixel.places_px().into_iter().map(|place| intensities_at(&field, place));
+        let lights: Vec<_> = lights.collect();
         for (y, x) in (0..18).flat_map(|y| (0..25).map(move |x| (y, x))) {
-            let near = [(0, 0), (0, 1), (1, 0), (1, 1)].map(|(dy, dx)| samples.at(2 * y + dy, 2 * x + dx));
-            assert!((near.iter().sum::<f64>() / 4.0 - light.at(y, x)).abs() < 1e-12);
+            let mean = lights.iter().map(|light| light.at(y, x)).sum::<f64>() / 4.0;
+            assert!((mean - light.at(y, x)).abs() < 1e-11);
         }
-        let point = engine(Detector::Point);
-        assert_eq!(point.samples(&phase).unwrap(), point.light(&phase).unwrap());
     }
 
     #[test]

@@ -7,11 +7,12 @@ mod cache;
 mod core;
 mod exact_light;
 mod light;
+mod sub_samples;
 
 pub use cache::EngineCache;
 pub use core::EngineCore;
 pub(crate) use core::{Fields, Mode, SeriesAlongY, kernel_grid, tabulate_gain, tabulate_source};
-pub(crate) use exact_light::nodes;
+pub(crate) use sub_samples::{reported_nodes, sub_samples};
 
 use crate::carrier::Carrier;
 use crate::{Detector, DisplayModel, Plane, Result};
@@ -85,9 +86,9 @@ impl Engine {
         self.core.light(phase)
     }
 
-    /// Intensities |u|² at every sub-sample of the detector, at its place in the image: k·`height_px` × k·`width_px`
-    /// values with k = 1 for [`Detector::Point`] and k = 2 for the other detectors. With [`Detector::Pixel`] the mean
-    /// over k×k samples is [`Self::light`].
+    /// Intensities |u|² at every sub-sample of [`Detector::Point`] or [`Detector::Supersampled`], at its place in the
+    /// image: k·`height_px` × k·`width_px` values with k = 1 or k = 2. With [`Detector::Pixel`] those of
+    /// [`Detector::Supersampled`].
     ///
     /// # Errors
     ///

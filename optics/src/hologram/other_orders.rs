@@ -2,7 +2,7 @@
 //! what a filter passes, or with the first instead of all.
 
 use super::shown_light::light_of_frames;
-use crate::engine::EngineCore;
+use crate::engine::{EngineCore, sub_samples};
 use crate::metrics::{Gain, psnr_db};
 use crate::{Detector, DisplayModel, Engine, KernelShape, Orders, Plane, RegionOfInterest, Result};
 
@@ -24,7 +24,8 @@ pub fn with_other_orders(model: &DisplayModel) -> Option<DisplayModel> {
     Some(DisplayModel { setup, ..model.clone() })
 }
 
-/// PSNR \[dB\] of the light of `phases`, shown one after the other and integrated over the pixels by four sub-samples.
+/// PSNR \[dB\] of the light of `phases`, shown one after the other and integrated over the pixels by the sub-samples of
+/// an optimization.
 ///
 /// # Errors
 ///
@@ -41,7 +42,7 @@ pub fn pixel_psnr_db(
             psnr_db(&light, target, region, Gain::Fitted)
         }
         Orders::All { .. } => {
-            let places: Vec<_> = Detector::Pixel.places_px().into_iter().map(|place| (place, 0.25)).collect();
+            let places = sub_samples(&model.setup, Detector::Pixel);
             let light = &EngineCore::<f32>::without_samples(model)?.light_at(&places, &[phases])?[0];
             psnr_db(light, target, region, Gain::Fitted)
         }

@@ -46,7 +46,11 @@ impl ShownLight {
         }
         let of_detector = |detector| -> Result<Vec<Plane<f32>>> {
             let engine = engine.with_detector(detector);
-            let light = |phases: &&[Plane<T>]| Ok(narrowed(&mean_light(phases, |phase| engine.samples(phase))?));
+            let light_of = |phase: &Plane<T>| match detector {
+                Detector::Pixel => engine.light(phase),
+                Detector::Point | Detector::Supersampled => engine.samples(phase),
+            };
+            let light = |phases: &&[Plane<T>]| Ok(narrowed(&mean_light(phases, light_of)?));
             sets.iter().map(light).collect()
         };
         let passed = |phases: &&[Plane<T>]| -> Result<f64> {
@@ -62,9 +66,12 @@ impl ShownLight {
             Some(samples) => samples.into_iter().map(|samples| narrowed(&samples)).collect(),
             None => of_detector(Detector::Supersampled)?,
         };
-        let integrated: Vec<Plane<f32>> = match engine.shows_all_orders() {
-            true => engine.light_of_all_orders(sets)?.into_iter().map(|light| narrowed(&light)).collect(),
-            false => samples.iter().map(|samples| integrated(samples, engine.height_px(), engine.width_px())).collect(),
+        let integrated: Vec<Plane<f32>> = match (engine.light_over_pixels(sets)?, engine.camera_fill_factor() < 1.0) {
+            (Some(lights), _) => lights.into_iter().map(|light| narrowed(&light)).collect(),
+            (None, true) => of_detector(Detector::Pixel)?,
+            (None, false) => {
+                samples.iter().map(|samples| integrated(samples, engine.height_px(), engine.width_px())).collect()
+            }
         };
         let lights = at_points.into_iter().zip(integrated).zip(samples).zip(passed);
         let shown =
@@ -158,4 +165,35 @@ fn integrated(samples: &Plane<f32>, height_px: usize, width_px: usize) -> Plane<
         },
     );
     light
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hologram::{HologramMethod, HologramOptions, initial_phase};
+    use crate::test_cards::TestCard;
+    use crate::{DisplayModel, Grid, HologramProblem, OpticalSetup, Optimization};
+
+    #[test]
+    fn holograms_are_optimized_for_what_the_camera_sees() {
+        let grid = Grid::try_new(64, 96, 8e-6).unwrap();
+        let (setup, _) = OpticalSetup::try_new(grid, 515e-9, 15e-3).unwrap().planned().unwrap();
+        let (target, region) = (TestCard::Portrait.render(64, 96, 3).unwrap(), RegionOfInterest::middle(&grid));
+        let engine = |part: f64| {
+            let model = DisplayModel::ideal(setup.with_camera_fill_factor(part).unwrap());
+            Engine::new(&model, Detector::Pixel, None).unwrap()
+        };
+        let seen_by_small_pixels = |optimized_for: f64| {
+            let problem = HologramProblem::new(engine(optimized_for), target.clone(), region).unwrap();
+            let start = initial_phase(64, 96, 0.5, 4).unwrap().into_vec();
+            let mut optimization =
+                Optimization::start(problem, HologramOptions::new(HologramMethod::Lbfgs, 40), start).unwrap();
+            while optimization.step().is_some() {}
+            let phase = Plane::try_from_vec(64, 96, optimization.phases().to_vec()).unwrap();
+            let shown = ShownLight::of_frames(&engine(0.5), &[phase]).unwrap();
+            shown.quality(&target, region).unwrap().pixel.psnr_db
+        };
+        let (for_small, for_whole) = (seen_by_small_pixels(0.5), seen_by_small_pixels(1.0));
+        assert!(for_small > for_whole + 3.0, "{for_small} {for_whole}");
+    }
 }

@@ -212,7 +212,7 @@ impl<T: Real> ProblemCore<T> {
         let (first_field, frame_len) = (self.fields_before(p), self.frame_len());
         let single_field = self.fields_before(self.planes.len()) == 1;
         for (m, mode) in self.planes[p].modes.iter().enumerate() {
-            let factor = mode.share / (mode.detector().samples() * self.frames) as f64;
+            let factor = mode.share / (mode.samples_per_pixel() * self.frames) as f64;
             for (f, phase) in phase.chunks_exact(frame_len).enumerate() {
                 let Buffers { samples, slopes, .. } = &mut self.buffers;
                 if let Some(stored) = samples.get_mut(first_field + m * self.frames + f) {

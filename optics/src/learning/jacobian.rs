@@ -257,7 +257,7 @@ impl<T: Real> Jacobian<T> {
         let rows: Vec<usize> = in_region.skip(first).step_by(stride).collect();
         let columns = rows.first().and_then(|&y| example.region.columns(y)).unwrap_or_default();
         // Gain and offset follow after θ.
-        let (parameters, samples) = (fit.layout.len() + 2, fit.engine.detector.samples());
+        let (parameters, samples) = (fit.layout.len() + 2, fit.engine.samples_per_pixel());
         let pixels = rows.len() * columns.len();
         let field = zeros(pixels * samples);
         Self { rows, columns, parameters, samples, field, values: zeros(pixels * parameters), light: zeros(pixels) }

@@ -83,7 +83,7 @@ impl<T: Real> Fit<T> {
     pub(super) fn weigh_mode(&mut self) {
         self.propagate_spectrum();
         let Self { engine, out, back, modes, .. } = self;
-        let factor = engine.share / engine.detector.samples() as f64;
+        let factor = engine.share / engine.samples_per_pixel() as f64;
         engine.convolver.weigh_sampled_tiles(&out.tiles, &modes.slopes, factor, back);
     }
 

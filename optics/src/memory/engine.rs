@@ -3,9 +3,10 @@
 use super::sampling::{ExactSize, RESPONSE_STAGES, quadrant, sampling_bytes, sampling_work};
 use super::{COMPLEX, COMPLEX_F64, REAL};
 use crate::convolution::{padded_columns, rows::ROWS, tile_columns};
+use crate::engine::sub_samples;
 use crate::hologram::OTHER_ORDERS_PIXELS_MAX;
 use crate::propagation::passes::has_sample_transfers;
-use crate::second_opinion::{Effort, opinion_bytes, values};
+use crate::second_opinion::OpinionSize;
 use crate::simulated_display::{AxisSize, POSITIONS, SimulatedBench, all_orders_sizes};
 use crate::spatial_variation::local_kernels;
 use crate::{ConvolutionMethod, Detector, DisplayModel, KernelShape, OpticalSetup};
@@ -62,8 +63,8 @@ pub struct EngineSize {
     /// The exact transfer functions with which the quality of holograms is measured; `None`: it is measured without
     /// them.
     pub exact: Option<ExactSize>,
-    /// Values of transfer functions in the [`second opinion`](crate::second_opinion); 0: none.
-    pub opinion_values: u64,
+    /// The [`second opinion`](crate::second_opinion); `None`: there is none.
+    pub opinion: Option<OpinionSize>,
     /// Memory for the sampling of transfer functions, besides them \[bytes\].
     pub sampling_bytes: u64,
     /// Work of sampling the transfer functions, in values times radix-2 stages.
@@ -91,7 +92,7 @@ impl EngineSize {
             orders_setup: None,
             is_filtered: false,
             exact: None,
-            opinion_values: 0,
+            opinion: None,
             sampling_bytes: 0,
             sampling_work: 0,
             threads,
@@ -106,17 +107,12 @@ impl EngineSize {
 
     fn sampled_behind(self, setup: &OpticalSetup, kernel_has_bins: bool, has_errors: bool) -> Self {
         let has_samples = has_sample_transfers(setup) && !kernel_has_bins && self.kernels_per_side == 1;
-        let ideal = DisplayModel::ideal(*setup);
         Self {
             all_orders: setup.method() == ConvolutionMethod::AllOrders,
             orders_setup: setup.orders().are_all().then_some(*setup),
             is_filtered: setup.orders().filter().is_some(),
             exact: has_samples.then(|| ExactSize::of(setup, has_errors)),
-            opinion_values: if kernel_has_bins || self.kernels_per_side > 1 {
-                0
-            } else {
-                self.modes as u64 * values(&ideal, Effort::CHEAP)
-            },
+            opinion: OpinionSize::of(setup, kernel_has_bins, self.kernels_per_side, self.modes),
             sampling_bytes: sampling_bytes(setup),
             sampling_work: sampling_work(setup),
             ..self
@@ -160,9 +156,15 @@ impl EngineSize {
         self.detector.offsets_px().len() as u64
     }
 
+    /// Number of sub-samples in a pixel.
+    pub(super) fn samples(&self) -> u64 {
+        let samples = |setup| sub_samples(&setup, self.detector).len();
+        self.orders_setup.map_or(self.detector.samples(), samples) as u64
+    }
+
     /// Number of half-transformed fields in the image.
     pub(super) fn lanes(&self) -> u64 {
-        self.offsets().pow(if self.all_orders { 2 } else { 1 })
+        if self.all_orders { self.samples() } else { self.offsets() }
     }
 
     fn row_len(&self) -> u64 {
@@ -209,7 +211,7 @@ impl EngineSize {
     /// Scratch memory of all threads, and FFT plans.
     #[must_use]
     pub fn scratch_bytes(&self) -> u64 {
-        let (w, h, samples) = (self.width_px as u64, self.height_px as u64, self.offsets().pow(2));
+        let (w, h, samples) = (self.width_px as u64, self.height_px as u64, self.samples());
         let columns = tile_columns::<f32>(self.height_px) as u64;
         let rows = (4 + samples) * w * COMPLEX + ROWS as u64 * self.row_len() * COMPLEX + (1 + samples) * w * REAL;
         let tile = 5 * columns * h * COMPLEX;
@@ -248,7 +250,7 @@ impl EngineSize {
             Some(exact) => {
                 // The spectra of rows, then a transfer function, the fields, and the light of one place.
                 let transfer = point.transfer_bytes() + point.light_bytes() + 2 * n * REAL;
-                let own = if self.all_orders { SETS * n * REAL } else { 0 };
+                let own = if exact.places > 4 { SETS * n * REAL } else { 0 };
                 own + SETS * samples + 4 * n * COMPLEX + exact.bytes + transfer + point.scratch_bytes()
             }
             None => {
@@ -285,13 +287,14 @@ impl EngineSize {
             };
             OPINION_STAGES + OPINION_ROW_STAGES * (rows * places) as f64
         };
-        self.opinion_values as f64 * frames as f64 * detectors.iter().map(of).sum::<f64>()
+        let values = self.opinion.map_or(0, |opinion| opinion.values);
+        values as f64 * frames as f64 * detectors.iter().map(of).sum::<f64>()
     }
 
     /// Memory for the second opinion on a hologram in one plane, besides the engine and the light of its quality.
     #[must_use]
     pub fn opinion_bytes(&self) -> u64 {
-        if self.opinion_values == 0 { 0 } else { opinion_bytes([self.height_px, self.width_px], self.opinion_values) }
+        self.opinion.map_or(0, |opinion| opinion.bytes([self.height_px, self.width_px]))
     }
 
     /// Memory for measuring what a hologram would show on a display that shows the other diffraction orders, besides
@@ -321,7 +324,7 @@ impl EngineSize {
     pub fn light_work(&self) -> f64 {
         let (w, h) = (self.width_px as f64, self.height_px as f64);
         let (lanes, sides) = (self.lanes() as f64, self.kernels_per_side as f64);
-        let along_x = (sides + self.detector.samples() as f64) * (w.log2() + STAGES_BESIDE);
+        let along_x = (sides + self.samples() as f64) * (w.log2() + STAGES_BESIDE);
         let along_y = (sides * sides + lanes) * (h.log2() + STAGES_BESIDE);
         2.0 * w * h * (along_x + along_y)
     }

@@ -124,7 +124,7 @@ impl LearningSize {
         let [rows, columns] = self.region_px.map(|side| side as u64);
         let stride = (rows * columns / CURVATURE_PX as u64).max(1);
         let (rows, parameters) = (rows.div_ceil(stride), self.parameters());
-        let samples = self.engine.detector.samples() as u64;
+        let samples = self.engine.samples();
         let derivatives = rows * columns * ((parameters + 1) * REAL + samples * COMPLEX);
         let joint = self.joint_parameters();
         derivatives + rows * parameters * parameters / 2 * 8 + 4 * parameters * parameters * 8 + 6 * joint * joint * 8

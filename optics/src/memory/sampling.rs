@@ -1,9 +1,9 @@
 //! Memory and work of sampling a transfer function.
 
 use super::{COMPLEX, COMPLEX_F64};
-use crate::engine::nodes;
+use crate::engine::{reported_nodes, sub_samples};
 use crate::propagation::passes::{band_samples, frequencies, is_even, peak_values};
-use crate::{ConvolutionMethod, OpticalSetup};
+use crate::{ConvolutionMethod, Detector, OpticalSetup};
 
 /// Time of sampling the response of a pixel at one lag and of the transforms of four sub-samples, in radix-2 stages of
 /// a value.
@@ -45,7 +45,11 @@ pub fn sampling_work(setup: &OpticalSetup) -> u64 {
     match setup.method() {
         ConvolutionMethod::BandResponse if setup.orders().filter().is_some() => 4 * frequencies(setup) * BAND_STAGES,
         ConvolutionMethod::BandResponse => frequencies(setup) * BAND_STAGES,
-        ConvolutionMethod::AllOrders => padded_values(setup) * RESPONSE_STAGES,
+        ConvolutionMethod::AllOrders => {
+            // Those of a quarter of a pixel, whose mirror images are the others.
+            let responses = sub_samples(setup, Detector::Pixel).len().div_ceil(4) as u64;
+            responses * padded_values(setup) * RESPONSE_STAGES
+        }
         _ => 2 * quadrant(grid.height_px(), grid.width_px()) * BAND_STAGES,
     }
 }
@@ -67,14 +71,21 @@ impl ExactSize {
         const SUB_SAMPLES: u64 = 4;
         let (work, places) = match setup.method() {
             ConvolutionMethod::AllOrders => {
-                let [x, y] = nodes(setup).map(|nodes| nodes as u64);
+                let [x, y] = reported_nodes(setup).map(|nodes| nodes as u64);
                 // Those of the sub-samples, and of the nodes in a quarter of a pixel.
                 let responses = 1 + x.div_ceil(2) * y.div_ceil(2);
                 (responses * padded_values(setup) * RESPONSE_STAGES, SUB_SAMPLES + x * y)
             }
-            _ if has_errors => (frequencies(setup) * SAMPLES_STAGES, SUB_SAMPLES),
-            _ if is_even(setup, has_errors) => (frequencies(setup) * EVEN_SAMPLES_STAGES, SUB_SAMPLES),
-            _ => (frequencies(setup) * FILTERED_SAMPLES_STAGES, SUB_SAMPLES),
+            _ => {
+                let stages = match (has_errors, is_even(setup, has_errors)) {
+                    (true, _) => SAMPLES_STAGES,
+                    (false, true) => EVEN_SAMPLES_STAGES,
+                    (false, false) => FILTERED_SAMPLES_STAGES,
+                };
+                let [x, y] = reported_nodes(setup).map(|nodes| nodes as u64);
+                let places = SUB_SAMPLES + if setup.camera_fill_factor() < 1.0 { x * y } else { 0 };
+                (frequencies(setup) * stages * places / SUB_SAMPLES, places)
+            }
         };
         Self { bytes: band_samples(setup, has_errors) * COMPLEX, work, places }
     }

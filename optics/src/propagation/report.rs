@@ -5,7 +5,7 @@ use super::scaled::spread_m;
 use super::scaled_fresnel::farthest_m;
 use super::shifted::{frequency_landing_at, landing_m};
 use super::{ImageWindow, PropagationMethod, fraunhofer, fresnel_transfer_function};
-use crate::OpticalSetup;
+use crate::{DisplayModel, KernelShape, OpticalSetup};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 
@@ -65,6 +65,8 @@ pub enum WarningCode {
     SharpBandLimit,
     /// Light that leaves the padded frame comes back into it.
     WrapAround,
+    /// The errors of a learned kernel act on the padded frame, into which a little light comes back.
+    KernelWrapAround,
     /// The impulse response fades out before the end of the frame.
     ShortImpulseResponse,
     /// The window resolves few points.
@@ -83,6 +85,7 @@ impl WarningCode {
             Self::BandLimited => "BAND_LIMITED",
             Self::SharpBandLimit => "SHARP_BAND_LIMIT",
             Self::WrapAround => "WRAP_AROUND",
+            Self::KernelWrapAround => "KERNEL_WRAP_AROUND",
             Self::ShortImpulseResponse => "SHORT_IMPULSE_RESPONSE",
             Self::FewPoints => "FEW_POINTS",
             Self::Paraxial => "PARAXIAL",
@@ -157,6 +160,24 @@ impl ValidityReport {
             points(self.band_kept_x, window.width_px(), window.pitch_x_m()),
             points(self.band_kept_y, window.height_px(), window.pitch_y_m()),
         )
+    }
+
+    /// The report for light through the kernel of `model`. The errors of a smooth kernel that is the same over the whole
+    /// SLM, on a display that shows one order, are exact; those of other kernels act on the padded frame.
+    #[must_use]
+    pub fn through_kernel_of(mut self, model: &DisplayModel) -> Self {
+        let acts_on_frame = match model.kernel {
+            KernelShape::Ideal => false,
+            KernelShape::Smooth(_) => !model.variation.is_none() || model.setup.orders().are_all(),
+            KernelShape::Bins(_) => true,
+        };
+        if acts_on_frame {
+            let text = "the engine multiplies this kernel on the padded frame, where a little light comes back into the \
+                        image: simulated qualities above 35 dB may be several dB higher than the real ones; rely on the \
+                        second opinion";
+            self.warnings.push(PropagationWarning { code: WarningCode::KernelWrapAround, text: text.to_owned() });
+        }
+        self
     }
 
     /// Warns of light that comes back into the frame.

@@ -14,7 +14,8 @@
 //! S = z/Δ · λf/√(1 − λ²(f_x² + f_y²)) pixels,   f = 1/2Δ for the first order
 //! ```
 //!
-//! the pixels over which the light of a pixel spreads to each side. The band of the first order ends sharply;
+//! the pixels over which the light of a pixel spreads to each side, at least N for a kernel with a value for each bin of
+//! the engine's padded frame. The band of the first order ends sharply;
 //! Gauss–Legendre quadrature is exact to rounding if a panel has some nodes more than π/2 per cycle. λ wavelength
 //! \[m\], z distance \[m\], Δ pixel pitch \[m\], N side of the display \[px\].
 //!
@@ -56,7 +57,8 @@ pub(super) struct Axis {
 }
 
 impl Frequencies {
-    pub(super) fn of(setup: &OpticalSetup) -> Self {
+    /// `has_bins`: the kernel has a value for each frequency, and a response that is as long as the padded frame.
+    pub(super) fn of(setup: &OpticalSetup, has_bins: bool) -> Self {
         let (grid, pitch_m, window) = (setup.grid(), setup.grid().pixel_pitch_m(), setup.window());
         let ways_px = [
             grid.width_px() as f64 + window.centre_x_m().abs() / pitch_m,
@@ -71,6 +73,7 @@ impl Frequencies {
         let cosine = (1.0 - sines[0] * sines[0] - sines[1] * sines[1]).max(COSINE_MIN * COSINE_MIN).sqrt();
         let axis = |i: usize| {
             let spread_px = setup.distance_m().abs() / pitch_m * sines[i] / cosine;
+            let spread_px = if has_bins { spread_px.max(ways_px[i]) } else { spread_px };
             let cycles = ((ways_px[i] + spread_px) / PANELS as f64).min(1e6);
             let (is_periodic, nodes, orders) = match setup.orders() {
                 Orders::First | Orders::Filtered(_) => (false, (FRAC_PI_2 * cycles) as usize + SPARE_NODES, 0),

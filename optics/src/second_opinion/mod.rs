@@ -5,14 +5,18 @@
 //! padding, transfer function or place between the pixels.
 
 mod frequencies;
+mod kernels;
 mod model;
 
 use crate::hologram::ShownLight;
 use crate::propagation::passes::gauss_legendre;
-use crate::{Carrier, Detector, DisplayModel, KernelShape, Orders, Plane, RegionOfInterest, Result};
+use crate::{Carrier, Detector, DisplayModel, KernelShape, OpticalSetup, Orders, Plane, RegionOfInterest, Result};
 use frequencies::{Frequencies, PANELS};
 use model::Places;
 use serde::{Deserialize, Serialize};
+
+/// Memory of a complex number in f64.
+const COMPLEX_BYTES: u64 = 16;
 
 /// PSNR of a hologram's picture by two models, on the same rows of the image.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -30,7 +34,8 @@ pub struct SecondOpinion {
 pub struct Effort {
     /// Most rows of the image that are compared.
     pub rows_max: usize,
-    /// Most values of transfer functions that are computed.
+    /// Most values of transfer functions that are computed. A kernel that takes several of them, as its optimization
+    /// does, takes as many times more.
     pub values_max: u64,
 }
 
@@ -58,9 +63,8 @@ impl SecondOpinion {
     }
 
     /// Compares the light that the engine computed for `phases`, shown one after the other, with the independent
-    /// model's, for one detector. The phases are those before the carrier is added. `None` for a kernel that varies
-    /// over the SLM or has a value for each frequency of the engine's grid, and where the model would take more than
-    /// `effort` allows.
+    /// model's, for one detector. The phases are those before the carrier is added. `None` where the model would take
+    /// more than `effort` allows.
     ///
     /// # Errors
     ///
@@ -77,7 +81,9 @@ impl SecondOpinion {
         for plane in phases.iter().chain([target]) {
             plane.expect_size("phase or target", grid.height_px(), grid.width_px())?;
         }
-        let Some(frequencies) = affordable(model, effort) else { return Ok(None) };
+        let has_bins = matches!(model.kernel, KernelShape::Bins(_));
+        let modes = model.coherence.shares().len();
+        let Some(frequencies) = affordable(&model.setup, has_bins, modes, effort) else { return Ok(None) };
         let rows = model::rows(region, effort.rows_max);
         let (places, weights) = places(model, detector);
         let lights = model::light((model, carrier), phases, &places, &rows, &frequencies);
@@ -108,33 +114,51 @@ impl SecondOpinion {
     }
 }
 
-/// Number of values of transfer functions that [`SecondOpinion::of`] computes for one plane; 0 where it has no opinion.
-#[must_use]
-pub fn values(model: &DisplayModel, effort: Effort) -> u64 {
-    affordable(model, effort).map_or(0, |frequencies| frequencies.values() * model.coherence.shares().len() as u64)
+/// Size of a second opinion on a hologram in one plane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OpinionSize {
+    /// Values of spectra that are computed.
+    pub values: u64,
+    /// Frequencies along an axis.
+    pub along_axis: u64,
+    /// Memory for the kernel \[bytes\].
+    kernel_bytes: u64,
 }
 
-/// Memory of a second opinion with [`Effort::CHEAP`] \[bytes\] on a display of this many rows and columns, for the
-/// number of [`values`].
-pub(crate) fn opinion_bytes([height_px, width_px]: [usize; 2], values: u64) -> u64 {
-    const COMPLEX: u64 = 16;
-    let (height, width, rows) = (height_px as u64, width_px as u64, Effort::CHEAP.rows_max as u64);
-    // The tables along y, for both axes' frequencies together; the field, spectra of rows, and the lines of the image.
-    let places = 4;
-    let along_y = values.isqrt() * (rows * places + 2 * places * places);
-    COMPLEX * (along_y + height * width + PANELS as u64 * height + rows * places * places * width)
-}
-
-fn affordable(model: &DisplayModel, effort: Effort) -> Option<Frequencies> {
-    if matches!(model.kernel, KernelShape::Bins(_)) || !model.variation.is_none() {
-        return None;
+impl OpinionSize {
+    /// Size for a kernel that is approximated by `kernels_per_side`² others, or has a value for each frequency
+    /// (`has_bins`), and for a number of modes of light; `None` where it would take more than [`Effort::CHEAP`].
+    pub(crate) fn of(setup: &OpticalSetup, has_bins: bool, kernels_per_side: usize, modes: usize) -> Option<Self> {
+        let (frequencies, grid) = (affordable(setup, has_bins, modes, Effort::CHEAP)?, setup.grid());
+        let (height, width) = (grid.height_px() as u64, grid.width_px() as u64);
+        let windows = kernels::windows_per_side(kernels_per_side) as u64;
+        let (spectra, kernel_bytes) = match has_bins {
+            true => (kernels::SPECTRA_OF_BINS, 8 * COMPLEX_BYTES * height * width),
+            false => (windows * windows, (windows - 1) * COMPLEX_BYTES * PANELS as u64 * height),
+        };
+        let values = frequencies.values();
+        Some(Self { values: values * modes as u64 * spectra, along_axis: values.isqrt(), kernel_bytes })
     }
-    let frequencies = Frequencies::of(&model.setup);
-    (frequencies.values() * model.coherence.shares().len() as u64 <= effort.values_max).then_some(frequencies)
+
+    /// Memory of a second opinion with [`Effort::CHEAP`] on a display of this many rows and columns \[bytes\].
+    pub(crate) fn bytes(&self, [height_px, width_px]: [usize; 2]) -> u64 {
+        let (height, width, rows) = (height_px as u64, width_px as u64, Effort::CHEAP.rows_max as u64);
+        // The tables along y; the field, spectra of rows, and the lines of the image.
+        let places = 4;
+        let along_y = self.along_axis * (rows * places + 2 * places * places);
+        let fields = height * width + PANELS as u64 * height + rows * places * places * width;
+        COMPLEX_BYTES * (along_y + fields) + self.kernel_bytes
+    }
+}
+
+fn affordable(setup: &OpticalSetup, has_bins: bool, modes: usize, effort: Effort) -> Option<Frequencies> {
+    let frequencies = Frequencies::of(setup, has_bins);
+    (frequencies.values() * modes as u64 <= effort.values_max).then_some(frequencies)
 }
 
 /// Places in a pixel at which a detector measures, with the weights of their light.
 fn places(model: &DisplayModel, detector: Detector) -> (Places, Vec<f64>) {
+    let part = model.setup.camera_fill_factor();
     let [along_x, along_y] = match detector {
         Detector::Point => [vec![(0.0, 1.0)], vec![(0.0, 1.0)]],
         Detector::Supersampled => [vec![(-0.25, 0.5), (0.25, 0.5)], vec![(-0.25, 0.5), (0.25, 0.5)]],
@@ -147,7 +171,7 @@ fn places(model: &DisplayModel, detector: Detector) -> (Places, Vec<f64>) {
                         (critical_m / model.setup.distance_m().abs()).ceil().clamp(1.0, 8.0) as usize + 3
                     }
                 };
-                gauss_legendre(nodes).into_iter().map(|(node, weight)| (0.5 * node, 0.5 * weight)).collect()
+                gauss_legendre(nodes).into_iter().map(|(node, weight)| (0.5 * part * node, 0.5 * weight)).collect()
             })
         }
     };

@@ -11,15 +11,17 @@
 //! n = 0 and P = 1, or what its filter passes; one that shows all orders has every order that reaches the image. w_x
 //! and w_y are the sides of a pixel's bright area in pixel pitches, E the errors of a learned kernel, E_l those of mode
 //! l of the light relative to it, w_l the mode's part of the light, a the source profile with its dust, r the phase
-//! response, z₀ undiffracted light, λ wavelength \[m\], z distance \[m\], Δ pixel pitch \[m\].
+//! response, z₀ undiffracted light, λ wavelength \[m\], z distance \[m\], Δ pixel pitch \[m\]. Kernels that vary over
+//! the SLM, and those with a value for each frequency, are in [`super::kernels`].
 //!
 //! The integral along x is summed node by node of its panels, so that the whole spectrum is never held.
 
 use super::frequencies::{Axis, Frequencies, PANELS, frequency};
+use super::kernels::{Parts, Residual};
 use crate::buffers::zeros;
 use crate::chebyshev::position;
 use crate::engine::SeriesAlongY;
-use crate::{Carrier, DisplayModel, KernelShape, OpticalSetup, Plane, RegionOfInterest, SmoothField, interrupt};
+use crate::{Carrier, DisplayModel, OpticalSetup, Plane, RegionOfInterest, SmoothField, interrupt};
 use num_complex::Complex64;
 use rayon::prelude::*;
 use rustfft::{Fft, FftPlanner};
@@ -167,6 +169,10 @@ struct Work<'a> {
     model: &'a DisplayModel,
     /// Errors of the mode of light relative to the kernel; `None`: the first mode.
     mode: Option<&'a SmoothField>,
+    /// Parts of the modulator, each with errors of its own.
+    parts: Parts<'a>,
+    /// What a kernel with a value for each frequency adds to free space.
+    residual: Option<Residual>,
     places: &'a Places,
     x: &'a Axis,
     y: &'a Axis,
@@ -177,7 +183,7 @@ struct Work<'a> {
     nodes_x: Vec<(f64, f64)>,
     /// Frequencies along y with their weights: all panels of the first node, then of the next one.
     frequencies_y: Vec<(f64, f64)>,
-    /// For each node along y, e^{−i2πν₀y} on the display's rows, ν₀ its lowest frequency.
+    /// For each node along y, e^{−i2πν₀y} on the rows of the display and of the residual, ν₀ its lowest frequency.
     lowest_y: Vec<Vec<Complex64>>,
     /// For each wanted row each place along y: e^{i2πν(y + place)} at all frequencies along y.
     waves_y: Vec<Vec<Complex64>>,
@@ -189,15 +195,17 @@ impl<'a> Work<'a> {
         let (mut planner, nodes_y) = (FftPlanner::new(), y.nodes());
         let panels = |&(node, weight): &(f64, f64)| (0..PANELS).map(move |panel| (frequency(panel, node), weight));
         let frequencies_y: Vec<(f64, f64)> = nodes_y.iter().flat_map(panels).collect();
-        let lowest = |&(node, _): &(f64, f64)| {
-            (0..model.setup.grid().height_px()).map(|y| turn(-frequency(0, node) * y as f64)).collect()
-        };
+        let residual = Residual::of(model);
+        let rows_max = model.setup.grid().height_px().max(residual.as_ref().map_or(0, |r| r.response.height_px()));
+        let lowest = |&(node, _): &(f64, f64)| (0..rows_max).map(|y| turn(-frequency(0, node) * y as f64)).collect();
         let at: Vec<f64> =
             rows.iter().flat_map(|&row| places.along_y.iter().map(move |place| row as f64 + place)).collect();
         let waves = |at: &f64| frequencies_y.iter().map(|(frequency, _)| turn(frequency * at)).collect();
         Self {
             model,
             mode: None,
+            parts: Parts::of(model),
+            residual,
             places,
             x,
             y,
@@ -220,17 +228,21 @@ impl<'a> Work<'a> {
         let lines = self.waves_y.len() * self.places.along_x.len();
         let mut image: Vec<Complex64> = zeros(lines * field.width_px());
         for &(node, weight) in &self.nodes_x {
-            let spectra = self.spectra_of_rows(field, node);
-            let columns: Vec<Vec<Complex64>> =
-                (0..PANELS).into_par_iter().map(|panel| self.column(&spectra, panel, frequency(panel, node))).collect();
+            let of_part = |window: &Option<Vec<f64>>| self.spectra_of_rows(field, window.as_deref(), node);
+            let spectra: Vec<_> = self.parts.along_x.iter().map(of_part).collect();
+            let residual = self.residual.as_ref().map(|residual| self.spectra_of_rows(&residual.response, None, node));
+            let column = |panel| self.column(&spectra, residual.as_deref(), panel, frequency(panel, node));
+            let columns: Vec<Vec<Complex64>> = (0..PANELS).into_par_iter().map(column).collect();
             self.add(&columns, node, weight, &mut image);
         }
         image
     }
 
-    /// Spectra of the rows at one node of all panels along x: for each row PANELS values.
-    fn spectra_of_rows(&self, field: &Plane<Complex64>, node: f64) -> Vec<Complex64> {
-        let wave: Vec<Complex64> = (0..field.width_px()).map(|x| turn(-frequency(0, node) * x as f64)).collect();
+    /// Spectra of the rows times a window along x, at one node of all panels along x: for each row PANELS values.
+    fn spectra_of_rows(&self, field: &Plane<Complex64>, window: Option<&[f64]>, node: f64) -> Vec<Complex64> {
+        let factor = |x: usize| window.map_or(1.0, |window| window[x]);
+        let wave: Vec<Complex64> =
+            (0..field.width_px()).map(|x| turn(-frequency(0, node) * x as f64) * factor(x)).collect();
         let mut spectra = vec![Complex64::ZERO; field.height_px() * PANELS];
         spectra.par_chunks_exact_mut(PANELS).enumerate().for_each(|(y, spectrum)| {
             interrupt::check();
@@ -242,34 +254,54 @@ impl<'a> Work<'a> {
         spectra
     }
 
-    /// Field on the wanted rows at one frequency along x: for each row and place along y (and x, where the places have
-    /// transfer functions of their own).
-    fn column(&self, spectra: &[Complex64], panel: usize, along_x: f64) -> Vec<Complex64> {
-        interrupt::check();
+    /// Spectrum of the rows times a window along y, at one frequency along x and all frequencies along y.
+    fn spectrum_along_y(&self, spectra: &[Complex64], window: Option<&[f64]>, panel: usize) -> Vec<Complex64> {
         let mut spectrum = vec![Complex64::ZERO; self.frequencies_y.len()];
         for (spectrum, lowest) in spectrum.chunks_exact_mut(PANELS).zip(&self.lowest_y) {
-            for (y, lowest) in lowest.iter().enumerate() {
-                spectrum[y % PANELS] += spectra[y * PANELS + panel] * lowest;
+            for (y, (row, lowest)) in spectra.chunks_exact(PANELS).zip(lowest).enumerate() {
+                spectrum[y % PANELS] += row[panel] * lowest * window.map_or(1.0, |window| window[y]);
             }
             self.to_panels.process(spectrum);
         }
-        let errors = match &self.model.kernel {
-            KernelShape::Smooth(errors) => Some(SeriesAlongY::new(errors, 2.0 * along_x)),
-            KernelShape::Ideal | KernelShape::Bins(_) => None,
-        };
-        let error = |frequency: f64| {
-            let smooth = errors.as_ref().map_or(Complex64::ONE, |errors| errors.at(2.0 * frequency));
+        spectrum
+    }
+
+    /// Field on the wanted rows at one frequency along x: for each row and place along y (and x, where the places have
+    /// transfer functions of their own).
+    fn column(
+        &self,
+        spectra: &[Vec<Complex64>],
+        residual: Option<&[Complex64]>,
+        panel: usize,
+        along_x: f64,
+    ) -> Vec<Complex64> {
+        interrupt::check();
+        let mut sum = vec![Complex64::ZERO; self.frequencies_y.len()];
+        for (part_y, window) in self.parts.along_y.iter().enumerate() {
+            for (part_x, spectra) in spectra.iter().enumerate() {
+                let spectrum = self.spectrum_along_y(spectra, window.as_deref(), panel);
+                let errors = self.parts.errors(part_x, part_y).map(|errors| SeriesAlongY::new(errors, 2.0 * along_x));
+                for ((sum, u), (frequency, _)) in sum.iter_mut().zip(spectrum).zip(&self.frequencies_y) {
+                    *sum += errors.as_ref().map_or(u, |errors| u * errors.at(2.0 * frequency));
+                }
+            }
+        }
+        for (u, &(frequency, weight)) in sum.iter_mut().zip(&self.frequencies_y) {
             let of_mode = self.mode.map_or(Complex64::ONE, |mode| mode.value(2.0 * along_x, 2.0 * frequency));
-            smooth * of_mode * self.ghost(along_x, frequency)
-        };
-        for (u, &(frequency, weight)) in spectrum.iter_mut().zip(&self.frequencies_y) {
-            *u *= weight * error(frequency);
+            *u *= weight * of_mode * self.ghost(along_x, frequency);
         }
         if self.has_orders() {
-            self.column_of_orders(&spectrum, along_x)
-        } else {
-            self.column_of_first(spectrum, along_x)
+            return self.column_of_orders(&sum, along_x);
         }
+        let residual = residual.zip(self.residual.as_ref()).map(|(spectra, residual)| {
+            let mut spectrum = self.spectrum_along_y(spectra, None, panel);
+            let [lag_x, lag_y] = residual.first_lags();
+            for (value, (frequency, _)) in spectrum.iter_mut().zip(&self.frequencies_y) {
+                *value *= turn(-along_x * lag_x) * turn(-frequency * lag_y);
+            }
+            spectrum
+        });
+        self.column_of_first(sum, residual.as_deref(), along_x)
     }
 
     /// Factor of the kernel's ghost at a frequency \[cycles per pixel\].
@@ -280,12 +312,18 @@ impl<'a> Work<'a> {
         1.0 + ghost.amplitude * Complex64::cis(defocus_rad) * turn(shift)
     }
 
-    fn column_of_first(&self, mut spectrum: Vec<Complex64>, along_x: f64) -> Vec<Complex64> {
+    fn column_of_first(
+        &self,
+        mut spectrum: Vec<Complex64>,
+        residual: Option<&[Complex64]>,
+        along_x: f64,
+    ) -> Vec<Complex64> {
         let (setup, filter) = (&self.model.setup, self.model.setup.orders().filter());
         let pitch_m = setup.grid().pixel_pitch_m();
-        for (u, (frequency, _)) in spectrum.iter_mut().zip(&self.frequencies_y) {
+        for (i, (u, (frequency, _))) in spectrum.iter_mut().zip(&self.frequencies_y).enumerate() {
             let passed = filter.map_or(1.0, |filter| filter.passed(along_x, *frequency));
-            *u *= free_space(setup, along_x / pitch_m, frequency / pitch_m) * passed;
+            let beside = residual.map_or(Complex64::ZERO, |residual| residual[i]);
+            *u *= free_space(setup, along_x / pitch_m, frequency / pitch_m) * passed + beside;
         }
         self.waves_y.iter().map(|wave| dot(&spectrum, wave)).collect()
     }

@@ -104,8 +104,8 @@ impl AllOrders {
             row.iter_mut().enumerate().for_each(value);
         });
         Self {
-            x: Axis::new(size[0], fill_x, shift_px.0),
-            y: Axis::new(size[1], fill_y, shift_px.1),
+            x: Axis::new(size[0], fill_x, setup.camera_fill_factor(), shift_px.0),
+            y: Axis::new(size[1], fill_y, setup.camera_fill_factor(), shift_px.1),
             pitch_m: setup.grid().pixel_pitch_m(),
             wavelength_m: setup.wavelength_m(),
             distance_m: setup.distance_m(),
@@ -350,7 +350,7 @@ mod tests {
             let bench = SimulatedDisplay::draw(setup, None, FLAWLESS).unwrap();
             let light = bench.light_in_f64(&phase, 0.0).unwrap().map(|light| light / bench.exposure());
             let engine = EngineCore::<f64>::new(&DisplayModel::ideal(setup), Detector::Pixel, None).unwrap();
-            let engine_light = engine.light_of_all_orders(&[&[phase.map(f64::from)]]).unwrap();
+            let engine_light = engine.light_over_pixels(&[&[phase.map(f64::from)]]).unwrap().unwrap();
             let error = difference(&light, &engine_light[0]);
             // The engine's field has an error below 1e-3, which is 2e-3 of the light.
             assert!(error < 2e-3, "{distance_m} m, {fill:?}: {error:e}");

@@ -111,7 +111,9 @@ impl SimulatedDisplay {
     /// The light of a mode's field on the pixels of a camera in the image plane.
     fn image(&self, field: &Plane<Complex64>, mode: usize) -> Plane<f64> {
         match &self.passages[mode] {
-            Passage::FirstOrder(transfer) => pixel_light::pixel_light(&self.spectrum(field, transfer)),
+            Passage::FirstOrder(transfer) => {
+                pixel_light::pixel_light(&self.spectrum(field, transfer), self.setup.camera_fill_factor())
+            }
             Passage::AllOrders(orders) => orders.light(field, &self.field_aberration),
         }
     }
@@ -120,7 +122,8 @@ impl SimulatedDisplay {
     pub(super) fn image_on_axis(&self, field: &Plane<Complex64>) -> Plane<f64> {
         match &self.passages[0] {
             Passage::FirstOrder(transfer) => {
-                pixel_light::pixel_light(&pixel_light::spectrum_by_column(field, transfer))
+                let spectrum = pixel_light::spectrum_by_column(field, transfer);
+                pixel_light::pixel_light(&spectrum, self.setup.camera_fill_factor())
             }
             Passage::AllOrders(orders) => orders.light(field, &FieldAberration::draw(self.bench.seed, 0.0)),
         }
@@ -131,7 +134,8 @@ impl SimulatedDisplay {
         match &self.passages[mode] {
             Passage::FirstOrder(transfer) => {
                 let spectrum = self.spectrum(field, transfer);
-                self.spectrum_adjoint(pixel_light::pixel_light_adjoint(&spectrum, slope), transfer)
+                let part = self.setup.camera_fill_factor();
+                self.spectrum_adjoint(pixel_light::pixel_light_adjoint(&spectrum, part, slope), transfer)
             }
             Passage::AllOrders(orders) => orders.light_adjoint(field, &self.field_aberration, slope),
         }

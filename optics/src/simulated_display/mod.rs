@@ -277,7 +277,14 @@ mod tests {
 
     #[test]
     fn fast_pixel_light_matches_the_integral_over_each_pixel() {
-        let display = drawn(1.0);
+        check_pixel_light(1.0);
+        check_pixel_light(0.6);
+    }
+
+    /// For a camera that sees this part of a pixel's sides.
+    fn check_pixel_light(camera_fill_factor: f64) {
+        let mut display = drawn(1.0);
+        display.setup = display.setup.with_camera_fill_factor(camera_fill_factor).unwrap();
         let phase = Plane::from_fn(36, 50, |y, x| ((y * 17 + x * x * 5) % 61) as f32 / 10.0);
         let pitch_m = display.setup.grid().pixel_pitch_m();
         let field = Plane::from_fn(36, 50, |y, x| {
@@ -286,7 +293,7 @@ mod tests {
         });
         let mut mean = Plane::filled(36, 50, 0.0);
         // The midpoint rule over 12×12 points.
-        let offsets_px: [f64; 12] = std::array::from_fn(|i| (i as f64 + 0.5) / 12.0 - 0.5);
+        let offsets_px: [f64; 12] = std::array::from_fn(|i| camera_fill_factor * ((i as f64 + 0.5) / 12.0 - 0.5));
         for (dy, dx) in offsets_px.iter().flat_map(|dy| offsets_px.map(|dx| (*dy, dx))) {
             let transfer = |fx, fy| display.true_transfer(fx, fy);
             let image = propagate(&field, pitch_m, offset(transfer, dx * pitch_m, dy * pitch_m));

@@ -22,15 +22,16 @@ use std::sync::Arc;
 /// 25.3). The mean over them differs from the integral by less than 1e-3 for details of up to one cycle per pixel.
 const OFFSETS_PX: [f64; 4] = [-0.397_327_236, -0.093_796_237, 0.093_796_237, 0.397_327_236];
 
-/// Pixel-integrated intensity of a field. `spectrum` is its spectrum times the transfer function, on the grid padded
+/// Intensity of a field, integrated over the part of each pixel that the camera sees. `spectrum` is its spectrum times the transfer function, on the grid padded
 /// twofold (2·width × 2·height), with one row for each fx and one column for each fy.
-pub(super) fn pixel_light(spectrum: &Plane<Complex64>) -> Plane<f64> {
+pub(super) fn pixel_light(spectrum: &Plane<Complex64>, camera_fill_factor: f64) -> Plane<f64> {
     let (height_px, width_px) = (spectrum.width_px() / 2, spectrum.height_px() / 2);
     let inverse_y = FftPlanner::new().plan_fft_inverse(2 * height_px);
     let inverse_x = FftPlanner::new().plan_fft_inverse(2 * width_px);
-    let phases_x = OFFSETS_PX.map(|offset_px| offset_phases(2 * width_px, offset_px));
+    let offsets_px = OFFSETS_PX.map(|offset_px| camera_fill_factor * offset_px);
+    let phases_x = offsets_px.map(|offset_px| offset_phases(2 * width_px, offset_px));
     let mut light = Plane::filled(height_px, width_px, 0.0);
-    for offset_px in OFFSETS_PX {
+    for offset_px in offsets_px {
         let columns = offset_columns(spectrum, &offset_phases(2 * height_px, offset_px), &inverse_y);
         light.values_mut().par_chunks_mut(width_px).enumerate().for_each(|(y, row)| {
             interrupt::check();
@@ -68,15 +69,20 @@ pub(super) fn spectrum_by_column(field: &Plane<Complex64>, transfer_by_column: &
 }
 
 /// The derivative of Σ s·I by the conjugate of the spectrum, for s = `slope` and the light I of [`pixel_light`].
-pub(super) fn pixel_light_adjoint(spectrum: &Plane<Complex64>, slope: &Plane<f64>) -> Plane<Complex64> {
+pub(super) fn pixel_light_adjoint(
+    spectrum: &Plane<Complex64>,
+    camera_fill_factor: f64,
+    slope: &Plane<f64>,
+) -> Plane<Complex64> {
     let (height_px, width_px) = (spectrum.width_px() / 2, spectrum.height_px() / 2);
     let mut planner = FftPlanner::new();
     let (inverse_y, inverse_x) = (planner.plan_fft_inverse(2 * height_px), planner.plan_fft_inverse(2 * width_px));
     let (forward_y, forward_x) = (planner.plan_fft_forward(2 * height_px), planner.plan_fft_forward(2 * width_px));
-    let phases_x = OFFSETS_PX.map(|offset_px| offset_phases(2 * width_px, offset_px));
+    let offsets_px = OFFSETS_PX.map(|offset_px| camera_fill_factor * offset_px);
+    let phases_x = offsets_px.map(|offset_px| offset_phases(2 * width_px, offset_px));
     let scale = 1.0 / ((4 * height_px * width_px) as f64).powi(2) / (OFFSETS_PX.len() as f64).powi(2);
     let mut back = Plane::filled(2 * width_px, 2 * height_px, Complex64::ZERO);
-    for offset_px in OFFSETS_PX {
+    for offset_px in offsets_px {
         let phases_y = offset_phases(2 * height_px, offset_px);
         let columns = offset_columns(spectrum, &phases_y, &inverse_y);
         let mut rows = Plane::filled(height_px, 2 * width_px, Complex64::ZERO);

@@ -25,6 +25,8 @@ pub struct Display {
     pub carrier: Option<Carrier>,
     /// Diffraction orders of the pixels that reach the image.
     pub orders: Orders,
+    /// Side of the part of a pixel in which the camera sees light, in pixel pitches; 1: all of the pixel.
+    pub camera_fill_factor: f64,
     /// Notes of the user.
     pub notes: String,
     /// Simulated bench; `None`: a real display.

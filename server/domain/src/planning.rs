@@ -12,7 +12,8 @@ use lightpath_optics::{Grid, OpticalSetup, Result, ValidityReport};
 /// [`lightpath_optics::Error`] if the properties are not possible. Stored displays are always possible.
 pub fn setup(display: &Display, wavelength: Wavelength, distance: Distance) -> Result<OpticalSetup> {
     let grid = Grid::try_new(display.height_px as usize, display.width_px as usize, display.pixel_pitch_m)?;
-    OpticalSetup::try_new(grid, wavelength.m(), distance.m())?.with_orders(display.orders)
+    let setup = OpticalSetup::try_new(grid, wavelength.m(), distance.m())?.with_orders(display.orders)?;
+    setup.with_camera_fill_factor(display.camera_fill_factor)
 }
 
 /// The setup with the given method, or with the method that the planner chooses, and the validity of that method.

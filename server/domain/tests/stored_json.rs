@@ -66,6 +66,7 @@ fn display() -> Display {
         phase_response_rad: Some(vec![0.0, 3.5]),
         carrier: Some(Carrier::HalfOrderX),
         orders: Orders::All { fill_factor_x: 0.875, fill_factor_y: 1.0 },
+        camera_fill_factor: 0.75,
         notes: "by the window".to_owned(),
         simulated_bench: Some(SimulatedBench { seed: u64::MAX, blur_px: 0.2, ..SimulatedBench::FAIR }),
     }

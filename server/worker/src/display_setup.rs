@@ -1,5 +1,6 @@
 //! A display at a wavelength and distance, read from the store and prepared for the engine.
 
+use super::learned_from::model_of;
 use super::{JobContext, TaskError};
 use lightpath_domain::display::Display;
 use lightpath_domain::job::FailureReason;
@@ -8,7 +9,7 @@ use lightpath_domain::planning;
 use lightpath_domain::slm;
 use lightpath_domain::units::{Distance, Wavelength};
 use lightpath_media::captures::CaptureError;
-use lightpath_media::kernel_file::{self, KernelFileError};
+use lightpath_media::kernel_file::KernelFileError;
 use lightpath_media::pictures::{self, PictureError};
 use lightpath_optics::learning::BoxError;
 use lightpath_optics::phase_response::PhaseResponse;
@@ -69,7 +70,7 @@ impl DisplaySetup {
     pub(super) fn model(&self, context: &JobContext, version: Option<u32>) -> Result<DisplayModel, TaskError> {
         let Some(version) = version else { return Ok(DisplayModel::ideal(self.setup)) };
         let version = context.wait(context.store().kernel_version(&self.key, version))?;
-        let (model, _) = kernel_file::decode(&context.read_artifact(&version.content.artifact)?)?;
+        let model = model_of(context, &version)?;
         let of = |setup: &OpticalSetup| (setup.grid(), setup.wavelength_m(), setup.distance_m(), setup.orders());
         if of(&model.setup) != of(&self.setup) {
             let message = format!(
@@ -83,10 +84,11 @@ impl DisplaySetup {
 
     /// Validity of a model's propagation: the one in the setup, or the one with which a kernel was learned.
     pub(super) fn validity_of(&self, model: &DisplayModel) -> ValidityReport {
-        if model.setup.method() == self.setup.method() {
-            return self.validity.clone();
-        }
-        planning::assessed(&model.setup, "the kernel was learned with it")
+        let validity = match model.setup.method() == self.setup.method() {
+            true => self.validity.clone(),
+            false => planning::assessed(&model.setup, "the kernel was learned with it"),
+        };
+        validity.through_kernel_of(model)
     }
 
     /// A stored region, which must lie inside the image.

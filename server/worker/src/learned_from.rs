@@ -47,9 +47,11 @@ impl LearnedFrom {
     }
 }
 
-/// Reads the display model of a kernel version.
+/// Reads the display model of a kernel version, as the display's camera sees it. The camera is no part of a kernel.
 pub(super) fn model_of(context: &JobContext, version: &KernelVersion) -> Result<DisplayModel, TaskError> {
-    let (model, _) = kernel_file::decode(&context.read_artifact(&version.content.artifact)?)?;
+    let (display, _) = context.wait(context.store().display(&version.key.display))?;
+    let (mut model, _) = kernel_file::decode(&context.read_artifact(&version.content.artifact)?)?;
+    model.setup = model.setup.with_camera_fill_factor(display.camera_fill_factor)?;
     Ok(model)
 }
 

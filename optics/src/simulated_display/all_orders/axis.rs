@@ -105,7 +105,8 @@ pub(super) struct Axis {
 }
 
 impl Axis {
-    pub(super) fn new(size: AxisSize, fill_factor: f64, shift_px: f64) -> Self {
+    /// `camera_part`: the part of a camera pixel's side that sees light.
+    pub(super) fn new(size: AxisSize, fill_factor: f64, camera_part: f64, shift_px: f64) -> Self {
         let frequencies: Vec<f64> = (0..size.orders() * size.padded_px).map(|fine| frequency(&size, fine)).collect();
         let [begin, end] = size.fade;
         let factor = |&frequency: &f64| {
@@ -115,11 +116,12 @@ impl Axis {
             let sinc = if angle == 0.0 { 1.0 } else { angle.sin() / angle };
             phasor(frequency * shift_px) * share * fill_factor.sqrt() * sinc / size.padded_px as f64
         };
+        let nodes = gauss_legendre(size.places);
         let turns = |place_px: f64| frequencies.iter().map(|f| Complex64::cis(TAU * f * place_px)).collect();
         Self {
             size,
             factors: frequencies.iter().map(factor).collect(),
-            places: gauss_legendre(size.places).iter().map(|(at, weight)| (turns(0.5 * at), 0.5 * weight)).collect(),
+            places: nodes.iter().map(|(at, weight)| (turns(0.5 * camera_part * at), 0.5 * weight)).collect(),
             forward: FftPlanner::new().plan_fft_forward(size.padded_px),
             inverse: FftPlanner::new().plan_fft_inverse(size.padded_px),
         }

@@ -7,7 +7,7 @@ use crate::field::Field;
 use crate::names;
 use lightpath_domain::display::Display;
 use lightpath_domain::units::Wavelength;
-use lightpath_optics::{OrderFilter, Orders};
+use lightpath_optics::{OpticalSetup, OrderFilter, Orders};
 use lightpath_proto::v1::{self, display};
 use std::f64::consts::PI;
 use std::ops::RangeInclusive;
@@ -23,6 +23,8 @@ const BIT_DEPTH: RangeInclusive<u32> = 1..=16;
 const WAVELENGTHS_MAX: usize = 16;
 /// Largest phase in a response \[rad\]: about 160 wavelengths of modulation, at which f32 still resolves a thousandth.
 const PHASE_RAD_MAX: f64 = 1000.0;
+/// Allowed sides of what a camera sees of a pixel, in pixel pitches.
+const CAMERA_FILL_FACTOR: RangeInclusive<f64> = OpticalSetup::CAMERA_FILL_FACTOR_MIN..=1.0;
 /// Limit on the length of the notes \[bytes\]: a page of text.
 const NOTES_BYTES_MAX: usize = 4096;
 
@@ -48,6 +50,7 @@ pub(crate) fn display(call: &Call, message: v1::Display, field: &Field) -> Resul
             Some(display::Orders::AllOrders(all)) => all_orders(&at("all_orders"), all, message.carrier != 0)?,
             Some(display::Orders::OrderFilter(filter)) => order_filter(&at("order_filter"), filter)?,
         },
+        camera_fill_factor: at("camera_fill_factor").number_or(message.camera_fill_factor, 1.0, CAMERA_FILL_FACTOR)?,
         notes: at("notes").text(message.notes, NOTES_BYTES_MAX)?,
         simulated_bench: bench.map(|bench| simulated_bench::from_wire(bench, &at("simulated_bench"))).transpose()?,
     })
@@ -150,6 +153,7 @@ mod tests {
             phase_response: Some(v1::PhaseResponse { phase_rad: vec![0.0, 1.0, 2.0, 4.0] }),
             carrier: v1::Carrier::HalfOrderY.into(),
             orders: None,
+            camera_fill_factor: 0.0,
             notes: "bench 2".into(),
             simulated_bench: Some(v1::SimulatedBench { seed: 7, ..Default::default() }),
             create_time: None,
@@ -176,6 +180,7 @@ mod tests {
         let converted = to_wire::display(domain.clone(), 1_500);
         assert_eq!(converted.wavelengths_m, [515e-9, 639e-9]);
         assert_eq!(converted.simulated_bench.as_ref().unwrap().strength, 1.0);
+        assert_eq!(converted.camera_fill_factor, 1.0);
         assert_eq!(converted.create_time.unwrap().nanos, 500_000_000);
         assert_eq!(display(&Call::without_token(), converted, &Field::new("display")).unwrap(), domain);
     }
@@ -225,6 +230,8 @@ mod tests {
                 "display.all_orders.fill_factor_x is 1.2, but",
             ),
             (refusal(|d| d.orders = Some(filter(0.05, 0.0))), "display.order_filter.width is 0.05, but"),
+            (refusal(|d| d.camera_fill_factor = 1.2), "display.camera_fill_factor is 1.2, but"),
+            (refusal(|d| d.camera_fill_factor = f64::NAN), "display.camera_fill_factor is NaN, but"),
             (
                 refusal(|d| d.orders = Some(filter(0.5, 0.26))),
                 "display.order_filter.centre_x is 0.26, but must be -0.250 to 0.250, so that the opening of 0.5 lies",

@@ -19,6 +19,7 @@ pub(crate) fn display(display: Display, create_time_ms: i64) -> v1::Display {
         phase_response: display.phase_response_rad.map(|phase_rad| v1::PhaseResponse { phase_rad }),
         carrier: display.carrier.map_or(0, OnWire::to_wire),
         orders: orders(display.orders),
+        camera_fill_factor: display.camera_fill_factor,
         notes: display.notes,
         simulated_bench: display.simulated_bench.map(simulated_bench::to_wire),
         create_time: Some(timestamp(create_time_ms)),

@@ -101,7 +101,7 @@ impl Api {
         let (mut pairs, mut engine) = (Vec::with_capacity(spec.datasets.len()), None);
         for id in &spec.datasets {
             let dataset = self.store.dataset(id).await?;
-            let own = self.ideal_engine(&display, &key_of(&dataset), spec.detector, None)?;
+            let own = self.ideal_engine(&display, &key_of(&dataset), spec.detector, None, false)?;
             let before: EngineSize = engine.unwrap_or(own);
             let sampling_bytes = before.sampling_bytes.max(own.sampling_bytes);
             // A bench of all orders takes the most memory at the smallest distance.
@@ -120,7 +120,7 @@ impl Api {
     async fn capture_need(&self, spec: &SimulateCapture) -> Result<Need, ApiError> {
         let (display, _) = self.store.display(&spec.display).await?;
         let key = KernelKey { display: spec.display.clone(), wavelength: spec.wavelength, distance: spec.distance };
-        let engine = self.ideal_engine(&display, &key, Detector::Pixel, None)?;
+        let engine = self.ideal_engine(&display, &key, Detector::Pixel, None, false)?;
         let bench = display.simulated_bench.unwrap_or_default();
         // The levels of a hologram have at most two bytes.
         Ok(simulate_capture(engine, &bench, 6 * engine.pixels()))
@@ -137,7 +137,7 @@ impl Api {
     async fn preparing_need(&self, spec: &PrepareDataset, dots_bytes: u64) -> Result<Need, ApiError> {
         let (display, _) = self.store.display(&spec.display).await?;
         let dataset = self.store.dataset(&spec.dataset).await?;
-        let engine = self.ideal_engine(&display, &key_of(&dataset), Detector::Pixel, None)?;
+        let engine = self.ideal_engine(&display, &key_of(&dataset), Detector::Pixel, None, false)?;
         let needs_alignment = captures::needs_alignment(&dataset);
         let pairs = PairsSize::of(&dataset, &display);
         Ok(prepare_dataset(&spec.step, &PreparingInputs { engine, pairs, needs_alignment, dots_bytes }))
@@ -187,20 +187,22 @@ impl Api {
         }
     }
 
-    /// Engine of the ideal display, with the given propagation or the planner's choice.
+    /// Engine of the ideal display, or of one whose kernel has a value for each frequency, with the given propagation or
+    /// the planner's choice.
     fn ideal_engine(
         &self,
         display: &Display,
         key: &KernelKey,
         detector: Detector,
         propagation: Option<ConvolutionMethod>,
+        has_bins: bool,
     ) -> Result<EngineSize, ApiError> {
         let (height_px, width_px) = (display.height_px as usize, display.width_px as usize);
         let ideal = EngineSize::ideal(height_px, width_px, detector, self.job_limits.threads);
         // Where no method is valid, the job fails before it needs memory.
         let planned = planning::setup(display, key.wavelength, key.distance)
             .and_then(|setup| planning::planned(setup, propagation));
-        Ok(planned.map_or(ideal, |(setup, _)| ideal.sampled_with(&setup, false)))
+        Ok(planned.map_or(ideal, |(setup, _)| ideal.sampled_with(&setup, has_bins)))
     }
 
     /// Size of a kernel version; `None`: of the ideal kernel.
@@ -212,19 +214,19 @@ impl Api {
         detector: Detector,
         propagation: Option<ConvolutionMethod>,
     ) -> Result<KernelSize, ApiError> {
-        let ideal = self.ideal_engine(display, key, detector, propagation)?;
+        let ideal = |has_bins| self.ideal_engine(display, key, detector, propagation, has_bins);
         let Some(version) = version else {
-            return Ok(KernelSize { engine: ideal, order: 0, blocks: Blocks::NONE, has_bins: false, file_bytes: 0 });
+            let engine = ideal(false)?;
+            return Ok(KernelSize { engine, order: 0, blocks: Blocks::NONE, has_bins: false, file_bytes: 0 });
         };
         let content = self.store.kernel_version(key, version).await?.content;
         let (engine, order, blocks) = match content.model {
-            KernelModel::Paper | KernelModel::Dense => {
-                (EngineSize { exact: None, opinion_values: 0, ..ideal }, 0, Blocks::NONE)
-            }
+            KernelModel::Paper | KernelModel::Dense => (ideal(true)?, 0, Blocks::NONE),
             // Such files have some hundred numbers.
             KernelModel::Smooth | KernelModel::Display | KernelModel::Varying => {
                 let file = self.artifacts.read_all(&content.artifact).await?;
-                kernel_file::decode(&file).map_or((ideal, 0, Blocks::ALL), |(model, _)| {
+                let unreadable = (ideal(false)?, 0, Blocks::ALL);
+                kernel_file::decode(&file).map_or(unreadable, |(model, _)| {
                     let engine = EngineSize::of(&model, detector, self.job_limits.threads);
                     (engine, order_of(&model), Blocks::of(&model))
                 })

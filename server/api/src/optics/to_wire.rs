@@ -46,7 +46,7 @@ pub(crate) fn region(region: RegionOfInterest) -> v1::RegionOfInterest {
 
 pub(crate) fn second_opinion(opinion: SecondOpinion) -> v1::SecondOpinion {
     let SecondOpinion { rows, engine_psnr_db, independent_psnr_db } = opinion;
-    v1::SecondOpinion { rows, engine_psnr_db, independent_psnr_db }
+    v1::SecondOpinion { rows, engine_psnr_db, independent_psnr_db, contradicts: opinion.is_contradiction() }
 }
 
 pub(crate) fn quality(quality: Quality) -> v1::Quality {

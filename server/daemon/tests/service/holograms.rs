@@ -56,6 +56,32 @@ async fn optimized_hologram_has_its_files_and_quality() {
     }
 }
 
+#[tokio::test]
+async fn hologram_is_made_for_the_fill_factor_of_the_camera() {
+    let serving = Serving::start().await;
+    let target = serving.upload(&picture()).await;
+    let mut found = Vec::new();
+    for (id, camera_fill_factor) in [("lab", 0.0), ("gaps", 0.5)] {
+        let display = v1::Display { camera_fill_factor, ..small_display(id) };
+        let request = v1::CreateDisplayRequest { display: Some(display) };
+        serving.displays().create_display(request).await.unwrap();
+        let spec = v1::OptimizeHologram { display: format!("displays/{id}"), iterations: 30, ..optimize(&target) };
+        let job = submit(&serving, job_spec::Kind::OptimizeHologram(spec), "").await.unwrap();
+        let job = watch_to_end(&serving, &job.name).await;
+        let plane = hologram(&job).wavelengths[0].planes[0].clone();
+        let opinion = plane.second_opinion.unwrap();
+        assert!(
+            (opinion.independent_psnr_db - opinion.engine_psnr_db).abs() < 0.3,
+            "{camera_fill_factor}: {opinion:?}"
+        );
+        let quality = plane.quality.unwrap();
+        found.push((quality.pixel.unwrap().psnr_db, quality.point.unwrap().psnr_db));
+    }
+    // What a smaller part of the pixel sees is nearer to what a point sees.
+    let [(whole_db, whole_point_db), (part_db, part_point_db)] = found[..] else { unreachable!("two displays") };
+    assert!(part_db - part_point_db < whole_db - whole_point_db - 1.0, "{found:?}");
+}
+
 /// Runs a job that verifies the holograms of another job.
 async fn verify(serving: &Serving, job: &str) -> Result<v1::VerifyResult, Status> {
     let job = submit(serving, job_spec::Kind::VerifyHologram(v1::VerifyHologram { job: job.to_owned() }), "").await?;

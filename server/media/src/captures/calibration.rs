@@ -279,6 +279,7 @@ mod tests {
             phase_response_rad: None,
             carrier: None,
             orders: Default::default(),
+            camera_fill_factor: 1.0,
             notes: String::new(),
             simulated_bench: None,
         };

@@ -95,7 +95,7 @@ pub fn verify_hologram(verified: &OptimizeHologram, kernels: &[Vec<KernelSize>])
         let engines: u64 = kernels.iter().map(|kernel| kernel.engine.engine_bytes()).sum();
         let reading = kernels.iter().map(KernelSize::reading_bytes).max().unwrap_or(0);
         let pictures = (frames + kernels.len()) as u64 * REAL * n;
-        let thorough = THOROUGH_BYTES_PER_VALUE_ALONG_Y * engine.opinion_values.isqrt();
+        let thorough = THOROUGH_BYTES_PER_VALUE_ALONG_Y * engine.opinion.map_or(0, |opinion| opinion.along_axis);
         let memory = engines + pictures + reading.max(judging_bytes(&engine, frames) + thorough);
         let work = kernels.iter().map(|kernel| {
             let opinions = kernel.engine.opinion_work(frames, Effort::THOROUGH.rows_max, &Detector::ALL);
