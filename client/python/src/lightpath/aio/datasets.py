@@ -1,0 +1,213 @@
+"""Asynchronous datasets: pairs of holograms and photographs, from which kernels are learned."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from lightpath import html, names, v1, words
+from lightpath.aio.jobs import Job, submit
+from lightpath.errors import InvalidArgument
+from lightpath.hologram import Hologram
+from lightpath.options import LearnOptions, SubmitOptions, check, learn_message, region_message
+from lightpath.photograph import Photograph
+from lightpath.pictures import Phase, Picture, phase_bytes, picture_bytes
+from lightpath.units import show_length
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from typing_extensions import Unpack
+
+    from lightpath.aio.connection import Connection
+    from lightpath.aio.kernels import KernelVersion
+    from lightpath.progress import Progress
+    from lightpath.reports import Evaluation
+
+
+class Dataset:
+    """A set of pairs of one display, wavelength and distance. It never changes once it is finalized."""
+
+    def __init__(self, connection: Connection, message: v1.Dataset) -> None:
+        self._connection = connection
+        self.message = message
+
+    def __repr__(self) -> str:
+        state = words.name_of(v1.Dataset.State, self.message.state)
+        return f"<Dataset {self.id} of {self.message.display}, {state}, {self.message.pair_count} pairs>"
+
+    @property
+    def name(self) -> str:
+        """Resource name, `datasets/{id}`."""
+        return self.message.name
+
+    @property
+    def id(self) -> str:
+        """The id in the name."""
+        return names.last_part(self.name)
+
+    @property
+    def pairs(self) -> list[v1.Pair]:
+        """The pairs with their measurements."""
+        return list(self.message.pairs)
+
+    @property
+    def findings(self) -> list[v1.Finding]:
+        """Problems of the pairs and of the dataset, with what to do."""
+        return list(self.message.findings)
+
+    async def refresh(self) -> Dataset:
+        """Read the dataset again."""
+        request = v1.GetDatasetRequest(name=self.name)
+        self.message = await self._connection.call(self._connection.datasets.GetDataset, request)
+        return self
+
+    async def add(
+        self,
+        hologram: Hologram | Phase,
+        photo: Photograph | Picture,
+        *,
+        pair_id: str | None = None,
+        split: words.Split | None = None,
+        black_level: float = 0.0,
+        exposure_s: float = 0.0,
+        camera_gain: float = 0.0,
+    ) -> Dataset:
+        """Add a hologram and its photograph. The same pair again changes nothing.
+
+        - `hologram`: a hologram of this package, a file, grey levels (integers) or a phase in radians (floats)
+        - `photo`: a photograph of a simulated display, or a file, image or array of your camera
+        - `pair_id`: id of the pair. Default: `p001` and so on
+        - `split`: use of the pair. Default: finalizing the dataset draws it
+        - `black_level`: reading of the camera in the dark, as a fraction of full scale
+        - `exposure_s`, `camera_gain`: exposure time [s] and amplification, if known
+        """
+        pair = v1.Pair(
+            id=pair_id or f"p{self.message.pair_count + 1:03}",
+            phase=await self._phase_digest(hologram),
+            photo=await self._photo_digest(photo),
+            split=words.number("split", v1.Split, split),
+            black_level=black_level,
+            exposure_s=exposure_s,
+            camera_gain=camera_gain,
+        )
+        request = v1.AddPairRequest(dataset=self.name, pair=pair)
+        self.message = await self._connection.call(self._connection.datasets.AddPair, request)
+        return self
+
+    async def _phase_digest(self, hologram: Hologram | Phase) -> str:
+        if not isinstance(hologram, Hologram):
+            return await self._connection.upload(phase_bytes("hologram", hologram))
+        for each in hologram.result.wavelengths:
+            # The server compares wavelengths in picometres.
+            if round(each.wavelength_m * 1e12) == round(self.message.wavelength_m * 1e12):
+                return each.frames[0].phase
+        shown = show_length(self.message.wavelength_m)
+        raise InvalidArgument("hologram", f"has no part for {shown}", "optimize it for the dataset's wavelength")
+
+    async def _photo_digest(self, photo: Photograph | Picture) -> str:
+        if isinstance(photo, Photograph):
+            return photo.digest
+        return await self._connection.upload(picture_bytes("photo", photo))
+
+    async def align(
+        self,
+        *,
+        dots: Photograph | Picture | None = None,
+        points: Sequence[v1.AlignmentPoint] | None = None,
+        photo_size_px: tuple[int, int] | None = None,
+        progress: Progress = True,
+        **options: Unpack[SubmitOptions],
+    ) -> v1.PrepareResult:
+        """Find where the camera sees the display's pixels.
+
+        `dots` is a photograph of the displayed calibration target. `points` are at least four points of your own, with
+        the width and height of the photographs. Without both, the pairs themselves refine the alignment.
+        """
+        check(options, SubmitOptions)
+        step = v1.PrepareDataset.Align(pairs=True)
+        if dots is not None:
+            step = v1.PrepareDataset.Align(dots_photo=await self._photo_digest(dots))
+        elif points is not None:
+            width_px, height_px = photo_size_px or (0, 0)
+            own = v1.AlignmentPoints(photo_width_px=width_px, photo_height_px=height_px, points=points)
+            step = v1.PrepareDataset.Align(points=own)
+        return await self._prepare(v1.PrepareDataset(dataset=self.name, align=step), options, progress)
+
+    async def finalize(
+        self,
+        *,
+        validation_fraction: float | None = None,
+        test_fraction: float = 0.0,
+        seed: int = 0,
+        keep_alignment: bool = False,
+        progress: Progress = True,
+        **options: Unpack[SubmitOptions],
+    ) -> v1.PrepareResult:
+        """Draw which pairs are held out, and close the dataset for good.
+
+        By default a fifth of the pairs is held out for validation, and a fifth for the test.
+        """
+        check(options, SubmitOptions)
+        step = v1.PrepareDataset.Finalize(
+            validation_fraction=validation_fraction,
+            test_fraction=test_fraction,
+            seed=seed,
+            keep_alignment=keep_alignment,
+        )
+        return await self._prepare(v1.PrepareDataset(dataset=self.name, finalize=step), options, progress)
+
+    async def _prepare(
+        self, message: v1.PrepareDataset, options: SubmitOptions, progress: Progress
+    ) -> v1.PrepareResult:
+        job: Job[v1.PrepareResult] = await submit(self._connection, v1.JobSpec(prepare_dataset=message), options)
+        result = await job.result(progress=progress)
+        await self.refresh()
+        return result
+
+    async def learn(self, *, progress: Progress = True, **options: Unpack[LearnOptions]) -> KernelVersion:
+        """Learn the display from this dataset, and return the new version of its kernel.
+
+        Nothing uses the version before `promote`. The options are those of `LearnOptions`. `Lab.learn` learns from
+        several distances at once.
+        """
+        return (await learn(self._connection, [self.name], progress, options))[0]
+
+    async def evaluate(
+        self,
+        kernel: str | int = "active",
+        *,
+        region: tuple[int, int, int, int] | None = None,
+        progress: Progress = True,
+        **options: Unpack[SubmitOptions],
+    ) -> Evaluation:
+        """Measure how well a kernel predicts these photographs: `active`, `ideal` or the number of a version."""
+        check(options, SubmitOptions)
+        message = v1.EvaluateKernel(dataset=self.name, kernel=str(kernel), region_of_interest=region_message(region))
+        job: Job[Evaluation] = await submit(self._connection, v1.JobSpec(evaluate_kernel=message), options)
+        return await job.result(progress=progress)
+
+    async def delete(self) -> None:
+        """Delete the dataset with its pairs, for good. Kernels learned from it are kept."""
+        request = v1.DeleteDatasetRequest(name=self.name)
+        await self._connection.call(self._connection.datasets.DeleteDataset, request, repeatable=False)
+
+    def _repr_html_(self) -> str:
+        message = self.message
+        optics = f"{show_length(message.wavelength_m)} at {show_length(message.distance_m)}"
+        rows: list[tuple[str, object]] = [
+            ("display", f"{message.display}, {optics}"),
+            ("state", words.name_of(v1.Dataset.State, message.state)),
+            ("pairs", message.pair_count),
+        ]
+        rows += [(f"finding: {finding.pair or 'dataset'}", finding.message) for finding in message.findings]
+        return html.table(self.name, rows)
+
+
+async def learn(
+    connection: Connection, datasets: Sequence[str], progress: Progress, options: LearnOptions
+) -> list[KernelVersion]:
+    """Learn one model from datasets, and return a version for each of them."""
+    check(options, LearnOptions)
+    message = learn_message(datasets, options)
+    job: Job[list[KernelVersion]] = await submit(connection, v1.JobSpec(learn_kernel=message), options)
+    return await job.result(progress=progress)

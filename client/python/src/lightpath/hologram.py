@@ -1,0 +1,165 @@
+"""Holograms: phases, the levels for the display, and what they show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from lightpath import html, png, v1, words
+from lightpath.errors import InvalidArgument
+from lightpath.units import show_length
+
+if TYPE_CHECKING:
+    import os
+
+    import numpy.typing as npt
+
+
+@dataclass(frozen=True, eq=False)
+class Hologram:
+    """An optimized hologram, held in memory.
+
+    Arrays with all parts have these axes: `phases` and `levels` [wavelength][frame][y][x], `reconstructions`
+    [wavelength][plane][y][x]. `phase`, `level`, and `reconstruction` are the first part, which is the only one unless
+    several wavelengths, frames or distances were asked for.
+    """
+
+    job: v1.Job = field(repr=False)
+    phases: npt.NDArray[np.float32] = field(repr=False)
+    """Phases before response, carrier and quantization, in [0, 2π) [rad]."""
+    levels_png: list[list[bytes]] = field(repr=False)
+    """The PNG files for the display, [wavelength][frame], as they are sent to it."""
+    reconstructions_png: list[list[bytes]] = field(repr=False)
+    """The predicted pictures, [wavelength][plane], sRGB grey."""
+    colours_png: list[bytes] = field(repr=False)
+    """With three wavelengths: one colour picture for each plane. Otherwise empty."""
+
+    def __repr__(self) -> str:
+        kernels = ", ".join(f"version {n}" if n else "ideal" for n in self.job.kernel_versions)
+        quality = f"PSNR {self.quality.psnr_db:.1f} dB, kernel {kernels}"
+        return f"<Hologram of {self.spec.display}, {self.width_px}x{self.height_px} px, {self._optics()}: {quality}>"
+
+    @property
+    def spec(self) -> v1.OptimizeHologram:
+        """The request, with all defaults filled in."""
+        return self.job.spec.optimize_hologram
+
+    @property
+    def result(self) -> v1.HologramResult:
+        """The result as the server sent it, with the quality for every detector."""
+        return self.job.result.hologram
+
+    @property
+    def height_px(self) -> int:
+        """Number of rows."""
+        return int(self.phases.shape[2])
+
+    @property
+    def width_px(self) -> int:
+        """Number of columns."""
+        return int(self.phases.shape[3])
+
+    @property
+    def wavelengths_m(self) -> list[float]:
+        """Wavelengths of the holograms [m]."""
+        return [each.wavelength_m for each in self.result.wavelengths]
+
+    @property
+    def distances_m(self) -> list[float]:
+        """Distances of the pictures from the SLM [m]."""
+        return [plane.distance_m for plane in self.spec.planes]
+
+    @property
+    def phase(self) -> npt.NDArray[np.float32]:
+        """Phase of the first wavelength and frame, [y][x], in [0, 2π) [rad]."""
+        first: npt.NDArray[np.float32] = self.phases[0, 0]
+        return first
+
+    @property
+    def levels(self) -> npt.NDArray[Any]:
+        """Grey levels for the display of the first wavelength and frame, [y][x], uint8 or (above 8 bits) uint16."""
+        return png.decode(self.levels_png[0][0])
+
+    @property
+    def all_levels(self) -> npt.NDArray[Any]:
+        """Grey levels of all wavelengths and frames, [wavelength][frame][y][x]."""
+        return np.array([[png.decode(frame) for frame in frames] for frames in self.levels_png])
+
+    @property
+    def reconstruction(self) -> npt.NDArray[np.uint8]:
+        """What the display should show in the first plane: sRGB, [y][x], or with three wavelengths [y][x][3]."""
+        return png.decode(self._shown())
+
+    @property
+    def reconstructions(self) -> npt.NDArray[np.uint8]:
+        """What the display should show, sRGB grey, [wavelength][plane][y][x]."""
+        return np.array([[png.decode(plane) for plane in planes] for planes in self.reconstructions_png])
+
+    @property
+    def loss(self) -> float:
+        """Loss of the last iteration, of the first wavelength."""
+        return self.result.wavelengths[0].loss
+
+    @property
+    def quality(self) -> v1.SeenQuality:
+        """Quality in the first plane with the levels that the display shows, for the detector of the job."""
+        seen = self.result.wavelengths[0].planes[0].quantized_quality
+        detector = words.name_of(v1.Detector, self.spec.detector)
+        return {"point": seen.point, "supersampled": seen.supersampled}.get(detector, seen.pixel)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the hologram: `.png` for the display as it is, or `.npy` of the phase in radians.
+
+        Raises `InvalidArgument` if the hologram has several parts; `save_all` writes those.
+        """
+        if len(self.levels_png) * len(self.levels_png[0]) > 1:
+            parts = f"{len(self.levels_png)} wavelengths with {len(self.levels_png[0])} frames"
+            raise InvalidArgument("path", f"is one file, but the hologram has {parts}", "use save_all(folder)")
+        self._save_part(Path(path), 0, 0)
+
+    def save_all(self, folder: str | os.PathLike[str]) -> list[Path]:
+        """Write a PNG for each wavelength and frame into a folder, and return their paths."""
+        Path(folder).mkdir(parents=True, exist_ok=True)
+        paths = []
+        for i, wavelength_m in enumerate(self.wavelengths_m):
+            for frame in range(len(self.levels_png[i])):
+                path = Path(folder) / f"{show_length(wavelength_m).replace(' ', '')}-frame{frame + 1}.png"
+                self._save_part(path, i, frame)
+                paths.append(path)
+        return paths
+
+    def _save_part(self, path: Path, wavelength: int, frame: int) -> None:
+        if path.suffix == ".png":
+            path.write_bytes(self.levels_png[wavelength][frame])
+        elif path.suffix == ".npy":
+            np.save(path, self.phases[wavelength, frame], allow_pickle=False)
+        else:
+            raise InvalidArgument("path", f'is "{path}"', "end it with .png (levels) or .npy (radians)")
+
+    def _shown(self) -> bytes:
+        return self.colours_png[0] if self.colours_png else self.reconstructions_png[0][0]
+
+    def _optics(self) -> str:
+        wavelengths = ", ".join(show_length(each) for each in self.wavelengths_m)
+        return f"{wavelengths} at {', '.join(show_length(each) for each in self.distances_m)}"
+
+    def _repr_png_(self) -> bytes:
+        return png.thumbnail(self._shown(), html.PICTURE_SIDE_PX)
+
+    def _repr_html_(self) -> str:
+        pictures = html.picture("levels for the display", self.levels_png[0][0])
+        shown = self.colours_png or [planes for each in self.reconstructions_png for planes in each]
+        for i, picture in enumerate(shown):
+            pictures += html.picture(f"what it shows{f', {i + 1}' if len(shown) > 1 else ''}", picture)
+        seen = self.quality
+        rows: list[tuple[str, object]] = [
+            ("display", f"{self.spec.display}, {self._optics()}"),
+            ("PSNR", f"{seen.psnr_db:.1f} dB"),
+            ("SSIM", f"{seen.ssim:.3f}" if seen.HasField("ssim") else "too small to measure"),
+            ("diffraction efficiency", f"{seen.diffraction_efficiency:.1%}"),
+            ("job", self.job.name),
+        ]
+        return pictures + html.table("Hologram", rows)

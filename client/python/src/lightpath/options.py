@@ -1,0 +1,163 @@
+"""Options of jobs, as keyword arguments. An option that is not given has the server's default."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, TypedDict
+
+from lightpath import v1, words
+from lightpath.errors import InvalidArgument
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from lightpath.pictures import Phase, Picture
+
+
+class SubmitOptions(TypedDict, total=False):
+    """Options of every job."""
+
+    request_id: str
+    """The same request of the same owner, sent again, returns the same job."""
+    priority: int
+    """Lower numbers run first, -100 to 100. Numbers below 0 need the role curator or admin."""
+    attempts_max: int
+    """Failed attempts after which the job fails for good, 1 to 20."""
+    owner: str
+    """Jobs of the same priority take turns between owners. Only an admin may name another owner."""
+    batch: str
+    """Name under which many jobs are counted together."""
+    unique_key: str
+    """At most one waiting or running job of the owner may have this key."""
+    timeout_s: float
+    """An attempt that takes longer fails for good [s]."""
+    after: Sequence[str]
+    """Jobs that must succeed before this job starts, `jobs/{id}`."""
+
+
+class HologramOptions(SubmitOptions, total=False):
+    """Options of the optimization of a hologram."""
+
+    depth_map: Picture
+    """Linear grey picture that gives each pixel one of several distances: white the first, black the last."""
+    target_encoding: words.Encoding
+    """What the target's values mean: `srgb` (default) or `linear` light."""
+    fit: words.Fit
+    """How a target of another size is fitted to the display: `contain` (default), `cover`, `stretch` or `exact`."""
+    kernel: str | int
+    """`active`, `ideal`, an alias or the number of a version. Default: the active kernel, or the ideal one."""
+    propagation: words.Propagation
+    """Propagation method. Default: the planner chooses."""
+    method: words.Method
+    """How the phase is found: `lbfgs` (default), `adam`, `gerchberg-saxton`, …"""
+    iterations: int
+    """Number of iterations, 1 to 10000. Default: 200."""
+    learning_rate: float
+    """Learning rate of Adam [rad]."""
+    frames: int
+    """Number of phases that are shown one after the other, 1 to 24."""
+    initial_phase: v1.OptimizeHologram.InitialPhase | Phase
+    """The phase with which the search starts: a message, or phases in radians [height][width]."""
+    seed: int
+    """Seed of the random numbers in the initial phase."""
+    loss: words.Quantity
+    """Quantity that is compared with the target: `intensity` (default) or `amplitude`."""
+    total_variation: float
+    """Factor of the total variation in the loss, 0 to 1000."""
+    speckle: float
+    """Factor of the speckle in the loss, 0 to 1000."""
+    detector: words.Detector
+    """What counts as the light of a pixel: `pixel` (default), `point` or `supersampled`."""
+    region: tuple[int, int, int, int]
+    """Region in which the picture counts: x, y, width, height [px]. Default: the middle 80 % of each axis."""
+    weight_mask: Picture
+    """Linear grey picture of the pixels' weights. Black pixels do not count."""
+    quantization_aware: bool
+    """Optimize the last third of the iterations through the display's grey levels."""
+
+
+class LearnOptions(SubmitOptions, total=False):
+    """Options of the learning of a kernel."""
+
+    model: words.Model
+    """What is learned: `display` (default), `varying`, `smooth`, `dense` or `paper`."""
+    order: int
+    """Highest polynomial degree of the smooth errors, 1 to 12. Default: what predicts the validation pairs best."""
+    start_version: int
+    """Version from which learning starts. Default: the ideal kernel."""
+    epochs: int
+    """Passes over the training pairs with Adam, at most 1000. Default: the model's."""
+    learning_rate: float
+    """Learning rate of Adam. Default: the model's."""
+    refinement_evaluations: int
+    """Largest number of evaluations of all pairs after Adam, at most 10000. Default: the model's."""
+    seed: int
+    """Seed of the order of the pairs."""
+    detector: words.Detector
+    """Light that the camera's pixels measure: `pixel` (default) or `point`."""
+    region: tuple[int, int, int, int]
+    """Region in which the photographs count: x, y, width, height [px]. Default: the middle 80 % of each axis."""
+
+
+def check(options: Mapping[str, Any], known: type[Any]) -> None:
+    """Raise TypeError for an option that does not exist, as Python does for an unknown keyword argument."""
+    unknown = options.keys() - known.__annotations__.keys()
+    if unknown:
+        raise TypeError(
+            f"unknown option {', '.join(sorted(unknown))}; the options are {', '.join(sorted(known.__annotations__))}"
+        )
+
+
+def submit_request(spec: v1.JobSpec, options: SubmitOptions) -> v1.SubmitJobRequest:
+    """Return the request that submits a job."""
+    own = {key: value for key, value in options.items() if key in SubmitOptions.__annotations__}
+    return v1.SubmitJobRequest(spec=spec, **own)  # type: ignore[arg-type]
+
+
+def region_message(region: tuple[int, int, int, int] | None) -> v1.RegionOfInterest | None:
+    """Return the message of a region x, y, width, height [px]."""
+    if region is None:
+        return None
+    if len(region) != 4 or any(side < 0 for side in region):  # noqa: PLR2004
+        raise InvalidArgument("region", f"is {region}", "give x, y, width and height in pixels, none below 0")
+    x_px, y_px, width_px, height_px = region
+    return v1.RegionOfInterest(x_px=x_px, y_px=y_px, width_px=width_px, height_px=height_px)
+
+
+def optimize_message(options: HologramOptions) -> v1.OptimizeHologram:
+    """Return the message of an optimization, without display, planes and files, which need the server."""
+    loss = v1.OptimizeHologram.Loss(
+        quantity=words.number("loss", v1.OptimizeHologram.Loss.Quantity, options.get("loss")),
+        total_variation=options.get("total_variation", 0.0),
+        speckle=options.get("speckle", 0.0),
+    )
+    return v1.OptimizeHologram(
+        target_encoding=words.number("target_encoding", v1.Encoding, options.get("target_encoding")),
+        target_fit=words.number("fit", v1.OptimizeHologram.Fit, options.get("fit")),
+        kernel=str(options.get("kernel", "")),
+        propagation=words.number("propagation", v1.PropagationMethod, options.get("propagation")),
+        method=words.number("method", v1.HologramMethod, options.get("method")),
+        iterations=options.get("iterations", 0),
+        learning_rate=options.get("learning_rate", 0.0),
+        frames=options.get("frames", 0),
+        seed=options.get("seed", 0),
+        loss=loss if loss.ByteSize() else None,
+        detector=words.number("detector", v1.Detector, options.get("detector")),
+        region_of_interest=region_message(options.get("region")),
+        quantization_aware=options.get("quantization_aware", False),
+    )
+
+
+def learn_message(datasets: Sequence[str], options: LearnOptions) -> v1.LearnKernel:
+    """Return the message of a learning job."""
+    return v1.LearnKernel(
+        datasets=datasets,
+        model=words.number("model", v1.KernelModel, options.get("model")),
+        order=options.get("order", 0),
+        start_version=options.get("start_version", 0),
+        epochs=options.get("epochs", 0),
+        learning_rate=options.get("learning_rate", 0.0),
+        refinement_evaluations=options.get("refinement_evaluations"),
+        seed=options.get("seed", 0),
+        detector=words.number("detector", v1.Detector, options.get("detector")),
+        region_of_interest=region_message(options.get("region")),
+    )

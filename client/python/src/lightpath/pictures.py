@@ -1,0 +1,117 @@
+"""Pictures and phases that users hand over, as the bytes that the server reads."""
+
+from __future__ import annotations
+
+import io
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image
+
+from lightpath import png
+from lightpath.errors import InvalidArgument
+
+if TYPE_CHECKING:
+    import torch
+
+Picture: TypeAlias = "str | os.PathLike[str] | Image.Image | npt.NDArray[Any] | torch.Tensor"
+"""A picture: a file (PNG, JPEG or TIFF), a PIL image, or an array or tensor.
+
+Arrays are [height][width] or [height][width][3]; tensors may also be [3][height][width], with leading axes of length 1.
+Values are uint8, uint16, bool, or floats from 0 to 1. What they mean is said by the encoding, as for a file.
+"""
+
+Phase: TypeAlias = "str | os.PathLike[str] | Image.Image | npt.NDArray[Any] | torch.Tensor"
+"""A hologram as it is displayed: a file, or grey levels (uint8 or uint16), or phases in radians (floats).
+
+Arrays are [height][width]. Floats are the phase before the display's response and carrier.
+"""
+
+_GREY_AXES, _COLOUR_AXES = 2, 3
+_COLOURS = 3
+# Modes that a PNG holds as they are, so that an image gives the same result as its file.
+_PNG_MODES = {"1", "L", "LA", "P", "RGB", "RGBA", "I;16"}
+
+
+def picture_bytes(field: str, picture: Picture) -> bytes:
+    """Return the file of a picture. `field` names the argument in errors."""
+    if isinstance(picture, str | os.PathLike):
+        return _file(field, picture)
+    if isinstance(picture, Image.Image):
+        return _image(picture)
+    pixels = _pixels(field, picture)
+    if pixels.dtype.kind == "f":
+        _refuse_not_finite(field, pixels)
+        least, largest = pixels.min(), pixels.max()
+        if least < 0 or largest > 1:
+            fix = "divide by 255" if largest > 1 and least >= 0 else "scale them"
+            raise InvalidArgument(field, f"has values from {least:.6g} to {largest:.6g}, but floats are 0 to 1", fix)
+        pixels = np.rint(pixels * 65535).astype(np.uint16)
+    return png.encode(pixels)
+
+
+def phase_bytes(field: str, phase: Phase) -> bytes:
+    """Return the file of a hologram: a PNG of grey levels, or `.npy` of float32 phases [rad]."""
+    if isinstance(phase, str | os.PathLike):
+        return _file(field, phase)
+    if isinstance(phase, Image.Image):
+        return _image(phase)
+    levels = _pixels(field, phase)
+    if levels.ndim != _GREY_AXES:
+        raise InvalidArgument(field, f"has the shape {levels.shape}", "give [height][width]")
+    if levels.dtype.kind != "f":
+        return png.encode(levels)
+    _refuse_not_finite(field, levels)
+    out = io.BytesIO()
+    np.save(out, levels.astype("<f4"), allow_pickle=False)
+    return out.getvalue()
+
+
+def _file(field: str, path: str | os.PathLike[str]) -> bytes:
+    try:
+        return Path(path).read_bytes()
+    except OSError as error:
+        raise InvalidArgument(field, f'is "{os.fspath(path)}", which cannot be read', str(error.strerror)) from error
+
+
+def _image(image: Image.Image) -> bytes:
+    out = io.BytesIO()
+    (image if image.mode in _PNG_MODES else image.convert("RGB")).save(out, format="PNG")
+    return out.getvalue()
+
+
+def _pixels(field: str, values: npt.NDArray[Any] | torch.Tensor) -> npt.NDArray[Any]:
+    """Return an array [y][x] or [y][x][3] of uint8, uint16 or floats."""
+    if isinstance(values, np.ndarray):
+        pixels = values
+    else:
+        # A tensor may be on another device, or part of a graph of gradients.
+        pixels = _colours_last(np.asarray(values.detach().cpu()) if hasattr(values, "detach") else np.asarray(values))
+    is_colour = pixels.ndim == _COLOUR_AXES and pixels.shape[2] == _COLOURS
+    if pixels.size == 0 or not (pixels.ndim == _GREY_AXES or is_colour):
+        raise InvalidArgument(field, f"has the shape {pixels.shape}", "give [height][width] or [height][width][3]")
+    if pixels.dtype == np.bool_:
+        return pixels.astype(np.uint8) * np.uint8(255)
+    if pixels.dtype not in {np.dtype(np.uint8), np.dtype(np.uint16)} and pixels.dtype.kind != "f":
+        raise InvalidArgument(field, f"has values of type {pixels.dtype}", "use uint8, uint16, bool or floats")
+    return pixels
+
+
+def _colours_last(pixels: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Remove a tensor's leading axes of length 1, and bring its colours from the first to the last axis."""
+    while pixels.ndim > _GREY_AXES and pixels.shape[0] == 1:
+        pixels = pixels[0]
+    if pixels.ndim == _COLOUR_AXES and pixels.shape[0] == _COLOURS:
+        pixels = np.moveaxis(pixels, 0, 2)
+    return pixels
+
+
+def _refuse_not_finite(field: str, pixels: npt.NDArray[Any]) -> None:
+    bad = np.argwhere(~np.isfinite(pixels))
+    if len(bad):
+        place = "".join(f"[{i}]" for i in bad[0])
+        problem = f"has {len(bad)} values that are not finite, the first at {place} ({pixels[tuple(bad[0])]})"
+        raise InvalidArgument(field, problem, "replace them, for example with numpy.nan_to_num")

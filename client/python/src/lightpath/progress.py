@@ -1,0 +1,178 @@
+"""How a job gets on, while a program waits for it: a bar on a terminal, a card in a notebook, otherwise nothing."""
+
+from __future__ import annotations
+
+import importlib
+import math
+import sys
+from html import escape
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
+
+from tqdm import tqdm
+
+from lightpath import html, v1, words
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+Progress: TypeAlias = "bool | Callable[[v1.Job], None]"
+"""Whether to show progress, or a function that receives every state of the job."""
+
+_CHART_WIDTH, _CHART_HEIGHT = 320, 120
+
+
+class Watcher(Protocol):
+    """Follows a job."""
+
+    def update(self, job: v1.Job) -> None:
+        """Show a state of the job."""
+
+    def note(self, text: str) -> None:
+        """Show a note, such as the loss of the connection. An empty text removes it."""
+
+    def close(self) -> None:
+        """End, after the last state or an error."""
+
+
+def watcher(progress: Progress, label: str, picture: bytes | None = None) -> Watcher:
+    """Return what shows the progress of a job here. `picture` is a PNG that a notebook shows beside it."""
+    if callable(progress):
+        return _Caller(progress)
+    if progress and _in_notebook():
+        return _Card(label, picture)
+    return _Bar(label, disable=None if progress else True)
+
+
+def details(job: v1.Job) -> str:
+    """Return loss and time left of a job, such as `loss 0.0123, 4 s left`."""
+    parts = []
+    if job.progress.loss > 0:
+        parts.append(f"loss {job.progress.loss:.3g}")
+    if job.progress.HasField("eta_s"):
+        parts.append(f"{_duration(job.progress.eta_s)} left")
+    return ", ".join(parts)
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 100:  # noqa: PLR2004
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 100 * 60 else f"{seconds / 3600:.1f} h"
+
+
+def _in_notebook() -> bool:
+    ipython = sys.modules.get("IPython")
+    shell = ipython.get_ipython() if ipython else None
+    # A terminal's IPython has no kernel.
+    return getattr(shell, "kernel", None) is not None
+
+
+class _Caller:
+    def __init__(self, progress: Callable[[v1.Job], None]) -> None:
+        self._progress = progress
+
+    def update(self, job: v1.Job) -> None:
+        self._progress(job)
+
+    def note(self, text: str) -> None:
+        pass
+
+    def close(self) -> None:
+        pass
+
+
+class _Bar:
+    """A bar of tqdm on stderr. With `disable=None` tqdm shows nothing where stderr is no terminal."""
+
+    def __init__(self, label: str, *, disable: bool | None) -> None:
+        self._label = label
+        layout = "{desc} {bar:24} {n_fmt:>4}/{total_fmt} {postfix}"
+        self._bar: tqdm[Any] = tqdm(total=1, bar_format=layout, disable=disable, dynamic_ncols=True, mininterval=0)
+
+    def update(self, job: v1.Job) -> None:
+        state = words.name_of(v1.Job.State, job.state)
+        stage = job.progress.stage if state == "running" and job.progress.stage else state
+        if job.progress.steps_total:
+            self._bar.total, self._bar.n = job.progress.steps_total, job.progress.step
+        if state == "succeeded":
+            self._bar.n = job.progress.steps_total or 1
+        self._bar.set_description_str(f"{self._label}: {stage}", refresh=False)
+        # tqdm writes a comma and a space before the text of a postfix that is set by its method.
+        self._bar.postfix = details(job) if state == "running" else ""
+        self._bar.refresh()
+
+    def note(self, text: str) -> None:
+        self._bar.postfix = text
+        self._bar.refresh()
+
+    def close(self) -> None:
+        self._bar.close()
+
+
+class _Card:
+    """A card in a notebook: the target, a bar, the loss as a curve and the time left. It needs no widgets."""
+
+    def __init__(self, label: str, picture: bytes | None) -> None:
+        # Only notebooks have it, and its functions have no types.
+        self._ipython: Any = importlib.import_module("IPython.display")
+        self._label, self._note = label, ""
+        self._job = v1.Job()
+        self._losses: list[tuple[int, float]] = []
+        self._picture = html.picture("target", picture) if picture else ""
+        self._handle = self._ipython.display(self._ipython.HTML(self.page()), display_id=True)
+
+    def update(self, job: v1.Job) -> None:
+        self._job = job
+        if job.progress.loss > 0:
+            if self._losses and job.progress.step < self._losses[-1][0]:
+                self._losses.clear()
+            self._losses.append((job.progress.step, job.progress.loss))
+        self._show()
+
+    def note(self, text: str) -> None:
+        self._note = text
+        self._show()
+
+    def close(self) -> None:
+        self._show()
+
+    def _show(self) -> None:
+        self._handle.update(self._ipython.HTML(self.page()))
+
+    def page(self) -> str:
+        return card(self._label, self._job, self._losses, self._picture, self._note)
+
+
+def card(label: str, job: v1.Job, losses: list[tuple[int, float]], picture: str, note: str) -> str:
+    """Return the HTML of a job's progress. `losses` are steps with their losses, `picture` is a figure or empty."""
+    state = words.name_of(v1.Job.State, job.state) if job.state else "submitted"
+    total = job.progress.steps_total
+    done = 1.0 if state == "succeeded" else job.progress.step / total if total else 0.0
+    stage = job.progress.stage if state == "running" else state
+    text = ", ".join(
+        part for part in (stage, f"{job.progress.step}/{total}" if total else "", details(job), note) if part
+    )
+    return (
+        f"<div>{picture}<div style='display:inline-block;vertical-align:top;margin:4px'><b>{escape(label)}</b><br>"
+        f"<progress value='{done:.4f}' max='1' style='width:{_CHART_WIDTH}px'></progress><br>"
+        f"{escape(text)}<br>{loss_curve(losses)}</div></div>"
+    )
+
+
+def loss_curve(losses: list[tuple[int, float]]) -> str:
+    """Return a curve of the loss over the steps as SVG, with a logarithmic axis; empty for fewer than two points."""
+    if len(losses) < 2:  # noqa: PLR2004
+        return ""
+    logs = [math.log10(loss) for _, loss in losses]
+    first, last = losses[0][0], losses[-1][0]
+    low, high = min(logs), max(logs)
+    points = " ".join(
+        f"{_CHART_WIDTH * (step - first) / max(last - first, 1):.1f},"
+        f"{4 + (_CHART_HEIGHT - 8) * (high - log) / max(high - low, 1e-9):.1f}"
+        for (step, _), log in zip(losses, logs, strict=True)
+    )
+    return (
+        f"<svg width='{_CHART_WIDTH}' height='{_CHART_HEIGHT}' role='img' aria-label='loss over steps'>"
+        f"<polyline points='{points}' fill='none' stroke='#1f77b4' stroke-width='1.5'/>"
+        f"<text x='4' y='{_CHART_HEIGHT - 4}' font-size='11'>{10**low:.2g}</text>"
+        f"<text x='{_CHART_WIDTH - 4}' y='12' font-size='11' text-anchor='end'>loss, from {10**high:.2g}</text></svg>"
+    )

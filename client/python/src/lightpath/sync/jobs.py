@@ -1,0 +1,213 @@
+# Written by client/python/generate from ../aio/jobs.py. Change that file, then run the script.
+"""Blocking jobs: submitting, waiting through restarts, and their results."""
+
+from __future__ import annotations
+
+import io
+import uuid
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
+
+import numpy as np
+
+from lightpath import html, names, v1, words
+from lightpath.errors import JobUnsuccessful, ProtocolError, Unreachable, WaitInterrupted
+from lightpath.hologram import Hologram
+from lightpath.options import SubmitOptions, submit_request
+from lightpath.photograph import Photograph
+from lightpath.progress import Progress, details, watcher
+from lightpath.reports import Evaluation, Report
+from lightpath.retry import Backoff
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from lightpath.sync.connection import Connection
+
+Result = TypeVar("Result")
+
+WAIT_TRIES_MAX = 200
+"""Tries to reach the server again while waiting. They take about ten minutes: enough for a restart with recovery."""
+
+_ENDED = {v1.Job.STATE_SUCCEEDED, v1.Job.STATE_FAILED, v1.Job.STATE_CANCELLED}
+
+
+class Job(Generic[Result]):
+    """A job in the server's queue. It goes on when the program ends."""
+
+    def __init__(self, connection: Connection, message: v1.Job) -> None:
+        self._connection = connection
+        self.message = message
+
+    def __repr__(self) -> str:
+        return f"<Job {self.name}, {self.kind}: {self.state}>"
+
+    @property
+    def name(self) -> str:
+        """Resource name, `jobs/{id}`."""
+        return self.message.name
+
+    @property
+    def kind(self) -> str:
+        """What the job does, such as `optimize_hologram`."""
+        return self.message.spec.WhichOneof("kind") or "unknown"
+
+    @property
+    def state(self) -> words.State:
+        """State when this object last heard of the job."""
+        return cast("words.State", words.name_of(v1.Job.State, self.message.state))
+
+    @property
+    def ended(self) -> bool:
+        """Whether the job has succeeded, failed or been cancelled."""
+        return self.message.state in _ENDED
+
+    def refresh(self) -> Job[Result]:
+        """Read the job again."""
+        request = v1.GetJobRequest(name=self.name)
+        self.message = self._connection.call(self._connection.jobs.GetJob, request)
+        return self
+
+    def watch(self) -> Iterator[v1.Job]:
+        """Return every state of the job until it has ended. Survives restarts of the server."""
+        backoff, reached = Backoff(WAIT_TRIES_MAX), False
+        request = v1.WatchJobRequest(name=self.name)
+        while True:
+            # A server that stops ends the stream without an error.
+            failure = Unreachable(self._connection.url, "the server ended the watch")
+            try:
+                for message in self._connection.stream(self._connection.jobs.WatchJob, request):
+                    reached = True
+                    backoff.reset()
+                    self.message = message
+                    yield message
+                    if self.ended:
+                        return
+            except Unreachable as error:
+                failure = error
+            if not reached:
+                raise failure
+            self._connection.pause(backoff, failure)
+
+    def wait(self, *, progress: Progress = True, picture: bytes | None = None) -> Job[Result]:
+        """Wait until the job has ended, however it ends, and show its progress.
+
+        `picture` is a PNG that a notebook shows beside the progress. On Ctrl-C it raises
+        `WaitInterrupted`; the job goes on.
+        """
+        label = self.kind.replace("_", " ")
+        shown = watcher(progress, label, picture)
+        try:
+            for message in self.watch():
+                shown.update(message)
+        except KeyboardInterrupt:
+            raise WaitInterrupted(self.name) from None
+        finally:
+            shown.close()
+        return self
+
+    def result(self, *, progress: Progress = True) -> Result:
+        """Wait until the job has ended, and return what it made.
+
+        Raises `JobUnsuccessful` if it failed or was cancelled.
+        """
+        if not self.ended:
+            self.wait(progress=progress)
+        check_success(self.message)
+        return cast("Result", _read_result(self._connection, self.message))
+
+    def cancel(self) -> Job[Result]:
+        """Cancel the job. A queued job ends at once, a running one within some seconds."""
+        request = v1.CancelJobRequest(name=self.name)
+        self.message = self._connection.call(self._connection.jobs.CancelJob, request, repeatable=False)
+        return self
+
+    def retry(self) -> Job[Result]:
+        """Put a failed or cancelled job back into the queue."""
+        request = v1.RetryJobRequest(name=self.name)
+        self.message = self._connection.call(self._connection.jobs.RetryJob, request, repeatable=False)
+        return self
+
+    def events(self) -> list[v1.JobEvent]:
+        """Return the history of the job, the oldest event first."""
+        request = v1.ListJobEventsRequest(name=self.name, page_size=1000)
+        events: list[v1.JobEvent] = []
+        while True:
+            page = self._connection.call(self._connection.jobs.ListJobEvents, request)
+            events += page.events
+            if not page.next_page_token:
+                return events
+            request.page_token = page.next_page_token
+
+    def _repr_html_(self) -> str:
+        job = self.message
+        rows: list[tuple[str, object]] = [("kind", self.kind.replace("_", " ")), ("state", self.state)]
+        if job.progress.steps_total and not self.ended:
+            progress = f"{job.progress.stage} {job.progress.step}/{job.progress.steps_total} {details(job)}"
+            rows.append(("progress", progress))
+        if job.error.message:
+            rows.append(("error", f"{job.error.message} ({job.error.reason})"))
+        rows.append(("submitted", f"{job.create_time.ToDatetime():%Y-%m-%d %H:%M:%S} UTC"))
+        return html.table(self.name, rows)
+
+
+def submit(connection: Connection, spec: v1.JobSpec, options: SubmitOptions) -> Job[Any]:
+    """Submit a job. The call is made again after a lost connection, and never makes a second job."""
+    request = submit_request(spec, options)
+    request.request_id = request.request_id or str(uuid.uuid4())
+    return Job(connection, connection.call(connection.jobs.SubmitJob, request))
+
+
+def check_success(job: v1.Job) -> None:
+    """Raise `JobUnsuccessful` unless the job has succeeded."""
+    retry = f'try it again with lab.job("{job.name}").retry()'
+    if job.state == v1.Job.STATE_FAILED:
+        ending = f"failed: {job.error.message} ({job.error.reason})"
+        raise JobUnsuccessful(job.name, ending, job.error.reason, f"remove the cause, then {retry}")
+    if job.state == v1.Job.STATE_CANCELLED:
+        raise JobUnsuccessful(job.name, "was cancelled", "CANCELLED", retry)
+    if job.state != v1.Job.STATE_SUCCEEDED:
+        raise JobUnsuccessful(job.name, "has not ended", "NOT_ENDED", "wait for it with wait()")
+
+
+def _read_result(connection: Connection, job: v1.Job) -> object:
+    kind = job.result.WhichOneof("kind")
+    if kind == "hologram":
+        return _read_hologram(connection, job)
+    if kind == "learn":
+        from lightpath.sync.kernels import learned_versions  # noqa: PLC0415 - kernels need jobs, too
+
+        return learned_versions(connection, job.result.learn)
+    if kind == "capture":
+        return Photograph(connection.download(job.result.capture.photo), job.result.capture.photo)
+    if kind == "evaluate":
+        spec = job.spec.evaluate_kernel
+        return Evaluation(spec.dataset, spec.kernel or "active", job.result.evaluate)
+    if kind == "report":
+        return _read_report(connection, job.result.report)
+    if kind in {"prepare", "verify", "suggest"}:
+        return getattr(job.result, kind)
+    raise ProtocolError(f"{job.name} has a result that this package does not know")
+
+
+def _read_hologram(connection: Connection, job: v1.Job) -> Hologram:
+    phases, levels, pictures = [], [], []
+    for each in job.result.hologram.wavelengths:
+        arrays = [np.load(io.BytesIO(connection.download(frame.phase_npy))) for frame in each.frames]
+        phases.append(np.stack(arrays))
+        levels.append([connection.download(frame.phase) for frame in each.frames])
+        pictures.append([connection.download(plane.reconstruction) for plane in each.planes])
+    colours = [connection.download(digest) for digest in job.result.hologram.colour_reconstructions]
+    return Hologram(job, np.stack(phases), levels, pictures, colours)
+
+
+def _read_report(connection: Connection, result: v1.ReportResult) -> Report:
+    page = connection.download(result.html)
+    with np.load(io.BytesIO(connection.download(result.arrays)), allow_pickle=False) as file:
+        arrays = {name: file[name] for name in file.files}
+    figures = [(figure.title, connection.download(figure.artifact)) for figure in result.figures]
+    return Report(page, arrays, figures)
+
+
+def job_name(id_or_name: str) -> str:
+    """Return `jobs/{id}`."""
+    return names.with_collection("jobs", id_or_name)

@@ -1,0 +1,294 @@
+# Written by client/python/generate from ../aio/kernels.py. Change that file, then run the script.
+"""Blocking kernels: versions, promotion, files and arrays."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lightpath import html, v1, words
+from lightpath.errors import ProtocolError, Unreachable
+from lightpath.learned import LearnedKernel, from_npz
+from lightpath.options import SubmitOptions, check
+from lightpath.retry import Backoff
+from lightpath.sync.connection import checked
+from lightpath.sync.jobs import Job, submit
+from lightpath.units import show_length
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Iterator
+
+    from typing_extensions import Unpack
+
+    from lightpath.progress import Progress
+    from lightpath.reports import Report
+    from lightpath.sync.connection import Connection
+
+
+class Kernel:
+    """What was learned about one display at one wavelength and distance: versions, of which one is active."""
+
+    def __init__(self, connection: Connection, message: v1.Kernel) -> None:
+        self._connection = connection
+        self.message = message
+
+    def __repr__(self) -> str:
+        active = f"version {self.active_version} active" if self.active_version else "no version active"
+        return f"<Kernel {self.name}: {active}, latest {self.latest_version}>"
+
+    @property
+    def name(self) -> str:
+        """Resource name, `displays/{id}/kernels/{wavelength}-{distance}`."""
+        return self.message.name
+
+    @property
+    def active_version(self) -> int:
+        """Number of the version that holograms use; 0: none."""
+        return self.message.active_version
+
+    @property
+    def latest_version(self) -> int:
+        """Number of the newest version."""
+        return self.message.latest_version
+
+    def refresh(self) -> Kernel:
+        """Read the kernel again."""
+        request = v1.GetKernelRequest(name=self.name)
+        self.message = self._connection.call(self._connection.kernels.GetKernel, request)
+        return self
+
+    def version(self, number: int) -> KernelVersion:
+        """Return a version."""
+        return read_version(self._connection, f"{self.name}/versions/{number}")
+
+    def versions(self) -> list[KernelVersion]:
+        """Return all versions, the newest first."""
+        request, versions = v1.ListKernelVersionsRequest(kernel=self.name, page_size=1000), []
+        while True:
+            page = self._connection.call(self._connection.kernels.ListKernelVersions, request)
+            versions += [KernelVersion(self._connection, each) for each in page.versions]
+            if not page.next_page_token:
+                return versions
+            request.page_token = page.next_page_token
+
+    def promote(self, version: int, *, reason: str = "", force: bool = False) -> Kernel:
+        """Make a version active: from now on holograms use it.
+
+        Raises `PreconditionFailed` if it does not pass the display's promotion gate; `force` with a `reason` overrides
+        that.
+        """
+        request = v1.PromoteKernelRequest(kernel=self.name, version=version, reason=reason, force=force)
+        self.message = self._connection.call(self._connection.kernels.PromoteKernel, request, repeatable=False)
+        return self
+
+    def rollback(self, *, reason: str = "") -> Kernel:
+        """Undo the last promotion. Raises `Aborted` if somebody has moved `active` since this object was read."""
+        request = v1.RollbackKernelRequest(kernel=self.name, reason=reason, expected_active_version=self.active_version)
+        self.message = self._connection.call(self._connection.kernels.RollbackKernel, request, repeatable=False)
+        return self
+
+    def fetch(self, version: int = 0) -> LearnedKernel:
+        """Return a version as arrays; 0 is the active one."""
+        return fetch_arrays(self._connection, self.name, version)
+
+    def save(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        version: int = 0,
+        file_format: words.KernelFormat = "safetensors",
+    ) -> v1.KernelVersion:
+        """Write a version to a file, and return what is known about it; version 0 is the active one."""
+        found, content = fetch_file(self._connection, self.name, version, file_format)
+        Path(path).write_bytes(content)
+        return found
+
+    def moves(self) -> list[v1.KernelMove]:
+        """Return the promotions and rollbacks, the newest first."""
+        request = v1.ListKernelMovesRequest(kernel=self.name, page_size=1000)
+        moves: list[v1.KernelMove] = []
+        while True:
+            page = self._connection.call(self._connection.kernels.ListKernelMoves, request)
+            moves += page.moves
+            if not page.next_page_token:
+                return moves
+            request.page_token = page.next_page_token
+
+    def watch(self) -> Iterator[v1.Kernel]:
+        """Return the kernel, and again after every change, without end. Survives restarts of the server."""
+        backoff, request = Backoff(), v1.WatchKernelRequest(name=self.name)
+        while True:
+            # A server that stops ends the stream without an error.
+            failure = Unreachable(self._connection.url, "the server ended the watch")
+            try:
+                for message in self._connection.stream(self._connection.kernels.WatchKernel, request):
+                    backoff.reset()
+                    self.message = message
+                    yield message
+            except Unreachable as error:
+                failure = error
+            self._connection.pause(backoff, failure)
+
+    def _repr_html_(self) -> str:
+        message = self.message
+        rows: list[tuple[str, object]] = [
+            ("display", message.display),
+            (
+                "wavelength, distance",
+                f"{show_length(message.wavelength_m)}, {show_length(message.distance_m)}",
+            ),
+            ("active version", message.active_version or "none"),
+            ("latest version", message.latest_version),
+        ]
+        rows += [(f"alias {alias}", f"version {version}") for alias, version in sorted(message.aliases.items())]
+        return html.table(self.name, rows)
+
+
+class KernelVersion:
+    """A version of a kernel. It never changes."""
+
+    def __init__(self, connection: Connection, message: v1.KernelVersion) -> None:
+        self._connection = connection
+        self.message = message
+
+    def __repr__(self) -> str:
+        return f"<KernelVersion {self.name}, model {self.model}: test loss {self.metrics.test_loss:.3g}>"
+
+    @property
+    def name(self) -> str:
+        """Resource name, `{kernel}/versions/{n}`."""
+        return self.message.name
+
+    @property
+    def number(self) -> int:
+        """Number of the version, from 1."""
+        return self.message.version
+
+    @property
+    def model(self) -> str:
+        """What was learned, such as `display`."""
+        return words.name_of(v1.KernelModel, self.message.model)
+
+    @property
+    def metrics(self) -> v1.KernelMetrics:
+        """Losses on the photographs, also with the ideal kernel."""
+        return self.message.metrics
+
+    def kernel(self) -> Kernel:
+        """Return the kernel of the version."""
+        request = v1.GetKernelRequest(name=self._kernel_name)
+        return Kernel(self._connection, self._connection.call(self._connection.kernels.GetKernel, request))
+
+    def promote(self, *, reason: str = "", force: bool = False) -> Kernel:
+        """Make this version active: from now on holograms use it. See `Kernel.promote`."""
+        return (self.kernel()).promote(self.number, reason=reason, force=force)
+
+    def deprecate(self, reason: str) -> KernelVersion:
+        """Mark the version as one that should not be used any more."""
+        request = v1.DeprecateKernelVersionRequest(name=self.name, reason=reason)
+        self.message = self._connection.call(self._connection.kernels.DeprecateKernelVersion, request)
+        return self
+
+    def fetch(self) -> LearnedKernel:
+        """Return the version as arrays."""
+        return fetch_arrays(self._connection, self._kernel_name, self.number)
+
+    def learning(self) -> v1.LearnResult:
+        """Return how the version was learned: the history of the loss, and the parts that the display needed."""
+        request = v1.GetJobRequest(name=self.message.lineage.job)
+        return (self._connection.call(self._connection.jobs.GetJob, request)).result.learn
+
+    def report(self, *, progress: Progress = True, **options: Unpack[SubmitOptions]) -> Report:
+        """Make a report of what was learned, with pictures and numbers."""
+        check(options, SubmitOptions)
+        spec = v1.JobSpec(report_kernel=v1.ReportKernel(kernel_version=self.name))
+        job: Job[Report] = submit(self._connection, spec, options)
+        return job.result(progress=progress)
+
+    def compare(self, other: KernelVersion) -> v1.KernelComparison:
+        """Compare with another version of the same display and wavelength: numbers, and a picture of the difference."""
+        request = v1.CompareKernelVersionsRequest(first=self.name, second=other.name)
+        return self._connection.call(self._connection.kernels.CompareKernelVersions, request)
+
+    @property
+    def _kernel_name(self) -> str:
+        return self.name.partition("/versions/")[0]
+
+    def _repr_html_(self) -> str:
+        metrics = self.metrics
+        rows: list[tuple[str, object]] = [
+            ("model", self.model),
+            (
+                "pairs",
+                f"{metrics.train_pairs} train, {metrics.validation_pairs} validation, {metrics.test_pairs} test",
+            ),
+            ("loss of the test pairs", f"{metrics.test_loss:.3g}"),
+            ("with the ideal kernel", f"{metrics.ideal_test_loss:.3g}"),
+        ]
+        parts = [(words.name_of(v1.ModelPart, part.part), part.cost_db) for part in metrics.parts]
+        rows += [(f"without {part.replace('-', ' ')}", f"{cost_db:+.1f} dB") for part, cost_db in parts]
+        if self.message.HasField("deprecation"):
+            rows.append(("deprecated", self.message.deprecation.reason))
+        return html.table(self.name, rows)
+
+
+def read_version(connection: Connection, name: str) -> KernelVersion:
+    """Return the version of a name."""
+    request = v1.GetKernelVersionRequest(name=name)
+    return KernelVersion(connection, connection.call(connection.kernels.GetKernelVersion, request))
+
+
+def learned_versions(connection: Connection, result: v1.LearnResult) -> list[KernelVersion]:
+    """Return the versions that a job learned, one for each of its datasets."""
+    return [read_version(connection, learned.kernel_version) for learned in result.kernels]
+
+
+def list_kernels(connection: Connection, display: str) -> list[Kernel]:
+    """Return the kernels of a display, or of all displays if the name is empty."""
+    request, kernels = v1.ListKernelsRequest(display=display, page_size=1000), []
+    while True:
+        page = connection.call(connection.kernels.ListKernels, request)
+        kernels += [Kernel(connection, each) for each in page.kernels]
+        if not page.next_page_token:
+            return kernels
+        request.page_token = page.next_page_token
+
+
+def fetch_arrays(connection: Connection, kernel: str, version: int) -> LearnedKernel:
+    """Return a version as arrays."""
+    found, content = fetch_file(connection, kernel, version, "npz")
+    return from_npz(found, content)
+
+
+def fetch_file(
+    connection: Connection, kernel: str, version: int, file_format: words.KernelFormat
+) -> tuple[v1.KernelVersion, bytes]:
+    """Return a version and its file, checked against its digest. A download that was cut continues."""
+    backoff, content = Backoff(), bytearray()
+    request = v1.FetchKernelRequest(
+        kernel=kernel, version=version, format=words.number("file_format", v1.KernelFormat, file_format)
+    )
+    found, digest = v1.KernelVersion(), ""
+    while True:
+        before_bytes = request.offset_bytes = len(content)
+        try:
+            for message in connection.stream(connection.kernels.FetchKernel, request):
+                part = message.WhichOneof("part")
+                if part == "version":
+                    found, digest = message.version, message.version.artifact
+                    # If another version becomes active meanwhile, the rest must still be of this one.
+                    request.version = found.version
+                elif part == "file":
+                    digest = message.file.digest
+                else:
+                    content += message.chunk
+        except Unreachable as error:
+            failure = error
+        else:
+            if not found.name:
+                raise ProtocolError("a fetched kernel has no version")
+            return found, checked(bytes(content), digest)
+        if len(content) > before_bytes:
+            backoff.reset()
+        connection.pause(backoff, failure)

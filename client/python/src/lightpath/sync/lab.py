@@ -1,0 +1,214 @@
+# Written by client/python/generate from ../aio/lab.py. Change that file, then run the script.
+"""Blocking entry: the server of a lab, with its displays, datasets, kernels and jobs."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from lightpath import names, v1, words
+from lightpath.address import address
+from lightpath.errors import InvalidArgument
+from lightpath.options import LearnOptions, region_message
+from lightpath.photograph import Photograph, PhotoScore
+from lightpath.pictures import Picture, picture_bytes
+from lightpath.sync.connection import Connection
+from lightpath.sync.datasets import Dataset, learn
+from lightpath.sync.displays import Display
+from lightpath.sync.jobs import Job, job_name
+from lightpath.sync.kernels import Kernel, KernelVersion, list_kernels
+from lightpath.units import Length, metres, resolution_px
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Sequence
+    from types import TracebackType
+
+    from typing_extensions import Self, Unpack
+
+    from lightpath.progress import Progress
+
+
+def connect(
+    url: str | None = None,
+    *,
+    token: str | None = None,
+    token_file: str | os.PathLike[str] | None = None,
+    ca_file: str | os.PathLike[str] | None = None,
+    client_certificate: tuple[str | os.PathLike[str], str | os.PathLike[str]] | None = None,
+) -> Lab:
+    """Return the server at `url`, by default `LIGHTPATH_SERVER` or http://127.0.0.1:7070. The first call connects.
+
+    - `token`, `token_file`: the access token, or a file with it, for a server that requires one. Default:
+      `LIGHTPATH_TOKEN`, or the file that `LIGHTPATH_TOKEN_FILE` names
+    - `ca_file`: PEM file of the authority that signed the server's certificate, if the system does not trust it.
+      Default: `LIGHTPATH_CA_FILE`
+    - `client_certificate`: PEM files of certificate and key. Default: `LIGHTPATH_CLIENT_CERT`, `LIGHTPATH_CLIENT_KEY`
+    """
+    return Lab(Connection(address(url, token, token_file, ca_file, client_certificate)))
+
+
+class Lab:
+    """A Lightpath server. Use it in a `with` block, which closes the connection at its end."""
+
+    def __init__(self, connection: Connection) -> None:
+        self.connection = connection
+
+    def __repr__(self) -> str:
+        return f"<Lab {self.connection.url}>"
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the connection. Jobs go on."""
+        self.connection.close()
+
+    def create_display(
+        self,
+        display_id: str,
+        *,
+        resolution: str | tuple[int, int],
+        pixel_pitch: Length,
+        wavelength: Length | Sequence[Length],
+        bit_depth: int = 0,
+        phase_response_rad: Sequence[float] | None = None,
+        carrier: words.Carrier | None = None,
+        orders: v1.AllOrders | v1.OrderFilter | None = None,
+        notes: str = "",
+        simulated: int | v1.SimulatedBench | None = None,
+    ) -> Display:
+        """Declare a display. A repeated request with the same properties returns the existing display.
+
+        - `resolution`: columns and rows, such as `"1920x1080"`
+        - `pixel_pitch`, `wavelength`: metres, or text such as `"8um"` and `"515nm"`; several wavelengths for colour
+        - `bit_depth`: bits of a grey level. Default: 8
+        - `phase_response_rad`: phase of each grey level [rad]. Default: linear, one turn
+        - `carrier`: grating that moves the image away from the undiffracted light
+        - `orders`: diffraction orders that reach the image. Default: the whole first order, and nothing else
+        - `simulated`: a seed, or the properties of a simulated bench, for a display that exists only as a simulation
+        """
+        width_px, height_px = resolution_px(resolution)
+        wavelengths = [wavelength] if isinstance(wavelength, str | int | float) else wavelength
+        message = v1.Display(
+            name=names.with_collection("displays", display_id),
+            width_px=width_px,
+            height_px=height_px,
+            pixel_pitch_m=metres("pixel_pitch", pixel_pitch),
+            wavelengths_m=[metres("wavelength", each) for each in wavelengths],
+            bit_depth=bit_depth,
+            carrier=words.number("carrier", v1.Carrier, carrier),
+            notes=notes,
+            phase_response=v1.PhaseResponse(phase_rad=phase_response_rad) if phase_response_rad is not None else None,
+            all_orders=orders if isinstance(orders, v1.AllOrders) else None,
+            order_filter=orders if isinstance(orders, v1.OrderFilter) else None,
+            simulated_bench=v1.SimulatedBench(seed=simulated) if isinstance(simulated, int) else simulated,
+        )
+        request = v1.CreateDisplayRequest(display=message)
+        return Display(self.connection, self.connection.call(self.connection.displays.CreateDisplay, request))
+
+    def display(self, display_id: str) -> Display:
+        """Return a display."""
+        request = v1.GetDisplayRequest(name=names.with_collection("displays", display_id))
+        return Display(self.connection, self.connection.call(self.connection.displays.GetDisplay, request))
+
+    def displays(self) -> list[Display]:
+        """Return all displays, in the order of their ids."""
+        request, displays = v1.ListDisplaysRequest(page_size=1000), []
+        while True:
+            page = self.connection.call(self.connection.displays.ListDisplays, request)
+            displays += [Display(self.connection, each) for each in page.displays]
+            if not page.next_page_token:
+                return displays
+            request.page_token = page.next_page_token
+
+    def dataset(self, dataset_id: str) -> Dataset:
+        """Return a dataset. `Display.create_dataset` creates one."""
+        request = v1.GetDatasetRequest(name=names.with_collection("datasets", dataset_id))
+        return Dataset(self.connection, self.connection.call(self.connection.datasets.GetDataset, request))
+
+    def datasets(self) -> list[Dataset]:
+        """Return all datasets, in the order of their ids. They lack their pairs before `refresh`."""
+        request, datasets = v1.ListDatasetsRequest(page_size=1000), []
+        while True:
+            page = self.connection.call(self.connection.datasets.ListDatasets, request)
+            datasets += [Dataset(self.connection, each) for each in page.datasets]
+            if not page.next_page_token:
+                return datasets
+            request.page_token = page.next_page_token
+
+    def kernels(self) -> list[Kernel]:
+        """Return the kernels of all displays, in the order of their names."""
+        return list_kernels(self.connection, "")
+
+    def learn(
+        self, datasets: Sequence[Dataset | str], *, progress: Progress = True, **options: Unpack[LearnOptions]
+    ) -> list[KernelVersion]:
+        """Learn one model from datasets of several distances, and return a version for each. See `Dataset.learn`."""
+        found = [
+            each.name if isinstance(each, Dataset) else names.with_collection("datasets", each) for each in datasets
+        ]
+        return learn(self.connection, found, progress, options)
+
+    def score(
+        self,
+        photo: Photograph | Picture,
+        target: Picture,
+        *,
+        photo_encoding: words.Encoding | None = None,
+        target_encoding: words.Encoding | None = None,
+        region: tuple[int, int, int, int] | None = None,
+    ) -> PhotoScore:
+        """Measure how well a photograph shows a target. It needs no display and no dataset.
+
+        The target is found wherever the photograph shows it. `photo_encoding` is `linear` by default, `target_encoding`
+        is `srgb`. `region` is the part of the target that counts: x, y, width, height [px]. Raises `InvalidRequest` if
+        the photograph does not show the target.
+        """
+        request = v1.ScorePhotoRequest(
+            photo=photo.digest
+            if isinstance(photo, Photograph)
+            else self.connection.upload(picture_bytes("photo", photo)),
+            target=self.connection.upload(picture_bytes("target", target)),
+            photo_encoding=words.number("photo_encoding", v1.Encoding, photo_encoding),
+            target_encoding=words.number("target_encoding", v1.Encoding, target_encoding),
+            region_of_interest=region_message(region),
+        )
+        score = self.connection.call(self.connection.photos.ScorePhoto, request)
+        aligned = self.connection.download(score.aligned)
+        return PhotoScore(score, aligned, self.connection.download(score.error))
+
+    def job(self, job_id: str) -> Job[Any]:
+        """Return a job, for example one that an earlier program submitted."""
+        request = v1.GetJobRequest(name=job_name(job_id))
+        return Job(self.connection, self.connection.call(self.connection.jobs.GetJob, request))
+
+    def jobs(
+        self,
+        *,
+        state: words.State | None = None,
+        display: Display | str = "",
+        batch: str = "",
+        limit: int = 50,
+    ) -> list[Job[Any]]:
+        """Return jobs, the newest first."""
+        if limit < 1:
+            raise InvalidArgument("limit", f"is {limit}", "give a number above 0")
+        name = display.name if isinstance(display, Display) else display and names.with_collection("displays", display)
+        request = v1.ListJobsRequest(
+            state=words.number("state", v1.Job.State, state),
+            display=name,
+            batch=batch,
+            page_size=min(limit, 1000),
+        )
+        jobs: list[Job[Any]] = []
+        while True:
+            page = self.connection.call(self.connection.jobs.ListJobs, request)
+            jobs += [Job(self.connection, each) for each in page.jobs]
+            if not page.next_page_token or len(jobs) >= limit:
+                return jobs[:limit]
+            request.page_token = page.next_page_token
