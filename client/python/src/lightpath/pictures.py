@@ -39,7 +39,7 @@ _PNG_MODES = {"1", "L", "LA", "P", "RGB", "RGBA", "I;16"}
 def picture_bytes(field: str, picture: Picture) -> bytes:
     """Return the file of a picture. `field` names the argument in errors."""
     if isinstance(picture, str | os.PathLike):
-        return _file(field, picture)
+        return file_bytes(field, picture)
     if isinstance(picture, Image.Image):
         return _image(picture)
     pixels = _pixels(field, picture)
@@ -56,7 +56,7 @@ def picture_bytes(field: str, picture: Picture) -> bytes:
 def phase_bytes(field: str, phase: Phase) -> bytes:
     """Return the file of a hologram: a PNG of grey levels, or `.npy` of float32 phases [rad]."""
     if isinstance(phase, str | os.PathLike):
-        return _file(field, phase)
+        return file_bytes(field, phase)
     if isinstance(phase, Image.Image):
         return _image(phase)
     levels = _pixels(field, phase)
@@ -70,7 +70,8 @@ def phase_bytes(field: str, phase: Phase) -> bytes:
     return out.getvalue()
 
 
-def _file(field: str, path: str | os.PathLike[str]) -> bytes:
+def file_bytes(field: str, path: str | os.PathLike[str]) -> bytes:
+    """Return the bytes of a file. `field` names the argument in errors."""
     try:
         return Path(path).read_bytes()
     except OSError as error:

@@ -93,7 +93,9 @@ def source(kernel: LearnedKernel) -> Figure:
     figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.2), layout="constrained")
     extent = _extent(kernel.source, kernel.pixel_pitch_m)
     _bar(left.imshow(np.abs(kernel.source), cmap="viridis", vmin=0, extent=extent), left, "amplitude")
-    bent = right.imshow(np.angle(kernel.source), cmap="RdBu", extent=extent)
+    phase_rad = np.angle(kernel.source)
+    most_rad = float(np.abs(phase_rad).max())
+    bent = right.imshow(phase_rad, cmap="RdBu", vmin=-most_rad, vmax=most_rad, extent=extent)
     _bar(bent, right, "phase [rad]")
     for axes in (left, right):
         _label_plane(axes, kernel.pixel_pitch_m)
@@ -131,4 +133,5 @@ def _label_plane(axes: Axes, pixel_pitch_m: float | None) -> None:
 
 
 def _bar(image: Any, axes: Axes, label: str) -> Any:
-    return axes.figure.colorbar(image, ax=axes, label=label, shrink=0.85)
+    # A bar inside the axes' own frame is as high as the picture, whatever the picture's sides are.
+    return axes.figure.colorbar(image, cax=axes.inset_axes((1.03, 0, 0.04, 1)), label=label)

@@ -85,8 +85,10 @@ class _Bar:
 
     def __init__(self, label: str, *, disable: bool | None) -> None:
         self._label = label
-        layout = "{desc} {bar:24} {n_fmt:>4}/{total_fmt} {postfix}"
-        self._bar: tqdm[Any] = tqdm(total=1, bar_format=layout, disable=disable, dynamic_ncols=True, mininterval=0)
+        layout = "{desc} {bar:24} {n_fmt:>4}/{total_fmt}{postfix}"
+        self._bar: tqdm[Any] = tqdm(
+            total=1, desc=label, bar_format=layout, disable=disable, dynamic_ncols=True, mininterval=0
+        )
 
     def update(self, job: v1.Job) -> None:
         state = words.name_of(v1.Job.State, job.state)
@@ -96,7 +98,6 @@ class _Bar:
         if state == "succeeded":
             self._bar.n = job.progress.steps_total or 1
         self._bar.set_description_str(f"{self._label}: {stage}", refresh=False)
-        # tqdm writes a comma and a space before the text of a postfix that is set by its method.
         self._bar.postfix = details(job) if state == "running" else ""
         self._bar.refresh()
 

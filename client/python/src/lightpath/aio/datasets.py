@@ -47,12 +47,12 @@ class Dataset:
 
     @property
     def pairs(self) -> list[v1.Pair]:
-        """The pairs with their measurements."""
+        """The pairs with their measurements, when this object was read last (`refresh`)."""
         return list(self.message.pairs)
 
     @property
     def findings(self) -> list[v1.Finding]:
-        """Problems of the pairs and of the dataset, with what to do."""
+        """Problems of the pairs and of the dataset, with what to do, when this object was read last (`refresh`)."""
         return list(self.message.findings)
 
     async def refresh(self) -> Dataset:
@@ -76,14 +76,16 @@ class Dataset:
 
         - `hologram`: a hologram of this package, a file, grey levels (integers) or a phase in radians (floats)
         - `photo`: a photograph of a simulated display, or a file, image or array of your camera
-        - `pair_id`: id of the pair. Default: `p001` and so on
+        - `pair_id`: id of the pair. Default: eight digits of the hologram's digest
         - `split`: use of the pair. Default: finalizing the dataset draws it
         - `black_level`: reading of the camera in the dark, as a fraction of full scale
         - `exposure_s`, `camera_gain`: exposure time [s] and amplification, if known
         """
+        phase = await self._phase_digest(hologram)
         pair = v1.Pair(
-            id=pair_id or f"p{self.message.pair_count + 1:03}",
-            phase=await self._phase_digest(hologram),
+            # From the hologram's digest, so that the same pair has the same id when a notebook runs again.
+            id=pair_id or phase.removeprefix("sha256-")[:8],
+            phase=phase,
             photo=await self._photo_digest(photo),
             split=words.number("split", v1.Split, split),
             black_level=black_level,

@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING
 from lightpath import html, names, v1, words
 from lightpath.aio.datasets import Dataset
 from lightpath.aio.jobs import Job, submit
-from lightpath.aio.kernels import Kernel, list_kernels
+from lightpath.aio.kernels import Kernel, KernelVersion, list_kernels
 from lightpath.errors import InvalidArgument
 from lightpath.hologram import Hologram
 from lightpath.options import HologramOptions, SubmitOptions, check, optimize_message
-from lightpath.pictures import Phase, Picture, phase_bytes, picture_bytes
+from lightpath.pictures import Phase, Picture, file_bytes, phase_bytes, picture_bytes
 from lightpath.units import Length, metres, show_length
 
 if TYPE_CHECKING:
+    import os
     from collections.abc import Iterable, Sequence
 
     from typing_extensions import Unpack
@@ -238,6 +239,25 @@ class Display:
     async def kernels(self) -> list[Kernel]:
         """Return all kernels of the display, in the order of their names."""
         return await list_kernels(self._connection, self.name)
+
+    async def import_kernel(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        distance: Length,
+        wavelength: Length | None = None,
+        from_another_display: bool = False,
+    ) -> KernelVersion:
+        """Store a file of `Kernel.save`, or the paper's `kernel.pt`, as the next version for a distance."""
+        request = v1.ImportKernelRequest(
+            display=self.name,
+            distance_m=metres("distance", distance),
+            wavelength_m=0.0 if wavelength is None else metres("wavelength", wavelength),
+            artifact=await self._connection.upload(file_bytes("path", path)),
+            from_another_display=from_another_display,
+        )
+        call = self._connection.kernels.ImportKernel
+        return KernelVersion(self._connection, await self._connection.call(call, request, repeatable=False))
 
     async def delete(self) -> None:
         """Delete the display. It must have no datasets, kernels or jobs."""

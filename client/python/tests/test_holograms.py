@@ -1,0 +1,141 @@
+"""From a picture to a hologram, with every kind of picture."""
+
+from __future__ import annotations
+
+import io
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from conftest import DISTANCE, target
+from PIL import Image
+
+import lightpath
+from lightpath import v1
+from lightpath.pictures import picture_bytes
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def test_hologram_has_phases_levels_and_the_picture_that_it_shows(bench: lightpath.Display, tmp_path: Path):
+    hologram = bench.optimize(target(1), distance=DISTANCE, iterations=40)
+    assert hologram.phase.dtype == np.float32
+    assert hologram.phase.shape == hologram.levels.shape == hologram.reconstruction.shape == (96, 160)
+    # The display of 8 bits has a linear response and no carrier.
+    expected = np.rint(hologram.phase / (2 * np.pi) * 256).astype(int) % 256
+    assert np.array_equal(expected, hologram.levels)
+    assert hologram.quality.psnr_db == hologram.result.wavelengths[0].planes[0].quantized_quality.pixel.psnr_db > 25
+    middle = (slice(10, 86), slice(16, 144))
+    seen, wanted = (each[middle].ravel().astype(float) for each in (hologram.reconstruction, target(1)))
+    assert np.corrcoef(seen, wanted)[0, 1] > 0.95
+    hologram.save(tmp_path / "hologram.png")
+    assert np.array_equal(np.asarray(Image.open(tmp_path / "hologram.png")), hologram.levels)
+    hologram.save(tmp_path / "phase.npy")
+    assert np.array_equal(np.load(tmp_path / "phase.npy"), hologram.phase)
+    with pytest.raises(lightpath.InvalidArgument, match="png"):
+        hologram.save(tmp_path / "hologram.bmp")
+
+
+def test_a_picture_gives_the_same_hologram_as_file_image_and_array(bench: lightpath.Display, tmp_path: Path):
+    Image.fromarray(target(2)).save(tmp_path / "target.png")
+    kinds = [
+        tmp_path / "target.png",
+        str(tmp_path / "target.png"),
+        Image.open(tmp_path / "target.png"),
+        target(2),
+        (target(2) / 255).astype(np.float32),
+        np.repeat(target(2)[:, :, np.newaxis], 3, axis=2),
+    ]
+    phases = [bench.optimize(each, distance=DISTANCE, iterations=2).phase for each in kinds]
+    for phase in phases[1:]:
+        # Pictures of 8 and of 16 bits become light in other steps of 32-bit arithmetic.
+        assert np.abs(np.exp(1j * phase) - np.exp(1j * phases[0])).max() < 1e-4
+
+
+def test_tensors_are_pictures(bench: lightpath.Display):
+    torch = pytest.importorskip("torch")
+    tensor = torch.from_numpy(target(2) / 255).float().requires_grad_()
+    as_array = bench.optimize(target(2), distance=DISTANCE, iterations=2).phase
+    for shape in (tensor, tensor[None], tensor[None, None], tensor.expand(3, -1, -1)):
+        assert np.array_equal(bench.optimize(shape, distance=DISTANCE, iterations=2).phase, as_array)
+
+
+def test_colour_depth_and_frames(lab: lightpath.Lab, tmp_path: Path):
+    wavelengths = ["638nm", "520nm", "450nm"]
+    display = lab.create_display("rgb", resolution=(64, 48), pixel_pitch=8e-6, wavelength=wavelengths)
+    colours = np.random.default_rng(1).random((48, 64, 3))
+    hologram = display.optimize(
+        colours, distance=["10mm", "12mm"], wavelength=wavelengths, depth_map=target(3), frames=2, iterations=3
+    )
+    assert hologram.phases.shape == (3, 2, 48, 64)
+    assert hologram.all_levels.shape == (3, 2, 48, 64)
+    assert hologram.reconstructions.shape == (3, 2, 48, 64)
+    assert hologram.reconstruction.shape == (48, 64, 3)
+    assert hologram.distances_m == [0.01, 0.012]
+    with pytest.raises(lightpath.InvalidArgument, match="save_all"):
+        hologram.save(tmp_path / "one.png")
+    assert len(hologram.save_all(tmp_path / "all")) == 6
+
+
+def test_options_reach_the_server(bench: lightpath.Display):
+    hologram = bench.optimize(
+        target(1),
+        distance=0.02,
+        iterations=5,
+        method="adam",
+        learning_rate=0.2,
+        detector="point",
+        region=(8, 8, 100, 60),
+        target_encoding="linear",
+        fit="exact",
+        propagation="angular-spectrum",
+        loss="amplitude",
+        kernel="ideal",
+        seed=7,
+        initial_phase=np.zeros((96, 160), np.float32),
+        weight_mask=np.ones((96, 160)),
+        batch="tests",
+        priority=5,
+    )
+    spec = hologram.spec
+    assert (spec.iterations, spec.learning_rate, spec.seed, spec.kernel) == (5, 0.2, 7, "ideal")
+    assert spec.method == v1.HOLOGRAM_METHOD_ADAM
+    assert (spec.region_of_interest.x_px, spec.region_of_interest.height_px) == (8, 60)
+    assert spec.initial_phase.given.phases
+    assert spec.weight_mask
+    assert (hologram.job.batch, hologram.job.priority) == ("tests", 5)
+    assert hologram.quality.psnr_db == hologram.result.wavelengths[0].planes[0].quantized_quality.point.psnr_db
+
+
+@pytest.mark.parametrize(
+    ("picture", "problem"),
+    [
+        (np.full((96, 160), np.nan), r"target has 15360 values that are not finite, the first at \[0\]\[0\]"),
+        (np.full((96, 160), 255.0), "target has values from 255 to 255.*divide by 255"),
+        (np.zeros((96, 160, 4), np.uint8), r"target has the shape \(96, 160, 4\)"),
+        (np.zeros((0, 5)), "target has the shape"),
+        (np.zeros((96, 160), np.int64), "target has values of type int64.*uint8"),
+        ("missing.png", r'target is "missing.png", which cannot be read'),
+    ],
+)
+def test_bad_pictures_are_refused_before_the_server_is_asked(bench: lightpath.Display, picture: object, problem: str):
+    with pytest.raises(lightpath.InvalidArgument, match=problem) as caught:
+        bench.optimize(picture, distance=DISTANCE)  # type: ignore[arg-type]
+    assert caught.value.field == "target"
+    assert caught.value.fix
+
+
+def test_unknown_options_are_refused_with_the_list_of_options(bench: lightpath.Display):
+    with pytest.raises(TypeError, match=r"iteration; the options are .*iterations"):
+        bench.optimize(target(1), distance=DISTANCE, iteration=5)  # type: ignore[call-arg]
+    with pytest.raises(lightpath.InvalidArgument, match='method is "sgd": choose one of lbfgs, adam') as caught:
+        bench.optimize(target(1), distance=DISTANCE, method="sgd")  # type: ignore[arg-type]
+    assert caught.value.field == "method"
+
+
+def test_linear_light_of_16_bits_arrives_exactly():
+    # Pillow reads 16-bit grey PNGs exactly, so it can check what this package writes.
+    pixels = np.arange(96 * 160, dtype=np.uint16).reshape(96, 160) * 4
+    image = Image.open(io.BytesIO(picture_bytes("target", pixels / 65535)))
+    assert np.array_equal(np.asarray(image).astype(np.uint16), pixels)

@@ -1,0 +1,34 @@
+"""Wheel and source distribution build without a network, and the wheel works."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+PACKAGE = Path(__file__).resolve().parents[1]
+
+
+def test_wheel_and_sdist_build_offline_and_the_wheel_can_be_imported(tmp_path: Path):
+    build = [sys.executable, "-m", "build", "--no-isolation", "--sdist", "--wheel", "--outdir", str(tmp_path)]
+    subprocess.run([*build, str(PACKAGE)], check=True, capture_output=True)
+    (wheel,) = tmp_path.glob("*.whl")
+    (sdist,) = tmp_path.glob("*.tar.gz")
+    names = zipfile.ZipFile(wheel).namelist()
+    for name in ("lightpath/py.typed", "lightpath/v1/job_pb2.pyi", "lightpath/sync/lab.py"):
+        assert name in names
+    # The source distribution makes the same wheel.
+    again = tmp_path / "again"
+    command = [sys.executable, "-m", "pip", "wheel", "--no-deps", "--no-build-isolation", "--no-index", "--quiet"]
+    subprocess.run([*command, "--wheel-dir", str(again), str(sdist)], check=True)
+    (from_sdist,) = again.glob("*.whl")
+    assert zipfile.ZipFile(from_sdist).namelist() == names
+    venv = tmp_path / "venv"
+    subprocess.run([sys.executable, "-m", "venv", "--system-site-packages", str(venv)], check=True)
+    install = [str(venv / "bin" / "pip"), "install", "--no-deps", "--no-index", "--quiet", str(wheel)]
+    subprocess.run(install, check=True)
+    done = subprocess.run(
+        [str(venv / "bin" / "pip"), "show", "--files", "lightpath"], check=True, capture_output=True, text=True
+    )
+    assert "lightpath/aio/lab.py" in done.stdout
