@@ -1,0 +1,79 @@
+# %% [markdown]
+# # Learn a display
+#
+# A real display has aberrations, an uneven beam and undiffracted light. Lightpath learns them from photographs. Here the
+# display and its camera are simulated; with your own, replace `display.photograph` by your camera.
+# It needs a running server: `lightpathd serve`.
+
+# %%
+import numpy as np
+
+import lightpath
+from lightpath import plot
+
+DISTANCE = "30mm"
+lab = lightpath.connect()
+display = lab.create_display("notebook-learn", resolution="192x128", pixel_pitch="8um", wavelength="515nm", simulated=3)
+
+# %% [markdown]
+# Targets with edges and greys everywhere teach most.
+
+
+# %%
+def blocks(seed: int) -> np.ndarray:
+    """Return a picture of random blocks, [y][x]."""
+    random = np.random.default_rng(seed)
+    picture = np.full((128, 192), 40, np.uint8)
+    for _ in range(60):
+        top, left, height, width = random.integers((0, 0, 6, 6), (120, 184, 32, 40))
+        picture[top : top + height, left : left + width] = random.integers(0, 256)
+    return picture
+
+
+holograms = display.optimize_all([blocks(seed) for seed in range(8)], distance=DISTANCE, iterations=40)
+
+# %% [markdown]
+# A dataset is a set of pairs: a hologram, and its photograph.
+
+# %%
+dataset = display.create_dataset("notebook-pairs", distance=DISTANCE)
+for hologram in holograms:
+    dataset.add(hologram, display.photograph(hologram))
+dataset.finalize()
+dataset
+
+# %% [markdown]
+# Learning gives a version of the kernel. The losses are those of photographs that it has not seen.
+
+# %%
+version = dataset.learn(epochs=5, refinement_evaluations=12, order=5)
+version
+
+# %%
+plot.loss(version.learning().loss_history).figure.savefig("figure-loss.png")
+learned = version.fetch()
+plot.transfer_function(learned).savefig("figure-transfer-function.png")
+plot.source(learned).savefig("figure-source.png")
+
+# %% [markdown]
+# Nothing uses a version before it is promoted. Then holograms are optimized through it.
+
+# %%
+version.promote(reason="the first one")
+wanted = blocks(100)
+photos = {}
+for kernel in ("ideal", "active"):
+    photos[kernel] = display.photograph(display.optimize(wanted, distance=DISTANCE, kernel=kernel, iterations=80))
+    print(kernel, lab.score(photos[kernel], wanted))
+
+# %%
+figure = plot.pictures(
+    {
+        "target, linear light": (255 * (wanted / 255.0) ** 2.2).astype(np.uint8),
+        "photograph, ideal optics": photos["ideal"].pixels,
+        "photograph, learned display": photos["active"].pixels,
+    },
+    pixel_pitch_m=display.pixel_pitch_m,
+)
+figure.savefig("figure-photographs.png")
+lab.close()
