@@ -1,12 +1,13 @@
 # %% [markdown]
 # # Learn a display
 #
-# A real display has aberrations, an uneven beam and undiffracted light. Lightpath learns them from photographs. Here the
-# display and its camera are simulated; with your own, replace `display.photograph` by your camera.
+# A real display has aberrations, an uneven beam and undiffracted light. Lightpath learns them from photographs. Here
+# the display and its camera are simulated; with your own, replace `display.photograph` by your camera.
 # It needs a running server: `lightpathd serve`.
 
 # %%
 import numpy as np
+import numpy.typing as npt
 
 import lightpath
 from lightpath import plot
@@ -20,7 +21,7 @@ display = lab.create_display("notebook-learn", resolution="192x128", pixel_pitch
 
 
 # %%
-def blocks(seed: int) -> np.ndarray:
+def blocks(seed: int) -> npt.NDArray[np.uint8]:
     """Return a picture of random blocks, [y][x]."""
     random = np.random.default_rng(seed)
     picture = np.full((128, 192), 40, np.uint8)
@@ -61,19 +62,26 @@ plot.source(learned).savefig("figure-source.png")
 # %%
 version.promote(reason="the first one")
 wanted = blocks(100)
-photos = {}
+scores = {}
 for kernel in ("ideal", "active"):
-    photos[kernel] = display.photograph(display.optimize(wanted, distance=DISTANCE, kernel=kernel, iterations=80))
-    print(kernel, lab.score(photos[kernel], wanted))
+    hologram = display.optimize(wanted, distance=DISTANCE, kernel=kernel, iterations=80)
+    scores[kernel] = lab.score(display.photograph(hologram), wanted)
+    print(kernel, scores[kernel])
+
+# %% [markdown]
+# `aligned` is the photograph as the target's pixels see it, in the target's own encoding.
 
 # %%
 figure = plot.pictures(
     {
-        "target, linear light": (255 * (wanted / 255.0) ** 2.2).astype(np.uint8),
-        "photograph, ideal optics": photos["ideal"].pixels,
-        "photograph, learned display": photos["active"].pixels,
+        "target": wanted,
+        "photograph, ideal optics": scores["ideal"].aligned,
+        "photograph, learned display": scores["active"].aligned,
     },
     pixel_pitch_m=display.pixel_pitch_m,
 )
 figure.savefig("figure-photographs.png")
+scores["active"]
+
+# %%
 lab.close()

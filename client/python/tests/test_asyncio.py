@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from conftest import Server
 
 
-def test_many_holograms_at_once(server: Server):
+def test_many_holograms_at_once(server: Server) -> None:
     async def work() -> list[lightpath.Hologram]:
         async with lightpath.aio.connect(server.url) as lab:
             display = await lab.create_display(
@@ -35,7 +35,7 @@ def test_many_holograms_at_once(server: Server):
     assert np.array_equal(blocking.phase, holograms[2].phase)
 
 
-def test_a_cancelled_wait_leaves_the_job(server: Server):
+def test_a_cancelled_wait_leaves_the_job(server: Server) -> None:
     async def work() -> None:
         async with lightpath.aio.connect(server.url) as lab:
             display = await lab.create_display("wide", resolution="640x384", pixel_pitch="8um", wavelength="515nm")

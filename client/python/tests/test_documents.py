@@ -34,7 +34,7 @@ def block(document: Path, containing: str) -> str:
     return str(found)
 
 
-def test_the_quick_start_of_the_readme_runs_as_written(own_server: Server, tmp_path: Path):
+def test_the_quick_start_of_the_readme_runs_as_written(own_server: Server, tmp_path: Path) -> None:
     start = block(REPOSITORY / "README.md", "import lightpath")
     assert len(start.strip().splitlines()) <= 10
     run_script(own_server, tmp_path, start)
@@ -42,7 +42,7 @@ def test_the_quick_start_of_the_readme_runs_as_written(own_server: Server, tmp_p
         assert image.size == (960, 540)
 
 
-def test_the_whole_loop_of_the_package_runs_as_written(own_server: Server, tmp_path: Path):
+def test_the_whole_loop_of_the_package_runs_as_written(own_server: Server, tmp_path: Path) -> None:
     loop = block(PACKAGE / "README.md", "dataset.finalize()")
     assert len(loop.strip().splitlines()) <= 15
     for i in range(8):
@@ -53,7 +53,7 @@ def test_the_whole_loop_of_the_package_runs_as_written(own_server: Server, tmp_p
 
 
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=[path.stem for path in NOTEBOOKS])
-def test_notebooks_run_and_draw_their_pictures(own_server: Server, tmp_path: Path, notebook: Path):
+def test_notebooks_run_and_draw_their_pictures(own_server: Server, tmp_path: Path, notebook: Path) -> None:
     text = notebook.read_text(encoding="utf-8")
     assert text.startswith("# %% [markdown]")
     run_script(own_server, tmp_path, text)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-def test_refusals_carry_field_reason_and_fix(bench: lightpath.Display):
+def test_refusals_carry_field_reason_and_fix(bench: lightpath.Display) -> None:
     with pytest.raises(lightpath.InvalidRequest, match="is 20000, but must be 1 to 10000") as caught:
         bench.optimize(target(1), distance=DISTANCE, iterations=20_000)
     error = caught.value
@@ -30,7 +30,7 @@ def test_refusals_carry_field_reason_and_fix(bench: lightpath.Display):
     assert [each.field for each in error.fields] == [error.field]
 
 
-def test_missing_things_are_lookup_errors(lab: lightpath.Lab, bench: lightpath.Display):
+def test_missing_things_are_lookup_errors(lab: lightpath.Lab, bench: lightpath.Display) -> None:
     with pytest.raises(LookupError, match="displays/none does not exist") as caught:
         lab.display("none")
     assert isinstance(caught.value, lightpath.NotFound)
@@ -40,7 +40,7 @@ def test_missing_things_are_lookup_errors(lab: lightpath.Lab, bench: lightpath.D
         bench.kernel(distance="30mm")
 
 
-def test_targets_that_are_no_pictures_are_refused_by_the_server(bench: lightpath.Display, tmp_path: Path):
+def test_targets_that_are_no_pictures_are_refused_by_the_server(bench: lightpath.Display, tmp_path: Path) -> None:
     (tmp_path / "target.png").write_bytes(b"no picture")
     with pytest.raises(lightpath.InvalidRequest) as caught:
         bench.optimize(tmp_path / "target.png", distance=DISTANCE)
@@ -64,7 +64,7 @@ def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Server, 
     server.stop()
 
 
-def test_viewers_may_look_and_not_change(guarded: tuple[Server, dict[str, str]]):
+def test_viewers_may_look_and_not_change(guarded: tuple[Server, dict[str, str]]) -> None:
     server, tokens = guarded
     with lightpath.connect(server.url, token=tokens["viewer"]) as lab:
         assert lab.displays() == []
@@ -78,7 +78,7 @@ def test_viewers_may_look_and_not_change(guarded: tuple[Server, dict[str, str]])
 
 def test_tokens_come_from_arguments_files_and_the_environment(
     guarded: tuple[Server, dict[str, str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
+) -> None:
     server, tokens = guarded
     with lightpath.connect(server.url) as lab, pytest.raises(lightpath.NotAllowed, match="token") as caught:
         lab.displays()
@@ -103,13 +103,13 @@ def test_tokens_come_from_arguments_files_and_the_environment(
         ("http://", "such as http://127.0.0.1:7070"),
     ],
 )
-def test_bad_addresses_are_refused_before_connecting(url: str, fix: str):
+def test_bad_addresses_are_refused_before_connecting(url: str, fix: str) -> None:
     with pytest.raises(InvalidArgument, match=fix) as caught:
         lightpath.connect(url)
     assert caught.value.field == "url"
 
 
-def test_bad_tokens_are_refused_and_not_shown():
+def test_bad_tokens_are_refused_and_not_shown() -> None:
     for token in ("", " ", "two words", "ümlaut"):
         with pytest.raises(InvalidArgument, match="printable ASCII"):
             lightpath.connect(token=token)
@@ -121,7 +121,7 @@ def exhausted(retry_after_s: float | None) -> LightpathError:
     return Exhausted(ServerStatus("RESOURCE_EXHAUSTED", "the queue is full", "QUEUE_FULL", retry_after_s=retry_after_s))
 
 
-def test_pauses_follow_the_table():
+def test_pauses_follow_the_table() -> None:
     backoff, away = Backoff(), Unreachable("http://lab", "away")
     pauses_s = [backoff.pause_s(away) for _ in range(9)]
     assert pauses_s[:3] == [0.1, 0.2, 0.4]

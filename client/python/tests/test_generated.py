@@ -14,7 +14,7 @@ def files(folder: Path) -> dict[str, str]:
     return {str(path.relative_to(folder)): path.read_text(encoding="utf-8") for path in found}
 
 
-def test_messages_stubs_and_the_blocking_client_are_up_to_date(tmp_path: Path):
+def test_messages_stubs_and_the_blocking_client_are_up_to_date(tmp_path: Path) -> None:
     subprocess.run([sys.executable, str(PACKAGE / "generate"), str(tmp_path)], check=True)
     for part in ("v1", "sync"):
         fresh, kept = files(tmp_path / "lightpath" / part), files(PACKAGE / "src" / "lightpath" / part)
@@ -23,7 +23,7 @@ def test_messages_stubs_and_the_blocking_client_are_up_to_date(tmp_path: Path):
         assert not stale, f"run client/python/generate: {', '.join(stale)} of {part} differ"
 
 
-def test_a_blocking_method_exists_for_each_asynchronous_one():
+def test_a_blocking_method_exists_for_each_asynchronous_one() -> None:
     import lightpath  # noqa: PLC0415
 
     for name in lightpath.aio.__all__:

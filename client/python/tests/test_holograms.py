@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-def test_hologram_has_phases_levels_and_the_picture_that_it_shows(bench: lightpath.Display, tmp_path: Path):
+def test_hologram_has_phases_levels_and_the_picture_that_it_shows(bench: lightpath.Display, tmp_path: Path) -> None:
     hologram = bench.optimize(target(1), distance=DISTANCE, iterations=40)
     assert hologram.phase.dtype == np.float32
     assert hologram.phase.shape == hologram.levels.shape == hologram.reconstruction.shape == (96, 160)
@@ -37,9 +37,9 @@ def test_hologram_has_phases_levels_and_the_picture_that_it_shows(bench: lightpa
         hologram.save(tmp_path / "hologram.bmp")
 
 
-def test_a_picture_gives_the_same_hologram_as_file_image_and_array(bench: lightpath.Display, tmp_path: Path):
+def test_a_picture_gives_the_same_hologram_as_file_image_and_array(bench: lightpath.Display, tmp_path: Path) -> None:
     Image.fromarray(target(2)).save(tmp_path / "target.png")
-    kinds = [
+    kinds: list[lightpath.Picture] = [
         tmp_path / "target.png",
         str(tmp_path / "target.png"),
         Image.open(tmp_path / "target.png"),
@@ -53,7 +53,7 @@ def test_a_picture_gives_the_same_hologram_as_file_image_and_array(bench: lightp
         assert np.abs(np.exp(1j * phase) - np.exp(1j * phases[0])).max() < 1e-4
 
 
-def test_tensors_are_pictures(bench: lightpath.Display):
+def test_tensors_are_pictures(bench: lightpath.Display) -> None:
     torch = pytest.importorskip("torch")
     tensor = torch.from_numpy(target(2) / 255).float().requires_grad_()
     as_array = bench.optimize(target(2), distance=DISTANCE, iterations=2).phase
@@ -61,7 +61,7 @@ def test_tensors_are_pictures(bench: lightpath.Display):
         assert np.array_equal(bench.optimize(shape, distance=DISTANCE, iterations=2).phase, as_array)
 
 
-def test_colour_depth_and_frames(lab: lightpath.Lab, tmp_path: Path):
+def test_colour_depth_and_frames(lab: lightpath.Lab, tmp_path: Path) -> None:
     wavelengths = ["638nm", "520nm", "450nm"]
     display = lab.create_display("rgb", resolution=(64, 48), pixel_pitch=8e-6, wavelength=wavelengths)
     colours = np.random.default_rng(1).random((48, 64, 3))
@@ -78,7 +78,7 @@ def test_colour_depth_and_frames(lab: lightpath.Lab, tmp_path: Path):
     assert len(hologram.save_all(tmp_path / "all")) == 6
 
 
-def test_options_reach_the_server(bench: lightpath.Display):
+def test_options_reach_the_server(bench: lightpath.Display) -> None:
     hologram = bench.optimize(
         target(1),
         distance=0.02,
@@ -116,17 +116,20 @@ def test_options_reach_the_server(bench: lightpath.Display):
         (np.zeros((96, 160, 4), np.uint8), r"target has the shape \(96, 160, 4\)"),
         (np.zeros((0, 5)), "target has the shape"),
         (np.zeros((96, 160), np.int64), "target has values of type int64.*uint8"),
+        ({"a": 1}, "target is a dict: give a file, an image, an array or a tensor"),
         ("missing.png", r'target is "missing.png", which cannot be read'),
     ],
 )
-def test_bad_pictures_are_refused_before_the_server_is_asked(bench: lightpath.Display, picture: object, problem: str):
+def test_bad_pictures_are_refused_before_the_server_is_asked(
+    bench: lightpath.Display, picture: object, problem: str
+) -> None:
     with pytest.raises(lightpath.InvalidArgument, match=problem) as caught:
         bench.optimize(picture, distance=DISTANCE)  # type: ignore[arg-type]
     assert caught.value.field == "target"
     assert caught.value.fix
 
 
-def test_unknown_options_are_refused_with_the_list_of_options(bench: lightpath.Display):
+def test_unknown_options_are_refused_with_the_list_of_options(bench: lightpath.Display) -> None:
     with pytest.raises(TypeError, match=r"iteration; the options are .*iterations"):
         bench.optimize(target(1), distance=DISTANCE, iteration=5)  # type: ignore[call-arg]
     with pytest.raises(lightpath.InvalidArgument, match='method is "sgd": choose one of lbfgs, adam') as caught:
@@ -134,7 +137,7 @@ def test_unknown_options_are_refused_with_the_list_of_options(bench: lightpath.D
     assert caught.value.field == "method"
 
 
-def test_linear_light_of_16_bits_arrives_exactly():
+def test_linear_light_of_16_bits_arrives_exactly() -> None:
     # Pillow reads 16-bit grey PNGs exactly, so it can check what this package writes.
     pixels = np.arange(96 * 160, dtype=np.uint16).reshape(96, 160) * 4
     image = Image.open(io.BytesIO(picture_bytes("target", pixels / 65535)))

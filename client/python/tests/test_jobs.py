@@ -28,7 +28,7 @@ def long_job(lab: lightpath.Lab) -> lightpath.Job[lightpath.Hologram]:
     return wide.submit_optimize(target(1), distance=DISTANCE, iterations=LONG)
 
 
-def test_watching_survives_that_the_server_is_killed(own_server: Server):
+def test_watching_survives_that_the_server_is_killed(own_server: Server) -> None:
     with lightpath.connect(own_server.url) as lab:
         bench = create_bench(lab)
         job = bench.submit_optimize(target(1), distance=DISTANCE, iterations=800)
@@ -50,7 +50,7 @@ def test_watching_survives_that_the_server_is_killed(own_server: Server):
         assert np.array_equal(hologram.phase, again.phase)
 
 
-def test_a_server_that_was_never_there_is_an_error_at_once(own_server: Server):
+def test_a_server_that_was_never_there_is_an_error_at_once(own_server: Server) -> None:
     own_server.stop()
     began_s = time.monotonic()
     with (
@@ -63,7 +63,7 @@ def test_a_server_that_was_never_there_is_an_error_at_once(own_server: Server):
     assert caught.value.reason == "UNREACHABLE"
 
 
-def test_calls_are_made_again_while_the_server_restarts(own_server: Server):
+def test_calls_are_made_again_while_the_server_restarts(own_server: Server) -> None:
     with lightpath.connect(own_server.url) as lab:
         create_bench(lab)
         own_server.kill()
@@ -73,7 +73,7 @@ def test_calls_are_made_again_while_the_server_restarts(own_server: Server):
         restart.join()
 
 
-def test_cancelled_jobs_have_no_result_and_can_be_retried(lab: lightpath.Lab):
+def test_cancelled_jobs_have_no_result_and_can_be_retried(lab: lightpath.Lab) -> None:
     job = long_job(lab)
     assert job.kind == "optimize_hologram"
     assert job.name in {each.name for each in lab.jobs(display="wide", limit=10)}
@@ -93,7 +93,7 @@ def test_cancelled_jobs_have_no_result_and_can_be_retried(lab: lightpath.Lab):
         job.cancel()
 
 
-def test_the_same_request_id_makes_one_job(lab: lightpath.Lab, bench: lightpath.Display):
+def test_the_same_request_id_makes_one_job(lab: lightpath.Lab, bench: lightpath.Display) -> None:
     jobs = [bench.submit_optimize(target(1), distance=DISTANCE, iterations=2, request_id="one") for _ in range(2)]
     assert jobs[0].name == jobs[1].name
     with pytest.raises(lightpath.AlreadyExists):
@@ -101,7 +101,7 @@ def test_the_same_request_id_makes_one_job(lab: lightpath.Lab, bench: lightpath.
     assert lab.job(jobs[0].name).result().phase.shape == (96, 160)
 
 
-def test_failed_jobs_say_why(lab: lightpath.Lab, bench: lightpath.Display):
+def test_failed_jobs_say_why(lab: lightpath.Lab, bench: lightpath.Display) -> None:
     dataset = bench.create_dataset("one-pair", distance=DISTANCE)
     hologram = bench.optimize(target(1), distance=DISTANCE, iterations=2)
     dataset.add(hologram, bench.photograph(hologram))
@@ -128,7 +128,7 @@ with lightpath.connect(sys.argv[1]) as lab:
 """
 
 
-def test_ctrl_c_ends_the_waiting_and_not_the_job(lab: lightpath.Lab, server: Server, tmp_path: Path):
+def test_ctrl_c_ends_the_waiting_and_not_the_job(lab: lightpath.Lab, server: Server, tmp_path: Path) -> None:
     (tmp_path / "wait.py").write_text(SCRIPT)
     command = [sys.executable, str(tmp_path / "wait.py"), server.url]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as program:

@@ -41,7 +41,9 @@ def learn(bench: lightpath.Display) -> lightpath.KernelVersion:
     return version
 
 
-def test_learned_holograms_look_better(lab: lightpath.Lab, bench: lightpath.Display, version: lightpath.KernelVersion):
+def test_learned_holograms_look_better(
+    lab: lightpath.Lab, bench: lightpath.Display, version: lightpath.KernelVersion
+) -> None:
     wanted = target(100)
     scores = {}
     for kernel in ("ideal", "active"):
@@ -56,7 +58,7 @@ def test_learned_holograms_look_better(lab: lightpath.Lab, bench: lightpath.Disp
 
 def test_kernels_have_versions_moves_and_evaluations(
     lab: lightpath.Lab, bench: lightpath.Display, version: lightpath.KernelVersion, tmp_path: Path
-):
+) -> None:
     kernel = bench.kernel(distance=DISTANCE)
     assert kernel.active_version == kernel.version(1).number == 1
     assert [each.name for each in kernel.versions()] == [version.name]
@@ -78,7 +80,7 @@ def test_kernels_have_versions_moves_and_evaluations(
     assert version.compare(again).transfer_difference < 1e-3
 
 
-def test_report_has_a_page_arrays_and_figures(version: lightpath.KernelVersion, tmp_path: Path):
+def test_report_has_a_page_arrays_and_figures(version: lightpath.KernelVersion, tmp_path: Path) -> None:
     report = version.report()
     assert report.page.startswith(b"<!")
     assert report.arrays["loss_history"].size > 4
@@ -87,7 +89,7 @@ def test_report_has_a_page_arrays_and_figures(version: lightpath.KernelVersion, 
     assert (tmp_path / "report.html").read_bytes() == report.page
 
 
-def test_transfer_function_is_that_of_the_file(lab: lightpath.Lab, version: lightpath.KernelVersion):
+def test_transfer_function_is_that_of_the_file(lab: lightpath.Lab, version: lightpath.KernelVersion) -> None:
     learned = version.fetch()
     rows, columns = 2 * 96, 2 * 160
     assert learned.transfer_function.shape == (rows, columns)
@@ -107,7 +109,7 @@ def test_transfer_function_is_that_of_the_file(lab: lightpath.Lab, version: ligh
 
 def test_predicted_light_is_that_of_the_server(
     lab: lightpath.Lab, bench: lightpath.Display, version: lightpath.KernelVersion
-):
+) -> None:
     """The reconstruction at the sample points, computed here with NumPy, is the server's."""
     learned = version.fetch()
     hologram = bench.optimize(target(5), distance=DISTANCE, iterations=40, detector="point")
@@ -154,7 +156,7 @@ def by_neural_holography(
     return result[0, 0, rows // 2 : rows // 2 + rows, columns // 2 : columns // 2 + columns]
 
 
-def test_other_packages_propagate_with_their_h_as_the_server_does(version: lightpath.KernelVersion):
+def test_other_packages_propagate_with_their_h_as_the_server_does(version: lightpath.KernelVersion) -> None:
     learned = version.fetch()
     random = np.random.default_rng(4)
     field = learned.source * np.exp(2j * np.pi * random.random(learned.source.shape))
@@ -172,7 +174,7 @@ def test_other_packages_propagate_with_their_h_as_the_server_does(version: light
     assert np.abs(wrong - expected).max() > 0.1 * scale
 
 
-def test_torchoptics_needs_even_sides(version: lightpath.KernelVersion):
+def test_torchoptics_needs_even_sides(version: lightpath.KernelVersion) -> None:
     learned = version.fetch()
     odd = lightpath.LearnedKernel(
         v1.KernelVersion(), learned.transfer_function[:-2], learned.source[:-1], 8e-6, 515e-9, 0.02, {}, {}
@@ -181,7 +183,7 @@ def test_torchoptics_needs_even_sides(version: lightpath.KernelVersion):
         odd.for_torchoptics()
 
 
-def test_own_photographs_and_phases_make_pairs(bench: lightpath.Display, tmp_path: Path):
+def test_own_photographs_and_phases_make_pairs(bench: lightpath.Display, tmp_path: Path) -> None:
     dataset = bench.create_dataset("own-files", distance=DISTANCE)
     hologram = bench.optimize(target(9), distance=DISTANCE, iterations=10)
     photo = bench.photograph(hologram)

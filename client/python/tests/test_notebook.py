@@ -57,7 +57,7 @@ def shown(thing: Any) -> str:
     return text
 
 
-def test_everything_shows_itself(lab: lightpath.Lab, bench: lightpath.Display):
+def test_everything_shows_itself(lab: lightpath.Lab, bench: lightpath.Display) -> None:
     hologram = bench.optimize(target(1), distance=DISTANCE, iterations=20)
     photo = bench.photograph(hologram)
     dataset = bench.create_dataset("shown", distance=DISTANCE)
@@ -75,7 +75,7 @@ def test_everything_shows_itself(lab: lightpath.Lab, bench: lightpath.Display):
     assert "SSIM" in shown(score)
 
 
-def test_names_and_notes_never_become_markup(lab: lightpath.Lab):
+def test_names_and_notes_never_become_markup(lab: lightpath.Lab) -> None:
     display = lab.create_display(
         "evil", resolution="64x48", pixel_pitch="8um", wavelength="515nm", notes="<script>alert('&')</script>"
     )
@@ -88,7 +88,7 @@ def test_names_and_notes_never_become_markup(lab: lightpath.Lab):
     assert "&lt;script&gt;&#x27;&quot;" in shown(report)
 
 
-def test_kernels_and_evaluations_show_themselves(bench: lightpath.Display):
+def test_kernels_and_evaluations_show_themselves(bench: lightpath.Display) -> None:
     metrics = v1.KernelMetrics(test_loss=1e-4, ideal_test_loss=1e-2)
     metrics.parts.add(part=v1.MODEL_PART_SOURCE, cost_db=3.21)
     version = v1.KernelVersion(name="displays/a/kernels/k/versions/1", version=1, metrics=metrics)
@@ -107,7 +107,7 @@ def test_kernels_and_evaluations_show_themselves(bench: lightpath.Display):
 def notebook(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
     """A shell that looks like that of a notebook, and the pages that it displays."""
     shell = InteractiveShell.instance()
-    shell.kernel = "a kernel"
+    monkeypatch.setattr(shell, "kernel", "a kernel", raising=False)
     pages: list[str] = []
 
     def publish(data: dict[str, Any], **_: Any) -> None:
@@ -118,7 +118,7 @@ def notebook(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
     InteractiveShell.clear_instance()
 
 
-def test_notebooks_show_target_loss_and_time_left(bench: lightpath.Display, notebook: list[str]):
+def test_notebooks_show_target_loss_and_time_left(bench: lightpath.Display, notebook: list[str]) -> None:
     bench.optimize(target(1), distance=DISTANCE, iterations=400)
     assert all(Balanced(page).tags for page in notebook)
     assert all("data:image/png;base64," in page for page in notebook)
@@ -127,7 +127,7 @@ def test_notebooks_show_target_loss_and_time_left(bench: lightpath.Display, note
     assert "value='1.0000'" in notebook[-1]
 
 
-def test_loss_and_time_left_are_written_for_people():
+def test_loss_and_time_left_are_written_for_people() -> None:
     progress = v1.Progress(stage="optimize", step=3, steps_total=10, loss=0.01234, eta_s=130)
     assert details(v1.Job(progress=progress)) == "loss 0.0123, 2 min left"
     assert loss_curve([(1, 0.1)]) == ""
@@ -164,7 +164,7 @@ def output(server: Server, path: Path, options: str, *, terminal: bool) -> str:
     return written.decode()
 
 
-def test_terminals_show_a_bar_and_pipes_show_nothing(bench: lightpath.Display, server: Server, tmp_path: Path):
+def test_terminals_show_a_bar_and_pipes_show_nothing(bench: lightpath.Display, server: Server, tmp_path: Path) -> None:
     assert bench.width_px == 160
     shows = output(server, tmp_path / "script.py", "{}", terminal=True)
     assert re.search(r"optimize hologram: \w+.*\d+/\d+, loss [0-9.e-]+, \d+ s left", shows), shows

@@ -10,7 +10,7 @@ from pathlib import Path
 PACKAGE = Path(__file__).resolve().parents[1]
 
 
-def test_wheel_and_sdist_build_offline_and_the_wheel_can_be_imported(tmp_path: Path):
+def test_wheel_and_sdist_build_offline_and_the_wheel_can_be_imported(tmp_path: Path) -> None:
     build = [sys.executable, "-m", "build", "--no-isolation", "--sdist", "--wheel", "--outdir", str(tmp_path)]
     subprocess.run([*build, str(PACKAGE)], check=True, capture_output=True)
     (wheel,) = tmp_path.glob("*.whl")

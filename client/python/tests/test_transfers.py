@@ -16,7 +16,7 @@ def noise(seed: int, size: int) -> bytes:
     return np.random.default_rng(seed).bytes(size)
 
 
-def test_an_upload_continues_where_it_was_cut(server: Server):
+def test_an_upload_continues_where_it_was_cut(server: Server) -> None:
     content = noise(1, 12 * MIB)
     proxy = CuttingProxy(server, cut_after_bytes=8 * MIB)
     with lightpath.connect(proxy.url) as lab:
@@ -31,7 +31,7 @@ def test_an_upload_continues_where_it_was_cut(server: Server):
     proxy.close()
 
 
-def test_a_download_continues_where_it_was_cut(server: Server):
+def test_a_download_continues_where_it_was_cut(server: Server) -> None:
     content = noise(2, 12 * MIB)
     with lightpath.connect(server.url) as lab:
         digest = lab.connection.upload(content)
@@ -43,7 +43,7 @@ def test_a_download_continues_where_it_was_cut(server: Server):
     proxy.close()
 
 
-def test_an_unknown_digest_is_an_error_at_once(lab: lightpath.Lab):
+def test_an_unknown_digest_is_an_error_at_once(lab: lightpath.Lab) -> None:
     with pytest.raises(lightpath.NotFound):
         lab.connection.download("sha256-" + "0" * 64)
     with pytest.raises(lightpath.InvalidRequest, match="64 lower-case hexadecimal digits"):

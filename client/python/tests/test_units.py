@@ -25,7 +25,7 @@ from lightpath.units import metres, resolution_px, show_length
         ("wavelength", "632.8nm", 632.8e-9),
     ],
 )
-def test_lengths_are_the_nearest_float(field: str, length: float | str, length_m: float):
+def test_lengths_are_the_nearest_float(field: str, length: float | str, length_m: float) -> None:
     assert metres(field, length) == length_m
 
 
@@ -41,13 +41,13 @@ def test_lengths_are_the_nearest_float(field: str, length: float | str, length_m
         ("wavelength", "515", 'write "515nm"'),
     ],
 )
-def test_bad_lengths_are_refused_with_the_fix(field: str, length: float | str, problem: str):
+def test_bad_lengths_are_refused_with_the_fix(field: str, length: float | str, problem: str) -> None:
     with pytest.raises(InvalidArgument, match=problem) as caught:
         metres(field, length)
     assert caught.value.field == field
 
 
-def test_lengths_names_and_resolutions_are_written_as_people_and_the_server_do():
+def test_lengths_names_and_resolutions_are_written_as_people_and_the_server_do() -> None:
     assert [show_length(x) for x in (0.15, 8e-6, 515e-9, -0.0125, 0, 2.0)] == [
         "150 mm", "8 µm", "515 nm", "-12.5 mm", "0 m", "2 m",
     ]  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -14,17 +14,25 @@ from PIL import Image
 from lightpath import png
 from lightpath.errors import InvalidArgument
 
-if TYPE_CHECKING:
-    import torch
 
-Picture: TypeAlias = "str | os.PathLike[str] | Image.Image | npt.NDArray[Any] | torch.Tensor"
+class Tensor(Protocol):
+    """A tensor of PyTorch, which need not be installed."""
+
+    def detach(self) -> Tensor:
+        """Return the tensor outside of its graph of gradients."""
+
+    def cpu(self) -> Any:
+        """Return the tensor in the memory of the processor."""
+
+
+Picture: TypeAlias = str | os.PathLike[str] | Image.Image | npt.NDArray[Any] | Tensor
 """A picture: a file (PNG, JPEG or TIFF), a PIL image, or an array or tensor.
 
 Arrays are [height][width] or [height][width][3]; tensors may also be [3][height][width], with leading axes of length 1.
 Values are uint8, uint16, bool, or floats from 0 to 1. What they mean is said by the encoding, as for a file.
 """
 
-Phase: TypeAlias = "str | os.PathLike[str] | Image.Image | npt.NDArray[Any] | torch.Tensor"
+Phase: TypeAlias = str | os.PathLike[str] | Image.Image | npt.NDArray[Any] | Tensor
 """A hologram as it is displayed: a file, or grey levels (uint8 or uint16), or phases in radians (floats).
 
 Arrays are [height][width]. Floats are the phase before the display's response and carrier.
@@ -84,13 +92,14 @@ def _image(image: Image.Image) -> bytes:
     return out.getvalue()
 
 
-def _pixels(field: str, values: npt.NDArray[Any] | torch.Tensor) -> npt.NDArray[Any]:
+def _pixels(field: str, values: npt.NDArray[Any] | Tensor) -> npt.NDArray[Any]:
     """Return an array [y][x] or [y][x][3] of uint8, uint16 or floats."""
     if isinstance(values, np.ndarray):
         pixels = values
+    elif hasattr(values, "detach"):
+        pixels = _colours_last(np.asarray(values.detach().cpu()))
     else:
-        # A tensor may be on another device, or part of a graph of gradients.
-        pixels = _colours_last(np.asarray(values.detach().cpu()) if hasattr(values, "detach") else np.asarray(values))
+        raise InvalidArgument(field, f"is a {type(values).__name__}", "give a file, an image, an array or a tensor")
     is_colour = pixels.ndim == _COLOUR_AXES and pixels.shape[2] == _COLOURS
     if pixels.size == 0 or not (pixels.ndim == _GREY_AXES or is_colour):
         raise InvalidArgument(field, f"has the shape {pixels.shape}", "give [height][width] or [height][width][3]")

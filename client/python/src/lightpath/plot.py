@@ -75,7 +75,9 @@ def transfer_function(kernel: LearnedKernel) -> Figure:
     ratio = np.fft.fftshift(kernel.transfer_function * np.conj(kernel.free_space()))
     reach = 0.5e-3 / kernel.pixel_pitch_m
     figure, (left, right) = plt.subplots(1, 2, figsize=(9, 3.6), layout="constrained")
-    amplitude = left.imshow(np.abs(ratio), cmap="viridis", vmin=0, extent=(-reach, reach, reach, -reach))
+    # A series can be large in a corner of the band, where little light is. The scale is that of the rest.
+    largest = float(np.quantile(np.abs(ratio), 0.99))
+    amplitude = left.imshow(np.abs(ratio), cmap="viridis", vmin=0, vmax=largest, extent=(-reach, reach, reach, -reach))
     _bar(amplitude, left, "amplitude |H|")
     shown = right.imshow(
         np.angle(ratio), cmap="twilight", vmin=-np.pi, vmax=np.pi, extent=(-reach, reach, reach, -reach)

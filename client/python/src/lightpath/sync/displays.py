@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from lightpath import html, names, v1, words
 from lightpath.errors import InvalidArgument
@@ -108,7 +108,7 @@ class Display:
         if wavelength is not None:
             message.wavelengths_m.extend(metres("wavelength", each) for each in _several(wavelength))
         distances = [metres("distance", each) for each in _several(distance)]
-        targets = list(target) if isinstance(target, list | tuple) else [target]
+        targets = _pictures(target)
         if len(targets) not in {1, len(distances)}:
             fix = "give one picture, or one for each distance"
             raise InvalidArgument("target", f"has {len(targets)} pictures for {len(distances)} distances", fix)
@@ -275,6 +275,11 @@ class Display:
         if message.notes:
             rows.append(("notes", message.notes))
         return html.table(self.name, rows)
+
+
+def _pictures(target: Picture | Sequence[Picture]) -> list[Picture]:
+    # A text is a sequence, too, and so is an array; only lists and tuples are several pictures.
+    return list(target) if isinstance(target, list | tuple) else [cast("Picture", target)]
 
 
 def _several(lengths: Length | Sequence[Length]) -> Sequence[Length]:
