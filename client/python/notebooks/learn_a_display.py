@@ -14,7 +14,7 @@ from lightpath import plot
 
 DISTANCE = "30mm"
 lab = lightpath.connect()
-display = lab.create_display("notebook-learn", resolution="192x128", pixel_pitch="8um", wavelength="515nm", simulated=3)
+display = lab.create_display("notebook-learn", resolution="160x96", pixel_pitch="8um", wavelength="515nm", simulated=3)
 
 # %% [markdown]
 # Targets with edges and greys everywhere teach most.
@@ -24,9 +24,9 @@ display = lab.create_display("notebook-learn", resolution="192x128", pixel_pitch
 def blocks(seed: int) -> npt.NDArray[np.uint8]:
     """Return a picture of random blocks, [y][x]."""
     random = np.random.default_rng(seed)
-    picture = np.full((128, 192), 40, np.uint8)
+    picture = np.full((96, 160), 40, np.uint8)
     for _ in range(60):
-        top, left, height, width = random.integers((0, 0, 6, 6), (120, 184, 32, 40))
+        top, left, height, width = random.integers((0, 0, 6, 6), (88, 152, 32, 40))
         picture[top : top + height, left : left + width] = random.integers(0, 256)
     return picture
 
@@ -47,7 +47,7 @@ dataset
 # Learning gives a version of the kernel. The losses are those of photographs that it has not seen.
 
 # %%
-version = dataset.learn(epochs=5, refinement_evaluations=12, order=5)
+version = dataset.learn(epochs=3, refinement_evaluations=8, order=5)
 version
 
 # %%

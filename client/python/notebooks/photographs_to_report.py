@@ -14,7 +14,7 @@ from lightpath import plot
 
 DISTANCE = "30mm"
 lab = lightpath.connect()
-display = lab.create_display("notebook-files", resolution="192x128", pixel_pitch="8um", wavelength="515nm", simulated=5)
+display = lab.create_display("notebook-files", resolution="160x96", pixel_pitch="8um", wavelength="515nm", simulated=5)
 
 # %% [markdown]
 # The files come from a simulated display here. Skip this cell if you have your own.
@@ -24,7 +24,7 @@ holograms, photos = Path("holograms"), Path("photos")
 for folder in (holograms, photos):
     folder.mkdir(exist_ok=True)
 for i in range(8):
-    coarse = np.random.default_rng(i).random((16, 24))
+    coarse = np.random.default_rng(i).random((12, 20))
     hologram = display.optimize(np.kron(coarse, np.ones((8, 8))), distance=DISTANCE, iterations=40)
     hologram.save(holograms / f"{i:02}.png")
     display.photograph(hologram, seed=i).save(photos / f"{i:02}.png")
@@ -43,7 +43,7 @@ dataset.finalize()
 dataset
 
 # %%
-version = dataset.learn(epochs=5, refinement_evaluations=12, order=5)
+version = dataset.learn(epochs=3, refinement_evaluations=8, order=5)
 kernel = version.promote()
 for part in version.metrics.parts:
     print(lightpath.v1.ModelPart.Name(part.part), f"explains {part.cost_db:.1f} dB")

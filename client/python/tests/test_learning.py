@@ -73,8 +73,11 @@ def test_kernels_have_versions_moves_and_evaluations(
     with pytest.raises(lightpath.PreconditionFailed, match="no earlier active version") as caught:
         kernel.rollback()
     assert caught.value.reason == "NO_EARLIER_VERSION"
+    states = kernel.watch()
+    assert next(states).active_version == 1
     again = bench.import_kernel(tmp_path / "kernel.lpk", distance=DISTANCE)
     assert again.promote(force=True, reason="test").active_version == 2
+    assert any(state.active_version == 2 for state in states)
     assert kernel.refresh().rollback(reason="test").active_version == 1
     assert again.deprecate("a copy").message.deprecation.reason == "a copy"
     assert version.compare(again).transfer_difference < 1e-3
@@ -198,6 +201,10 @@ def test_own_photographs_and_phases_make_pairs(bench: lightpath.Display, tmp_pat
         dataset.add(hologram.phase, tmp_path / "photo.png", pair_id="again")
     with pytest.raises(lightpath.InvalidArgument, match="distance is missing"):
         bench.photograph(hologram.levels)
+    dots = bench.optimize(bench.calibration_target(), distance=DISTANCE, kernel="ideal", iterations=40)
+    aligned = dataset.align(dots=bench.photograph(dots)).alignment
+    assert aligned.points >= 12
+    assert aligned.residual_px < 0.5
     dataset.delete()
     with pytest.raises(lightpath.NotFound):
         dataset.refresh()

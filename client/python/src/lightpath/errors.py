@@ -120,7 +120,7 @@ class Damaged(LightpathError):
     """Bytes do not match their digest."""
 
     reason = "DAMAGED"
-    fix = "try again; if that does not help, run `lightpathd verify` on the server"
+    fix = "try again; if that does not help, run `lightpathd check` on the server"
 
 
 class ProtocolError(LightpathError):

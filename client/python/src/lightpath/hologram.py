@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 class Hologram:
     """An optimized hologram, held in memory.
 
-    Arrays with all parts have these axes: `phases` and `levels` [wavelength][frame][y][x], `reconstructions`
-    [wavelength][plane][y][x]. `phase`, `level`, and `reconstruction` are the first part, which is the only one unless
-    several wavelengths, frames or distances were asked for.
+    `phase`, `levels` and `reconstruction` are planes [y][x]: the first part, which is the only one unless several
+    wavelengths, frames or distances were asked for. `phases` and `all_levels` [wavelength][frame][y][x] and
+    `reconstructions` [wavelength][plane][y][x] have all parts.
     """
 
     job: v1.Job = field(repr=False)

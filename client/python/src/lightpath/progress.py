@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import math
 import sys
@@ -38,9 +39,14 @@ def watcher(progress: Progress, label: str, picture: bytes | None = None) -> Wat
     """Return what shows the progress of a job here. `picture` is a PNG that a notebook shows beside it."""
     if callable(progress):
         return _Caller(progress)
-    if progress and _in_notebook():
+    if shows_pictures(progress):
         return _Card(label, picture)
     return _Bar(label, disable=None if progress else True)
+
+
+def shows_pictures(progress: Progress) -> bool:
+    """Return whether a picture beside the progress would be shown."""
+    return progress is True and _in_notebook()
 
 
 def details(job: v1.Job) -> str:
@@ -118,7 +124,11 @@ class _Card:
         self._label, self._note = label, ""
         self._job = v1.Job()
         self._losses: list[tuple[int, float]] = []
-        self._picture = html.picture("target", picture) if picture else ""
+        self._picture = ""
+        if picture:
+            # Pillow cannot read every picture that the server reads. Then the card is without it.
+            with contextlib.suppress(OSError, TypeError, ValueError):
+                self._picture = html.picture("target", picture)
         self._handle = self._ipython.display(self._ipython.HTML(self.page()), display_id=True)
 
     def update(self, job: v1.Job) -> None:

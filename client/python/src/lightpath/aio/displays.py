@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, cast
 
-from lightpath import html, names, v1, words
+from lightpath import html, names, png, v1, words
 from lightpath.aio.datasets import Dataset
 from lightpath.aio.jobs import Job, submit
 from lightpath.aio.kernels import Kernel, KernelVersion, list_kernels
@@ -12,17 +12,19 @@ from lightpath.errors import InvalidArgument
 from lightpath.hologram import Hologram
 from lightpath.options import HologramOptions, SubmitOptions, check, optimize_message
 from lightpath.pictures import Phase, Picture, file_bytes, phase_bytes, picture_bytes
+from lightpath.progress import Progress, shows_pictures
 from lightpath.units import Length, metres, show_length
 
 if TYPE_CHECKING:
     import os
     from collections.abc import Iterable, Sequence
 
+    import numpy as np
+    import numpy.typing as npt
     from typing_extensions import Unpack
 
     from lightpath.aio.connection import Connection
     from lightpath.photograph import Photograph
-    from lightpath.progress import Progress
 
 
 class Display:
@@ -88,7 +90,7 @@ class Display:
         """
         job = await self.submit_optimize(target, distance=distance, wavelength=wavelength, **options)
         first = job.message.spec.optimize_hologram.planes[0].target
-        picture = await self._connection.download(first) if progress is True else None
+        picture = await self._connection.download(first) if shows_pictures(progress) else None
         await job.wait(progress=progress, picture=picture)
         return await job.result()
 
@@ -220,11 +222,11 @@ class Display:
         created = await self._connection.call(self._connection.datasets.CreateDataset, request, repeatable=False)
         return Dataset(self._connection, created)
 
-    async def calibration_target(self) -> bytes:
-        """Return a picture of a grid of dots (PNG). `Dataset.align` takes the photograph of its hologram."""
+    async def calibration_target(self) -> npt.NDArray[np.uint8]:
+        """Return a picture of a grid of dots, [y][x], sRGB. `Dataset.align` takes the photograph of its hologram."""
         request = v1.CreateCalibrationTargetRequest(display=self.name)
         target = await self._connection.call(self._connection.datasets.CreateCalibrationTarget, request)
-        return await self._connection.download(target.target)
+        return png.decode(await self._connection.download(target.target))
 
     async def kernel(self, *, distance: Length, wavelength: Length | None = None) -> Kernel:
         """Return the kernel for a distance. Raises `NotFound` if none was learned."""

@@ -5,11 +5,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, cast
 
-from lightpath import html, names, v1, words
+from lightpath import html, names, png, v1, words
 from lightpath.errors import InvalidArgument
 from lightpath.hologram import Hologram
 from lightpath.options import HologramOptions, SubmitOptions, check, optimize_message
 from lightpath.pictures import Phase, Picture, file_bytes, phase_bytes, picture_bytes
+from lightpath.progress import Progress, shows_pictures
 from lightpath.sync.datasets import Dataset
 from lightpath.sync.jobs import Job, submit
 from lightpath.sync.kernels import Kernel, KernelVersion, list_kernels
@@ -19,10 +20,11 @@ if TYPE_CHECKING:
     import os
     from collections.abc import Iterable, Sequence
 
+    import numpy as np
+    import numpy.typing as npt
     from typing_extensions import Unpack
 
     from lightpath.photograph import Photograph
-    from lightpath.progress import Progress
     from lightpath.sync.connection import Connection
 
 
@@ -89,7 +91,7 @@ class Display:
         """
         job = self.submit_optimize(target, distance=distance, wavelength=wavelength, **options)
         first = job.message.spec.optimize_hologram.planes[0].target
-        picture = self._connection.download(first) if progress is True else None
+        picture = self._connection.download(first) if shows_pictures(progress) else None
         job.wait(progress=progress, picture=picture)
         return job.result()
 
@@ -218,11 +220,11 @@ class Display:
         created = self._connection.call(self._connection.datasets.CreateDataset, request, repeatable=False)
         return Dataset(self._connection, created)
 
-    def calibration_target(self) -> bytes:
-        """Return a picture of a grid of dots (PNG). `Dataset.align` takes the photograph of its hologram."""
+    def calibration_target(self) -> npt.NDArray[np.uint8]:
+        """Return a picture of a grid of dots, [y][x], sRGB. `Dataset.align` takes the photograph of its hologram."""
         request = v1.CreateCalibrationTargetRequest(display=self.name)
         target = self._connection.call(self._connection.datasets.CreateCalibrationTarget, request)
-        return self._connection.download(target.target)
+        return png.decode(self._connection.download(target.target))
 
     def kernel(self, *, distance: Length, wavelength: Length | None = None) -> Kernel:
         """Return the kernel for a distance. Raises `NotFound` if none was learned."""
