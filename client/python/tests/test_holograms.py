@@ -17,6 +17,8 @@ from lightpath.pictures import picture_bytes
 if TYPE_CHECKING:
     from pathlib import Path
 
+    import numpy.typing as npt
+
 
 def test_hologram_has_phases_levels_and_the_picture_that_it_shows(bench: lightpath.Display, tmp_path: Path) -> None:
     hologram = bench.optimize(target(1), distance=DISTANCE, iterations=40)
@@ -37,6 +39,11 @@ def test_hologram_has_phases_levels_and_the_picture_that_it_shows(bench: lightpa
         hologram.save(tmp_path / "hologram.bmp")
 
 
+def difference(one: npt.NDArray[np.float32], other: npt.NDArray[np.float32]) -> float:
+    """Largest difference of two phases [rad]. Pictures of 8 and of 16 bits become light in different steps."""
+    return float(np.abs(np.exp(1j * one) - np.exp(1j * other)).max())
+
+
 def test_a_picture_gives_the_same_hologram_as_file_image_and_array(bench: lightpath.Display, tmp_path: Path) -> None:
     Image.fromarray(target(2)).save(tmp_path / "target.png")
     kinds: list[lightpath.Picture] = [
@@ -49,8 +56,7 @@ def test_a_picture_gives_the_same_hologram_as_file_image_and_array(bench: lightp
     ]
     phases = [bench.optimize(each, distance=DISTANCE, iterations=2).phase for each in kinds]
     for phase in phases[1:]:
-        # Pictures of 8 and of 16 bits become light in other steps of 32-bit arithmetic.
-        assert np.abs(np.exp(1j * phase) - np.exp(1j * phases[0])).max() < 1e-4
+        assert difference(phase, phases[0]) < 1e-4
 
 
 def test_tensors_are_pictures(bench: lightpath.Display) -> None:
@@ -58,7 +64,7 @@ def test_tensors_are_pictures(bench: lightpath.Display) -> None:
     tensor = torch.from_numpy(target(2) / 255).float().requires_grad_()
     as_array = bench.optimize(target(2), distance=DISTANCE, iterations=2).phase
     for shape in (tensor, tensor[None], tensor[None, None], tensor.expand(3, -1, -1)):
-        assert np.array_equal(bench.optimize(shape, distance=DISTANCE, iterations=2).phase, as_array)
+        assert difference(bench.optimize(shape, distance=DISTANCE, iterations=2).phase, as_array) < 1e-4
 
 
 def test_colour_depth_and_frames(lab: lightpath.Lab, tmp_path: Path) -> None:

@@ -114,9 +114,13 @@ def test_failed_jobs_say_why(lab: lightpath.Lab, bench: lightpath.Display) -> No
 
 
 SCRIPT = """
+import signal
 import sys
 import numpy as np
 import lightpath
+
+# A shell starts programs in the background without Ctrl-C.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 def show(job):
     if job.progress.step > 0:
