@@ -16,8 +16,12 @@ from lightpath import html, v1, words
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from lightpath.errors import Unreachable
+
 Progress: TypeAlias = "bool | Callable[[v1.Job], None]"
 """Whether to show progress, or a function that receives every state of the job."""
+
+LOST = "connection lost; the job goes on; reconnecting"
 
 _CHART_WIDTH, _CHART_HEIGHT = 320, 120
 
@@ -28,8 +32,8 @@ class Watcher(Protocol):
     def update(self, job: v1.Job) -> None:
         """Show a state of the job."""
 
-    def note(self, text: str) -> None:
-        """Show a note, such as the loss of the connection. An empty text removes it."""
+    def lost(self, error: Unreachable) -> None:
+        """Show that the connection was lost, until the next state."""
 
     def close(self) -> None:
         """End, after the last state or an error."""
@@ -79,7 +83,7 @@ class _Caller:
     def update(self, job: v1.Job) -> None:
         self._progress(job)
 
-    def note(self, text: str) -> None:
+    def lost(self, error: Unreachable) -> None:
         pass
 
     def close(self) -> None:
@@ -107,8 +111,8 @@ class _Bar:
         self._bar.postfix = details(job) if state == "running" else ""
         self._bar.refresh()
 
-    def note(self, text: str) -> None:
-        self._bar.postfix = text
+    def lost(self, error: Unreachable) -> None:  # noqa: ARG002 - the cause would not fit into the line
+        self._bar.postfix = LOST
         self._bar.refresh()
 
     def close(self) -> None:
@@ -132,15 +136,15 @@ class _Card:
         self._handle = self._ipython.display(self._ipython.HTML(self.page()), display_id=True)
 
     def update(self, job: v1.Job) -> None:
-        self._job = job
+        self._job, self._note = job, ""
         if job.progress.loss > 0:
             if self._losses and job.progress.step < self._losses[-1][0]:
                 self._losses.clear()
             self._losses.append((job.progress.step, job.progress.loss))
         self._show()
 
-    def note(self, text: str) -> None:
-        self._note = text
+    def lost(self, error: Unreachable) -> None:
+        self._note = f"{LOST} ({error.cause})"
         self._show()
 
     def close(self) -> None:

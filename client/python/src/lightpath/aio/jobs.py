@@ -18,7 +18,7 @@ from lightpath.reports import Evaluation, Report
 from lightpath.retry import Backoff
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator
+    from collections.abc import AsyncIterator, Callable
 
     from lightpath.aio.connection import Connection
 
@@ -66,8 +66,11 @@ class Job(Generic[Result]):
         self.message = await self._connection.call(self._connection.jobs.GetJob, request)
         return self
 
-    async def watch(self) -> AsyncIterator[v1.Job]:
-        """Return every state of the job until it has ended. Survives restarts of the server."""
+    async def watch(self, *, on_lost: Callable[[Unreachable], None] | None = None) -> AsyncIterator[v1.Job]:
+        """Return every state of the job until it has ended. Survives restarts of the server.
+
+        `on_lost` is called when the connection was lost, before each try to connect again.
+        """
         backoff, reached = Backoff(WAIT_TRIES_MAX), False
         request = v1.WatchJobRequest(name=self.name)
         while True:
@@ -85,18 +88,20 @@ class Job(Generic[Result]):
                 failure = error
             if not reached:
                 raise failure
+            if on_lost is not None:
+                on_lost(failure)
             await self._connection.pause(backoff, failure)
 
     async def wait(self, *, progress: Progress = True, picture: bytes | None = None) -> Job[Result]:
         """Wait until the job has ended, however it ends, and show its progress.
 
-        `picture` is a PNG that a notebook shows beside the progress. On Ctrl-C it raises
-        `WaitInterrupted`; the job goes on.
+        `picture` is a PNG that a notebook shows beside the progress. On Ctrl-C it raises `WaitInterrupted`; the job
+        goes on.
         """
         label = self.kind.replace("_", " ")
         shown = watcher(progress, label, picture)
         try:
-            async for message in self.watch():
+            async for message in self.watch(on_lost=shown.lost):
                 shown.update(message)
         except KeyboardInterrupt:
             raise WaitInterrupted(self.name) from None

@@ -19,7 +19,7 @@ from lightpath.reports import Evaluation, Report
 from lightpath.retry import Backoff
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from lightpath.sync.connection import Connection
 
@@ -67,8 +67,11 @@ class Job(Generic[Result]):
         self.message = self._connection.call(self._connection.jobs.GetJob, request)
         return self
 
-    def watch(self) -> Iterator[v1.Job]:
-        """Return every state of the job until it has ended. Survives restarts of the server."""
+    def watch(self, *, on_lost: Callable[[Unreachable], None] | None = None) -> Iterator[v1.Job]:
+        """Return every state of the job until it has ended. Survives restarts of the server.
+
+        `on_lost` is called when the connection was lost, before each try to connect again.
+        """
         backoff, reached = Backoff(WAIT_TRIES_MAX), False
         request = v1.WatchJobRequest(name=self.name)
         while True:
@@ -86,18 +89,20 @@ class Job(Generic[Result]):
                 failure = error
             if not reached:
                 raise failure
+            if on_lost is not None:
+                on_lost(failure)
             self._connection.pause(backoff, failure)
 
     def wait(self, *, progress: Progress = True, picture: bytes | None = None) -> Job[Result]:
         """Wait until the job has ended, however it ends, and show its progress.
 
-        `picture` is a PNG that a notebook shows beside the progress. On Ctrl-C it raises
-        `WaitInterrupted`; the job goes on.
+        `picture` is a PNG that a notebook shows beside the progress. On Ctrl-C it raises `WaitInterrupted`; the job
+        goes on.
         """
         label = self.kind.replace("_", " ")
         shown = watcher(progress, label, picture)
         try:
-            for message in self.watch():
+            for message in self.watch(on_lost=shown.lost):
                 shown.update(message)
         except KeyboardInterrupt:
             raise WaitInterrupted(self.name) from None
