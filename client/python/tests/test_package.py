@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 import zipfile
 from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parents[1]
+
+
+def test_the_version_is_that_of_the_server() -> None:
+    def version(path: Path) -> str:
+        found = re.search(r'^version = "(.*)"$', path.read_text(encoding="utf-8"), re.MULTILINE)
+        assert found
+        return found[1]
+
+    assert version(PACKAGE / "pyproject.toml") == version(PACKAGE.parents[1] / "Cargo.toml")
 
 
 def test_wheel_and_sdist_build_offline_and_the_wheel_can_be_imported(tmp_path: Path) -> None:

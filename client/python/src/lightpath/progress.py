@@ -185,9 +185,11 @@ def loss_curve(losses: list[tuple[int, float]]) -> str:
         f"{4 + (_CHART_HEIGHT - 8) * (high - log) / max(high - low, 1e-9):.1f}"
         for (step, _), log in zip(losses, logs, strict=True)
     )
+    label = "font-size='11' fill='currentColor'"
     return (
         f"<svg width='{_CHART_WIDTH}' height='{_CHART_HEIGHT}' role='img' aria-label='loss over steps'>"
         f"<polyline points='{points}' fill='none' stroke='#1f77b4' stroke-width='1.5'/>"
-        f"<text x='4' y='{_CHART_HEIGHT - 4}' font-size='11'>{10**low:.2g}</text>"
-        f"<text x='{_CHART_WIDTH - 4}' y='12' font-size='11' text-anchor='end'>loss, from {10**high:.2g}</text></svg>"
+        f"<text x='4' y='{_CHART_HEIGHT - 4}' {label}>{10**low:.2g}</text>"
+        f"<text x='{_CHART_WIDTH - 4}' y='12' {label} text-anchor='end'>"
+        f"loss, from {10**high:.2g}</text></svg>"
     )
