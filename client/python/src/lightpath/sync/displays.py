@@ -85,7 +85,7 @@ class Display:
         - `wavelength`: one of the display's, or several for a colour hologram. Default: the display's only one
         - `progress`: whether to show progress, or a function that receives every state of the job
 
-        All other options are those of `HologramOptions`, such as `iterations=100` or `method="adam"`. Raises
+        All other options are those of `lightpath.HologramOptions`, such as `iterations=100` or `method="adam"`. Raises
         `InvalidArgument` or `InvalidRequest` for wrong arguments, `JobUnsuccessful` if the job fails, and
         `WaitInterrupted` on Ctrl-C.
         """
