@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import shutil
 import signal
 import socket
 import subprocess
@@ -26,12 +25,11 @@ DISTANCE = "20mm"
 
 
 def program(name: str) -> str:
-    """Path of a program: in the folder LIGHTPATH_BINARIES, on the PATH, or in the build folder."""
-    folder = os.environ.get("LIGHTPATH_BINARIES")
-    found = str(Path(folder) / name) if folder else shutil.which(name) or str(REPOSITORY / "target" / "debug" / name)
-    if not Path(found).exists():
+    """Path of a program in the folder LIGHTPATH_BINARIES, or in the build folder."""
+    found = Path(os.environ.get("LIGHTPATH_BINARIES") or REPOSITORY / "target" / "debug") / name
+    if not found.exists():
         pytest.fail(f"{found} does not exist: run `cargo build --bins`, or name a folder with LIGHTPATH_BINARIES")
-    return found
+    return str(found)
 
 
 class Server:
