@@ -67,9 +67,9 @@ class LearnedKernel:
 
     def phase_response(self, phase_rad: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
         """Return the phase that the modulator gives for a wanted phase [rad]: φ + Σ a_k sin kφ + b_k cos kφ."""
-        response = np.asarray(phase_rad, dtype=np.float64).copy()
+        response: npt.NDArray[np.float64] = np.array(phase_rad, np.float64)
         for k, (sine, cosine) in enumerate(self.arrays["response_harmonics"], start=1):
-            response += sine * np.sin(k * phase_rad) + cosine * np.cos(k * phase_rad)
+            response = response + sine * np.sin(k * phase_rad) + cosine * np.cos(k * phase_rad)
         return response
 
     def propagate(self, light: npt.NDArray[Any]) -> npt.NDArray[np.complex128]:
@@ -80,8 +80,9 @@ class LearnedKernel:
         rows, columns = self.source.shape
         if light.shape != self.source.shape:
             raise InvalidArgument("light", f"has the shape {light.shape}", f"give [{rows}][{columns}]")
-        spectrum = np.fft.fft2(light, s=(2 * rows, 2 * columns)) * self.transfer_function
-        return np.fft.ifft2(spectrum)[:rows, :columns]
+        # NumPy 2 transforms complex64 in single precision, NumPy 1 in double precision.
+        spectrum = np.fft.fft2(np.asarray(light, np.complex128), s=(2 * rows, 2 * columns)) * self.transfer_function
+        return np.asarray(np.fft.ifft2(spectrum)[:rows, :columns], np.complex128)
 
     def for_odak(self) -> npt.NDArray[np.complex64]:
         """Return H for odak: [2 rows][2 columns], zero frequency in the middle.

@@ -104,7 +104,7 @@ def _pixels(field: str, values: npt.NDArray[Any] | Tensor) -> npt.NDArray[Any]:
     if pixels.size == 0 or not (pixels.ndim == _GREY_AXES or is_colour):
         raise InvalidArgument(field, f"has the shape {pixels.shape}", "give [height][width] or [height][width][3]")
     if pixels.dtype == np.bool_:
-        return pixels.astype(np.uint8) * np.uint8(255)
+        return np.where(pixels, 255, 0).astype(np.uint8)
     if pixels.dtype not in {np.dtype(np.uint8), np.dtype(np.uint16)} and pixels.dtype.kind != "f":
         raise InvalidArgument(field, f"has values of type {pixels.dtype}", "use uint8, uint16, bool or floats")
     return pixels
