@@ -109,6 +109,13 @@ def test_bad_addresses_are_refused_before_connecting(url: str, fix: str) -> None
     assert caught.value.field == "url"
 
 
+def test_unknown_authorities_are_named_as_the_cause() -> None:
+    refused = Unreachable("https://lab:7070", "CERTIFICATE_VERIFY_FAILED: self signed certificate")
+    assert "ca_file" in refused.fix
+    assert refused.fix in str(refused)
+    assert "lightpathd serve" in Unreachable("http://lab:7070", "connection refused").fix
+
+
 def test_bad_tokens_are_refused_and_not_shown() -> None:
     for token in ("", " ", "two words", "ümlaut"):
         with pytest.raises(InvalidArgument, match="printable ASCII"):

@@ -44,10 +44,13 @@ class Unreachable(LightpathError, ConnectionError):
     """No server answered, the connection was lost, or the server is stopping. The call may succeed later."""
 
     reason = "UNREACHABLE"
-    fix = 'start it with `lightpathd serve`, or give another address: lightpath.connect("http://lab:7070")'
 
     def __init__(self, url: str, cause: str, retry_after_s: float | None = None) -> None:
-        super().__init__(f"server {url} could not be reached ({cause}). Is it running? {self.fix}")
+        if "CERTIFICATE_VERIFY_FAILED" in cause:
+            self.fix = "give the certificate of the authority that signed the server's: ca_file, or LIGHTPATH_CA_FILE"
+        else:
+            self.fix = 'start it with `lightpathd serve`, or give another address: lightpath.connect("http://lab:7070")'
+        super().__init__(f"server {url} could not be reached ({cause}); {self.fix}")
         self.url, self.cause, self.retry_after_s = url, cause, retry_after_s
 
 
