@@ -78,6 +78,7 @@ class Lab:
         phase_response_rad: Sequence[float] | None = None,
         carrier: words.Carrier | None = None,
         orders: v1.AllOrders | v1.OrderFilter | None = None,
+        camera_fill_factor: float = 0.0,
         notes: str = "",
         simulated: int | v1.SimulatedBench | None = None,
     ) -> Display:
@@ -89,6 +90,8 @@ class Lab:
         - `phase_response_rad`: phase of each grey level [rad]. Default: linear, one turn
         - `carrier`: grating that moves the image away from the undiffracted light
         - `orders`: diffraction orders that reach the image. Default: the whole first order, and nothing else
+        - `camera_fill_factor`: side of the part of a pixel in which the camera sees light, in pixel pitches, 0.1 to 1.
+          Default: 1, all of the pixel
         - `simulated`: a seed, or the properties of a simulated bench, for a display that exists only as a simulation
         """
         width_px, height_px = resolution_px(resolution)
@@ -105,6 +108,7 @@ class Lab:
             phase_response=v1.PhaseResponse(phase_rad=phase_response_rad) if phase_response_rad is not None else None,
             all_orders=orders if isinstance(orders, v1.AllOrders) else None,
             order_filter=orders if isinstance(orders, v1.OrderFilter) else None,
+            camera_fill_factor=camera_fill_factor,
             simulated_bench=v1.SimulatedBench(seed=simulated) if isinstance(simulated, int) else simulated,
         )
         request = v1.CreateDisplayRequest(display=message)

@@ -27,7 +27,7 @@ from google.protobuf import timestamp_pb2 as google_dot_protobuf_dot_timestamp__
 from lightpath.v1 import propagation_pb2 as lightpath_dot_v1_dot_propagation__pb2
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1alightpath/v1/display.proto\x12\x0clightpath.v1\x1a\x1cgoogle/api/annotations.proto\x1a\x1fgoogle/protobuf/timestamp.proto\x1a\x1elightpath/v1/propagation.proto\"\xbd\x03\n\x07\x44isplay\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x10\n\x08width_px\x18\x02 \x01(\r\x12\x11\n\theight_px\x18\x03 \x01(\r\x12\x15\n\rpixel_pitch_m\x18\x04 \x01(\x01\x12\x11\n\tbit_depth\x18\x05 \x01(\r\x12\x15\n\rwavelengths_m\x18\x06 \x03(\x01\x12\x33\n\x0ephase_response\x18\x07 \x01(\x0b\x32\x1b.lightpath.v1.PhaseResponse\x12&\n\x07\x63\x61rrier\x18\x08 \x01(\x0e\x32\x15.lightpath.v1.Carrier\x12-\n\nall_orders\x18\t \x01(\x0b\x32\x17.lightpath.v1.AllOrdersH\x00\x12\x31\n\x0corder_filter\x18\n \x01(\x0b\x32\x19.lightpath.v1.OrderFilterH\x00\x12\r\n\x05notes\x18\x0b \x01(\t\x12\x35\n\x0fsimulated_bench\x18\x0c \x01(\x0b\x32\x1c.lightpath.v1.SimulatedBench\x12/\n\x0b\x63reate_time\x18\r \x01(\x0b\x32\x1a.google.protobuf.TimestampB\x08\n\x06orders\"9\n\tAllOrders\x12\x15\n\rfill_factor_x\x18\x01 \x01(\x01\x12\x15\n\rfill_factor_y\x18\x02 \x01(\x01\"\xc8\x01\n\x0bOrderFilter\x12.\n\x05shape\x18\x01 \x01(\x0e\x32\x1f.lightpath.v1.OrderFilter.Shape\x12\r\n\x05width\x18\x02 \x01(\x01\x12\x0e\n\x06height\x18\x03 \x01(\x01\x12\x10\n\x08\x63\x65ntre_x\x18\x04 \x01(\x01\x12\x10\n\x08\x63\x65ntre_y\x18\x05 \x01(\x01\"F\n\x05Shape\x12\x15\n\x11SHAPE_UNSPECIFIED\x10\x00\x12\x13\n\x0fSHAPE_RECTANGLE\x10\x01\x12\x11\n\rSHAPE_ELLIPSE\x10\x02\"\"\n\rPhaseResponse\x12\x11\n\tphase_rad\x18\x01 \x03(\x01\"\xd2\x04\n\x0eSimulatedBench\x12\x0c\n\x04seed\x18\x01 \x01(\x04\x12\x10\n\x08strength\x18\x02 \x01(\x01\x12\x14\n\x0c\x63\x61mera_noise\x18\x03 \x01(\x01\x12\x17\n\x0fmisalignment_px\x18\x04 \x01(\x01\x12\x14\n\x0crotation_deg\x18\x05 \x01(\x01\x12\x0f\n\x07\x62lur_px\x18\x06 \x01(\x01\x12\x1b\n\x13\x66ull_well_electrons\x18\x07 \x01(\x01\x12\x18\n\x10speckle_contrast\x18\x08 \x01(\x01\x12\x14\n\x0c\x63rosstalk_px\x18\t \x01(\x01\x12\x0f\n\x07\x66licker\x18\n \x01(\x01\x12\x19\n\x11\x64rift_px_per_hour\x18\x0b \x01(\x01\x12\x18\n\x10\x64imming_per_hour\x18\x0c \x01(\x01\x12\x15\n\rrail_tilt_deg\x18\r \x01(\x01\x12\x18\n\x10\x61\x62\x65rrations_at_m\x18\x0e \x01(\x01\x12\x1c\n\x14\x66ield_aberration_rad\x18\x0f \x01(\x01\x12\x16\n\x0e\x63rosstalk_y_px\x18\x10 \x01(\x01\x12\x15\n\rsurface_waves\x18\x11 \x01(\x01\x12\x1a\n\x12response_variation\x18\x12 \x01(\x01\x12\x15\n\rdust_contrast\x18\x13 \x01(\x01\x12\x13\n\x0bghost_share\x18\x14 \x01(\x01\x12\x19\n\x11source_angle_mrad\x18\x15 \x01(\x01\x12\x11\n\tbandwidth\x18\x16 \x01(\x01\x12\x12\n\ndistortion\x18\x17 \x01(\x01\x12\x12\n\nvignetting\x18\x18 \x01(\x01\x12\x1b\n\x13\x63\x61mera_nonlinearity\x18\x19 \x01(\x01\">\n\x14\x43reateDisplayRequest\x12&\n\x07\x64isplay\x18\x01 \x01(\x0b\x32\x15.lightpath.v1.Display\"!\n\x11GetDisplayRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"<\n\x13ListDisplaysRequest\x12\x11\n\tpage_size\x18\x01 \x01(\r\x12\x12\n\npage_token\x18\x02 \x01(\t\"X\n\x14ListDisplaysResponse\x12\'\n\x08\x64isplays\x18\x01 \x03(\x0b\x32\x15.lightpath.v1.Display\x12\x17\n\x0fnext_page_token\x18\x02 \x01(\t\"$\n\x14\x44\x65leteDisplayRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"\x17\n\x15\x44\x65leteDisplayResponse*V\n\x07\x43\x61rrier\x12\x17\n\x13\x43\x41RRIER_UNSPECIFIED\x10\x00\x12\x18\n\x14\x43\x41RRIER_HALF_ORDER_X\x10\x01\x12\x18\n\x14\x43\x41RRIER_HALF_ORDER_Y\x10\x02\x32\xdc\x04\n\x0e\x44isplayService\x12i\n\rCreateDisplay\x12\".lightpath.v1.CreateDisplayRequest\x1a\x15.lightpath.v1.Display\"\x1d\x82\xd3\xe4\x93\x02\x17\"\x0c/v1/displays:\x07\x64isplay\x12\x63\n\nGetDisplay\x12\x1f.lightpath.v1.GetDisplayRequest\x1a\x15.lightpath.v1.Display\"\x1d\x82\xd3\xe4\x93\x02\x17\x12\x15/v1/{name=displays/*}\x12k\n\x0cListDisplays\x12!.lightpath.v1.ListDisplaysRequest\x1a\".lightpath.v1.ListDisplaysResponse\"\x14\x82\xd3\xe4\x93\x02\x0e\x12\x0c/v1/displays\x12w\n\rDeleteDisplay\x12\".lightpath.v1.DeleteDisplayRequest\x1a#.lightpath.v1.DeleteDisplayResponse\"\x1d\x82\xd3\xe4\x93\x02\x17*\x15/v1/{name=displays/*}\x12\x93\x01\n\x0fPlanPropagation\x12$.lightpath.v1.PlanPropagationRequest\x1a%.lightpath.v1.PlanPropagationResponse\"3\x82\xd3\xe4\x93\x02-\"(/v1/{display=displays/*}:planPropagation:\x01*b\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x1alightpath/v1/display.proto\x12\x0clightpath.v1\x1a\x1cgoogle/api/annotations.proto\x1a\x1fgoogle/protobuf/timestamp.proto\x1a\x1elightpath/v1/propagation.proto\"\xd9\x03\n\x07\x44isplay\x12\x0c\n\x04name\x18\x01 \x01(\t\x12\x10\n\x08width_px\x18\x02 \x01(\r\x12\x11\n\theight_px\x18\x03 \x01(\r\x12\x15\n\rpixel_pitch_m\x18\x04 \x01(\x01\x12\x11\n\tbit_depth\x18\x05 \x01(\r\x12\x15\n\rwavelengths_m\x18\x06 \x03(\x01\x12\x33\n\x0ephase_response\x18\x07 \x01(\x0b\x32\x1b.lightpath.v1.PhaseResponse\x12&\n\x07\x63\x61rrier\x18\x08 \x01(\x0e\x32\x15.lightpath.v1.Carrier\x12-\n\nall_orders\x18\t \x01(\x0b\x32\x17.lightpath.v1.AllOrdersH\x00\x12\x31\n\x0corder_filter\x18\n \x01(\x0b\x32\x19.lightpath.v1.OrderFilterH\x00\x12\x1a\n\x12\x63\x61mera_fill_factor\x18\x0b \x01(\x01\x12\r\n\x05notes\x18\x0c \x01(\t\x12\x35\n\x0fsimulated_bench\x18\r \x01(\x0b\x32\x1c.lightpath.v1.SimulatedBench\x12/\n\x0b\x63reate_time\x18\x0e \x01(\x0b\x32\x1a.google.protobuf.TimestampB\x08\n\x06orders\"9\n\tAllOrders\x12\x15\n\rfill_factor_x\x18\x01 \x01(\x01\x12\x15\n\rfill_factor_y\x18\x02 \x01(\x01\"\xc8\x01\n\x0bOrderFilter\x12.\n\x05shape\x18\x01 \x01(\x0e\x32\x1f.lightpath.v1.OrderFilter.Shape\x12\r\n\x05width\x18\x02 \x01(\x01\x12\x0e\n\x06height\x18\x03 \x01(\x01\x12\x10\n\x08\x63\x65ntre_x\x18\x04 \x01(\x01\x12\x10\n\x08\x63\x65ntre_y\x18\x05 \x01(\x01\"F\n\x05Shape\x12\x15\n\x11SHAPE_UNSPECIFIED\x10\x00\x12\x13\n\x0fSHAPE_RECTANGLE\x10\x01\x12\x11\n\rSHAPE_ELLIPSE\x10\x02\"\"\n\rPhaseResponse\x12\x11\n\tphase_rad\x18\x01 \x03(\x01\"\xd2\x04\n\x0eSimulatedBench\x12\x0c\n\x04seed\x18\x01 \x01(\x04\x12\x10\n\x08strength\x18\x02 \x01(\x01\x12\x14\n\x0c\x63\x61mera_noise\x18\x03 \x01(\x01\x12\x17\n\x0fmisalignment_px\x18\x04 \x01(\x01\x12\x14\n\x0crotation_deg\x18\x05 \x01(\x01\x12\x0f\n\x07\x62lur_px\x18\x06 \x01(\x01\x12\x1b\n\x13\x66ull_well_electrons\x18\x07 \x01(\x01\x12\x18\n\x10speckle_contrast\x18\x08 \x01(\x01\x12\x14\n\x0c\x63rosstalk_px\x18\t \x01(\x01\x12\x0f\n\x07\x66licker\x18\n \x01(\x01\x12\x19\n\x11\x64rift_px_per_hour\x18\x0b \x01(\x01\x12\x18\n\x10\x64imming_per_hour\x18\x0c \x01(\x01\x12\x15\n\rrail_tilt_deg\x18\r \x01(\x01\x12\x18\n\x10\x61\x62\x65rrations_at_m\x18\x0e \x01(\x01\x12\x1c\n\x14\x66ield_aberration_rad\x18\x0f \x01(\x01\x12\x16\n\x0e\x63rosstalk_y_px\x18\x10 \x01(\x01\x12\x15\n\rsurface_waves\x18\x11 \x01(\x01\x12\x1a\n\x12response_variation\x18\x12 \x01(\x01\x12\x15\n\rdust_contrast\x18\x13 \x01(\x01\x12\x13\n\x0bghost_share\x18\x14 \x01(\x01\x12\x19\n\x11source_angle_mrad\x18\x15 \x01(\x01\x12\x11\n\tbandwidth\x18\x16 \x01(\x01\x12\x12\n\ndistortion\x18\x17 \x01(\x01\x12\x12\n\nvignetting\x18\x18 \x01(\x01\x12\x1b\n\x13\x63\x61mera_nonlinearity\x18\x19 \x01(\x01\">\n\x14\x43reateDisplayRequest\x12&\n\x07\x64isplay\x18\x01 \x01(\x0b\x32\x15.lightpath.v1.Display\"!\n\x11GetDisplayRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"<\n\x13ListDisplaysRequest\x12\x11\n\tpage_size\x18\x01 \x01(\r\x12\x12\n\npage_token\x18\x02 \x01(\t\"X\n\x14ListDisplaysResponse\x12\'\n\x08\x64isplays\x18\x01 \x03(\x0b\x32\x15.lightpath.v1.Display\x12\x17\n\x0fnext_page_token\x18\x02 \x01(\t\"$\n\x14\x44\x65leteDisplayRequest\x12\x0c\n\x04name\x18\x01 \x01(\t\"\x17\n\x15\x44\x65leteDisplayResponse*V\n\x07\x43\x61rrier\x12\x17\n\x13\x43\x41RRIER_UNSPECIFIED\x10\x00\x12\x18\n\x14\x43\x41RRIER_HALF_ORDER_X\x10\x01\x12\x18\n\x14\x43\x41RRIER_HALF_ORDER_Y\x10\x02\x32\xdc\x04\n\x0e\x44isplayService\x12i\n\rCreateDisplay\x12\".lightpath.v1.CreateDisplayRequest\x1a\x15.lightpath.v1.Display\"\x1d\x82\xd3\xe4\x93\x02\x17\"\x0c/v1/displays:\x07\x64isplay\x12\x63\n\nGetDisplay\x12\x1f.lightpath.v1.GetDisplayRequest\x1a\x15.lightpath.v1.Display\"\x1d\x82\xd3\xe4\x93\x02\x17\x12\x15/v1/{name=displays/*}\x12k\n\x0cListDisplays\x12!.lightpath.v1.ListDisplaysRequest\x1a\".lightpath.v1.ListDisplaysResponse\"\x14\x82\xd3\xe4\x93\x02\x0e\x12\x0c/v1/displays\x12w\n\rDeleteDisplay\x12\".lightpath.v1.DeleteDisplayRequest\x1a#.lightpath.v1.DeleteDisplayResponse\"\x1d\x82\xd3\xe4\x93\x02\x17*\x15/v1/{name=displays/*}\x12\x93\x01\n\x0fPlanPropagation\x12$.lightpath.v1.PlanPropagationRequest\x1a%.lightpath.v1.PlanPropagationResponse\"3\x82\xd3\xe4\x93\x02-\"(/v1/{display=displays/*}:planPropagation:\x01*b\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
@@ -44,32 +44,32 @@ if not _descriptor._USE_C_DESCRIPTORS:
   _globals['_DISPLAYSERVICE'].methods_by_name['DeleteDisplay']._serialized_options = b'\202\323\344\223\002\027*\025/v1/{name=displays/*}'
   _globals['_DISPLAYSERVICE'].methods_by_name['PlanPropagation']._loaded_options = None
   _globals['_DISPLAYSERVICE'].methods_by_name['PlanPropagation']._serialized_options = b'\202\323\344\223\002-\"(/v1/{display=displays/*}:planPropagation:\001*'
-  _globals['_CARRIER']._serialized_start=1796
-  _globals['_CARRIER']._serialized_end=1882
+  _globals['_CARRIER']._serialized_start=1824
+  _globals['_CARRIER']._serialized_end=1910
   _globals['_DISPLAY']._serialized_start=140
-  _globals['_DISPLAY']._serialized_end=585
-  _globals['_ALLORDERS']._serialized_start=587
-  _globals['_ALLORDERS']._serialized_end=644
-  _globals['_ORDERFILTER']._serialized_start=647
-  _globals['_ORDERFILTER']._serialized_end=847
-  _globals['_ORDERFILTER_SHAPE']._serialized_start=777
-  _globals['_ORDERFILTER_SHAPE']._serialized_end=847
-  _globals['_PHASERESPONSE']._serialized_start=849
-  _globals['_PHASERESPONSE']._serialized_end=883
-  _globals['_SIMULATEDBENCH']._serialized_start=886
-  _globals['_SIMULATEDBENCH']._serialized_end=1480
-  _globals['_CREATEDISPLAYREQUEST']._serialized_start=1482
-  _globals['_CREATEDISPLAYREQUEST']._serialized_end=1544
-  _globals['_GETDISPLAYREQUEST']._serialized_start=1546
-  _globals['_GETDISPLAYREQUEST']._serialized_end=1579
-  _globals['_LISTDISPLAYSREQUEST']._serialized_start=1581
-  _globals['_LISTDISPLAYSREQUEST']._serialized_end=1641
-  _globals['_LISTDISPLAYSRESPONSE']._serialized_start=1643
-  _globals['_LISTDISPLAYSRESPONSE']._serialized_end=1731
-  _globals['_DELETEDISPLAYREQUEST']._serialized_start=1733
-  _globals['_DELETEDISPLAYREQUEST']._serialized_end=1769
-  _globals['_DELETEDISPLAYRESPONSE']._serialized_start=1771
-  _globals['_DELETEDISPLAYRESPONSE']._serialized_end=1794
-  _globals['_DISPLAYSERVICE']._serialized_start=1885
-  _globals['_DISPLAYSERVICE']._serialized_end=2489
+  _globals['_DISPLAY']._serialized_end=613
+  _globals['_ALLORDERS']._serialized_start=615
+  _globals['_ALLORDERS']._serialized_end=672
+  _globals['_ORDERFILTER']._serialized_start=675
+  _globals['_ORDERFILTER']._serialized_end=875
+  _globals['_ORDERFILTER_SHAPE']._serialized_start=805
+  _globals['_ORDERFILTER_SHAPE']._serialized_end=875
+  _globals['_PHASERESPONSE']._serialized_start=877
+  _globals['_PHASERESPONSE']._serialized_end=911
+  _globals['_SIMULATEDBENCH']._serialized_start=914
+  _globals['_SIMULATEDBENCH']._serialized_end=1508
+  _globals['_CREATEDISPLAYREQUEST']._serialized_start=1510
+  _globals['_CREATEDISPLAYREQUEST']._serialized_end=1572
+  _globals['_GETDISPLAYREQUEST']._serialized_start=1574
+  _globals['_GETDISPLAYREQUEST']._serialized_end=1607
+  _globals['_LISTDISPLAYSREQUEST']._serialized_start=1609
+  _globals['_LISTDISPLAYSREQUEST']._serialized_end=1669
+  _globals['_LISTDISPLAYSRESPONSE']._serialized_start=1671
+  _globals['_LISTDISPLAYSRESPONSE']._serialized_end=1759
+  _globals['_DELETEDISPLAYREQUEST']._serialized_start=1761
+  _globals['_DELETEDISPLAYREQUEST']._serialized_end=1797
+  _globals['_DELETEDISPLAYRESPONSE']._serialized_start=1799
+  _globals['_DELETEDISPLAYRESPONSE']._serialized_end=1822
+  _globals['_DISPLAYSERVICE']._serialized_start=1913
+  _globals['_DISPLAYSERVICE']._serialized_end=2517
 # @@protoc_insertion_point(module_scope)

@@ -58,6 +58,7 @@ class Display(_message.Message):
     CARRIER_FIELD_NUMBER: _builtins.int
     ALL_ORDERS_FIELD_NUMBER: _builtins.int
     ORDER_FILTER_FIELD_NUMBER: _builtins.int
+    CAMERA_FILL_FACTOR_FIELD_NUMBER: _builtins.int
     NOTES_FIELD_NUMBER: _builtins.int
     SIMULATED_BENCH_FIELD_NUMBER: _builtins.int
     CREATE_TIME_FIELD_NUMBER: _builtins.int
@@ -73,6 +74,12 @@ class Display(_message.Message):
     """Bits of a grey level, 1 to 16; 0 means 8. Grey levels are 0 to 2^bit_depth − 1."""
     carrier: Global___Carrier.ValueType
     """Grating that is added to every hologram after optimization. Unspecified: no grating."""
+    camera_fill_factor: _builtins.float
+    """Side of the part of a pixel in which the camera sees light, in pixel pitches of the display, 0.1 to 1, for a camera
+    with one pixel for each pixel of the display and gaps between them. 0 means 1: the camera sees all light of a pixel,
+    as one with more and smaller pixels does. The detector `pixel` integrates over this part, in optimizations, reports
+    and learning.
+    """
     notes: _builtins.str
     """Free text, at most 4096 bytes."""
     @_builtins.property
@@ -108,13 +115,14 @@ class Display(_message.Message):
         carrier: Global___Carrier.ValueType = ...,
         all_orders: Global___AllOrders | None = ...,
         order_filter: Global___OrderFilter | None = ...,
+        camera_fill_factor: _builtins.float = ...,
         notes: _builtins.str = ...,
         simulated_bench: Global___SimulatedBench | None = ...,
         create_time: _timestamp_pb2.Timestamp | None = ...,
     ) -> None: ...
     _HasFieldArgType: _TypeAlias = _typing.Literal["all_orders", b"all_orders", "create_time", b"create_time", "order_filter", b"order_filter", "orders", b"orders", "phase_response", b"phase_response", "simulated_bench", b"simulated_bench"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["all_orders", b"all_orders", "bit_depth", b"bit_depth", "carrier", b"carrier", "create_time", b"create_time", "height_px", b"height_px", "name", b"name", "notes", b"notes", "order_filter", b"order_filter", "orders", b"orders", "phase_response", b"phase_response", "pixel_pitch_m", b"pixel_pitch_m", "simulated_bench", b"simulated_bench", "wavelengths_m", b"wavelengths_m", "width_px", b"width_px"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["all_orders", b"all_orders", "bit_depth", b"bit_depth", "camera_fill_factor", b"camera_fill_factor", "carrier", b"carrier", "create_time", b"create_time", "height_px", b"height_px", "name", b"name", "notes", b"notes", "order_filter", b"order_filter", "orders", b"orders", "phase_response", b"phase_response", "pixel_pitch_m", b"pixel_pitch_m", "simulated_bench", b"simulated_bench", "wavelengths_m", b"wavelengths_m", "width_px", b"width_px"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     _WhichOneofReturnType_orders: _TypeAlias = _typing.Literal["all_orders", "order_filter"]  # noqa: Y015
     _WhichOneofArgType_orders: _TypeAlias = _typing.Literal["orders", b"orders"]  # noqa: Y015

@@ -1229,7 +1229,7 @@ Global___HologramResult: _TypeAlias = HologramResult  # noqa: Y015
 class SecondOpinion(_message.Message):
     """PSNR of a hologram's picture by two models, on the same rows of the image. The first is the engine that optimizes
     holograms; the second is independent of it, slow, and in double precision. The quality of a hologram whose two
-    numbers differ by more than 0.5 dB is in doubt.
+    numbers contradict each other is in doubt.
     """
 
     DESCRIPTOR: _descriptor.Descriptor
@@ -1237,22 +1237,26 @@ class SecondOpinion(_message.Message):
     ROWS_FIELD_NUMBER: _builtins.int
     ENGINE_PSNR_DB_FIELD_NUMBER: _builtins.int
     INDEPENDENT_PSNR_DB_FIELD_NUMBER: _builtins.int
+    CONTRADICTS_FIELD_NUMBER: _builtins.int
     rows: _builtins.int
     """Number of rows of pixels that were compared. They are evenly distributed over the region of interest."""
     engine_psnr_db: _builtins.float
     """PSNR of the engine's light [dB]."""
     independent_psnr_db: _builtins.float
     """PSNR of the independent model's light [dB]."""
+    contradicts: _builtins.bool
+    """Whether the two numbers differ by more than 0.5 dB."""
     def __init__(
         self,
         *,
         rows: _builtins.int = ...,
         engine_psnr_db: _builtins.float = ...,
         independent_psnr_db: _builtins.float = ...,
+        contradicts: _builtins.bool = ...,
     ) -> None: ...
     _HasFieldArgType: _TypeAlias = _Never  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["engine_psnr_db", b"engine_psnr_db", "independent_psnr_db", b"independent_psnr_db", "rows", b"rows"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["contradicts", b"contradicts", "engine_psnr_db", b"engine_psnr_db", "independent_psnr_db", b"independent_psnr_db", "rows", b"rows"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     def WhichOneof(self, oneof_group: _Never) -> None: ...
 

@@ -193,8 +193,8 @@ class PropagationWarning(_message.Message):
     CODE_FIELD_NUMBER: _builtins.int
     TEXT_FIELD_NUMBER: _builtins.int
     code: _builtins.str
-    """Stable code for programs, in capitals: BAND_LIMITED, SHARP_BAND_LIMIT, WRAP_AROUND, SHORT_IMPULSE_RESPONSE,
-    FEW_POINTS, PARAXIAL, EVANESCENT.
+    """Stable code for programs, in capitals: BAND_LIMITED, SHARP_BAND_LIMIT, WRAP_AROUND, KERNEL_WRAP_AROUND,
+    SHORT_IMPULSE_RESPONSE, FEW_POINTS, PARAXIAL, EVANESCENT.
     """
     text: _builtins.str
     """Text for people, with numbers."""
