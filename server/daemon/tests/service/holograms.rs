@@ -65,7 +65,9 @@ async fn hologram_is_made_for_the_fill_factor_of_the_camera() {
         let display = v1::Display { camera_fill_factor, ..small_display(id) };
         let request = v1::CreateDisplayRequest { display: Some(display) };
         serving.displays().create_display(request).await.unwrap();
-        let spec = v1::OptimizeHologram { display: format!("displays/{id}"), iterations: 30, ..optimize(&target) };
+        let mut spec = v1::OptimizeHologram { display: format!("displays/{id}"), iterations: 30, ..optimize(&target) };
+        // Within the critical distance, where light has details finer than a pixel.
+        spec.planes[0].distance_m = 5e-3;
         let job = submit(&serving, job_spec::Kind::OptimizeHologram(spec), "").await.unwrap();
         let job = watch_to_end(&serving, &job.name).await;
         let plane = hologram(&job).wavelengths[0].planes[0].clone();

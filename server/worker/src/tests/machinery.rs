@@ -376,7 +376,12 @@ async fn setting_system_clock_expires_no_lease() {
     for by_ms in [day_ms, -2 * day_ms, 5000, day_ms] {
         clock.set_system_clock(by_ms);
         tokio::time::sleep(lease).await;
-        assert_eq!(clock.jump(), None, "the clock has followed");
+        let followed = async {
+            while clock.jump().is_some() {
+                tokio::time::sleep(Duration::from_millis(5)).await;
+            }
+        };
+        tokio::time::timeout(Duration::from_secs(60), followed).await.expect("the clock follows");
     }
     let job = bench.ended(&id).await;
     assert_eq!((job.state, job.attempt), (JobState::Succeeded, 1), "{job:?}");
