@@ -43,7 +43,7 @@ class HologramOptions(SubmitOptions, total=False):
     """What the target's values mean: `srgb` (default) or `linear` light."""
     fit: words.Fit
     """How a target of another size is fitted to the display: `contain` (default), `cover`, `stretch` or `exact`."""
-    kernel: str | int
+    kernel: str | int | None
     """`active`, `ideal`, an alias or the number of a version. Default: the active kernel, or the ideal one."""
     propagation: words.Propagation
     """Propagation method. Default: the planner chooses."""
@@ -133,7 +133,7 @@ def optimize_message(options: HologramOptions) -> v1.OptimizeHologram:
     return v1.OptimizeHologram(
         target_encoding=words.number("target_encoding", v1.Encoding, options.get("target_encoding")),
         target_fit=words.number("fit", v1.OptimizeHologram.Fit, options.get("fit")),
-        kernel=str(options.get("kernel", "")),
+        kernel=str(options.get("kernel") or ""),
         propagation=words.number("propagation", v1.PropagationMethod, options.get("propagation")),
         method=words.number("method", v1.HologramMethod, options.get("method")),
         iterations=options.get("iterations", 0),
