@@ -21,6 +21,19 @@ export async function startBrowser() {
   return chromium.launch({ executablePath: find(), args: ["--no-sandbox"] });
 }
 
+/** Drops a picture on the page: 160×96 px, black with a white square of 60×50 px from column 40 and row 20 on. */
+export async function dropSquare(page) {
+  await page.evaluate(async () => {
+    const canvas = new OffscreenCanvas(160, 96);
+    const context = canvas.getContext("2d");
+    context.fillStyle = "white";
+    context.fillRect(40, 20, 60, 50);
+    const data = new DataTransfer();
+    data.items.add(new File([await canvas.convertToBlob({ type: "image/png" })], "square.png", { type: "image/png" }));
+    document.dispatchEvent(new DragEvent("drop", { dataTransfer: data, bubbles: true, cancelable: true }));
+  });
+}
+
 /** Opens a page. `page.problems` collects errors of its scripts, of its policy, and requests to other hosts. */
 export async function openPage(browser, url, { width = 1280, height = 900, scheme = "dark" } = {}) {
   const context = await browser.newContext({ viewport: { width, height }, colorScheme: scheme });

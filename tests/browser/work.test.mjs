@@ -3,7 +3,7 @@
 
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
-import { openPage, startBrowser } from "./browser.mjs";
+import { dropSquare, openPage, startBrowser } from "./browser.mjs";
 import { startServer } from "./server.mjs";
 
 let browser, server;
@@ -16,34 +16,21 @@ after(async () => {
   await server?.stop();
 });
 
-/** Drops a generated picture on the page. */
-async function drop(page) {
-  await page.evaluate(async () => {
-    const canvas = new OffscreenCanvas(160, 96);
-    const context = canvas.getContext("2d");
-    context.fillStyle = "white";
-    context.fillRect(40, 20, 60, 50);
-    const data = new DataTransfer();
-    data.items.add(new File([await canvas.convertToBlob({ type: "image/png" })], "square.png", { type: "image/png" }));
-    document.dispatchEvent(new DragEvent("drop", { dataTransfer: data, bubbles: true, cancelable: true }));
-  });
-}
-
 test("a dropped picture becomes a hologram, and its job is seen to finish", async () => {
   const page = await openPage(browser, server.url);
   await page.goto(`${server.url}/`);
   await page.getByRole("heading", { name: "Overview" }).waitFor();
-  await drop(page);
+  await dropSquare(page);
   await page.getByText("square.png").waitFor();
   await page.getByLabel("Iterations").fill("30");
   await page.getByRole("button", { name: "Make the hologram" }).click();
   await page.getByRole("heading", { level: 1, name: "optimize hologram succeeded" }).waitFor();
   await page.getByRole("img", { name: /^reconstruction/ }).waitFor();
   const shown = await page.waitForFunction(() => {
-    const images = [...document.querySelectorAll(".pictures img")];
-    return images.length === 3 && images.every((image) => image.naturalWidth > 0) && images.map((image) => [image.naturalWidth, image.naturalHeight]);
+    const images = [...document.querySelectorAll(".pictures img.whole")];
+    return images.length === 4 && images.every((image) => image.naturalWidth > 0) && images.map((image) => [image.naturalWidth, image.naturalHeight]);
   });
-  assert.deepEqual(await shown.jsonValue(), [[160, 96], [160, 96], [160, 96]]);
+  assert.deepEqual(await shown.jsonValue(), [[160, 96], [160, 96], [160, 96], [160, 96]]);
   await page.getByLabel("How pictures are compared").selectOption("wipe");
   await page.getByLabel("Position of the wipe").fill("25");
   assert.match(await page.locator(".pictures .window").nth(1).evaluate((element) => element.style.clipPath), /25%/);

@@ -1,51 +1,173 @@
-// Pictures of a job, side by side with linked zoom and pan, or one over the other with a wipe or a blink.
+// Pictures side by side with linked zoom and pan, or one over the other with a wipe or a blink.
 
-import { pictureUrl } from "./api.js";
-import { h } from "./dom.js";
-
-/** Path of the bytes of an artifact. */
-export const content = (digest) => `/v1/artifacts/${digest}/content`;
+import { h, show } from "./dom.js";
+import { colourBar, LOOKS } from "./picture_looks.js";
+import { columnsFor, fetchPicture } from "./picture_source.js";
+import { profileOf } from "./profiles.js";
 
 const ZOOM_MAX = 32;
 const BLINK_MS = 700;
+/** Rest after a movement before the shown part is fetched [ms]. */
+const REST_MS = 200;
+/** Pictures this far below the shown part of the page are fetched [CSS px]. */
+const AHEAD = "800px";
 
 /**
- * A viewer of pictures `{label, path}`. Wheel, `+` and `-` zoom; dragging and the arrow keys pan; all pictures follow.
- * Pixels are shown as squares, unless `isSmooth`. Returns `{element, end}`.
+ * A viewer of pictures `{label, digest, kind, wish, fit, group}`.
+ *
+ * `kind` is `light`, `phase` or `error`, whose colours the user chooses, or `figure`, which is smooth and has its own.
+ * `wish` has parameters of `/picture`, and `fit` says how a target is fitted to the other pictures. Pictures of light
+ * may have a `profile`, `{encoding, colour, isPhotograph}`. Wheel, `+` and `-` zoom; dragging and the arrow keys pan; all
+ * pictures follow. Large pictures come at the shown size, and parts of them when they are enlarged. Returns
+ * `{element, end}`.
  */
-export function pictureViewer(pictures, isSmooth = false) {
+export function pictureViewer(pictures) {
+  const isSmooth = pictures.every(({ kind }) => kind === "figure");
   const view = { zoom: 1, x: 0.5, y: 0.5 };
-  const urls = [];
-  const abort = new AbortController();
+  const looks = {};
+  const ended = new AbortController();
   const frames = pictures.map(frame);
-  const stage = h("div", { class: `pictures ${isSmooth ? "smooth" : ""}` }, frames);
+  const stage = h("div", { class: `pictures ${isSmooth ? "smooth" : ""}` }, frames.map(({ figure }) => figure));
   const wipe = h("input", { type: "range", min: 0, max: 100, value: 50, "aria-label": "Position of the wipe", hidden: true, oninput: apply });
-  const modes = ["side by side", "wipe", "blink"];
-  const mode = h("select", { "aria-label": "How pictures are compared", onchange: apply }, modes.map((name) => h("option", {}, name)));
+  const mode = h("select", { "aria-label": "How pictures are compared", onchange: apply }, ["side by side", "wipe", "blink"].map((name) => h("option", {}, name)));
   const pick = (label, at) => h("select", { "aria-label": label, onchange: apply }, pictures.map((picture, i) => h("option", { value: i, selected: i === at }, picture.label)));
   const [first, second] = [pick("First picture", 0), pick("Second picture", Math.min(1, pictures.length - 1))];
   const pair = h("span", { class: "pair", hidden: true }, first, " with ", second);
   const smooth = h("label", {}, h("input", { type: "checkbox", checked: isSmooth, onchange: (event) => stage.classList.toggle("smooth", event.target.checked) }), " smooth");
   const reset = h("button", { type: "button", onclick: () => { Object.assign(view, { zoom: 1, x: 0.5, y: 0.5 }); apply(); } }, "Whole picture");
-  const controls = h("div", { class: "controls" }, pictures.length > 1 && [mode, pair, wipe], reset, smooth);
-  const element = h("div", { class: "viewer" }, controls, stage);
+  const profile = profileOf(pictures.filter((picture) => picture.profile), ({ isRow, position }) => {
+    for (const { line, kind } of frames) {
+      line.hidden = position === null || !["light", "error"].includes(kind);
+      line.classList.toggle("row", isRow);
+      line.style[isRow ? "top" : "left"] = `${100 * position}%`;
+      line.style[isRow ? "left" : "top"] = "0";
+    }
+  });
+  const controls = h("div", { class: "controls" }, pictures.length > 1 && [mode, pair, wipe], Object.keys(LOOKS).map(lookChoice), profile.controls, reset, smooth);
+  const element = h("div", { class: "viewer" }, controls, stage, profile.element);
   let blink = 0;
+  let rest = 0;
+  let form = null;
 
-  function frame({ label, path }) {
-    const image = h("img", { alt: label, draggable: "false" });
-    const figure = h("figure", { tabindex: 0, onwheel: wheel, onpointerdown: drag, onkeydown: key }, h("div", { class: "window" }, image), h("figcaption", {}, label));
-    pictureUrl(path, { signal: abort.signal }).then((url) => {
-      urls.push(url);
-      image.src = url;
-      // All pictures get the form of the last one, the display's, as fitted targets have.
-      image.onload = () => {
-        if (path === pictures.at(-1).path) stage.style.setProperty("--form", image.naturalWidth / image.naturalHeight);
-        figure.querySelector("figcaption").textContent = `${label}, ${image.naturalWidth} × ${image.naturalHeight} px`;
-      };
-    }, (error) => {
-      if (error.name !== "AbortError") figure.querySelector("figcaption").textContent = `${label}: ${error.message}`;
-    });
-    return figure;
+  const near = new IntersectionObserver((entries) => {
+    for (const { isIntersecting, target } of entries) {
+      const entry = frames.find(({ figure }) => figure === target);
+      if (isIntersecting && !entry.size) void loadWhole(entry);
+    }
+  }, { rootMargin: AHEAD });
+  frames.forEach(({ figure }) => near.observe(figure));
+  const resized = new ResizeObserver(() => {
+    clearTimeout(rest);
+    rest = setTimeout(refine, REST_MS);
+  });
+  resized.observe(stage);
+
+  function frame({ label, digest, kind, wish = {}, fit }) {
+    const whole = h("img", { alt: label, class: "whole", draggable: "false" });
+    const detail = h("img", { alt: "", class: "detail", draggable: "false", hidden: true });
+    const line = h("div", { class: "line", hidden: true });
+    const sheet = h("div", { class: "sheet" }, whole, detail, line);
+    const caption = h("span", {}, label);
+    const bar = h("span", {});
+    const figure = h("figure", { tabindex: 0, onwheel: wheel, onpointerdown: drag, onkeydown: key }, h("div", { class: "window" }, sheet), h("figcaption", {}, caption, bar));
+    return { figure, sheet, whole, detail, line, caption, bar, label, digest, kind, wish, fit, size: null, columns: 0, abort: new AbortController() };
+  }
+
+  function lookChoice(kind) {
+    looks[kind] = LOOKS[kind].choices[0];
+    if (!pictures.some((picture) => picture.kind === kind)) return null;
+    const select = h("select", { onchange: () => {
+      looks[kind] = LOOKS[kind].choices[select.selectedIndex];
+      frames.filter((entry) => entry.kind === kind && entry.size).forEach((entry) => void loadWhole(entry));
+    } }, LOOKS[kind].choices.map(({ name }) => h("option", {}, name)));
+    return h("label", {}, `${LOOKS[kind].title} `, select);
+  }
+
+  function wishOf(entry) {
+    return { ...entry.wish, ...looks[entry.kind]?.wish };
+  }
+
+  /** Fetches the whole picture at the size at which it is shown. */
+  async function loadWhole(entry) {
+    entry.abort.abort();
+    entry.abort = new AbortController();
+    entry.detail.hidden = true;
+    entry.columns = columnsFor(entry.figure.clientWidth);
+    try {
+      const { blob, widthPx, heightPx } = await fetchPicture(entry.digest, { ...wishOf(entry), width: entry.columns }, entry.abort.signal);
+      entry.size = { widthPx, heightPx };
+      entry.caption.textContent = `${entry.label}, ${widthPx} × ${heightPx} px`;
+      const look = looks[entry.kind];
+      show(entry.bar, look?.bar && colourBar(look.bar));
+      fill(entry.whole, blob);
+      place();
+    } catch (error) {
+      if (error.name !== "AbortError") entry.caption.textContent = `${entry.label}: ${error.message}`;
+    }
+    refine();
+  }
+
+  function fill(image, blob) {
+    if (ended.signal.aborted) return;
+    const url = URL.createObjectURL(blob);
+    image.onload = () => URL.revokeObjectURL(url);
+    image.src = url;
+  }
+
+  /** Gives all frames the form of the display, and every picture its place in the frame, as the server fits it. */
+  function place() {
+    const shown = frames.filter(({ size }) => size);
+    const reference = shown.filter(({ fit }) => !fit).at(-1) ?? shown.at(-1);
+    form = reference.size.widthPx / reference.size.heightPx;
+    stage.style.setProperty("--form", form);
+    for (const entry of shown) {
+      const relative = entry.size.widthPx / entry.size.heightPx / form;
+      const scale = { FIT_COVER: Math.max, FIT_STRETCH: () => 1 }[entry.fit] ?? Math.min;
+      const [width, height] = [scale(1, relative), scale(1, 1 / relative)];
+      entry.box = { left: (1 - width) / 2, top: (1 - height) / 2, width, height };
+      lay(entry.whole, entry.box);
+    }
+  }
+
+  function lay(image, { left, top, width, height }) {
+    for (const [side, part] of Object.entries({ left, top, width, height })) image.style[side] = `${100 * part}%`;
+  }
+
+  /** Fetches what is shown in more detail, where the fetched picture has fewer pixels than it could have. */
+  function refine() {
+    for (const entry of frames) {
+      if (!entry.size || entry.figure.hidden) continue;
+      const columns = columnsFor(entry.figure.clientWidth);
+      if (columns > entry.columns && entry.columns < entry.size.widthPx) void loadWhole(entry);
+      else if (view.zoom > 1 && entry.columns < entry.size.widthPx) void loadDetail(entry, columns);
+      else entry.detail.hidden = true;
+    }
+  }
+
+  async function loadDetail(entry, columns) {
+    const { box, size } = entry;
+    const span = (middle, start, length, pixels) => {
+      const ends = [-0.5, 0.5].map((side) => Math.min(1, Math.max(0, (middle + side / view.zoom - start) / length)));
+      const from = Math.floor(ends[0] * pixels);
+      return { from, count: Math.ceil(ends[1] * pixels) - from };
+    };
+    const x = span(view.x, box.left, box.width, size.widthPx);
+    const y = span(view.y, box.top, box.height, size.heightPx);
+    if (x.count < 1 || y.count < 1) return;
+    entry.abort.abort();
+    entry.abort = new AbortController();
+    const region = [x.from, y.from, x.count, y.count].join();
+    try {
+      const { blob } = await fetchPicture(entry.digest, { ...wishOf(entry), width: columns, region }, entry.abort.signal);
+      lay(entry.detail, {
+        left: box.left + (x.from / size.widthPx) * box.width, top: box.top + (y.from / size.heightPx) * box.height,
+        width: (x.count / size.widthPx) * box.width, height: (y.count / size.heightPx) * box.height,
+      });
+      fill(entry.detail, blob);
+      entry.detail.hidden = false;
+    } catch (error) {
+      if (error.name !== "AbortError") entry.caption.textContent = `${entry.label}: ${error.message}`;
+    }
   }
 
   function apply() {
@@ -54,19 +176,21 @@ export function pictureViewer(pictures, isSmooth = false) {
     pair.hidden = !isPair;
     wipe.hidden = mode.value !== "wipe";
     clearInterval(blink);
-    frames.forEach((figure, i) => {
-      const image = figure.querySelector("img");
-      image.style.transform = `translate(${(0.5 - view.x) * 100 * view.zoom}%, ${(0.5 - view.y) * 100 * view.zoom}%) scale(${view.zoom})`;
+    frames.forEach(({ figure, sheet }, i) => {
+      sheet.style.transform = `translate(${(0.5 - view.x) * 100 * view.zoom}%, ${(0.5 - view.y) * 100 * view.zoom}%) scale(${view.zoom})`;
+      sheet.style.setProperty("--zoom", view.zoom);
       figure.hidden = isPair && i !== Number(first.value) && i !== Number(second.value);
-      figure.style.zIndex = isPair && i === Number(second.value) ? 1 : 0;
       const isUpper = isPair && i === Number(second.value) && first.value !== second.value;
+      figure.style.zIndex = isUpper ? 1 : 0;
       figure.querySelector(".window").style.clipPath = isUpper && mode.value === "wipe" ? `inset(0 0 0 ${wipe.value}%)` : "none";
       figure.style.visibility = "visible";
     });
     if (mode.value === "blink" && first.value !== second.value) {
-      const upper = frames[Number(second.value)];
+      const upper = frames[Number(second.value)].figure;
       blink = setInterval(() => { upper.style.visibility = upper.style.visibility === "hidden" ? "visible" : "hidden"; }, BLINK_MS);
     }
+    clearTimeout(rest);
+    rest = setTimeout(refine, REST_MS);
   }
 
   function zoomBy(factor) {
@@ -97,7 +221,7 @@ export function pictureViewer(pictures, isSmooth = false) {
       [x, y] = [next.clientX, next.clientY];
     };
     addEventListener("pointermove", move);
-    addEventListener("pointerup", () => removeEventListener("pointermove", move), { once: true });
+    for (const last of ["pointerup", "pointercancel"]) addEventListener(last, () => removeEventListener("pointermove", move), { once: true });
   }
 
   function key(event) {
@@ -113,9 +237,13 @@ export function pictureViewer(pictures, isSmooth = false) {
   return {
     element,
     end() {
-      abort.abort();
+      ended.abort();
+      frames.forEach(({ abort }) => abort.abort());
       clearInterval(blink);
-      urls.forEach((url) => URL.revokeObjectURL(url));
+      clearTimeout(rest);
+      near.disconnect();
+      resized.disconnect();
+      profile.end();
     },
   };
 }

@@ -15,7 +15,7 @@ use axum::response::{IntoResponse, Response};
 use lightpath_domain::dataset::Encoding;
 use lightpath_domain::job::Fit;
 use lightpath_media::figures::{ColourMap, Subtracted, View, ViewColours, ViewRegion, view};
-use lightpath_media::pictures::{SIDE_PX_MAX, rgb_png};
+use lightpath_media::pictures::{Channel, SIDE_PX_MAX, rgb_png};
 use lightpath_optics::Plane;
 use serde::Deserialize;
 use tonic::Status;
@@ -24,6 +24,8 @@ use tonic::Status;
 const COLOURS: usize = 256;
 /// Largest number of decades of a logarithmic scale: more than light of 16 bits has.
 const DECADES_MAX: f64 = 9.0;
+/// Columns and rows of the whole picture, such as `1920x1080`: pages need them to ask for a part of it.
+const PICTURE_SIZE: header::HeaderName = header::HeaderName::from_static("picture-size");
 const PNG: [(header::HeaderName, &str); 1] = [(header::CONTENT_TYPE, "image/png")];
 /// Memory for a pixel of a view \[bytes\]: three planes of light and their colours.
 const VIEW_PIXEL_BYTES: u64 = 3 * 4 + 3 + 3;
@@ -47,6 +49,16 @@ pub(super) struct Wish {
     /// How that picture is fitted to the size of the first.
     minus_fit: Fit,
     minus_encoding: Option<Encoding>,
+    /// The colour of that picture which gives its light; `None`: the mean of all.
+    minus_channel: Option<ColourChannel>,
+}
+
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum ColourChannel {
+    Red,
+    Green,
+    Blue,
 }
 
 #[derive(Clone, Copy, Debug, Deserialize)]
@@ -87,12 +99,14 @@ pub(super) async fn get_picture(
         let picture = artifacts.read_blocking(&name)?;
         let minus = minus.map(|minus| artifacts.read_blocking(&minus)).transpose()?;
         let (fit, encoding) = (wish.minus_fit, wish.minus_encoding.unwrap_or(Encoding::Srgb));
-        let subtracted = minus.as_deref().map(|bytes| Subtracted { bytes, encoding, fit });
+        let channel = wish.minus_channel.map_or(Channel::Mean, |colour| Channel::Colour(colour as usize));
+        let subtracted = minus.as_deref().map(|bytes| Subtracted { bytes, encoding, fit, channel });
         Ok(view(&picture, subtracted, &wanted))
     };
     let drawn = api.accounts.compute(&call, need_bytes, draw).await??;
-    let png = drawn.map_err(|error| field.invalid(format!("({digest}): {error}")))?;
-    Ok((fields, PNG, png).into_response())
+    let drawn = drawn.map_err(|error| field.invalid(format!("({digest}): {error}")))?;
+    let size = [(PICTURE_SIZE, format!("{}x{}", drawn.width_px, drawn.height_px))];
+    Ok((fields, size, PNG, drawn.png).into_response())
 }
 
 /// Handles `GET /v1/colormaps/{colormap}`: the colours of a map from its start to its end, 256 in a row.

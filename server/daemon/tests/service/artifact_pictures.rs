@@ -26,6 +26,7 @@ async fn pictures_come_smaller_in_parts_and_in_colours() {
     assert_eq!(picture_size(&whole.body).unwrap(), (80, 40));
     let part = picture(&serving, &digest, "width=10&region=30,0,20,40&colormap=sequential&log=2").await;
     assert_eq!(picture_size(&part.body).unwrap(), (10, 20));
+    assert_eq!(part.field("picture-size"), Some("80x40"), "the whole picture");
     let nothing = picture(&serving, &digest, &format!("minus={digest}&minus_fit=exact&range=0.1")).await;
     assert_eq!((nothing.status, picture_size(&nothing.body).unwrap()), (200, (80, 40)));
     assert_ne!(nothing.body, whole.body);
@@ -48,6 +49,7 @@ async fn wrong_wishes_are_refused_with_the_parameter_and_the_fix() {
         (&digest, "colormap=rainbow", 400, "`cyclic`"),
         (&digest, "log=-1", 400, "log is -1"),
         (&digest, "log=NaN", 400, "log is NaN"),
+        (&digest, "minus_channel=pink", 400, "`green`"),
         (&digest, "range=0", 400, "range is 0"),
         (&digest, "range=2", 400, "range is 2"),
         (&digest, "region=1,2,3", 400, "x,y,width,height"),

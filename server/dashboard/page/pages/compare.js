@@ -3,9 +3,10 @@
 import { get } from "../api.js";
 import { h, show } from "../dom.js";
 import { decibels, idOf, length, number } from "../format.js";
+import { hologramPictures } from "../hologram_pictures.js";
 import { stateOf } from "../job_rows.js";
 import { emptyNote, refresher } from "../loading.js";
-import { content, pictureViewer } from "../pictures.js";
+import { pictureViewer } from "../pictures.js";
 import { table } from "../table.js";
 
 export function comparePage(root, _, query) {
@@ -22,9 +23,9 @@ export function comparePage(root, _, query) {
     const requests = jobs.map((job) => flat(job.spec));
     const fields = [...new Set(requests.flatMap((request) => Object.keys(request)))].filter((field) => requests[0][field] !== requests[1][field]);
     const planes = jobs.map((job) => job.result?.hologram?.wavelengths[0].planes ?? []);
-    const pictures = planes.map((list, i) => list[0] && { label: `${"AB"[i]}: reconstruction`, path: content(list[0].reconstruction) }).filter(Boolean);
-    const target = jobs[0].spec.optimizeHologram?.planes[0]?.target;
-    viewer = pictures.length ? pictureViewer([...(target ? [{ label: "target of A", path: content(target) }] : []), ...pictures]) : null;
+    const pictures = planes.map((list, i) => list[0] && { label: `${"AB"[i]}: reconstruction`, digest: list[0].reconstruction, kind: "light", group: "", profile: { encoding: "srgb" } }).filter(Boolean);
+    viewer?.end();
+    viewer = pictures.length ? pictureViewer([...targetOfA(jobs[0]), ...pictures]) : null;
     const head = jobs.map((job, i) => h("li", {}, `${"AB"[i]}: `, h("a", { href: `#/${job.name}` }, idOf(job.name)), stateOf(job)));
     const quality = planes.flatMap((list, i) => list.map((plane) => h("tr", {}, h("th", { scope: "row" }, "AB"[i]), h("td", {}, length(plane.distanceM)),
       ["point", "pixel", "supersampled"].map((detector) => h("td", { class: "right" }, decibels((plane.quantizedQuality ?? plane.quality)?.[detector]?.psnrDb))),
@@ -37,6 +38,14 @@ export function comparePage(root, _, query) {
       viewer && h("section", {}, h("h2", {}, "Pictures"), viewer.element));
   });
   return () => viewer?.end();
+}
+
+/** The target of the first plane as a picture, in a list; an empty list for other jobs than those of holograms. */
+function targetOfA({ spec, result }) {
+  const wavelength = result?.hologram?.wavelengths[0];
+  if (!wavelength) return [];
+  const [target] = hologramPictures(spec.optimizeHologram, result.hologram, wavelength);
+  return [{ ...target, label: "target of A", group: "" }];
 }
 
 /** The fields of a message with their paths, such as `optimizeHologram.planes.0.distanceM`. */

@@ -5,7 +5,8 @@ import { h, show } from "../dom.js";
 import { onEvent } from "../events.js";
 import { age, idOf, length, number, percent, words } from "../format.js";
 import { refresher } from "../loading.js";
-import { content, pictureViewer } from "../pictures.js";
+import { phasePicture, photographPicture } from "../hologram_pictures.js";
+import { pictureViewer } from "../pictures.js";
 import { table } from "../table.js";
 
 export function datasetPage(root, [id]) {
@@ -33,36 +34,38 @@ export function datasetPage(root, [id]) {
       dataset.findings.length > 0 && h("section", {}, h("h2", {}, "Findings"), h("ul", {}, dataset.findings.map((finding) =>
         h("li", {}, h("strong", {}, words(finding.kind, "KIND")), finding.pair ? ` in ${finding.pair}` : "", finding.excludes ? " (left out)" : "", `: ${finding.message}`)))));
     showAlignment(dataset.alignment);
-    show(pairs, h("section", {}, h("h2", {}, `${dataset.pairs.length} pairs`), dataset.pairs.length > 0 && pairTable(dataset.pairs)));
-    if (!chosen && dataset.pairs.length) showPair(dataset.pairs[0]);
+    show(pairs, h("section", {}, h("h2", {}, `${dataset.pairs.length} pairs`), dataset.pairs.length > 0 && pairTable(dataset)));
+    if (!chosen && dataset.pairs.length) await showPair(dataset.pairs[0], dataset);
   });
 
   function showAlignment(found) {
     alignmentViewer?.end();
     alignmentViewer = null;
     if (!found) return show(alignment);
-    if (found.before && found.after) alignmentViewer = pictureViewer([{ label: "before", path: content(found.before) }, { label: "after", path: content(found.after) }]);
+    if (found.before && found.after) alignmentViewer = pictureViewer([{ label: "before", digest: found.before, kind: "figure" }, { label: "after", digest: found.after, kind: "figure" }]);
     show(alignment, h("section", {}, h("h2", {}, "Alignment"), h("p", {}, found.explanation),
       h("dl", { class: "facts" }, [["Method", words(found.method, "METHOD")], ["Corrected", `${number(found.correctedPx)} px`], ["Left", `${number(found.residualPx)} px at ${found.points} points`]]
         .map(([term, value]) => [h("dt", {}, term), h("dd", {}, value)])),
       alignmentViewer?.element));
   }
 
-  function showPair(pair) {
+  async function showPair(pair, { display, photoEncoding, photoBitDepth }) {
     chosen = pair;
+    const { bitDepth } = await get(display);
     pairViewer?.end();
-    pairViewer = pictureViewer([{ label: "photograph", path: content(pair.photo) }, { label: "hologram", path: content(pair.phase) }]);
+    const encoding = words(photoEncoding, "ENCODING");
+    pairViewer = pictureViewer([photographPicture("photograph", pair.photo, { encoding, bitDepth: photoBitDepth }), phasePicture("hologram", pair.phase, bitDepth)]);
     show(pictures, h("h2", {}, pair.id), pairViewer.element);
   }
 
-  function pairTable(list) {
+  function pairTable(dataset) {
     const row = (pair) => {
       const checks = pair.checks ?? {};
       const cells = [percent(checks.saturated), percent(checks.black), number(checks.contrast), number(checks.correlation), `${number(checks.misalignmentPx)} px`, `${number(checks.stretchPx)} px`, number(checks.vignetting)];
-      return h("tr", {}, h("th", { scope: "row" }, h("button", { type: "button", class: "link", "data-key": pair.id, onclick: () => showPair(pair) }, pair.id)),
+      return h("tr", {}, h("th", { scope: "row" }, h("button", { type: "button", class: "link", "data-key": pair.id, onclick: () => void showPair(pair, dataset) }, pair.id)),
         h("td", {}, words(pair.split, "SPLIT")), cells.map((cell) => h("td", { class: "right" }, pair.checks ? cell : "–")));
     };
-    return table("Pairs with the checks of their photographs; choose one to see it", ["Pair", "Split", ">Saturated", ">Black", ">Contrast", ">Correlation", ">Misaligned", ">Stretched", ">Vignetting"], list.map(row));
+    return table("Pairs with the checks of their photographs; choose one to see it", ["Pair", "Split", ">Saturated", ">Black", ">Contrast", ">Correlation", ">Misaligned", ">Stretched", ">Vignetting"], dataset.pairs.map(row));
   }
 
   const ends = onEvent((kind, data) => (kind === "reset" || (kind === "dataset" && data.name === name)) && refresh.soon());

@@ -6,8 +6,11 @@ import { h, show } from "../dom.js";
 import { onEvent } from "../events.js";
 import { age, between, bytes, decibels, duration, idOf, length, number, percent } from "../format.js";
 import { progressOf, stateOf, updateProgress } from "../job_rows.js";
+import { hologramPictures, phasePicture, photographPicture, photographsOf } from "../hologram_pictures.js";
 import { errorNote, refresher } from "../loading.js";
-import { content, pictureViewer } from "../pictures.js";
+import { originTable, versionsOfHologram } from "../origin.js";
+import { pictureViewer } from "../pictures.js";
+import { propagationSection } from "../propagation.js";
 import { table } from "../table.js";
 
 const DETECTORS = ["point", "pixel", "supersampled"];
@@ -35,7 +38,7 @@ export function jobPage(root, [id]) {
     showHead(job);
     note(job.progress);
     showFacts(job);
-    if (job.state === "STATE_SUCCEEDED") showResults(job);
+    if (job.state === "STATE_SUCCEEDED") await showResults(job);
     const events = await get(`${name}/events`, { pageSize: 200 });
     show(log, h("section", {}, h("h2", {}, "Log"), h("ol", { class: "log" }, events.events.map((event) =>
       h("li", {}, h("time", { datetime: event.time }, new Date(event.time).toLocaleString()), ` ${event.message}`)))));
@@ -98,51 +101,62 @@ export function jobPage(root, [id]) {
       again("Python", python(job.spec))));
   }
 
-  function showResults(job) {
+  async function showResults(job) {
+    const { hologram, learn, capture, report, ...others } = job.result;
+    const display = job.spec.optimizeHologram && await get(job.spec.optimizeHologram.display);
     viewers.forEach((viewer) => viewer.end());
     viewers = [];
-    const { hologram, learn, capture, report, ...others } = job.result;
     const sections = [];
-    if (hologram) sections.push(hologramSections(job.spec.optimizeHologram, hologram));
-    if (learn) {
-      const losses = learn.lossHistory;
-      drawLoss("Training loss", "epoch, then refinement step", losses.map((_, i) => i + 1), losses);
-      sections.push(h("section", {}, h("h2", {}, "Learned kernels"), h("ul", {}, learn.kernels.map(({ kernelVersion }) =>
-        h("li", {}, h("a", { href: `#/${kernelVersion.split("/versions/")[0]}` }, kernelVersion))))));
+    if (hologram) sections.push(await hologramSections(job, hologram, display));
+    if (learn) sections.push(await learnSections(learn));
+    if (capture) {
+      sections.push(pictures("Photograph", [phasePicture("hologram", job.spec.simulateCapture.phase), photographPicture("photograph", capture.photo)]),
+        propagationSection([[length(job.spec.simulateCapture.distanceM), capture.propagation]]));
     }
-    if (capture) sections.push(pictures("Photograph", [{ label: "hologram", path: content(job.spec.simulateCapture.phase) }, { label: "photograph", path: content(capture.photo) }]));
     if (report) sections.push(figures(report));
     const other = Object.values(others)[0];
     if (other) sections.push(h("section", {}, h("h2", {}, "Result"), h("pre", { tabindex: 0 }, h("code", {}, JSON.stringify(other, null, 2)))));
     show(results, sections);
   }
 
-  function pictures(title, list, isSmooth = false) {
-    const viewer = pictureViewer(list, isSmooth);
+  function pictures(title, list) {
+    const viewer = pictureViewer(list);
     viewers.push(viewer);
     return h("section", {}, h("h2", {}, title), viewer.element);
   }
 
   function figures(report) {
     const shown = report.figures.filter((figure) => figure.name.endsWith(".png"));
-    return shown.map((figure) => pictures(figure.title, [{ label: figure.title, path: content(figure.artifact) }], true));
+    return shown.map((figure) => pictures(figure.title, [{ label: figure.title, digest: figure.artifact, kind: "figure" }]));
   }
 
-  function hologramSections(spec, result) {
-    return result.wavelengths.map((wavelength, w) => {
-      const at = (plane) => `${length(wavelength.wavelengthM)}, ${length(plane.distanceM)}`;
-      const shown = wavelength.planes.flatMap((plane, p) => [
-        spec.planes[p] && { label: `target ${at(plane)}`, path: content(spec.planes[p].target) },
-        { label: `reconstruction ${at(plane)}`, path: content(plane.reconstruction) },
-      ]).filter(Boolean);
-      wavelength.frames.forEach((frame, f) => shown.push({ label: `hologram${wavelength.frames.length > 1 ? ` ${f + 1}` : ""}`, path: content(frame.phase) }));
-      const qualities = wavelength.planes.flatMap((plane) => [["as optimized", plane.quality], ["quantized", plane.quantizedQuality]]
-        .flatMap(([phases, quality]) => DETECTORS.filter((detector) => quality?.[detector]).map((detector) => [at(plane), phases, detector, quality[detector]])));
-      return [
-        pictures(result.wavelengths.length > 1 ? `Pictures at ${length(wavelength.wavelengthM)}` : "Pictures", shown),
-        qualities.length > 0 && h("section", {}, h("h2", {}, "Quality"), qualityTable(qualities)),
-      ];
-    });
+  async function learnSections({ lossHistory, kernels }) {
+    drawLoss("Training loss", "epoch, then refinement step", lossHistory.map((_, i) => i + 1), lossHistory);
+    const versions = await Promise.all(kernels.map(({ kernelVersion }) => get(kernelVersion)));
+    return [
+      h("section", {}, h("h2", {}, "Learned kernels"), originTable(versions.map((version, i) => [idOf(kernels[i].dataset), version]))),
+      propagationSection(kernels.map(({ dataset, propagation }) => [idOf(dataset), propagation])),
+    ];
+  }
+
+  async function hologramSections(job, result, display) {
+    const spec = job.spec.optimizeHologram;
+    const [photographs, versions] = await Promise.all([
+      photographsOf(display, result.wavelengths.flatMap(({ frames }) => frames.map(({ phase }) => phase))),
+      versionsOfHologram(job, result.wavelengths.map(({ wavelengthM }) => wavelengthM)),
+    ]);
+    const planes = result.wavelengths.flatMap((wavelength) => wavelength.planes.map((plane) => [`${length(wavelength.wavelengthM)}, ${length(plane.distanceM)}`, plane]));
+    const qualities = planes.flatMap(([at, plane]) => [["as optimized", plane.quality], ["quantized", plane.quantizedQuality]]
+      .flatMap(([phases, quality]) => DETECTORS.filter((detector) => quality?.[detector]).map((detector) => [at, phases, detector, quality[detector]])));
+    return [
+      result.wavelengths.map((wavelength) => {
+        const own = photographs.filter(({ phase }) => wavelength.frames.some((frame) => frame.phase === phase));
+        return pictures(result.wavelengths.length > 1 ? `Pictures at ${length(wavelength.wavelengthM)}` : "Pictures", hologramPictures(spec, result, wavelength, display.bitDepth, own));
+      }),
+      qualities.length > 0 && h("section", {}, h("h2", {}, "Quality"), qualityTable(qualities)),
+      propagationSection(planes.map(([at, plane]) => [at, plane.propagation])),
+      h("section", {}, h("h2", {}, "Origin"), originTable(versions)),
+    ];
   }
 
   const ends = onEvent((kind, data) => {

@@ -1,7 +1,7 @@
 //! Pictures as people look at them: a part, smaller, in colours, on a logarithmic scale, or less another picture.
 
 use super::ColourMap;
-use crate::pictures::{self, PictureError};
+use crate::pictures::{self, Channel, PictureError};
 use lightpath_domain::dataset::Encoding;
 use lightpath_domain::job::Fit;
 use lightpath_optics::Plane;
@@ -70,6 +70,19 @@ pub struct Subtracted<'a> {
     pub encoding: Encoding,
     /// How it is fitted to the size of the other.
     pub fit: Fit,
+    /// The colour that gives its light.
+    pub channel: Channel,
+}
+
+/// A drawn view.
+#[derive(Clone, Debug)]
+pub struct Drawn {
+    /// The view as a PNG.
+    pub png: Vec<u8>,
+    /// Number of columns of the whole picture, of which the view may show a part.
+    pub width_px: usize,
+    /// Number of rows of the whole picture.
+    pub height_px: usize,
 }
 
 /// Draws a view of a picture, less another one if wanted, as a PNG. Differences of light reach from −range to range,
@@ -79,15 +92,15 @@ pub struct Subtracted<'a> {
 ///
 /// [`PictureError`] for files that are no readable pictures, a subtracted picture that does not fit, and a region
 /// outside the picture.
-pub fn view(bytes: &[u8], subtracted: Option<Subtracted<'_>>, view: &View) -> Result<Vec<u8>, PictureError> {
+pub fn view(bytes: &[u8], subtracted: Option<Subtracted<'_>>, view: &View) -> Result<Drawn, PictureError> {
     let is_own = view.colours == ViewColours::Own && subtracted.is_none() && view.decades.is_none();
     let mut planes = match is_own {
         true => pictures::colour_planes(bytes, view.encoding, 1)?,
         false => vec![pictures::photograph(bytes, view.encoding)?],
     };
+    let (height_px, width_px) = (planes[0].height_px(), planes[0].width_px());
     if let Some(subtracted) = subtracted {
-        let (height_px, width_px) = (planes[0].height_px(), planes[0].width_px());
-        let other = pictures::photograph(subtracted.bytes, subtracted.encoding)?;
+        let other = pictures::photograph_channel(subtracted.bytes, subtracted.encoding, subtracted.channel)?;
         let other = pictures::fit(other, subtracted.fit, height_px, width_px)?;
         planes[0].values_mut().iter_mut().zip(other.values()).for_each(|(light, other)| *light -= other);
     }
@@ -100,20 +113,26 @@ pub fn view(bytes: &[u8], subtracted: Option<Subtracted<'_>>, view: &View) -> Re
         Ok(shrunk(part, view.width_px, subtracted.is_some(), is_cyclic))
     };
     let planes = planes.into_iter().map(resized).collect::<Result<Vec<_>, _>>()?;
-    let scale = |value: f32| scaled(value / view.range, subtracted.is_some(), view.decades);
+    let png = encoded(&planes, subtracted.is_some(), view)?;
+    Ok(Drawn { png, width_px, height_px })
+}
+
+/// The planes of a view in their colours, as a PNG.
+fn encoded(planes: &[Plane<f32>], is_difference: bool, view: &View) -> Result<Vec<u8>, PictureError> {
+    let scale = |value: f32| scaled(value / view.range, is_difference, view.decades);
     match view.colours {
         ViewColours::Map(map) => pictures::rgb_png(&planes[0].map(|value| map.colour(scale(value)))),
-        ViewColours::Own if subtracted.is_some() => {
+        ViewColours::Own if is_difference => {
             pictures::rgb_png(&planes[0].map(|value| ColourMap::Diverging.colour(scale(value))))
         }
         ViewColours::Own | ViewColours::Grey => {
             // A logarithmic scale and a difference are no light: they are shown as they are.
-            let is_light = view.decades.is_none() && subtracted.is_none() && view.encoding == Encoding::Srgb;
+            let is_light = view.decades.is_none() && !is_difference && view.encoding == Encoding::Srgb;
             let grey = |value: f32| {
                 let t = scale(value).clamp(0.0, 1.0);
                 ((if is_light { pictures::linear_to_srgb(t) } else { t }) * 255.0).round() as u8
             };
-            match planes.as_slice() {
+            match planes {
                 [red, green, blue] => {
                     let rgb = Plane::from_fn(red.height_px(), red.width_px(), |y, x| {
                         [red, green, blue].map(|plane| grey(plane.at(y, x)))
@@ -190,12 +209,13 @@ mod tests {
     fn a_view_without_wishes_shows_every_picture_as_it_is() {
         let levels = Plane::from_fn(16, 16, |y, x| (16 * y + x) as u16);
         for encoding in [Encoding::Srgb, Encoding::Linear] {
-            let (_, _, shown) = decoded(&view(&grey(&levels), None, &View { encoding, ..View::default() }).unwrap());
+            let (_, _, shown) =
+                decoded(&view(&grey(&levels), None, &View { encoding, ..View::default() }).unwrap().png);
             assert!(shown.iter().zip(0..=255).all(|(&pixel, level)| pixel == [level; 3]), "{encoding:?}");
         }
         let colours = Plane::from_fn(3, 4, |y, x| [60 * y as u8, 60 * x as u8, 200]);
         let (width, height, shown) =
-            decoded(&view(&pictures::rgb_png(&colours).unwrap(), None, &View::default()).unwrap());
+            decoded(&view(&pictures::rgb_png(&colours).unwrap(), None, &View::default()).unwrap().png);
         assert_eq!((width, height, shown.as_slice()), (4, 3, colours.values()));
     }
 
@@ -205,15 +225,17 @@ mod tests {
         let levels = Plane::from_fn(40, 80, |_, x| if x % 2 == 0 { 0 } else { 255 });
         let region = Some(ViewRegion { x_px: 10, y_px: 5, width_px: 60, height_px: 20 });
         let small = View { encoding: Encoding::Linear, region, width_px: Some(15), ..View::default() };
-        let (width, height, shown) = decoded(&view(&grey(&levels), None, &small).unwrap());
+        let drawn = view(&grey(&levels), None, &small).unwrap();
+        let (width, height, shown) = decoded(&drawn.png);
         assert_eq!((width, height), (15, 5));
+        assert_eq!((drawn.width_px, drawn.height_px), (80, 40), "the size of the whole picture");
         let middle = shown[2 * 15 + 7];
         assert!((126..=129).contains(&middle[0]), "{middle:?}");
         let phase = View { colours: ViewColours::Map(ColourMap::Cyclic), ..small };
-        let (_, _, shown) = decoded(&view(&grey(&levels), None, &phase).unwrap());
+        let (_, _, shown) = decoded(&view(&grey(&levels), None, &phase).unwrap().png);
         let ends = [0.0, 1.0].map(|t| ColourMap::Cyclic.colour(t));
         assert!(shown.iter().all(|pixel| ends.contains(pixel)), "{shown:?}");
-        let (width, ..) = decoded(&view(&grey(&levels), None, &View { width_px: Some(500), ..small }).unwrap());
+        let (width, ..) = decoded(&view(&grey(&levels), None, &View { width_px: Some(500), ..small }).unwrap().png);
         assert_eq!(width, 60, "pictures do not grow");
     }
 
@@ -223,7 +245,7 @@ mod tests {
         let at = |decades, range| {
             let colours = ViewColours::Map(ColourMap::Sequential);
             let wish = View { encoding: Encoding::Linear, colours, decades, range, ..View::default() };
-            decoded(&view(&grey(&levels), None, &wish).unwrap()).2
+            decoded(&view(&grey(&levels), None, &wish).unwrap().png).2
         };
         let colour = |t| ColourMap::Sequential.colour(t);
         let tenth = 26.0 / 255.0;
@@ -235,14 +257,27 @@ mod tests {
     #[test]
     fn differences_are_centred_and_the_other_picture_is_fitted() {
         let (bright, dark) = (Plane::filled(8, 16, 204_u16), Plane::filled(4, 8, 102_u16));
-        let subtracted = |bytes, fit| Some(Subtracted { bytes, encoding: Encoding::Linear, fit });
+        let subtracted =
+            |bytes, fit| Some(Subtracted { bytes, encoding: Encoding::Linear, fit, channel: Channel::Mean });
         let wish = View { encoding: Encoding::Linear, range: 0.8, ..View::default() };
         let dark = grey(&dark);
-        let (width, height, shown) = decoded(&view(&grey(&bright), subtracted(&dark, Fit::Cover), &wish).unwrap());
+        let (width, height, shown) = decoded(&view(&grey(&bright), subtracted(&dark, Fit::Cover), &wish).unwrap().png);
         // (204 − 102)/255 = 0.4, half of the range.
         assert_eq!((width, height, shown[0]), (16, 8, ColourMap::Diverging.colour(0.75)));
         let wrong = view(&grey(&bright), subtracted(&dark, Fit::Exact), &wish).unwrap_err();
         assert!(matches!(wrong, PictureError::WrongSize { width_px: 16, .. }), "{wrong}");
+    }
+
+    #[test]
+    fn one_colour_of_the_other_picture_can_be_subtracted() {
+        let white = grey(&Plane::filled(8, 16, 255));
+        let green = pictures::rgb_png(&Plane::filled(8, 16, [0, 255, 0])).unwrap();
+        let less = |channel| {
+            let other = Subtracted { bytes: &green, encoding: Encoding::Srgb, fit: Fit::Exact, channel };
+            decoded(&view(&white, Some(other), &View::default()).unwrap().png).2[0]
+        };
+        assert_eq!(less(Channel::Colour(0)), ColourMap::Diverging.colour(1.0));
+        assert_eq!(less(Channel::Colour(1)), ColourMap::Diverging.colour(0.5));
     }
 
     #[test]

@@ -63,7 +63,16 @@ pub fn target_channel(
 ///
 /// [`PictureError`] for a file that is no readable picture, and for a picture beyond the limits.
 pub fn photograph(bytes: &[u8], encoding: Encoding) -> Result<Plane<f32>, PictureError> {
-    linear_light(bytes, encoding, Channel::Mean, 1)
+    photograph_channel(bytes, encoding, Channel::Mean)
+}
+
+/// [`photograph`] for one colour channel of the picture.
+///
+/// # Errors
+///
+/// The errors of [`photograph`].
+pub fn photograph_channel(bytes: &[u8], encoding: Encoding, channel: Channel) -> Result<Plane<f32>, PictureError> {
+    linear_light(bytes, encoding, channel, 1)
 }
 
 /// Decodes a picture to linear light in [0, 1], in its own size: one plane for a picture without colours, else red,

@@ -23,7 +23,9 @@ mod srgb;
 mod tests;
 
 pub use array::phase_npy;
-pub use decode::{Channel, SIDE_PX_MIN, colour_planes, photograph, picture_size, target_channel, target_intensity};
+pub use decode::{
+    Channel, SIDE_PX_MIN, colour_planes, photograph, photograph_channel, picture_size, target_channel, target_intensity,
+};
 pub use encode::{colour_png, grey_png_linear, grey_png_srgb, levels_png, npy_f32, rgb_png};
 pub use error::PictureError;
 pub use fit::{fit, resized};

@@ -1,0 +1,69 @@
+// The pictures of a hologram's job: targets, reconstructions, errors, holograms as phases, and photographs of them.
+
+import { get } from "./api.js";
+import { length } from "./format.js";
+
+/** Jobs among which photographs of a hologram are looked for. */
+const CAPTURES_MAX = 100;
+
+/** The part of a file's range that values of so many bits have: files have 8 or 16 bits. */
+function rangeOf(bitDepth) {
+  const range = 2 ** bitDepth / (bitDepth <= 8 ? 255 : 65_535);
+  return range < 1 ? range : undefined;
+}
+
+/** A hologram of grey levels as a picture of phases. */
+export function phasePicture(label, digest, bitDepth = 8) {
+  return { label, digest, kind: "phase", wish: { encoding: "linear", range: rangeOf(bitDepth) } };
+}
+
+/** A photograph, as a picture and for profiles. `bitDepth` 0: the bits of the file. */
+export function photographPicture(label, digest, { group = "", encoding = "linear", bitDepth = 0 } = {}) {
+  const wish = { encoding, range: bitDepth ? rangeOf(bitDepth) : undefined };
+  return { label, digest, kind: "light", wish, group, profile: { encoding, isPhotograph: true } };
+}
+
+/** The target of a plane as the job sees it, and the parameters that subtract it from a reconstruction. */
+function targetOf(spec, plane, wavelength, wavelengths) {
+  const encoding = spec.targetEncoding === "ENCODING_LINEAR" ? "linear" : "srgb";
+  const fit = spec.targetFit.replace("_UNSPECIFIED", "_CONTAIN");
+  // Of three wavelengths the longest shows red, the middle one green and the shortest blue.
+  const rank = [...wavelengths].sort((a, b) => b - a).indexOf(wavelength);
+  const colour = wavelengths.length === 3 ? rank : undefined;
+  return {
+    digest: plane.target, fit, encoding, colour,
+    minus: { minus: plane.target, minus_fit: fit.replace("FIT_", "").toLowerCase(), minus_encoding: encoding, minus_channel: ["red", "green", "blue"][colour] },
+  };
+}
+
+/** Pictures of one wavelength of a job's result. `photographs` are those that `photographsOf` found. */
+export function hologramPictures(spec, result, wavelength, bitDepth = 8, photographs = []) {
+  const wavelengths = result.wavelengths.map(({ wavelengthM }) => wavelengthM);
+  const shown = wavelength.planes.flatMap((plane, p) => {
+    const at = length(plane.distanceM);
+    const target = targetOf(spec, spec.planes[p], wavelength.wavelengthM, wavelengths);
+    return [
+      { label: `target ${at}`, digest: target.digest, kind: "light", wish: { encoding: target.encoding }, fit: target.fit, group: at, profile: { encoding: target.encoding, colour: target.colour } },
+      { label: `reconstruction ${at}`, digest: plane.reconstruction, kind: "light", group: at, profile: { encoding: "srgb" } },
+      ...photographs.filter(({ distanceM }) => distanceM === plane.distanceM).map(({ photo }) => photographPicture(`photograph ${at}`, photo, { group: at })),
+      // With a depth map each pixel of the target counts in one plane only, so a difference would not be an error.
+      !spec.depthMap && { label: `error ${at}: reconstruction − target`, digest: plane.reconstruction, kind: "error", wish: target.minus },
+    ].filter(Boolean);
+  });
+  wavelength.frames.forEach((frame, f) => shown.push(phasePicture(`hologram${wavelength.frames.length > 1 ? ` ${f + 1}` : ""}`, frame.phase, bitDepth)));
+  return shown;
+}
+
+/** The newest photograph of each distance that a simulated display made of these holograms: `{phase, distanceM, photo}`. */
+export async function photographsOf(display, holograms) {
+  if (!display.simulatedBench) return [];
+  const { jobs } = await get("jobs", { kind: "simulate_capture", state: "succeeded", display: display.name, pageSize: CAPTURES_MAX });
+  const found = new Map();
+  for (const { spec: { simulateCapture }, result } of jobs) {
+    const key = `${simulateCapture.phase} ${simulateCapture.distanceM}`;
+    if (holograms.includes(simulateCapture.phase) && !found.has(key)) {
+      found.set(key, { phase: simulateCapture.phase, distanceM: simulateCapture.distanceM, photo: result.capture.photo });
+    }
+  }
+  return [...found.values()];
+}

@@ -1,0 +1,39 @@
+// Where kernel versions come from: the job, the datasets, the seed and the program that made them.
+
+import { get } from "./api.js";
+import { h } from "./dom.js";
+import { idOf, length } from "./format.js";
+import { table } from "./table.js";
+
+/** A table of the origins of kernel versions, given as `[title, version]`; `null` stands for the ideal kernel. */
+export function originTable(versions) {
+  const row = ([title, version]) => {
+    const first = h("th", { scope: "row" }, title);
+    if (!version) return h("tr", {}, first, h("td", {}, "ideal"), h("td", { colspan: 5 }, "computed, not learned"));
+    const { lineage } = version;
+    const kernel = version.name.split("/versions/")[0];
+    const datasets = (lineage?.datasets ?? []).map((dataset) => h("div", {}, dataset.name ? h("a", { href: `#/${dataset.name}` }, idOf(dataset.name)) : "of another server",
+      ` ${length(dataset.distanceM)}`, dataset.digest && h("small", { title: dataset.digest }, dataset.digest.slice(0, 15))));
+    return h("tr", {}, first,
+      h("td", {}, h("a", { href: `#/${kernel}` }, `${idOf(kernel)}, version ${version.version}`)),
+      h("td", {}, lineage?.job ? h("a", { href: `#/${lineage.job}` }, idOf(lineage.job).slice(0, 13)) : "imported", lineage?.interpolated && ", interpolated"),
+      h("td", {}, datasets),
+      h("td", { class: "right" }, lineage?.parentVersion ? `version ${lineage.parentVersion}` : "–"),
+      h("td", { class: "right" }, lineage?.job ? lineage.seed : "–"),
+      h("td", { class: "right" }, lineage?.codeVersion || "–"));
+  };
+  return table("Kernels, and what they were learned from", ["Plane", "Kernel", "Learned by", "Datasets", ">Continues", ">Seed", ">Lightpath"], versions.map(row));
+}
+
+/** The kernel versions through which a hologram's job looks, as `[plane, version]` in the order of `job.kernelVersions`. */
+export async function versionsOfHologram(job, wavelengths) {
+  const spec = job.spec.optimizeHologram;
+  const { kernels } = await get(`${spec.display}/kernels`, { pageSize: 1000 });
+  const planes = wavelengths.flatMap((wavelengthM) => spec.planes.map(({ distanceM }) => ({ wavelengthM, distanceM })));
+  const isNear = (a, b) => Math.abs(a - b) <= 1e-9 * Math.abs(b);
+  return Promise.all(planes.map(async ({ wavelengthM, distanceM }, i) => {
+    const title = `${length(wavelengthM)}, ${length(distanceM)}`;
+    const kernel = kernels.find((kernel) => isNear(kernel.wavelengthM, wavelengthM) && isNear(kernel.distanceM, distanceM));
+    return [title, job.kernelVersions[i] && kernel ? await get(`${kernel.name}/versions/${job.kernelVersions[i]}`) : null];
+  }));
+}

@@ -1,0 +1,122 @@
+// What a hologram's job shows: pictures in colours, errors, lines through the light, how it propagated, and its origin.
+
+import assert from "node:assert/strict";
+import { after, before, test } from "node:test";
+import { dropSquare, openPage, startBrowser } from "./browser.mjs";
+import { startServer } from "./server.mjs";
+
+let browser, server, target;
+before(async () => {
+  browser = await startBrowser();
+  server = await startServer();
+  const page = await openPage(browser, server.url);
+  await page.goto(`${server.url}/`);
+  await dropSquare(page);
+  await page.getByText("square.png").waitFor();
+  await page.getByLabel("Iterations").fill("30");
+  await page.getByRole("button", { name: "Make the hologram" }).click();
+  await page.waitForURL(/#\/jobs\//);
+  const { spec } = await server.get(page.url().split("#/")[1]);
+  target = spec.optimizeHologram.planes[0].target;
+  await page.context().close();
+});
+after(async () => {
+  await browser?.close();
+  await server?.stop();
+});
+
+/** Submits a hologram of the square, waits for its end, and opens its job. `page.pictures` collects the queries of pictures. */
+async function openHologram(fields, options) {
+  const spec = { optimizeHologram: { display: "displays/demo", planes: [{ distanceM: 0.015, target }], iterations: 30, ...fields } };
+  const { name } = await server.post("jobs", { spec });
+  const page = await openPage(browser, server.url, options);
+  page.pictures = [];
+  page.on("request", (request) => {
+    const { pathname, searchParams } = new URL(request.url());
+    if (pathname.endsWith("/picture")) page.pictures.push(Object.fromEntries(searchParams));
+  });
+  await page.goto(`${server.url}/#/${name}`);
+  await page.getByRole("heading", { level: 1, name: "optimize hologram succeeded" }).waitFor();
+  await page.getByRole("img", { name: /^hologram/ }).scrollIntoViewIfNeeded();
+  await page.waitForFunction(() => [...document.querySelectorAll("img.whole")].every((image) => image.naturalWidth > 0));
+  return { page, job: await server.get(name) };
+}
+
+test("errors and phases have colours with bars, and the user chooses them", async () => {
+  const { page } = await openHologram({});
+  const error = page.pictures.find(({ minus }) => minus === target);
+  assert.deepEqual([error.minus_fit, error.colormap, error.range], ["contain", "diverging", "0.2"]);
+  assert.ok(page.pictures.some(({ colormap, encoding }) => colormap === "cyclic" && encoding === "linear"), "phases are cyclic");
+  await page.getByText("+0.2", { exact: true }).waitFor();
+  await page.getByLabel("Error up to").selectOption("±5 %");
+  await page.getByText("+0.05", { exact: true }).waitFor();
+  await page.getByLabel("Light as").selectOption("colours, 3 decades");
+  await page.getByText("light, logarithmic").first().waitFor();
+  assert.equal(page.pictures.filter(({ log }) => log === "3").length, 2, "target and reconstruction");
+  await page.waitForFunction(() => [...document.querySelectorAll(".bar img")].every((image) => image.naturalWidth === 256));
+  assert.deepEqual(page.problems, []);
+});
+
+test("a line shows the light of target and reconstruction", async () => {
+  const { page } = await openHologram({});
+  await page.getByLabel("Line profile").selectOption("horizontal");
+  const plot = page.locator(".profile .u-over");
+  await plot.scrollIntoViewIfNeeded();
+  const { width, height } = await plot.boundingBox();
+  const light = async (column, row) => {
+    await plot.hover({ position: { x: (width * column) / 159, y: height / 2 } });
+    const line = page.locator(".profile .u-series", { hasText: row });
+    return Number(await line.locator(".u-value").textContent());
+  };
+  // The square is white between the columns 40 and 100.
+  assert.deepEqual([await light(20, "target"), await light(70, "target"), await light(120, "target")], [0, 1, 0]);
+  assert.ok(await light(70, "reconstruction") > 0.7 && await light(120, "reconstruction") < 0.3);
+  await page.getByLabel("Position of the line").fill("0.1");
+  await page.getByText("at row 9").waitFor();
+  assert.equal(await light(70, "target"), 0, "above the square");
+  assert.deepEqual(page.problems, []);
+});
+
+test("a photograph of the hologram is shown beside it, scaled in the profile", async () => {
+  const first = await openHologram({ seed: 7 });
+  const phase = first.job.result.hologram.wavelengths[0].frames[0].phase;
+  const capture = await server.post("jobs", { spec: { simulateCapture: { display: "displays/demo", distanceM: 0.015, phase } } });
+  const { page } = first;
+  await page.goto(`${server.url}/#/${capture.name}`);
+  await page.getByRole("heading", { level: 1, name: "simulate capture succeeded" }).waitFor();
+  await page.goto(`${server.url}/#/${first.job.name}`);
+  await page.getByRole("img", { name: /^photograph/ }).waitFor();
+  await page.getByLabel("Line profile").selectOption("vertical");
+  await page.getByText(/photograph 15 mm × \d/).waitFor();
+  assert.deepEqual(page.problems, []);
+});
+
+test("the propagation with its reason, and the origin of the kernel", async () => {
+  const { page, job } = await openHologram({});
+  const { propagation } = job.result.hologram.wavelengths[0].planes[0];
+  await page.getByText(propagation.explanation).waitFor();
+  await page.getByRole("region", { name: /critical distance/ }).getByText("band response").waitFor();
+  const origin = page.getByRole("region", { name: "Kernels, and what they were learned from" });
+  const version = await server.get(`displays/demo/kernels/515nm-15mm/versions/${job.kernelVersions[0]}`);
+  await origin.getByRole("link", { name: `version ${version.version}` }).waitFor();
+  await origin.getByText(version.lineage.codeVersion).waitFor();
+  assert.deepEqual(page.problems, []);
+});
+
+test("large pictures come at the shown size, and their parts in detail when they are enlarged", async () => {
+  await server.post("displays", { name: "displays/large", widthPx: 1600, heightPx: 900, pixelPitchM: 8e-6, wavelengthsM: [5.15e-7] });
+  const { page } = await openHologram({ display: "displays/large", planes: [{ distanceM: 0.05, target }], method: "HOLOGRAM_METHOD_DOUBLE_PHASE", iterations: 1 });
+  const widths = await page.evaluate(() => [...document.querySelectorAll("img.whole")].map((image) => image.naturalWidth));
+  assert.ok(widths.every((width) => width <= 640), `${widths} px are more than the page shows`);
+  assert.ok(page.pictures.every(({ width, region }) => width && !region));
+  const figure = page.locator("figure", { has: page.getByRole("img", { name: /^reconstruction/ }) });
+  await figure.focus();
+  for (let i = 0; i < 8; i += 1) await page.keyboard.press("+");
+  await page.waitForFunction(() => [...document.querySelectorAll("img.detail:not([hidden])")].filter((image) => image.naturalWidth > 0).length === 3);
+  // 1.5^8 = 25.6 times: 1600 / 25.6 columns are in sight.
+  const detail = await figure.locator("img.detail").evaluate((image) => image.naturalWidth);
+  assert.ok(detail >= 63 && detail <= 65, `${detail} columns`);
+  await page.getByRole("button", { name: "Whole picture" }).click();
+  assert.match(await figure.locator(".sheet").evaluate((sheet) => sheet.style.transform), /scale\(1\)/);
+  assert.deepEqual(page.problems, []);
+});
