@@ -33,10 +33,10 @@ async function openHologram(fields, options) {
   page.pictures = [];
   page.on("request", (request) => {
     const { pathname, searchParams } = new URL(request.url());
-    if (pathname.endsWith("/picture")) page.pictures.push(Object.fromEntries(searchParams));
+    if (/^\/v1\/artifacts\/.*\/picture$/.test(pathname)) page.pictures.push(Object.fromEntries(searchParams));
   });
   await page.goto(`${server.url}/#/${name}`);
-  await page.getByRole("heading", { level: 1, name: "optimize hologram succeeded" }).waitFor();
+  await page.getByRole("heading", { level: 1, name: "optimize hologram succeeded" }).waitFor({ timeout: 60_000 });
   await page.getByRole("img", { name: /^hologram/ }).scrollIntoViewIfNeeded();
   await page.waitForFunction(() => [...document.querySelectorAll("img.whole")].every((image) => image.naturalWidth > 0));
   return { page, job: await server.get(name) };
@@ -118,5 +118,25 @@ test("large pictures come at the shown size, and their parts in detail when they
   assert.ok(detail >= 63 && detail <= 65, `${detail} columns`);
   await page.getByRole("button", { name: "Whole picture" }).click();
   assert.match(await figure.locator(".sheet").evaluate((sheet) => sheet.style.transform), /scale\(1\)/);
+  assert.deepEqual(page.problems, []);
+});
+
+test("a running hologram shows what it has reached, on its page and on the overview", async () => {
+  const spec = { optimizeHologram: { display: "displays/demo", planes: [{ distanceM: 0.015, target }], iterations: 10_000, frames: 8 } };
+  const { name } = await server.post("jobs", { spec });
+  const page = await openPage(browser, server.url);
+  const sizes = async () => (await page.waitForFunction(() => {
+    const image = document.querySelector(".live-picture:not([hidden]) img");
+    return image?.naturalWidth > 0 && [image.naturalWidth, image.naturalHeight];
+  })).jsonValue();
+  await page.goto(`${server.url}/#/${name}`);
+  assert.deepEqual(await sizes(), [160, 96]);
+  const first = await page.locator(".live-picture img").getAttribute("src");
+  await page.waitForFunction((src) => document.querySelector(".live-picture img").src !== src, first);
+  await page.goto(`${server.url}/#/`);
+  assert.deepEqual(await sizes(), [160, 96]);
+  await server.post(`${name}:cancel`, {});
+  await page.getByText("No job runs now.").waitFor();
+  assert.equal(await page.locator(".live-picture").count(), 0);
   assert.deepEqual(page.problems, []);
 });

@@ -8,6 +8,7 @@ mod loss;
 mod optimization;
 mod optimize;
 mod other_orders;
+mod preview;
 mod problem;
 mod quality;
 mod roughness;

@@ -240,3 +240,31 @@ fn invalid_options_are_refused() {
     let short = Optimization::start(problem(Detector::Point, 1, 1), HologramOptions::new(ADAM, 1), vec![0.0; 5]);
     assert!(short.is_err());
 }
+
+#[test]
+fn the_preview_is_the_light_of_the_evaluated_phases() {
+    for (method, detector, frames, keeps) in [
+        (HologramMethod::Lbfgs, Detector::Pixel, 1, true),
+        (HologramMethod::Lbfgs, Detector::Supersampled, 1, true),
+        (HologramMethod::GerchbergSaxton, Detector::Pixel, 1, true),
+        (ADAM, Detector::Pixel, 2, true),
+        (ADAM, Detector::Pixel, 1, false),
+    ] {
+        let mut optimization = start(problem(detector, 2, frames), HologramOptions::new(method, 3));
+        let phases: Vec<Plane<f32>> = optimization
+            .phases()
+            .chunks_exact(HEIGHT_PX * WIDTH_PX)
+            .map(|phase| Plane::try_from_vec(HEIGHT_PX, WIDTH_PX, phase.to_vec()).unwrap())
+            .collect();
+        optimization.step();
+        let shown = optimization.light_preview(1000);
+        assert_eq!(shown.is_some(), keeps, "{method:?}");
+        let Some(shown) = shown else { continue };
+        let wanted = light_of_frames(&optimization.problem().engine(), &phases).unwrap();
+        let difference: f32 = shown.values().iter().zip(wanted.values()).map(|(a, b)| (a - b).powi(2)).sum();
+        let size: f32 = wanted.values().iter().map(|light| light.powi(2)).sum();
+        assert!(difference < 1e-8 * size, "{method:?} {detector:?}: {difference} of {size}");
+        let small = optimization.light_preview(32).unwrap();
+        assert_eq!((small.height_px(), small.width_px()), (23, 32));
+    }
+}

@@ -160,6 +160,11 @@ impl<T: Real> ProblemCore<T> {
         }
     }
 
+    /// Light planes of the first image plane at the latest evaluation; `None` if no evaluation kept any.
+    pub(super) fn light_of_first_plane(&self) -> Option<&[T]> {
+        self.buffers.lights.first().map(Vec::as_slice)
+    }
+
     /// Number of fields of the planes before plane `p`: one for each mode and frame.
     fn fields_before(&self, p: usize) -> usize {
         self.frames * self.planes[..p].iter().map(|plane| plane.modes.len()).sum::<usize>()

@@ -9,6 +9,7 @@ use crate::kernels::conversions::Conversions;
 use crate::manifests::{ManifestRules, Manifests};
 use crate::reconstructors::LastReconstructor;
 use lightpath_artifacts::Artifacts;
+use lightpath_media::live_pictures::LivePictures;
 use lightpath_proto::v1::artifact_service_server::ArtifactServiceServer;
 use lightpath_proto::v1::dataset_service_server::DatasetServiceServer;
 use lightpath_proto::v1::device_service_server::DeviceServiceServer;
@@ -56,6 +57,7 @@ pub struct Api {
     pub(crate) manifests: Manifests,
     pub(crate) last_reconstructor: LastReconstructor,
     pub(crate) events: EventLog,
+    pub(crate) live_pictures: LivePictures,
     pub(crate) stopping: CancellationToken,
     /// Result of the latest health check.
     health: watch::Sender<Result<(), String>>,
@@ -75,10 +77,17 @@ impl Api {
             manifests: Manifests::new(limits.manifests),
             last_reconstructor: LastReconstructor::default(),
             events: EventLog::default(),
+            live_pictures: LivePictures::default(),
             stopping,
             health: watch::Sender::new(Ok(())),
             job_limits: limits.jobs,
         }
+    }
+
+    /// The pictures of running jobs that the API shows; workers draw them.
+    #[must_use]
+    pub fn live_pictures(&self) -> LivePictures {
+        self.live_pictures.clone()
     }
 
     /// Routes of all services, with health and reflection, and a reporter for the health of the server.

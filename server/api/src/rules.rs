@@ -117,6 +117,7 @@ const ROUTES: &[(&str, Rule)] = &[
     ("/v1/artifacts/{digest}/content", rule(READERS, Effect::Reads)),
     ("/v1/artifacts/{digest}/picture", rule(READERS, Effect::Reads)),
     ("/v1/colormaps/{colormap}", rule(READERS, Effect::Reads)),
+    ("/v1/jobs/{job}/picture", rule(READERS, Effect::Reads)),
     ("/v1/artifacts/{digest}/upload", rule(SUBMITTERS, Effect::Changes)),
     ("/openapi.json", rule(KERNEL_READERS, Effect::Reads)),
     ("/v1/keyring", rule(KERNEL_READERS, Effect::Reads)),

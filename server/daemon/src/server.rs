@@ -8,6 +8,7 @@ use lightpath_api::http::{self, EndedTokens, Gate, Hosts, MemoryBudget, Rate};
 use lightpath_api::tls::{self, Tls, TlsError};
 use lightpath_api::{Api, ApiLimits};
 use lightpath_artifacts::{ArtifactError, Artifacts};
+use lightpath_media::live_pictures::LivePictures;
 use lightpath_metrics as metrics;
 use lightpath_store::{Store, StoreError};
 use lightpath_worker::{Clock, OpticsTask, Worker, WorkerError};
@@ -133,7 +134,7 @@ pub async fn run_and_announce(
     set_health(&health, ServingStatus::Serving).await;
     let watching = tokio::spawn(health_loop(api.clone(), health.clone(), stopping.clone()));
     let leases = store.clone();
-    let mut workers = start_workers(store, artifacts, &config, stopping.clone());
+    let mut workers = start_workers(store, artifacts, &config, api.live_pictures(), stopping.clone());
     let ended_tokens = EndedTokens::default();
     let tokens = tokio::spawn(token_loop(api.store().clone(), ended_tokens.clone(), stopping.clone()));
     let rate = Arc::new(Rate::new(config.calls_per_s_max));
@@ -284,9 +285,11 @@ fn start_workers(
     store: Store,
     artifacts: Artifacts,
     config: &Config,
+    live_pictures: LivePictures,
     stopping: CancellationToken,
 ) -> JoinHandle<Result<(), WorkerError>> {
-    tokio::spawn(Worker::new(store, artifacts, config.workers(), Arc::new(OpticsTask)).run(stopping))
+    let worker = Worker::new(store, artifacts, config.workers(), Arc::new(OpticsTask)).showing(live_pictures);
+    tokio::spawn(worker.run(stopping))
 }
 
 /// Counts the stored bytes, and removes old jobs and unused artifacts.

@@ -1,6 +1,7 @@
 //! One attempt at a job, from claim to end.
 
 use super::context::saved_state;
+use super::live_picture::LivePicture;
 use super::stop::{StopFlag, StopReason};
 use super::{Clock, JobContext, Task, TaskError, TaskOutput, Worker};
 use lightpath_domain::job::{FailureReason, Job, JobError, Lease, Progress};
@@ -63,6 +64,7 @@ impl Worker {
             stop: Arc::clone(&stop),
             progress,
             checkpoint_interval: self.config.checkpoint_interval,
+            live_picture: LivePicture::new(self.live_pictures.clone(), lease.job.clone()),
             last_checkpoint: Cell::new(Instant::now()),
             last_save_took: Cell::new(Duration::ZERO),
             saved: RefCell::new(stop.unless_interrupted(saved_state(&self.artifacts, &job)).await.flatten()),

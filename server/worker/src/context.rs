@@ -1,5 +1,6 @@
 //! The interface between a task and the rest of the server.
 
+use super::live_picture::LivePicture;
 use super::stop::{StopFlag, StopReason};
 use super::{Clock, checkpoint};
 use lightpath_artifacts::{ArtifactError, Artifacts};
@@ -117,6 +118,7 @@ pub struct JobContext {
     pub(super) runtime: Handle,
     pub(super) stop: Arc<StopFlag>,
     pub(super) progress: watch::Sender<Option<Progress>>,
+    pub(super) live_picture: LivePicture,
     pub(super) checkpoint_interval: Duration,
     pub(super) last_checkpoint: Cell<Instant>,
     /// Time that the last save of a large state took.
@@ -144,6 +146,11 @@ impl JobContext {
             None if self.is_checkpoint_due() => self.save_in_passing(state()),
             None => Ok(()),
         }
+    }
+
+    /// Shows the PNG that `draw` makes of what the job has reached, every few seconds. `None`: there is nothing to show.
+    pub(super) fn show(&self, draw: impl FnOnce() -> Option<Vec<u8>>) {
+        self.live_picture.show(draw);
     }
 
     /// Reports progress of a part that has no state to save.

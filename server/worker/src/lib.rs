@@ -19,7 +19,7 @@
 //! - `checkpoint`: the envelope of saved states. `backoff`: pauses before retries. `clock`: the time of day.
 //! - `optics_task`: runs each kind of job by its own function, in `optimize`, `learn`, `simulate`, `evaluate`,
 //!   `prepare` and `report`. They share `display_setup` (a display at a wavelength and distance), `pairs`, `losses` and
-//!   `state_bytes`. `hologram_setup` reads the input of `optimize`, and `captured` measures the kernels of `learn`.
+//!   `state_bytes`. `live_picture`: what `optimize` shows while it runs. `hologram_setup` reads the input of `optimize`, and `captured` measures the kernels of `learn`.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod attempt;
@@ -34,6 +34,7 @@ mod hologram_setup;
 mod job_memory;
 mod learn;
 mod learned_from;
+mod live_picture;
 mod losses;
 mod optics_task;
 mod optimize;
@@ -60,6 +61,7 @@ pub use stop::StopReason;
 use job_memory::JobMemory;
 use lightpath_artifacts::{ArtifactError, Artifacts};
 use lightpath_domain::job::{Job, JobSpec};
+use lightpath_media::live_pictures::LivePictures;
 use lightpath_metrics::{self as metrics, LeaseLoss};
 use lightpath_optics::EngineCache;
 use lightpath_store::{ClaimLimits, Store, StoreError};
@@ -212,6 +214,7 @@ pub struct Worker {
     config: WorkerConfig,
     task: Arc<dyn Task>,
     clock: Clock,
+    live_pictures: LivePictures,
 }
 
 impl std::fmt::Debug for Worker {
@@ -226,7 +229,15 @@ impl Worker {
     pub fn new(store: Store, artifacts: Artifacts, config: WorkerConfig, task: Arc<dyn Task>) -> Self {
         let engines = Arc::new(EngineCache::new(cache_bytes_max(config.memory_bytes) as usize));
         let memory = JobMemory::new(config.memory_bytes);
-        Self { store, artifacts, engines, memory, config, task, clock: Clock::default() }
+        let (clock, live_pictures) = (Clock::default(), LivePictures::default());
+        Self { store, artifacts, engines, memory, config, task, clock, live_pictures }
+    }
+
+    /// Shows the pictures of running jobs in `pictures`.
+    #[must_use]
+    pub fn showing(mut self, pictures: LivePictures) -> Self {
+        self.live_pictures = pictures;
+        self
     }
 
     /// The clock that decides when leases end.

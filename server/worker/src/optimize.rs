@@ -20,6 +20,9 @@ use lightpath_optics::{Optimization, Plane};
 use std::sync::LazyLock;
 use std::time::{Duration, Instant};
 
+/// Longest side of the picture that a running job shows \[px\]: enough to see what becomes of it, in a few kilobytes.
+const LIVE_SIDE_PX_MAX: usize = 320;
+
 pub(super) fn run(context: &JobContext, spec: &OptimizeHologram) -> Result<TaskOutput, TaskError> {
     let wavelengths = spec.wavelengths.len();
     let mut work = Work { context, spec, state: HologramState::default(), current: None, eta: None };
@@ -86,6 +89,8 @@ impl Work<'_> {
             let step = before + done.iteration;
             let (loss, eta_s) = (self.state.loss, eta.left_s(step, steps_total));
             let progress = Progress { stage: stage.clone(), step, steps_total, loss, eta_s };
+            let gain = intensity_scale(self.spec.loss.quantity, done.evaluation.best_gain);
+            self.context.show(|| picture_so_far(optimization, gain));
             self.context.step(progress, || to_bytes(&(&self.state, optimization.state())))?;
         }
     }
@@ -142,13 +147,7 @@ impl Finished<'_> {
         let largest_amplitude = self.optimization.largest_amplitude();
         // Frees the buffers of the optimization before the quality is measured.
         drop(self.optimization);
-        let intensity_scale = finite(
-            "the gain",
-            match spec.loss.quantity {
-                Quantity::Intensity => gain,
-                Quantity::Amplitude => gain * gain,
-            },
-        )?;
+        let intensity_scale = finite("the gain", intensity_scale(spec.loss.quantity, gain))?;
         let mut planes = Vec::new();
         for plane in &self.setup.planes {
             let light = light_of_frames(&plane.engine, &displayed)?;
@@ -185,6 +184,20 @@ impl Finished<'_> {
         let (wavelength, loss) = (self.setup.wavelength, self.loss);
         Ok(WavelengthResult { wavelength, frames, planes, intensity_scale, loss, largest_amplitude })
     }
+}
+
+/// The factor from the light of a hologram to that of its target, for a gain of the compared quantity.
+fn intensity_scale(quantity: Quantity, gain: f64) -> f64 {
+    match quantity {
+        Quantity::Intensity => gain,
+        Quantity::Amplitude => gain * gain,
+    }
+}
+
+/// A small PNG of the light that the latest evaluation found, in the brightness of the target.
+fn picture_so_far(optimization: &Optimization, intensity_scale: f64) -> Option<Vec<u8>> {
+    let light = optimization.light_preview(LIVE_SIDE_PX_MAX)?;
+    pictures::grey_png_srgb(&light.map(|light| (intensity_scale * f64::from(light)) as f32)).ok()
 }
 
 /// What the hologram would show on a display of the other kind. A carrier needs optics that filter the orders.

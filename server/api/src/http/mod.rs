@@ -9,7 +9,8 @@
 //! - `requests`: deadlines and metrics of requests, including gRPC. `transcode`: the methods of the API as JSON.
 //!   `server_sent_events`: their streams.
 //!   `kernel_files`: kernels and keyrings for devices. `artifact_files`: files of datasets and results.
-//!   `artifact_pictures`: the same as pictures. `file_answer`, `byte_range`: files in ranges. `etags`: conditions of requests. `refusal`: errors as answers.
+//!   `artifact_pictures`: the same as pictures. `live_pictures`: pictures of running jobs. `file_answer`, `byte_range`:
+//!   files in ranges. `etags`: conditions of requests. `refusal`: errors as answers.
 
 mod artifact_files;
 mod artifact_pictures;
@@ -20,6 +21,7 @@ mod etags;
 mod file_answer;
 mod gate;
 mod kernel_files;
+mod live_pictures;
 mod memory_use;
 mod origin;
 mod page;
@@ -54,13 +56,14 @@ const ARTIFACT_PICTURE: &str = "/v1/artifacts/{digest}/picture";
 const ARTIFACT_UPLOAD: &str = "/v1/artifacts/{digest}/upload";
 
 /// Paths of plain HTTP that have handlers of their own.
-const PATHS: [&str; 12] = [
+const PATHS: [&str; 13] = [
     "/healthz",
     "/metrics",
     ARTIFACT_CONTENT,
     ARTIFACT_PICTURE,
     ARTIFACT_UPLOAD,
     "/v1/colormaps/{colormap}",
+    "/v1/jobs/{job}/picture",
     "/openapi.json",
     "/v1/keyring",
     "/v1/displays/{display}/kernels/{kernel}/manifest",
@@ -76,14 +79,28 @@ pub fn router(gate: Gate, budget: Arc<MemoryBudget>, grpc: tonic::service::Route
     // Both routers have a fallback, and a merged router can have only one.
     let grpc = grpc.into_axum_router().reset_fallback();
     let methods = grpc.clone();
-    let [healthz, metrics_path, content, picture, upload, colormap, openapi, keyring, manifest, file, index, page_file] =
-        PATHS;
+    let [
+        healthz,
+        metrics_path,
+        content,
+        picture,
+        upload,
+        colormap,
+        live_picture,
+        openapi,
+        keyring,
+        manifest,
+        file,
+        index,
+        page_file,
+    ] = PATHS;
     let http = Router::new()
         .route(healthz, get(health))
         .route(metrics_path, get(metrics))
         .route(content, get(artifact_files::get_content))
         .route(picture, get(artifact_pictures::get_picture))
         .route(colormap, get(artifact_pictures::get_colormap))
+        .route(live_picture, get(live_pictures::get_live_picture))
         .route(upload, put(artifact_files::upload).layer(DefaultBodyLimit::disable()))
         .route(openapi, get(get_openapi))
         .route(keyring, get(kernel_files::get_keyring))

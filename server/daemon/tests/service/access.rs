@@ -105,6 +105,7 @@ pub(crate) const EXPECTED: &[(&str, &str)] = &[
     ("/v1/artifacts/0/content", MAY_READ),
     ("/v1/artifacts/0/picture", MAY_READ),
     ("/v1/colormaps/cyclic", MAY_READ),
+    ("/v1/jobs/0/picture", MAY_READ),
     ("/v1/artifacts/0/upload", MAY_SUBMIT),
     ("/openapi.json", MAY_FETCH),
     ("/v1/keyring", MAY_FETCH),

@@ -17,6 +17,7 @@ mod interpolation;
 mod jobs;
 mod kernels;
 mod lifecycle;
+mod live_pictures;
 mod malformed;
 mod manifests;
 mod memory_limits;

@@ -7,6 +7,7 @@ import { onEvent } from "../events.js";
 import { age, between, bytes, decibels, duration, idOf, length, number, percent } from "../format.js";
 import { progressOf, stateOf, updateProgress } from "../job_rows.js";
 import { hologramPictures, phasePicture, photographPicture, photographsOf } from "../hologram_pictures.js";
+import { livePicture } from "../live_picture.js";
 import { errorNote, refresher } from "../loading.js";
 import { originTable, versionsOfHologram } from "../origin.js";
 import { pictureViewer } from "../pictures.js";
@@ -19,13 +20,15 @@ export function jobPage(root, [id]) {
   const name = `jobs/${id}`;
   const head = h("div", {});
   const notice = h("div", { role: "status" });
+  const live = h("div", {});
   const loss = h("div", {});
   const results = h("div", {});
   const facts = h("div", {});
   const log = h("div", {});
-  show(root, head, notice, loss, results, facts, log);
+  show(root, head, notice, live, loss, results, facts, log);
   const history = { steps: [], losses: [], stage: "" };
   let plot = null;
+  let picture = null;
   let viewers = [];
   let shownRevision = "";
   let hasEnded = false;
@@ -36,6 +39,7 @@ export function jobPage(root, [id]) {
     shownRevision = job.revision;
     hasEnded = ["STATE_SUCCEEDED", "STATE_FAILED", "STATE_CANCELLED"].includes(job.state);
     showHead(job);
+    showLive(job);
     note(job.progress);
     showFacts(job);
     if (job.state === "STATE_SUCCEEDED") await showResults(job);
@@ -62,6 +66,18 @@ export function jobPage(root, [id]) {
       progressOf(job),
       h("p", { class: "actions" }, !hasEnded && !job.cancelRequested && act("cancel", "Cancel"),
         ["STATE_FAILED", "STATE_CANCELLED"].includes(job.state) && act("retry", "Retry")));
+  }
+
+  /** Shows the picture of a running hologram, until its result is there. */
+  function showLive(job) {
+    if (job.state === "STATE_RUNNING" && job.spec.optimizeHologram) {
+      picture ??= livePicture(name);
+      show(live, picture.element);
+    } else {
+      picture?.end();
+      picture = null;
+      show(live);
+    }
   }
 
   /** Adds the loss of the latest step to the chart. */
@@ -165,12 +181,14 @@ export function jobPage(root, [id]) {
       refresh.soon();
     }
     if (kind !== "job" || data.name !== name) return;
+    picture?.refresh();
     if (updateProgress(head, data)) note(data.progress);
     else refresh.soon();
   });
   return () => {
     ends();
     plot?.end();
+    picture?.end();
     viewers.forEach((viewer) => viewer.end());
   };
 }

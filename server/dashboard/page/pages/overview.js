@@ -6,6 +6,7 @@ import { h, show } from "../dom.js";
 import { onEvent } from "../events.js";
 import { age, bytes, idOf, words } from "../format.js";
 import { jobTable, progressOf, stateOf, updateProgress } from "../job_rows.js";
+import { livePicture } from "../live_picture.js";
 import { emptyNote, refresher } from "../loading.js";
 
 const LATEST = 12;
@@ -28,6 +29,8 @@ export function overviewPage(root) {
     h("section", {}, h("h2", {}, "Latest jobs"), latest),
     h("section", {}, h("h2", {}, "Displays"), displays));
   let plots = [];
+  /** Pictures of running holograms by the names of their jobs. */
+  const pictures = new Map();
 
   const refresh = refresher(latest, async () => {
     const [queue, runningJobs, failed, jobs] = await Promise.all([
@@ -47,7 +50,8 @@ export function overviewPage(root) {
       slow.disk !== null && h("div", { class: "tile" }, h("dt", {}, "free on the disk"), h("dd", {}, bytes(slow.disk))));
     show(pauses, (queue?.pauses ?? []).map((pause) => h("p", { class: "note" },
       `${pause.display ? idOf(pause.display) : "The whole queue"} is paused since ${age(pause.since)}: ${pause.reason}`)));
-    show(running, runningJobs.summaries.length ? runningJobs.summaries.map(card) : emptyNote("No job runs now."));
+    keepPictures(runningJobs.summaries);
+    show(running, runningJobs.summaries.length ? runningJobs.summaries.map((job) => card(job, pictures.get(job.name))) : emptyNote("No job runs now."));
     show(latest, jobs.summaries.length
       ? jobTable(`The ${jobs.summaries.length} newest jobs`, jobs.summaries)
       : emptyNote("There are no jobs yet. Send a picture to a display:", "lightpath hologram optimize picture.png --display lab --distance 150mm"));
@@ -69,6 +73,17 @@ export function overviewPage(root) {
       : emptyNote("No display is declared yet. Declare one:", "lightpath display create lab --resolution 1920x1080 --pixel-pitch 8um --wavelength 515nm"),
     page.nextPageToken && h("p", {}, h("a", { href: "#/displays" }, "All displays")));
   });
+
+  /** Begins pictures for new holograms, and ends those of jobs that no longer run. */
+  function keepPictures(jobs) {
+    const holograms = jobs.filter(({ kind }) => kind === "KIND_OPTIMIZE_HOLOGRAM").map(({ name }) => name);
+    for (const name of holograms) if (!pictures.has(name)) pictures.set(name, livePicture(name));
+    for (const [name, picture] of pictures) {
+      if (holograms.includes(name)) continue;
+      picture.end();
+      pictures.delete(name);
+    }
+  }
 
   function displayCard({ name, kernels, devices }) {
     const measured = kernels.flatMap(({ kernel, versions }) => versions.filter(({ metrics }) => metrics?.testLoss > 0)
@@ -92,6 +107,7 @@ export function overviewPage(root) {
 
   const timer = setInterval(() => document.hidden || void refreshSlow(), SLOW);
   const ends = onEvent((kind, data) => {
+    if (kind === "job") pictures.get(data.name)?.refresh();
     if (kind === "job" && updateProgress(root, data)) return;
     if (kind === "job" || kind === "queue" || kind === "reset") refresh.soon();
     if (["display", "kernel", "device", "reset"].includes(kind)) refreshSlow.soon();
@@ -99,6 +115,7 @@ export function overviewPage(root) {
   return () => {
     ends();
     clearInterval(timer);
+    keepPictures([]);
     plots.forEach((plot) => plot.end());
   };
 }
@@ -110,9 +127,10 @@ async function displayOf({ name }) {
   return { name, devices, kernels: await Promise.all(withVersions) };
 }
 
-function card(job) {
+function card(job, picture) {
   return h("article", { class: "card" },
     h("h3", {}, h("a", { href: `#/${job.name}`, "data-key": `card ${job.name}` }, words(job.kind, "KIND")), " ", stateOf(job)),
     h("p", {}, `on ${idOf(job.display)}`, job.owner ? ` for ${job.owner}` : ""),
-    progressOf(job) ?? h("p", {}, "starts"));
+    progressOf(job) ?? h("p", {}, "starts"),
+    picture?.element);
 }

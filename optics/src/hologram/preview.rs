@@ -1,0 +1,56 @@
+//! A small picture of the light while a hologram is optimized.
+
+use super::optimization::Optimization;
+use crate::Plane;
+use rayon::prelude::*;
+
+impl Optimization {
+    /// The light of the first image plane at the latest evaluation, as the mean over squares of pixels, so that no side
+    /// is longer than `side_px_max`, at least 1. It costs one reading of the light, which the evaluation left in memory,
+    /// and changes nothing.
+    ///
+    /// `None` before the first evaluation, and for methods that keep no light: Adam with one frame, and double phase.
+    #[must_use]
+    pub fn light_preview(&self, side_px_max: usize) -> Option<Plane<f32>> {
+        let core = &self.problem().core;
+        let lights = core.light_of_first_plane()?;
+        let (height_px, width_px) = (core.engine().height_px(), core.engine().width_px());
+        Some(mean_over_squares(lights, height_px, width_px, side_px_max))
+    }
+}
+
+/// The mean of `lights` over the smallest squares that make no side longer than `side_px_max`. Each row of pixels has the
+/// rows of its light planes one after the other, and their mean is the light of the pixels.
+fn mean_over_squares(lights: &[f32], height_px: usize, width_px: usize, side_px_max: usize) -> Plane<f32> {
+    let square_px = height_px.max(width_px).div_ceil(side_px_max.max(1));
+    let mut small = Plane::filled(height_px.div_ceil(square_px), width_px.div_ceil(square_px), 0.0);
+    let (columns, row_len) = (small.width_px(), lights.len() / height_px);
+    let rows = small.values_mut().par_chunks_mut(columns).zip(lights.par_chunks(square_px * row_len));
+    rows.for_each(|(means, lights)| {
+        for light in lights.chunks_exact(width_px) {
+            for (mean, light) in means.iter_mut().zip(light.chunks(square_px)) {
+                *mean += light.iter().sum::<f32>();
+            }
+        }
+        let light_rows = lights.len() / width_px;
+        for (mean, first_px) in means.iter_mut().zip((0..width_px).step_by(square_px)) {
+            *mean /= (light_rows * square_px.min(width_px - first_px)) as f32;
+        }
+    });
+    small
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn squares_at_the_edges_have_the_mean_of_their_pixels() {
+        let light: Vec<f32> = (0..5 * 7).map(|i| i as f32).collect();
+        let small = mean_over_squares(&light, 5, 7, 3);
+        // Squares of 3 px: the last column has one column of pixels, the last row two rows.
+        assert_eq!((small.height_px(), small.width_px()), (2, 3));
+        assert_eq!(small.values(), [8.0, 11.0, 13.0, 25.5, 28.5, 30.5]);
+        assert_eq!(mean_over_squares(&light, 5, 7, 100).values(), light);
+    }
+}
