@@ -4,7 +4,7 @@ use crate::config::{Config, ConfigError};
 use crate::upkeep::{self, Collected, DATABASE, Retention, UpkeepError};
 use lightpath_api::audit::Audit;
 use lightpath_api::connections;
-use lightpath_api::http::{self, EndedTokens, Gate, Hosts, MemoryBudget, Rate};
+use lightpath_api::http::{self, EndedTokens, Gate, MemoryBudget, Rate};
 use lightpath_api::tls::{self, Tls, TlsError};
 use lightpath_api::{Api, ApiLimits};
 use lightpath_artifacts::{ArtifactError, Artifacts};
@@ -122,6 +122,7 @@ pub async fn run_and_announce(
     let store = open_store(&config).await?;
     let address = listener.local_addr().map_err(ServeError::Listener)?;
     let tokens_required = check_access(&store, &config, address).await?;
+    let hosts = config.hosts(tokens_required)?;
     let tls = tls.map(Tls::open).transpose()?.map(Arc::new);
     let audit = Arc::new(Audit::open(&config.data_dir).map_err(ServeError::Audit)?);
     artifacts.space().set_stored_bytes(store.artifact_totals().await?.1);
@@ -138,7 +139,6 @@ pub async fn run_and_announce(
     let ended_tokens = EndedTokens::default();
     let tokens = tokio::spawn(token_loop(api.store().clone(), ended_tokens.clone(), stopping.clone()));
     let rate = Arc::new(Rate::new(config.calls_per_s_max));
-    let hosts = if tokens_required { Hosts::all() } else { Hosts::only(config.host_names()) };
     let gate = Gate { api, tokens_required, hosts, audit: Arc::clone(&audit), rate, ended_tokens };
     let budget = Arc::new(MemoryBudget::new(config.under_way_bytes_max()));
     let app = http::router(gate, budget, grpc);

@@ -4,6 +4,7 @@
 //!
 //! - `gate`: identifies callers and checks their roles. `origin`: keeps out web pages of other sites. `protocol`: gRPC or
 //!   HTTP. `token_expiry`: ends calls of invalid tokens.
+//! - `cors`: pages of other sites that may call the server. `grpc_web`: gRPC for web pages.
 //! - `page`: the files of the dashboard. `compression`: gzip and zstd.
 //! - `memory_use`: memory of each call, taken from the memory budget. `checked_body`: bodies whose frames these check.
 //! - `requests`: deadlines and metrics of requests, including gRPC. `transcode`: the methods of the API as JSON.
@@ -17,9 +18,11 @@ mod artifact_pictures;
 mod byte_range;
 mod checked_body;
 mod compression;
+mod cors;
 mod etags;
 mod file_answer;
 mod gate;
+mod grpc_web;
 mod kernel_files;
 mod live_pictures;
 mod memory_use;
@@ -43,6 +46,7 @@ use axum::middleware;
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, put};
 use axum::{Extension, Router};
+pub use cors::{OriginError, Origins};
 pub use gate::Gate;
 use lightpath_metrics as metrics;
 pub use origin::Hosts;
@@ -75,7 +79,7 @@ const PATHS: [&str; 13] = [
 /// The router for gRPC and HTTP.
 pub fn router(gate: Gate, budget: Arc<MemoryBudget>, grpc: tonic::service::Routes) -> Router {
     requests::expect_all();
-    let api = gate.api.clone();
+    let (api, origins) = (gate.api.clone(), gate.hosts.pages().clone());
     // Both routers have a fallback, and a merged router can have only one.
     let grpc = grpc.into_axum_router().reset_fallback();
     let methods = grpc.clone();
@@ -110,12 +114,13 @@ pub fn router(gate: Gate, budget: Arc<MemoryBudget>, grpc: tonic::service::Route
         .route(page_file, get(page::get_file))
         .fallback(move |request| transcode::call_method(methods.clone(), request))
         .with_state(api.clone());
-    compression::with_compression(http)
+    let app = compression::with_compression(http)
         .merge(grpc)
         .layer(middleware::from_fn_with_state(gate, gate::pass))
         .layer(middleware::from_fn_with_state(budget, memory_use::with_memory_limit))
         .layer(middleware::from_fn_with_state(api, requests::with_deadline))
-        .layer(middleware::from_fn(transcode::find_method))
+        .layer(middleware::from_fn(transcode::find_method));
+    grpc_web::with_grpc_web(app).layer(middleware::from_fn_with_state(origins, cors::with_cors))
 }
 
 async fn health(State(api): State<Api>) -> Response {

@@ -2,35 +2,51 @@
 //!
 //! A browser lets every page send requests to `localhost`. Two checks keep pages of other sites out:
 //!
-//! - Browsers name the page's site in the header `Origin`. It must be the server itself.
+//! - Browsers name the page's site in the header `Origin`. It must be the server itself, or one of the origins that the
+//!   operator allows (see [`super::cors`]).
 //! - A site can let its own name point to 127.0.0.1 (DNS rebinding), so that the page seems to come from the server. So a
 //!   server that requires no tokens answers only to its own names: IP addresses, `localhost`, and the setting `host_names`.
 //!   A server with tokens needs no such check, because such a page has no token.
 
+use super::cors::Origins;
 use axum::extract::Request;
 use axum::http::header;
 use axum::http::uri::Authority;
 use std::net::{Ipv4Addr, Ipv6Addr};
 use tonic::Status;
 
-/// The names to which a server answers.
+/// The names to which a server answers, and the pages that may call it.
 #[derive(Clone, Debug)]
 pub struct Hosts {
     /// Names besides IP addresses and `localhost`, in lower case; `None`: all names.
     names: Option<Vec<String>>,
+    /// Pages of other sites that may call the server.
+    pages: Origins,
 }
 
 impl Hosts {
     /// Answers to all names.
     #[must_use]
     pub fn all() -> Self {
-        Self { names: None }
+        Self { names: None, pages: Origins::default() }
     }
 
     /// Answers to IP addresses, to `localhost`, and to these names.
     #[must_use]
     pub fn only(names: impl IntoIterator<Item = String>) -> Self {
-        Self { names: Some(names.into_iter().map(|name| name.to_ascii_lowercase()).collect()) }
+        let names = names.into_iter().map(|name| name.to_ascii_lowercase()).collect();
+        Self { names: Some(names), pages: Origins::default() }
+    }
+
+    /// The same, with pages of other sites that may call the server.
+    #[must_use]
+    pub fn with_pages(self, pages: Origins) -> Self {
+        Self { pages, ..self }
+    }
+
+    /// Pages of other sites that may call the server.
+    pub(super) fn pages(&self) -> &Origins {
+        &self.pages
     }
 
     /// Refuses a request to a name that is not the server's, and a request from a page of another site.
@@ -51,11 +67,13 @@ impl Hosts {
             )));
         }
         let origins = request.headers().get_all(header::ORIGIN);
-        if origins.iter().all(|origin| is_same_site(origin.to_str().unwrap_or_default(), &host)) {
+        let may_call = |origin: &str| is_same_site(origin, &host) || self.pages.contains(origin);
+        if origins.iter().all(|origin| may_call(origin.to_str().unwrap_or_default())) {
             return Ok(());
         }
         Err(Status::permission_denied(
-            "the request comes from a web page of another site, whose Origin is not this server",
+            "the request comes from a web page of another site, whose Origin is not this server; if that page may call \
+             it, add its origin to the setting cors_origins",
         ))
     }
 

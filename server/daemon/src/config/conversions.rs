@@ -2,6 +2,7 @@
 
 use super::{Config, ConfigError};
 use crate::upkeep::Retention;
+use lightpath_api::http::{Hosts, Origins};
 use lightpath_api::tls::TlsFiles;
 use lightpath_api::{ApiLimits, JobLimits, ManifestRules};
 use lightpath_artifacts::SpaceLimits;
@@ -55,9 +56,15 @@ impl Config {
         ApiLimits { queue, jobs, computing_bytes: bytes(self.computing_mib_max), manifests }
     }
 
-    /// Names of the server besides localhost and its addresses.
-    pub fn host_names(&self) -> impl Iterator<Item = String> + '_ {
-        self.host_names.split(',').map(|name| name.trim().to_owned()).filter(|name| !name.is_empty())
+    /// The names to which the server answers, and the web pages of other sites that may call it.
+    ///
+    /// # Errors
+    ///
+    /// [`ConfigError::Origins`] if the setting `cors_origins` is no list of origins.
+    pub fn hosts(&self, tokens_required: bool) -> Result<Hosts, ConfigError> {
+        let names = self.host_names.split(',').map(|name| name.trim().to_owned()).filter(|name| !name.is_empty());
+        let hosts = if tokens_required { Hosts::all() } else { Hosts::only(names) };
+        Ok(hosts.with_pages(Origins::parse(&self.cors_origins)?))
     }
 
     /// Limits on the queue and on the space of each owner.

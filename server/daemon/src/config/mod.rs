@@ -15,6 +15,7 @@ mod setting;
 pub use layers::{Effective, Origin, Settings};
 pub use setting::Allowed;
 
+use lightpath_api::http::OriginError;
 use serde::{Deserialize, Serialize};
 use setting::{Setting, settings};
 use std::net::{Ipv4Addr, SocketAddr};
@@ -61,6 +62,9 @@ settings! {
     /// Names of the server, besides localhost and its IP addresses, under which it answers without tokens; separated by
     /// commas
     host_names: String = String::new(), "NAMES", Allowed::Text("names separated by commas, such as lab-server,lab-server.example");
+    /// Origins of web pages of other sites that may call the server, separated by commas; such a page may do what its
+    /// token may, or everything if the server requires no tokens
+    cors_origins: String = String::new(), "ORIGINS", Allowed::Text("origins separated by commas, such as https://dash.example,http://localhost:8000");
     /// Number of jobs that run at the same time
     workers: u32 = 1, "COUNT", Allowed::Numbers(1.0, 64.0);
     /// Number of threads of one job; by default one for each core
@@ -166,6 +170,9 @@ pub enum ConfigError {
         /// Name of the setting that is missing.
         missing: &'static str,
     },
+    /// The setting `cors_origins` is no list of origins.
+    #[error("cors_origins {0}")]
+    Origins(#[from] OriginError),
     /// A value is out of range.
     #[error("{key} is {value}, but must be {allowed} ({origin})")]
     Value {

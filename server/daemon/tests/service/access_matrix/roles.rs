@@ -23,15 +23,15 @@ const ALL_DISPLAYS: [&str; 8] = [
 ];
 
 /// Forms of requests that gRPC clients send.
-const GRPC: [Form; 2] = [
+const GRPC: [Form; 3] = [
     Form { method: "POST", content_type: Some("application/grpc") },
     Form { method: "POST", content_type: Some("application/grpc+proto") },
+    Form { method: "POST", content_type: Some("application/grpc-web") },
 ];
 /// Forms of requests that never reach a gRPC method.
-const NOT_GRPC: [Form; 5] = [
+const NOT_GRPC: [Form; 4] = [
     Form { method: "POST", content_type: Some("text/plain") },
     Form { method: "POST", content_type: Some("application/json") },
-    Form { method: "POST", content_type: Some("application/grpc-web") },
     Form { method: "POST", content_type: None },
     Form { method: "GET", content_type: Some("application/grpc") },
 ];
