@@ -5,8 +5,8 @@ import { h } from "./dom.js";
 import { idOf, length } from "./format.js";
 import { table } from "./table.js";
 
-/** A table of the origins of kernel versions, given as `[title, version]`; `null` stands for the ideal kernel. */
-export function originTable(versions) {
+/** A table of the origins of kernel versions, given as `[title, version]`; `null` stands for the ideal kernel. `heading` is that of the titles. */
+export function originTable(heading, versions) {
   const row = ([title, version]) => {
     const first = h("th", { scope: "row" }, title);
     if (!version) return h("tr", {}, first, h("td", {}, "ideal"), h("td", { colspan: 5 }, "computed, not learned"));
@@ -22,7 +22,7 @@ export function originTable(versions) {
       h("td", { class: "right" }, lineage?.job ? lineage.seed : "–"),
       h("td", { class: "right" }, lineage?.codeVersion || "–"));
   };
-  return table("Kernels, and what they were learned from", ["Plane", "Kernel", "Learned by", "Datasets", ">Continues", ">Seed", ">Lightpath"], versions.map(row));
+  return table("Kernels, and what they were learned from", [heading, "Kernel", "Learned by", "Datasets", ">Continues", ">Seed", ">Lightpath"], versions.map(row));
 }
 
 /** The kernel versions through which a hologram's job looks, as `[plane, version]` in the order of `job.kernelVersions`. */

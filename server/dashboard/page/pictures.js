@@ -43,7 +43,7 @@ export function pictureViewer(pictures) {
       line.style[isRow ? "left" : "top"] = "0";
     }
   });
-  const controls = h("div", { class: "controls" }, pictures.length > 1 && [mode, pair, wipe], Object.keys(LOOKS).map(lookChoice), profile.controls, reset, smooth);
+  const controls = h("div", { class: "controls" }, pictures.length > 1 && [mode, pair, wipe], Object.keys(LOOKS).map(lookChoice), profile.controls, reset, !isSmooth && smooth);
   const element = h("div", { class: "viewer" }, controls, stage, profile.element);
   let blink = 0;
   let rest = 0;
@@ -172,6 +172,7 @@ export function pictureViewer(pictures) {
 
   function apply() {
     const isPair = mode.value !== "side by side";
+    reset.hidden = isSmooth && view.zoom === 1;
     stage.classList.toggle("stacked", isPair);
     pair.hidden = !isPair;
     wipe.hidden = mode.value !== "wipe";

@@ -12,6 +12,7 @@ import { errorNote, refresher } from "../loading.js";
 import { originTable, versionsOfHologram } from "../origin.js";
 import { pictureViewer } from "../pictures.js";
 import { propagationSection } from "../propagation.js";
+import { reportFigures } from "../report_figures.js";
 import { table } from "../table.js";
 
 const DETECTORS = ["point", "pixel", "supersampled"];
@@ -142,15 +143,16 @@ export function jobPage(root, [id]) {
   }
 
   function figures(report) {
-    const shown = report.figures.filter((figure) => figure.name.endsWith(".png"));
-    return shown.map((figure) => pictures(figure.title, [{ label: figure.title, digest: figure.artifact, kind: "figure" }]));
+    const shown = reportFigures(report.figures);
+    viewers.push(shown);
+    return h("section", {}, h("h2", {}, "Report"), shown.element);
   }
 
   async function learnSections({ lossHistory, kernels }) {
     drawLoss("Training loss", "epoch, then refinement step", lossHistory.map((_, i) => i + 1), lossHistory);
     const versions = await Promise.all(kernels.map(({ kernelVersion }) => get(kernelVersion)));
     return [
-      h("section", {}, h("h2", {}, "Learned kernels"), originTable(versions.map((version, i) => [idOf(kernels[i].dataset), version]))),
+      h("section", {}, h("h2", {}, "Learned kernels"), originTable("Dataset", versions.map((version, i) => [idOf(kernels[i].dataset), version]))),
       propagationSection(kernels.map(({ dataset, propagation }) => [idOf(dataset), propagation])),
     ];
   }
@@ -171,7 +173,7 @@ export function jobPage(root, [id]) {
       }),
       qualities.length > 0 && h("section", {}, h("h2", {}, "Quality"), qualityTable(qualities)),
       propagationSection(planes.map(([at, plane]) => [at, plane.propagation])),
-      h("section", {}, h("h2", {}, "Origin"), originTable(versions)),
+      h("section", {}, h("h2", {}, "Origin"), originTable("Plane", versions)),
     ];
   }
 

@@ -6,7 +6,9 @@ import { h, show } from "../dom.js";
 import { onEvent } from "../events.js";
 import { age, bytes, length, number, percent, words } from "../format.js";
 import { emptyNote, errorNote, refresher } from "../loading.js";
+import { originTable } from "../origin.js";
 import { table } from "../table.js";
+import { versionReport } from "../version_report.js";
 
 export function kernelPage(root, [display, kernelId]) {
   const name = `displays/${display}/kernels/${kernelId}`;
@@ -16,7 +18,10 @@ export function kernelPage(root, [display, kernelId]) {
   const versions = h("div", {});
   const compared = h("div", {});
   const moves = h("div", {});
-  show(root, head, notice, quality, versions, compared, moves);
+  const report = versionReport(display);
+  const origin = h("div", {});
+  show(root, head, notice, quality, versions, compared, origin, moves, report.element);
+  let reported = null;
   let plot = null;
   const refresh = refresher(head, async () => {
     const [kernel, page, moved] = await Promise.all([get(name), get(`${name}/versions`, { pageSize: 100 }), get(`${name}/moves`, { pageSize: 20 })]);
@@ -26,6 +31,11 @@ export function kernelPage(root, [display, kernelId]) {
     drawQuality(page.versions);
     show(versions, h("section", {}, h("h2", {}, "Versions"), page.versions.length ? versionTable(kernel, page.versions, moved.moves) : emptyNote("There are no versions.")),
       page.versions.length > 1 && comparison(page.versions));
+    if (!reported) {
+      reported = page.versions.find((version) => version.active) ?? page.versions[0] ?? null;
+      report.show(reported);
+    }
+    show(origin, page.versions.length > 0 && h("section", {}, h("h2", {}, "Origin"), originTable("Version", page.versions.map((version) => [version.version, version]))));
     show(moves, moved.moves.length > 0 && h("section", {}, h("h2", {}, "History"), h("ol", { class: "log" }, moved.moves.map((move) =>
       h("li", {}, h("time", { datetime: move.time }, new Date(move.time).toLocaleString()),
         ` ${move.alias || "active"}: ${move.fromVersion || "none"} → ${move.toVersion || "none"}${move.caller ? ` by ${move.caller}` : ""}${move.rollback ? ", a rollback" : ""}${move.reason ? `: ${move.reason}` : ""}`)))),
@@ -62,7 +72,7 @@ export function kernelPage(root, [display, kernelId]) {
         h("td", { class: "right" }, bytes(Number(version.sizeBytes))),
         h("td", {}, version.lineage?.job ? h("a", { href: `#/${version.lineage.job}` }, "job") : "imported"),
         h("td", {}, age(version.createTime)),
-        h("td", { class: "right" }, button("Report", `of version ${version.version}`, () => report(version)), " ", version.active
+        h("td", { class: "right" }, button("Report", `of version ${version.version}`, () => report.demand(version)), " ", version.active
           ? canRollBack && button("Roll back", `roll back ${version.version}`, () => rollBack(kernel))
           : button("Promote…", `promote ${version.version}`, () => promote(kernel, version))));
     };
@@ -88,15 +98,6 @@ export function kernelPage(root, [display, kernelId]) {
         picturePng && h("p", {}, h("img", { class: "wide-picture", src: `data:image/png;base64,${picturePng}`, alt: `Amplitude and phase of versions ${first} and ${second}` }))));
     } catch (error) {
       show(compared, errorNote(error));
-    }
-  }
-
-  async function report(version) {
-    try {
-      const job = await post("jobs", { spec: { reportKernel: { kernelVersion: version.name } } });
-      location.hash = `#/${job.name}`;
-    } catch (error) {
-      show(notice, errorNote(error));
     }
   }
 
@@ -128,9 +129,13 @@ export function kernelPage(root, [display, kernelId]) {
     void refresh();
   }
 
-  const ends = onEvent((kind, data) => (kind === "reset" || (kind === "kernel" && data.name === name)) && refresh.soon());
+  const ends = onEvent((kind, data) => {
+    if (kind === "job") report.onJob(data);
+    if (kind === "reset" || (kind === "kernel" && data.name === name)) refresh.soon();
+  });
   return () => {
     ends();
+    report.end();
     plot?.end();
   };
 }
