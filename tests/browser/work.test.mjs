@@ -37,6 +37,18 @@ test("a dropped picture becomes a hologram, and its job is seen to finish", asyn
   assert.deepEqual(page.problems, []);
 });
 
+test("a picture is uploaded from a page that may not use the browser's cryptography, too", async () => {
+  const page = await openPage(browser, server.url);
+  await page.addInitScript(() => Object.defineProperty(crypto, "subtle", { value: undefined }));
+  await page.goto(`${server.url}/`);
+  await dropSquare(page);
+  await page.getByText("square.png").waitFor();
+  await page.getByLabel("Iterations").fill("2");
+  await page.getByRole("button", { name: "Make the hologram" }).click();
+  await page.getByRole("heading", { level: 1, name: "optimize hologram succeeded" }).waitFor();
+  assert.deepEqual(page.problems, []);
+});
+
 test("a version is promoted with a reason and rolled back, and another open page sees it", async () => {
   const { kernels: [kernel] } = await server.get("displays/demo/kernels");
   const [page, other] = [await openPage(browser, server.url), await openPage(browser, server.url)];

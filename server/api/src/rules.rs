@@ -119,6 +119,7 @@ const ROUTES: &[(&str, Rule)] = &[
     ("/v1/colormaps/{colormap}", rule(READERS, Effect::Reads)),
     ("/v1/jobs/{job}/picture", rule(READERS, Effect::Reads)),
     ("/v1/artifacts/{digest}/upload", rule(SUBMITTERS, Effect::Changes)),
+    ("/v1/artifacts", rule(SUBMITTERS, Effect::Changes)),
     ("/openapi.json", rule(KERNEL_READERS, Effect::Reads)),
     ("/v1/keyring", rule(KERNEL_READERS, Effect::Reads)),
     ("/v1/displays/{display}/kernels/{kernel}/manifest", rule(KERNEL_READERS, Effect::Reads)),

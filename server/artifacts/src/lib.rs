@@ -9,6 +9,7 @@
 //! DATA_DIR/artifacts/ab/sha256-ab…     blobs
 //! DATA_DIR/checkpoints/ab/sha256-ab…   resumable states of running jobs; clients cannot download them
 //! DATA_DIR/uploads/sha256-….part       stored parts of interrupted uploads, by artifact and owner
+//! DATA_DIR/uploads/unnamed-….part      running uploads whose digest nobody knows yet
 //! DATA_DIR/conversions/ab/sha256-ab…  files that can be made again, such as converted kernels; emptied at start
 //! DATA_DIR/tmp/                        files being written; emptied at start
 //! DATA_DIR/lock                        held by the one process that uses the folder: a server, a restore, a collection

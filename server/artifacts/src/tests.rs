@@ -154,6 +154,27 @@ async fn upload_with_wrong_digest_or_size_is_not_published() {
 }
 
 #[tokio::test]
+async fn upload_without_a_digest_tells_it_and_leaves_nothing_if_it_is_cut() {
+    let data = tempfile::tempdir().unwrap();
+    let artifacts = Artifacts::open(data.path()).unwrap();
+    let mut writer = artifacts.uploads().begin_unnamed(5).await.unwrap();
+    let mut other = artifacts.uploads().begin_unnamed(5).await.unwrap();
+    writer.write(b"right".to_vec()).await.unwrap();
+    other.write(b"oth".to_vec()).await.unwrap();
+    let digest = writer.finish().await.unwrap();
+    assert_eq!(digest, digest_of(b"right"));
+    assert_eq!(artifacts.read_all(&digest).await.unwrap(), b"right");
+    assert!(matches!(other.finish().await, Err(ArtifactError::WrongSize { received_bytes: 3, size_bytes: 5 })));
+    let mut long = artifacts.uploads().begin_unnamed(2).await.unwrap();
+    assert!(matches!(long.write(b"long".to_vec()).await, Err(ArtifactError::WrongSize { .. })));
+    drop(long);
+    let mut cut = artifacts.uploads().begin_unnamed(5).await.unwrap();
+    cut.write(b"cut".to_vec()).await.unwrap();
+    drop(cut);
+    assert!(files(&data.path().join("uploads")).is_empty());
+}
+
+#[tokio::test]
 async fn folder_is_locked_and_leftovers_are_removed_at_start() {
     let data = tempfile::tempdir().unwrap();
     let artifacts = Artifacts::open(data.path()).unwrap();

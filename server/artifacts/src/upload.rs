@@ -1,4 +1,5 @@
-//! Resumable uploads: the received part of an interrupted upload is kept, and a later call continues it.
+//! Resumable uploads: the received part of an interrupted upload is kept, and a later call continues it. An upload whose
+//! digest nobody knows yet cannot be found again, so that nothing of it is kept.
 
 use crate::blocking::blocking;
 use crate::digest::{check_digest, digest_of, name};
@@ -11,6 +12,7 @@ use std::collections::HashSet;
 use std::fs::{self, File};
 use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -18,7 +20,7 @@ use std::time::Duration;
 pub const UPLOAD_AGE_MAX: Duration = Duration::from_secs(7 * 24 * 3600);
 
 /// An upload in progress. If it is dropped before [`UploadWriter::finish`], the received bytes are kept for a later
-/// call.
+/// call, if the upload has a digest.
 #[derive(Debug)]
 pub struct UploadWriter {
     /// `None` while a blocking thread works on the file.
@@ -49,6 +51,8 @@ struct Inner {
     blobs: Arc<Folder>,
     /// Names of the files of running uploads.
     running: Mutex<HashSet<String>>,
+    /// Number of uploads without a digest so far.
+    unnamed: AtomicU64,
 }
 
 /// Lock on an owner's upload of the artifact with this digest: at most one call at a time continues it. Released on
@@ -56,7 +60,8 @@ struct Inner {
 #[derive(Debug)]
 struct UploadLock {
     uploads: Uploads,
-    digest: String,
+    /// `None`: nobody knows the digest yet, so the file is removed with the lock.
+    digest: Option<String>,
     file_name: String,
 }
 
@@ -65,7 +70,7 @@ impl Uploads {
     /// for [`UPLOAD_AGE_MAX`].
     pub(crate) fn open(folder: PathBuf, blobs: Arc<Folder>) -> Result<Self, ArtifactError> {
         remove_stale(&folder).map_err(|error| ArtifactError::io("remove old uploads", error))?;
-        Ok(Self { inner: Arc::new(Inner { folder, blobs, running: Mutex::default() }) })
+        Ok(Self { inner: Arc::new(Inner { folder, blobs, running: Mutex::default(), unnamed: AtomicU64::new(0) }) })
     }
 
     /// Number of stored bytes of an owner's interrupted upload. The next call continues the upload at this offset. Each
@@ -100,16 +105,28 @@ impl Uploads {
         offset_bytes: u64,
     ) -> Result<UploadWriter, ArtifactError> {
         check_digest(digest)?;
-        let lock = self.lock(digest, file_name(digest, owner))?;
+        let file_name = file_name(digest, owner);
+        if !self.running().insert(file_name.clone()) {
+            return Err(ArtifactError::UploadBusy { digest: digest.to_owned() });
+        }
+        let lock = UploadLock { uploads: self.clone(), digest: Some(digest.to_owned()), file_name };
         let part = blocking(move || Part::open(lock, size_bytes, offset_bytes)).await?;
         Ok(UploadWriter { received_bytes: part.received_bytes, part: Some(part) })
     }
 
-    fn lock(&self, digest: &str, file_name: String) -> Result<UploadLock, ArtifactError> {
-        if !self.running().insert(file_name.clone()) {
-            return Err(ArtifactError::UploadBusy { digest: digest.to_owned() });
-        }
-        Ok(UploadLock { uploads: self.clone(), digest: digest.to_owned(), file_name })
+    /// Starts an upload of `size_bytes` whose digest [`UploadWriter::finish`] tells. It cannot be continued: if it ends
+    /// early, what it received is removed.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError::Io`].
+    pub async fn begin_unnamed(&self, size_bytes: u64) -> Result<UploadWriter, ArtifactError> {
+        // The file of a server that died may have the same name; its content is discarded.
+        let file_name = format!("unnamed-{}.part", self.inner.unnamed.fetch_add(1, Ordering::Relaxed));
+        self.running().insert(file_name.clone());
+        let lock = UploadLock { uploads: self.clone(), digest: None, file_name };
+        let part = blocking(move || Part::open(lock, size_bytes, 0)).await?;
+        Ok(UploadWriter { received_bytes: 0, part: Some(part) })
     }
 
     fn running(&self) -> MutexGuard<'_, HashSet<String>> {
@@ -144,14 +161,14 @@ impl UploadWriter {
         Ok(())
     }
 
-    /// Checks size and digest, and publishes the blob. When this returns, the blob is on disk and must be recorded in
-    /// the store.
+    /// Checks size and digest, publishes the blob, and returns its digest. When this returns, the blob is on disk and
+    /// must be recorded in the store.
     ///
     /// # Errors
     ///
     /// [`ArtifactError::WrongSize`] if bytes are missing: a later call can send them. [`ArtifactError::WrongDigest`]:
     /// the upload is discarded.
-    pub async fn finish(mut self) -> Result<(), ArtifactError> {
+    pub async fn finish(mut self) -> Result<String, ArtifactError> {
         let part = self.take_part()?;
         blocking(move || part.publish()).await
     }
@@ -197,23 +214,28 @@ impl Part {
         Ok(())
     }
 
-    fn publish(self) -> Result<(), ArtifactError> {
+    fn publish(self) -> Result<String, ArtifactError> {
         let Self { file, path, hasher, received_bytes, size_bytes, lock } = self;
         if received_bytes != size_bytes {
             return Err(ArtifactError::WrongSize { received_bytes, size_bytes });
         }
         let found = name(hasher);
-        if found != lock.digest {
+        if let Some(digest) = lock.digest.clone().filter(|digest| *digest != found) {
             let removed = fail::point("file.remove").and_then(|()| fs::remove_file(&path));
             removed.map_err(|error| ArtifactError::io("remove an upload with a wrong digest", error))?;
-            return Err(ArtifactError::WrongDigest { digest: lock.digest.clone(), found });
+            return Err(ArtifactError::WrongDigest { digest, found });
         }
-        lock.uploads.inner.blobs.publish(&file, &path, &lock.digest)
+        lock.uploads.inner.blobs.publish(&file, &path, &found)?;
+        Ok(found)
     }
 }
 
 impl Drop for UploadLock {
     fn drop(&mut self) {
+        if self.digest.is_none() {
+            // A published file is no longer here. If the removal fails, a later start removes the file.
+            drop(fs::remove_file(self.uploads.inner.folder.join(&self.file_name)));
+        }
         self.uploads.running().remove(&self.file_name);
     }
 }

@@ -68,11 +68,28 @@ impl Api {
         self.receive(call, start, chunks).await
     }
 
+    /// Receives an artifact whose digest the caller does not know.
+    pub(crate) async fn write_unnamed_artifact(
+        &self,
+        call: &Call,
+        size_bytes: u64,
+        chunks: impl Stream<Item = Result<Bytes, ApiError>> + Unpin,
+    ) -> Result<v1::Artifact, ApiError> {
+        let _open = self.accounts.streams.open(StreamKind::Upload, &call.client)?;
+        let size_bytes = Field::new("content-length").integer(size_bytes, 0..=ARTIFACT_BYTES_MAX)?;
+        self.artifacts.space().admit(size_bytes)?;
+        let stored_bytes_max = self.queue_limits.stored_bytes_per_owner;
+        self.store.require_owner_room(&call.caller.name, size_bytes, stored_bytes_max).await?;
+        let mut upload = self.artifacts.uploads().begin_unnamed(size_bytes).await?;
+        fill(&mut upload, size_bytes, chunks).await?;
+        self.publish(call, upload, size_bytes).await
+    }
+
     async fn receive(
         &self,
         call: &Call,
         start: v1::WriteArtifactStart,
-        mut chunks: impl Stream<Item = Result<Bytes, ApiError>> + Unpin,
+        chunks: impl Stream<Item = Result<Bytes, ApiError>> + Unpin,
     ) -> Result<v1::Artifact, ApiError> {
         let digest = Field::new("start.digest").digest(&start.digest)?;
         call.concerns(&digest);
@@ -81,15 +98,15 @@ impl Api {
             Turn::Stored(record) => return Ok(to_wire::artifact(record)),
             Turn::Granted(upload) => upload,
         };
-        while upload.received_bytes() < size_bytes {
-            let chunk = timeout(UPLOAD_IDLE_MAX, chunks.next()).await.map_err(|_| ApiError::Idle(UPLOAD_IDLE_MAX))?;
-            match chunk {
-                Some(chunk) => upload.write(chunk?.into()).await?,
-                None => break,
-            }
-        }
+        fill(&mut upload, size_bytes, chunks).await?;
+        self.publish(call, upload, size_bytes).await
+    }
+
+    /// Ends an upload, and records the artifact.
+    async fn publish(&self, call: &Call, upload: UploadWriter, size_bytes: u64) -> Result<v1::Artifact, ApiError> {
         let _publishing = self.artifacts.publishing().await;
-        upload.finish().await?;
+        let digest = upload.finish().await?;
+        call.concerns(&digest);
         let record = self.store.record_artifact(&digest, size_bytes, &call.caller.name, now_ms()).await?;
         Ok(to_wire::artifact(record))
     }
@@ -114,6 +131,22 @@ impl Api {
             }
         }
     }
+}
+
+/// Writes chunks until the upload has all of its bytes, or the chunks end.
+async fn fill(
+    upload: &mut UploadWriter,
+    size_bytes: u64,
+    mut chunks: impl Stream<Item = Result<Bytes, ApiError>> + Unpin,
+) -> Result<(), ApiError> {
+    while upload.received_bytes() < size_bytes {
+        let chunk = timeout(UPLOAD_IDLE_MAX, chunks.next()).await.map_err(|_| ApiError::Idle(UPLOAD_IDLE_MAX))?;
+        match chunk {
+            Some(chunk) => upload.write(chunk?.into()).await?,
+            None => break,
+        }
+    }
+    Ok(())
 }
 
 /// Result of waiting for another upload.

@@ -8,15 +8,18 @@ use crate::api::Api;
 use crate::call::Call;
 use crate::error::ApiError;
 use crate::field::Field;
-use axum::body::Body;
+use axum::body::{Body, Bytes};
 use axum::extract::{Path, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::Response;
 use axum::{Extension, Json};
-use futures::StreamExt as _;
+use futures::{Stream, StreamExt as _};
 use lightpath_proto::v1;
 use std::pin::pin;
 use tonic::Status;
+
+/// Content type of bytes of which nothing is known.
+const OCTETS: &str = "application/octet-stream";
 
 /// Handles `GET /v1/artifacts/{digest}/content`.
 pub(super) async fn get_content(
@@ -32,8 +35,8 @@ pub(super) async fn get_content(
     };
     let open = api.accounts.streams.open(StreamKind::Download, &call.client)?;
     // The server does not know the type of an artifact, and must not let a browser run one.
-    let (etag, content_type) = (format!("\"{digest}\""), "application/octet-stream");
-    let file = ServedFile { etag, size_bytes: record.size_bytes, content_type };
+    let etag = format!("\"{digest}\"");
+    let file = ServedFile { etag, size_bytes: record.size_bytes, content_type: OCTETS };
     file.answer(&headers, open, async |range| api.checked_reader(&call, &digest, range).await).await
 }
 
@@ -47,11 +50,38 @@ pub(super) async fn upload(
 ) -> Result<Json<v1::Artifact>, Refusal> {
     let (offset_bytes, size_bytes) = extent(&headers)?;
     let start = v1::WriteArtifactStart { digest, size_bytes, offset_bytes };
-    let chunks = pin!(body.into_data_stream().map(|chunk| chunk.map_err(|error| {
-        let cut = || Status::cancelled(format!("the body of the upload broke off: {error}"));
-        ApiError::Stream(Box::new(status_of(&error).unwrap_or_else(cut)))
-    })));
-    Ok(Json(api.write_artifact_bytes(&call, start, chunks).await?))
+    Ok(Json(api.write_artifact_bytes(&call, start, pin!(chunks(body))).await?))
+}
+
+/// Handles `POST /v1/artifacts`: an upload whose digest the answer tells.
+pub(super) async fn upload_unnamed(
+    State(api): State<Api>,
+    Extension(call): Extension<Call>,
+    headers: HeaderMap,
+    body: Body,
+) -> Result<Json<v1::Artifact>, Refusal> {
+    let content_type = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or("");
+    // A web page of another site can send some types without asking, but not this one.
+    if !content_type.eq_ignore_ascii_case(OCTETS) {
+        let status = Status::invalid_argument(format!("the header content-type must be {OCTETS}"));
+        return Err(Refusal::from(status).with_status(StatusCode::UNSUPPORTED_MEDIA_TYPE));
+    }
+    if headers.contains_key(header::CONTENT_RANGE) {
+        let message = "the header content-range needs the digest: use PUT /v1/artifacts/{digest}/upload";
+        return Err(Status::invalid_argument(message).into());
+    }
+    let (_, size_bytes) = extent(&headers)?;
+    Ok(Json(api.write_unnamed_artifact(&call, size_bytes, pin!(chunks(body))).await?))
+}
+
+/// The chunks of the body of an upload.
+fn chunks(body: Body) -> impl Stream<Item = Result<Bytes, ApiError>> {
+    body.into_data_stream().map(|chunk| {
+        chunk.map_err(|error| {
+            let cut = || Status::cancelled(format!("the body of the upload broke off: {error}"));
+            ApiError::Stream(Box::new(status_of(&error).unwrap_or_else(cut)))
+        })
+    })
 }
 
 /// Where the body of an upload begins in the artifact, and the size of the artifact \[bytes\]: from `content-range`

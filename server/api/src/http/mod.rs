@@ -44,7 +44,7 @@ use axum::extract::{DefaultBodyLimit, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::middleware;
 use axum::response::{IntoResponse, Response};
-use axum::routing::{get, put};
+use axum::routing::{get, post, put};
 use axum::{Extension, Router};
 pub use cors::{OriginError, Origins};
 pub use gate::Gate;
@@ -58,14 +58,16 @@ const ARTIFACT_CONTENT: &str = "/v1/artifacts/{digest}/content";
 const PAGE_FILE: &str = "/page/{*file}";
 const ARTIFACT_PICTURE: &str = "/v1/artifacts/{digest}/picture";
 const ARTIFACT_UPLOAD: &str = "/v1/artifacts/{digest}/upload";
+const UNNAMED_UPLOAD: &str = "/v1/artifacts";
 
 /// Paths of plain HTTP that have handlers of their own.
-const PATHS: [&str; 13] = [
+const PATHS: [&str; 14] = [
     "/healthz",
     "/metrics",
     ARTIFACT_CONTENT,
     ARTIFACT_PICTURE,
     ARTIFACT_UPLOAD,
+    UNNAMED_UPLOAD,
     "/v1/colormaps/{colormap}",
     "/v1/jobs/{job}/picture",
     "/openapi.json",
@@ -89,6 +91,7 @@ pub fn router(gate: Gate, budget: Arc<MemoryBudget>, grpc: tonic::service::Route
         content,
         picture,
         upload,
+        unnamed_upload,
         colormap,
         live_picture,
         openapi,
@@ -106,6 +109,7 @@ pub fn router(gate: Gate, budget: Arc<MemoryBudget>, grpc: tonic::service::Route
         .route(colormap, get(artifact_pictures::get_colormap))
         .route(live_picture, get(live_pictures::get_live_picture))
         .route(upload, put(artifact_files::upload).layer(DefaultBodyLimit::disable()))
+        .route(unnamed_upload, post(artifact_files::upload_unnamed).layer(DefaultBodyLimit::disable()))
         .route(openapi, get(get_openapi))
         .route(keyring, get(kernel_files::get_keyring))
         .route(manifest, get(kernel_files::get_manifest))

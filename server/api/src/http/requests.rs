@@ -1,9 +1,9 @@
 //! Deadlines and metrics of all requests, gRPC and HTTP.
 
-use super::ARTIFACT_UPLOAD;
 use super::protocol::is_grpc;
 use super::refusal::refuse;
 use super::transcode::Called;
+use super::{ARTIFACT_UPLOAD, UNNAMED_UPLOAD};
 use crate::api::Api;
 use crate::error::ApiError;
 use axum::extract::{MatchedPath, Request, State};
@@ -25,7 +25,7 @@ use uuid::Uuid;
 const ANSWER_DEADLINE: Duration = Duration::from_secs(120);
 /// Time limit for an upload, whose answer follows its last byte. Each chunk has another time limit.
 const UPLOAD_DEADLINE: Duration = Duration::from_secs(24 * 3600);
-const UPLOADS: [&str; 2] = ["/lightpath.v1.ArtifactService/WriteArtifact", ARTIFACT_UPLOAD];
+const UPLOADS: [&str; 3] = ["/lightpath.v1.ArtifactService/WriteArtifact", ARTIFACT_UPLOAD, UNNAMED_UPLOAD];
 
 /// Paths that are answered even while the server stops, so that operators can watch it.
 const ALWAYS: [&str; 3] = ["/healthz", "/metrics", "/grpc.health.v1.Health/"];

@@ -107,6 +107,7 @@ pub(crate) const EXPECTED: &[(&str, &str)] = &[
     ("/v1/colormaps/cyclic", MAY_READ),
     ("/v1/jobs/0/picture", MAY_READ),
     ("/v1/artifacts/0/upload", MAY_SUBMIT),
+    ("/v1/artifacts", MAY_SUBMIT),
     ("/openapi.json", MAY_FETCH),
     ("/v1/keyring", MAY_FETCH),
     ("/v1/displays/lab/devices", MAY_READ),

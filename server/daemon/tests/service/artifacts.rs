@@ -35,6 +35,39 @@ async fn uploaded_bytes_are_read_back() {
 }
 
 #[tokio::test]
+async fn an_upload_without_a_digest_is_told_it() {
+    let serving = Serving::start().await;
+    let bytes: Vec<u8> = (0..200_000_u32).map(|i| (i.wrapping_mul(7919) >> 8) as u8).collect();
+    let file = serving.config.data_dir.join("file");
+    std::fs::write(&file, &bytes).unwrap();
+    let body = format!("@{}", file.display());
+    let octets = "content-type: application/octet-stream";
+    let send = |headers: &[&str]| {
+        let headers = headers.iter().flat_map(|header| ["--header".to_owned(), (*header).to_owned()]);
+        let more: Vec<String> = ["--data-binary".to_owned(), body.clone()].into_iter().chain(headers).collect();
+        let serving = &serving;
+        async move { curl(serving, "/v1/artifacts", &more.iter().map(String::as_str).collect::<Vec<_>>()).await }
+    };
+    for _ in 0..2 {
+        let stored = send(&[octets]).await;
+        assert_eq!(stored.status, 200, "{}", stored.text());
+        assert!(stored.text().contains(&digest_of(&bytes)), "{}", stored.text());
+    }
+    assert_eq!(serving.read(&digest_of(&bytes)).await, bytes);
+    for (headers, status, needed) in [
+        (["content-type: text/plain", "x-test: 1"], 415, "application/octet-stream"),
+        ([octets, "content-range: bytes 10-19/20"], 400, "PUT /v1/artifacts/{digest}/upload"),
+        ([octets, "content-length: 9000000000"], 400, "content-length is 9000000000"),
+        ([octets, "transfer-encoding: chunked"], 411, "content-length"),
+    ] {
+        let refused = send(&headers).await;
+        assert!(refused.status == status && refused.text().contains(needed), "{headers:?}: {}", refused.text());
+    }
+    let left = std::fs::read_dir(serving.config.data_dir.join("uploads")).unwrap().count();
+    assert_eq!(left, 0, "nothing is left of refused uploads");
+}
+
+#[tokio::test]
 async fn interrupted_upload_continues() {
     let serving = Serving::start().await;
     let bytes = b"holography is photography without a lens".repeat(1000);
