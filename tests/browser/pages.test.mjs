@@ -29,6 +29,7 @@ before(async () => {
     ["dataset", "/datasets/demo-photographs", "demo-photographs"],
     ["comparison", `/compare?jobs=${holograms[0]},${holograms[1]}`, "Compare two jobs"],
     ["new hologram", "/new", "New hologram"],
+    ["API", "/api", "The API over HTTP"],
     ["an unknown job", "/jobs/none", null],
     ["an unknown page", "/nowhere", "This page does not exist"],
   ];

@@ -124,3 +124,22 @@ test("a running job is watched through a restart of the server, and cancelled", 
   await page.getByRole("button", { name: /^Retry/ }).waitFor();
   assert.deepEqual(page.problems.filter((problem) => !/ERR_(CONNECTION|INCOMPLETE|EMPTY)/.test(problem)), []);
 });
+
+test("the API's page finds calls, and shows their parameters and answers", async () => {
+  const page = await openPage(browser, server.url);
+  await page.goto(`${server.url}/`);
+  await page.getByRole("link", { name: "The API over HTTP" }).click();
+  await page.getByText("GET /v1/jobs", { exact: true }).waitFor();
+  assert.equal(await page.locator("details").count(), await page.evaluate(async () => {
+    const { paths } = await (await fetch("/openapi.json")).json();
+    return Object.values(paths).flatMap(Object.keys).length;
+  }));
+  await page.getByLabel("Calls that contain").fill("promote");
+  await page.getByText(/^POST .*:promote$/).click();
+  const body = page.getByRole("region", { name: "Body" });
+  await body.getByText("expectedActiveVersion").waitFor();
+  await page.getByRole("region", { name: "Answer" }).getByText("activeVersion").first().waitFor();
+  await page.getByLabel("Calls that contain").fill("no such call");
+  await page.getByText("No call contains this text.").waitFor();
+  assert.deepEqual(page.problems, []);
+});

@@ -3,6 +3,7 @@
 import { hasToken, onSignInNeeded, setToken } from "./api.js";
 import { h, show } from "./dom.js";
 import { onConnection, start, stop } from "./events.js";
+import { apiPage } from "./pages/api.js";
 import { comparePage } from "./pages/compare.js";
 import { datasetPage } from "./pages/dataset.js";
 import { datasetsPage } from "./pages/datasets.js";
@@ -25,6 +26,7 @@ const ROUTES = [
   [/^\/datasets$/, datasetsPage, "Datasets"],
   [/^\/datasets\/([^/]+)$/, datasetPage, "Dataset"],
   [/^\/new$/, newPage, "New hologram"],
+  [/^\/api$/, apiPage, "API"],
   [/^\/displays$/, displaysPage, "Displays"],
   [/^\/displays\/([^/]+)$/, displayPage, "Display"],
   [/^\/displays\/([^/]+)\/kernels\/([^/]+)$/, kernelPage, "Kernel"],
