@@ -18,8 +18,8 @@ const { spec } = await server.get(held.name);
 Object.assign(spec.optimizeHologram, { iterations: 10_000, frames: 8 });
 const running = await server.post("jobs", { spec, owner: "ada", batch: "night" });
 
-async function take(name, address, scheme, act) {
-  const page = await openPage(browser, server.url, { width: 1200, height: 800, scheme });
+async function take(name, address, scheme, act, height = 800) {
+  const page = await openPage(browser, server.url, { width: 1200, height, scheme });
   await page.goto(`${server.url}/#${address}`);
   await page.getByRole("heading", { level: 1 }).waitFor();
   await act(page);
@@ -27,13 +27,14 @@ async function take(name, address, scheme, act) {
   await page.context().close();
 }
 
-const drawn = (page) => page.waitForFunction(() => document.images.length > 1 && [...document.images].every((image) => image.naturalWidth > 0));
-await take("overview", "/", "dark", (page) => page.waitForFunction(() => document.querySelector("progress")?.value > 100));
+const drawn = (page) => page.waitForFunction(() => document.querySelector("img.whole") && [...document.querySelectorAll("img.whole")].every((image) => image.naturalWidth > 0));
+await take("overview", "/", "dark", (page) => page.waitForFunction(() => document.querySelector("progress")?.value > 100 && document.querySelector(".live-picture img")?.naturalWidth > 0));
 await server.post(`${running.name}:cancel`, {});
 await take("job", `/${held.name}`, "dark", async (page) => {
   await drawn(page);
-  await page.getByLabel("How pictures are compared").selectOption("wipe");
-});
+  await page.getByLabel("Line profile").selectOption("horizontal");
+  await page.locator(".profile canvas").waitFor();
+}, 1100);
 await take("kernel", `/${kernel.name}`, "light", (page) => page.locator(".chart canvas").waitFor());
 await browser.close();
 await server.stop();
