@@ -38,7 +38,8 @@ async fn uploaded_bytes_are_read_back() {
 async fn an_upload_without_a_digest_is_told_it() {
     let serving = Serving::start().await;
     let bytes: Vec<u8> = (0..200_000_u32).map(|i| (i.wrapping_mul(7919) >> 8) as u8).collect();
-    let file = serving.config.data_dir.join("file");
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("file");
     std::fs::write(&file, &bytes).unwrap();
     let body = format!("@{}", file.display());
     let octets = "content-type: application/octet-stream";
