@@ -68,7 +68,8 @@ mod tests {
         picture.next.set(begin);
         let took = Duration::from_millis(40);
         picture.show(|| {
-            while begin.elapsed() < took {}
+            let drawing = Instant::now();
+            while drawing.elapsed() < took {}
             None
         });
         assert!(picture.next.get() >= begin + took + DRAWINGS_PER_PAUSE * took);

@@ -16,7 +16,7 @@ const ROWS: &[(usize, &str)] = &[(
     STEPS_OF_0_1_0,
     r#"
     insert into display (id, content, create_time_ms) values ('lab', '{"id":"lab","width_px":64,"height_px":64,"pixel_pitch_m":8e-6,
-    "bit_depth":8,"wavelengths":[{"pm":515000}],"phase_response_rad":null,"carrier":null,"orders":"first","notes":"",
+    "bit_depth":8,"wavelengths":[{"pm":515000}],"phase_response_rad":null,"carrier":null,"orders":"first","camera_fill_factor":1.0,"notes":"",
     "simulated_bench":null}', 1);
 
     insert into artifact (digest, size_bytes, create_time_ms, use_time_ms)
