@@ -19,7 +19,8 @@
 //! - `checkpoint`: the envelope of saved states. `backoff`: pauses before retries. `clock`: the time of day.
 //! - `optics_task`: runs each kind of job by its own function, in `optimize`, `learn`, `simulate`, `evaluate`,
 //!   `prepare` and `report`. They share `display_setup` (a display at a wavelength and distance), `pairs`, `losses` and
-//!   `state_bytes`. `live_picture`: what `optimize` shows while it runs. `hologram_setup` reads the input of `optimize`, and `captured` measures the kernels of `learn`.
+//!   `state_bytes`. `live_picture`: what `optimize` shows while it runs. `hologram_setup` reads the input of
+//!   `optimize`, and `captured` measures the kernels of `learn`.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod attempt;
