@@ -132,6 +132,19 @@ calls! {
     /// Finds a target in a photograph and compares the two.
     photos.score_photo(ScorePhotoRequest) -> PhotoScore;
 
+    /// Creates a webhook. Only this answer has its secret.
+    webhooks.create_webhook(CreateWebhookRequest) -> Webhook;
+    /// Returns a webhook.
+    webhooks.get_webhook(GetWebhookRequest) -> Webhook;
+    /// Returns all webhooks, ordered by id.
+    webhooks.list_webhooks(ListWebhooksRequest) -> ListWebhooksResponse;
+    /// Sends an event to a webhook that only tries it.
+    webhooks.test_webhook(TestWebhookRequest) -> WebhookDelivery;
+    /// Returns a page of what a webhook is to learn and has learned lately, newest first.
+    webhooks.list_webhook_deliveries(ListWebhookDeliveriesRequest) -> ListWebhookDeliveriesResponse;
+    /// Deletes a webhook, with what it has not received yet.
+    webhooks.delete_webhook(DeleteWebhookRequest) -> DeleteWebhookResponse;
+
     /// Returns the size and the time of a stored artifact. Refused with NOT_FOUND if it is not stored.
     artifacts.get_artifact(GetArtifactRequest) -> Artifact;
     /// Returns how many bytes of an upload the server has received.

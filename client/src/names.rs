@@ -46,6 +46,12 @@ pub fn device(display_id: &str, device_id: &str) -> String {
     if device_id.contains('/') { device_id.to_owned() } else { format!("{}/devices/{device_id}", display(display_id)) }
 }
 
+/// Returns `webhooks/{id}`. An `id` that is already such a name is returned unchanged.
+#[must_use]
+pub fn webhook(id: &str) -> String {
+    with_collection("webhooks", id)
+}
+
 /// Returns the last part of a name: the id.
 #[must_use]
 pub fn id(name: &str) -> &str {

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Every crate, with the crates of the workspace that it may depend on.
-const CRATES: [(&str, &[&str]); 17] = [
+const CRATES: [(&str, &[&str]); 18] = [
     ("optics", &[]),
     ("manifest", &[]),
     ("proto", &[]),
@@ -18,6 +18,7 @@ const CRATES: [(&str, &[&str]); 17] = [
     ("server/media", &["artifacts", "domain", "optics"]),
     ("server/metrics", &["artifacts", "domain", "store"]),
     ("server/dashboard", &[]),
+    ("server/webhooks", &["domain", "metrics", "store"]),
     ("server/worker", &["artifacts", "domain", "media", "metrics", "optics", "store"]),
     (
         "server/api",
@@ -48,6 +49,7 @@ const CRATES: [(&str, &[&str]); 17] = [
             "optics",
             "proto",
             "store",
+            "webhooks",
             "worker",
         ],
     ),
@@ -59,7 +61,18 @@ const RESTRICTED: [(&str, &[&str]); 6] = [
     ("tonic", &["proto", "client", "server/api", "server/daemon"]),
     ("prost", &["proto", "client", "server/api"]),
     ("axum", &["server/api"]),
-    ("tokio", &["client", "server/artifacts", "server/store", "server/worker", "server/api", "server/daemon"]),
+    (
+        "tokio",
+        &[
+            "client",
+            "server/artifacts",
+            "server/store",
+            "server/webhooks",
+            "server/worker",
+            "server/api",
+            "server/daemon",
+        ],
+    ),
     ("object_store", &[]),
 ];
 

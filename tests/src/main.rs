@@ -56,5 +56,7 @@ mod soak;
 mod stalled_streams;
 /// Large, interrupted and damaged uploads.
 mod uploads;
+/// Webhooks: killed servers, failing receivers, and addresses that are not allowed.
+mod webhooks;
 /// The main use of the command line, from the display to the learned kernel.
 mod whole_loop;

@@ -30,6 +30,7 @@ mod strengths_text;
 mod submission;
 mod table;
 mod times;
+mod webhook;
 mod words;
 
 use clap::{CommandFactory as _, Parser, Subcommand};
@@ -150,6 +151,9 @@ enum Command {
     /// Show, pause and resume the queue
     #[command(subcommand)]
     Queue(queue::QueueCommand),
+    /// Let an address know when jobs end, and when kernels and rollouts change
+    #[command(subcommand)]
+    Webhook(webhook::WebhookCommand),
     Completions(Completions),
 }
 
@@ -194,6 +198,7 @@ async fn run(cli: Cli) -> Result<(), Failure> {
         Command::Photo(command) => command.run(&session).await,
         Command::Job(command) => command.run(&session).await,
         Command::Queue(command) => command.run(&session).await,
+        Command::Webhook(command) => command.run(&session).await,
         Command::Completions(completions) => print_completions(completions.shell),
     }
 }

@@ -9,6 +9,7 @@ use crate::kernels::conversions::Conversions;
 use crate::manifests::{ManifestRules, Manifests};
 use crate::reconstructors::LastReconstructor;
 use lightpath_artifacts::Artifacts;
+use lightpath_domain::webhook::WebhookOrigins;
 use lightpath_media::live_pictures::LivePictures;
 use lightpath_proto::v1::artifact_service_server::ArtifactServiceServer;
 use lightpath_proto::v1::dataset_service_server::DatasetServiceServer;
@@ -19,6 +20,7 @@ use lightpath_proto::v1::job_service_server::JobServiceServer;
 use lightpath_proto::v1::kernel_service_server::KernelServiceServer;
 use lightpath_proto::v1::photo_service_server::PhotoServiceServer;
 use lightpath_proto::v1::rollout_service_server::RolloutServiceServer;
+use lightpath_proto::v1::webhook_service_server::WebhookServiceServer;
 use lightpath_store::{QueueLimits, Store};
 use std::time::Duration;
 use tokio::sync::watch;
@@ -58,6 +60,7 @@ pub struct Api {
     pub(crate) last_reconstructor: LastReconstructor,
     pub(crate) events: EventLog,
     pub(crate) live_pictures: LivePictures,
+    pub(crate) webhook_origins: WebhookOrigins,
     pub(crate) stopping: CancellationToken,
     /// Result of the latest health check.
     health: watch::Sender<Result<(), String>>,
@@ -78,10 +81,17 @@ impl Api {
             last_reconstructor: LastReconstructor::default(),
             events: EventLog::default(),
             live_pictures: LivePictures::default(),
+            webhook_origins: WebhookOrigins::default(),
             stopping,
             health: watch::Sender::new(Ok(())),
             job_limits: limits.jobs,
         }
+    }
+
+    /// The same, with origins to which webhooks may go. Without them there are no webhooks.
+    #[must_use]
+    pub fn with_webhook_origins(self, webhook_origins: WebhookOrigins) -> Self {
+        Self { webhook_origins, ..self }
     }
 
     /// The pictures of running jobs that the API shows; workers draw them.
@@ -108,6 +118,7 @@ impl Api {
             .add_service(DeviceServiceServer::new(self.clone()).max_decoding_message_size(limit))
             .add_service(EventServiceServer::new(self.clone()).max_decoding_message_size(limit))
             .add_service(PhotoServiceServer::new(self.clone()).max_decoding_message_size(limit))
+            .add_service(WebhookServiceServer::new(self.clone()).max_decoding_message_size(limit))
             .add_service(ArtifactServiceServer::new(self).max_decoding_message_size(limit))
             .add_service(health_service)
             .add_service(reflection().build_v1()?)

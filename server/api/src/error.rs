@@ -99,6 +99,9 @@ pub enum ApiError {
     /// The client sent nothing for too long.
     #[error("no data arrived for {} s; continue at the offset that GetUpload returns", .0.as_secs())]
     Idle(Duration),
+    /// The operating system has no random numbers.
+    #[error("the server has no random numbers for a secret")]
+    NoRandomness,
     /// A task of the server panicked.
     #[error("a task of the server failed")]
     Task(#[source] tokio::task::JoinError),

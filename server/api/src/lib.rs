@@ -6,6 +6,7 @@
 //!   `displays`, `datasets`, `jobs` (with a folder for each kind of job), `queue`, `kernels`, `photos`, `artifacts`.
 //! - `manifests`: signed manifests of kernels, for devices. `rollouts`, `devices`: which devices get which version, and
 //!   what they report.
+//! - `webhooks`: addresses that learn of events.
 //! - `optics`: messages of the optics engine that several resources use, such as propagation methods and regions.
 //! - `api`: state shared by all services. `call`: passing gRPC requests with their callers to methods.
 //! - `rules`: which roles may make each call. `permissions`: which displays a caller may use.
@@ -49,6 +50,7 @@ mod status;
 mod time;
 pub mod tls;
 mod watch;
+mod webhooks;
 
 pub use api::{Api, ApiLimits};
 pub use error::ApiError;

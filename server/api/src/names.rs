@@ -22,6 +22,11 @@ pub(crate) fn dataset_id(field: &Field, name: &str) -> Result<String, ApiError> 
     checked_id(field, name, "datasets")
 }
 
+/// The id in `webhooks/{id}`.
+pub(crate) fn webhook_id(field: &Field, name: &str) -> Result<String, ApiError> {
+    checked_id(field, name, "webhooks")
+}
+
 /// The id in `jobs/{id}`. The job need not exist.
 pub(crate) fn job_id(field: &Field, name: &str) -> Result<String, ApiError> {
     match name.strip_prefix("jobs/") {

@@ -105,6 +105,13 @@ pub(crate) const METHODS: &[(&str, Rule)] = &[
     ("DeviceService/SetDeviceGroup", rule(CURATORS, Effect::Changes)),
     ("DeviceService/DeleteDevice", rule(CURATORS, Effect::Changes)),
     ("PhotoService/ScorePhoto", rule(SUBMITTERS, Effect::Creates)),
+    // What a webhook learns leaves the server, so only admins may decide about it.
+    ("WebhookService/CreateWebhook", rule(ADMINS, Effect::Creates)),
+    ("WebhookService/GetWebhook", rule(ADMINS, Effect::Reads)),
+    ("WebhookService/ListWebhooks", rule(ADMINS, Effect::Reads)),
+    ("WebhookService/TestWebhook", rule(ADMINS, Effect::Changes)),
+    ("WebhookService/ListWebhookDeliveries", rule(ADMINS, Effect::Reads)),
+    ("WebhookService/DeleteWebhook", rule(ADMINS, Effect::Changes)),
 ];
 
 /// Rules for all other routes and paths.

@@ -77,7 +77,7 @@ fn answer(error: &ApiError) -> Option<Answer> {
         ApiError::TooLarge { .. } => Answer::new(Code::FailedPrecondition, "TOO_LARGE"),
         ApiError::Cancelled => Answer::new(Code::Cancelled, "CLIENT_LEFT"),
         ApiError::Idle(_) => Answer::new(Code::DeadlineExceeded, "IDLE"),
-        ApiError::Stream(_) | ApiError::Task(_) | ApiError::Panicked => return None,
+        ApiError::Stream(_) | ApiError::Task(_) | ApiError::Panicked | ApiError::NoRandomness => return None,
         ApiError::Store(error) => return store_answer(error),
         ApiError::Artifact(error) => return artifact_answer(error),
     })

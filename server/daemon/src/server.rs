@@ -123,13 +123,16 @@ pub async fn run_and_announce(
     let address = listener.local_addr().map_err(ServeError::Listener)?;
     let tokens_required = check_access(&store, &config, address).await?;
     let hosts = config.hosts(tokens_required)?;
+    let webhook_origins = config.webhook_origins()?;
     let tls = tls.map(Tls::open).transpose()?.map(Arc::new);
     let audit = Arc::new(Audit::open(&config.data_dir).map_err(ServeError::Audit)?);
     artifacts.space().set_stored_bytes(store.artifact_totals().await?.1);
     announce(address).map_err(ServeError::Announcement)?;
     let stopping = CancellationToken::new();
     let upkeep = tokio::spawn(upkeep_loop(store.clone(), artifacts.clone(), retention, stopping.clone()));
-    let api = Api::new(store.clone(), artifacts.clone(), api_limits(&config).await?, stopping.clone());
+    let telling = tokio::spawn(lightpath_webhooks::run(store.clone(), webhook_origins.clone(), stopping.clone()));
+    let api = Api::new(store.clone(), artifacts.clone(), api_limits(&config).await?, stopping.clone())
+        .with_webhook_origins(webhook_origins);
     let flushing = tokio::spawn(flush_loop(Arc::clone(&audit), tls.clone(), stopping.clone()));
     let (grpc, health) = api.clone().routes()?;
     set_health(&health, ServingStatus::Serving).await;
@@ -171,6 +174,7 @@ pub async fn run_and_announce(
     drop(upkeep.await);
     flushing.await?;
     tokens.await?;
+    telling.await?;
     audit.flush();
     workers_ended??;
     tracing::info!("stopped");

@@ -19,7 +19,7 @@ pub enum Role {
     Curator,
     /// May only fetch the kernels of named displays.
     Firmware,
-    /// May do everything, including displays and pauses.
+    /// May do everything, including displays, webhooks and pauses.
     Admin,
 }
 
@@ -47,7 +47,7 @@ impl Role {
             Self::Submitter => "Also upload, build datasets, submit, cancel and retry jobs",
             Self::Curator => "Also delete datasets, import kernels and change the active version",
             Self::Firmware => "Only fetch the kernels of named displays",
-            Self::Admin => "Do everything, including displays and pauses",
+            Self::Admin => "Do everything, including displays, webhooks and pauses",
         }
     }
 }

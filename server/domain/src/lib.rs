@@ -6,6 +6,7 @@
 //!   service. [`kernel_format`]: the file forms of kernels.
 //! - [`promotion`]: what a version must show before it becomes active. [`rollout`], [`device`]: versions on their way
 //!   to the displays in the field.
+//! - [`webhook`]: addresses that learn of events.
 //! - [`planning`], [`slm`]: conversion from displays to the types of the optics engine.
 //! - [`access`]: roles and tokens. [`causes`]: error messages in one line.
 //! - [`reason`]: codes for errors and refusals, for programs.
@@ -25,3 +26,4 @@ pub mod reason;
 pub mod rollout;
 pub mod slm;
 pub mod units;
+pub mod webhook;

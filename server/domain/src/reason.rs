@@ -93,5 +93,9 @@ reasons! {
         RolloutRunning = "ROLLOUT_RUNNING",
         /// The version is deprecated.
         VersionDeprecated = "VERSION_DEPRECATED",
+        /// The setting `webhook_origins` does not allow the address.
+        WebhookOriginNotAllowed = "WEBHOOK_ORIGIN_NOT_ALLOWED",
+        /// The server has reached its limit of webhooks.
+        WebhooksFull = "WEBHOOKS_FULL",
     }
 }

@@ -27,6 +27,8 @@ const ARTIFACT_BYTES: &str = "lightpath_artifact_bytes";
 const COLLECTED_JOBS: &str = "lightpath_collected_jobs_total";
 const COLLECTED_ARTIFACTS: &str = "lightpath_collected_artifacts_total";
 const COLLECTED_BYTES: &str = "lightpath_collected_bytes_total";
+const WEBHOOK_ATTEMPTS: &str = "lightpath_webhook_attempts_total";
+const WEBHOOKS_WAITING: &str = "lightpath_webhook_deliveries_waiting";
 const DATABASE_BYTES: &str = "lightpath_database_bytes";
 const WAL_BYTES: &str = "lightpath_wal_bytes";
 const DISK_FREE: &str = "lightpath_disk_free_bytes";
@@ -96,6 +98,11 @@ pub fn request(method: String, code: String, time: Duration) {
     histogram!(REQUEST, "method" => method).record(time.as_secs_f64());
 }
 
+/// Records an attempt to tell a webhook something.
+pub fn webhook_attempt(accepted: bool) {
+    counter!(WEBHOOK_ATTEMPTS, "outcome" => if accepted { "accepted" } else { "failed" }).increment(1);
+}
+
 /// Records what a collection has removed.
 pub fn collected(jobs: u64, artifacts: u64, bytes: u64) {
     counter!(COLLECTED_JOBS).increment(jobs);
@@ -114,6 +121,9 @@ pub fn install() {
     }
     for cause in [LeaseLoss::Expired, LeaseLoss::ServerDied] {
         counter!(LEASES_LOST, "cause" => cause.as_str()).increment(0);
+    }
+    for outcome in ["accepted", "failed"] {
+        counter!(WEBHOOK_ATTEMPTS, "outcome" => outcome).increment(0);
     }
     collected(0, 0, 0);
 }
@@ -145,6 +155,7 @@ pub async fn render(store: &Store, files: &Artifacts, now_ms: i64) -> Result<Str
     for (kind, age) in store.oldest_due(now_ms).await? {
         gauge!(QUEUE_OLDEST, "kind" => kind).set(age.as_secs_f64());
     }
+    gauge!(WEBHOOKS_WAITING).set(store.deliveries_waiting().await? as f64);
     let (database, wal) = store.file_bytes();
     gauge!(DATABASE_BYTES).set(database as f64);
     gauge!(WAL_BYTES).set(wal as f64);
@@ -208,6 +219,8 @@ fn describe() {
         Unit::Bytes,
         "Size of the unreferenced artifacts that were removed because of their age"
     );
+    describe_counter!(WEBHOOK_ATTEMPTS, "Attempts to tell a webhook something, by outcome");
+    describe_gauge!(WEBHOOKS_WAITING, "What webhooks are to learn and have not accepted yet");
     describe_gauge!(DATABASE_BYTES, Unit::Bytes, "Size of the database file");
     describe_gauge!(WAL_BYTES, Unit::Bytes, "Size of the database's write-ahead log");
     describe_gauge!(DISK_FREE, Unit::Bytes, "Free space on the disk of the data folder");

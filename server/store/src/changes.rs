@@ -46,6 +46,8 @@ pub(super) enum Change {
     Kernel(KernelKey),
     /// A job may have become ready to claim.
     Claimable,
+    /// A webhook has something to learn, besides what jobs and kernels announce.
+    Deliverable,
     /// Something changed that only listeners who follow everything want to know.
     Other(Changed),
 }
@@ -56,6 +58,7 @@ pub(super) struct Changes {
     pub(super) cancels: broadcast::Sender<String>,
     pub(super) kernels: broadcast::Sender<KernelKey>,
     pub(super) claimable: Arc<Notify>,
+    pub(super) deliverable: Arc<Notify>,
     pub(super) all: broadcast::Sender<Changed>,
 }
 
@@ -66,6 +69,7 @@ impl Default for Changes {
             cancels: broadcast::Sender::new(BACKLOG),
             kernels: broadcast::Sender::new(BACKLOG),
             claimable: Arc::default(),
+            deliverable: Arc::default(),
             all: broadcast::Sender::new(BACKLOG),
         }
     }
@@ -74,6 +78,9 @@ impl Default for Changes {
 impl Changes {
     pub(super) fn publish(&self, changes: Vec<Change>) {
         for change in changes {
+            if matches!(change, Change::Job(_) | Change::Kernel(_) | Change::Deliverable) {
+                self.deliverable.notify_one();
+            }
             // A send fails only if there is no listener, which is no error.
             match change {
                 Change::Job(id) => {
@@ -87,6 +94,7 @@ impl Changes {
                 }
                 Change::Other(changed) => drop(self.all.send(changed)),
                 Change::Claimable => self.claimable.notify_one(),
+                Change::Deliverable => {}
             }
         }
     }

@@ -18,6 +18,7 @@
 //!   `dependencies`: jobs that wait for other jobs.
 //! - `gates`: what versions must show before they become active. `rollouts`, `devices`: versions on their way to the
 //!   displays in the field.
+//! - `webhooks`, `deliveries`: addresses that learn of events, and what they are to learn.
 //! - `collection`: automatic removal of old records. `inspect`: read access for checks and backups.
 //! - `open`: files, pragmas, migrations. `write`: write transactions. `changes`: announcements. `subscriptions`:
 //!   receiving announcements. `rows`: text and JSON. `job_rows`: jobs as rows.
@@ -33,6 +34,7 @@ mod collection;
 #[cfg(test)]
 mod conformance;
 mod datasets;
+mod deliveries;
 mod dependencies;
 mod devices;
 mod displays;
@@ -56,11 +58,13 @@ mod signing;
 mod subscriptions;
 mod tokens;
 mod totals;
+mod webhooks;
 mod write;
 
 pub use artifacts::ArtifactRecord;
 pub use changes::Changed;
 pub use collection::Deleted;
+pub use deliveries::Attempt;
 pub use devices::DEVICES_MAX;
 pub use error::{AbortReason, StoreError};
 pub use inspect::{Counts, DanglingReference, Inspection, StoredBlob};
@@ -74,6 +78,7 @@ pub use rollouts::Widening;
 pub use signing::{PrivateKey, StoredKeyring};
 pub use tokens::TokenRecord;
 pub use totals::QueueDepth;
+pub use webhooks::WEBHOOKS_MAX;
 
 /// Limit on the rows that one call returns, for any requested limit: a page of the largest records fits into a message.
 pub const LIMIT_MAX: u32 = 1001;

@@ -33,11 +33,12 @@ pub(super) const MIGRATIONS: &[(&str, &str)] = &[
     ("0006_tokens", include_str!("../../../migrations/0006_tokens.sql")),
     ("0007_signing", include_str!("../../../migrations/0007_signing.sql")),
     ("0008_devices", include_str!("../../../migrations/0008_devices.sql")),
+    ("0009_webhooks", include_str!("../../../migrations/0009_webhooks.sql")),
 ];
 
 /// Number of migrations of the oldest version whose databases can be migrated.
 #[cfg(test)]
-pub(super) const STEPS_OF_0_1_0: usize = 8;
+pub(super) const STEPS_OF_0_1_0: usize = 9;
 
 /// A handle to the database; see the documentation of the crate.
 #[derive(Clone, Debug)]

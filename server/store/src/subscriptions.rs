@@ -37,4 +37,10 @@ impl Store {
     pub fn claimable(&self) -> Arc<Notify> {
         Arc::clone(&self.inner.changes.claimable)
     }
+
+    /// Notified when a webhook may have something to learn, see [`Store::webhooks_due`]. One permit is kept.
+    #[must_use]
+    pub fn deliverable(&self) -> Arc<Notify> {
+        Arc::clone(&self.inner.changes.deliverable)
+    }
 }

@@ -6,6 +6,7 @@ use lightpath_api::http::{Hosts, Origins};
 use lightpath_api::tls::TlsFiles;
 use lightpath_api::{ApiLimits, JobLimits, ManifestRules};
 use lightpath_artifacts::SpaceLimits;
+use lightpath_domain::webhook::WebhookOrigins;
 use lightpath_store::{ClaimLimits, QueueLimits};
 use lightpath_worker::{Timeouts, WorkerConfig};
 use std::time::Duration;
@@ -65,6 +66,15 @@ impl Config {
         let names = self.host_names.split(',').map(|name| name.trim().to_owned()).filter(|name| !name.is_empty());
         let hosts = if tokens_required { Hosts::all() } else { Hosts::only(names) };
         Ok(hosts.with_pages(Origins::parse(&self.cors_origins)?))
+    }
+
+    /// The origins to which webhooks may go.
+    ///
+    /// # Errors
+    ///
+    /// [`ConfigError::WebhookOrigins`] if the setting is no list of origins.
+    pub fn webhook_origins(&self) -> Result<WebhookOrigins, ConfigError> {
+        Ok(WebhookOrigins::parse(&self.webhook_origins)?)
     }
 
     /// Limits on the queue and on the space of each owner.

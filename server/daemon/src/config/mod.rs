@@ -16,6 +16,7 @@ pub use layers::{Effective, Origin, Settings};
 pub use setting::Allowed;
 
 use lightpath_api::http::OriginError;
+use lightpath_domain::webhook::WebhookUrlError;
 use serde::{Deserialize, Serialize};
 use setting::{Setting, settings};
 use std::net::{Ipv4Addr, SocketAddr};
@@ -65,6 +66,8 @@ settings! {
     /// Origins of web pages of other sites that may call the server, separated by commas; such a page may do what its
     /// token may, or everything if the server requires no tokens
     cors_origins: String = String::new(), "ORIGINS", Allowed::Text("origins separated by commas, such as https://dash.example,http://localhost:8000");
+    /// Origins to which webhooks may go, separated by commas; without one there are no webhooks
+    webhook_origins: String = String::new(), "ORIGINS", Allowed::Text("origins separated by commas, such as https://hooks.example,http://localhost:9000");
     /// Number of jobs that run at the same time
     workers: u32 = 1, "COUNT", Allowed::Numbers(1.0, 64.0);
     /// Number of threads of one job; by default one for each core
@@ -173,6 +176,9 @@ pub enum ConfigError {
     /// The setting `cors_origins` is no list of origins.
     #[error("cors_origins {0}")]
     Origins(#[from] OriginError),
+    /// The setting `webhook_origins` is no list of origins.
+    #[error("webhook_origins {0}")]
+    WebhookOrigins(#[from] WebhookUrlError),
     /// A value is out of range.
     #[error("{key} is {value}, but must be {allowed} ({origin})")]
     Value {

@@ -78,6 +78,9 @@ const ROWS: &[(usize, &str)] = &[(
     insert into keyring values (1, 'lightpath keyring 1', 15);
     insert into signing_key values (printf('%064x', 2), 'private', 15);
 
+    insert into webhook values ('ci', 'https://hooks.example/', '["job.failed"]', null, 'secret', 'ada', 16);
+    insert into webhook_delivery values (1, 'ci', printf('%032x', 1), 'job.failed', '{"job":"jobs/d"}', 13, 2, 17, 0, 'HTTP 503');
+
     insert into pause values ('', 14, 'the laser is off');
     insert into token values ('ada', printf('%064x', 1), 'submitter', '[]', 1, null, null)"#,
 )];

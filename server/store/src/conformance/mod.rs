@@ -3,7 +3,7 @@
 //! `queue`: states of jobs and their changes. `scheduling`: when and for which owner jobs run. `registry`: displays,
 //! artifacts, datasets, kernels. `rollouts`: aliases, gates, devices, rollouts. `preparing`: datasets that jobs align and finalize. `model`: random histories of one
 //! job, compared with a small model. `machine`: random histories of a whole queue. `migrations`: databases of earlier
-//! versions. `scale`: many jobs. `limits`: limits on stored records. `query_plans`: the indexes that queries use.
+//! versions. `webhooks`: what webhooks learn. `scale`: many jobs. `limits`: limits on stored records. `query_plans`: the indexes that queries use.
 
 mod limits;
 mod machine;
@@ -16,6 +16,7 @@ mod registry;
 mod rollouts;
 mod scale;
 mod scheduling;
+mod webhooks;
 
 use super::{Promotion, Store, StoreError};
 use lightpath_domain::dataset::{Dataset, Encoding, Pair};

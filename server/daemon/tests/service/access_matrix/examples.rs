@@ -1,7 +1,7 @@
 //! A valid request for every method. Names such as `$near` stand for the things of a world.
 
 use super::person::Person;
-use super::world::World;
+use super::world::{WEBHOOK_ORIGIN, World};
 use lightpath_proto::v1;
 use prost::Message;
 use prost::bytes::Bytes;
@@ -63,6 +63,7 @@ pub(super) fn examples() -> Vec<Example> {
         changes_of_kernels(),
         devices(),
         photos(),
+        webhooks(),
         last(),
     ]
     .concat()
@@ -289,6 +290,22 @@ fn devices() -> Vec<Example> {
 fn photos() -> Vec<Example> {
     let request = json!({ "photo": "$target", "target": "$target" });
     vec![Example::new::<v1::ScorePhotoRequest>("PhotoService/ScorePhoto", request)]
+}
+
+fn webhooks() -> Vec<Example> {
+    let named = |key: &str| json!({ "name": key });
+    let create = json!({
+        "id": "$new_webhook_id", "url": WEBHOOK_ORIGIN, "events": ["job.failed"], "display": "$display"
+    });
+    let list = json!({ "webhook": "$webhook", "page_size": 1, "page_token": "" });
+    vec![
+        Example::new::<v1::CreateWebhookRequest>("WebhookService/CreateWebhook", create),
+        Example::new::<v1::GetWebhookRequest>("WebhookService/GetWebhook", named("$webhook")),
+        Example::new::<v1::ListWebhooksRequest>("WebhookService/ListWebhooks", json!({})),
+        Example::new::<v1::TestWebhookRequest>("WebhookService/TestWebhook", named("$webhook")),
+        Example::new::<v1::ListWebhookDeliveriesRequest>("WebhookService/ListWebhookDeliveries", list),
+        Example::new::<v1::DeleteWebhookRequest>("WebhookService/DeleteWebhook", named("$new_webhook")),
+    ]
 }
 
 /// Changes after which some of the other examples would not succeed.

@@ -13,13 +13,14 @@ use std::collections::{BTreeMap, BTreeSet};
 pub(super) enum Names {
     Display,
     Dataset,
-    /// The id of a new dataset. Another dataset may have it.
-    NewDataset,
+    /// The id of a new dataset or webhook. Another one may have it.
+    NewId,
     Job,
     Kernel,
     KernelVersion,
     Rollout,
     Device,
+    Webhook,
     /// A version of the kernel that another field names.
     VersionNumber,
     Artifact,
@@ -39,8 +40,8 @@ pub(super) enum Names {
 }
 
 use Names::{
-    Artifact, Batch, Dataset, Device, Display, Ignored, Job, Kernel, KernelVersion, Label, NewDataset, Nothing, Owner,
-    PageToken, Parts, Rollout, Upload, VersionNumber,
+    Artifact, Batch, Dataset, Device, Display, Ignored, Job, Kernel, KernelVersion, Label, NewId, Nothing, Owner,
+    PageToken, Parts, Rollout, Upload, VersionNumber, Webhook,
 };
 
 /// All fields of requests that are texts, messages or numbers of versions.
@@ -53,7 +54,7 @@ const FIELDS: &[(&str, Names)] = &[
     ("ReadArtifactRequest.digest", Artifact),
 
     ("CreateDatasetRequest.dataset", Parts),
-    ("Dataset.name", NewDataset),
+    ("Dataset.name", NewId),
     ("Dataset.display", Display),
     ("Dataset.pairs", Ignored),
     ("Dataset.digest", Ignored),
@@ -221,6 +222,16 @@ const FIELDS: &[(&str, Names)] = &[
     ("ScorePhotoRequest.photo", Artifact),
     ("ScorePhotoRequest.target", Artifact),
     ("ScorePhotoRequest.region_of_interest", Parts),
+
+    ("CreateWebhookRequest.id", NewId),
+    ("CreateWebhookRequest.url", Nothing),
+    ("CreateWebhookRequest.events", Nothing),
+    ("CreateWebhookRequest.display", Display),
+    ("GetWebhookRequest.name", Webhook),
+    ("TestWebhookRequest.name", Webhook),
+    ("ListWebhookDeliveriesRequest.webhook", Webhook),
+    ("ListWebhookDeliveriesRequest.page_token", PageToken),
+    ("DeleteWebhookRequest.name", Webhook),
 ];
 
 fn names_of(field: &str) -> Option<Names> {

@@ -54,10 +54,12 @@ fn is_allowed(names: Names, code: Code) -> bool {
         Names::Display | Names::Kernel | Names::KernelVersion | Names::Rollout | Names::Device | Names::Owner => {
             code == Code::PermissionDenied
         }
-        Names::Dataset | Names::Job | Names::Artifact => matches!(code, Code::NotFound | Code::PermissionDenied),
+        Names::Dataset | Names::Job | Names::Artifact | Names::Webhook => {
+            matches!(code, Code::NotFound | Code::PermissionDenied)
+        }
         Names::VersionNumber => matches!(code, Code::NotFound | Code::Aborted | Code::PermissionDenied),
-        // The ids of datasets are unique on the server.
-        Names::NewDataset => matches!(code, Code::AlreadyExists | Code::PermissionDenied),
+        // The ids of datasets and webhooks are unique on the server.
+        Names::NewId => matches!(code, Code::AlreadyExists | Code::PermissionDenied),
         // The answer must be that for a name which does not exist. Uploads and empty lists are no refusals.
         Names::Upload | Names::Batch => true,
         Names::Label | Names::PageToken | Names::Nothing | Names::Parts | Names::Ignored => false,
@@ -107,7 +109,7 @@ impl Search<'_> {
         for part in &foreign.parts {
             self.check_traces(part, &about);
         }
-        if reference.names != Names::NewDataset {
+        if reference.names != Names::NewId {
             let missing = self.reply(&self.worlds.foreign.missing(), example, &messages, reference).await;
             self.check(foreign == missing, || format!("{about}: {foreign:?} differs from {missing:?}"));
         }

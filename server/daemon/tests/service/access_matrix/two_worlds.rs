@@ -2,7 +2,7 @@
 
 use super::examples::UPLOADED;
 use super::person::Person;
-use super::world::{World, add_jobs_that_wait_for, build};
+use super::world::{WEBHOOK_ORIGIN, World, add_jobs_that_wait_for, build};
 use crate::access::{Guarded, create_token};
 use lightpath_artifacts::digest_of;
 use lightpath_domain::access::Role;
@@ -17,10 +17,16 @@ pub(super) struct TwoWorlds {
 
 impl TwoWorlds {
     pub(super) async fn build() -> Self {
-        let guarded = Guarded::start_with(|config| config.calls_per_s_max = 0).await;
+        let guarded = Guarded::start_with(|config| {
+            config.calls_per_s_max = 0;
+            config.webhook_origins = WEBHOOK_ORIGIN.to_owned();
+        })
+        .await;
         let (mut own, mut foreign) = (build(&guarded, "lab", 1).await, build(&guarded, "faraway", 2).await);
         add_jobs_that_wait_for(&guarded, &mut own, &mut foreign).await;
         own.set("new_dataset", "datasets/lab-new");
+        own.set("new_webhook", "webhooks/lab-new");
+        own.set("new_webhook_id", "lab-new");
         own.set("uploaded", digest_of(UPLOADED));
         foreign.set("uploaded", foreign.text("$target").to_owned());
         let store = guarded.store().await;

@@ -15,6 +15,8 @@ use std::collections::BTreeMap;
 /// Distances of the photographs \[m\], and the names of their datasets.
 const DISTANCES: [(f64, &str); 2] = [(4e-3, "near"), (6e-3, "far")];
 const PAIRS: u64 = 4;
+/// Where webhooks may go. Nobody answers there.
+pub(super) const WEBHOOK_ORIGIN: &str = "http://127.0.0.1:1";
 
 /// Names of the things on one display. The examples of requests refer to them by keys such as `$near`.
 #[derive(Clone, Debug)]
@@ -104,6 +106,7 @@ pub(super) async fn build(guarded: &Guarded, prefix: &'static str, seed: u64) ->
     world.set("owner", name);
     world.set("version", format!("{}/versions/2", builder.kernel()));
     world.set("kernel", builder.kernel());
+    builder.add_webhook(&mut world).await;
     builder.add_datasets(&mut world).await;
     builder.add_kernels(&mut world).await;
     builder.add_rollouts(&mut world).await;
@@ -135,6 +138,17 @@ impl Builder<'_> {
         let job = self.owner.until_ended(&job.name).await;
         assert_eq!(job.state(), v1::job::State::Succeeded, "{job:?}");
         job
+    }
+
+    /// Adds a webhook that learns of everything that happens afterwards.
+    async fn add_webhook(&self, world: &mut World) {
+        let (id, display) = (format!("{}-hook", self.prefix), format!("displays/{}", self.prefix));
+        let url = format!("{WEBHOOK_ORIGIN}/{}", self.prefix);
+        let request = v1::CreateWebhookRequest { id: id.clone(), url, display, ..Default::default() };
+        let created: v1::Webhook = self.owner.ask("WebhookService/CreateWebhook", request).await.unwrap();
+        world.set("webhook", created.name.clone());
+        world.set("new_webhook", created.name);
+        world.set("new_webhook_id", id);
     }
 
     async fn add_datasets(&self, world: &mut World) {

@@ -1,0 +1,4 @@
+//! Webhooks: which addresses learn of which events.
+
+mod service;
+mod to_wire;

@@ -1,0 +1,168 @@
+//! The webhook service.
+
+use super::to_wire;
+use crate::api::Api;
+use crate::call::Call;
+use crate::error::ApiError;
+use crate::field::{Field, shortened};
+use crate::names;
+use crate::pages::Page;
+use crate::time::now_ms;
+use lightpath_domain::reason::PreconditionReason;
+use lightpath_domain::webhook::{Delivery, Webhook, WebhookEvent, WebhookSecret, WebhookUrl};
+use lightpath_proto::v1;
+use lightpath_proto::v1::webhook_service_server::WebhookService;
+use lightpath_store::StoreError;
+use tonic::{Request, Response, Status};
+
+#[tonic::async_trait]
+impl WebhookService for Api {
+    async fn create_webhook(
+        &self,
+        request: Request<v1::CreateWebhookRequest>,
+    ) -> Result<Response<v1::Webhook>, Status> {
+        self.answer(request, Self::create_webhook).await
+    }
+
+    async fn get_webhook(&self, request: Request<v1::GetWebhookRequest>) -> Result<Response<v1::Webhook>, Status> {
+        self.answer(request, Self::get_webhook).await
+    }
+
+    async fn list_webhooks(
+        &self,
+        request: Request<v1::ListWebhooksRequest>,
+    ) -> Result<Response<v1::ListWebhooksResponse>, Status> {
+        self.answer(request, Self::list_webhooks).await
+    }
+
+    async fn test_webhook(
+        &self,
+        request: Request<v1::TestWebhookRequest>,
+    ) -> Result<Response<v1::WebhookDelivery>, Status> {
+        self.answer(request, Self::test_webhook).await
+    }
+
+    async fn list_webhook_deliveries(
+        &self,
+        request: Request<v1::ListWebhookDeliveriesRequest>,
+    ) -> Result<Response<v1::ListWebhookDeliveriesResponse>, Status> {
+        self.answer(request, Self::list_webhook_deliveries).await
+    }
+
+    async fn delete_webhook(
+        &self,
+        request: Request<v1::DeleteWebhookRequest>,
+    ) -> Result<Response<v1::DeleteWebhookResponse>, Status> {
+        self.answer(request, Self::delete_webhook).await
+    }
+}
+
+impl Api {
+    async fn create_webhook(&self, call: &Call, request: v1::CreateWebhookRequest) -> Result<v1::Webhook, ApiError> {
+        let id = names::label(&Field::new("id"), &request.id)?.to_owned();
+        call.concerns(format!("webhooks/{id}"));
+        let field = Field::new("url");
+        let url = WebhookUrl::parse(&request.url).map_err(|error| field.invalid(error))?;
+        self.require_origin(&url)?;
+        let events = request.events.iter().enumerate().map(|(i, code)| event(&Field::new("events").index(i), code));
+        let webhook = Webhook {
+            id,
+            url,
+            events: events.collect::<Result<_, _>>()?,
+            display: names::display_filter(call, &Field::new("display"), &request.display)?,
+            caller: call.caller.name.clone(),
+            create_time_ms: now_ms(),
+        };
+        let secret = WebhookSecret::generate().map_err(|_| ApiError::NoRandomness)?;
+        self.store.create_webhook(&webhook, &secret).await?;
+        Ok(v1::Webhook { secret: secret.reveal().to_owned(), ..to_wire::webhook(webhook) })
+    }
+
+    /// Refuses an address that the operator does not allow.
+    fn require_origin(&self, url: &WebhookUrl) -> Result<(), ApiError> {
+        if self.webhook_origins.allow(url) {
+            return Ok(());
+        }
+        let allowed = match self.webhook_origins.list() {
+            Some(list) => format!("webhooks may go to {list} only"),
+            None => "no webhooks may go anywhere".to_owned(),
+        };
+        let origin = url.origin();
+        let message = format!(
+            "url has the origin {origin}, but {allowed}; ask the operator to add it to the server's setting webhook_origins"
+        );
+        Err(ApiError::Precondition { reason: PreconditionReason::WebhookOriginNotAllowed, message })
+    }
+
+    async fn get_webhook(&self, call: &Call, request: v1::GetWebhookRequest) -> Result<v1::Webhook, ApiError> {
+        Ok(to_wire::webhook(self.webhook(call, &Field::new("name"), &request.name).await?))
+    }
+
+    async fn list_webhooks(
+        &self,
+        call: &Call,
+        _: v1::ListWebhooksRequest,
+    ) -> Result<v1::ListWebhooksResponse, ApiError> {
+        let webhooks = self.store.webhooks().await?.into_iter();
+        let visible = webhooks.filter(|webhook| may_use(call, webhook));
+        Ok(v1::ListWebhooksResponse { webhooks: visible.map(to_wire::webhook).collect() })
+    }
+
+    async fn test_webhook(
+        &self,
+        call: &Call,
+        request: v1::TestWebhookRequest,
+    ) -> Result<v1::WebhookDelivery, ApiError> {
+        let webhook = self.webhook(call, &Field::new("name"), &request.name).await?;
+        call.concerns(&request.name);
+        Ok(to_wire::delivery(self.store.test_webhook(&webhook.id, &call.caller.name, now_ms()).await?))
+    }
+
+    async fn list_webhook_deliveries(
+        &self,
+        call: &Call,
+        request: v1::ListWebhookDeliveriesRequest,
+    ) -> Result<v1::ListWebhookDeliveriesResponse, ApiError> {
+        let webhook = self.webhook(call, &Field::new("webhook"), &request.webhook).await?;
+        let page = Page::new(&["deliveries", &request.webhook], request.page_size, &request.page_token)?;
+        let deliveries = self.store.deliveries(&webhook.id, page.after_number()?, page.limit()).await?;
+        let key = |delivery: &Delivery| delivery.sequence.to_string();
+        let (deliveries, next_page_token) = page.fill(deliveries, key, to_wire::delivery);
+        Ok(v1::ListWebhookDeliveriesResponse { deliveries, next_page_token })
+    }
+
+    async fn delete_webhook(
+        &self,
+        call: &Call,
+        request: v1::DeleteWebhookRequest,
+    ) -> Result<v1::DeleteWebhookResponse, ApiError> {
+        let webhook = self.webhook(call, &Field::new("name"), &request.name).await?;
+        call.concerns(&request.name);
+        self.store.delete_webhook(&webhook.id).await?;
+        Ok(v1::DeleteWebhookResponse {})
+    }
+
+    /// The webhook with this name. One that the caller may not use does not exist for the caller.
+    async fn webhook(&self, call: &Call, field: &Field, name: &str) -> Result<Webhook, ApiError> {
+        let webhook = self.store.webhook(&names::webhook_id(field, name)?).await?;
+        match may_use(call, &webhook) {
+            true => Ok(webhook),
+            false => Err(StoreError::NotFound { resource: name.to_owned() }.into()),
+        }
+    }
+}
+
+/// Whether the caller's token is for all displays whose events the webhook gets.
+fn may_use(call: &Call, webhook: &Webhook) -> bool {
+    match &webhook.display {
+        Some(display) => call.caller.may_use(display),
+        None => call.caller.displays.is_empty(),
+    }
+}
+
+fn event(field: &Field, code: &str) -> Result<WebhookEvent, ApiError> {
+    WebhookEvent::parse(code).ok_or_else(|| {
+        let codes = WebhookEvent::CHOICES.map(WebhookEvent::as_str).join(", ");
+        field.invalid(format!("is {:?}, but must be one of {codes}", shortened(code)))
+    })
+}

@@ -1,0 +1,133 @@
+//! What webhooks are to learn, and what became of it. Triggers of the database insert the rows.
+
+use super::rows::from_word;
+use super::{Store, StoreError, page};
+use lightpath_domain::webhook::Delivery;
+use sqlx::Row;
+use sqlx::sqlite::SqliteRow;
+
+/// Ended deliveries of a webhook that are kept for people.
+const ENDED_KEPT: u32 = 100;
+
+/// Outcome of an attempt.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Attempt {
+    /// The receiver accepted the delivery.
+    Accepted,
+    /// There is another attempt at this time \[ms since 1970\].
+    RetryAt(i64),
+    /// There are no more attempts.
+    GivenUp,
+}
+
+impl Store {
+    /// Ids of the webhooks that have something to learn at the time `now_ms`.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn webhooks_due(&self, now_ms: i64) -> Result<Vec<String>, StoreError> {
+        let sql = "select id from webhook where exists \
+                   (select 1 from webhook_delivery where webhook = webhook.id and next_time_ms <= ?)";
+        Ok(sqlx::query_scalar(sql).bind(now_ms).fetch_all(self.readers()).await?)
+    }
+
+    /// Time of the next attempt of any webhook \[ms since 1970\]; `None`: nothing waits.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn next_attempt_ms(&self) -> Result<Option<i64>, StoreError> {
+        let sql = "select min((select min(next_time_ms) from webhook_delivery \
+                   where webhook = webhook.id and next_time_ms is not null)) from webhook";
+        Ok(sqlx::query_scalar(sql).fetch_one(self.readers()).await?)
+    }
+
+    /// What a webhook is to learn next at the time `now_ms`.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn due_delivery(&self, webhook: &str, now_ms: i64) -> Result<Option<Delivery>, StoreError> {
+        let sql = "select * from webhook_delivery where webhook = ? and next_time_ms <= ? \
+                   order by next_time_ms, sequence limit 1";
+        let row = sqlx::query(sql).bind(webhook).bind(now_ms).fetch_optional(self.readers()).await?;
+        row.as_ref().map(delivery_of).transpose()
+    }
+
+    /// Notes an attempt and its answer. Only the latest hundred ended deliveries of a webhook stay.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`], [`StoreError::DiskFull`]. Without the note, the next attempt repeats this one.
+    pub async fn note_attempt(&self, delivery: &Delivery, attempt: Attempt, answer: &str) -> Result<(), StoreError> {
+        let (webhook, sequence, answer) = (delivery.webhook.clone(), delivery.sequence, answer.to_owned());
+        let next_ms = match attempt {
+            Attempt::RetryAt(time_ms) => Some(time_ms),
+            Attempt::Accepted | Attempt::GivenUp => None,
+        };
+        self.write(move |write| {
+            Box::pin(async move {
+                let sql = "update webhook_delivery set attempts = attempts + 1, next_time_ms = ?2, delivered = ?3, \
+                           answer = ?4 where sequence = ?1";
+                sqlx::query(sql)
+                    .bind(sequence)
+                    .bind(next_ms)
+                    .bind(attempt == Attempt::Accepted)
+                    .bind(answer)
+                    .execute(write.sql())
+                    .await?;
+                let forget_old = "delete from webhook_delivery where webhook = ?1 and next_time_ms is null \
+                     and sequence <= (select sequence from webhook_delivery where webhook = ?1 \
+                     and next_time_ms is null order by sequence desc limit 1 offset ?2)";
+                sqlx::query(forget_old).bind(webhook).bind(ENDED_KEPT).execute(write.sql()).await?;
+                Ok(())
+            })
+        })
+        .await
+    }
+
+    /// At most `limit` deliveries of a webhook, the newest first and older than `before`: all that wait, and those that
+    /// ended lately.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`] if the webhook does not exist.
+    pub async fn deliveries(
+        &self,
+        webhook: &str,
+        before: Option<i64>,
+        limit: u32,
+    ) -> Result<Vec<Delivery>, StoreError> {
+        self.webhook(webhook).await?;
+        let sql = "select * from webhook_delivery where webhook = ? and sequence < ? order by sequence desc limit ?";
+        let query = sqlx::query(sql).bind(webhook).bind(before.unwrap_or(i64::MAX)).bind(page(limit));
+        query.fetch_all(self.readers()).await?.iter().map(delivery_of).collect()
+    }
+
+    /// Number of deliveries that wait for their next attempt.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn deliveries_waiting(&self) -> Result<u64, StoreError> {
+        let sql = "select count(*) from webhook_delivery where next_time_ms is not null";
+        let count: i64 = sqlx::query_scalar(sql).fetch_one(self.readers()).await?;
+        Ok(count.unsigned_abs())
+    }
+}
+
+pub(super) fn delivery_of(row: &SqliteRow) -> Result<Delivery, StoreError> {
+    Ok(Delivery {
+        sequence: row.try_get("sequence")?,
+        id: row.try_get("id")?,
+        webhook: row.try_get("webhook")?,
+        event: from_word("webhook_delivery.event", row.try_get("event")?)?,
+        subject: row.try_get("subject")?,
+        time_ms: row.try_get("time_ms")?,
+        attempts: row.try_get("attempts")?,
+        next_time_ms: row.try_get("next_time_ms")?,
+        delivered: row.try_get("delivered")?,
+        answer: row.try_get("answer")?,
+    })
+}

@@ -1,0 +1,162 @@
+//! Webhooks.
+
+use super::changes::Change;
+use super::deliveries::delivery_of;
+use super::rows::{from_json, to_json};
+use super::{Store, StoreError};
+use lightpath_domain::reason::PreconditionReason;
+use lightpath_domain::webhook::{Delivery, Webhook, WebhookEvent, WebhookSecret, WebhookUrl};
+use serde::de::Error as _;
+use sqlx::Row;
+use sqlx::sqlite::SqliteRow;
+use std::collections::BTreeMap;
+use std::fmt::Display;
+
+/// Limit on the webhooks of a server. Every event writes a row for each of them.
+pub const WEBHOOKS_MAX: u32 = 32;
+
+impl Store {
+    /// Stores a new webhook with the key that signs what it gets.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::AlreadyExists`] if the id is taken; [`StoreError::NotFound`] if its display does not exist;
+    /// [`StoreError::Precondition`] if there are [`WEBHOOKS_MAX`] webhooks.
+    pub async fn create_webhook(&self, webhook: &Webhook, secret: &WebhookSecret) -> Result<(), StoreError> {
+        let (webhook, secret) = (webhook.clone(), secret.clone());
+        self.write(move |write| {
+            Box::pin(async move {
+                let count: u32 = sqlx::query_scalar("select count(*) from webhook").fetch_one(write.sql()).await?;
+                if count >= WEBHOOKS_MAX {
+                    let message = format!("the server has {count} webhooks, its limit; delete one first");
+                    return Err(StoreError::precondition(PreconditionReason::WebhooksFull, message));
+                }
+                if let Some(display) = &webhook.display {
+                    let known: bool = sqlx::query_scalar("select exists (select 1 from display where id = ?)")
+                        .bind(display)
+                        .fetch_one(write.sql())
+                        .await?;
+                    if !known {
+                        return Err(StoreError::not_found(format!("displays/{display}")));
+                    }
+                }
+                let inserted = sqlx::query("insert into webhook values (?, ?, ?, ?, ?, ?, ?) on conflict do nothing")
+                    .bind(&webhook.id)
+                    .bind(webhook.url.as_str())
+                    .bind(to_json("webhook.events", &webhook.events)?)
+                    .bind(webhook.display)
+                    .bind(secret.reveal())
+                    .bind(webhook.caller)
+                    .bind(webhook.create_time_ms)
+                    .execute(write.sql())
+                    .await?;
+                match inserted.rows_affected() {
+                    1 => Ok(()),
+                    _ => Err(StoreError::exists(name(&webhook.id), "on the server; choose another id")),
+                }
+            })
+        })
+        .await
+    }
+
+    /// A webhook.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`].
+    pub async fn webhook(&self, id: &str) -> Result<Webhook, StoreError> {
+        let row = sqlx::query("select * from webhook where id = ?").bind(id).fetch_optional(self.readers()).await?;
+        webhook_of(&row.ok_or_else(|| StoreError::not_found(name(id)))?)
+    }
+
+    /// The key that signs what a webhook gets.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`].
+    pub async fn webhook_secret(&self, id: &str) -> Result<WebhookSecret, StoreError> {
+        let secret: Option<String> = sqlx::query_scalar("select secret from webhook where id = ?")
+            .bind(id)
+            .fetch_optional(self.readers())
+            .await?;
+        let secret = secret.ok_or_else(|| StoreError::not_found(name(id)))?;
+        WebhookSecret::parse(&secret).ok_or_else(|| corrupt("webhook.secret", "is no key"))
+    }
+
+    /// All webhooks, in the order of their ids.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn webhooks(&self) -> Result<Vec<Webhook>, StoreError> {
+        let rows = sqlx::query("select * from webhook order by id").fetch_all(self.readers()).await?;
+        rows.iter().map(webhook_of).collect()
+    }
+
+    /// Deletes a webhook, with what it has not received yet.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`].
+    pub async fn delete_webhook(&self, id: &str) -> Result<(), StoreError> {
+        let id = id.to_owned();
+        self.write(move |write| {
+            Box::pin(async move {
+                let deleted = sqlx::query("delete from webhook where id = ?").bind(&id).execute(write.sql()).await?;
+                match deleted.rows_affected() {
+                    0 => Err(StoreError::not_found(name(&id))),
+                    _ => Ok(()),
+                }
+            })
+        })
+        .await
+    }
+
+    /// Adds an event that only tries a webhook. Returns its delivery.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`].
+    pub async fn test_webhook(&self, id: &str, caller: &str, now_ms: i64) -> Result<Delivery, StoreError> {
+        let subject = to_json("webhook_delivery.subject", &BTreeMap::from([("caller", caller)]))?;
+        let id = id.to_owned();
+        self.write(move |write| {
+            Box::pin(async move {
+                let inserted = sqlx::query(
+                    "insert into webhook_delivery (webhook, event, subject, time_ms, next_time_ms) \
+                     select id, ?2, ?3, ?4, ?4 from webhook where id = ?1 returning *",
+                )
+                .bind(&id)
+                .bind(WebhookEvent::Test.as_str())
+                .bind(subject)
+                .bind(now_ms)
+                .fetch_optional(write.sql())
+                .await?;
+                write.announce(Change::Deliverable);
+                delivery_of(&inserted.ok_or_else(|| StoreError::not_found(name(&id)))?)
+            })
+        })
+        .await
+    }
+}
+
+fn name(id: &str) -> String {
+    format!("webhooks/{id}")
+}
+
+fn corrupt(column: &'static str, problem: impl Display) -> StoreError {
+    StoreError::Corrupt { column, source: serde_json::Error::custom(problem) }
+}
+
+fn webhook_of(row: &SqliteRow) -> Result<Webhook, StoreError> {
+    let events: String = row.try_get("events")?;
+    let url: String = row.try_get("url")?;
+    Ok(Webhook {
+        id: row.try_get("id")?,
+        url: WebhookUrl::parse(&url).map_err(|error| corrupt("webhook.url", error))?,
+        events: from_json("webhook.events", &events)?,
+        display: row.try_get("display")?,
+        caller: row.try_get("caller")?,
+        create_time_ms: row.try_get("create_time_ms")?,
+    })
+}

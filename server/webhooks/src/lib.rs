@@ -1,0 +1,136 @@
+//! Tells webhooks what happened: each event at least once, signed, and only to addresses that the operator allows.
+//!
+//! The transaction of an event also writes its deliveries, so none is lost. A delivery waits until the receiver accepts
+//! it. When the program dies between an answer and its note, the next start repeats the attempt with the same id.
+//!
+//! # Layout
+//!
+//! - this file: the loop that finds what is due. `schedule`: when there is another attempt. `message`: the body and its
+//!   signature. `sender`: one attempt over HTTP.
+#![cfg_attr(test, allow(clippy::unwrap_used))]
+
+mod message;
+mod schedule;
+mod sender;
+
+use lightpath_domain::webhook::WebhookOrigins;
+use lightpath_store::{Store, StoreError};
+use message::Message;
+use sender::{Answer, Sender};
+use std::collections::HashSet;
+use std::sync::Arc;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use tokio::task::JoinSet;
+use tokio::time::sleep;
+use tokio_util::sync::CancellationToken;
+
+/// Least time between two searches for what is due. Running jobs announce changes much more often than events.
+const SEARCH_INTERVAL: Duration = Duration::from_millis(50);
+/// Longest time between two searches, in case the clock was set.
+const SEARCH_INTERVAL_MAX: Duration = Duration::from_secs(30);
+/// Pause after an error of the database.
+const PAUSE_AFTER_ERROR: Duration = Duration::from_secs(5);
+
+/// Sends what webhooks are to learn until `stopping` is cancelled. A slow receiver delays its own webhook only.
+pub async fn run(store: Store, origins: WebhookOrigins, stopping: CancellationToken) {
+    let deliverer = Arc::new(Deliverer { store, origins, sender: Sender::new() });
+    stopping.run_until_cancelled(deliver(deliverer)).await;
+}
+
+#[derive(Debug)]
+struct Deliverer {
+    store: Store,
+    origins: WebhookOrigins,
+    sender: Sender,
+}
+
+async fn deliver(deliverer: Arc<Deliverer>) {
+    let news = deliverer.store.deliverable();
+    // Each task tells one webhook everything that is due.
+    let (mut tasks, mut busy) = (JoinSet::<String>::new(), HashSet::new());
+    loop {
+        while let Some(ended) = tasks.try_join_next() {
+            // A task that panicked keeps its webhook busy, which stops a loop of panics until the next start.
+            if let Ok(id) = ended {
+                busy.remove(&id);
+            }
+        }
+        let wait = match deliverer.store.webhooks_due(now_ms()).await {
+            Ok(due) => {
+                for id in due {
+                    if busy.insert(id.clone()) {
+                        tasks.spawn(tell(Arc::clone(&deliverer), id));
+                    }
+                }
+                deliverer.until_next().await
+            }
+            Err(error) => {
+                tracing::error!(error = &error as &dyn std::error::Error, "webhooks could not be read; trying again");
+                PAUSE_AFTER_ERROR
+            }
+        };
+        sleep(SEARCH_INTERVAL).await;
+        tokio::select! {
+            () = sleep(wait) => {}
+            () = news.notified() => {}
+            Some(ended) = tasks.join_next() => if let Ok(id) = ended {
+                busy.remove(&id);
+            },
+        }
+    }
+}
+
+/// Tells a webhook everything that is due. Returns its id.
+async fn tell(deliverer: Arc<Deliverer>, webhook: String) -> String {
+    if let Err(error) = deliverer.tell(&webhook).await {
+        // The delivery still waits, and the next search finds it.
+        tracing::error!(
+            error = &error as &dyn std::error::Error,
+            webhook,
+            "the webhook could not be told; trying again"
+        );
+        sleep(PAUSE_AFTER_ERROR).await;
+    }
+    webhook
+}
+
+impl Deliverer {
+    async fn until_next(&self) -> Duration {
+        match self.store.next_attempt_ms().await {
+            Ok(Some(next_ms)) => {
+                let wait_ms = next_ms.saturating_sub(now_ms()).max(0).unsigned_abs();
+                // What is due already is being told, and its task wakes the loop.
+                let wait = if wait_ms == 0 { SEARCH_INTERVAL_MAX } else { Duration::from_millis(wait_ms) };
+                wait.min(SEARCH_INTERVAL_MAX)
+            }
+            Ok(None) => SEARCH_INTERVAL_MAX,
+            Err(_) => PAUSE_AFTER_ERROR,
+        }
+    }
+
+    async fn tell(&self, id: &str) -> Result<(), StoreError> {
+        while let Some(delivery) = self.store.due_delivery(id, now_ms()).await? {
+            let webhook = match self.store.webhook(id).await {
+                // It was deleted meanwhile, with its deliveries.
+                Err(StoreError::NotFound { .. }) => return Ok(()),
+                other => other?,
+            };
+            let answer = if self.origins.allow(&webhook.url) {
+                let message = Message::of(&delivery, &self.store.webhook_secret(id).await?, now_ms());
+                self.sender.send(webhook.url.as_str(), message).await
+            } else {
+                Answer::refused(format!("the setting webhook_origins does not allow {}", webhook.url.origin()))
+            };
+            let attempt = schedule::after(&delivery, &answer, now_ms());
+            lightpath_metrics::webhook_attempt(answer.is_accepted());
+            tracing::debug!(webhook = id, delivery = delivery.id, answer = answer.text(), "told a webhook");
+            self.store.note_attempt(&delivery, attempt, answer.text()).await?;
+        }
+        Ok(())
+    }
+}
+
+fn now_ms() -> i64 {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    i64::try_from(since.as_millis()).unwrap_or(i64::MAX)
+}
