@@ -45,6 +45,9 @@ export async function startServer({ flags = [], prepare = () => {} } = {}) {
   return {
     url,
     dataDir,
+    get pid() {
+      return child.pid;
+    },
     /** Kills the server, waits for `down`, and starts it again at the same address. */
     async restart(down) {
       await end("SIGKILL");

@@ -96,9 +96,9 @@ impl HologramOptions {
 /// A running optimization of the phases of a [`HologramProblem`].
 #[derive(Debug)]
 pub struct Optimization {
-    problem: HologramProblem,
+    pub(super) problem: HologramProblem,
     options: HologramOptions,
-    state: OptimizationState,
+    pub(super) state: OptimizationState,
     scratch: Scratch,
 }
 

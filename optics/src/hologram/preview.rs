@@ -5,17 +5,25 @@ use crate::Plane;
 use rayon::prelude::*;
 
 impl Optimization {
-    /// The light of the first image plane at the latest evaluation, as the mean over squares of pixels, so that no side
-    /// is longer than `side_px_max`, at least 1. It costs one reading of the light, which the evaluation left in memory,
-    /// and changes nothing.
+    /// The light of the first image plane, as the mean over squares of pixels, so that no side is longer than
+    /// `side_px_max`, at least 1. It changes nothing of the result.
     ///
-    /// `None` before the first evaluation, and for methods that keep no light: Adam with one frame, and double phase.
-    #[must_use]
-    pub fn light_preview(&self, side_px_max: usize) -> Option<Plane<f32>> {
-        let core = &self.problem().core;
-        let lights = core.light_of_first_plane()?;
+    /// Most methods leave the light of the latest evaluation in memory, and the preview costs one reading of it. Others,
+    /// such as Adam with one frame, keep no light: then it is computed from the present phases, which costs about half an
+    /// iteration, and the memory of the light until it is drawn.
+    pub fn light_preview(&mut self, side_px_max: usize) -> Plane<f32> {
+        let (core, phases) = (&mut self.problem.core, self.state.phases());
         let (height_px, width_px) = (core.engine().height_px(), core.engine().width_px());
-        Some(mean_over_squares(lights, height_px, width_px, side_px_max))
+        let keeps_light = core.light_of_first_plane().is_some();
+        if !keeps_light {
+            core.compute_light(phases);
+        }
+        let lights = core.light_of_first_plane().unwrap_or_default();
+        let small = mean_over_squares(lights, height_px, width_px, side_px_max);
+        if !keeps_light {
+            core.forget_light();
+        }
+        small
     }
 }
 

@@ -165,6 +165,11 @@ impl<T: Real> ProblemCore<T> {
         self.buffers.lights.first().map(Vec::as_slice)
     }
 
+    /// Frees the light and samples that the latest evaluation kept.
+    pub(super) fn forget_light(&mut self) {
+        self.buffers = Buffers::empty();
+    }
+
     /// Number of fields of the planes before plane `p`: one for each mode and frame.
     fn fields_before(&self, p: usize) -> usize {
         self.frames * self.planes[..p].iter().map(|plane| plane.modes.len()).sum::<usize>()

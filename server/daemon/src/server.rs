@@ -18,7 +18,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::net::TcpListener;
-use tokio::task::{JoinError, JoinHandle};
+use tokio::task::{JoinError, JoinHandle, JoinSet};
 use tokio::time::{interval, timeout};
 use tokio_util::sync::CancellationToken;
 use tonic_health::ServingStatus;
@@ -130,17 +130,19 @@ pub async fn run_and_announce(
     announce(address).map_err(ServeError::Announcement)?;
     let stopping = CancellationToken::new();
     let upkeep = tokio::spawn(upkeep_loop(store.clone(), artifacts.clone(), retention, stopping.clone()));
-    let telling = tokio::spawn(lightpath_webhooks::run(store.clone(), webhook_origins.clone(), stopping.clone()));
+    // They end when the server stops.
+    let mut loops = JoinSet::new();
+    loops.spawn(lightpath_webhooks::run(store.clone(), webhook_origins.clone(), stopping.clone()));
     let api = Api::new(store.clone(), artifacts.clone(), api_limits(&config).await?, stopping.clone())
         .with_webhook_origins(webhook_origins);
-    let flushing = tokio::spawn(flush_loop(Arc::clone(&audit), tls.clone(), stopping.clone()));
+    loops.spawn(flush_loop(Arc::clone(&audit), tls.clone(), stopping.clone()));
     let (grpc, health) = api.clone().routes()?;
     set_health(&health, ServingStatus::Serving).await;
     let watching = tokio::spawn(health_loop(api.clone(), health.clone(), stopping.clone()));
     let leases = store.clone();
     let mut workers = start_workers(store, artifacts, &config, api.live_pictures(), stopping.clone());
     let ended_tokens = EndedTokens::default();
-    let tokens = tokio::spawn(token_loop(api.store().clone(), ended_tokens.clone(), stopping.clone()));
+    loops.spawn(token_loop(api.store().clone(), ended_tokens.clone(), stopping.clone()));
     let rate = Arc::new(Rate::new(config.calls_per_s_max));
     let gate = Gate { api, tokens_required, hosts, audit: Arc::clone(&audit), rate, ended_tokens };
     let budget = Arc::new(MemoryBudget::new(config.under_way_bytes_max()));
@@ -158,23 +160,15 @@ pub async fn run_and_announce(
     set_health(&health, ServingStatus::NotServing).await;
     let workers_ended = match early {
         Some(ended) => ended,
-        None => match timeout(config.drain_deadline(), &mut workers).await {
-            Ok(ended) => ended,
-            Err(_) => {
-                workers.abort();
-                drop((&mut workers).await);
-                release_unfinished(&leases).await;
-                Ok(Ok(()))
-            }
-        },
+        None => drained(&mut workers, &leases, config.drain_deadline()).await,
     };
     connections.await?;
     // A collection may be stopped at any point; the next one continues it.
     upkeep.abort();
     drop(upkeep.await);
-    flushing.await?;
-    tokens.await?;
-    telling.await?;
+    while let Some(ended) = loops.join_next().await {
+        ended?;
+    }
     audit.flush();
     workers_ended??;
     tracing::info!("stopped");
@@ -207,6 +201,21 @@ fn make_private(data_dir: &Path) {
             tracing::warn!(%error, "the permissions of the data folder could not be checked; other users may read it");
         }
     }
+}
+
+/// Waits until the workers have ended, at most until the deadline.
+async fn drained(
+    workers: &mut JoinHandle<Result<(), WorkerError>>,
+    leases: &Store,
+    deadline: Duration,
+) -> Result<Result<(), WorkerError>, JoinError> {
+    if let Ok(ended) = timeout(deadline, &mut *workers).await {
+        return ended;
+    }
+    workers.abort();
+    drop(workers.await);
+    release_unfinished(leases).await;
+    Ok(Ok(()))
 }
 
 /// Returns the jobs to the queue that did not stop in time. Without this, the next start would take the stop for a

@@ -194,9 +194,9 @@ fn intensity_scale(quantity: Quantity, gain: f64) -> f64 {
     }
 }
 
-/// A small PNG of the light that the latest evaluation found, in the brightness of the target.
-fn picture_so_far(optimization: &Optimization, intensity_scale: f64) -> Option<Vec<u8>> {
-    let light = optimization.light_preview(LIVE_SIDE_PX_MAX)?;
+/// A small PNG of the light of the present phases, in the brightness of the target.
+fn picture_so_far(optimization: &mut Optimization, intensity_scale: f64) -> Option<Vec<u8>> {
+    let light = optimization.light_preview(LIVE_SIDE_PX_MAX);
     pictures::grey_png_srgb(&light.map(|light| (intensity_scale * f64::from(light)) as f32)).ok()
 }
 
