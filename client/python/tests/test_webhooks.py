@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import socket
 import subprocess
 import sys
@@ -14,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from conftest import REPOSITORY, Server, target
-from test_documents import block
 
 import lightpath
 
@@ -23,6 +23,13 @@ if TYPE_CHECKING:
 
 # Time within which an event arrives, also on a machine with much other work.
 ARRIVES_WITHIN_S = 60
+
+
+def block(document: Path, containing: str) -> str:
+    """Return the only block of Python in a document that contains a text."""
+    blocks = re.findall(r"```python\n(.*?)```", document.read_text(encoding="utf-8"), re.DOTALL)
+    (found,) = [each for each in blocks if containing in each]
+    return str(found)
 
 
 def free_port() -> int:
