@@ -1,0 +1,1 @@
+"""Pages of reference, each made from its source: the `.proto` files, the server's OpenAPI document, and docstrings."""
