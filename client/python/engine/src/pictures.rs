@@ -1,0 +1,47 @@
+//! Pictures: the same readers and writers as the server's.
+
+use crate::arrays::{array, plane};
+use crate::error::Refused;
+use crate::threads;
+use lightpath_domain::dataset::Encoding;
+use lightpath_domain::job::Fit;
+use lightpath_media::pictures;
+use lightpath_optics::Plane;
+use lightpath_optics::phase_response::PhaseResponse;
+use numpy::{PyArray2, PyReadonlyArray2};
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+
+/// Reads a target picture: linear light of a display's size.
+#[pyfunction]
+pub(crate) fn target<'py>(
+    py: Python<'py>,
+    content: &[u8],
+    encoding: &str,
+    fit: &str,
+    height_px: usize,
+    width_px: usize,
+) -> PyResult<Bound<'py, PyArray2<f32>>> {
+    let read = || -> Result<_, Refused> {
+        let encoding: Encoding = serde_json::from_value(encoding.into())?;
+        let fit: Fit = serde_json::from_value(fit.into())?;
+        Ok(pictures::target_intensity(content, encoding, fit, height_px, width_px)?)
+    };
+    array(py, threads::compute(py, read)??)
+}
+
+/// The grey levels of a phase \[rad\] as a PNG for a display of `bit_depth` bits.
+#[pyfunction]
+pub(crate) fn levels<'py>(
+    py: Python<'py>,
+    phase: PyReadonlyArray2<'py, f32>,
+    bit_depth: u32,
+) -> PyResult<Bound<'py, PyBytes>> {
+    let phase = plane("phase", &phase)?;
+    let encode = || levels_png(&PhaseResponse::linear(bit_depth)?.quantize(&phase)?, bit_depth);
+    Ok(PyBytes::new(py, &threads::compute(py, encode)??))
+}
+
+pub(crate) fn levels_png(levels: &Plane<u16>, bit_depth: u32) -> Result<Vec<u8>, Refused> {
+    Ok(pictures::levels_png(levels, bit_depth)?)
+}

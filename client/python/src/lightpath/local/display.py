@@ -1,0 +1,173 @@
+"""Models of displays: ideal, learned from photographs, or read from a file; and simulated displays."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, get_args
+
+import numpy as np
+
+from lightpath import words
+from lightpath.errors import InvalidArgument
+from lightpath.local.arrays import Array, complex_field, light, phase_rad
+from lightpath.local.engine import engine, refusals
+from lightpath.local.optics import choose, optics_json, plan_of
+from lightpath.pictures import file_bytes
+from lightpath.units import show_length
+
+if TYPE_CHECKING:
+    import os
+
+    import numpy.typing as npt
+    from typing_extensions import Unpack
+
+    from lightpath.local.options import OpticsOptions
+    from lightpath.units import Length
+
+
+@dataclass(frozen=True)
+class LearningRecord:
+    """How a model was learned. Indices count the pairs that were given."""
+
+    loss_history: tuple[float, ...]
+    """Mean training loss of each epoch, then of each iteration of the refinement."""
+    training: tuple[int, ...]
+    """Pairs that the model was fitted to."""
+    left_out: tuple[int, ...]
+    """Training pairs whose photographs do not show their holograms. They were not used."""
+    validation: tuple[int, ...]
+    """Pairs that chose the parts of the model."""
+    validation_loss: float | None
+    """Mean loss of the validation pairs; None without such pairs."""
+    ideal_validation_loss: float | None
+    """The same for a display without errors."""
+
+
+class DisplayModel:
+    """A model of a display: the light on its modulator, its response, and the way of the light to the image.
+
+    `ideal`, `load` and `lightpath.local.learn` make one. `optimize` and `propagate` take it as `kernel`.
+    """
+
+    def __init__(self, native: engine.DisplayModel, record: LearningRecord | None = None) -> None:
+        self.native = native
+        """The engine's own object."""
+        self.record = record
+        """How the model was learned; None for a model that was not learned in this process."""
+        facts = json.loads(native.facts())
+        self.shape: tuple[int, int] = (facts["height_px"], facts["width_px"])
+        """Rows and columns [px]."""
+        self.pixel_pitch_m: float = facts["pixel_pitch_m"]
+        self.wavelength_m: float = facts["wavelength_m"]
+        self.distance_m: float = facts["distance_m"]
+        self.kind: str = facts["kind"]
+        """`ideal`, `display`, `varying`, `smooth`, `dense` or `paper`."""
+        self.plan = plan_of(facts["plan"])
+        """The propagation that the model uses."""
+        self.note: str | None = facts["note"]
+        """What the file that the model was read from did not hold."""
+
+    @classmethod
+    def ideal(cls, resolution: str | tuple[int, int], **optics: Unpack[OpticsOptions]) -> DisplayModel:
+        """Return the model of a display without errors. `optics` are `OpticsOptions`."""
+        with refusals():
+            return cls(engine.DisplayModel.ideal(optics_json(resolution, optics)))
+
+    @classmethod
+    def load(
+        cls,
+        path: str | os.PathLike[str],
+        *,
+        resolution: str | tuple[int, int] | None = None,
+        **optics: Unpack[OpticsOptions],
+    ) -> DisplayModel:
+        """Read a kernel: a file of a server or of `save`, or the `kernel.pt` or `.npy` of the paper's code.
+
+        The paper's files hold a transfer function alone. Give resolution and optics for them. No code in a file is run.
+        """
+        given = None if resolution is None else optics_json(resolution, optics)
+        if resolution is None and optics:
+            raise InvalidArgument("resolution", "is not given", 'give columns x rows, such as "1920x1080"')
+        with refusals():
+            return cls(engine.DisplayModel.decode(file_bytes("path", path), given))
+
+    def save(self, path: str | os.PathLike[str], file_format: words.KernelFormat = "safetensors") -> list[str]:
+        """Write the model, and return what the form does not hold.
+
+        `safetensors` holds everything, as a server keeps it; `lightpath kernel import` reads it. `npz` also has H and
+        the source as arrays, `compact` is for firmware, `pt` and `npy` are the paper's.
+        """
+        word = choose("file_format", file_format, get_args(words.KernelFormat))
+        with refusals():
+            content, losses = self.native.encode(word)
+        Path(path).write_bytes(content)
+        return losses
+
+    @property
+    def transfer_function(self) -> npt.NDArray[np.complex64]:
+        """H on the axis, complex64 [2 rows][2 columns], zero frequency at [0][0]. It is computed at each access."""
+        with refusals():
+            return self.native.transfer_function()
+
+    def field(self, phase: Array) -> npt.NDArray[np.complex64]:
+        """Return the complex field in the image at the pixels' centres, for a phase [rad]."""
+        with refusals():
+            return self.native.field(phase_rad("phase", phase))
+
+    def propagate(self, field: Array) -> npt.NDArray[np.complex64]:
+        """Return the image of a complex field behind the modulator. The modulator's model is not used."""
+        with refusals():
+            return self.native.propagate(complex_field("field", field, np.complex64))
+
+    def simulate(self, phase: Array, *, detector: words.Detector = "pixel") -> npt.NDArray[np.float32]:
+        """Return the light of a hologram [rad] in the image, as a detector measures it. Its mean is about 1."""
+        with refusals():
+            return self.native.light(phase_rad("phase", phase), choose("detector", detector, get_args(words.Detector)))
+
+    def losses(
+        self,
+        phases: Array,
+        captures: Array,
+        *,
+        region: tuple[int, int, int, int] | None = None,
+        detector: words.Detector = "pixel",
+    ) -> list[float]:
+        """Return how well the model predicts each capture: mean squared error, at the best gain and offset of each."""
+        word = choose("detector", detector, get_args(words.Detector))
+        with refusals():
+            sets = (phase_rad("phases", phases, axes=3), light("captures", captures, axes=3))
+            return engine.losses(self.native, *sets, region, word)
+
+    def __repr__(self) -> str:
+        optics = f"{show_length(self.wavelength_m)} at {show_length(self.distance_m)}"
+        return f"<DisplayModel {self.kind}, {self.shape[1]}x{self.shape[0]} px, {optics}>"
+
+
+class SimulatedDisplay:
+    """A display with imperfections and its camera, which exist only in the engine: for trying out `learn`.
+
+    `seed` draws the imperfections. `properties` are those of the simulated benches of the server, such as `strength`,
+    `camera_noise` or `crosstalk_px`; the camera is in place, unless you say `misalignment_px`.
+    """
+
+    def __init__(
+        self,
+        resolution: str | tuple[int, int],
+        *,
+        wavelength: Length,
+        pixel_pitch: Length,
+        distance: Length,
+        seed: int = 1,
+        **properties: float,
+    ) -> None:
+        optics = optics_json(resolution, {"wavelength": wavelength, "pixel_pitch": pixel_pitch, "distance": distance})
+        bench: dict[str, Any] = {"seed": seed, "strength": 1.0, **properties}
+        with refusals():
+            self._native = engine.SimulatedDisplay(optics, json.dumps(bench))
+
+    def photograph(self, phase: Array, *, noise_seed: int = 0) -> npt.NDArray[np.uint8]:
+        """Return a photograph of a hologram, in linear grey levels. `noise_seed` draws the noise of the camera."""
+        with refusals():
+            return self._native.photograph(phase_rad("phase", phase), noise_seed)
