@@ -92,7 +92,7 @@ def test_pictures_are_fitted_and_regions_count(tmp_path: Path) -> None:
     Image.fromarray(target(4)).save(tmp_path / "photo.png")
     wide = local.optimize(tmp_path / "photo.png", resolution="96x96", fit="cover", iterations=2, **OPTICS)
     assert wide.phase.shape == (96, 96)
-    with pytest.raises(local.EngineRefused, match="region_of_interest.width_px is 200"):
+    with pytest.raises(local.EngineRefused, match=r"region_of_interest\.width_px is 200"):
         local.optimize(target(4), region=(0, 0, 200, 10), **OPTICS)
 
 

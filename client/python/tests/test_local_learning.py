@@ -103,7 +103,7 @@ def test_files_keep_the_display(learned: local.DisplayModel, tmp_path: Path) -> 
         assert (back.shape, back.wavelength_m, back.distance_m) == ((96, 160), 515e-9, 0.02)
         assert np.linalg.norm(back.simulate(phase) - light) <= error * np.linalg.norm(light)
         assert not lost or file_format == "compact"
-    with pytest.raises(lightpath.InvalidArgument, match="file_format is .hdf5.: choose one of safetensors"):
+    with pytest.raises(lightpath.InvalidArgument, match=r"file_format is .hdf5.: choose one of safetensors"):
         learned.save(tmp_path / "kernel", "hdf5")  # type: ignore[arg-type]
 
 

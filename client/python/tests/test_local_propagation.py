@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +12,9 @@ import pytest
 
 import lightpath
 from lightpath import local
-from lightpath.local import OpticsOptions
+
+if TYPE_CHECKING:
+    from lightpath.local import OpticsOptions
 
 OPTICS: OpticsOptions = {"wavelength": "515nm", "pixel_pitch": "8um", "distance": "3mm"}
 # Largest relative L2 error of a convolution in single precision: some units in the last place for each of the
@@ -95,7 +97,11 @@ def test_the_adjoint_is_the_adjoint(method: Any) -> None:
 def test_directional_differences_agree_with_the_adjoint_in_single_precision() -> None:
     """L = Σ w |A u|² has the gradient 2 Aᴴ w A u. It is quadratic, so a central difference of any step is exact."""
     propagator = local.Propagator("40x32", **OPTICS)
-    field, direction, weight = random_field(32, 40), random_field(32, 40, seed=2), np.random.default_rng(3).random((32, 40))
+    field, direction, weight = (
+        random_field(32, 40),
+        random_field(32, 40, seed=2),
+        np.random.default_rng(3).random((32, 40)),
+    )
 
     def loss(u: npt.NDArray[Any]) -> float:
         return float(np.sum(weight * np.abs(propagator(u).astype(np.complex128)) ** 2))
@@ -141,9 +147,11 @@ def test_wrong_arguments_are_named_with_a_fix() -> None:
         local.Propagator("8x8", **OPTICS)([[1j]])  # type: ignore[arg-type]
     with pytest.raises(lightpath.InvalidArgument, match=r"field has the shape \(8, 8\): give \[9\]\[8\]"):
         local.Propagator("8x9", **OPTICS)(field)
-    with pytest.raises(lightpath.InvalidArgument, match='wavelength is 515 without a unit, which is 515 m: write "515nm"'):
+    with pytest.raises(
+        lightpath.InvalidArgument, match='wavelength is 515 without a unit, which is 515 m: write "515nm"'
+    ):
         local.propagate(field, wavelength=515, pixel_pitch="8um", distance="3mm")
-    with pytest.raises(lightpath.InvalidArgument, match="method is .fresnel.: choose one of auto, band-response"):
+    with pytest.raises(lightpath.InvalidArgument, match=r"method is .fresnel.: choose one of auto, band-response"):
         local.propagate(field, method="fresnel", **OPTICS)  # type: ignore[arg-type]
     with pytest.raises(local.EngineRefused, match="pixel_pitch_m is 1, but must be 1e-8 to 1e-2 m") as refused:
         local.propagate(field, wavelength="515nm", pixel_pitch="1m", distance="3mm")

@@ -53,14 +53,8 @@ struct Optimized {
 }
 
 /// Phase, reconstruction, PNG of the levels, PNG of the reconstruction, losses, and other facts as JSON.
-type Answer<'py> = (
-    Bound<'py, PyArray2<f32>>,
-    Bound<'py, PyArray2<f32>>,
-    Bound<'py, PyBytes>,
-    Bound<'py, PyBytes>,
-    Vec<f64>,
-    String,
-);
+type Answer<'py> =
+    (Bound<'py, PyArray2<f32>>, Bound<'py, PyArray2<f32>>, Bound<'py, PyBytes>, Bound<'py, PyBytes>, Vec<f64>, String);
 
 /// Optimizes a hologram. `initial_phase` \[rad\] belongs to the initial phase `given`.
 #[pyfunction]
@@ -99,7 +93,8 @@ struct Work<'a> {
 
 impl Work<'_> {
     fn run(self, given: Option<Plane<f32>>, sender: &Sender<Progress>) -> Result<Optimized, Refused> {
-        let Options { compared, method, iterations, seed, initial_phase, bit_depth, quantization_aware } = &self.options;
+        let Options { compared, method, iterations, seed, initial_phase, bit_depth, quantization_aware } =
+            &self.options;
         let response = PhaseResponse::linear(*bit_depth)?;
         let problem = compared.problem(self.display, self.target.clone(), self.weight.clone())?;
         let initial = match initial_phase {

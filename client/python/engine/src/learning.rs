@@ -115,7 +115,11 @@ pub(crate) fn losses(
 fn pairs(phases: &PyReadonlyArray3<'_, f32>, captures: &PyReadonlyArray3<'_, f32>) -> Result<Vec<Pair>, Refused> {
     let (phases, captures) = (planes("phases", phases)?, planes("captures", captures)?);
     if phases.len() != captures.len() {
-        let message = format!("there are {} phases and {} captures; give one capture for each phase", phases.len(), captures.len());
+        let message = format!(
+            "there are {} phases and {} captures; give one capture for each phase",
+            phases.len(),
+            captures.len()
+        );
         return Err(Refused::new("captures", "SIZE_MISMATCH", message));
     }
     Ok(phases.into_iter().zip(captures).map(|(phase, photo)| Pair { phase, photo }).collect())

@@ -3,7 +3,9 @@
 use crate::error::Refused;
 use crate::threads;
 use lightpath_optics::propagation::{assess, assess_regardless};
-use lightpath_optics::{ConvolutionMethod, Grid, OpticalSetup, PropagationMethod, RegionOfInterest, ValidityReport, plan as planned};
+use lightpath_optics::{
+    ConvolutionMethod, Grid, OpticalSetup, PropagationMethod, RegionOfInterest, ValidityReport, plan as planned,
+};
 use pyo3::prelude::*;
 use serde::Deserialize;
 
