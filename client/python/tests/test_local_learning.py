@@ -21,26 +21,25 @@ if TYPE_CHECKING:
     import numpy.typing as npt
     from conftest import Server
 
-    from lightpath.local import OpticsOptions
 
-OPTICS: OpticsOptions = {"wavelength": "515nm", "pixel_pitch": "8um", "distance": DISTANCE}
+OPTICS: dict[str, Any] = {"wavelength": "515nm", "pixel_pitch": "8um", "distance": DISTANCE}
 PAIRS = 8
 
 
 @pytest.fixture(scope="module")
 def display() -> local.SimulatedDisplay:
-    return local.SimulatedDisplay("160x96", seed=1, **OPTICS)  # type: ignore[misc]
+    return local.SimulatedDisplay("160x96", seed=1, **OPTICS)
 
 
 @pytest.fixture(scope="module")
 def pairs(display: local.SimulatedDisplay) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
-    phases = np.stack([local.optimize(target(i), iterations=30, **OPTICS).levels for i in range(PAIRS)])  # type: ignore[misc]
+    phases = np.stack([local.optimize(target(i), iterations=30, **OPTICS).levels for i in range(PAIRS)])
     return phases, np.stack([display.photograph(phase, noise_seed=i) for i, phase in enumerate(phases)])
 
 
 @pytest.fixture(scope="module")
 def learned(pairs: tuple[npt.NDArray[Any], npt.NDArray[Any]]) -> local.DisplayModel:
-    return local.learn(*pairs, order=5, **OPTICS)  # type: ignore[misc]
+    return local.learn(*pairs, order=5, **OPTICS)
 
 
 def psnr_db(photo: npt.NDArray[Any], wanted: npt.NDArray[Any]) -> float:
@@ -66,7 +65,7 @@ def test_holograms_through_a_learned_display_look_better_on_it(
     assert record.ideal_validation_loss is not None
     assert record.validation_loss < 0.1 * record.ideal_validation_loss
     unseen = target(50)
-    ideal = local.optimize(unseen, iterations=60, **OPTICS)  # type: ignore[misc]
+    ideal = local.optimize(unseen, iterations=60, **OPTICS)
     better = local.optimize(unseen, iterations=60, kernel=learned)
     photos = [display.photograph(each.levels, noise_seed=99) for each in (ideal, better)]
     before_db, after_db = (psnr_db(photo, linear(unseen)) for photo in photos)
@@ -77,12 +76,12 @@ def test_holograms_through_a_learned_display_look_better_on_it(
 def test_learning_is_reproducible_and_can_start_from_a_model(
     pairs: tuple[npt.NDArray[Any], npt.NDArray[Any]], learned: local.DisplayModel
 ) -> None:
-    few = (pairs[0][:4], pairs[1][:4])
+    phases, captures = pairs[0][:4], pairs[1][:4]
     steps: list[int] = []
 
     def learn(**options: Any) -> local.DisplayModel:
         steps.clear()
-        return local.learn(*few, order=5, progress=lambda step, *_: steps.append(step), **options, **OPTICS)
+        return local.learn(phases, captures, order=5, progress=lambda step, *_: steps.append(step), **options, **OPTICS)
 
     alone, again = learn(epochs=1, refinement_evaluations=2), learn(epochs=1, refinement_evaluations=2)
     np.testing.assert_array_equal(alone.transfer_function, again.transfer_function)

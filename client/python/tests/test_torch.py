@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,14 +11,13 @@ from conftest import target
 import lightpath
 from lightpath import local
 
-torch = pytest.importorskip("torch", reason="PyTorch is not installed: run client/python/check --with-torch")
+pytest.importorskip("torch", reason="PyTorch is not installed: run client/python/check --with-torch")
 
-from lightpath.torch import HologramLoss, Propagator, propagate  # noqa: E402
+import torch
 
-if TYPE_CHECKING:
-    from lightpath.local import OpticsOptions
+from lightpath.torch import HologramLoss, Propagator, propagate
 
-OPTICS: OpticsOptions = {"wavelength": "515nm", "pixel_pitch": "8um", "distance": "2mm"}
+OPTICS: dict[str, Any] = {"wavelength": "515nm", "pixel_pitch": "8um", "distance": "2mm"}
 
 
 def random_field(rows: int, columns: int, seed: int = 1) -> torch.Tensor:
@@ -58,7 +57,7 @@ def test_conjugates_batches_and_devices_are_kept() -> None:
         propagator(fields.real)
 
 
-def loss_in_torch(phase: torch.Tensor, wanted: torch.Tensor, optics: OpticsOptions) -> torch.Tensor:
+def loss_in_torch(phase: torch.Tensor, wanted: torch.Tensor, optics: dict[str, Any]) -> torch.Tensor:
     """The engine's loss at the sample points in the middle 80 %, with a fitted gain, written with PyTorch."""
     rows, columns = wanted.shape
     light = Propagator((columns, rows), **optics)(torch.polar(torch.ones_like(phase), phase)).abs() ** 2
@@ -89,7 +88,7 @@ def test_gradcheck_of_the_loss_within_single_precision() -> None:
     wanted = torch.from_numpy(target(2)[:8, :10] / 255).clamp(0.1, 1)
     loss = HologramLoss(wanted, target_encoding="linear", region=(0, 0, 10, 8), **OPTICS)
     phase = torch.rand(8, 10, dtype=torch.float64, generator=torch.Generator().manual_seed(3)).requires_grad_()
-    assert torch.autograd.gradcheck(loss, (phase,), eps=1e-2, atol=1e-4 * float(loss(phase)), rtol=1e-2)
+    assert torch.autograd.gradcheck(loss, (phase,), eps=1e-2, atol=3e-5 * loss(phase).item(), rtol=1e-3)
 
 
 def test_a_training_loop_of_ones_own_works() -> None:

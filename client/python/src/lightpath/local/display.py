@@ -81,15 +81,21 @@ class DisplayModel:
         path: str | os.PathLike[str],
         *,
         resolution: str | tuple[int, int] | None = None,
-        **optics: Unpack[OpticsOptions],
+        wavelength: Length | None = None,
+        pixel_pitch: Length | None = None,
+        distance: Length | None = None,
     ) -> DisplayModel:
         """Read a kernel: a file of a server or of `save`, or the `kernel.pt` or `.npy` of the paper's code.
 
         The paper's files hold a transfer function alone. Give resolution and optics for them. No code in a file is run.
         """
-        given = None if resolution is None else optics_json(resolution, optics)
-        if resolution is None and optics:
-            raise InvalidArgument("resolution", "is not given", 'give columns x rows, such as "1920x1080"')
+        given = None
+        if resolution is not None and wavelength is not None and pixel_pitch is not None and distance is not None:
+            optics: OpticsOptions = {"wavelength": wavelength, "pixel_pitch": pixel_pitch, "distance": distance}
+            given = optics_json(resolution, optics)
+        elif (resolution, wavelength, pixel_pitch, distance) != (None, None, None, None):
+            fix = "give all of them, or none for a file that has them"
+            raise InvalidArgument("resolution, wavelength, pixel_pitch and distance", "are not all given", fix)
         with refusals():
             return cls(engine.DisplayModel.decode(file_bytes("path", path), given))
 

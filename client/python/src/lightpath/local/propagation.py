@@ -24,6 +24,9 @@ if TYPE_CHECKING:
     import numpy.typing as npt
     from typing_extensions import Unpack
 
+    from lightpath.local.options import Method
+    from lightpath.units import Length
+
 _AXES = 2
 
 
@@ -98,23 +101,38 @@ class Propagator:
 def propagate(
     field: Array,
     *,
+    wavelength: Length | None = None,
+    pixel_pitch: Length | None = None,
+    distance: Length | None = None,
+    method: Method = "auto",
+    regardless: bool = False,
     precision: Precision = "single",
     kernel: DisplayModel | None = None,
-    **optics: Unpack[OpticsOptions],
 ) -> Propagated:
     """Propagate a complex field [rows][columns], given on the display's pixels, to a distance.
 
-    `optics` are `OpticsOptions`. A `Propagator` is faster for many fields of the same optics. With a `kernel` the field
-    passes the learned optics instead, which have their own wavelength, pitch and distance.
+    The arguments are `OpticsOptions`. A `Propagator` is faster for many fields of the same optics. With a `kernel` the
+    field passes the learned optics instead, which have their own wavelength, pitch and distance.
     """
+    own = (wavelength, pixel_pitch, distance)
     if kernel is not None:
-        if optics or precision != "single":
+        if own != (None, None, None) or (method, regardless, precision) != ("auto", False, "single"):
             raise InvalidArgument("kernel", "has optics of its own", "leave out all other arguments")
         return Propagated(kernel.propagate(field), kernel.plan)
+    if wavelength is None or pixel_pitch is None or distance is None:
+        raise InvalidArgument("wavelength, pixel_pitch and distance", "are not all given", "give them, or a kernel")
     shape = as_array("field", field).shape
     if len(shape) < _AXES:
         raise InvalidArgument("field", f"has the shape {shape}", "give [rows][columns]")
-    propagator = Propagator((shape[-1], shape[-2]), precision=precision, **optics)
+    propagator = Propagator(
+        (shape[-1], shape[-2]),
+        wavelength=wavelength,
+        pixel_pitch=pixel_pitch,
+        distance=distance,
+        method=method,
+        regardless=regardless,
+        precision=precision,
+    )
     return Propagated(propagator(field), propagator.plan)
 
 
