@@ -9,6 +9,7 @@ const CRATES: [(&str, &[&str]); 18] = [
     ("manifest", &[]),
     ("proto", &[]),
     ("client", &["manifest", "proto"]),
+    ("client/python/engine", &["domain", "media", "optics"]),
     ("agent", &["fail-points", "manifest"]),
     ("server/domain", &["optics"]),
     ("server/fail-points", &[]),
@@ -56,11 +57,13 @@ const CRATES: [(&str, &[&str]); 18] = [
     ("tests", &[]),
 ];
 /// External dependencies that only some crates may have, each with these crates.
-const RESTRICTED: [(&str, &[&str]); 6] = [
+const RESTRICTED: [(&str, &[&str]); 8] = [
     ("sqlx", &["server/store", "server/fixtures"]),
     ("tonic", &["proto", "client", "server/api", "server/daemon"]),
     ("prost", &["proto", "client", "server/api"]),
     ("axum", &["server/api"]),
+    ("pyo3", &["client/python/engine"]),
+    ("numpy", &["client/python/engine"]),
     (
         "tokio",
         &[

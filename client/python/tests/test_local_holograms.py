@@ -87,6 +87,16 @@ def test_levels_simulate_as_the_reconstruction_says() -> None:
     np.testing.assert_allclose(hologram.intensity_scale * light, hologram.reconstruction, rtol=1e-4, atol=1e-5)
 
 
+def test_any_phase_can_be_judged() -> None:
+    hologram = local.optimize(target(2), iterations=5, **OPTICS)
+    quality, opinion = hologram.kernel.quality(hologram.phase, target(2))
+    assert quality == hologram.quality
+    assert opinion is not None
+    assert abs(opinion.engine_psnr_db - opinion.independent_psnr_db) < 0.5
+    quantized, _ = hologram.kernel.quality(hologram.levels, target(2))
+    assert abs(quantized.pixel.psnr_db - hologram.quantized_quality.pixel.psnr_db) < 1e-3
+
+
 def test_pictures_are_fitted_and_regions_count(tmp_path: Path) -> None:
     Image.fromarray(target(4)).save(tmp_path / "photo.png")
     wide = local.optimize(tmp_path / "photo.png", resolution="96x96", fit="cover", iterations=2, **OPTICS)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+import tarfile
 import zipfile
 from pathlib import Path
 
@@ -17,7 +18,30 @@ def test_the_version_is_that_of_the_server() -> None:
         assert found
         return found[1]
 
-    assert version(PACKAGE / "pyproject.toml") == version(PACKAGE.parents[1] / "Cargo.toml")
+    own = version(PACKAGE / "pyproject.toml")
+    assert own == version(PACKAGE.parents[1] / "Cargo.toml")
+    # The engine takes its version from Cargo.toml, and the extra asks for the same.
+    assert f'engine = ["lightpath-engine=={own}"]' in (PACKAGE / "pyproject.toml").read_text(encoding="utf-8")
+
+
+def test_the_source_distribution_of_the_engine_has_what_a_build_needs(tmp_path: Path) -> None:
+    command = [
+        sys.executable,
+        "-m",
+        "maturin",
+        "sdist",
+        "--quiet",
+        "--manifest-path",
+        str(PACKAGE / "engine/Cargo.toml"),
+    ]
+    subprocess.run([*command, "--out", str(tmp_path)], check=True, capture_output=True)
+    (sdist,) = tmp_path.glob("lightpath_engine-*.tar.gz")
+    with tarfile.open(sdist) as archive:
+        names = {name.partition("/")[2] for name in archive.getnames()}
+    for name in ("optics/src/lib.rs", "server/media/Cargo.toml", "Cargo.lock", "PKG-INFO"):
+        assert name in names, name
+    for name in ("__init__.py", "_engine.pyi", "py.typed"):
+        assert any(each.endswith(f"lightpath_engine/{name}") for each in names), name
 
 
 def test_wheel_and_sdist_build_offline_and_the_wheel_can_be_imported(tmp_path: Path) -> None:

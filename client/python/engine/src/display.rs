@@ -2,10 +2,12 @@
 
 use crate::arrays::{array, plane};
 use crate::error::Refused;
-use crate::optics::{Optics, json};
+use crate::optics::{self, Optics, json};
 use crate::threads;
 use lightpath_media::kernel_formats::{self, KernelFormat, KernelFormatError};
 use lightpath_optics::grid::frequency;
+use lightpath_optics::hologram::ShownLight;
+use lightpath_optics::second_opinion::{Effort, SecondOpinion};
 use lightpath_optics::{Detector, Engine, Grid, KernelModel, OpticalSetup, Plane, ValidityReport};
 use num_complex::Complex32;
 use numpy::{PyArray2, PyReadonlyArray2};
@@ -124,6 +126,25 @@ impl DisplayModel {
         let field = plane("field", &field)?;
         let image = threads::compute(py, || Ok::<_, Refused>(self.engine(Detector::Point)?.propagate(&field)?))??;
         array(py, image)
+    }
+
+    /// Quality of a phase \[rad\] for each detector, and a second opinion on it, as JSON.
+    fn quality<'py>(
+        &self,
+        py: Python<'py>,
+        phase: PyReadonlyArray2<'py, f32>,
+        target: PyReadonlyArray2<'py, f32>,
+        region: Option<[usize; 4]>,
+    ) -> PyResult<String> {
+        let (phase, target) = ([plane("phase", &phase)?], plane("target", &target)?);
+        let work = || -> Result<_, Refused> {
+            let region = optics::region(self.grid(), region)?;
+            let shown = ShownLight::of_frames(&self.engine(Detector::Pixel)?, &phase)?;
+            let (wanted, display) = ((&target, region), (&self.model, None));
+            let opinion = SecondOpinion::of(display, &phase, &shown, Detector::Pixel, wanted, Effort::CHEAP)?;
+            json(&object!({ "quality": shown.quality(&target, region)?, "second_opinion": opinion }))
+        };
+        Ok(threads::compute(py, work)??)
     }
 
     /// The light that a detector measures, for a phase \[rad\].

@@ -13,11 +13,12 @@ Computations run on all processors, or on `RAYON_NUM_THREADS` threads, while oth
 
 from lightpath.local.display import DisplayModel, LearningRecord, SimulatedDisplay
 from lightpath.local.engine import EngineRefused
-from lightpath.local.hologram import DetectorQuality, Hologram, HologramLoss, Quality, SecondOpinion, optimize
+from lightpath.local.hologram import Hologram, HologramLoss, optimize
 from lightpath.local.learning import learn
 from lightpath.local.optics import Plan, PlanWarning
 from lightpath.local.options import LossOptions, OpticsOptions, OptimizeOptions
 from lightpath.local.propagation import Propagated, Propagator, plan, propagate, transfer_function
+from lightpath.local.quality import DetectorQuality, Quality, SecondOpinion
 
 __all__ = [
     "DetectorQuality",

@@ -14,7 +14,8 @@ from lightpath.errors import InvalidArgument
 from lightpath.local.arrays import Array, complex_field, light, phase_rad
 from lightpath.local.engine import engine, refusals
 from lightpath.local.optics import choose, optics_json, plan_of
-from lightpath.pictures import file_bytes
+from lightpath.local.quality import Quality, SecondOpinion, opinion_of, quality_of, target_light
+from lightpath.pictures import Picture, file_bytes
 from lightpath.units import show_length
 
 if TYPE_CHECKING:
@@ -131,6 +132,24 @@ class DisplayModel:
         """Return the light of a hologram [rad] in the image, as a detector measures it. Its mean is about 1."""
         with refusals():
             return self.native.light(phase_rad("phase", phase), choose("detector", detector, get_args(words.Detector)))
+
+    def quality(
+        self,
+        phase: Array,
+        target: Picture,
+        *,
+        region: tuple[int, int, int, int] | None = None,
+        target_encoding: words.Encoding = "srgb",
+        fit: words.Fit = "contain",
+    ) -> tuple[Quality, SecondOpinion | None]:
+        """Return how well a hologram [rad], whoever made it, shows a target, and what an independent model says.
+
+        The opinion is about the light of the detector `pixel`, on some rows.
+        """
+        shown, wanted = phase_rad("phase", phase), target_light(target, self.shape, target_encoding, fit)
+        with refusals():
+            facts = json.loads(self.native.quality(shown, wanted, region))
+        return quality_of(facts["quality"]), opinion_of(facts["second_opinion"])
 
     def losses(
         self,

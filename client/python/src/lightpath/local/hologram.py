@@ -17,7 +17,7 @@ from lightpath.local.engine import engine, refusals
 from lightpath.local.optics import choose
 from lightpath.local.options import LossOptions, OptimizeOptions, check
 from lightpath.local.progress import Progress, listener
-from lightpath.pictures import Picture, picture_bytes
+from lightpath.local.quality import Quality, SecondOpinion, opinion_of, quality_of, target_light
 from lightpath.units import show_length
 
 if TYPE_CHECKING:
@@ -26,42 +26,9 @@ if TYPE_CHECKING:
     import numpy.typing as npt
     from typing_extensions import Unpack
 
+    from lightpath.pictures import Picture
+
 _AXES = 2
-
-
-@dataclass(frozen=True)
-class DetectorQuality:
-    """Quality of the light that one detector sees, in the region of interest."""
-
-    psnr_db: float
-    ssim: float | None
-    """None in a region with a side below 11 px."""
-    ms_ssim: float | None
-    """None in a region with a side below 176 px."""
-    diffraction_efficiency: float
-    """Part of the light that falls into the region, 0 to 1."""
-    frame_efficiency: float
-    """Part of the light that falls into the frame, 0 to 1."""
-    speckle_contrast: float | None
-    """None if too little of the target is flat."""
-
-
-@dataclass(frozen=True)
-class Quality:
-    """Quality of a hologram for each detector."""
-
-    point: DetectorQuality
-    pixel: DetectorQuality
-    supersampled: DetectorQuality
-
-
-@dataclass(frozen=True)
-class SecondOpinion:
-    """PSNR that the engine and an independent model find on the same rows of the image."""
-
-    rows: int
-    engine_psnr_db: float
-    independent_psnr_db: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,15 +130,14 @@ def optimize(target: Picture, *, progress: Progress = False, **options: Unpack[O
             display.native, wanted, json.dumps(own), weight, given, listen
         )
     facts = json.loads(text)
-    opinion = facts["second_opinion"]
     return Hologram(
         phase=phase,
         reconstruction=shown,
         levels_png=levels_png,
         reconstruction_png=shown_png,
-        quality=_quality(facts["quality"]),
-        quantized_quality=_quality(facts["quantized_quality"]),
-        second_opinion=None if opinion is None else SecondOpinion(**opinion),
+        quality=quality_of(facts["quality"]),
+        quantized_quality=quality_of(facts["quantized_quality"]),
+        second_opinion=opinion_of(facts["second_opinion"]),
         intensity_scale=facts["intensity_scale"],
         loss_history=tuple(losses),
         kernel=display,
@@ -212,23 +178,6 @@ def _problem(
     display, weight = _display(target, options), options.get("weight")
     wanted = target_light(target, display.shape, options.get("target_encoding", "srgb"), options.get("fit", "contain"))
     return display, wanted, None if weight is None else light("weight", weight)
-
-
-def target_light(
-    target: Picture, shape: tuple[int, int], encoding: words.Encoding, fit: words.Fit
-) -> npt.NDArray[np.float32]:
-    """Return the linear light of a target.
-
-    A picture is read as a server reads it. An array of floats in linear light, of the display's size, stays as it is.
-    """
-    choose("target_encoding", encoding, get_args(words.Encoding))
-    choose("fit", fit, get_args(words.Fit))
-    if encoding == "linear" and is_array(target):
-        pixels = as_array("target", target)
-        if pixels.dtype.kind == "f" and pixels.shape == shape:
-            return light("target", pixels)
-    with refusals():
-        return engine.target(picture_bytes("target", target), encoding, fit, *shape)
 
 
 def _display(target: Picture, options: LossOptions) -> DisplayModel:
@@ -280,7 +229,3 @@ def _initial(initial: str | Array, range_rad: float) -> tuple[Any, npt.NDArray[n
     }
     choose("initial_phase", initial, forms)
     return forms[initial], None
-
-
-def _quality(facts: dict[str, dict[str, Any]]) -> Quality:
-    return Quality(**{name: DetectorQuality(**numbers) for name, numbers in facts.items()})
