@@ -56,18 +56,18 @@ struct Optimized {
 type Answer<'py> =
     (Bound<'py, PyArray2<f32>>, Bound<'py, PyArray2<f32>>, Bound<'py, PyBytes>, Bound<'py, PyBytes>, Vec<f64>, String);
 
-/// Optimizes a hologram. `initial_phase` \[rad\] belongs to the initial phase `given`.
+/// Optimizes a hologram. The pair of planes has the weights of the pixels, and the phase \[rad\] of the initial phase
+/// `given`.
 #[pyfunction]
-#[pyo3(signature = (display, target, options, weight=None, initial_phase=None, progress=None))]
 pub(crate) fn optimize<'py>(
     py: Python<'py>,
     display: &DisplayModel,
     target: PyReadonlyArray2<'py, f32>,
     options: &str,
-    weight: Option<PyReadonlyArray2<'py, f32>>,
-    initial_phase: Option<PyReadonlyArray2<'py, f32>>,
+    weight_and_initial_phase: (Option<PyReadonlyArray2<'py, f32>>, Option<PyReadonlyArray2<'py, f32>>),
     progress: Option<&Bound<'py, PyAny>>,
 ) -> PyResult<Answer<'py>> {
+    let (weight, initial_phase) = weight_and_initial_phase;
     let target = plane("target", &target)?;
     let weight = weight.map(|weight| plane("weight", &weight)).transpose()?;
     let given = initial_phase.map(|phase| plane("initial_phase", &phase)).transpose()?;

@@ -16,6 +16,7 @@ use std::sync::mpsc::Sender;
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Options {
+    optics: Optics,
     model: KernelModel,
     order: Option<usize>,
     epochs: Option<u32>,
@@ -48,10 +49,8 @@ impl PairSource for Chosen<'_> {
 
 /// Learns a display. Returns the model, the training losses, and the indices of the training pairs in use.
 #[pyfunction]
-#[pyo3(signature = (optics, options, phases, captures, start=None, progress=None))]
 pub(crate) fn learn(
     py: Python<'_>,
-    optics: &str,
     options: &str,
     phases: PyReadonlyArray3<'_, f32>,
     captures: PyReadonlyArray3<'_, f32>,
@@ -61,7 +60,7 @@ pub(crate) fn learn(
     let pairs = pairs(&phases, &captures)?;
     let options: Options = serde_json::from_str(options).map_err(Refused::from)?;
     let work = |sender: &Sender<Progress>| {
-        let (setup, validity) = Optics::parse(optics)?.convolution()?;
+        let (setup, validity) = options.optics.convolution()?;
         let defaults = LearnOptions::new(options.model, optics::region(setup.grid(), options.region)?);
         let learn_options = LearnOptions {
             order: options.order,

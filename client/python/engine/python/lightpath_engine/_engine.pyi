@@ -49,17 +49,15 @@ def optimize(
     display: DisplayModel,
     target: Float32,
     options: str,
-    weight: Float32 | None = None,
-    initial_phase: Float32 | None = None,
-    progress: Progress | None = None,
+    weight_and_initial_phase: tuple[Float32 | None, Float32 | None],
+    progress: Progress | None,
 ) -> tuple[Float32, Float32, bytes, bytes, list[float], str]: ...
 def learn(
-    optics: str,
     options: str,
     phases: Float32,
     captures: Float32,
-    start: DisplayModel | None = None,
-    progress: Progress | None = None,
+    start: DisplayModel | None,
+    progress: Progress | None,
 ) -> tuple[DisplayModel, list[float], list[int]]: ...
 def losses(
     display: DisplayModel,

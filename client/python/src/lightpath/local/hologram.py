@@ -127,7 +127,7 @@ def optimize(target: Picture, *, progress: Progress = False, **options: Unpack[O
     }
     with refusals(), listener(progress, "optimize") as listen:
         phase, shown, levels_png, shown_png, losses, text = engine.optimize(
-            display.native, wanted, json.dumps(own), weight, given, listen
+            display.native, wanted, json.dumps(own), (weight, given), listen
         )
     facts = json.loads(text)
     return Hologram(

@@ -63,6 +63,7 @@ def learn(
     free_space: OpticsOptions = {"wavelength": wavelength, "pixel_pitch": pixel_pitch, "distance": distance}
     optics = optics_json((holograms.shape[2], holograms.shape[1]), {**free_space, "method": propagation})
     options = {
+        "optics": json.loads(optics),
         "model": choose("model", model, get_args(words.Model)),
         "order": order,
         "epochs": epochs,
@@ -76,7 +77,7 @@ def learn(
     }
     with refusals(), listener(progress, "learn") as listen:
         native, history, kept = engine.learn(
-            optics, json.dumps(options), holograms, photos, None if start is None else start.native, listen
+            json.dumps(options), holograms, photos, None if start is None else start.native, listen
         )
         ideal = engine.DisplayModel.ideal(optics)
         pairs = holograms[held], photos[held]
