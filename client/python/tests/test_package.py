@@ -25,15 +25,7 @@ def test_the_version_is_that_of_the_server() -> None:
 
 
 def test_the_source_distribution_of_the_engine_has_what_a_build_needs(tmp_path: Path) -> None:
-    command = [
-        sys.executable,
-        "-m",
-        "maturin",
-        "sdist",
-        "--quiet",
-        "--manifest-path",
-        str(PACKAGE / "engine/Cargo.toml"),
-    ]
+    command = [sys.executable, "-m", "maturin", "sdist", "--manifest-path", str(PACKAGE / "engine" / "Cargo.toml")]
     subprocess.run([*command, "--out", str(tmp_path)], check=True, capture_output=True)
     (sdist,) = tmp_path.glob("lightpath_engine-*.tar.gz")
     with tarfile.open(sdist) as archive:
