@@ -26,6 +26,8 @@ create table job (
     batch            text    check (length(batch) between 1 and 128),
     -- at most one queued or running job of an owner may have the key
     unique_key       text    check (length(unique_key) between 1 and 128),
+    -- what the job is about, for people, such as the file name of its target
+    label            text    check (length(label) between 1 and 128),
     -- requested earliest start, and requested time limit of an attempt
     not_before_ms    integer,
     timeout_ms       integer check (timeout_ms > 0),

@@ -117,6 +117,9 @@ calls! {
     rollouts.halt_rollout(HaltRolloutRequest) -> Rollout;
     /// Returns a rollout with its events.
     rollouts.get_rollout(GetRolloutRequest) -> Rollout;
+    /// Returns facts about the server and about the caller's token.
+    server.get_server(GetServerRequest) -> Server;
+
     /// Returns a page of the rollouts of a kernel, newest first.
     rollouts.list_rollouts(ListRolloutsRequest) -> ListRolloutsResponse;
 

@@ -9,6 +9,7 @@ use crate::v1::job_service_client::JobServiceClient;
 use crate::v1::kernel_service_client::KernelServiceClient;
 use crate::v1::photo_service_client::PhotoServiceClient;
 use crate::v1::rollout_service_client::RolloutServiceClient;
+use crate::v1::server_service_client::ServerServiceClient;
 use crate::v1::webhook_service_client::WebhookServiceClient;
 use crate::{Error, Result};
 use std::fmt;
@@ -147,6 +148,10 @@ impl Client {
 
     pub(crate) fn webhooks(&self) -> WebhookServiceClient<Transport> {
         WebhookServiceClient::new(self.transport.clone()).max_decoding_message_size(MESSAGE_BYTES_MAX)
+    }
+
+    pub(crate) fn server(&self) -> ServerServiceClient<Transport> {
+        ServerServiceClient::new(self.transport.clone()).max_decoding_message_size(MESSAGE_BYTES_MAX)
     }
 
     /// Converts the status of a failed call into an error.

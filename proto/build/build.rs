@@ -12,7 +12,7 @@ mod words;
 use prost::Message as _;
 use std::{env, error::Error, fs, path::PathBuf};
 
-const PROTOS: [&str; 12] = [
+const PROTOS: [&str; 13] = [
     "lightpath/v1/artifact.proto",
     "lightpath/v1/dataset.proto",
     "lightpath/v1/device.proto",
@@ -24,6 +24,7 @@ const PROTOS: [&str; 12] = [
     "lightpath/v1/promotion.proto",
     "lightpath/v1/propagation.proto",
     "lightpath/v1/rollout.proto",
+    "lightpath/v1/server.proto",
     "lightpath/v1/webhook.proto",
 ];
 

@@ -144,3 +144,15 @@ def test_pauses_follow_the_table() -> None:
             Backoff().pause_s(error)
     with pytest.raises(Unreachable):
         Backoff(1).pause_s(away)
+
+
+def test_all_wrong_fields_are_named_at_once(bench: lightpath.Display) -> None:
+    with pytest.raises(lightpath.InvalidRequest) as caught:
+        bench.optimize(target(1), distance=DISTANCE, iterations=20_000, frames=99, batch="x" * 200)
+    error = caught.value
+    fields = ["batch", "spec.optimize_hologram.iterations", "spec.optimize_hologram.frames"]
+    assert [each.field for each in error.fields] == fields
+    lines = str(error).splitlines()
+    assert lines[0] == "3 fields of the request are wrong: (INVALID_FIELD)"
+    assert [line.split()[0] for line in lines[1:]] == fields
+    assert error.fix.count("; ") == len(fields) - 1

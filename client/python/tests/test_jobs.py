@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
+import functools
 import signal
 import subprocess
 import sys
 import threading
 import time
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
 from conftest import DISTANCE, Server, create_bench, target
+from PIL import Image
 
 import lightpath
 from lightpath import v1
-
-if TYPE_CHECKING:
-    from pathlib import Path
+from lightpath.options import label_of
 
 # At 640x384 px a job of this length takes minutes. Each test ends it.
 LONG = 10_000
@@ -142,3 +142,15 @@ def test_ctrl_c_ends_the_waiting_and_not_the_job(lab: lightpath.Lab, server: Ser
     assert f'lab.job("{job.name}").cancel()' in errors
     assert job.refresh().state == "running"
     job.cancel().wait()
+
+
+def test_lists_of_jobs_say_what_each_is_about(bench: lightpath.Display, tmp_path: Path) -> None:
+    path = tmp_path / "eye.png"
+    Image.fromarray(target(1)).save(path)
+    submit = functools.partial(bench.submit_optimize, distance=DISTANCE, iterations=1)
+    assert submit(path).message.label == submit(str(path)).message.label == "eye.png"
+    assert submit(path, label="mine").message.label == "mine"
+    assert not submit(target(1)).message.label
+    assert label_of([Path("targets/a.png"), "b\n.png", 3]) == "a.png, b\ufffd.png"
+    long = label_of(["é" * 100])
+    assert long == "é" * 62 + "…"

@@ -159,6 +159,7 @@ impl List {
                 since,
                 order,
                 view,
+                id_prefix: String::new(),
             };
             let answer = session.client.list_jobs(request).await?;
             Ok((answer.jobs, answer.next_page_token))

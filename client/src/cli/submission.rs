@@ -74,6 +74,7 @@ impl Submission {
             not_before: self.not_before.map(|seconds| pbjson_types::Timestamp { seconds, nanos: 0 }),
             timeout_s: self.timeout.unwrap_or(0.0),
             after: self.after.iter().map(|job| names::job(job)).collect(),
+            label: String::new(),
         };
         Ok(session.client.submit(request).await?)
     }

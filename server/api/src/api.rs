@@ -20,6 +20,7 @@ use lightpath_proto::v1::job_service_server::JobServiceServer;
 use lightpath_proto::v1::kernel_service_server::KernelServiceServer;
 use lightpath_proto::v1::photo_service_server::PhotoServiceServer;
 use lightpath_proto::v1::rollout_service_server::RolloutServiceServer;
+use lightpath_proto::v1::server_service_server::ServerServiceServer;
 use lightpath_proto::v1::webhook_service_server::WebhookServiceServer;
 use lightpath_store::{QueueLimits, Store};
 use std::time::Duration;
@@ -119,6 +120,7 @@ impl Api {
             .add_service(EventServiceServer::new(self.clone()).max_decoding_message_size(limit))
             .add_service(PhotoServiceServer::new(self.clone()).max_decoding_message_size(limit))
             .add_service(WebhookServiceServer::new(self.clone()).max_decoding_message_size(limit))
+            .add_service(ServerServiceServer::new(self.clone()).max_decoding_message_size(limit))
             .add_service(ArtifactServiceServer::new(self).max_decoding_message_size(limit))
             .add_service(health_service)
             .add_service(reflection().build_v1()?)

@@ -23,6 +23,27 @@ lightpath_domain::reasons! {
     }
 }
 
+/// A field whose value is not allowed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct WrongField {
+    /// Path of the field.
+    pub field: String,
+    /// The value that was given, and the values that are allowed.
+    pub problem: String,
+}
+
+/// A line that counts the wrong fields, and a line for each of them.
+fn text_of(fields: &[WrongField], count: usize) -> String {
+    let mut text = format!("{count} fields of the request are wrong:");
+    for WrongField { field, problem } in fields {
+        text += &format!("\n  {field} {problem}");
+    }
+    if count > fields.len() {
+        text += &format!("\n  and {} more", count - fields.len());
+    }
+    text
+}
+
 /// Why a request was refused or failed. `status` maps each error to a gRPC status.
 #[derive(Debug, thiserror::Error)]
 pub enum ApiError {
@@ -33,6 +54,16 @@ pub enum ApiError {
         field: String,
         /// The value that was given, and the values that are allowed.
         problem: String,
+    },
+    /// The values of several fields are not allowed.
+    #[error("{}", text_of(fields, *count))]
+    SeveralInvalid {
+        /// The fields, at most as many as one answer names.
+        fields: Vec<WrongField>,
+        /// Number of all wrong fields.
+        count: usize,
+        /// Whether each of the fields names a resource that does not exist.
+        are_missing: bool,
     },
     /// A field names a resource that does not exist.
     #[error("{field}: {what} does not exist; {fix}")]

@@ -11,6 +11,8 @@
 //! - `api`: state shared by all services. `call`: passing gRPC requests with their callers to methods.
 //! - `rules`: which roles may make each call. `permissions`: which displays a caller may use.
 //! - `field`, `names`, `pages`, `time`: checks of fields, resource names, pages of lists, and times.
+//! - `wrong_fields`: checks that go on, so that a refusal names all wrong fields.
+//! - `server_facts`: facts about the server and the caller's token.
 //! - `events`: the stream of all changes, for dashboards.
 //! - `accounts`: what each client uses: calls, memory, threads and streams. `watch`: streams that follow changes.
 //! - `reconstructors`: optics for the pairs of a dataset. `checked_targets`: a memory of the targets that have light.
@@ -46,11 +48,13 @@ mod queue;
 mod reconstructors;
 mod rollouts;
 mod rules;
+mod server_facts;
 mod status;
 mod time;
 pub mod tls;
 mod watch;
 mod webhooks;
+mod wrong_fields;
 
 pub use api::{Api, ApiLimits};
 pub use error::ApiError;

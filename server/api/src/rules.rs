@@ -112,6 +112,7 @@ pub(crate) const METHODS: &[(&str, Rule)] = &[
     ("WebhookService/TestWebhook", rule(ADMINS, Effect::Changes)),
     ("WebhookService/ListWebhookDeliveries", rule(ADMINS, Effect::Reads)),
     ("WebhookService/DeleteWebhook", rule(ADMINS, Effect::Changes)),
+    ("ServerService/GetServer", rule(KERNEL_READERS, Effect::Reads)),
 ];
 
 /// Rules for all other routes and paths.

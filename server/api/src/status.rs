@@ -3,7 +3,7 @@
 //! Every status has an `ErrorInfo` with a stable reason for programs, the domain `lightpath`, and the subject of the
 //! error. Internal errors are logged with an id, and clients receive only the id.
 
-use crate::error::ApiError;
+use crate::error::{ApiError, WrongField};
 use lightpath_artifacts::ArtifactError;
 use lightpath_domain::causes::with_causes;
 use lightpath_store::StoreError;
@@ -30,8 +30,8 @@ struct Answer {
     reason: &'static str,
     /// Subject of the error: (`field`, path), (`resource`, name) or (`error_id`, id in the log).
     about: Option<(&'static str, String)>,
-    /// What is wrong with the value of the field, if the error concerns a field.
-    problem: Option<String>,
+    /// The fields whose values are wrong.
+    wrong: Vec<WrongField>,
     retry_after: Option<Duration>,
 }
 
@@ -62,7 +62,13 @@ fn answer(error: &ApiError) -> Option<Answer> {
     Some(match error {
         ApiError::Invalid { field, problem } => {
             let answer = Answer::new(Code::InvalidArgument, "INVALID_FIELD").about("field", field);
-            Answer { problem: Some(problem.clone()), ..answer }
+            Answer { wrong: vec![WrongField { field: field.clone(), problem: problem.clone() }], ..answer }
+        }
+        ApiError::SeveralInvalid { fields, are_missing, .. } => {
+            let (code, reason) =
+                if *are_missing { (Code::NotFound, "NOT_FOUND") } else { (Code::InvalidArgument, "INVALID_FIELD") };
+            let answer = Answer::new(code, reason).about("field", fields.first().map_or("", |first| &first.field));
+            Answer { wrong: fields.clone(), ..answer }
         }
         ApiError::Missing { what, .. } => Answer::new(Code::NotFound, "NOT_FOUND").about("resource", what),
         ApiError::Precondition { reason, .. } => Answer::new(Code::FailedPrecondition, reason.as_str()),
@@ -142,7 +148,7 @@ fn artifact_answer(error: &ArtifactError) -> Option<Answer> {
 
 impl Answer {
     fn new(code: Code, reason: &'static str) -> Self {
-        Self { code, reason, about: None, problem: None, retry_after: None }
+        Self { code, reason, about: None, wrong: Vec::new(), retry_after: None }
     }
 
     fn about(mut self, kind: &'static str, what: &str) -> Self {
@@ -158,7 +164,7 @@ impl Answer {
     fn status(self, message: String) -> Status {
         let metadata: HashMap<_, _> = self.about.into_iter().map(|(kind, what)| (kind.to_owned(), what)).collect();
         let mut details = ErrorDetails::new();
-        if let (Some(problem), Some(field)) = (self.problem, metadata.get("field")) {
+        for WrongField { field, problem } in self.wrong {
             details.add_bad_request_violation(field, problem);
         }
         details.set_error_info(self.reason, DOMAIN, metadata);
@@ -200,6 +206,19 @@ mod tests {
             assert_eq!(status.code(), Code::Unavailable);
             assert!(status.get_error_details().retry_info().is_some());
         }
+    }
+
+    #[test]
+    fn status_lists_every_wrong_field() {
+        let field = crate::field::Field::new("display");
+        let wrong = [field.at("width_px").invalid("is 0"), field.at("height_px").invalid("is 1")];
+        let status = Status::from(crate::wrong_fields::all_of(wrong));
+        assert_eq!(status.code(), Code::InvalidArgument);
+        let bad = status.get_error_details().bad_request().unwrap().field_violations.clone();
+        let named: Vec<_> = bad.iter().map(|bad| (bad.field.as_str(), bad.description.as_str())).collect();
+        assert_eq!(named, [("display.width_px", "is 0"), ("display.height_px", "is 1")]);
+        let missing = ["a", "b"].map(|name| crate::field::Field::new(name).missing("displays/x", "create it first"));
+        assert_eq!(Status::from(crate::wrong_fields::all_of(missing)).code(), Code::NotFound);
     }
 
     #[test]

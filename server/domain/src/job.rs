@@ -162,6 +162,8 @@ pub struct JobSummary {
     pub error: Option<JobError>,
     /// Number that grows with every change.
     pub revision: u64,
+    /// What the job is about, for people.
+    pub label: Option<String>,
 }
 
 /// Owner, order and time limits of a job. By default the owner is unknown and the job starts as soon as possible.
@@ -179,6 +181,8 @@ pub struct Scheduling {
     pub timeout_ms: Option<i64>,
     /// Ids of the jobs that must succeed before this job starts, ascending, each once.
     pub after: Vec<String>,
+    /// What the job is about, for people, such as the file name of its target.
+    pub label: Option<String>,
 }
 
 /// A validated submission.

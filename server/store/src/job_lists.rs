@@ -8,7 +8,7 @@ use sqlx::{QueryBuilder, Sqlite};
 
 /// Columns of a [`JobSummary`].
 const SUMMARY: &str = "id, kind, display, owner, batch, state, cancel_requested, priority, attempt, create_time_ms, \
-                       start_time_ms, finish_time_ms, progress, error, revision";
+                       start_time_ms, finish_time_ms, progress, error, revision, label";
 
 /// Selection and order of the jobs in a list.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]
@@ -27,6 +27,8 @@ pub struct JobFilter {
     pub text: Option<String>,
     /// Only jobs that were stored at or after this time \[ms since 1970\]; `None`: all jobs.
     pub since_ms: Option<i64>,
+    /// Only jobs whose ids begin with this text; `None`: all jobs.
+    pub id_prefix: Option<String>,
     /// Whether the oldest jobs come first instead of the newest.
     pub oldest_first: bool,
 }
@@ -126,6 +128,10 @@ fn push_conditions(
     }
     if let Some(since_ms) = filter.since_ms {
         query.push(" and id >= ").push_bind(first_id(since_ms));
+    }
+    if let Some(prefix) = &filter.id_prefix {
+        // A range, unlike `like`, always reads only the part of the index with these ids. No id has a character after ~.
+        query.push(" and id >= ").push_bind(prefix.clone()).push(" and id < ").push_bind(format!("{prefix}~"));
     }
     if let Some(after) = after {
         query.push(if filter.oldest_first { " and id > " } else { " and id < " }).push_bind(after.to_owned());

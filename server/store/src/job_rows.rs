@@ -33,6 +33,7 @@ pub(super) fn job_of(row: &SqliteRow) -> Result<Job, StoreError> {
             not_before_ms: row.try_get("not_before_ms")?,
             timeout_ms: row.try_get("timeout_ms")?,
             after: from_json("job.after", &row.try_get::<String, _>("after")?)?,
+            label: row.try_get("label")?,
         },
         waiting_for: row.try_get("waiting_for")?,
         estimate: Estimate {
@@ -60,5 +61,6 @@ pub(super) fn summary_of(row: &SqliteRow) -> Result<JobSummary, StoreError> {
         progress: from_json_option("job.progress", row.try_get("progress")?)?,
         error: from_json_option("job.error", row.try_get("error")?)?,
         revision: row.try_get::<i64, _>("revision")?.unsigned_abs(),
+        label: row.try_get("label")?,
     })
 }

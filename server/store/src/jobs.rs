@@ -142,14 +142,14 @@ async fn submit(
     }
     require_records(write.sql(), &new).await?;
     require_queue_room(write.sql(), &new, limits).await?;
-    let Scheduling { owner, batch, unique_key, not_before_ms, timeout_ms, after } = &new.scheduling;
+    let Scheduling { owner, batch, unique_key, not_before_ms, timeout_ms, after, label } = &new.scheduling;
     let unfinished = dependencies::unfinished(write, after).await?;
     let row = sqlx::query(
         "insert into job (id, request_id, display, dataset, spec, state, priority, attempts_max, create_time_ms, \
          run_time_ms, owner, batch, unique_key, not_before_ms, timeout_ms, after, waiting_for, \
-         estimated_bytes, estimated_ms, kind, words) \
+         estimated_bytes, estimated_ms, kind, words, label) \
          values (?1, ?2, ?3, ?4, ?5, 'queued', ?6, ?7, ?8, max(?8, coalesce(?12, ?8)), ?9, ?10, ?11, ?12, ?13, ?14, ?15, \
-         ?16, ?17, ?18, lower(concat_ws(' ', ?1, ?2, ?9, ?10, ?11, ?3, ?4))) \
+         ?16, ?17, ?18, lower(concat_ws(' ', ?1, ?2, ?9, ?10, ?11, ?3, ?4, ?19)), ?19) \
          returning *",
     )
     .bind(Uuid::now_v7().to_string())
@@ -170,6 +170,7 @@ async fn submit(
     .bind(i64::try_from(new.estimate.memory_bytes).unwrap_or(i64::MAX))
     .bind((new.estimate.time_s * 1e3) as i64)
     .bind(new.spec.kind())
+    .bind(label)
     .fetch_one(write.sql())
     .await?;
     let job = job_of(&row)?;

@@ -79,14 +79,16 @@ class Refused(LightpathError):
         super().__init__(self._text())
 
     def _text(self) -> str:
-        lines = [f"{self.message} ({self.reason or self.code})"]
+        # The message about several fields has a line for each of them.
+        first, *others = self.message.split("\n")
+        lines = [f"{first} ({self.reason or self.code})", *(each.strip() for each in others)]
         # What the message has already is not repeated.
         lines += [
             f"{wrong.field}: {wrong.description}"
             for wrong in self.fields
             if wrong.description not in self.message or wrong.field not in self.message
         ]
-        if self.fix not in self.message:
+        if len(self.fields) <= 1 and self.fix not in self.message:
             lines.append(self.fix)
         return "\n  ".join(lines)
 
@@ -233,10 +235,20 @@ def _is_unreachable(status: ServerStatus) -> bool:
 
 def _fix(status: ServerStatus) -> str:
     """Return what to do. The server's messages end with it: "… is 9, but must be 1 to 8" or "…; finalize it first"."""
+    if len(status.fields) > 1:
+        return "; ".join(f"{wrong.field}: {_end(wrong.description)}" for wrong in status.fields)
     text = status.fields[0].description if status.fields else status.message
-    for mark in ("; ", ", but "):
-        if mark in text:
-            return text.rpartition(mark)[2]
+    end = _end(text)
+    if end != text:
+        return end
     if status.retry_after_s is not None:
         return f"try again in {status.retry_after_s:.0f} s"
     return _FIXES.get(status.code, text)
+
+
+def _end(text: str) -> str:
+    """Return the end of a text, which says what to do; the whole text if no part of it does."""
+    for mark in ("; ", ", but "):
+        if mark in text:
+            return text.rpartition(mark)[2]
+    return text

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict
 
 from lightpath import v1, words
@@ -11,6 +12,10 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from lightpath.pictures import Phase, Picture
+
+
+# The longest label that the server accepts.
+_LABEL_BYTES_MAX = 128
 
 
 class SubmitOptions(TypedDict, total=False):
@@ -32,6 +37,8 @@ class SubmitOptions(TypedDict, total=False):
     """An attempt that takes longer fails for good [s]."""
     after: Sequence[str]
     """Jobs that must succeed before this job starts, `jobs/{id}`."""
+    label: str
+    """What the job is about, for lists of jobs, at most 128 bytes. Default: the names of the target's files."""
 
 
 class HologramOptions(SubmitOptions, total=False):
@@ -111,6 +118,15 @@ def submit_request(spec: v1.JobSpec, options: SubmitOptions) -> v1.SubmitJobRequ
     """Return the request that submits a job."""
     own = {key: value for key, value in options.items() if key in SubmitOptions.__annotations__}
     return v1.SubmitJobRequest(spec=spec, **own)  # type: ignore[arg-type]
+
+
+def label_of(pictures: Sequence[object]) -> str:
+    """Return the file names of those pictures that are files, as the label of a job."""
+    names = [Path(each).name for each in pictures if isinstance(each, (str, Path))]
+    label = "".join(sign if sign.isprintable() else "\ufffd" for sign in ", ".join(names))
+    if len(label.encode()) <= _LABEL_BYTES_MAX:
+        return label
+    return label.encode()[: _LABEL_BYTES_MAX - len("…".encode())].decode(errors="ignore") + "…"
 
 
 def region_message(region: tuple[int, int, int, int] | None) -> v1.RegionOfInterest | None:

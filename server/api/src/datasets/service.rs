@@ -8,6 +8,7 @@ use crate::field::Field;
 use crate::names;
 use crate::pages::Page;
 use crate::time::now_ms;
+use crate::wrong_fields::check_all;
 use lightpath_domain::dataset::{Dataset, Encoding};
 use lightpath_proto::v1;
 use lightpath_proto::v1::dataset_service_server::DatasetService;
@@ -91,12 +92,18 @@ impl Api {
     }
 
     async fn new_dataset(&self, call: &Call, message: &v1::Dataset, field: &Field) -> Result<Dataset, ApiError> {
-        let id = names::dataset_id(&field.at("name"), &message.name)?;
-        let display = self.display_named(call, &field.at("display"), &message.display).await?;
-        let wavelength = field.at("wavelength_m").wavelength_of(message.wavelength_m, &display)?;
-        let distance = field.at("distance_m").distance(message.distance_m)?;
-        let encoding = field.at("photo_encoding").enum_value(message.photo_encoding)?.unwrap_or(Encoding::Linear);
-        let photo_bit_depth = field.at("photo_bit_depth").integer_or(message.photo_bit_depth, 0, 8..=16)?;
-        Ok(Dataset { photo_bit_depth, ..Dataset::empty(id, display.id, wavelength, distance, encoding) })
+        let display = self.display_named(call, &field.at("display"), &message.display).await;
+        check_all! {
+            id = names::dataset_id(&field.at("name"), &message.name);
+            optics = display.and_then(|display| {
+                Ok((field.at("wavelength_m").wavelength_of(message.wavelength_m, &display)?, display.id))
+            });
+            distance = field.at("distance_m").distance(message.distance_m);
+            encoding = field.at("photo_encoding").enum_value(message.photo_encoding);
+            photo_bit_depth = field.at("photo_bit_depth").integer_or(message.photo_bit_depth, 0, 8..=16);
+        }
+        let (wavelength, display) = optics;
+        let encoding = encoding.unwrap_or(Encoding::Linear);
+        Ok(Dataset { photo_bit_depth, ..Dataset::empty(id, display, wavelength, distance, encoding) })
     }
 }

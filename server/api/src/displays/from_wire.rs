@@ -5,6 +5,7 @@ use crate::call::Call;
 use crate::error::ApiError;
 use crate::field::Field;
 use crate::names;
+use crate::wrong_fields::{check_all, collect_all};
 use lightpath_domain::display::Display;
 use lightpath_domain::units::Wavelength;
 use lightpath_optics::{OpticalSetup, OrderFilter, Orders};
@@ -31,28 +32,45 @@ const NOTES_BYTES_MAX: usize = 4096;
 /// Checks a display from a client and converts it.
 pub(crate) fn display(call: &Call, message: v1::Display, field: &Field) -> Result<Display, ApiError> {
     let at = |name| field.at(name);
-    let bit_depth = at("bit_depth").integer_or(message.bit_depth, 8, BIT_DEPTH)?;
+    let bit_depth = at("bit_depth").integer_or(message.bit_depth, 8, BIT_DEPTH);
+    let response = match (message.phase_response, &bit_depth) {
+        (None, _) => Ok(None),
+        (Some(response), Ok(bits)) => phases(&at("phase_response"), response.phase_rad, *bits).map(Some),
+        // Without a bit depth the right number of entries is unknown.
+        (Some(_), Err(_)) => Ok(None),
+    };
     let bench = message.simulated_bench;
-    let response = message.phase_response;
+    check_all! {
+        id = names::display_id(call, &at("name"), &message.name);
+        width_px = at("width_px").integer(message.width_px, SIDE_PX);
+        height_px = at("height_px").integer(message.height_px, SIDE_PX);
+        pixel_pitch_m = pixel_pitch(&at("pixel_pitch_m"), message.pixel_pitch_m);
+        bit_depth = bit_depth;
+        wavelengths = wavelengths(&at("wavelengths_m"), &message.wavelengths_m);
+        phase_response_rad = response;
+        carrier = at("carrier").enum_value(message.carrier);
+        orders = match message.orders {
+            None => Ok(Orders::First),
+            Some(display::Orders::AllOrders(all)) => all_orders(&at("all_orders"), all, message.carrier != 0),
+            Some(display::Orders::OrderFilter(filter)) => order_filter(&at("order_filter"), filter),
+        };
+        camera_fill_factor = at("camera_fill_factor").number_or(message.camera_fill_factor, 1.0, CAMERA_FILL_FACTOR);
+        notes = at("notes").text(message.notes, NOTES_BYTES_MAX);
+        simulated_bench = bench.map(|bench| simulated_bench::from_wire(bench, &at("simulated_bench"))).transpose();
+    }
     Ok(Display {
-        id: names::display_id(call, &at("name"), &message.name)?,
-        width_px: at("width_px").integer(message.width_px, SIDE_PX)?,
-        height_px: at("height_px").integer(message.height_px, SIDE_PX)?,
-        pixel_pitch_m: pixel_pitch(&at("pixel_pitch_m"), message.pixel_pitch_m)?,
+        id,
+        width_px,
+        height_px,
+        pixel_pitch_m,
         bit_depth,
-        wavelengths: wavelengths(&at("wavelengths_m"), &message.wavelengths_m)?,
-        phase_response_rad: response
-            .map(|response| phases(&at("phase_response"), response.phase_rad, bit_depth))
-            .transpose()?,
-        carrier: at("carrier").enum_value(message.carrier)?,
-        orders: match message.orders {
-            None => Orders::First,
-            Some(display::Orders::AllOrders(all)) => all_orders(&at("all_orders"), all, message.carrier != 0)?,
-            Some(display::Orders::OrderFilter(filter)) => order_filter(&at("order_filter"), filter)?,
-        },
-        camera_fill_factor: at("camera_fill_factor").number_or(message.camera_fill_factor, 1.0, CAMERA_FILL_FACTOR)?,
-        notes: at("notes").text(message.notes, NOTES_BYTES_MAX)?,
-        simulated_bench: bench.map(|bench| simulated_bench::from_wire(bench, &at("simulated_bench"))).transpose()?,
+        wavelengths,
+        phase_response_rad,
+        carrier,
+        orders,
+        camera_fill_factor,
+        notes,
+        simulated_bench,
     })
 }
 
@@ -64,10 +82,11 @@ fn all_orders(field: &Field, message: v1::AllOrders, has_carrier: bool) -> Resul
         let field = field.at(name);
         if value == 0.0 { Ok(1.0) } else { field.number(value, Orders::FILL_FACTOR_MIN..=1.0) }
     };
-    Ok(Orders::All {
-        fill_factor_x: fill("fill_factor_x", message.fill_factor_x)?,
-        fill_factor_y: fill("fill_factor_y", message.fill_factor_y)?,
-    })
+    check_all! {
+        fill_factor_x = fill("fill_factor_x", message.fill_factor_x);
+        fill_factor_y = fill("fill_factor_y", message.fill_factor_y);
+    }
+    Ok(Orders::All { fill_factor_x, fill_factor_y })
 }
 
 fn order_filter(field: &Field, message: v1::OrderFilter) -> Result<Orders, ApiError> {
@@ -75,7 +94,11 @@ fn order_filter(field: &Field, message: v1::OrderFilter) -> Result<Orders, ApiEr
         let field = field.at(name);
         if value == 0.0 { Ok(1.0) } else { field.number(value, OrderFilter::SIDE_MIN..=1.0) }
     };
-    let (width, height) = (side("width", message.width)?, side("height", message.height)?);
+    check_all! {
+        width = side("width", message.width);
+        height = side("height", message.height);
+        shape = field.at("shape").enum_value(message.shape);
+    }
     let centre = |name, value: f64, side: f64| {
         if OrderFilter::is_inside(value, side) {
             return Ok(value);
@@ -86,13 +109,11 @@ fn order_filter(field: &Field, message: v1::OrderFilter) -> Result<Orders, ApiEr
             format!("is {value}, but must be {within}, so that the opening of {side} lies within the first order");
         Err(field.at(name).invalid(reason))
     };
-    let filter = OrderFilter {
-        shape: field.at("shape").enum_value(message.shape)?.unwrap_or_default(),
-        width,
-        height,
-        centre_x: centre("centre_x", message.centre_x, width)?,
-        centre_y: centre("centre_y", message.centre_y, height)?,
-    };
+    check_all! {
+        centre_x = centre("centre_x", message.centre_x, width);
+        centre_y = centre("centre_y", message.centre_y, height);
+    }
+    let filter = OrderFilter { shape: shape.unwrap_or_default(), width, height, centre_x, centre_y };
     Ok(Orders::Filtered(filter))
 }
 
@@ -111,7 +132,7 @@ fn wavelengths(field: &Field, values: &[f64]) -> Result<Vec<Wavelength>, ApiErro
         return Err(field.invalid(format!("has {} entries, but at most {WAVELENGTHS_MAX} are accepted", values.len())));
     }
     let checked = |(i, &value)| field.index(i).wavelength(value);
-    let mut wavelengths: Vec<_> = values.iter().enumerate().map(checked).collect::<Result<_, _>>()?;
+    let mut wavelengths = collect_all(values.iter().enumerate().map(checked))?;
     wavelengths.sort_unstable();
     match wavelengths.windows(2).find(|pair| pair[0] == pair[1]) {
         Some(pair) => Err(field.invalid(format!("names {} twice, but no two may be equal", pair[0]))),
@@ -126,9 +147,8 @@ fn phases(field: &Field, phase_rad: Vec<f64>, bit_depth: u32) -> Result<Vec<f64>
         let count = phase_rad.len();
         return Err(field.invalid(format!("has {count} entries, but must have {levels}, one for each level")));
     }
-    for (i, &phase) in phase_rad.iter().enumerate() {
-        field.index(i).number(phase, -PHASE_RAD_MAX..=PHASE_RAD_MAX)?;
-    }
+    let checks = phase_rad.iter().enumerate();
+    collect_all(checks.map(|(i, &phase)| field.index(i).number(phase, -PHASE_RAD_MAX..=PHASE_RAD_MAX)))?;
     let least = phase_rad.iter().copied().fold(f64::INFINITY, f64::min);
     let most = phase_rad.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     if most - least < PI {
@@ -204,6 +224,21 @@ mod tests {
         assert_eq!(domain.orders, Orders::Filtered(expected));
         let converted = to_wire::display(domain.clone(), 1_500);
         assert_eq!(display(&Call::without_token(), converted, &Field::new("display")).unwrap(), domain);
+    }
+
+    #[test]
+    fn all_invalid_fields_are_refused_at_once() {
+        let refusal = refusal(|d| {
+            (d.width_px, d.pixel_pitch_m, d.bit_depth) = (15, f64::NAN, 17);
+            d.wavelengths_m = vec![0.5, 515e-9, 1e-8];
+            d.simulated_bench = Some(v1::SimulatedBench { strength: -1.0, camera_noise: 2.0, ..Default::default() });
+        });
+        let fields: Vec<&str> = refusal.lines().skip(1).map(|line| line.split_whitespace().next().unwrap()).collect();
+        let bench = ["simulated_bench.strength", "simulated_bench.camera_noise"];
+        let expected = ["width_px", "pixel_pitch_m", "bit_depth", "wavelengths_m[0]", "wavelengths_m[2]"];
+        let expected = expected.iter().chain(&bench).map(|name| format!("display.{name}"));
+        assert_eq!(fields, expected.collect::<Vec<_>>(), "{refusal}");
+        assert!(refusal.starts_with("7 fields of the request are wrong:\n"), "{refusal}");
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use crate::error::ApiError;
 use crate::field::Field;
+use crate::wrong_fields::collect_all;
 use lightpath_optics::SimulatedBench;
 use lightpath_proto::v1;
 
@@ -51,9 +52,8 @@ pub(super) fn from_wire(message: v1::SimulatedBench, field: &Field) -> Result<Si
             *value = default;
         }
     }
-    for (name, value, least, most, _) in bench.ranges() {
-        field.at(name).number(value, least..=most)?;
-    }
+    let ranges = bench.ranges().into_iter();
+    collect_all(ranges.map(|(name, value, least, most, _)| field.at(name).number(value, least..=most)))?;
     Ok(bench)
 }
 

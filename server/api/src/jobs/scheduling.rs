@@ -1,11 +1,11 @@
-//! Checks of the scheduling of a job: owner, batch, unique key, times and dependencies.
+//! Checks of the scheduling of a job: owner, batch, unique key, times, dependencies and label.
 
 use crate::call::Call;
 use crate::error::ApiError;
 use crate::field::Field;
-use crate::names;
 use crate::permissions::owner_of_job;
 use crate::time::{ms, now_ms};
+use crate::wrong_fields::{check_all, collect_all};
 use lightpath_domain::job::Scheduling;
 use lightpath_proto::v1;
 
@@ -21,33 +21,43 @@ const AFTER_MAX: usize = 256;
 
 /// Checks the scheduling in a submission and converts it.
 pub(crate) fn scheduling(call: &Call, request: &v1::SubmitJobRequest) -> Result<Scheduling, ApiError> {
-    let not_before = Field::new("not_before");
-    let not_before_ms = match &request.not_before {
-        None => None,
-        Some(time) => Some(ms(time).filter(|ms| *ms <= now_ms() + DELAY_MS_MAX).ok_or_else(|| {
-            not_before.invalid("is not a valid time, or more than a year ahead, but must be within a year")
-        })?),
-    };
-    let timeout_ms = match request.timeout_s {
-        0.0 => None,
-        seconds => Some((Field::new("timeout_s").number(seconds, TIMEOUT_S_MIN..=TIMEOUT_S_MAX)? * 1e3).round() as i64),
-    };
-    let field = Field::new("after");
-    if request.after.len() > AFTER_MAX {
-        return Err(field.invalid(format!("has {} entries, but at most {AFTER_MAX} are accepted", request.after.len())));
+    let owner = label(&Field::new("owner"), request.owner.clone());
+    check_all! {
+        owner = owner.and_then(|owner| owner_of_job(call, owner.unwrap_or_default()));
+        batch = label(&Field::new("batch"), request.batch.clone());
+        unique_key = label(&Field::new("unique_key"), request.unique_key.clone());
+        not_before_ms = request.not_before.as_ref().map(not_before_ms).transpose();
+        timeout_ms = timeout_ms(request.timeout_s);
+        after = after(&request.after);
+        label = label(&Field::new("label"), request.label.clone());
     }
-    let after = request.after.iter().enumerate().map(|(i, name)| names::job_id(&field.index(i), name));
-    let mut after = after.collect::<Result<Vec<_>, _>>()?;
-    after.sort();
-    after.dedup();
-    Ok(Scheduling {
-        owner: owner_of_job(call, label(&Field::new("owner"), request.owner.clone())?.unwrap_or_default())?,
-        batch: label(&Field::new("batch"), request.batch.clone())?,
-        unique_key: label(&Field::new("unique_key"), request.unique_key.clone())?,
-        not_before_ms,
-        timeout_ms,
-        after,
+    Ok(Scheduling { owner, batch, unique_key, not_before_ms, timeout_ms, after, label })
+}
+
+fn not_before_ms(time: &pbjson_types::Timestamp) -> Result<i64, ApiError> {
+    ms(time).filter(|ms| *ms <= now_ms() + DELAY_MS_MAX).ok_or_else(|| {
+        Field::new("not_before").invalid("is not a valid time, or more than a year ahead, but must be within a year")
     })
+}
+
+fn timeout_ms(seconds: f64) -> Result<Option<i64>, ApiError> {
+    if seconds == 0.0 {
+        return Ok(None);
+    }
+    let seconds = Field::new("timeout_s").number(seconds, TIMEOUT_S_MIN..=TIMEOUT_S_MAX)?;
+    Ok(Some((seconds * 1e3).round() as i64))
+}
+
+/// The ids of the jobs to wait for, ascending, each once.
+fn after(names: &[String]) -> Result<Vec<String>, ApiError> {
+    let field = Field::new("after");
+    if names.len() > AFTER_MAX {
+        return Err(field.invalid(format!("has {} entries, but at most {AFTER_MAX} are accepted", names.len())));
+    }
+    let mut ids = collect_all(names.iter().enumerate().map(|(i, name)| crate::names::job_id(&field.index(i), name)))?;
+    ids.sort();
+    ids.dedup();
+    Ok(ids)
 }
 
 /// Checks a short text that the client chose; `None` if it is empty.

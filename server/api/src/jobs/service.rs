@@ -5,7 +5,7 @@ use super::to_wire;
 use crate::api::Api;
 use crate::call::{Call, StatusStream};
 use crate::error::ApiError;
-use crate::field::Field;
+use crate::field::{Field, shortened};
 use crate::names;
 use crate::pages::Page;
 use crate::permissions::require_all_displays;
@@ -163,8 +163,19 @@ fn filter_of(call: &Call, request: &v1::ListJobsRequest) -> Result<JobFilter, Ap
         owner: label(&Field::new("owner"), request.owner.clone())?,
         text: label(&Field::new("text"), request.text.clone())?,
         since_ms: since_ms.transpose()?,
+        id_prefix: id_prefix(&Field::new("id_prefix"), &request.id_prefix)?,
         oldest_first: Field::new("order").wire_value::<Order>(request.order)? == Order::OldestFirst,
     })
+}
+
+/// Checks the beginning of an id; `None` if it is empty.
+fn id_prefix(field: &Field, given: &str) -> Result<Option<String>, ApiError> {
+    const LENGTH_MAX: usize = 36;
+    if given.len() > LENGTH_MAX || !given.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f' | b'-')) {
+        let problem = "but must be the beginning of a job's id: at most 36 characters of 0-9, a-f and '-'";
+        return Err(field.invalid(format!("is {:?}, {problem}", shortened(given))));
+    }
+    Ok((!given.is_empty()).then(|| given.to_owned()))
 }
 
 /// A short text that is another one for another filter.

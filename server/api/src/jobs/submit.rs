@@ -7,8 +7,9 @@ use crate::call::Call;
 use crate::error::ApiError;
 use crate::field::Field;
 use crate::time::now_ms;
+use crate::wrong_fields::{check_all, is_about_fields};
 use lightpath_domain::access::Role;
-use lightpath_domain::job::{JobSpec, NewJob};
+use lightpath_domain::job::{Job, JobSpec, NewJob, Scheduling};
 use lightpath_proto::v1::{self, job_spec};
 use uuid::Uuid;
 
@@ -33,26 +34,52 @@ impl Api {
 
     /// Checks a submission and converts it. Named resources are looked up and pictures are decoded, so that the request
     /// is refused now rather than by a worker an hour later.
-    async fn new_job(&self, call: &Call, request: v1::SubmitJobRequest) -> Result<NewJob, ApiError> {
-        let field = Field::new("spec");
-        let scheduling = scheduling::scheduling(call, &request)?;
-        // The store refuses jobs that do not exist.
-        if !call.caller.displays.is_empty() {
-            for id in &scheduling.after {
-                self.visible_job(call, id).await?;
+    async fn new_job(&self, call: &Call, mut request: v1::SubmitJobRequest) -> Result<NewJob, ApiError> {
+        let kind = request.spec.take().and_then(|spec| spec.kind);
+        let place = match Place::in_queue(call, request) {
+            // Who may not submit the job learns nothing of what its spec names.
+            Err(error) if !is_about_fields(&error) => return Err(error),
+            place => place,
+        };
+        let mut before = None;
+        if let Ok(Place { scheduling, request_id, .. }) = &place {
+            // The store refuses jobs that do not exist.
+            if !call.caller.displays.is_empty() {
+                for id in &scheduling.after {
+                    self.visible_job(call, id).await?;
+                }
             }
+            before = self.store.job_by_request(&scheduling.owner, request_id).await?;
         }
-        let kind = request.spec.and_then(|spec| spec.kind);
-        let attempts_max =
-            Field::new("attempts_max").integer_or(request.attempts_max, ATTEMPTS_DEFAULT, 1..=ATTEMPTS_MAX)?;
-        let priority = priority(call, request.priority)?;
-        let request_id = request_id(request.request_id)?;
-        let before = self.store.job_by_request(&scheduling.owner, &request_id).await?;
+        let spec = self.job_spec(call, kind, before.as_ref()).await;
+        check_all! {
+            place = place;
+            spec = spec;
+        }
+        let (spec, decoding_bytes) = spec;
+        // A repeated request returns its job, even if the limits have changed since.
+        let estimate = match before {
+            Some(job) => job.estimate,
+            None => self.estimated(&spec, decoding_bytes).await?,
+        };
+        let Place { scheduling, request_id, priority, attempts_max } = place;
+        Ok(NewJob { spec, request_id, priority, attempts_max, scheduling, estimate })
+    }
+
+    /// Checks what a job shall do. Returns also the largest memory for decoding one of its pictures \[bytes\]. `before` is
+    /// the job of an earlier submission of the same request.
+    async fn job_spec(
+        &self,
+        call: &Call,
+        kind: Option<job_spec::Kind>,
+        before: Option<&Job>,
+    ) -> Result<(JobSpec, u64), ApiError> {
+        let field = Field::new("spec");
         let mut decoding_bytes = 0;
         let spec = match field.required(kind)? {
             job_spec::Kind::OptimizeHologram(message) => {
                 let field = field.at("optimize_hologram");
-                let (spec, decoding) = self.optimize_hologram_spec(call, message, &field, before.as_ref()).await?;
+                let (spec, decoding) = self.optimize_hologram_spec(call, message, &field, before).await?;
                 decoding_bytes = decoding;
                 JobSpec::OptimizeHologram(Box::new(spec))
             }
@@ -64,11 +91,11 @@ impl Api {
             ),
             job_spec::Kind::EvaluateKernel(message) => {
                 let field = field.at("evaluate_kernel");
-                JobSpec::EvaluateKernel(self.evaluate_kernel_spec(call, message, &field, before.as_ref()).await?)
+                JobSpec::EvaluateKernel(self.evaluate_kernel_spec(call, message, &field, before).await?)
             }
             job_spec::Kind::PrepareDataset(message) => {
                 let field = field.at("prepare_dataset");
-                let spec = self.prepare_dataset_spec(call, message, &field, before.as_ref()).await?;
+                let spec = self.prepare_dataset_spec(call, message, &field, before).await?;
                 decoding_bytes = self.dots_decoding_bytes(call, &field, &spec).await?;
                 JobSpec::PrepareDataset(spec)
             }
@@ -83,12 +110,28 @@ impl Api {
                 JobSpec::VerifyHologram(self.verify_hologram_spec(call, message, &field.at("verify_hologram")).await?)
             }
         };
-        // A repeated request returns its job, even if the limits have changed since.
-        let estimate = match before {
-            Some(job) => job.estimate,
-            None => self.estimated(&spec, decoding_bytes).await?,
-        };
-        Ok(NewJob { spec, request_id, priority, attempts_max, scheduling, estimate })
+        Ok((spec, decoding_bytes))
+    }
+}
+
+/// The part of a submission that is the same for all kinds of jobs.
+struct Place {
+    scheduling: Scheduling,
+    request_id: String,
+    priority: i32,
+    attempts_max: u32,
+}
+
+impl Place {
+    fn in_queue(call: &Call, request: v1::SubmitJobRequest) -> Result<Self, ApiError> {
+        let attempts_max = Field::new("attempts_max");
+        check_all! {
+            scheduling = scheduling::scheduling(call, &request);
+            request_id = request_id(request.request_id);
+            priority = priority(call, request.priority);
+            attempts_max = attempts_max.integer_or(request.attempts_max, ATTEMPTS_DEFAULT, 1..=ATTEMPTS_MAX);
+        }
+        Ok(Self { scheduling, request_id, priority, attempts_max })
     }
 }
 

@@ -43,6 +43,7 @@ pub(crate) fn job(job: Job) -> v1::Job {
         revision: job.revision,
         estimated_memory_bytes: job.estimate.memory_bytes,
         estimated_time_s: job.estimate.time_s,
+        label: scheduling.label.unwrap_or_default(),
     }
 }
 
@@ -65,6 +66,7 @@ pub(crate) fn summary(job: JobSummary) -> v1::JobSummary {
         progress: job.progress.filter(|_| !has_succeeded).map(progress),
         error: job.error.map(|error| JobError { message: beginning(error.message), ..error }).map(self::error),
         revision: job.revision,
+        label: job.label.unwrap_or_default(),
     }
 }
 

@@ -58,6 +58,7 @@ pub(crate) const EXPECTED: &[(&str, &str)] = &[
     ("/lightpath.v1.JobService/GetQueue", MAY_READ),
     ("/lightpath.v1.JobService/PauseQueue", MAY_ADMINISTER),
     ("/lightpath.v1.JobService/ResumeQueue", MAY_ADMINISTER),
+    ("/lightpath.v1.ServerService/GetServer", MAY_FETCH),
     ("/lightpath.v1.KernelService/GetKernel", MAY_FETCH),
     // An empty message asks for all displays, which no firmware token may; `manifests` lists those of one.
     ("/lightpath.v1.KernelService/ListKernels", MAY_READ),

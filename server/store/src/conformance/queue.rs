@@ -371,6 +371,13 @@ async fn lists_are_searched_for_kinds_owners_times_and_texts() {
     assert_eq!(list(JobFilter { since_ms: Some(time_ms), ..all() }, None).await, [2, 1, 0]);
     assert_eq!(list(JobFilter { since_ms: Some(time_ms + 60_000), ..all() }, None).await, [0; 0]);
     assert_eq!(list(JobFilter { since_ms: Some(i64::MIN), ..all() }, None).await, [2, 1, 0]);
+    for (prefix, found) in [(&ids[1][..], vec![1]), ("0", vec![2, 1, 0]), ("g", vec![]), (&ids[0][..9], vec![2, 1, 0])]
+    {
+        let filter = JobFilter { id_prefix: word(prefix), ..all() };
+        assert_eq!(list(filter, None).await, found, "{prefix}");
+    }
+    let with_state = JobFilter { id_prefix: word("0"), state: Some(JobState::Running), ..all() };
+    assert_eq!(list(with_state, None).await, [0; 0]);
     let one = store.job_summary(&ids[1]).await.unwrap();
     assert_eq!(
         (one.kind.as_str(), one.batch.as_deref(), one.display.as_str()),

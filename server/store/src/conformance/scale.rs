@@ -76,6 +76,7 @@ async fn lists(store: &Store, finished: u32) -> Times {
         JobFilter { state: Some(JobState::Succeeded), display: Some("lab-1".to_owned()), ..JobFilter::default() },
         JobFilter { state: Some(JobState::Running), batch: Some("batch 1".to_owned()), ..JobFilter::default() },
         JobFilter { display: Some("lab-2".to_owned()), batch: Some("batch 1".to_owned()), ..JobFilter::default() },
+        JobFilter { id_prefix: Some("a00000000".to_owned()), ..JobFilter::default() },
     ];
     let filters = &filters;
     let list = times(async |n| {
@@ -90,6 +91,9 @@ async fn lists(store: &Store, finished: u32) -> Times {
     })
     .await;
     summaries.print("list summaries");
+    let one = JobFilter { id_prefix: Some("a000000001234".to_owned()), ..JobFilter::default() };
+    let found = times(async |_| assert_eq!(store.job_summaries(&one, None, 51).await.unwrap().len(), 1)).await;
+    found.print("find one job by the beginning of its id");
     let searches = [
         JobFilter { text: Some("no job has this text".to_owned()), ..JobFilter::default() },
         JobFilter { owner: Some("nobody".to_owned()), oldest_first: true, ..JobFilter::default() },

@@ -10,7 +10,7 @@ from lightpath.aio.jobs import Job, submit
 from lightpath.aio.kernels import Kernel, KernelVersion, list_kernels
 from lightpath.errors import InvalidArgument
 from lightpath.hologram import Hologram
-from lightpath.options import HologramOptions, SubmitOptions, check, optimize_message
+from lightpath.options import HologramOptions, SubmitOptions, check, label_of, optimize_message
 from lightpath.pictures import Phase, Picture, file_bytes, phase_bytes, picture_bytes
 from lightpath.progress import Progress, shows_pictures
 from lightpath.units import Length, metres, show_length
@@ -113,6 +113,7 @@ class Display:
         if len(targets) not in {1, len(distances)}:
             fix = "give one picture, or one for each distance"
             raise InvalidArgument("target", f"has {len(targets)} pictures for {len(distances)} distances", fix)
+        options.setdefault("label", label_of(targets))
         digests = [await self._connection.upload(picture_bytes("target", each)) for each in targets]
         for i, distance_m in enumerate(distances):
             message.planes.add(distance_m=distance_m, target=digests[i % len(digests)])
@@ -172,6 +173,7 @@ class Display:
         elif distance is None:
             raise InvalidArgument("distance", "is missing", 'give it with a hologram from a file, as distance="150mm"')
         else:
+            options.setdefault("label", label_of([hologram]))
             message.phase = await self._connection.upload(phase_bytes("hologram", hologram))
         if distance is not None:
             message.distance_m = metres("distance", distance)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, cast
 from lightpath import html, names, png, v1, words
 from lightpath.errors import InvalidArgument
 from lightpath.hologram import Hologram
-from lightpath.options import HologramOptions, SubmitOptions, check, optimize_message
+from lightpath.options import HologramOptions, SubmitOptions, check, label_of, optimize_message
 from lightpath.pictures import Phase, Picture, file_bytes, phase_bytes, picture_bytes
 from lightpath.progress import Progress, shows_pictures
 from lightpath.sync.datasets import Dataset
@@ -114,6 +114,7 @@ class Display:
         if len(targets) not in {1, len(distances)}:
             fix = "give one picture, or one for each distance"
             raise InvalidArgument("target", f"has {len(targets)} pictures for {len(distances)} distances", fix)
+        options.setdefault("label", label_of(targets))
         digests = [self._connection.upload(picture_bytes("target", each)) for each in targets]
         for i, distance_m in enumerate(distances):
             message.planes.add(distance_m=distance_m, target=digests[i % len(digests)])
@@ -170,6 +171,7 @@ class Display:
         elif distance is None:
             raise InvalidArgument("distance", "is missing", 'give it with a hologram from a file, as distance="150mm"')
         else:
+            options.setdefault("label", label_of([hologram]))
             message.phase = self._connection.upload(phase_bytes("hologram", hologram))
         if distance is not None:
             message.distance_m = metres("distance", distance)

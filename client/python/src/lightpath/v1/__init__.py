@@ -247,6 +247,7 @@ from lightpath.v1.rollout_pb2 import (
     StartRolloutRequest,
     WidenRolloutRequest,
 )
+from lightpath.v1.server_pb2 import GetServerRequest, Server
 from lightpath.v1.webhook_pb2 import (
     CreateWebhookRequest,
     DeleteWebhookRequest,
@@ -330,6 +331,7 @@ __all__ = [
     "GetPromotionGateRequest",
     "GetQueueRequest",
     "GetRolloutRequest",
+    "GetServerRequest",
     "GetUploadRequest",
     "GetWebhookRequest",
     "HOLOGRAM_METHOD_ADAM",
@@ -483,6 +485,7 @@ __all__ = [
     "ScorePhotoRequest",
     "SecondOpinion",
     "SeenQuality",
+    "Server",
     "SetDeviceGroupRequest",
     "SetKernelAliasRequest",
     "SetPromotionGateRequest",

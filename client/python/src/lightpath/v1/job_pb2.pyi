@@ -190,6 +190,7 @@ class Job(_message.Message):
     REVISION_FIELD_NUMBER: _builtins.int
     ESTIMATED_MEMORY_BYTES_FIELD_NUMBER: _builtins.int
     ESTIMATED_TIME_S_FIELD_NUMBER: _builtins.int
+    LABEL_FIELD_NUMBER: _builtins.int
     name: _builtins.str
     """Resource name, `jobs/{id}`."""
     request_id: _builtins.str
@@ -219,6 +220,8 @@ class Job(_message.Message):
     """Estimate of the job's largest memory, above that of the idle server [bytes]. 0: not estimated."""
     estimated_time_s: _builtins.float
     """Estimate of the time of an attempt on this server without other jobs [s]. 0: not estimated."""
+    label: _builtins.str
+    """What the job is about, for people, such as the file name of its target. Empty: nothing was given."""
     @_builtins.property
     def spec(self) -> Global___JobSpec:
         """Request, with every default filled in."""
@@ -286,10 +289,11 @@ class Job(_message.Message):
         revision: _builtins.int = ...,
         estimated_memory_bytes: _builtins.int = ...,
         estimated_time_s: _builtins.float = ...,
+        label: _builtins.str = ...,
     ) -> None: ...
     _HasFieldArgType: _TypeAlias = _typing.Literal["create_time", b"create_time", "error", b"error", "finish_time", b"finish_time", "progress", b"progress", "result", b"result", "run_time", b"run_time", "spec", b"spec", "start_time", b"start_time"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["after", b"after", "attempt", b"attempt", "attempts_max", b"attempts_max", "batch", b"batch", "cancel_requested", b"cancel_requested", "create_time", b"create_time", "error", b"error", "estimated_memory_bytes", b"estimated_memory_bytes", "estimated_time_s", b"estimated_time_s", "finish_time", b"finish_time", "kernel_versions", b"kernel_versions", "name", b"name", "owner", b"owner", "priority", b"priority", "progress", b"progress", "request_id", b"request_id", "result", b"result", "revision", b"revision", "run_time", b"run_time", "spec", b"spec", "start_time", b"start_time", "state", b"state", "timeout_s", b"timeout_s", "unique_key", b"unique_key", "waiting_for", b"waiting_for"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["after", b"after", "attempt", b"attempt", "attempts_max", b"attempts_max", "batch", b"batch", "cancel_requested", b"cancel_requested", "create_time", b"create_time", "error", b"error", "estimated_memory_bytes", b"estimated_memory_bytes", "estimated_time_s", b"estimated_time_s", "finish_time", b"finish_time", "kernel_versions", b"kernel_versions", "label", b"label", "name", b"name", "owner", b"owner", "priority", b"priority", "progress", b"progress", "request_id", b"request_id", "result", b"result", "revision", b"revision", "run_time", b"run_time", "spec", b"spec", "start_time", b"start_time", "state", b"state", "timeout_s", b"timeout_s", "unique_key", b"unique_key", "waiting_for", b"waiting_for"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     def WhichOneof(self, oneof_group: _Never) -> None: ...
 
@@ -316,6 +320,7 @@ class JobSummary(_message.Message):
     PROGRESS_FIELD_NUMBER: _builtins.int
     ERROR_FIELD_NUMBER: _builtins.int
     REVISION_FIELD_NUMBER: _builtins.int
+    LABEL_FIELD_NUMBER: _builtins.int
     name: _builtins.str
     """Resource name of the job, `jobs/{id}`."""
     kind: Global___Job.Kind.ValueType
@@ -334,6 +339,8 @@ class JobSummary(_message.Message):
     """Number of attempts started so far."""
     revision: _builtins.int
     """Number that grows with every change of the job."""
+    label: _builtins.str
+    """What the job is about, for people. Empty: nothing was given."""
     @_builtins.property
     def create_time(self) -> _timestamp_pb2.Timestamp: ...
     @_builtins.property
@@ -368,10 +375,11 @@ class JobSummary(_message.Message):
         progress: Global___Progress | None = ...,
         error: Global___JobError | None = ...,
         revision: _builtins.int = ...,
+        label: _builtins.str = ...,
     ) -> None: ...
     _HasFieldArgType: _TypeAlias = _typing.Literal["create_time", b"create_time", "error", b"error", "finish_time", b"finish_time", "progress", b"progress", "start_time", b"start_time"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["attempt", b"attempt", "batch", b"batch", "cancel_requested", b"cancel_requested", "create_time", b"create_time", "display", b"display", "error", b"error", "finish_time", b"finish_time", "kind", b"kind", "name", b"name", "owner", b"owner", "priority", b"priority", "progress", b"progress", "revision", b"revision", "start_time", b"start_time", "state", b"state"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["attempt", b"attempt", "batch", b"batch", "cancel_requested", b"cancel_requested", "create_time", b"create_time", "display", b"display", "error", b"error", "finish_time", b"finish_time", "kind", b"kind", "label", b"label", "name", b"name", "owner", b"owner", "priority", b"priority", "progress", b"progress", "revision", b"revision", "start_time", b"start_time", "state", b"state"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     def WhichOneof(self, oneof_group: _Never) -> None: ...
 
@@ -2178,6 +2186,7 @@ class SubmitJobRequest(_message.Message):
     NOT_BEFORE_FIELD_NUMBER: _builtins.int
     TIMEOUT_S_FIELD_NUMBER: _builtins.int
     AFTER_FIELD_NUMBER: _builtins.int
+    LABEL_FIELD_NUMBER: _builtins.int
     request_id: _builtins.str
     """Id of the request, 1 to 128 bytes, chosen by the client, so that a repeated request of the same owner submits no
     second job. Empty: the server chooses one.
@@ -2203,6 +2212,8 @@ class SubmitJobRequest(_message.Message):
     """Time limit of an attempt [s], up to 30 days. An attempt that takes longer fails for good. 0: the limit for this
     kind of job in the server's settings.
     """
+    label: _builtins.str
+    """What the job is about, for people, at most 128 bytes, such as the file name of its target. Empty: nothing."""
     @_builtins.property
     def spec(self) -> Global___JobSpec: ...
     @_builtins.property
@@ -2228,10 +2239,11 @@ class SubmitJobRequest(_message.Message):
         not_before: _timestamp_pb2.Timestamp | None = ...,
         timeout_s: _builtins.float = ...,
         after: _abc.Iterable[_builtins.str] | None = ...,
+        label: _builtins.str = ...,
     ) -> None: ...
     _HasFieldArgType: _TypeAlias = _typing.Literal["not_before", b"not_before", "spec", b"spec"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["after", b"after", "attempts_max", b"attempts_max", "batch", b"batch", "not_before", b"not_before", "owner", b"owner", "priority", b"priority", "request_id", b"request_id", "spec", b"spec", "timeout_s", b"timeout_s", "unique_key", b"unique_key"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["after", b"after", "attempts_max", b"attempts_max", "batch", b"batch", "label", b"label", "not_before", b"not_before", "owner", b"owner", "priority", b"priority", "request_id", b"request_id", "spec", b"spec", "timeout_s", b"timeout_s", "unique_key", b"unique_key"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     def WhichOneof(self, oneof_group: _Never) -> None: ...
 
@@ -2314,6 +2326,7 @@ class ListJobsRequest(_message.Message):
     TEXT_FIELD_NUMBER: _builtins.int
     ORDER_FIELD_NUMBER: _builtins.int
     VIEW_FIELD_NUMBER: _builtins.int
+    ID_PREFIX_FIELD_NUMBER: _builtins.int
     page_size: _builtins.int
     """Largest number of jobs on the page, 1 to 1000; 0 means 50."""
     page_token: _builtins.str
@@ -2329,11 +2342,13 @@ class ListJobsRequest(_message.Message):
     owner: _builtins.str
     """Owner of the listed jobs. Empty: all owners."""
     text: _builtins.str
-    """Text that the id, the request id, the owner, the batch, the unique key, the display or the dataset of a listed job
-    contains, in capital or small letters; at most 128 bytes. Empty: all jobs.
+    """Text that the id, the request id, the owner, the batch, the unique key, the label, the display or the dataset of a
+    listed job contains, in capital or small letters; at most 128 bytes. Empty: all jobs.
     """
     order: Global___ListJobsRequest.Order.ValueType
     view: Global___ListJobsRequest.View.ValueType
+    id_prefix: _builtins.str
+    """Beginning of the ids of the listed jobs, at most 36 characters of 0-9, a-f and '-'. Empty: all jobs."""
     @_builtins.property
     def since(self) -> _timestamp_pb2.Timestamp:
         """Time from which on the listed jobs were submitted. Unset: all jobs."""
@@ -2352,10 +2367,11 @@ class ListJobsRequest(_message.Message):
         text: _builtins.str = ...,
         order: Global___ListJobsRequest.Order.ValueType = ...,
         view: Global___ListJobsRequest.View.ValueType = ...,
+        id_prefix: _builtins.str = ...,
     ) -> None: ...
     _HasFieldArgType: _TypeAlias = _typing.Literal["since", b"since"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["batch", b"batch", "display", b"display", "kind", b"kind", "order", b"order", "owner", b"owner", "page_size", b"page_size", "page_token", b"page_token", "since", b"since", "state", b"state", "text", b"text", "view", b"view"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["batch", b"batch", "display", b"display", "id_prefix", b"id_prefix", "kind", b"kind", "order", b"order", "owner", b"owner", "page_size", b"page_size", "page_token", b"page_token", "since", b"since", "state", b"state", "text", b"text", "view", b"view"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     def WhichOneof(self, oneof_group: _Never) -> None: ...
 

@@ -7,6 +7,7 @@ use crate::field::Field;
 use crate::jobs::learning_rate::learning_rate;
 use crate::optics::from_wire::region;
 use crate::optics::propagation_checks::check_distance;
+use crate::wrong_fields::check_all;
 use lightpath_domain::dataset::Dataset;
 use lightpath_domain::display::Display;
 use lightpath_domain::job::LearnKernel;
@@ -32,40 +33,52 @@ impl Api {
         field: &Field,
     ) -> Result<LearnKernel, ApiError> {
         let at = |name| field.at(name);
-        let model = at("model").enum_value::<KernelModel>(message.model)?.unwrap_or_default();
-        let (datasets, display) = self.datasets_to_learn(call, &at("datasets"), &message.datasets, model).await?;
-        let refinement = message.refinement_evaluations;
-        let is_smooth = model.is_smooth();
-        if !is_smooth && refinement.is_some_and(|evaluations| evaluations > 0) {
-            return Err(at("refinement_evaluations")
-                .invalid("is given, but only smooth, display and varying models are refined"));
+        let model = at("model").enum_value::<KernelModel>(message.model).map(Option::unwrap_or_default);
+        // If the model is wrong, the other fields are checked for the default one.
+        let checked_model = *model.as_ref().unwrap_or(&KernelModel::default());
+        let learned = self.datasets_to_learn(call, &at("datasets"), &message.datasets, checked_model).await;
+        let region_of_interest = learned
+            .as_ref()
+            .ok()
+            .map(|(_, display)| region(&at("region_of_interest"), message.region_of_interest, display));
+        let is_smooth = checked_model.is_smooth();
+        let start_version = match &learned {
+            Ok((datasets, display)) => {
+                let (wavelength, distance) = (datasets[0].wavelength, datasets[0].distance);
+                let key = KernelKey { display: display.id.clone(), wavelength, distance };
+                self.start_version(&at("start_version"), message.start_version, is_smooth, &key).await
+            }
+            Err(_) => Ok(None),
+        };
+        check_all! {
+            model = model;
+            learned = learned;
+            epochs = at("epochs").integer(message.epochs, 0..=EPOCHS_MAX);
+            refinement_evaluations =
+                refinement(&at("refinement_evaluations"), message.refinement_evaluations, is_smooth);
+            learning_rate = learning_rate(&at("learning_rate"), message.learning_rate);
+            order = (message.order > 0).then(|| at("order").integer(message.order, 1..=ORDER_MAX)).transpose();
+            start_version = start_version;
+            detector = detector(&at("detector"), message.detector);
+            region_of_interest = region_of_interest.transpose();
         }
-        let detector = at("detector").enum_value::<Detector>(message.detector)?.unwrap_or_default();
-        if detector == Detector::Supersampled {
-            return Err(at("detector").invalid("is supersampled, but must be point or pixel, which a camera measures"));
-        }
+        let (datasets, display) = learned;
         if !is_smooth && display.orders.are_all() {
             return Err(at("model").invalid(format!(
                 "has a value for each frequency, but displays/{} shows all diffraction orders; use smooth, display or varying",
                 display.id
             )));
         }
-        let (wavelength, distance) = (datasets[0].wavelength, datasets[0].distance);
-        let key = KernelKey { display: display.id.clone(), wavelength, distance };
-        let epochs = at("epochs").integer(message.epochs, 0..=EPOCHS_MAX)?;
-        let evaluations = at("refinement_evaluations");
         Ok(LearnKernel {
             model,
             epochs: (epochs > 0).then_some(epochs),
-            refinement_evaluations: refinement
-                .map(|given| evaluations.integer(given, 0..=REFINEMENT_EVALUATIONS_MAX))
-                .transpose()?,
-            learning_rate: learning_rate(&at("learning_rate"), message.learning_rate)?,
+            refinement_evaluations,
+            learning_rate,
             seed: message.seed,
-            order: (message.order > 0).then(|| at("order").integer(message.order, 1..=ORDER_MAX)).transpose()?,
-            start_version: self.start_version(&at("start_version"), message.start_version, is_smooth, &key).await?,
+            order,
+            start_version,
             detector,
-            region_of_interest: region(&at("region_of_interest"), message.region_of_interest, &display)?,
+            region_of_interest: at("region_of_interest").required(region_of_interest)?,
             display: display.id,
             datasets: datasets.into_iter().map(|dataset| dataset.id).collect(),
         })
@@ -137,5 +150,23 @@ impl Api {
             return Err(field.invalid(&problem));
         }
         Ok(Some(version))
+    }
+}
+
+/// Checks the number of refining evaluations, which only smooth models have.
+fn refinement(field: &Field, given: Option<u32>, is_smooth: bool) -> Result<Option<u32>, ApiError> {
+    if !is_smooth && given.is_some_and(|evaluations| evaluations > 0) {
+        return Err(field.invalid("is given, but only smooth, display and varying models are refined"));
+    }
+    given.map(|given| field.integer(given, 0..=REFINEMENT_EVALUATIONS_MAX)).transpose()
+}
+
+/// Checks what the camera's pixels measure.
+fn detector(field: &Field, number: i32) -> Result<Detector, ApiError> {
+    match field.enum_value::<Detector>(number)?.unwrap_or_default() {
+        Detector::Supersampled => {
+            Err(field.invalid("is supersampled, but must be point or pixel, which a camera measures"))
+        }
+        detector => Ok(detector),
     }
 }

@@ -3,6 +3,7 @@
 use crate::error::ApiError;
 use crate::field::Field;
 use crate::optics::propagation_checks::{check_distance, check_method};
+use crate::wrong_fields::collect_all;
 use lightpath_domain::display::Display;
 use lightpath_domain::job::OptimizeHologram;
 use lightpath_optics::hologram::Loss;
@@ -14,24 +15,25 @@ const PLANE_PIXELS_MAX: u64 = 100_000_000;
 
 /// Refuses a distance or method that gives no correct image for one of the wavelengths.
 pub(super) fn propagation(field: &Field, spec: &OptimizeHologram, display: &Display) -> Result<(), ApiError> {
+    let mut checks = Vec::new();
     for (&wavelength, versions) in spec.wavelengths.iter().zip(&spec.kernel_versions) {
-        for (p, (plane, version)) in spec.planes.iter().zip(versions).enumerate() {
+        for (p, (plane, &version)) in spec.planes.iter().zip(versions).enumerate() {
             let Some(method) = spec.propagation else {
                 let at = field.at("planes").index(p).at("distance_m");
-                check_distance(&at, display, wavelength, plane.distance)?;
+                checks.push(check_distance(&at, display, wavelength, plane.distance));
                 continue;
             };
             let at = field.at("propagation");
-            if let Some(version) = version {
-                let fix = "leave it unspecified, or use the kernel `ideal`";
-                let problem =
-                    format!("is given, but kernel version {version} has the method with which it was learned; {fix}");
-                return Err(at.invalid(problem));
-            }
-            check_method(&at, display, wavelength, plane.distance, method)?;
+            checks.push(match version {
+                Some(version) => Err(at.invalid(format!(
+                    "is given, but kernel version {version} has the method with which it was learned; leave it \
+                     unspecified, or use the kernel `ideal`"
+                ))),
+                None => check_method(&at, display, wavelength, plane.distance, method),
+            });
         }
     }
-    Ok(())
+    collect_all(checks).map(drop)
 }
 
 /// Refuses fields that a method without a gradient ignores.

@@ -7,9 +7,13 @@ use crate::call::Call;
 use crate::error::ApiError;
 use crate::field::{self, Field};
 use crate::optics::from_wire::{convolution_method, region};
+use crate::wrong_fields::{check_all, collect_all};
 use lightpath_domain::dataset::Encoding;
+use lightpath_domain::display::Display;
 use lightpath_domain::job::{Job, JobSpec, OptimizeHologram};
 use lightpath_domain::kernel::KernelKey;
+use lightpath_domain::units::Wavelength;
+use lightpath_optics::{Detector, HologramMethod, RegionOfInterest};
 use lightpath_proto::v1;
 
 /// Limit on the iterations, fifty times as many as a good hologram needs. It bounds the time that one job uses a
@@ -18,6 +22,23 @@ const ITERATIONS_MAX: u32 = 10_000;
 const ITERATIONS_DEFAULT: u32 = 200;
 /// Limit on the frames: the fastest phase modulators show no more within the eye's integration time.
 const FRAMES_MAX: u32 = 24;
+
+/// What depends on the display of a request.
+struct Shown {
+    display: Display,
+    wavelengths: Vec<Wavelength>,
+    region_of_interest: RegionOfInterest,
+}
+
+impl Shown {
+    fn on(display: Display, field: &Field, message: &v1::OptimizeHologram) -> Result<Self, ApiError> {
+        check_all! {
+            wavelengths = planes::wavelengths(field, message, &display);
+            region_of_interest = region(&field.at("region_of_interest"), message.region_of_interest, &display);
+        }
+        Ok(Self { display, wavelengths, region_of_interest })
+    }
+}
 
 impl Api {
     /// Checks a request, looks up the named resources, fills in defaults, and converts the request. Returns also the
@@ -31,37 +52,56 @@ impl Api {
         before: Option<&Job>,
     ) -> Result<(OptimizeHologram, u64), ApiError> {
         let at = |name| field.at(name);
-        let display = self.display_named(call, &at("display"), &message.display).await?;
-        let wavelengths = planes::wavelengths(field, &message, &display)?;
-        let planes = planes::planes(&at("planes"), &message.planes)?;
-        let depth_map = planes::depth_map(&at("depth_map"), &message.depth_map, &planes)?;
-        let method = search::method(field, &message)?;
-        let detector = at("detector").enum_value(message.detector)?.unwrap_or_default();
-        let frames = at("frames").integer_or(message.frames, 1, 1..=FRAMES_MAX)?;
-        let phases = search::PhaseDefaults { method, detector, frames, wavelengths: wavelengths.len() };
-        let region_of_interest = region(&at("region_of_interest"), message.region_of_interest, &display)?;
+        let display = self.display_named(call, &at("display"), &message.display).await;
+        let shown = display.and_then(|display| Shown::on(display, field, &message));
+        let method = search::method(field, &message);
+        let detector = at("detector").enum_value(message.detector).map(Option::unwrap_or_default);
+        let frames = at("frames").integer_or(message.frames, 1, 1..=FRAMES_MAX);
+        // The default and the limits of the initial phase depend on these. If one of them is wrong, its default serves.
+        let phases = search::PhaseDefaults {
+            method: *method.as_ref().unwrap_or(&HologramMethod::Lbfgs),
+            detector: *detector.as_ref().unwrap_or(&Detector::default()),
+            frames: *frames.as_ref().unwrap_or(&1),
+            wavelengths: message.wavelengths_m.len().max(1),
+        };
+        let region = shown.as_ref().ok().map(|shown| shown.region_of_interest);
+        check_all! {
+            shown = shown;
+            planes = planes::planes(&at("planes"), &message.planes);
+            depth_map = planes::depth_map(&at("depth_map"), &message.depth_map, message.planes.len());
+            target_encoding = at("target_encoding").enum_value(message.target_encoding);
+            target_fit = at("target_fit").enum_value(message.target_fit);
+            propagation = convolution_method(&at("propagation"), message.propagation);
+            method = method;
+            iterations = at("iterations").integer_or(message.iterations, ITERATIONS_DEFAULT, 1..=ITERATIONS_MAX);
+            frames = frames;
+            initial_phase = search::initial_phase(&at("initial_phase"), message.initial_phase, phases);
+            loss = search::loss(&at("loss"), message.loss, region);
+            detector = detector;
+            weight_mask = planes::optional_digest(&at("weight_mask"), &message.weight_mask);
+        }
+        let Shown { display, wavelengths, region_of_interest } = shown;
         let mut spec = OptimizeHologram {
             display: display.id.clone(),
             wavelengths,
             planes,
             depth_map,
-            target_encoding: at("target_encoding").enum_value(message.target_encoding)?.unwrap_or(Encoding::Srgb),
-            target_fit: at("target_fit").enum_value(message.target_fit)?.unwrap_or_default(),
+            target_encoding: target_encoding.unwrap_or(Encoding::Srgb),
+            target_fit: target_fit.unwrap_or_default(),
             kernel_versions: Vec::new(),
-            propagation: convolution_method(&at("propagation"), message.propagation)?,
+            propagation,
             method,
-            iterations: at("iterations").integer_or(message.iterations, ITERATIONS_DEFAULT, 1..=ITERATIONS_MAX)?,
+            iterations,
             frames,
-            initial_phase: search::initial_phase(&at("initial_phase"), message.initial_phase, phases)?,
+            initial_phase,
             seed: message.seed,
-            loss: search::loss(&at("loss"), message.loss, region_of_interest)?,
+            loss,
             detector,
             region_of_interest,
-            weight_mask: planes::optional_digest(&at("weight_mask"), &message.weight_mask)?,
+            weight_mask,
             quantization_aware: message.quantization_aware,
         };
-        checks::method(field, &spec)?;
-        checks::size(field, &spec, &display)?;
+        collect_all([checks::method(field, &spec), checks::size(field, &spec, &display)])?;
         spec.kernel_versions = self.chosen_kernels(&at("kernel"), &message.kernel, &spec, before).await?;
         checks::propagation(field, &spec, &display)?;
         let decoding_bytes = PictureChecks { api: self, call, spec: &spec, display: &display }.check(field).await?;

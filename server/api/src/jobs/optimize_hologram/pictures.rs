@@ -4,6 +4,7 @@ use crate::api::Api;
 use crate::call::Call;
 use crate::error::ApiError;
 use crate::field::Field;
+use crate::wrong_fields::collect_all;
 use lightpath_domain::dataset::Encoding;
 use lightpath_domain::display::Display;
 use lightpath_domain::job::OptimizeHologram;
@@ -23,28 +24,27 @@ impl PictureChecks<'_> {
     /// Decodes every picture, so that a wrong picture is refused now. `field` is the path of the request. Returns the
     /// largest memory for decoding one of them \[bytes\].
     pub(super) async fn check(&self, field: &Field) -> Result<u64, ApiError> {
-        let mut largest = 0;
+        let mut checks = Vec::new();
         for (p, plane) in self.spec.planes.iter().enumerate() {
             // With a depth map the planes usually have the same target.
             if !self.spec.planes[..p].iter().any(|before| before.target == plane.target) {
                 let field = field.at("planes").index(p).at("target");
-                let bytes = self.check_light(&field, &plane.target, self.spec.target_encoding, "black").await?;
-                largest = largest.max(bytes);
+                checks.push(self.check_light(&field, &plane.target, self.spec.target_encoding, "black").await);
             }
         }
         if let Some(map) = &self.spec.depth_map {
-            largest = largest.max(self.check_depth_map(&field.at("depth_map"), map).await?);
+            checks.push(self.check_depth_map(&field.at("depth_map"), map).await);
         }
         if let Some(mask) = &self.spec.weight_mask {
-            let bytes = self.check_light(&field.at("weight_mask"), mask, Encoding::Linear, "a black mask").await?;
-            largest = largest.max(bytes);
+            checks.push(self.check_light(&field.at("weight_mask"), mask, Encoding::Linear, "a black mask").await);
         }
         if let InitialPhase::Given(phases) = &self.spec.initial_phase {
             for (i, phase) in phases.iter().enumerate() {
-                self.check_phase(&field.at("initial_phase").at("given").at("phases").index(i), phase).await?;
+                let field = field.at("initial_phase").at("given").at("phases").index(i);
+                checks.push(self.check_phase(&field, phase).await.map(|()| 0));
             }
         }
-        Ok(largest)
+        Ok(collect_all(checks)?.into_iter().max().unwrap_or(0))
     }
 
     /// Refuses a picture that is black everywhere in the region of interest. `dark` describes such a picture in the

@@ -2,6 +2,7 @@
 
 use crate::error::ApiError;
 use crate::field::Field;
+use crate::wrong_fields::{check_all, collect_all};
 use lightpath_domain::display::Display;
 use lightpath_domain::job::ImagePlane;
 use lightpath_domain::units::Wavelength;
@@ -24,19 +25,19 @@ pub(super) fn wavelengths(
         return Ok(vec![list.wavelength_of(0.0, display)?]);
     }
     at_most(&list, message.wavelengths_m.len(), WAVELENGTHS_MAX)?;
-    let mut found = Vec::new();
-    for (i, &value) in message.wavelengths_m.iter().enumerate() {
+    let checked = collect_all(message.wavelengths_m.iter().enumerate().map(|(i, &value)| {
         let field = list.index(i);
         if value == 0.0 {
             return Err(field.invalid("is 0, but must be one of the display's wavelengths"));
         }
-        let wavelength = field.wavelength_of(value, display)?;
-        if found.contains(&wavelength) {
-            return Err(field.invalid(format!("is {wavelength} again, but no two may be equal")));
-        }
-        found.push(wavelength);
-    }
-    Ok(found)
+        field.wavelength_of(value, display)
+    }))?;
+    let again = |(i, wavelength): (usize, &Wavelength)| match checked[..i].contains(wavelength) {
+        true => Err(list.index(i).invalid(format!("is {wavelength} again, but no two may be equal"))),
+        false => Ok(()),
+    };
+    collect_all(checked.iter().enumerate().map(again))?;
+    Ok(checked)
 }
 
 /// Checks the planes, no two at the same distance.
@@ -45,25 +46,30 @@ pub(super) fn planes(field: &Field, planes: &[optimize_hologram::ImagePlane]) ->
         return Err(field.invalid("is empty, but must have a plane with a distance and a target"));
     }
     at_most(field, planes.len(), PLANES_MAX)?;
-    let mut found: Vec<ImagePlane> = Vec::new();
-    for (i, plane) in planes.iter().enumerate() {
+    let found = collect_all(planes.iter().enumerate().map(|(i, plane)| {
         let field = field.index(i);
-        let distance = field.at("distance_m").distance(plane.distance_m)?;
-        if found.iter().any(|other| other.distance == distance) {
-            let problem = format!("is {distance} again, but no two planes may be at the same distance");
-            return Err(field.at("distance_m").invalid(problem));
+        check_all! {
+            distance = field.at("distance_m").distance(plane.distance_m);
+            target = field.at("target").digest(&plane.target);
+            weight = field.at("weight").number_or(plane.weight, 1.0, f64::MIN_POSITIVE..=PLANE_WEIGHT_MAX);
         }
-        let target = field.at("target").digest(&plane.target)?;
-        let weight = field.at("weight").number_or(plane.weight, 1.0, f64::MIN_POSITIVE..=PLANE_WEIGHT_MAX)?;
-        found.push(ImagePlane { distance, target, weight });
-    }
+        Ok(ImagePlane { distance, target, weight })
+    }))?;
+    let again = |(i, plane): (usize, &ImagePlane)| {
+        if found[..i].iter().all(|other| other.distance != plane.distance) {
+            return Ok(());
+        }
+        let problem = format!("is {} again, but no two planes may be at the same distance", plane.distance);
+        Err(field.index(i).at("distance_m").invalid(problem))
+    };
+    collect_all(found.iter().enumerate().map(again))?;
     Ok(found)
 }
 
 /// Checks the digest of the depth map, which needs at least two planes.
-pub(super) fn depth_map(field: &Field, digest: &str, planes: &[ImagePlane]) -> Result<Option<String>, ApiError> {
+pub(super) fn depth_map(field: &Field, digest: &str, planes: usize) -> Result<Option<String>, ApiError> {
     match (optional_digest(field, digest)?, planes) {
-        (Some(_), [_]) => Err(field.invalid("is given, but there is one plane; a depth map needs at least two")),
+        (Some(_), 1) => Err(field.invalid("is given, but there is one plane; a depth map needs at least two")),
         (map, _) => Ok(map),
     }
 }

@@ -3,6 +3,7 @@
 use crate::error::ApiError;
 use crate::field::Field;
 use crate::jobs::learning_rate::learning_rate;
+use crate::wrong_fields::{check_all, collect_all};
 use lightpath_optics::hologram::{Loss, RANDOM_RANGE_RAD};
 use lightpath_optics::photometry::Quantity;
 use lightpath_optics::{Detector, HologramMethod, InitialPhase, RegionOfInterest};
@@ -24,19 +25,19 @@ const SPECKLE_BLOCK_PX_DEFAULT: u32 = 8;
 /// Checks the method and its learning rate, which only Adam has.
 pub(super) fn method(field: &Field, message: &v1::OptimizeHologram) -> Result<HologramMethod, ApiError> {
     let rate = field.at("learning_rate");
-    let given = learning_rate(&rate, message.learning_rate)?;
     let field = field.at("method");
-    let method = match v1::HologramMethod::try_from(message.method) {
-        Ok(v1::HologramMethod::Adam) => {
+    check_all! {
+        given = learning_rate(&rate, message.learning_rate);
+        method = field.wire_value::<v1::HologramMethod>(message.method);
+    }
+    let method = match method {
+        v1::HologramMethod::Adam => {
             return Ok(HologramMethod::Adam { learning_rate: given.unwrap_or(LEARNING_RATE_DEFAULT) });
         }
-        Ok(v1::HologramMethod::Unspecified | v1::HologramMethod::Lbfgs) => HologramMethod::Lbfgs,
-        Ok(v1::HologramMethod::GerchbergSaxton) => HologramMethod::GerchbergSaxton,
-        Ok(v1::HologramMethod::WeightedGerchbergSaxton) => HologramMethod::WeightedGerchbergSaxton,
-        Ok(v1::HologramMethod::DoublePhase) => HologramMethod::DoublePhase,
-        Err(_) => {
-            return Err(field.invalid(format!("is {}, but must be a value of the enumeration", message.method)));
-        }
+        v1::HologramMethod::Unspecified | v1::HologramMethod::Lbfgs => HologramMethod::Lbfgs,
+        v1::HologramMethod::GerchbergSaxton => HologramMethod::GerchbergSaxton,
+        v1::HologramMethod::WeightedGerchbergSaxton => HologramMethod::WeightedGerchbergSaxton,
+        v1::HologramMethod::DoublePhase => HologramMethod::DoublePhase,
     };
     match given {
         Some(value) => Err(rate.invalid(format!("is {value}, but must be 0 unless the method is adam"))),
@@ -95,28 +96,29 @@ pub(super) fn initial_phase(
                 return Err(list.invalid(problem));
             }
             let digests = given.phases.iter().enumerate().map(|(i, digest)| list.index(i).digest(digest));
-            InitialPhase::Given(digests.collect::<Result<_, _>>()?)
+            InitialPhase::Given(collect_all(digests)?)
         }
     })
 }
 
-/// Checks the loss. Its blocks must fit into the region of interest.
+/// Checks the loss. Its blocks must fit into the region of interest, if that is known.
 pub(super) fn loss(
     field: &Field,
     given: Option<optimize_hologram::Loss>,
-    region: RegionOfInterest,
+    region: Option<RegionOfInterest>,
 ) -> Result<Loss, ApiError> {
     let given = given.unwrap_or_default();
     let block = field.at("speckle_block_px");
-    let speckle_block_px =
-        block.integer_or(given.speckle_block_px, SPECKLE_BLOCK_PX_DEFAULT, 2..=SPECKLE_BLOCK_PX_MAX)? as usize;
-    if given.speckle > 0.0 && speckle_block_px > region.width_px().min(region.height_px()) {
-        return Err(block.invalid(format!("is {speckle_block_px}, but must fit into the region of interest")));
+    let fits = |side: u32| region.is_none_or(|region| side as usize <= region.width_px().min(region.height_px()));
+    check_all! {
+        quantity = field.at("quantity").enum_value(given.quantity);
+        total_variation = field.at("total_variation").number(given.total_variation, 0.0..=Loss::FACTOR_MAX);
+        speckle = field.at("speckle").number(given.speckle, 0.0..=Loss::FACTOR_MAX);
+        side_px = block.integer_or(given.speckle_block_px, SPECKLE_BLOCK_PX_DEFAULT, 2..=SPECKLE_BLOCK_PX_MAX);
     }
-    Ok(Loss {
-        quantity: field.at("quantity").enum_value(given.quantity)?.unwrap_or(Quantity::Intensity),
-        total_variation: field.at("total_variation").number(given.total_variation, 0.0..=Loss::FACTOR_MAX)?,
-        speckle: field.at("speckle").number(given.speckle, 0.0..=Loss::FACTOR_MAX)?,
-        speckle_block_px,
-    })
+    if speckle > 0.0 && !fits(side_px) {
+        return Err(block.invalid(format!("is {side_px}, but must fit into the region of interest")));
+    }
+    let quantity = quantity.unwrap_or(Quantity::Intensity);
+    Ok(Loss { quantity, total_variation, speckle, speckle_block_px: side_px as usize })
 }

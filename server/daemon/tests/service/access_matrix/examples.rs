@@ -147,6 +147,7 @@ fn jobs() -> Vec<Example> {
             "JobService/ListJobs",
             json!({ "display": "$display", "owner": "ada", "since": "2026-01-01T00:00:00Z", "text": "a", "view": "VIEW_BASIC" }),
         ),
+        Example::new::<v1::ListJobsRequest>("JobService/ListJobs", json!({ "display": "$display", "id_prefix": "0" })),
         Example::new::<v1::ListJobEventsRequest>(
             "JobService/ListJobEvents",
             json!({ "name": "$ended", "page_size": 1, "page_token": "" }),
@@ -207,6 +208,7 @@ fn kernels() -> Vec<Example> {
         ),
         Example::new::<v1::GetKernelManifestRequest>("KernelService/GetKernelManifest", json!({ "kernel": "$kernel" })),
         Example::new::<v1::GetKeyringRequest>("KernelService/GetKeyring", json!({})),
+        Example::new::<v1::GetServerRequest>("ServerService/GetServer", json!({})),
         Example::new::<v1::WatchKernelRequest>("KernelService/WatchKernel", json!({ "name": "$kernel" })),
         Example::new::<v1::ListKernelMovesRequest>("KernelService/ListKernelMoves", page),
         Example::new::<v1::CheckPromotionRequest>("KernelService/CheckPromotion", json!({ "name": "$version" })),

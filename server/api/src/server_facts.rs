@@ -1,0 +1,32 @@
+//! The server service: facts about the server and about the caller's token.
+
+use crate::api::Api;
+use crate::call::Call;
+use crate::error::ApiError;
+use crate::time::{now_ms, timestamp};
+use lightpath_proto::v1;
+use lightpath_proto::v1::server_service_server::ServerService;
+use tonic::{Request, Response, Status};
+
+#[tonic::async_trait]
+impl ServerService for Api {
+    async fn get_server(&self, request: Request<v1::GetServerRequest>) -> Result<Response<v1::Server>, Status> {
+        self.answer(request, Self::get_server).await
+    }
+}
+
+impl Api {
+    /// Returns facts about the server and the caller.
+    pub(crate) async fn get_server(&self, call: &Call, _: v1::GetServerRequest) -> Result<v1::Server, ApiError> {
+        let space = self.artifacts.space();
+        Ok(v1::Server {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            time: Some(timestamp(now_ms())),
+            token: call.caller.name.clone(),
+            role: call.caller.role.as_str().to_owned(),
+            displays: call.caller.displays.iter().map(|id| format!("displays/{id}")).collect(),
+            disk_free_bytes: space.free_bytes()?,
+            disk_reserve_bytes: space.limits().reserve_bytes,
+        })
+    }
+}
