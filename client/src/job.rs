@@ -4,9 +4,9 @@ use crate::retry::Backoff;
 use crate::v1::{self, Job, SubmitJobRequest, WatchJobRequest};
 use crate::{Client, Error, Result};
 
-/// Tries to reach the server again while waiting for a job. They take about ten minutes, which is enough for a restart
+/// Tries to reach the server again while waiting for a job or following a kernel. They take about ten minutes, which is enough for a restart
 /// with recovery.
-const WAIT_TRIES_MAX: u32 = 200;
+pub(crate) const WAIT_TRIES_MAX: u32 = 200;
 
 /// A change that [`Client::wait`] reports while it waits.
 #[derive(Debug)]

@@ -1,12 +1,28 @@
-//! Downloads of kernels.
+//! Downloads of kernels, and following their changes.
 
 use crate::digest::Hasher;
 use crate::download::PartialFile;
+use crate::job::WAIT_TRIES_MAX;
 use crate::retry::Backoff;
 use crate::v1::fetch_kernel_response::Part;
-use crate::v1::{FetchKernelRequest, KernelFile, KernelFormat, KernelVersion};
+use crate::v1::{
+    FetchKernelRequest, FetchKernelResponse, Kernel, KernelFile, KernelFormat, KernelVersion, WatchKernelRequest,
+};
 use crate::{Client, Error, Result};
+use std::ops::ControlFlow;
 use std::path::Path;
+
+/// A change that [`Client::follow_kernel`] reports.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum KernelChange<'a> {
+    /// The current state of the kernel.
+    Kernel(&'a Kernel),
+    /// The connection was lost, and the client tries to reconnect. Reported once for each loss.
+    ConnectionLost(&'a Error),
+    /// The connection is restored.
+    Reconnected,
+}
 
 impl Client {
     /// Fetches a kernel version and its file in a format. Version 0 means the active version.
@@ -77,6 +93,90 @@ impl Client {
         Ok((version, converted))
     }
 
+    /// Returns a kernel version and, for a format other than safetensors, what its file would be, without the file.
+    /// Version 0 means the active version.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Refused`] when the server refuses the call, [`Error::Unreachable`] when no server answers.
+    pub async fn describe_kernel(
+        &self,
+        kernel: &str,
+        version: u32,
+        format: KernelFormat,
+    ) -> Result<(KernelVersion, Option<KernelFile>)> {
+        let request = FetchKernelRequest { kernel: kernel.to_owned(), version, format: format.into(), offset_bytes: 0 };
+        let call_error = |status| self.error(status);
+        let mut stream = self.kernels().fetch_kernel(request).await.map_err(call_error)?.into_inner();
+        let version = first_version(stream.message().await.map_err(call_error)?)?;
+        if format == KernelFormat::Safetensors {
+            return Ok((version, None));
+        }
+        match stream.message().await.map_err(call_error)?.and_then(|second| second.part) {
+            Some(Part::File(file)) => Ok((version, Some(file))),
+            _ => Err(Error::Protocol { what: "the second message of a converted kernel does not describe its file" }),
+        }
+    }
+
+    /// Follows a kernel, `displays/{id}/kernels/{k}`: reports its current state, and then each change, until
+    /// `on_change` breaks.
+    ///
+    /// Following survives a restart of the server.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Refused`] when the server refuses the call. [`Error::Unreachable`] at once if the first connection fails,
+    /// and after about ten minutes without a server if a later one is lost.
+    pub async fn follow_kernel(
+        &self,
+        kernel: &str,
+        mut on_change: impl FnMut(KernelChange<'_>) -> ControlFlow<()>,
+    ) -> Result<()> {
+        let mut backoff = Backoff::with_tries(WAIT_TRIES_MAX);
+        let (mut reached, mut lost) = (false, false);
+        loop {
+            let mut on_kernel = |kernel: &Kernel| {
+                let was_lost = std::mem::take(&mut lost);
+                reached = true;
+                backoff.reset();
+                if was_lost {
+                    on_change(KernelChange::Reconnected)?;
+                }
+                on_change(KernelChange::Kernel(kernel))
+            };
+            let error = match self.watch_kernel_once(kernel, &mut on_kernel).await {
+                Ok(ControlFlow::Break(())) => return Ok(()),
+                // A server that shuts down ends the stream without an error.
+                Ok(ControlFlow::Continue(())) => self.error(tonic::Status::unavailable("the server ended the watch")),
+                Err(error) => error,
+            };
+            if !reached || !error.is_unreachable() {
+                return Err(error);
+            }
+            if !lost {
+                lost = true;
+                if on_change(KernelChange::ConnectionLost(&error)).is_break() {
+                    return Ok(());
+                }
+            }
+            backoff.pause(error).await?;
+        }
+    }
+
+    async fn watch_kernel_once(
+        &self,
+        kernel: &str,
+        on_kernel: &mut impl FnMut(&Kernel) -> ControlFlow<()>,
+    ) -> Result<ControlFlow<()>> {
+        let mut stream = self.watch_kernel(WatchKernelRequest { name: kernel.to_owned() }).await?;
+        while let Some(kernel) = stream.message().await.map_err(|status| self.error(status))? {
+            if on_kernel(&kernel).is_break() {
+                return Ok(ControlFlow::Break(()));
+            }
+        }
+        Ok(ControlFlow::Continue(()))
+    }
+
     async fn fetch_kernel_once(
         &self,
         kernel: &str,
@@ -86,10 +186,7 @@ impl Client {
         let request = FetchKernelRequest { kernel: kernel.to_owned(), version, format: format.into(), offset_bytes: 0 };
         let call_error = |status| self.error(status);
         let mut stream = self.kernels().fetch_kernel(request).await.map_err(call_error)?.into_inner();
-        let Some(Part::Version(version)) = stream.message().await.map_err(call_error)?.and_then(|first| first.part)
-        else {
-            return Err(Error::Protocol { what: "the first message of a fetched kernel is not its version" });
-        };
+        let version = first_version(stream.message().await.map_err(call_error)?)?;
         let (mut bytes, mut hasher, mut converted) = (Vec::new(), Hasher::default(), None);
         while let Some(message) = stream.message().await.map_err(call_error)? {
             let chunk = match message.part {
@@ -113,5 +210,13 @@ impl Client {
             return Err(Error::Damaged { digest: expected.clone(), found });
         }
         Ok((version, converted, bytes))
+    }
+}
+
+/// The version in the first message of a fetched kernel.
+fn first_version(message: Option<FetchKernelResponse>) -> Result<KernelVersion> {
+    match message.and_then(|first| first.part) {
+        Some(Part::Version(version)) => Ok(version),
+        _ => Err(Error::Protocol { what: "the first message of a fetched kernel is not its version" }),
     }
 }

@@ -26,7 +26,8 @@
 //! - [`Client`]: a connection to a server, with a method for each call of the API (`calls.rs`). Requests and answers are
 //!   the generated messages of [`v1`].
 //! - Transfers: [`Client::upload_bytes`] and [`Client::upload_file`] (`upload.rs`), [`Client::download`] and
-//!   [`Client::download_to`] (`download.rs`), [`Client::fetch_kernel`] (`kernel.rs`). Each is checked against its
+//!   [`Client::download_to`] (`download.rs`), [`Client::fetch_kernel`] (`kernel.rs`, with
+//!   [`Client::follow_kernel`]). Each is checked against its
 //!   SHA-256 digest and repeated or continued after a lost connection.
 //! - Jobs: [`Client::submit`], [`Client::wait`], and functions that return the result of a job (`job.rs`).
 //! - [`names`]: resource names. [`units`]: lengths as text, such as `150mm` or `515nm`. [`Words`]: enumerations as words.
@@ -52,4 +53,5 @@ pub use job::{
     JobChange, capture_result, evaluate_result, has_ended, hologram_result, job_spec, learn_result, prepare_result,
     report_result, suggest_result, verify_result,
 };
+pub use kernel::KernelChange;
 pub use lightpath_proto::{Word, Words, v1};

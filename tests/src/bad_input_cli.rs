@@ -55,6 +55,11 @@ async fn error_for_one_target_names_jobs_of_earlier_targets() {
     let [job] = &jobs().await[..] else { panic!("the first target has no job") };
     let watch = format!("lightpath job watch {}", job.name.strip_prefix("jobs/").unwrap());
     refused.assert_refused(1, &["zero.png: INVALID_ARGUMENT", "submitted before that", &watch]);
+    let (levels, colours) = (cli.write("p1.png", &png(64, 48, |x, y| (x * y) as u8)), cli.write("p2.png", b"no PNG"));
+    let photo = cli.path("photos/");
+    let simulate = ["simulate", "--display", "lab", "--distance", "50mm", "--phase", &levels, &colours, "-o"];
+    let refused = lightpath(cli.server.url(), &[&simulate[..], &[photo.to_str().unwrap()]].concat()).await;
+    refused.assert_refused(1, &["p2.png: INVALID_ARGUMENT", "submitted before that", "lightpath job watch"]);
     cli.server.stop().await;
 }
 
@@ -86,6 +91,15 @@ async fn invalid_numbers_and_unknown_names_are_refused() {
         let arguments = [&create[..], &[pitch]].concat();
         assert_refused(&cli, &arguments, 1, &["INVALID_ARGUMENT", "display.pixel_pitch_m", sign]).await;
     }
+    let all = optimize("lab", &["--distance", "0mm", "--iterations", "20000", "--frames", "99", "--batch", "a\tb"]);
+    let all: Vec<&str> = all.iter().map(String::as_str).collect();
+    let signs =
+        ["4 fields of the request are wrong", "batch contains", "planes[0].distance_m is 0", "iterations is 20000"];
+    assert_refused(&cli, &all, 1, &[&signs[..], &["frames is 99, but must be 1 to 24"]].concat()).await;
+    let create = ["dataset", "create", "B", "--display", "nowhere", "--distance", "11m", "--photo-bit-depth", "40"];
+    let signs =
+        ["4 fields", "dataset.name is", "names displays/nowhere, which does not exist", "dataset.distance_m is 11"];
+    assert_refused(&cli, &create, 1, &[&signs[..], &["dataset.photo_bit_depth is 40"]].concat()).await;
     let fetch = ["kernel", "fetch", "--display", "lab", "--distance", "50mm", "--version", "3", "-o"];
     let out = cli.path("kernel.safetensors");
     let arguments = [&fetch[..], &[out.to_str().unwrap()]].concat();
@@ -118,6 +132,12 @@ async fn invalid_pairs_and_datasets_are_refused() {
     let learn = ["kernel", "learn", "--dataset", "bench"];
     assert_refused(&cli, &learn, 1, &["FAILED_PRECONDITION", "datasets/bench"]).await;
     assert_refused(&cli, &["kernel", "learn", "--dataset", "no"], 1, &["NOT_FOUND", "datasets/no"]).await;
+    let wrong = ["--epochs", "5000", "--learning-rate", "50", "--detector", "supersampled"];
+    let fields = ["epochs is 5000", "learning_rate is 50", "detector is supersampled"];
+    let signs = [&["4 fields", "datasets[0] names datasets/no, which does not exist"][..], &fields].concat();
+    assert_refused(&cli, &[&["kernel", "learn", "--dataset", "no"][..], &wrong].concat(), 1, &signs).await;
+    let signs = [&["3 fields"][..], &fields].concat();
+    assert_refused(&cli, &[&["kernel", "learn", "--dataset", "bench"][..], &wrong].concat(), 1, &signs).await;
     cli.server.stop().await;
 }
 
@@ -125,6 +145,7 @@ async fn invalid_pairs_and_datasets_are_refused() {
 async fn outputs_that_cannot_be_written_are_refused_before_any_job() {
     let cli = start().await;
     let (eye, sky) = (cli.write("eye.png", &target(64, 48, 0)), cli.write("sky.png", &target(64, 48, 1)));
+    std::fs::create_dir_all(cli.path("folder.png/eye-phase.png")).unwrap();
     let rest = ["--display", "lab", "--distance", "50mm", "-o"];
     let optimize = ["hologram", "optimize"];
     let run = |targets: &[&str], out: &str| -> Vec<String> {
@@ -134,6 +155,11 @@ async fn outputs_that_cannot_be_written_are_refused_before_any_job() {
         (&[eye.as_str(), &sky][..], cli.path("one.png").to_str().unwrap(), ["2 targets", "{name}"]),
         (&[&eye], "/nowhere/at/all.png", ["there is no folder /nowhere/at", ""]),
         (&[&eye], &eye, ["is an input", ""]),
+        (&[&eye], "/proc/p.png", ["no file can be written in the folder /proc", ""]),
+        (&[&eye], cli.path("folder.png").to_str().unwrap(), ["folder.png/eye-phase.png is a folder", "name a file"]),
+        (&[&eye], cli.path("{job}.png").to_str().unwrap(), ["{job} is not known", "{name}"]),
+        (&[&eye], cli.path("p.jpg").to_str().unwrap(), [".jpg, which is not known", ".png (grey levels"]),
+        (&[&eye, &sky], "-", ["standard output, which takes one file", ""]),
         (&[&eye, &eye], cli.path("").to_str().unwrap(), ["written twice", ""]),
     ] {
         let arguments = run(targets, out);

@@ -4,13 +4,14 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Every crate, with the crates of the workspace that it may depend on.
-const CRATES: [(&str, &[&str]); 19] = [
+const CRATES: [(&str, &[&str]); 20] = [
     ("optics", &[]),
     ("manifest", &[]),
     ("proto", &[]),
-    ("client", &["manifest", "proto"]),
+    ("program-docs", &[]),
+    ("client", &["manifest", "program-docs", "proto"]),
     ("client/python/engine", &["domain", "media", "optics"]),
-    ("agent", &["fail-points", "manifest"]),
+    ("agent", &["fail-points", "manifest", "program-docs"]),
     ("server/domain", &["optics"]),
     ("server/fail-points", &[]),
     ("server/fixtures", &["domain"]),
@@ -48,6 +49,7 @@ const CRATES: [(&str, &[&str]); 19] = [
             "media",
             "metrics",
             "optics",
+            "program-docs",
             "proto",
             "store",
             "webhooks",

@@ -26,6 +26,8 @@ mod bad_input_cli;
 mod bad_input_grpc;
 /// Cancelled jobs and stopped servers: how soon the work ends.
 mod cancelling;
+/// Everyday use of the command line: beginnings of ids, folders, pipes, forms of output, broken-off waits.
+mod command_line_use;
 /// Servers that are killed at random moments, or suspended until their leases have ended.
 mod crash;
 /// Many small jobs from two clients at once.
@@ -34,6 +36,8 @@ mod crowd;
 mod determinism;
 /// A low disk and a full disk.
 mod disk;
+/// What `lightpath doctor` finds.
+mod doctor;
 /// Estimates of memory against the measured memory, for jobs of all kinds.
 mod estimates;
 /// Twenty devices and their agents: promotions, staged rollouts and rollbacks through the command line.
@@ -44,6 +48,8 @@ mod hostile;
 mod imports;
 /// Jobs: cancelling, retrying, watching, repeated requests, priorities.
 mod jobs;
+/// `lightpath kernel watch` and `kernel fetch --dry-run`.
+mod kernel_watch;
 /// Photographs and how well they show a target.
 mod photos;
 /// Several planes, wavelengths and frames, every method, through the command line.

@@ -29,11 +29,27 @@ fn build_binaries() -> PathBuf {
     folder
 }
 
-/// Runs `lightpath` with these arguments.
-pub(crate) async fn lightpath(server: &str, arguments: &[&str]) -> CommandOutput {
+/// The command `lightpath` with these arguments. It is killed when its handle is dropped.
+pub(crate) fn lightpath_command(server: &str, arguments: &[&str]) -> Command {
     let mut command = Command::new(binary("lightpath"));
     command.args(["--server", server]).args(arguments).env_remove("LIGHTPATH_TOKEN_FILE").stdin(Stdio::null());
-    let Output { status, stdout, stderr } = command.output().await.unwrap();
+    command.kill_on_drop(true);
+    command
+}
+
+/// Runs `lightpath` on a terminal with this many columns, and returns what the terminal shows. Needs `script` of
+/// util-linux.
+pub(crate) fn lightpath_on_terminal(server: &str, columns: usize, line: &str) -> String {
+    let program = binary("lightpath");
+    let command = format!("stty rows 40 cols {columns}; {} --server {server} {line}", program.display());
+    let mut script = std::process::Command::new("script");
+    let output = script.args(["--quiet", "--return", "--command", &command, "/dev/null"]).stdin(Stdio::null()).output();
+    String::from_utf8(output.unwrap().stdout).unwrap().replace('\r', "")
+}
+
+/// Runs `lightpath` with these arguments.
+pub(crate) async fn lightpath(server: &str, arguments: &[&str]) -> CommandOutput {
+    let Output { status, stdout, stderr } = lightpath_command(server, arguments).output().await.unwrap();
     CommandOutput {
         command: arguments.join(" "),
         code: status.code(),

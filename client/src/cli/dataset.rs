@@ -12,7 +12,7 @@ use super::arguments::{Limit, Optics, above_zero};
 use super::failure::Failure;
 use super::job_text;
 use super::session::{Session, more_hint, pages, print_note};
-use super::show::time_or_dash;
+use super::show::{age_or_dash, clock_or_dash};
 use super::submission::Submission;
 use super::table::Table;
 use super::words::WordParser;
@@ -76,6 +76,10 @@ pub(crate) struct Create {
 /// The job leaves out pairs that cannot be learned from: black photographs, copies, and photographs of another
 /// hologram. The printed findings say why.
 #[derive(Debug, Args)]
+#[command(after_long_help = "\
+Examples:
+  lightpath dataset finalize bench-1
+  lightpath dataset finalize bench-1 --test-fraction 0.3 --seed 4")]
 pub(crate) struct Finalize {
     /// Name of the dataset
     name: String,
@@ -146,7 +150,7 @@ async fn delete(session: &Session, name: &str) -> Result<(), Failure> {
     let request = v1::DeleteDatasetRequest { name: names::dataset(name) };
     let answer = session.client.delete_dataset(request).await?;
     if session.is_json() {
-        return session.print_json_line(&answer);
+        return session.print(&answer, |_| String::new());
     }
     print_note(&format!("deleted dataset {name}"));
     Ok(())
@@ -191,19 +195,26 @@ impl List {
             Ok((answer.datasets, answer.next_page_token))
         })
         .await?;
-        session.print(&v1::ListDatasetsResponse { datasets, next_page_token }, |list| {
-            let mut table = Table::new(&["dataset", "display", "optics", "state", ">pairs", "created"]);
-            for dataset in &list.datasets {
-                table.row([
-                    names::id(&dataset.name).to_owned(),
-                    names::id(&dataset.display).to_owned(),
-                    job_text::optics(dataset.wavelength_m, dataset.distance_m),
-                    state(dataset),
-                    dataset.pair_count.to_string(),
-                    time_or_dash(dataset.create_time.as_ref()),
-                ]);
-            }
-            table.text_or("no datasets; create one: lightpath dataset create --help") + more_hint(&list.next_page_token)
-        })
+        session.print_list(
+            &v1::ListDatasetsResponse { datasets, next_page_token },
+            |list| &list.datasets,
+            |list| {
+                let mut table =
+                    Table::new(&["dataset", "display", "optics?", "state", ">pairs", "created???", "age??"]);
+                for dataset in &list.datasets {
+                    table.row([
+                        names::id(&dataset.name).to_owned(),
+                        names::id(&dataset.display).to_owned(),
+                        job_text::optics(dataset.wavelength_m, dataset.distance_m),
+                        state(dataset),
+                        dataset.pair_count.to_string(),
+                        clock_or_dash(dataset.create_time.as_ref()),
+                        age_or_dash(dataset.create_time.as_ref()),
+                    ]);
+                }
+                table.text_or("no datasets; create one: lightpath dataset create --help")
+                    + more_hint(&list.next_page_token)
+            },
+        )
     }
 }

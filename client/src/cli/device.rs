@@ -87,17 +87,31 @@ impl List {
             Ok((answer.devices, answer.next_page_token))
         })
         .await?;
-        session.print(&v1::ListDevicesResponse { devices, next_page_token }, |list| {
-            table(&list.devices).text_or("no devices; docs/firmware.md says how a device reports")
-                + more_hint(&list.next_page_token)
-        })
+        session.print_list(
+            &v1::ListDevicesResponse { devices, next_page_token },
+            |list| &list.devices,
+            |list| {
+                table(&list.devices).text_or("no devices; docs/firmware.md says how a device reports")
+                    + more_hint(&list.next_page_token)
+            },
+        )
     }
 }
 
 /// One row for each kernel of each device.
 fn table(devices: &[v1::Device]) -> Table {
-    let titles =
-        ["device", "group", "kernel", ">version", "form", ">generation", ">self-test", "reported", "agent", "message"];
+    let titles = [
+        "device",
+        "group~?",
+        "kernel",
+        ">version",
+        "form???",
+        ">generation????",
+        ">self-test?",
+        "reported??",
+        "agent~????",
+        "message_",
+    ];
     let mut table = Table::new(&titles);
     for device in devices {
         let none = v1::InstalledKernel::default();

@@ -176,7 +176,7 @@ impl DisplayCommand {
                 let request = v1::DeleteDisplayRequest { name: names::display(&id.id) };
                 let answer = session.client.delete_display(request).await?;
                 if session.is_json() {
-                    return session.print_json_line(&answer);
+                    return session.print(&answer, |_| String::new());
                 }
                 print_note(&format!("deleted display {}", id.id));
                 Ok(())
@@ -237,21 +237,36 @@ async fn list(session: &Session, limit: u32) -> Result<(), Failure> {
         Ok((answer.displays, answer.next_page_token))
     })
     .await?;
-    session.print(&v1::ListDisplaysResponse { displays, next_page_token }, |list| {
-        let mut table = Table::new(&["display", ">resolution", ">pitch", "wavelengths", ">bits", "kind", "created"]);
-        for display in &list.displays {
-            table.row([
-                names::id(&display.name).to_owned(),
-                format!("{}x{}", display.width_px, display.height_px),
-                units::show_m(display.pixel_pitch_m),
-                wavelengths(display),
-                display.bit_depth.to_string(),
-                if display.simulated_bench.is_some() { "simulated".to_owned() } else { "real".to_owned() },
-                show::time_or_dash(display.create_time.as_ref()),
+    session.print_list(
+        &v1::ListDisplaysResponse { displays, next_page_token },
+        |list| &list.displays,
+        |list| {
+            let mut table = Table::new(&[
+                "display",
+                ">resolution",
+                ">pitch",
+                "wavelengths~",
+                ">bits??",
+                "kind?",
+                "created????",
+                "age???",
             ]);
-        }
-        table.text_or("no displays; declare one: lightpath display create --help") + more_hint(&list.next_page_token)
-    })
+            for display in &list.displays {
+                table.row([
+                    names::id(&display.name).to_owned(),
+                    format!("{}x{}", display.width_px, display.height_px),
+                    units::show_m(display.pixel_pitch_m),
+                    wavelengths(display),
+                    display.bit_depth.to_string(),
+                    if display.simulated_bench.is_some() { "simulated".to_owned() } else { "real".to_owned() },
+                    show::clock_or_dash(display.create_time.as_ref()),
+                    show::age_or_dash(display.create_time.as_ref()),
+                ]);
+            }
+            table.text_or("no displays; declare one: lightpath display create --help")
+                + more_hint(&list.next_page_token)
+        },
+    )
 }
 
 fn wavelengths(display: &Display) -> String {

@@ -11,6 +11,8 @@ pub(crate) enum Failure {
     Client(lightpath::Error),
     /// An error of [`Self::Client`] for one of several targets.
     Target(TargetFailure),
+    /// The connection was lost for too long while the command waited for jobs. The text says how to go on.
+    Waiting(lightpath::Error, String),
     /// Jobs failed or were cancelled. One line for each job says how it ended.
     Jobs(Vec<String>),
     /// The arguments of the command are wrong.
@@ -19,6 +21,8 @@ pub(crate) enum Failure {
     Refused(String),
     /// The user pressed Ctrl-C. The text says what to do next.
     Interrupted(String),
+    /// The command has printed what is wrong. The number is the exit code.
+    Silent(u8),
     /// The output could not be written.
     Output(io::Error),
 }
@@ -55,16 +59,20 @@ pub(crate) fn report(failure: &Failure) -> ExitCode {
     let (code, text) = match failure {
         Failure::Client(error) => (code_of(error), error.to_string()),
         Failure::Target(failure) => (code_of(&failure.error), failure.text()),
+        Failure::Waiting(error, hint) => (code_of(error), format!("{error}\n  {hint}")),
         Failure::Jobs(endings) => (1, endings.join("\nlightpath: ")),
         Failure::Usage(text) => (2, text.clone()),
         Failure::Refused(text) => (1, text.clone()),
         Failure::Interrupted(text) => (130, text.clone()),
+        Failure::Silent(code) => return ExitCode::from(*code),
         // The reader of the pipe closed it on purpose, as `head` does.
         Failure::Output(error) if error.kind() == io::ErrorKind::BrokenPipe => return ExitCode::SUCCESS,
         Failure::Output(error) => (1, format!("could not write the output: {error}")),
     };
     let hint = match failure {
-        Failure::Client(error) | Failure::Target(TargetFailure { error, .. }) if error.is_unreachable() => {
+        Failure::Client(error) | Failure::Target(TargetFailure { error, .. }) | Failure::Waiting(error, _)
+            if error.is_unreachable() =>
+        {
             "\n  is it running? start it with `lightpathd serve`, or give another address with --server or LIGHTPATH_SERVER"
         }
         _ => "",

@@ -6,23 +6,24 @@ mod pictures;
 mod results;
 mod verify;
 
-use super::failure::{Failure, TargetFailure};
+use super::failure::Failure;
+use super::identifiers::job_names;
+use super::inputs;
 use super::job_text;
-use super::progress::{Progress, WATCHES_MAX, or_interrupted, running_jobs_hint};
+use super::progress::{Awaited, Progress, WATCHES_MAX, or_interrupted};
 use super::session::{Session, print_note};
 use super::show;
-use super::submission::{Submission, watch_hint};
+use super::submission::{Submission, submit_target, watch_hint};
 use super::table::Table;
 use clap::{Args, Subcommand};
 use futures::{StreamExt as _, TryStreamExt as _};
-use lightpath::v1::{self, job_spec};
+use lightpath::v1::{self, Job, job_spec};
 use lightpath::{hologram_result, names};
 use optimization::OptimizationOptions;
 use outputs::{Files, Outputs};
 use pictures::Pictures;
 use results::{Item, results};
 use std::collections::BTreeSet;
-use std::fs::File;
 use std::path::PathBuf;
 use verify::Verify;
 
@@ -52,6 +53,8 @@ Examples:
       -o phase.png
   lightpath hologram optimize targets/*.png --display lab-2 --distance 150mm \\
       -o holograms/
+  lightpath hologram optimize targets/ --display lab-2 --distance 150mm \\
+      -o 'holograms/{name}.png'
   lightpath hologram optimize a.png b.png --display lab-2 --distance 150mm \\
       -o {name}-phase.png --reconstruction {name}-seen.png --npy {name}.npy
 
@@ -92,7 +95,10 @@ NAME-phase.png, NAME-phase.npy and NAME-reconstruction.png; or a pattern in whic
 file name without its extension. If a job has several wavelengths, frames or planes, the names of its files \
 contain them: phase-638nm-frame2.png, seen-150mm.png. Reconstructions of three wavelengths are colour pictures.
 
-With --output json the command prints each job as one line of JSON.")]
+With -o - the file of a single target goes to standard output, and all messages go to standard error.
+
+With --output json the command prints the job, or for several targets one document with all jobs; with --output jsonl \
+each job is a line.")]
 pub(crate) struct Optimize {
     #[command(flatten)]
     pictures: Pictures,
@@ -116,14 +122,19 @@ pub(crate) struct Optimize {
     outputs: Outputs,
 }
 
-/// Save the files of a hologram job; wait for its end if it is still queued or running.
+/// Save the files of hologram jobs; wait for their end if they are still queued or running.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
-Example:
-  lightpath hologram save 01939a5e-7c1b-7d52-9b7e-0d6f3a1c2b4e -o phase.png")]
+Examples:
+  lightpath hologram save 01939a5e-7c1b -o phase.png
+  lightpath hologram save 01939a5e-7c1b 01939a60 -o holograms/
+  lightpath hologram save 01939a5e-7c1b -o - | my-display
+
+Of several jobs the files are named after the jobs' ids; {name} in a pattern stands for the id.")]
 pub(crate) struct Save {
-    /// Save the files of the job with this id
-    job: String,
+    /// Save the files of the jobs with these ids, or beginnings of ids
+    #[arg(required = true, value_name = "JOB")]
+    jobs: Vec<String>,
 
     #[command(flatten)]
     outputs: Outputs,
@@ -140,12 +151,13 @@ impl HologramCommand {
 }
 
 impl Optimize {
-    async fn run(self, session: &Session) -> Result<(), Failure> {
+    async fn run(mut self, session: &Session) -> Result<(), Failure> {
         self.pictures.check()?;
+        self.pictures.expand()?;
         let names = self.pictures.names();
         let inputs = self.inputs();
-        let files = self.outputs.files(&names, &inputs)?;
-        check_readable(&inputs)?;
+        inputs::check_readable(&inputs)?;
+        let files = self.outputs.files(&session.stdout, &names, &inputs)?;
         let items = self.submit(session, names, files).await?;
         if !(self.wait || self.outputs.any()) {
             return print_submitted(session, &items);
@@ -167,18 +179,10 @@ impl Optimize {
                 let spec = self.pictures.fill(session, i, spec).await?;
                 let spec = self.optimization.fill(session, spec).await?;
                 let kind = job_spec::Kind::OptimizeHologram(spec);
-                self.submission.submit(session, kind, several.then_some(name.as_str())).await
+                self.submission.submit(session, kind, &self.pictures.label(i), several.then_some(name.as_str())).await
             };
-            let ids: Vec<String> = items.iter().map(|item| names::id(&item.job.name).to_owned()).collect();
-            let target_failure = |error| {
-                let earlier_jobs =
-                    (!ids.is_empty()).then(|| format!("submitted before that: {}", running_jobs_hint(&ids)));
-                Failure::Target(TargetFailure { target: self.pictures.first_file(i), error, earlier_jobs })
-            };
-            let job = or_interrupted(&ids, submitting).await.map_err(|failure| match failure {
-                Failure::Client(error) => target_failure(error),
-                other => other,
-            })?;
+            let earlier = items.iter().map(|item| &item.job);
+            let job = submit_target(&self.pictures.first_file(i), earlier, submitting).await?;
             items.push(Item { name, job, files });
         }
         Ok(items)
@@ -192,25 +196,26 @@ impl Save {
                 "there is nothing to save: give a file with -o, --npy or --reconstruction".to_owned(),
             ));
         }
-        let name = names::id(&self.job).to_owned();
-        let files = self.outputs.files(std::slice::from_ref(&name), &[])?.remove(0);
-        let job = session.client.get_job(v1::GetJobRequest { name: names::job(&self.job) }).await?;
-        finish(session, vec![Item { name, job, files }]).await
+        let found = job_names(session, &self.jobs).await?;
+        let ids: Vec<String> = found.iter().map(|name| names::id(name).to_owned()).collect();
+        let files = self.outputs.files(&session.stdout, &ids, &[])?;
+        let mut items = Vec::new();
+        for ((name, id), files) in found.into_iter().zip(ids).zip(files) {
+            let job = session.client.get_job(v1::GetJobRequest { name }).await?;
+            if !job_text::is_hologram(&job) {
+                let kind = job_text::kind(&job);
+                return Err(Failure::Usage(format!("job {id} is of the kind {kind}, but only holograms can be saved")));
+            }
+            items.push(Item { name: id, job, files });
+        }
+        finish(session, items).await
     }
-}
-
-/// Checks that all input files can be opened. Otherwise a mistyped name would be found after earlier targets were
-/// submitted.
-fn check_readable(targets: &[PathBuf]) -> Result<(), Failure> {
-    for path in targets {
-        File::open(path).map_err(|source| lightpath::Error::File { action: "read", path: path.clone(), source })?;
-    }
-    Ok(())
 }
 
 /// Waits for all jobs, saves the files of those that succeeded, and prints the quality of the holograms.
 async fn finish(session: &Session, items: Vec<Item>) -> Result<(), Failure> {
     let ids: Vec<String> = items.iter().map(|item| names::id(&item.job.name).to_owned()).collect();
+    let awaited = Awaited::new(&ids, items.iter().map(|item| &item.job));
     let progress = Progress::new(items.iter().map(|item| item.name.as_str()));
     let waits = items.into_iter().map(async |item| {
         let job = progress.wait(session, &item.name, &item.job.name, |_| ()).await?;
@@ -220,13 +225,12 @@ async fn finish(session: &Session, items: Vec<Item>) -> Result<(), Failure> {
         Ok::<Item, Failure>(Item { job, ..item })
     });
     let all = futures::stream::iter(waits).buffered(WATCHES_MAX).try_collect();
-    let items: Vec<Item> = or_interrupted(&ids, all).await?;
-    for item in &items {
-        session.print_json_line(&item.job)?;
-    }
-    session.print_text(&results(&items))?;
+    let items: Vec<Item> = or_interrupted(awaited, all).await?;
+    let text = results(&items);
     print_warnings(&items);
-    job_text::check_success(&items.into_iter().map(|item| item.job).collect::<Vec<_>>())
+    let jobs: Vec<Job> = items.into_iter().map(|item| item.job).collect();
+    session.print_jobs(&jobs, &text)?;
+    job_text::check_success(&jobs)
 }
 
 /// Prints each warning once if there are several jobs, wavelengths or planes. For a single plane the facts have the
@@ -244,9 +248,8 @@ fn print_warnings(items: &[Item]) {
 }
 
 fn print_submitted(session: &Session, items: &[Item]) -> Result<(), Failure> {
-    let mut table = Table::new(&["target", "job", "kernel", "state"]);
+    let mut table = Table::new(&["target~", "job", "kernel~??", "state?"]);
     for item in items {
-        session.print_json_line(&item.job)?;
         let id = names::id(&item.job.name).to_owned();
         table.row([
             item.name.clone(),
@@ -255,7 +258,8 @@ fn print_submitted(session: &Session, items: &[Item]) -> Result<(), Failure> {
             job_text::state(&item.job),
         ]);
     }
-    session.print_text(&table.text())?;
+    let jobs: Vec<Job> = items.iter().map(|item| item.job.clone()).collect();
+    session.print_jobs(&jobs, &table.text())?;
     if let [item] = items {
         print_note(&watch_hint(&item.job));
     }

@@ -2,8 +2,9 @@
 
 use super::arguments::Limit;
 use super::failure::Failure;
-use super::progress::{Progress, or_interrupted};
-use super::session::{Session, more_hint, pages, print_note};
+use super::identifiers::{job_name, job_names};
+use super::progress::{Awaited, Progress, or_interrupted};
+use super::session::{Output, Session, more_hint, pages, print_note};
 use super::table::Table;
 use super::words::WordParser;
 use super::{job_text, show, times};
@@ -21,19 +22,44 @@ const NAMED_WATCHES_MAX: usize = 64;
 #[derive(Debug, Subcommand)]
 pub(crate) enum JobCommand {
     /// List jobs, the newest first
+    ///
+    /// TARGET is the file name of a hologram's target, or else the dataset, display or kernel that the job is about. PSNR
+    /// is the quality of a hologram for the detector pixel; of several wavelengths or planes the lowest. On a narrow
+    /// terminal the table leaves out columns; ids are always whole.
+    #[command(after_long_help = "\
+Examples:
+  lightpath job list --state running
+  lightpath job list --owner ada --since 2h
+  lightpath job list --text eye.png --limit 0 --output jsonl")]
     List(List),
     /// Show one job
+    #[command(after_long_help = "\
+Example:
+  lightpath job show 01939a5e-7c1b")]
     Show(Id),
     /// Follow jobs until they have ended; survives a restart of the server
     ///
-    /// With --output json the command prints each change as one line of JSON. The exit code is 1 if a job did not
-    /// succeed.
+    /// With --output jsonl the command prints each change as one line of JSON, with --output json the jobs at their
+    /// end. The exit code is 1 if a job did not succeed.
+    #[command(after_long_help = "\
+Examples:
+  lightpath job watch 01939a5e-7c1b
+  lightpath job watch 01939a5e-7c1b 01939a60 --output jsonl | jq .progress")]
     Watch(Watch),
     /// Cancel a job; a running job ends within an iteration
+    #[command(after_long_help = "\
+Example:
+  lightpath job cancel 01939a5e-7c1b")]
     Cancel(Id),
     /// Queue a failed or cancelled job again
+    #[command(after_long_help = "\
+Example:
+  lightpath job retry 01939a5e-7c1b")]
     Retry(Id),
     /// Print the events of a job, oldest first
+    #[command(after_long_help = "\
+Example:
+  lightpath job logs 01939a5e-7c1b")]
     Logs(Id),
     /// Show the progress of a batch and the number of its jobs in each state
     Batch(Batch),
@@ -69,7 +95,8 @@ pub(crate) struct List {
     #[arg(long, value_name = "TIME", value_parser = times::before_now)]
     since: Option<i64>,
 
-    /// List only jobs whose id, request id, owner, batch, unique key, display or dataset contains this text
+    /// List only jobs whose id, request id, owner, batch, unique key, label (the file name of the target), display or
+    /// dataset contains this text
     #[arg(long, value_name = "TEXT", default_value = "", hide_default_value = true)]
     text: String,
 
@@ -88,14 +115,14 @@ pub(crate) struct Batch {
 /// The job that a command applies to.
 #[derive(Debug, Args)]
 pub(crate) struct Id {
-    /// Id of the job
+    /// Id of the job, or its beginning, as far as no other job's id begins with it
     job: String,
 }
 
 /// Arguments of `job watch`.
 #[derive(Debug, Args)]
 pub(crate) struct Watch {
-    /// Ids of the jobs
+    /// Ids of the jobs, or their beginnings
     #[arg(required = true, value_name = "JOB")]
     jobs: Vec<String>,
 }
@@ -106,18 +133,19 @@ impl JobCommand {
         match self {
             Self::List(list) => list.run(session).await,
             Self::Show(id) => {
-                session.print(&client.get_job(v1::GetJobRequest { name: id.name() }).await?, job_text::facts)
+                let name = id.name(session).await?;
+                session.print(&client.get_job(v1::GetJobRequest { name }).await?, job_text::facts)
             }
             Self::Watch(watch) => watch.run(session).await,
             Self::Cancel(id) => {
-                let job = client.cancel_job(v1::CancelJobRequest { name: id.name() }).await?;
+                let job = client.cancel_job(v1::CancelJobRequest { name: id.name(session).await? }).await?;
                 session.print(&job, |job| format!("{}  {}", names::id(&job.name), job_text::one_line(job)))
             }
             Self::Retry(id) => {
-                let job = client.retry_job(v1::RetryJobRequest { name: id.name() }).await?;
+                let job = client.retry_job(v1::RetryJobRequest { name: id.name(session).await? }).await?;
                 session.print(&job, |job| format!("{}  {}", names::id(&job.name), job_text::one_line(job)))
             }
-            Self::Logs(id) => logs(session, id.name()).await,
+            Self::Logs(id) => logs(session, id.name(session).await?).await,
             Self::Batch(batch) => {
                 let batch = client.get_batch(v1::GetBatchRequest { batch: batch.name }).await?;
                 session.print(&batch, batch_line)
@@ -127,8 +155,8 @@ impl JobCommand {
 }
 
 impl Id {
-    fn name(&self) -> String {
-        names::job(&self.job)
+    async fn name(&self, session: &Session) -> Result<String, Failure> {
+        job_name(session, &self.job).await
     }
 }
 
@@ -165,32 +193,37 @@ impl List {
             Ok((answer.jobs, answer.next_page_token))
         })
         .await?;
-        session.print(&v1::ListJobsResponse { jobs, next_page_token, ..Default::default() }, |list| {
-            table(&list.jobs).text_or("no jobs") + more_hint(&list.next_page_token)
-        })
+        let list = v1::ListJobsResponse { jobs, next_page_token, ..Default::default() };
+        session.print_list(
+            &list,
+            |list| &list.jobs,
+            |list| table(&list.jobs).text_or("no jobs") + more_hint(&list.next_page_token),
+        )
     }
 }
 
 impl Watch {
     async fn run(self, session: &Session) -> Result<(), Failure> {
-        let ids: Vec<String> = self.jobs.iter().map(|job| names::id(job).to_owned()).collect();
+        let names = job_names(session, &self.jobs).await?;
+        let ids: Vec<String> = names.iter().map(|name| names::id(name).to_owned()).collect();
         let progress = Progress::new(ids.iter().map(String::as_str));
         let waits = ids.iter().map(async |id| {
             let mut printed = Ok(());
             let on_job = |job: &Job| {
                 if printed.is_ok() {
-                    printed = session.print_json_line(job);
+                    printed = session.print_line(job);
                 }
             };
             let job = progress.wait(session, id, &names::job(id), on_job).await?;
             printed.map(|()| job)
         });
         let all = futures::stream::iter(waits).buffered(NAMED_WATCHES_MAX).try_collect();
-        let jobs: Vec<Job> = or_interrupted(&ids, all).await?;
-        if let [job] = jobs.as_slice() {
-            session.print_text(&job_text::facts(job))?;
-        } else {
-            session.print_text(&table(&jobs).text())?;
+        let jobs: Vec<Job> = or_interrupted(Awaited::new(&ids, []), all).await?;
+        match (session.output, jobs.as_slice()) {
+            // Each change has been printed.
+            (Output::Jsonl, _) => {}
+            (_, [job]) => session.print(job, job_text::facts)?,
+            _ => session.print_jobs(&jobs, &table(&jobs).text())?,
         }
         job_text::check_success(&jobs)
     }
@@ -210,17 +243,33 @@ fn batch_line(batch: &v1::Batch) -> String {
 }
 
 fn table(jobs: &[Job]) -> Table {
-    let mut table = Table::new(&["job", "kind", "on", "state", ">progress", ">attempt", "created"]);
+    let mut table = Table::new(&[
+        "job",
+        "target~",
+        "state",
+        ">PSNR?",
+        "owner~??",
+        "kind???",
+        "on~????",
+        ">progress?????",
+        ">attempt??????",
+        "created???????",
+        "age??",
+    ]);
     for job in jobs {
         let progress = job.progress.as_ref().map(|progress| format!("{}/{}", progress.step, progress.steps_total));
         table.row([
             names::id(&job.name).to_owned(),
+            show::or_dash(if job.label.is_empty() { job_text::subject(job) } else { &job.label }),
+            job_text::state(job),
+            job_text::psnr(job),
+            show::or_dash(&job.owner),
             job_text::kind(job).to_owned(),
             job_text::subject(job).to_owned(),
-            job_text::state(job),
             progress.unwrap_or_default(),
             job.attempt.to_string(),
-            show::time_or_dash(job.create_time.as_ref()),
+            show::clock_or_dash(job.create_time.as_ref()),
+            show::age_or_dash(job.create_time.as_ref()),
         ]);
     }
     table
@@ -236,12 +285,49 @@ async fn logs(session: &Session, name: String) -> Result<(), Failure> {
     if events.is_empty() {
         print_note("the job has no events yet");
     }
-    session.print(&v1::ListJobEventsResponse { events, next_page_token }, |list| {
-        let mut table = Table::new(&["time", ">attempt", "event"]);
-        for event in &list.events {
-            let attempt = show::version_or_dash(event.attempt);
-            table.row([show::time_or_dash(event.time.as_ref()), attempt, event.message.clone()]);
+    session.print_list(&v1::ListJobEventsResponse { events, next_page_token }, |list| &list.events, event_table)
+}
+
+fn event_table(list: &v1::ListJobEventsResponse) -> String {
+    let mut table = Table::new(&["time??", "age", ">attempt?", "event_"]);
+    for event in &list.events {
+        let (time, age) = (show::clock_or_dash(event.time.as_ref()), show::age_or_dash(event.time.as_ref()));
+        table.row([time, age, show::version_or_dash(event.attempt), event.message.clone()]);
+    }
+    table.text()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn list_shows_target_owner_and_quality_and_fits_narrow_terminals() {
+        let quality =
+            v1::Quality { pixel: Some(v1::SeenQuality { psnr_db: 31.24, ..Default::default() }), ..Default::default() };
+        let plane = v1::hologram_result::PlaneResult { quality: Some(quality), ..Default::default() };
+        let wavelength = v1::hologram_result::WavelengthResult { planes: vec![plane], ..Default::default() };
+        let result = v1::HologramResult { wavelengths: vec![wavelength], ..Default::default() };
+        let job = Job {
+            name: "jobs/01939a5e-7c1b-7d52-9b7e-0d6f3a1c2b4e".to_owned(),
+            label: "indian_head.png".to_owned(),
+            owner: "ada".to_owned(),
+            state: job::State::Succeeded.into(),
+            spec: Some(lightpath::job_spec(v1::job_spec::Kind::OptimizeHologram(v1::OptimizeHologram::default()))),
+            result: Some(v1::JobResult { kind: Some(v1::job_result::Kind::Hologram(result)) }),
+            create_time: Some(pbjson_types::Timestamp { seconds: 1_795_000_069, nanos: 0 }),
+            ..Default::default()
+        };
+        let text = |columns| table(std::slice::from_ref(&job)).text_within(columns);
+        let wide = text(usize::MAX);
+        for sign in ["indian_head.png", "31.2 dB", "ada", "optimize hologram", "2026-11-18 11:07:49 UTC"] {
+            assert!(wide.contains(sign), "{sign}: {wide}");
         }
-        table.text()
-    })
+        for (columns, signs) in [(60, &["succeeded"][..]), (80, &["succeeded", "31.2 dB", "indian_head.png"])] {
+            let narrow = text(columns);
+            assert!(narrow.lines().all(|line| line.chars().count() <= columns), "{narrow}");
+            assert!(narrow.contains("01939a5e-7c1b-7d52-9b7e-0d6f3a1c2b4e"), "{narrow}");
+            assert!(signs.iter().all(|sign| narrow.contains(sign)), "{narrow}");
+        }
+    }
 }

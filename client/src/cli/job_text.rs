@@ -41,6 +41,22 @@ pub(crate) fn subject(job: &Job) -> &str {
     }
 }
 
+/// True for jobs that optimize holograms.
+pub(crate) fn is_hologram(job: &Job) -> bool {
+    matches!(spec(job), Some(job_spec::Kind::OptimizeHologram(_)))
+}
+
+/// The PSNR of a hologram for the detector `pixel`, of several wavelengths or planes the lowest, for example `31.2 dB`.
+/// `–` for other jobs.
+pub(crate) fn psnr(job: &Job) -> String {
+    let Some(job_result::Kind::Hologram(result)) = job.result.as_ref().and_then(|result| result.kind.as_ref()) else {
+        return "–".to_owned();
+    };
+    let planes = result.wavelengths.iter().flat_map(|wavelength| &wavelength.planes);
+    let found = planes.filter_map(|plane| Some(plane.quality.as_ref()?.pixel.as_ref()?.psnr_db));
+    found.min_by(f64::total_cmp).map_or_else(|| "–".to_owned(), show::decibel)
+}
+
 /// The label of a job's progress bar if the job has no target, for example `learn kernel bench-1`.
 pub(crate) fn label(job: &Job) -> String {
     format!("{} {}", kind(job), subject(job))
@@ -77,6 +93,12 @@ pub(crate) fn facts(job: &Job) -> String {
     let mut facts = Facts::default();
     facts.add("job", names::id(&job.name));
     facts.add("kind", kind(job));
+    if !job.label.is_empty() {
+        facts.add("about", show::plain(&job.label));
+    }
+    if !job.owner.is_empty() {
+        facts.add("owner", show::plain(&job.owner));
+    }
     spec_facts(job, &mut facts);
     facts.add("state", one_line(job));
     if let (State::Running, Some(progress)) = (job.state(), &job.progress) {
@@ -280,7 +302,7 @@ fn held_out(metrics: &v1::KernelMetrics) -> String {
 }
 
 fn evaluation(result: &v1::EvaluateResult) -> String {
-    let mut table = Table::new(&["pair", "split", ">loss", ">full frame"]);
+    let mut table = Table::new(&["pair", "split", ">loss", ">full frame?"]);
     for pair in &result.pairs {
         let split = pair.split().word();
         table.row([pair.pair.clone(), split.to_owned(), show::loss(pair.loss), show::loss(pair.loss_full_frame)]);

@@ -11,6 +11,7 @@ mod nearest;
 mod report;
 mod show;
 mod transfer;
+mod watch;
 
 use super::failure::Failure;
 use super::session::Session;
@@ -35,6 +36,7 @@ pub(crate) enum KernelCommand {
     Deprecate(alias::Deprecate),
     Compare(compare::Compare),
     Nearest(nearest::Nearest),
+    Watch(watch::Watch),
     Fetch(transfer::Fetch),
     Export(transfer::Export),
     Manifest(manifest::Manifest),
@@ -60,6 +62,7 @@ impl KernelCommand {
             Self::Promote(promote) => promote.run(session).await,
             Self::Rollback(rollback) => rollback.run(session).await,
             Self::History(history) => history.run(session).await,
+            Self::Watch(watch) => watch.run(session).await,
             Self::Fetch(fetch) => fetch.run(session).await,
             Self::Export(export) => export.run(session).await,
             Self::Manifest(manifest) => manifest.run(session).await,

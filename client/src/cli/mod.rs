@@ -1,17 +1,21 @@
 //! The commands of the program `lightpath`, one file each. Files that several commands share:
 //!
 //! - `arguments`, `words`, `submission`, `kernel_choice`: command-line arguments.
-//! - `session`: the connection and the two forms of output. `failure`: exit codes and error output.
-//! - `table`, `show`, `job_text`, `quality_text`, `strengths_text`, `propagation_text`: text output for people.
-//!   `progress`: waiting for jobs, with progress bars. `destination`: paths of output files.
+//! - `session`: the connection and the forms of output. `failure`: exit codes and error output.
+//! - `inputs`, `destination`: input files, and places of output files. `identifiers`: ids of which only the beginning is given.
+//! - `terminal`: the width of the terminal. `table`, `show`, `job_text`, `quality_text`, `strengths_text`, `propagation_text`: text output for people.
+//!   `progress`: waiting for jobs, with progress bars.
 
 mod arguments;
 mod dataset;
 mod destination;
 mod device;
 mod display;
+mod doctor;
 mod failure;
 mod hologram;
+mod identifiers;
+mod inputs;
 mod job;
 mod job_text;
 mod kernel;
@@ -29,6 +33,7 @@ mod simulate;
 mod strengths_text;
 mod submission;
 mod table;
+mod terminal;
 mod times;
 mod webhook;
 mod words;
@@ -88,7 +93,7 @@ pub(crate) struct Cli {
     )]
     client_key: Option<PathBuf>,
 
-    /// Print tables for people, or only the API's messages in protobuf's JSON form
+    /// Print tables for people, or the API's messages in protobuf's JSON form: one document, or one line each
     #[arg(long, global = true, default_value = "table", value_name = "FORM", help_heading = "Global options")]
     output: Output,
 
@@ -111,7 +116,14 @@ A first kernel, from photographs of holograms (about 8 pairs, better 16):
   lightpath kernel learn --dataset bench-1 --wait
   lightpath kernel promote --display lab-2 --distance 150mm --version 1
 
-Lengths have units: 150mm, 8um, 515nm, 0.15m; a plain number is in metres.
+If something does not work:
+  lightpath doctor
+
+Lengths have units: 150mm, 8um, 515nm, 0.15m; a plain number is in metres. For the id of a job its beginning suffices, as \
+long as no other job's id begins with it.
+
+Results go to standard output; progress, notes and errors go to standard error. Colours appear only on terminals, and \
+not if NO_COLOR is set.
 
 Exit codes: 0 success, 1 a job failed or the server refused the call, 2 wrong usage, 3 no server could be \
 reached, 130 interrupted (submitted jobs continue on the server).";
@@ -154,21 +166,41 @@ enum Command {
     /// Let an address know when jobs end, and when kernels and rollouts change
     #[command(subcommand)]
     Webhook(webhook::WebhookCommand),
+    Doctor(doctor::Doctor),
     Completions(Completions),
+    Man(Man),
 }
 
 /// Print a completion script for a shell.
-///
-/// For bash: lightpath completions bash > ~/.local/share/bash-completion/completions/lightpath
 #[derive(Debug, clap::Args)]
+#[command(after_long_help = "\
+Examples:
+  lightpath completions bash \\
+      > ~/.local/share/bash-completion/completions/lightpath
+  lightpath completions zsh > ~/.zfunc/_lightpath
+  lightpath completions fish > ~/.config/fish/completions/lightpath.fish")]
 struct Completions {
     /// Print the script for this shell
     shell: clap_complete::Shell,
 }
 
+/// Write the man pages of lightpath and of all its commands.
+///
+/// Then man lightpath-hologram-optimize explains a command. `lightpathd man` does the same for the server.
+#[derive(Debug, clap::Args)]
+#[command(after_long_help = "\
+Example:
+  lightpath man --out ~/.local/share/man/man1")]
+struct Man {
+    /// Write the pages into this folder; a missing folder is created
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
+}
+
 /// Parses the command line, runs the command and returns the exit code.
 pub(crate) fn main() -> ExitCode {
     let cli = Cli::parse();
+    terminal::measure();
     let runtime = match tokio::runtime::Builder::new_current_thread().enable_all().build() {
         Ok(runtime) => runtime,
         Err(error) => return failure::report(&Failure::Output(error)),
@@ -182,6 +214,9 @@ pub(crate) fn main() -> ExitCode {
 async fn run(cli: Cli) -> Result<(), Failure> {
     if let Command::Completions(completions) = &cli.command {
         return print_completions(completions.shell);
+    }
+    if let Command::Man(man) = &cli.command {
+        return man.write();
     }
     let certificate = cli.client_cert.as_deref().zip(cli.client_key.as_deref());
     let session =
@@ -199,7 +234,18 @@ async fn run(cli: Cli) -> Result<(), Failure> {
         Command::Job(command) => command.run(&session).await,
         Command::Queue(command) => command.run(&session).await,
         Command::Webhook(command) => command.run(&session).await,
+        Command::Doctor(command) => command.run(&session).await,
         Command::Completions(completions) => print_completions(completions.shell),
+        Command::Man(man) => man.write(),
+    }
+}
+
+impl Man {
+    fn write(&self) -> Result<(), Failure> {
+        let file_error = |source| lightpath::Error::File { action: "write", path: self.out.clone(), source };
+        let pages = lightpath_program_docs::write_man_pages(Cli::command(), &self.out).map_err(file_error)?;
+        session::print_note(&format!("wrote {pages} pages to {}", self.out.display()));
+        Ok(())
     }
 }
 
@@ -209,5 +255,7 @@ fn print_completions(shell: clap_complete::Shell) -> Result<(), Failure> {
     std::io::stdout().lock().write_all(&script).map_err(Failure::Output)
 }
 
+#[cfg(test)]
+mod example_tests;
 #[cfg(test)]
 mod tests;

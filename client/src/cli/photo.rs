@@ -1,14 +1,25 @@
 //! The commands `lightpath photo`.
 
 use super::arguments::region;
-use super::destination;
+use super::destination::{self, Destination, PNG};
 use super::failure::Failure;
-use super::session::Session;
+use super::inputs;
+use super::session::{Output, Session};
 use super::table::{Facts, Table};
 use super::words::WordParser;
 use clap::{Args, Subcommand};
 use lightpath::v1;
+use serde::Serialize;
 use std::path::{Path, PathBuf};
+
+const ALIGNED: Destination = Destination { option: "--aligned", suffix: "-aligned.png", formats: &[PNG] };
+const ERROR: Destination = Destination { option: "--error", suffix: "-error.png", formats: &[PNG] };
+
+/// Several scores as one document.
+#[derive(Serialize)]
+struct Scores<'a> {
+    scores: Vec<&'a v1::PhotoScore>,
+}
 
 /// Commands about photographs of what displays show.
 #[derive(Debug, Subcommand)]
@@ -45,7 +56,8 @@ Examples:
 Look at the pictures of --error before you trust a figure: coloured rims along
 the edges mean that the target was not found exactly.")]
 pub(crate) struct Score {
-    /// Score these photographs: PNG, JPEG or TIFF, grey or colour, at least 32x32 px
+    /// Score these photographs: PNG, JPEG or TIFF, grey or colour, at least 32x32 px; a folder stands for all pictures
+    /// in it
     #[arg(required = true, value_name = "PHOTO")]
     photos: Vec<PathBuf>,
 
@@ -75,14 +87,16 @@ pub(crate) struct Score {
 }
 
 impl Score {
-    async fn run(self, session: &Session) -> Result<(), Failure> {
+    async fn run(mut self, session: &Session) -> Result<(), Failure> {
+        self.photos = inputs::expanded(&self.photos, inputs::PICTURES)?;
         let names: Vec<String> = self.photos.iter().map(|photo| destination::name_of(photo)).collect();
-        let files = |option: &str, place: &Option<PathBuf>, suffix: &str| match place {
-            Some(place) => destination::files(option, place, &names, suffix),
+        let files = |destination: Destination, place: &Option<PathBuf>| match place {
+            Some(place) => destination.files(&session.stdout, place, &names),
             None => Ok(Vec::new()),
         };
-        let aligned = files("--aligned", &self.aligned, "-aligned.png")?;
-        let errors = files("--error", &self.error, "-error.png")?;
+        let aligned = files(ALIGNED, &self.aligned)?;
+        let errors = files(ERROR, &self.error)?;
+        inputs::check_readable(self.photos.iter().chain([&self.target]))?;
         let inputs = self.photos.iter().chain([&self.target]).map(PathBuf::as_path);
         destination::check_distinct(inputs, aligned.iter().chain(&errors).map(PathBuf::as_path))?;
         let target = session.client.upload_file(&self.target).await?;
@@ -91,13 +105,20 @@ impl Score {
             let score = self.score(session, photo, &target).await?;
             for (digest, files) in [(&score.aligned, &aligned), (&score.error, &errors)] {
                 if let Some(file) = files.get(i) {
-                    session.client.download_to(digest, file).await?;
+                    destination::save(session, digest, file).await?;
                 }
             }
-            session.print_json_line(&score)?;
+            session.print_line(&score)?;
             scores.push((names[i].clone(), score));
         }
-        session.print_text(&text(&scores))
+        match (session.output, scores.as_slice()) {
+            (Output::Json, [(_, score)]) => session.print(score, |_| String::new()),
+            (Output::Json, scores) => {
+                let scores = Scores { scores: scores.iter().map(|(_, score)| score).collect() };
+                session.print(&scores, |_| String::new())
+            }
+            (Output::Table | Output::Jsonl, scores) => session.print_text(&text(scores)),
+        }
     }
 
     async fn score(&self, session: &Session, photo: &Path, target: &str) -> Result<v1::PhotoScore, Failure> {
@@ -114,7 +135,17 @@ impl Score {
 
 /// A table with a line for each channel of each photograph; for a single photograph also its place.
 fn text(scores: &[(String, v1::PhotoScore)]) -> String {
-    let titles = ["photo", "channel", ">psnr", ">psnr+", ">ssim", ">speckle", ">resolution", ">saturated", ">residual"];
+    let titles = [
+        "photo~",
+        "channel",
+        ">psnr",
+        ">psnr+?",
+        ">ssim?",
+        ">speckle????",
+        ">resolution???",
+        ">saturated?????",
+        ">residual??",
+    ];
     let mut table = Table::new(&titles);
     for (name, score) in scores {
         for (i, channel) in score.channels.iter().enumerate() {

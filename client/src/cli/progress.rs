@@ -85,43 +85,73 @@ impl Progress {
     }
 }
 
+/// Jobs that a command waits for, for the text that says how to go on without the command.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Awaited<'a> {
+    pub(crate) ids: &'a [String],
+    /// True if `lightpath hologram save` saves their results.
+    pub(crate) are_holograms: bool,
+}
+
+impl<'a> Awaited<'a> {
+    /// The jobs with these ids, of which `jobs` has the kinds.
+    pub(crate) fn new<'j>(ids: &'a [String], jobs: impl IntoIterator<Item = &'j Job>) -> Self {
+        let mut jobs = jobs.into_iter().peekable();
+        let are_holograms = jobs.peek().is_some() && jobs.all(job_text::is_hologram);
+        Self { ids, are_holograms }
+    }
+
+    /// The commands that continue to wait, save the results and cancel the jobs.
+    pub(crate) fn hint(self) -> String {
+        let all = self.ids.join(" ");
+        let (jobs, place) = match self.ids {
+            [_] => ("the job continues".to_owned(), "phase.png"),
+            ids => (format!("the {} jobs continue", ids.len()), "holograms/"),
+        };
+        let mut text = format!("{jobs} on the server\n  wait:    lightpath job watch {all}");
+        if self.are_holograms {
+            text += &format!("\n  save:    lightpath hologram save {all} -o {place}");
+        }
+        if let [id] = self.ids {
+            text += &format!("\n  cancel:  lightpath job cancel {id}");
+        }
+        text
+    }
+}
+
 /// Waits until all jobs have ended, and returns them in the given order. They may have succeeded, failed or been
 /// cancelled. Ctrl-C ends the waiting but not the jobs.
 pub(crate) async fn wait_all(session: &Session, jobs: Vec<(String, Job)>) -> Result<Vec<Job>, Failure> {
     let progress = Progress::new(jobs.iter().map(|(label, _)| label.as_str()));
     let ids: Vec<String> = jobs.iter().map(|(_, job)| names::id(&job.name).to_owned()).collect();
+    let awaited = Awaited::new(&ids, jobs.iter().map(|(_, job)| job));
     let waits = jobs.iter().map(|(label, job)| progress.wait(session, label, &job.name, |_| ()));
-    or_interrupted(&ids, futures::stream::iter(waits).buffered(WATCHES_MAX).try_collect()).await
+    or_interrupted(awaited, futures::stream::iter(waits).buffered(WATCHES_MAX).try_collect()).await
 }
 
-/// Runs `work` until it ends or the user presses Ctrl-C. The failure for Ctrl-C says how to find the jobs again.
+/// Runs `work` until it ends or the user presses Ctrl-C. If the waiting is broken off, by Ctrl-C or because no server can
+/// be reached any more, the failure says how to go on.
 pub(crate) async fn or_interrupted<T>(
-    ids: &[String],
+    awaited: Awaited<'_>,
     work: impl Future<Output = Result<T, Failure>>,
 ) -> Result<T, Failure> {
-    tokio::select! {
+    let outcome = tokio::select! {
         outcome = work => outcome,
         // If the handler cannot be installed, Ctrl-C ends the process as usual.
-        Ok(()) = tokio::signal::ctrl_c() => Err(Failure::Interrupted(interruption_text(ids))),
-    }
-}
-
-fn interruption_text(ids: &[String]) -> String {
-    match ids {
-        [] => "interrupted before a job was submitted".to_owned(),
-        ids => running_jobs_hint(ids),
-    }
-}
-
-/// Text for jobs that continue after the command has ended, with the commands to follow them.
-pub(crate) fn running_jobs_hint(ids: &[String]) -> String {
-    match ids {
-        [id] => format!(
-            "the job continues on the server. Watch it: lightpath job watch {id}. Cancel it: lightpath job cancel {id}"
-        ),
-        ids => {
-            format!("the {} jobs continue on the server. Watch them: lightpath job watch {}", ids.len(), ids.join(" "))
+        Ok(()) = tokio::signal::ctrl_c() => Err(Failure::Interrupted(interruption_text(awaited))),
+    };
+    match outcome {
+        Err(Failure::Client(error)) if error.is_unreachable() && !awaited.ids.is_empty() => {
+            Err(Failure::Waiting(error, awaited.hint()))
         }
+        outcome => outcome,
+    }
+}
+
+fn interruption_text(awaited: Awaited<'_>) -> String {
+    match awaited.ids {
+        [] => "interrupted before a job was submitted".to_owned(),
+        _ => format!("interrupted; {}", awaited.hint()),
     }
 }
 
@@ -194,11 +224,37 @@ fn style(template: &str) -> ProgressStyle {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use lightpath::v1;
 
     #[test]
-    fn interruption_text_names_commands_for_running_jobs() {
-        assert!(interruption_text(&["a1".into()]).contains("lightpath job watch a1"));
-        assert!(interruption_text(&["a1".into(), "b2".into()]).contains("lightpath job watch a1 b2"));
+    fn broken_off_waits_name_the_commands_that_go_on() {
+        let ids = ["a1".to_owned(), "b2".to_owned()];
+        let hologram = Job {
+            spec: Some(lightpath::job_spec(v1::job_spec::Kind::OptimizeHologram(v1::OptimizeHologram::default()))),
+            ..Job::default()
+        };
+        let one = interruption_text(Awaited::new(&ids[..1], [&hologram]));
+        for command in
+            ["lightpath job watch a1\n", "lightpath hologram save a1 -o phase.png\n", "lightpath job cancel a1"]
+        {
+            assert!(one.contains(command), "{one}");
+        }
+        let two = interruption_text(Awaited::new(&ids, [&hologram, &hologram]));
+        assert!(two.contains("watch a1 b2") && two.contains("save a1 b2 -o holograms/"), "{two}");
+        let other = interruption_text(Awaited::new(&ids, [&hologram, &Job::default()]));
+        assert!(other.contains("watch a1 b2") && !other.contains("save"), "{other}");
+        assert!(interruption_text(Awaited::new(&[], [])).contains("before a job was submitted"));
+    }
+
+    #[tokio::test]
+    async fn a_connection_that_stays_lost_names_the_commands_too() {
+        let ids = ["a1".to_owned()];
+        let client = lightpath::Client::connect("http://127.0.0.1:1").unwrap();
+        let calling = async || Ok(client.get_queue(v1::GetQueueRequest {}).await?);
+        let lost = or_interrupted(Awaited::new(&ids, []), calling()).await;
+        assert!(matches!(lost, Err(Failure::Waiting(_, hint)) if hint.contains("lightpath job watch a1")));
+        let early = or_interrupted(Awaited::new(&[], []), calling()).await;
+        assert!(matches!(early, Err(Failure::Client(_))));
     }
 
     #[test]

@@ -13,11 +13,11 @@ pub(crate) fn table(plane: &PlaneResult) -> String {
         "detector",
         "phase",
         ">PSNR",
-        ">SSIM",
-        ">MS-SSIM",
-        ">efficiency",
-        ">in frame",
-        ">speckle contrast",
+        ">SSIM?",
+        ">MS-SSIM???",
+        ">efficiency??",
+        ">in frame????",
+        ">speckle contrast?????",
     ]);
     let by_detector =
         |quality: Quality| [quality.point, quality.pixel, quality.supersampled].map(Option::unwrap_or_default);
@@ -71,8 +71,7 @@ pub(crate) fn parts(metrics: &KernelMetrics) -> String {
     if metrics.parts.is_empty() {
         return String::new();
     }
-    let mut table =
-        Table::new(&["part of the model", ">photographs are predicted worse without it", ">over the photographs"]);
+    let mut table = Table::new(&["part of the model", ">worse without it", ">over the photographs?"]);
     for part in &metrics.parts {
         let range = format!("{:.1} to {:.1} dB", part.least_db, part.most_db);
         table.row([part.part().word().replace('-', " "), show::decibel(part.cost_db), range]);
@@ -82,8 +81,14 @@ pub(crate) fn parts(metrics: &KernelMetrics) -> String {
 
 /// A table of the holograms to photograph next.
 pub(crate) fn suggestions(found: &SuggestResult) -> String {
-    let mut table =
-        Table::new(&[">hologram", "picture", ">phase range", ">error", "tells most about", ">error by this part"]);
+    let mut table = Table::new(&[
+        ">hologram",
+        "picture~",
+        ">phase range??",
+        ">error",
+        "tells most about?",
+        ">error by this part???",
+    ]);
     for (index, hologram) in found.holograms.iter().enumerate() {
         table.row([
             (index + 1).to_string(),
@@ -105,14 +110,14 @@ pub(crate) fn suggestions(found: &SuggestResult) -> String {
 /// A table of the opinions on each picture, for each detector.
 pub(crate) fn opinions(found: &VerifyResult) -> String {
     let mut table = Table::new(&[
-        "wavelength",
+        "wavelength??",
         "distance",
         "detector",
-        ">engine",
-        ">independent",
+        ">engine???",
+        ">independent???",
         ">difference",
-        ">rows",
-        "verdict",
+        ">rows????",
+        "verdict?",
     ]);
     for plane in &found.planes {
         for (detector, opinion) in

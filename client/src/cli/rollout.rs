@@ -199,23 +199,38 @@ impl List {
             Ok((answer.rollouts, answer.next_page_token))
         })
         .await?;
-        session.print(&v1::ListRolloutsResponse { rollouts, next_page_token }, |list| {
-            let mut table =
-                Table::new(&[">rollout", "state", ">version", ">from", "devices", ">passed", ">failed", "started"]);
-            for rollout in &list.rollouts {
-                table.row([
-                    names::id(&rollout.name).to_owned(),
-                    rollout.state().word().to_owned(),
-                    rollout.version.to_string(),
-                    show::version_or_dash(rollout.from_version),
-                    devices(rollout),
-                    rollout.devices_passed.to_string(),
-                    rollout.devices_failed.to_string(),
-                    show::time_or_dash(rollout.start_time.as_ref()),
+        session.print_list(
+            &v1::ListRolloutsResponse { rollouts, next_page_token },
+            |list| &list.rollouts,
+            |list| {
+                let mut table = Table::new(&[
+                    ">rollout",
+                    "state",
+                    ">version",
+                    ">from?",
+                    "devices~?",
+                    ">passed",
+                    ">failed",
+                    "started???",
+                    "age??",
                 ]);
-            }
-            table.text_or("no rollouts; start one: lightpath rollout start --help") + more_hint(&list.next_page_token)
-        })
+                for rollout in &list.rollouts {
+                    table.row([
+                        names::id(&rollout.name).to_owned(),
+                        rollout.state().word().to_owned(),
+                        rollout.version.to_string(),
+                        show::version_or_dash(rollout.from_version),
+                        devices(rollout),
+                        rollout.devices_passed.to_string(),
+                        rollout.devices_failed.to_string(),
+                        show::clock_or_dash(rollout.start_time.as_ref()),
+                        show::age_or_dash(rollout.start_time.as_ref()),
+                    ]);
+                }
+                table.text_or("no rollouts; start one: lightpath rollout start --help")
+                    + more_hint(&list.next_page_token)
+            },
+        )
     }
 }
 
@@ -233,10 +248,11 @@ fn text(rollout: &v1::Rollout) -> String {
     let limit = format!("{} % of at least {} devices", rollout.failed_percent_max, rollout.devices_min);
     facts.add("halts above", limit + &loss.unwrap_or_default());
     facts.add("reports", format!("{} passed, {} failed", rollout.devices_passed, rollout.devices_failed));
-    let mut table = Table::new(&["time", "caller", ">generation", "event"]);
+    let mut table = Table::new(&["time???", "age", "caller~?", ">generation??", "event_"]);
     for event in &rollout.events {
         table.row([
-            show::time_or_dash(event.time.as_ref()),
+            show::clock_or_dash(event.time.as_ref()),
+            show::age_or_dash(event.time.as_ref()),
             show::or_dash(&event.caller),
             event.generation.to_string(),
             event.message.clone(),

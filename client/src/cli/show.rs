@@ -13,6 +13,21 @@ pub(crate) fn time_or_dash(some: Option<&pbjson_types::Timestamp>) -> String {
     some.map_or_else(|| "–".to_owned(), time)
 }
 
+/// A time, for example `2026-11-20 14:07:49 UTC`. `–` if there is none.
+pub(crate) fn clock_or_dash(some: Option<&pbjson_types::Timestamp>) -> String {
+    some.map_or_else(|| "–".to_owned(), |time| clock(time.seconds))
+}
+
+/// The age of a time, for example `3 min ago`. `–` if there is none.
+pub(crate) fn age_or_dash(some: Option<&pbjson_types::Timestamp>) -> String {
+    some.map_or_else(|| "–".to_owned(), age)
+}
+
+/// A text of somebody else without control characters, which could change what the terminal shows.
+pub(crate) fn plain(text: &str) -> String {
+    text.replace(char::is_control, "\u{fffd}")
+}
+
 /// The age of a time, for example `3 min ago`.
 pub(crate) fn age(time: &pbjson_types::Timestamp) -> String {
     age_between(time.seconds, now_s())

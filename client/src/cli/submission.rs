@@ -1,11 +1,14 @@
 //! Arguments and functions of commands that submit jobs.
 
-use super::failure::Failure;
+use super::failure::{Failure, TargetFailure};
+use super::identifiers::job_names;
+use super::progress::Awaited;
 use super::session::{Session, print_note};
-use super::{job_text, progress, times};
+use super::{job_text, progress, show, times};
 use clap::Args;
 use lightpath::v1::{Job, SubmitJobRequest, job_spec};
 use lightpath::{job_spec as spec_of, names};
+use std::path::Path;
 
 /// Settings of a job in the queue.
 #[derive(Clone, Debug, Args)]
@@ -45,17 +48,19 @@ pub(crate) struct Submission {
     #[arg(long, value_name = "TIME", value_parser = times::duration_s)]
     pub(crate) timeout: Option<f64>,
 
-    /// Start only after the job with this id has succeeded; may be given several times
+    /// Start only after the job with this id, or the beginning of one, has succeeded; may be given several times
     #[arg(long, value_name = "JOB")]
     pub(crate) after: Vec<String>,
 }
 
 impl Submission {
-    /// Submits a job. If one command submits several jobs, `suffix` makes their request ids different.
+    /// Submits a job. `label` says what the job is about. If one command submits several jobs, `suffix` makes their
+    /// request ids different.
     pub(crate) async fn submit(
         &self,
         session: &Session,
         kind: job_spec::Kind,
+        label: &str,
         suffix: Option<&str>,
     ) -> Result<Job, Failure> {
         let request_id = match (&self.request_id, suffix) {
@@ -73,15 +78,15 @@ impl Submission {
             unique_key: self.unique_key.clone(),
             not_before: self.not_before.map(|seconds| pbjson_types::Timestamp { seconds, nanos: 0 }),
             timeout_s: self.timeout.unwrap_or(0.0),
-            after: self.after.iter().map(|job| names::job(job)).collect(),
-            label: String::new(),
+            after: job_names(session, &self.after).await?,
+            label: shortened(label),
         };
         Ok(session.client.submit(request).await?)
     }
 
     /// Submits a job and waits for its end. Returns an error if the job did not succeed.
     pub(crate) async fn submit_and_wait(&self, session: &Session, kind: job_spec::Kind) -> Result<Job, Failure> {
-        let job = self.submit(session, kind, None).await?;
+        let job = self.submit(session, kind, "", None).await?;
         let mut jobs = progress::wait_all(session, vec![(job_text::label(&job), job)]).await?;
         job_text::check_success(&jobs)?;
         Ok(jobs.remove(0))
@@ -94,7 +99,7 @@ impl Submission {
         kind: job_spec::Kind,
         wait: bool,
     ) -> Result<(), Failure> {
-        let job = self.submit(session, kind, None).await?;
+        let job = self.submit(session, kind, "", None).await?;
         if !wait {
             session.print(&job, job_text::facts)?;
             print_note(&watch_hint(&job));
@@ -109,7 +114,50 @@ impl Submission {
     }
 }
 
+/// Submits the job of one of several targets. A failure names the target, and the jobs of the targets before it.
+pub(crate) async fn submit_target<'a>(
+    target: &Path,
+    earlier: impl IntoIterator<Item = &'a Job> + Clone,
+    submitting: impl Future<Output = Result<Job, Failure>>,
+) -> Result<Job, Failure> {
+    let ids: Vec<String> = earlier.clone().into_iter().map(|job| names::id(&job.name).to_owned()).collect();
+    let awaited = Awaited::new(&ids, earlier);
+    progress::or_interrupted(awaited, submitting).await.map_err(|failure| match failure {
+        Failure::Client(error) | Failure::Waiting(error, _) => {
+            let earlier_jobs = (!ids.is_empty()).then(|| format!("submitted before that: {}", awaited.hint()));
+            Failure::Target(TargetFailure { target: target.to_owned(), error, earlier_jobs })
+        }
+        other => other,
+    })
+}
+
+/// The label of a job about a file: the file's name.
+pub(crate) fn label_of(file: &Path) -> String {
+    show::plain(&file.file_name().unwrap_or(file.as_os_str()).to_string_lossy())
+}
+
+/// A label that is short enough for the server.
+fn shortened(label: &str) -> String {
+    const BYTES_MAX: usize = 128;
+    if label.len() <= BYTES_MAX {
+        return label.to_owned();
+    }
+    format!("{}…", &label[..label.floor_char_boundary(BYTES_MAX - '…'.len_utf8())])
+}
+
 /// The command to watch a job that the client does not wait for.
 pub(crate) fn watch_hint(job: &Job) -> String {
     format!("watch it with: lightpath job watch {}", names::id(&job.name))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn labels_are_names_of_files_that_the_server_accepts() {
+        assert_eq!(label_of(Path::new("targets/eye.png")), "eye.png");
+        let long = shortened(&"é".repeat(100));
+        assert!(long.len() <= 128 && long.ends_with("é…"), "{long}");
+    }
 }

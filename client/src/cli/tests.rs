@@ -134,6 +134,14 @@ const COMMANDS: &[&str] = &[
     "lightpath queue pause --display lab-2 --reason maintenance",
     "lightpath queue resume",
     "lightpath completions bash",
+    "lightpath --output jsonl job watch 0193",
+    "lightpath hologram optimize targets/ --display lab-2 --distance 150mm -o -",
+    "lightpath hologram save 0193 0194 -o holograms/",
+    "lightpath simulate --display toy --distance 150mm --phase a.png b.png -o photos/ --seed 3",
+    "lightpath kernel watch --display lab-2 --distance 150mm --exec true",
+    "lightpath kernel fetch --display lab-2 --distance 150mm --dry-run -o k.lpk",
+    "lightpath doctor --upload-mib 0",
+    "lightpath man --out man",
 ];
 
 #[test]
@@ -235,15 +243,10 @@ fn every_command_has_help() {
 }
 
 #[test]
-fn examples_fit_a_terminal_and_can_be_copied() {
-    fn check(command: &clap::Command) {
-        let help = command.get_after_long_help().map(ToString::to_string).unwrap_or_default();
-        for line in help.lines().filter(|line| line.starts_with("  ")) {
-            assert!(line.chars().count() <= 80, "{}: {line}", command.get_name());
-        }
-        command.get_subcommands().for_each(check);
-    }
-    check(&Cli::command());
+fn reference_in_the_documents_is_up_to_date() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/reference/command-line.md");
+    let reference = lightpath_program_docs::markdown(Cli::command());
+    lightpath_program_docs::check_document(&path, "lightpath", &reference).unwrap();
 }
 
 #[test]

@@ -35,8 +35,10 @@ pub(crate) enum WebhookCommand {
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
-  lightpath webhook create ci https://hooks.example/lightpath --event job.failed --event job.succeeded
-  lightpath webhook create line-3 https://hooks.example/kernels --event kernel.activated --display lab-2
+  lightpath webhook create ci https://hooks.example/lightpath \\
+      --event job.failed --event job.succeeded
+  lightpath webhook create line-3 https://hooks.example/kernels \\
+      --event kernel.activated --display lab-2
 
 Events: job.succeeded, job.failed, job.cancelled, kernel.version_created, kernel.activated, rollout.completed, \
 rollout.halted.")]
@@ -83,7 +85,11 @@ impl WebhookCommand {
             Self::Create(create) => create.run(session).await,
             Self::List => {
                 let list = client.list_webhooks(v1::ListWebhooksRequest {}).await?;
-                session.print(&list, |list| table(&list.webhooks).text_or("no webhooks; see lightpath webhook create"))
+                session.print_list(
+                    &list,
+                    |list| &list.webhooks,
+                    |list| table(&list.webhooks).text_or("no webhooks; see lightpath webhook create"),
+                )
             }
             Self::Show(show) => show.run(session).await,
             Self::Test(named) => named.test(session).await,
@@ -121,11 +127,15 @@ impl Show {
             Ok((answer.deliveries, answer.next_page_token))
         })
         .await?;
-        session.print(&v1::ListWebhookDeliveriesResponse { deliveries, next_page_token }, |list| {
-            let webhooks = table(std::slice::from_ref(&webhook)).text();
-            let deliveries = delivery_table(&list.deliveries).text_or("nothing happened yet");
-            format!("{webhooks}\n{deliveries}{}", more_hint(&list.next_page_token))
-        })
+        session.print_list(
+            &v1::ListWebhookDeliveriesResponse { deliveries, next_page_token },
+            |list| &list.deliveries,
+            |list| {
+                let webhooks = table(std::slice::from_ref(&webhook)).text();
+                let deliveries = delivery_table(&list.deliveries).text_or("nothing happened yet");
+                format!("{webhooks}\n{deliveries}{}", more_hint(&list.next_page_token))
+            },
+        )
     }
 }
 
@@ -156,7 +166,7 @@ fn tested(delivery: &v1::WebhookDelivery) -> String {
 }
 
 fn table(webhooks: &[v1::Webhook]) -> Table {
-    let mut table = Table::new(&["webhook", "address", "events", "display", "created"]);
+    let mut table = Table::new(&["webhook", "address_", "events_?", "display??", "created???"]);
     for webhook in webhooks {
         let events = if webhook.events.is_empty() { "all".to_owned() } else { webhook.events.join(", ") };
         let display = if webhook.display.is_empty() { "all" } else { names::id(&webhook.display) };
@@ -172,7 +182,7 @@ fn table(webhooks: &[v1::Webhook]) -> Table {
 }
 
 fn delivery_table(deliveries: &[v1::WebhookDelivery]) -> Table {
-    let mut table = Table::new(&["event", "happened", ">attempts", "state", "answer", "id"]);
+    let mut table = Table::new(&["event", "happened??", ">attempts?", "state", "answer~", "id???"]);
     for delivery in deliveries {
         let state = match (delivery.delivered, &delivery.next_attempt_time) {
             (true, _) => "accepted",

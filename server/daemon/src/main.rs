@@ -3,7 +3,7 @@
 mod freed_memory;
 
 use anyhow::Context as _;
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory as _, Parser, Subcommand};
 use lightpath_server::config::{Config, Effective, LogFormat, Settings};
 use lightpath_server::demo::{self, DemoArgs};
 use lightpath_server::server;
@@ -39,6 +39,7 @@ enum Command {
     #[command(subcommand)]
     Key(KeyCommand),
     Demo(DemoArgs),
+    Man(Man),
 }
 
 /// Run the server until SIGTERM or ctrl-c. Then running jobs save their state and return to the queue.
@@ -53,6 +54,15 @@ struct Serve {
     /// Print the settings in effect and the source of each, then exit
     #[arg(long)]
     print_config: bool,
+}
+
+/// Write the man pages of lightpathd and of all its commands.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  lightpathd man --out ~/.local/share/man/man1")]
+struct Man {
+    /// Folder for the pages; a missing one is created
+    #[arg(long, value_name = "DIR")]
+    out: PathBuf,
 }
 
 const SERVE_HELP: &str = "\
@@ -78,6 +88,7 @@ fn main() -> ExitCode {
         Command::Token(command) => Ok(command.run()),
         Command::Key(command) => Ok(command.run()),
         Command::Demo(args) => demo::run(args).map(|()| ExitCode::SUCCESS),
+        Command::Man(man) => man.run().map(|()| ExitCode::SUCCESS),
     };
     match outcome {
         Ok(code) => code,
@@ -86,6 +97,27 @@ fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+impl Man {
+    fn run(&self) -> anyhow::Result<()> {
+        let written = lightpath_program_docs::write_man_pages(documented(), &self.out);
+        written.with_context(|| format!("cannot write the pages to {}", self.out.display()))?;
+        Ok(())
+    }
+}
+
+/// The command line for documents, which are the same on every machine: a default that the help explains in words depends
+/// on the machine, and is left out.
+fn documented() -> clap::Command {
+    let general = |argument: clap::Arg| {
+        let help = argument.get_help().map(ToString::to_string).unwrap_or_default();
+        match help.split_once(" [default: ") {
+            Some((words, _)) if words.contains("by default ") => argument.help(words.to_owned()),
+            _ => argument,
+        }
+    };
+    Cli::command().mut_subcommands(|command| command.mut_args(general))
 }
 
 impl Serve {
@@ -145,4 +177,19 @@ fn start_log(config: &Config) -> anyhow::Result<()> {
         LogFormat::Auto | LogFormat::Json => log.with(lines.json().with_filter(filter)).init(),
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lightpath_program_docs::{check_document, markdown};
+    use std::path::Path;
+
+    #[test]
+    fn reference_in_the_documents_is_up_to_date() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/reference/command-line.md");
+        let reference = markdown(documented());
+        assert!(!reference.contains("for each core \\[default"), "a document is the same on every machine");
+        assert_eq!(check_document(&path, "lightpathd", &reference), Ok(()));
+    }
 }

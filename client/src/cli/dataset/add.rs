@@ -3,7 +3,7 @@
 use super::manifest::{self, Entry};
 use crate::cli::destination::name_of;
 use crate::cli::failure::Failure;
-use crate::cli::session::{Session, print_note};
+use crate::cli::session::{Output, Session, print_note};
 use crate::cli::words::WordParser;
 use clap::Args;
 use lightpath::{names, v1};
@@ -125,7 +125,8 @@ impl Add {
 /// Uploads the files of the pairs and adds the pairs to a dataset, one after the other.
 pub(super) async fn add_pairs(session: &Session, dataset: &str, entries: Vec<Entry>) -> Result<(), Failure> {
     let count = entries.len();
-    let mut findings = 0;
+    let mut findings = Vec::new();
+    let mut last = None;
     for entry in entries {
         let id = entry.id.clone();
         let pair = v1::Pair {
@@ -143,15 +144,22 @@ pub(super) async fn add_pairs(session: &Session, dataset: &str, entries: Vec<Ent
         if count == 1 {
             session.print(&dataset, |dataset| text(&id, dataset))?;
         } else {
-            session.print_json_line(&dataset)?;
+            session.print_line(&dataset)?;
             session.print_text(&text(&id, &dataset))?;
         }
-        findings += dataset.findings.len();
+        findings.extend(dataset.findings.iter().cloned());
+        last = Some(dataset);
     }
-    if findings > 0 && count > 1 {
-        print_note(&format!("{findings} findings; list them: lightpath dataset show {dataset}"));
+    if !findings.is_empty() && count > 1 {
+        print_note(&format!("{} findings; list them: lightpath dataset show {dataset}", findings.len()));
     }
-    Ok(())
+    match last {
+        // One document: the dataset after the last pair, with the findings of all pairs.
+        Some(last) if count > 1 && session.output == Output::Json => {
+            session.print(&v1::Dataset { findings, ..last }, |_| String::new())
+        }
+        _ => Ok(()),
+    }
 }
 
 /// Converts an error into a failure. If there are several pairs, it first prints which one was refused.

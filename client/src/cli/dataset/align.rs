@@ -1,7 +1,7 @@
 //! The commands `lightpath dataset calibration` and `align`.
 
 use super::show::facts;
-use crate::cli::destination;
+use crate::cli::destination::{self, Destination, PNG};
 use crate::cli::failure::Failure;
 use crate::cli::session::Session;
 use crate::cli::submission::Submission;
@@ -11,6 +11,11 @@ use lightpath::v1::prepare_dataset::{Align as AlignStep, Step, align::Source};
 use lightpath::v1::{self, OptimizeHologram, PrepareDataset, job_spec, optimize_hologram::ImagePlane};
 use lightpath::{hologram_result, names, prepare_result};
 use std::path::{Path, PathBuf};
+
+const PHASE: Destination =
+    Destination { option: "-o", suffix: "-phase.png", formats: &[("png", "grey levels for the display")] };
+const BEFORE: Destination = Destination { option: "--picture-before", suffix: ".png", formats: &[PNG] };
+const AFTER: Destination = Destination { option: "--picture-after", suffix: ".png", formats: &[PNG] };
 
 /// Compute the hologram of a grid of dots, which is photographed to align the camera.
 ///
@@ -103,7 +108,7 @@ struct AlignmentSource {
 impl Calibration {
     pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
         let name = [format!("{}-dots", self.name)];
-        let phase = destination::files("-o", &self.phase, &name, "-phase.png")?.remove(0);
+        let phase = PHASE.files(&session.stdout, &self.phase, &name)?.remove(0);
         let request = v1::GetDatasetRequest { name: names::dataset(&self.name) };
         let dataset = session.client.get_dataset(request).await?;
         let request = v1::CreateCalibrationTargetRequest { display: dataset.display.clone() };
@@ -117,16 +122,17 @@ impl Calibration {
             seed: 1,
             ..Default::default()
         });
-        let job = self.submission.submit(session, kind, None).await?;
+        let job = self.submission.submit(session, kind, "dots for the alignment", None).await?;
         let [name] = name;
         for job in progress::wait_all(session, vec![(name, job)]).await? {
             if let Ok(result) = hologram_result(&job) {
                 for frame in result.wavelengths.iter().flat_map(|hologram| &hologram.frames) {
-                    session.client.download_to(&frame.phase, &phase).await?;
+                    destination::save(session, &frame.phase, &phase).await?;
                 }
             }
-            session
-                .print(&job, |_| format!("hologram of {}×{} dots  {}", target.columns, target.rows, phase.display()))?;
+            session.print(&job, |_| {
+                format!("hologram of {}×{} dots  {}", target.columns, target.rows, destination::shown(&phase))
+            })?;
             job_text::check_success(&[job])?;
         }
         Ok(())
@@ -135,6 +141,11 @@ impl Calibration {
 
 impl Align {
     pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
+        let file = |destination: Destination, place: &Option<PathBuf>| {
+            place.as_ref().map(|path| destination.file(&session.stdout, path)).transpose()
+        };
+        let before = file(BEFORE, &self.picture_before)?;
+        let after = file(AFTER, &self.picture_after)?;
         let source = if let Some(photo) = &self.source.dots {
             Source::DotsPhoto(session.client.upload_file(photo).await?)
         } else if let (Some(path), Some(size)) = (&self.source.points, self.photo_size) {
@@ -149,9 +160,9 @@ impl Align {
         let kind = job_spec::Kind::PrepareDataset(PrepareDataset { dataset: dataset.clone(), step: Some(step) });
         let job = self.submission.submit_and_wait(session, kind).await?;
         let alignment = prepare_result(&job)?.alignment.clone().unwrap_or_default();
-        for (path, digest) in [(&self.picture_before, &alignment.before), (&self.picture_after, &alignment.after)] {
+        for (path, digest) in [(&before, &alignment.before), (&after, &alignment.after)] {
             if let Some(path) = path {
-                session.client.download_to(digest, path).await?;
+                destination::save(session, digest, path).await?;
             }
         }
         let dataset = session.client.get_dataset(v1::GetDatasetRequest { name: dataset }).await?;

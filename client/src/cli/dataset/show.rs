@@ -1,6 +1,6 @@
 //! Datasets as text.
 
-use crate::cli::table::{Facts, Table};
+use crate::cli::table::{Facts, Table, indented};
 use crate::cli::{job_text, show};
 use lightpath::v1::{self, Dataset, dataset::State};
 use lightpath::{Words as _, names};
@@ -51,7 +51,7 @@ pub(crate) fn findings(findings: &[v1::Finding]) -> String {
         for finding in findings {
             let pair = if finding.pair.is_empty() { "all".to_owned() } else { format!("pair {}", finding.pair) };
             let left_out = if finding.excludes { " (left out)" } else { "" };
-            text.push_str(&format!("  {pair}: {}{left_out}\n", finding.message));
+            text.push_str(&indented(&format!("{pair}: {}{left_out}", finding.message)));
         }
     }
     text
@@ -75,7 +75,8 @@ pub(crate) fn alignment(alignment: &v1::Alignment) -> String {
 }
 
 fn pair_table(dataset: &Dataset) -> Table {
-    let titles = ["pair", "split", ">saturated", ">black", ">contrast", ">match", ">off", "hologram", "photograph"];
+    let titles =
+        ["pair", "split", ">saturated?", ">black??", ">contrast??", ">match", ">off", "hologram???", "photograph???"];
     let mut table = Table::new(&titles);
     for pair in &dataset.pairs {
         let split = match pair.split() {

@@ -1,6 +1,6 @@
 //! The command `lightpath dataset suggest`.
 
-use crate::cli::destination;
+use crate::cli::destination::{self, Destination};
 use crate::cli::failure::Failure;
 use crate::cli::kernel_choice::KernelChoice;
 use crate::cli::quality_text;
@@ -10,6 +10,9 @@ use clap::Args;
 use lightpath::v1::{self, job_spec};
 use lightpath::{names, suggest_result};
 use std::path::PathBuf;
+
+const HOLOGRAM: Destination =
+    Destination { option: "-o", suffix: ".png", formats: &[("png", "grey levels for the display")] };
 
 /// Make the holograms whose photographs would tell most about a display.
 ///
@@ -53,7 +56,7 @@ pub(crate) struct Suggest {
 impl Suggest {
     pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
         let names: Vec<String> = (1..=self.holograms).map(|i| format!("s{i:02}")).collect();
-        let files = destination::files("-o", &self.destination, &names, ".png")?;
+        let files = HOLOGRAM.files(&session.stdout, &self.destination, &names)?;
         let kernel = self.kernel.name(session).await?;
         let version = match self.version {
             Some(version) => version,
@@ -67,7 +70,7 @@ impl Suggest {
         let job = self.submission.submit_and_wait(session, kind).await?;
         let found = suggest_result(&job)?;
         for (hologram, file) in found.holograms.iter().zip(&files) {
-            session.client.download_to(&hologram.phase, file).await?;
+            destination::save(session, &hologram.phase, file).await?;
         }
         session.print(found, quality_text::suggestions)
     }

@@ -1,17 +1,26 @@
 //! Output files of a hologram: their paths, and saving them.
 
-use crate::cli::destination;
+use crate::cli::destination::{self, Destination, PNG};
 use crate::cli::failure::Failure;
-use crate::cli::session::Session;
+use crate::cli::session::{Session, Stdout};
 use clap::Args;
 use lightpath::{units, v1};
 use std::path::{Path, PathBuf};
+
+/// Radians as a NumPy array.
+const NPY: (&str, &str) = ("npy", "radians as float32");
+const PHASE: Destination =
+    Destination { option: "-o", suffix: "-phase.png", formats: &[("png", "grey levels for the display"), NPY] };
+const PHASE_NPY: Destination = Destination { option: "--npy", suffix: "-phase.npy", formats: &[NPY] };
+const RECONSTRUCTION: Destination =
+    Destination { option: "--reconstruction", suffix: "-reconstruction.png", formats: &[PNG] };
 
 /// Options that name output files.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Output files")]
 pub(super) struct Outputs {
-    /// Save the hologram for the display: a grey PNG of levels; a name that ends with .npy saves radians as float32
+    /// Save the hologram for the display: a grey PNG of levels; a name that ends with .npy saves radians as float32; -
+    /// writes the PNG to standard output
     #[arg(short = 'o', value_name = "PHASE.png")]
     phase: Option<PathBuf>,
 
@@ -39,17 +48,17 @@ impl Outputs {
     }
 
     /// Returns the paths of the output files of each target, and checks them.
-    pub(super) fn files(&self, names: &[String], targets: &[PathBuf]) -> Result<Vec<Files>, Failure> {
-        let paths = |option: &str, destination: &Option<PathBuf>, suffix: &str| match destination {
+    pub(super) fn files(&self, stdout: &Stdout, names: &[String], targets: &[PathBuf]) -> Result<Vec<Files>, Failure> {
+        let paths = |destination: Destination, place: &Option<PathBuf>| match place {
             None => Ok(vec![None; names.len()]),
-            Some(destination) => {
-                let files = destination::files(option, destination, names, suffix)?;
+            Some(place) => {
+                let files = destination.files(stdout, place, names)?;
                 Ok::<_, Failure>(files.into_iter().map(Some).collect())
             }
         };
-        let phases = paths("-o", &self.phase, "-phase.png")?;
-        let npys = paths("--npy", &self.npy, "-phase.npy")?;
-        let reconstructions = paths("--reconstruction", &self.reconstruction, "-reconstruction.png")?;
+        let phases = paths(PHASE, &self.phase)?;
+        let npys = paths(PHASE_NPY, &self.npy)?;
+        let reconstructions = paths(RECONSTRUCTION, &self.reconstruction)?;
         let all = || [&phases, &npys, &reconstructions].into_iter().flatten().flatten();
         destination::check_distinct(targets.iter().map(PathBuf::as_path), all().map(PathBuf::as_path))?;
         let zipped = phases.into_iter().zip(npys).zip(reconstructions);
@@ -59,16 +68,25 @@ impl Outputs {
 
 impl Files {
     /// Downloads the files of a result.
-    pub(super) async fn save(&self, session: &Session, result: &v1::HologramResult) -> lightpath::Result<()> {
-        for (digest, path) in self.parts(result) {
-            session.client.download_to(digest, &path).await?;
+    pub(super) async fn save(&self, session: &Session, result: &v1::HologramResult) -> Result<(), Failure> {
+        let parts = self.parts(result);
+        if let Some((_, path)) = parts.iter().find(|(_, path)| destination::is_stdout(path)) {
+            let count = parts.iter().filter(|(_, other)| other == path).count();
+            if count > 1 {
+                let text =
+                    format!("the result has {count} files, but standard output takes one: name a file or folder");
+                return Err(Failure::Usage(text));
+            }
+        }
+        for (digest, path) in parts {
+            destination::save(session, digest, &path).await?;
         }
         Ok(())
     }
 
     /// The paths of the files of a result, separated by commas. `None` without any.
     pub(super) fn text(&self, result: &v1::HologramResult) -> Option<String> {
-        let files = self.parts(result).into_iter().map(|(_, path)| path.display().to_string());
+        let files = self.parts(result).into_iter().map(|(_, path)| destination::shown(&path));
         let text = files.collect::<Vec<_>>().join(", ");
         (!text.is_empty()).then_some(text)
     }
@@ -77,7 +95,7 @@ impl Files {
     /// contain the wavelength, frame number or distance. Of several wavelengths only the colour reconstructions are
     /// saved, if the result has them.
     fn parts<'a>(&self, result: &'a v1::HologramResult) -> Vec<(&'a str, PathBuf)> {
-        let is_npy = |path: &Path| path.extension().is_some_and(|extension| extension == "npy");
+        let is_npy = |path: &Path| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("npy"));
         let mut parts = Vec::new();
         let several_wavelengths = result.wavelengths.len() > 1;
         for wavelength in &result.wavelengths {
@@ -120,6 +138,9 @@ fn compact(metres: f64) -> String {
 
 /// Adds marks to a file name: `phase.png` becomes `phase-638nm-frame2.png`.
 fn marked(path: &Path, marks: &[Option<String>]) -> PathBuf {
+    if destination::is_stdout(path) {
+        return path.to_owned();
+    }
     let marks: String = marks.iter().flatten().map(|mark| format!("-{mark}")).collect();
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     let extension = path.extension().map(|extension| format!(".{}", extension.to_string_lossy())).unwrap_or_default();

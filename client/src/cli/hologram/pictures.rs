@@ -3,7 +3,9 @@
 use crate::cli::arguments::{distance, wavelength};
 use crate::cli::destination;
 use crate::cli::failure::Failure;
+use crate::cli::inputs;
 use crate::cli::session::Session;
+use crate::cli::submission::label_of;
 use clap::Args;
 use lightpath::names;
 use lightpath::v1::{OptimizeHologram, optimize_hologram::ImagePlane};
@@ -12,8 +14,8 @@ use std::path::PathBuf;
 /// Target pictures with their display, distances and wavelengths.
 #[derive(Debug, Args)]
 pub(super) struct Pictures {
-    /// Show these pictures: PNG (8 or 16 bit, grey or colour), JPEG or TIFF, at least 8x8 px. Colours are averaged;
-    /// only with three wavelengths each wavelength shows its own colour
+    /// Show these pictures: PNG (8 or 16 bit, grey or colour), JPEG or TIFF, at least 8x8 px; a folder stands for all
+    /// pictures in it. Colours are averaged; only with three wavelengths each wavelength shows its own colour
     #[arg(required_unless_present = "planes", value_name = "TARGET")]
     targets: Vec<PathBuf>,
 
@@ -66,6 +68,20 @@ fn plane(text: &str) -> Result<PlaneFile, String> {
 }
 
 impl Pictures {
+    /// Puts the pictures of each folder in its place.
+    pub(super) fn expand(&mut self) -> Result<(), Failure> {
+        self.targets = inputs::expanded(&self.targets, inputs::PICTURES)?;
+        Ok(())
+    }
+
+    /// What each job is about: the file names of its pictures.
+    pub(super) fn label(&self, index: usize) -> String {
+        match self.targets.get(index) {
+            Some(target) => label_of(target),
+            None => self.planes.iter().map(|plane| label_of(&plane.file)).collect::<Vec<_>>().join(", "),
+        }
+    }
+
     /// Checks rules that clap cannot check.
     pub(super) fn check(&self) -> Result<(), Failure> {
         let several = self.distances.len() > 1;

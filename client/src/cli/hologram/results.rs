@@ -21,15 +21,15 @@ pub(super) fn results(items: &[Item]) -> String {
         return result_facts(item, result);
     }
     let mut table = Table::new(&[
-        "target",
-        "kernel",
-        ">point",
+        "target~",
+        "kernel~????",
+        ">point?????",
         ">pixel",
-        ">supersampled",
-        ">quantized pixel",
-        ">SSIM",
-        ">ms/iteration",
-        "job",
+        ">supersampled?????",
+        ">quantized pixel?",
+        ">SSIM??",
+        ">ms/iteration?????",
+        "job???",
     ]);
     for (item, result) in succeeded {
         let first = result.wavelengths.first().and_then(|wavelength| wavelength.planes.first());
@@ -76,12 +76,12 @@ fn parts_table(result: &v1::HologramResult) -> String {
     let mut table = Table::new(&[
         "wavelength",
         "distance",
-        ">point",
+        ">point???",
         ">pixel",
-        ">supersampled",
-        ">quantized pixel",
-        ">SSIM",
-        ">efficiency",
+        ">supersampled???",
+        ">quantized pixel?",
+        ">SSIM?",
+        ">efficiency??",
     ]);
     for wavelength in &result.wavelengths {
         for plane in &wavelength.planes {

@@ -1,12 +1,13 @@
 //! The command `lightpath hologram verify`.
 
 use crate::cli::failure::Failure;
+use crate::cli::identifiers::job_name;
 use crate::cli::quality_text;
 use crate::cli::session::{Session, print_note};
 use crate::cli::submission::Submission;
 use clap::Args;
 use lightpath::v1::{self, job_spec};
-use lightpath::{names, verify_result};
+use lightpath::verify_result;
 
 /// Judge the holograms of a job by a slow, independent model, for all detectors.
 ///
@@ -21,7 +22,7 @@ use lightpath::{names, verify_result};
 Example:
   lightpath hologram verify 01939a5e-7c1b-7d52-9b7e-0d6f3a1c2b4e")]
 pub(crate) struct Verify {
-    /// Verify the holograms of the job with this id; it must have succeeded
+    /// Verify the holograms of the job with this id, or the beginning of one; it must have succeeded
     job: String,
 
     #[command(flatten)]
@@ -30,7 +31,7 @@ pub(crate) struct Verify {
 
 impl Verify {
     pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
-        let kind = job_spec::Kind::VerifyHologram(v1::VerifyHologram { job: names::job(&self.job) });
+        let kind = job_spec::Kind::VerifyHologram(v1::VerifyHologram { job: job_name(session, &self.job).await? });
         let job = self.submission.submit_and_wait(session, kind).await?;
         let found = verify_result(&job)?;
         session.print(found, quality_text::opinions)?;

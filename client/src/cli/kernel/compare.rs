@@ -1,5 +1,6 @@
 //! The command `lightpath kernel compare`.
 
+use crate::cli::destination::{self, Destination, PNG};
 use crate::cli::failure::Failure;
 use crate::cli::kernel_choice::KernelChoice;
 use crate::cli::quality_text;
@@ -7,9 +8,10 @@ use crate::cli::session::Session;
 use crate::cli::show;
 use crate::cli::table::{Facts, Table};
 use clap::Args;
-use lightpath::{Error, Words as _, names, v1};
-use std::fs;
+use lightpath::{Words as _, names, v1};
 use std::path::PathBuf;
+
+const PICTURE: Destination = Destination { option: "-o", suffix: ".png", formats: &[PNG] };
 
 /// Compare two versions of a kernel: measurements, parameters, and how far transfer function and source differ.
 ///
@@ -39,18 +41,19 @@ pub(crate) struct Compare {
 
 impl Compare {
     pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
+        let picture_file = self.picture.as_ref().map(|path| PICTURE.file(&session.stdout, path)).transpose()?;
         let kernel = self.kernel.name(session).await?;
         let [first, second] = [self.version, self.with].map(|version| names::kernel_version(&kernel, version));
         let request = v1::CompareKernelVersionsRequest { first, second };
         let mut found = session.client.compare_kernel_versions(request).await?;
         let picture = std::mem::take(&mut found.picture_png);
-        if let Some(path) = &self.picture {
-            fs::write(path, picture).map_err(|source| Error::File { action: "write", path: path.clone(), source })?;
+        if let Some(path) = &picture_file {
+            destination::write(&picture, path)?;
         }
         session.print(&found, text)?;
-        match &self.picture {
-            Some(path) if !session.is_json() => session.print_text(&format!("wrote {}", path.display())),
-            _ => Ok(()),
+        match &picture_file {
+            Some(path) => session.print_text(&format!("wrote {}", destination::shown(path))),
+            None => Ok(()),
         }
     }
 }

@@ -106,12 +106,13 @@ fn gate_text(display: &v1::DisplayGate) -> String {
     for (name, value) in rules(&gate) {
         facts.add(name, value);
     }
-    let mut table = Table::new(&["set", "by", "gate", "reason"]);
+    let mut table = Table::new(&["set??", "age?", "by~?", "gate_", "reason_"]);
     for change in &display.history {
         let gate = change.gate.clone().unwrap_or_default();
         let words: Vec<String> = rules(&gate).into_iter().map(|(name, value)| format!("{name} {value}")).collect();
         table.row([
-            show::time_or_dash(change.time.as_ref()),
+            show::clock_or_dash(change.time.as_ref()),
+            show::age_or_dash(change.time.as_ref()),
             show::or_dash(&change.caller),
             words.join(", "),
             change.reason.clone(),
@@ -135,7 +136,7 @@ fn rules(gate: &v1::PromotionGate) -> Vec<(&'static str, String)> {
 }
 
 fn verdict_text(verdict: &v1::PromotionVerdict) -> String {
-    let mut table = Table::new(&["check", "finding"]);
+    let mut table = Table::new(&["check", "finding_"]);
     for check in &verdict.checks {
         table.row([if check.passed { "passed" } else { "FAILED" }.to_owned(), check.finding.clone()]);
     }

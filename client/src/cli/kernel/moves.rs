@@ -92,21 +92,27 @@ impl History {
             Ok((answer.moves, answer.next_page_token))
         })
         .await?;
-        session.print(&v1::ListKernelMovesResponse { moves, next_page_token }, |list| {
-            let mut table = Table::new(&["time", "caller", "alias", ">from", ">to", "kind", "reason"]);
-            for entry in &list.moves {
-                table.row([
-                    show::time_or_dash(entry.time.as_ref()),
-                    show::or_dash(&entry.caller),
-                    entry.alias.clone(),
-                    show::version_or_dash(entry.from_version),
-                    show::version_or_dash(entry.to_version),
-                    kind(entry).to_owned(),
-                    reason(entry),
-                ]);
-            }
-            table.text_or("no version has been active yet") + more_hint(&list.next_page_token)
-        })
+        session.print_list(
+            &v1::ListKernelMovesResponse { moves, next_page_token },
+            |list| &list.moves,
+            |list| {
+                let mut table =
+                    Table::new(&["time???", "age?", "caller~??", "alias", ">from", ">to", "kind?", "reason_"]);
+                for entry in &list.moves {
+                    table.row([
+                        show::clock_or_dash(entry.time.as_ref()),
+                        show::age_or_dash(entry.time.as_ref()),
+                        show::or_dash(&entry.caller),
+                        entry.alias.clone(),
+                        show::version_or_dash(entry.from_version),
+                        show::version_or_dash(entry.to_version),
+                        kind(entry).to_owned(),
+                        reason(entry),
+                    ]);
+                }
+                table.text_or("no version has been active yet") + more_hint(&list.next_page_token)
+            },
+        )
     }
 }
 

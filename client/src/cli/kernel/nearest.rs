@@ -23,21 +23,25 @@ impl Nearest {
             wavelength_m: self.optics.wavelength_m(),
             distance_m,
         };
-        session.print(&session.client.find_nearest_kernels(request).await?, |found| {
-            let mut table = Table::new(&["kernel", ">active", ">away", "from"]);
-            for kernel in &found.kernels {
-                table.row([
-                    kernel.name.clone(),
-                    show::version_or_dash(kernel.active_version),
-                    units::show_m(kernel.distance_m - distance_m),
-                    if kernel.interpolated { "interpolated" } else { "" }.to_owned(),
-                ]);
-            }
-            let hint = match found.can_be_interpolated {
-                true => "a kernel for this distance can be interpolated: lightpath kernel interpolate --help\n",
-                false => "",
-            };
-            table.text_or("no kernel of the display has an active version") + hint
-        })
+        session.print_list(
+            &session.client.find_nearest_kernels(request).await?,
+            |found| &found.kernels,
+            |found| {
+                let mut table = Table::new(&["kernel", ">active", ">away", "from?"]);
+                for kernel in &found.kernels {
+                    table.row([
+                        kernel.name.clone(),
+                        show::version_or_dash(kernel.active_version),
+                        units::show_m(kernel.distance_m - distance_m),
+                        if kernel.interpolated { "interpolated" } else { "" }.to_owned(),
+                    ]);
+                }
+                let hint = match found.can_be_interpolated {
+                    true => "a kernel for this distance can be interpolated: lightpath kernel interpolate --help\n",
+                    false => "",
+                };
+                table.text_or("no kernel of the display has an active version") + hint
+            },
+        )
     }
 }

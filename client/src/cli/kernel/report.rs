@@ -1,5 +1,6 @@
 //! The command `lightpath kernel report`.
 
+use crate::cli::destination::{self, Destination};
 use crate::cli::failure::Failure;
 use crate::cli::kernel_choice::KernelChoice;
 use crate::cli::session::Session;
@@ -8,6 +9,9 @@ use clap::Args;
 use lightpath::v1::{self, job_spec};
 use lightpath::{names, report_result};
 use std::path::PathBuf;
+
+const HTML: Destination = Destination { option: "-o", suffix: ".html", formats: &[("html", "a page with pictures")] };
+const ARRAYS: Destination = Destination { option: "--arrays", suffix: ".npz", formats: &[("npz", "NumPy arrays")] };
 
 /// Write a report of a kernel version as one HTML file with pictures, figures and tables.
 ///
@@ -45,6 +49,11 @@ pub(crate) struct Report {
 
 impl Report {
     pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
+        let html = HTML.file(&session.stdout, &self.html)?;
+        let arrays = self.arrays.as_ref().map(|path| ARRAYS.file(&session.stdout, path)).transpose()?;
+        if let Some(folder) = &self.figures {
+            destination::create_folder("--figures", folder)?;
+        }
         let kernel = self.kernel.name(session).await?;
         let version = match self.version {
             Some(version) => version,
@@ -54,15 +63,13 @@ impl Report {
             job_spec::Kind::ReportKernel(v1::ReportKernel { kernel_version: names::kernel_version(&kernel, version) });
         let job = self.submission.submit_and_wait(session, kind).await?;
         let report = report_result(&job)?;
-        session.client.download_to(&report.html, &self.html).await?;
-        let mut written = vec![self.html.display().to_string()];
-        if let Some(path) = &self.arrays {
-            session.client.download_to(&report.arrays, path).await?;
-            written.push(path.display().to_string());
+        destination::save(session, &report.html, &html).await?;
+        let mut written = vec![destination::shown(&html)];
+        if let Some(path) = &arrays {
+            destination::save(session, &report.arrays, path).await?;
+            written.push(destination::shown(path));
         }
         if let Some(folder) = &self.figures {
-            let file_error = |source| lightpath::Error::File { action: "create", path: folder.clone(), source };
-            std::fs::create_dir_all(folder).map_err(file_error)?;
             for figure in &report.figures {
                 session.client.download_to(&figure.artifact, &folder.join(&figure.name)).await?;
             }

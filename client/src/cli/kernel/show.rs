@@ -64,20 +64,26 @@ impl List {
             kernels.retain(|kernel| (kernel.distance_m - distance_m).abs() < SAME_DISTANCE_M);
             kernels.truncate(if self.limit.limit == 0 { usize::MAX } else { self.limit.limit as usize });
         }
-        session.print(&v1::ListKernelsResponse { kernels, next_page_token }, |list| {
-            let mut table = Table::new(&["kernel", "optics", ">active", ">latest", "from", "created"]);
-            for kernel in &list.kernels {
-                table.row([
-                    kernel.name.clone(),
-                    job_text::optics(kernel.wavelength_m, kernel.distance_m),
-                    show::version_or_dash(kernel.active_version),
-                    show::version_or_dash(kernel.latest_version),
-                    if kernel.interpolated { "interpolated" } else { "" }.to_owned(),
-                    show::time_or_dash(kernel.create_time.as_ref()),
-                ]);
-            }
-            table.text_or("no kernels; learn one: lightpath kernel learn --help") + more_hint(&list.next_page_token)
-        })
+        session.print_list(
+            &v1::ListKernelsResponse { kernels, next_page_token },
+            |list| &list.kernels,
+            |list| {
+                let mut table =
+                    Table::new(&["kernel", "optics???", ">active", ">latest", "from?", "created????", "age??"]);
+                for kernel in &list.kernels {
+                    table.row([
+                        kernel.name.clone(),
+                        job_text::optics(kernel.wavelength_m, kernel.distance_m),
+                        show::version_or_dash(kernel.active_version),
+                        show::version_or_dash(kernel.latest_version),
+                        if kernel.interpolated { "interpolated" } else { "" }.to_owned(),
+                        show::clock_or_dash(kernel.create_time.as_ref()),
+                        show::age_or_dash(kernel.create_time.as_ref()),
+                    ]);
+                }
+                table.text_or("no kernels; learn one: lightpath kernel learn --help") + more_hint(&list.next_page_token)
+            },
+        )
     }
 }
 
@@ -102,9 +108,11 @@ impl Versions {
     pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
         let name = self.kernel.name(session).await?;
         let (versions, next_page_token) = versions(session, &name, self.limit.limit).await?;
-        session.print(&v1::ListKernelVersionsResponse { versions, next_page_token }, |list| {
-            version_table(&list.versions).text() + more_hint(&list.next_page_token)
-        })
+        session.print_list(
+            &v1::ListKernelVersionsResponse { versions, next_page_token },
+            |list| &list.versions,
+            |list| version_table(&list.versions).text() + more_hint(&list.next_page_token),
+        )
     }
 }
 
@@ -142,7 +150,8 @@ pub(super) fn kernel_facts(kernel: &Kernel) -> String {
 }
 
 fn version_table(versions: &[KernelVersion]) -> Table {
-    let titles = [">version", "state", "model", ">held-out loss", ">ideal", ">size", "dataset", "created"];
+    let titles =
+        [">version", "state", "model?", ">held-out loss", ">ideal?", ">size???", "dataset~", "created????", "age??"];
     let mut table = Table::new(&titles);
     for version in versions {
         let metrics = version.metrics.clone().unwrap_or_default();
@@ -161,7 +170,8 @@ fn version_table(versions: &[KernelVersion]) -> Table {
                 (false, "") => "(imported)".to_owned(),
                 (false, dataset) => dataset.to_owned(),
             },
-            show::time_or_dash(version.create_time.as_ref()),
+            show::clock_or_dash(version.create_time.as_ref()),
+            show::age_or_dash(version.create_time.as_ref()),
         ]);
     }
     table

@@ -2,15 +2,17 @@
 
 use super::show::version_facts;
 use crate::cli::arguments::Optics;
+use crate::cli::destination::{self, Destination};
 use crate::cli::failure::Failure;
 use crate::cli::kernel_choice::KernelChoice;
 use crate::cli::session::{Session, print_note};
 use crate::cli::show;
+use crate::cli::table::Facts;
 use crate::cli::words::WordParser;
 use clap::Args;
 use lightpath::{Words as _, names, v1};
 use serde::Serialize;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Download a kernel to a file, checked against its SHA-256 digest; by default the active version.
 ///
@@ -21,10 +23,13 @@ use std::path::{Path, PathBuf};
 #[command(after_long_help = "\
 Examples:
   lightpath kernel fetch --display lab-2 --distance 150mm -o kernel.safetensors
-  lightpath kernel fetch --display lab-2 --distance 150mm --format compact \\
-      -o kernel.lpk
-  lightpath kernel fetch --display lab-2 --distance 150mm --format bundle \\
-      -o kernel.bundle")]
+  lightpath kernel fetch --display lab-2 --distance 150mm -o kernel.lpk
+  lightpath kernel fetch --display lab-2 --distance 150mm --format complex64 \\
+      -o transfer.npy
+  lightpath kernel fetch --display lab-2 --distance 150mm --dry-run -o k.npz
+
+The extension says the format: .safetensors, .lpk (compact), .npz, .npy, .pt, .bundle. With --format the file may have \
+another extension, as long as it is not that of another format.")]
 pub(crate) struct Fetch {
     #[command(flatten)]
     kernel: KernelChoice,
@@ -35,10 +40,18 @@ pub(crate) struct Fetch {
 
     #[command(flatten)]
     file: KernelFile,
+
+    /// Say which version, digest, size and file it would be, and write nothing
+    #[arg(long)]
+    dry_run: bool,
 }
 
 /// Download a given version of a kernel to a file, checked against its SHA-256 digest.
 #[derive(Debug, Args)]
+#[command(after_long_help = "\
+Example:
+  lightpath kernel export --display lab-2 --distance 150mm --version 3 \\
+      -o kernel.npz")]
 pub(crate) struct Export {
     #[command(flatten)]
     kernel: KernelChoice,
@@ -54,11 +67,11 @@ pub(crate) struct Export {
 /// Format and path of a downloaded kernel.
 #[derive(Debug, Args)]
 struct KernelFile {
-    /// Choose the format of the file
-    #[arg(long, default_value = "safetensors", value_parser = WordParser::<v1::KernelFormat>::new())]
-    format: v1::KernelFormat,
+    /// Choose the format of the file [default: the format of the extension]
+    #[arg(long, value_parser = WordParser::<v1::KernelFormat>::new())]
+    format: Option<v1::KernelFormat>,
 
-    /// Write the kernel to this file
+    /// Write the kernel to this file; - writes it to standard output, as safetensors without --format
     #[arg(short = 'o', value_name = "FILE")]
     path: PathBuf,
 }
@@ -91,7 +104,11 @@ pub(crate) struct Import {
 
 impl Fetch {
     pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
-        write(session, &self.kernel, self.version.unwrap_or(0), &self.file).await
+        let version = self.version.unwrap_or(0);
+        match self.dry_run {
+            true => describe(session, &self.kernel, version, &self.file).await,
+            false => write(session, &self.kernel, version, &self.file).await,
+        }
     }
 }
 
@@ -124,17 +141,62 @@ struct Fetched {
     file: Option<v1::KernelFile>,
 }
 
+/// Extensions of kernel files with their formats.
+const EXTENSIONS: [(&str, &[v1::KernelFormat]); 6] = [
+    ("safetensors", &[v1::KernelFormat::Safetensors]),
+    ("lpk", &[v1::KernelFormat::Compact]),
+    ("npz", &[v1::KernelFormat::Npz]),
+    ("npy", &[v1::KernelFormat::Npy, v1::KernelFormat::Complex64, v1::KernelFormat::F16]),
+    ("pt", &[v1::KernelFormat::Pt]),
+    ("bundle", &[v1::KernelFormat::Bundle]),
+];
+const FILE: Destination = Destination { option: "-o", suffix: "", formats: &[] };
+
+impl KernelFile {
+    /// The format: the given one, or that of the extension. Refuses an extension that contradicts or says nothing.
+    fn format(&self) -> Result<v1::KernelFormat, Failure> {
+        let extension = self.path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+        let path = self.path.display();
+        let of_extension = EXTENSIONS.iter().find(|(known, _)| *known == extension).map(|(_, formats)| *formats);
+        match (self.format, of_extension) {
+            (Some(format), Some(formats)) if !formats.contains(&format) => Err(Failure::Usage(format!(
+                "-o {path} has the extension of the format {}, but --format is {}: change one of them",
+                formats[0].word(),
+                format.word()
+            ))),
+            (Some(format), _) => Ok(format),
+            (None, Some(formats)) => Ok(formats[0]),
+            (None, None) if destination::is_stdout(&self.path) => Ok(v1::KernelFormat::Safetensors),
+            (None, None) => {
+                let known: Vec<String> = EXTENSIONS.iter().map(|(known, _)| format!(".{known}")).collect();
+                Err(Failure::Usage(format!(
+                    "-o {path}: the extension must say the format: {}; or choose it with --format",
+                    known.join(", ")
+                )))
+            }
+        }
+    }
+}
+
 /// Downloads a kernel version to a file and prints its size and deviation. Prints what the format loses before the file
 /// is put in place. Version 0 stands for the active version.
 async fn write(session: &Session, kernel: &KernelChoice, version: u32, file: &KernelFile) -> Result<(), Failure> {
-    let path: &Path = &file.path;
+    let format = file.format()?;
+    let path = FILE.file(&session.stdout, &file.path)?;
     let name = kernel.name(session).await?;
     let warn = |file: &v1::KernelFile| {
         if let Some(warning) = warning(file) {
             print_note(&warning);
         }
     };
-    let (version, file) = session.client.fetch_kernel_to_as(&name, version, file.format, path, warn).await?;
+    let (version, file) = if destination::is_stdout(&path) {
+        let (version, file, bytes) = session.client.fetch_kernel_as(&name, version, format).await?;
+        file.iter().for_each(warn);
+        destination::write(&bytes, &path)?;
+        (version, file)
+    } else {
+        session.client.fetch_kernel_to_as(&name, version, format, &path, warn).await?
+    };
     session.print(&Fetched { version, file }, |Fetched { version, file }| {
         let size = show::bytes(file.as_ref().map_or(version.size_bytes, |file| file.size_bytes));
         let deviation = file.as_ref().map_or_else(String::new, |file| match file.relative_error {
@@ -143,7 +205,29 @@ async fn write(session: &Session, kernel: &KernelChoice, version: u32, file: &Ke
                 "; the transfer function differs from that of the version by {error:.1e} (relative, over the band)"
             ),
         });
-        format!("wrote {}, {size}, to {}{deviation}", version.name, path.display())
+        format!("wrote {}, {size}, to {}{deviation}", version.name, destination::shown(&path))
+    })
+}
+
+/// Prints what [`write`] would write.
+async fn describe(session: &Session, kernel: &KernelChoice, version: u32, file: &KernelFile) -> Result<(), Failure> {
+    let format = file.format()?;
+    let path = FILE.file(&session.stdout, &file.path)?;
+    let name = kernel.name(session).await?;
+    let (version, file) = session.client.describe_kernel(&name, version, format).await?;
+    if let Some(warning) = file.as_ref().and_then(warning) {
+        print_note(&warning);
+    }
+    session.print(&Fetched { version, file }, |Fetched { version, file }| {
+        let digest = file.as_ref().map_or(&version.artifact, |file| &file.digest);
+        let mut facts = Facts::default();
+        facts.add("version", &version.name);
+        facts.add("active", if version.active { "yes" } else { "no" });
+        facts.add("format", format.word());
+        facts.add("digest", digest);
+        facts.add("size", show::bytes(file.as_ref().map_or(version.size_bytes, |file| file.size_bytes)));
+        facts.add("file", format!("{} (not written: --dry-run)", destination::shown(&path)));
+        facts.text()
     })
 }
 
@@ -182,6 +266,23 @@ mod tests {
         assert!(warning(&bare).unwrap().ends_with("lost: source; H changes by 2.0e-8"));
         assert_eq!(warning(&file(v1::KernelFormat::Compact, &[Precision], 1e-7)), None);
         assert_eq!(warning(&file(v1::KernelFormat::Npz, &[], 0.0)), None);
+    }
+
+    #[test]
+    fn extension_says_the_format() {
+        let format = |path: &str, format| KernelFile { format, path: path.into() }.format();
+        assert_eq!(format("k.lpk", None).unwrap(), v1::KernelFormat::Compact);
+        assert_eq!(format("k.NPZ", None).unwrap(), v1::KernelFormat::Npz);
+        assert_eq!(format("-", None).unwrap(), v1::KernelFormat::Safetensors);
+        assert_eq!(format("k.npy", Some(v1::KernelFormat::F16)).unwrap(), v1::KernelFormat::F16);
+        assert_eq!(format("k.bin", Some(v1::KernelFormat::Compact)).unwrap(), v1::KernelFormat::Compact);
+        let refused = |path, given| match format(path, given) {
+            Err(Failure::Usage(text)) => text,
+            other => panic!("{other:?}"),
+        };
+        let unknown = refused("k.onnx", None);
+        assert!(unknown.contains(".safetensors, .lpk, .npz, .npy, .pt, .bundle; or choose it with --format"));
+        assert!(refused("k.pt", Some(v1::KernelFormat::Npz)).contains("of the format pt, but --format is npz"));
     }
 
     #[test]
