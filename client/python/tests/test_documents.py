@@ -25,14 +25,6 @@ def run_script(server: Server, folder: Path, text: str) -> None:
     assert done.returncode == 0, done.stderr
 
 
-def test_the_engine_without_a_server_runs_as_written(own_server: Server, tmp_path: Path) -> None:
-    printed = run_script(own_server, tmp_path, block(PACKAGE / "README.md", "local.SimulatedDisplay"))
-    assert "complex64 band-response: at 20 mm" in printed
-    assert (tmp_path / "kernel.safetensors").stat().st_size > 1000
-    with Image.open(tmp_path / "hologram.png") as image:
-        assert image.size == (160, 96)
-
-
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=[path.stem for path in NOTEBOOKS])
 def test_notebooks_run_and_draw_their_pictures(own_server: Server, tmp_path: Path, notebook: Path) -> None:
     text = notebook.read_text(encoding="utf-8")
