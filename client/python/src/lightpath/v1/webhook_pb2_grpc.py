@@ -29,8 +29,8 @@ class WebhookServiceStub(object):
     """Webhooks: the server tells an address when jobs end, and when kernels and rollouts change.
 
     It sends a signed HTTP POST with JSON, and repeats it for three days until the receiver answers with a status from 200
-    to 299. A receiver can get the same event twice, with the same header `webhook-id`. The signature is that of
-    https://www.standardwebhooks.com; docs/webhooks.md describes it with a receiver. Webhooks go only to the origins of the
+    to 299. A receiver can get the same event twice, with the same header `webhook-id`. The signature is that of the
+    Standard Webhooks specification; docs/webhooks.md describes it with a receiver. Webhooks go only to the origins of the
     setting `webhook_origins`.
     """
 
@@ -76,8 +76,8 @@ class WebhookServiceServicer(object):
     """Webhooks: the server tells an address when jobs end, and when kernels and rollouts change.
 
     It sends a signed HTTP POST with JSON, and repeats it for three days until the receiver answers with a status from 200
-    to 299. A receiver can get the same event twice, with the same header `webhook-id`. The signature is that of
-    https://www.standardwebhooks.com; docs/webhooks.md describes it with a receiver. Webhooks go only to the origins of the
+    to 299. A receiver can get the same event twice, with the same header `webhook-id`. The signature is that of the
+    Standard Webhooks specification; docs/webhooks.md describes it with a receiver. Webhooks go only to the origins of the
     setting `webhook_origins`.
     """
 
@@ -169,8 +169,8 @@ class WebhookService(object):
     """Webhooks: the server tells an address when jobs end, and when kernels and rollouts change.
 
     It sends a signed HTTP POST with JSON, and repeats it for three days until the receiver answers with a status from 200
-    to 299. A receiver can get the same event twice, with the same header `webhook-id`. The signature is that of
-    https://www.standardwebhooks.com; docs/webhooks.md describes it with a receiver. Webhooks go only to the origins of the
+    to 299. A receiver can get the same event twice, with the same header `webhook-id`. The signature is that of the
+    Standard Webhooks specification; docs/webhooks.md describes it with a receiver. Webhooks go only to the origins of the
     setting `webhook_origins`.
     """
 
