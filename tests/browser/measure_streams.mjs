@@ -14,8 +14,8 @@ const DASHBOARDS_S = 30;
 /** A token may have 500 streams and 100 connections, and a connection 256 streams. */
 const TOKENS = 10;
 const STREAMS_PER_CONNECTION = 50;
-/** Least time from one reading of the overview to the next, as in `loading.js` [ms]. */
-const SPACING = 1000;
+/** Least time from one reading of the overview to the next, as in `overview.js` [ms]. */
+const SPACING = 10_000;
 const TICKS_PER_S = 100;
 
 const rest = (ms) => new Promise((rested) => setTimeout(rested, ms));

@@ -25,6 +25,7 @@ test("a dropped picture becomes a hologram, and its job is seen to finish", asyn
   await page.getByLabel("Iterations").fill("30");
   await page.getByRole("button", { name: "Make the hologram" }).click();
   await page.getByRole("heading", { level: 1, name: "optimize hologram succeeded" }).waitFor();
+  await page.getByText(/^square\.png, .*, submitted/).waitFor();
   await page.getByRole("img", { name: /^reconstruction/ }).waitFor();
   const shown = await page.waitForFunction(() => {
     const images = [...document.querySelectorAll(".pictures img.whole")];

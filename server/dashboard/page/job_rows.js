@@ -43,7 +43,7 @@ export function jobTable(caption, jobs, more = null, choice = null) {
     choice && h("td", {}, choice(job)),
     h("td", {}, stateOf(job)),
     h("th", { scope: "row" }, h("a", { href: `#/${job.name}`, "data-key": job.name }, words(job.kind, "KIND")),
-      h("small", {}, idOf(job.name).slice(0, 13))),
+      h("small", {}, [job.label, idOf(job.name).slice(0, 13)].filter(Boolean).join(" · "))),
     h("td", {}, idOf(job.display)),
     h("td", {}, [job.owner, job.batch].filter(Boolean).join(" · ")),
     h("td", { class: "wide" }, timeOf(job)),

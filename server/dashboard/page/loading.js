@@ -18,9 +18,9 @@ const SPACING = 1000;
 
 /**
  * Runs `work`, which fills `root`, now and whenever the returned function is called; calls during a run are one more
- * run. Its method `soon`, for events, runs it at once, or `SPACING` after the run before.
+ * run. Its method `soon`, for events, runs it at once, or `spacing` [ms] after the run before.
  */
-export function refresher(root, work) {
+export function refresher(root, work, spacing = SPACING) {
   let runs = 0;
   let timer = 0;
   let lastStart = 0;
@@ -48,7 +48,7 @@ export function refresher(root, work) {
     timer ||= setTimeout(() => {
       timer = 0;
       if (root.isConnected) void run();
-    }, Math.max(0, lastStart + SPACING - Date.now()));
+    }, Math.max(0, lastStart + spacing - Date.now()));
   };
   void run();
   return run;

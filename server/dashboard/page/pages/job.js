@@ -62,7 +62,7 @@ export function jobPage(root, [id]) {
     } }, text);
     const took = between(job.startTime, job.finishTime);
     show(head, h("h1", {}, kind, " ", stateOf(job)),
-      h("p", {}, `${id}, submitted ${age(job.createTime)}${job.owner ? ` by ${job.owner}` : ""}${took === null ? "" : `, took ${duration(took)}`}`),
+      h("p", {}, `${job.label ? `${job.label}, ` : ""}${id}, submitted ${age(job.createTime)}${job.owner ? ` by ${job.owner}` : ""}${took === null ? "" : `, took ${duration(took)}`}`),
       job.error && h("p", { class: "note bad" }, job.error.message),
       progressOf(job),
       h("p", { class: "actions" }, !hasEnded && !job.cancelRequested && act("cancel", "Cancel"),

@@ -67,7 +67,7 @@ export function newPage(root) {
       const target = await upload(picture);
       const planes = [{ distanceM: Number(distance.value) / 1000, target }];
       const optimizeHologram = { display: `displays/${display.value}`, planes, kernel: kernel.value, iterations: Number(iterations.value) };
-      const job = await post("jobs", { spec: { optimizeHologram } });
+      const job = await post("jobs", { spec: { optimizeHologram }, label: labelOf(picture.name) });
       location.hash = `#/${job.name}`;
     } catch (error) {
       show(notice, errorNote(error));
@@ -96,6 +96,12 @@ export function newPage(root) {
     removeEventListener("picturedrop", take);
     URL.revokeObjectURL(previewUrl);
   };
+}
+
+/** A file name as the label of a job: at most 128 bytes, without a part of a character at the end. */
+function labelOf(name) {
+  const bytes = new TextEncoder().encode(name.replace(/\p{Cc}/gu, " "));
+  return new TextDecoder().decode(bytes.slice(0, 128)).replace(/\ufffd+$/, "");
 }
 
 /** Uploads a file, and returns its digest. */

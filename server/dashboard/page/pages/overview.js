@@ -12,6 +12,8 @@ import { emptyNote, refresher } from "../loading.js";
 const LATEST = 12;
 /** How often that is read again of which no event tells [ms]. */
 const SLOW = 60_000;
+/** Least time from one reading of lists and numbers after events to the next [ms]. Events tell about each job sooner. */
+const SPACING = 10_000;
 /** Displays and kernels for which the overview shows details; the pages of the displays show all. */
 const DISPLAYS_MAX = 6;
 const KERNELS_MAX = 4;
@@ -31,6 +33,9 @@ export function overviewPage(root) {
   let plots = [];
   /** Pictures of running holograms by the names of their jobs. */
   const pictures = new Map();
+  /** The newest jobs and the running ones, as last read or as events told since. */
+  let newest = [];
+  let runningNow = [];
 
   const refresh = refresher(latest, async () => {
     const [queue, runningJobs, failed, jobs] = await Promise.all([
@@ -50,12 +55,26 @@ export function overviewPage(root) {
       slow.disk !== null && h("div", { class: "tile" }, h("dt", {}, "free on the disk"), h("dd", {}, bytes(slow.disk))));
     show(pauses, (queue?.pauses ?? []).map((pause) => h("p", { class: "note" },
       `${pause.display ? idOf(pause.display) : "The whole queue"} is paused since ${age(pause.since)}: ${pause.reason}`)));
-    keepPictures(runningJobs.summaries);
-    show(running, runningJobs.summaries.length ? runningJobs.summaries.map((job) => card(job, pictures.get(job.name))) : emptyNote("No job runs now."));
-    show(latest, jobs.summaries.length
-      ? jobTable(`The ${jobs.summaries.length} newest jobs`, jobs.summaries)
+    [newest, runningNow] = [jobs.summaries, runningJobs.summaries];
+    showJobs();
+  }, SPACING);
+
+  function showJobs() {
+    keepPictures(runningNow);
+    show(running, runningNow.length ? runningNow.map((job) => card(job, pictures.get(job.name))) : emptyNote("No job runs now."));
+    show(latest, newest.length
+      ? jobTable(`The ${newest.length} newest jobs`, newest)
       : emptyNote("There are no jobs yet. Send a picture to a display:", "lightpath hologram optimize picture.png --display lab --distance 150mm"));
-  });
+  }
+
+  /** Shows a job as an event tells it. So a change is on the page at once, and many dashboards need not read the lists. */
+  function take(job) {
+    const isOther = ({ name }) => name !== job.name;
+    // Names are in the order of the submits.
+    newest = [...newest.filter(isOther), job].sort((a, b) => (a.name < b.name ? 1 : -1)).slice(0, LATEST);
+    runningNow = [...runningNow.filter(isOther), ...(job.state === "STATE_RUNNING" ? [job] : [])];
+    showJobs();
+  }
 
   const refreshSlow = refresher(displays, async () => {
     const since = new Date(Math.floor(Date.now() / SLOW) * SLOW - 3_600_000).toISOString();
@@ -109,7 +128,11 @@ export function overviewPage(root) {
   const ends = onEvent((kind, data) => {
     if (kind === "job") pictures.get(data.name)?.refresh();
     if (kind === "job" && updateProgress(root, data)) return;
-    if (kind === "job" || kind === "queue" || kind === "reset") refresh.soon();
+    if (kind === "job") {
+      take(data);
+      refresh.soon();
+    }
+    if (kind === "queue" || kind === "reset") void refresh();
     if (["display", "kernel", "device", "reset"].includes(kind)) refreshSlow.soon();
   });
   return () => {
