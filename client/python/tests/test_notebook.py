@@ -12,6 +12,8 @@ import struct
 import subprocess
 import sys
 import termios
+import threading
+import time
 from html.parser import HTMLParser
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +27,7 @@ from lightpath import html, v1
 from lightpath.progress import card, details, loss_curve
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
     from pathlib import Path
 
 EMPTY = {"img", "br"}
@@ -125,6 +127,24 @@ def test_notebooks_show_target_loss_and_time_left(bench: lightpath.Display, note
     assert any("<svg" in page and "loss " in page for page in notebook)
     assert "succeeded" in notebook[-1]
     assert "value='1.0000'" in notebook[-1]
+
+
+def test_notebooks_show_what_a_running_hologram_has_reached(bench: lightpath.Display, notebook: list[str]) -> None:
+    job = bench.submit_optimize(target(1), distance=DISTANCE, iterations=10_000, frames=8)
+    ending = threading.Thread(target=lambda: cancel_after(job, lambda: any("so far" in page for page in notebook)))
+    ending.start()
+    job.wait()
+    ending.join()
+    assert any('alt="so far" src="data:image/png;base64,' in page for page in notebook)
+    assert all(Balanced(page).tags for page in notebook)
+
+
+def cancel_after(job: lightpath.Job[Any], is_done: Callable[[], bool]) -> None:
+    """Cancel a job as soon as something has happened, or after a time that suffices also on busy machines."""
+    end = time.monotonic() + 60
+    while not is_done() and time.monotonic() < end:
+        time.sleep(0.1)
+    job.cancel()
 
 
 def test_loss_and_time_left_are_written_for_people() -> None:

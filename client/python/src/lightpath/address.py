@@ -6,6 +6,8 @@ Arguments come first, then the variables of the environment that the program `li
 from __future__ import annotations
 
 import os
+import ssl
+import urllib.request
 from dataclasses import dataclass, field
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -15,6 +17,8 @@ import grpc
 from lightpath.errors import InvalidArgument
 
 DEFAULT_URL = "http://127.0.0.1:7070"
+
+_PICTURE_TIMEOUT_S = 10.0
 
 _OPTIONS: tuple[tuple[str, int], ...] = (
     # A page of 1000 jobs with their histories fits; the limit bounds the client's memory.
@@ -39,7 +43,18 @@ class Address:
     target: str
     credentials: grpc.ChannelCredentials | None = field(repr=False)
     metadata: tuple[tuple[str, str], ...] = field(repr=False)
+    tls: ssl.SSLContext | None = field(repr=False)
     options: tuple[tuple[str, int], ...] = field(default=_OPTIONS, repr=False)
+
+    def picture(self, path: str) -> bytes:
+        """Return a picture that the server has over HTTP only. Raises `OSError` if there is none."""
+        request = urllib.request.Request(self.url.rstrip("/") + path, headers=dict(self.metadata))  # noqa: S310
+        # A proxy for web pages does not know the way to a lab's server.
+        opener = urllib.request.build_opener(
+            urllib.request.ProxyHandler({}), urllib.request.HTTPSHandler(context=self.tls)
+        )
+        with opener.open(request, timeout=_PICTURE_TIMEOUT_S) as response:
+            return bytes(response.read())
 
 
 def address(
@@ -56,10 +71,20 @@ def address(
         fix = f"write http://{url}" if not parts.scheme else f"give an address such as {DEFAULT_URL}"
         raise InvalidArgument("url", f'is "{url}"', fix)
     default_port = "" if parts.port else {"http": ":80", "https": ":443"}[parts.scheme]
-    credentials = _credentials(ca_file, client_certificate) if parts.scheme == "https" else None
+    ca_file = ca_file or os.environ.get("LIGHTPATH_CA_FILE")
+    certificate, key = client_certificate or (
+        os.environ.get("LIGHTPATH_CLIENT_CERT"),
+        os.environ.get("LIGHTPATH_CLIENT_KEY"),
+    )
+    credentials, tls = None, None
+    if parts.scheme == "https":
+        credentials = _credentials(ca_file, certificate, key)
+        tls = ssl.create_default_context(cafile=ca_file)
+        if certificate:
+            tls.load_cert_chain(certificate, key)
     found = _token(token, token_file)
     metadata = (("authorization", f"Bearer {found}"),) if found is not None else ()
-    return Address(url, parts.netloc + default_port, credentials, metadata)
+    return Address(url, parts.netloc + default_port, credentials, metadata, tls)
 
 
 def _token(token: str | None, token_file: str | os.PathLike[str] | None) -> str | None:
@@ -84,13 +109,9 @@ def _token(token: str | None, token_file: str | os.PathLike[str] | None) -> str 
 
 def _credentials(
     ca_file: str | os.PathLike[str] | None,
-    client_certificate: tuple[str | os.PathLike[str], str | os.PathLike[str]] | None,
+    certificate: str | os.PathLike[str] | None,
+    key: str | os.PathLike[str] | None,
 ) -> grpc.ChannelCredentials:
-    ca_file = ca_file or os.environ.get("LIGHTPATH_CA_FILE")
-    certificate, key = client_certificate or (
-        os.environ.get("LIGHTPATH_CLIENT_CERT"),
-        os.environ.get("LIGHTPATH_CLIENT_KEY"),
-    )
     return grpc.ssl_channel_credentials(
         root_certificates=Path(ca_file).read_bytes() if ca_file else None,
         private_key=Path(key).read_bytes() if key else None,

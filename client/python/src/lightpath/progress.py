@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 from tqdm import tqdm
 
 from lightpath import html, v1, words
+from lightpath.live_picture import LivePicture
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -39,12 +40,17 @@ class Watcher(Protocol):
         """End, after the last state or an error."""
 
 
-def watcher(progress: Progress, label: str, picture: bytes | None = None) -> Watcher:
-    """Return what shows the progress of a job here. `picture` is a PNG that a notebook shows beside it."""
+def watcher(
+    progress: Progress, label: str, picture: bytes | None = None, live: Callable[[], bytes] | None = None
+) -> Watcher:
+    """Return what shows the progress of a job here.
+
+    A notebook shows `picture`, a PNG, beside it, and what `live` returns: a PNG of what the job has reached.
+    """
     if callable(progress):
         return _Caller(progress)
     if shows_pictures(progress):
-        return _Card(label, picture)
+        return _Card(label, picture, live)
     return _Bar(label, disable=None if progress else True)
 
 
@@ -120,15 +126,19 @@ class _Bar:
 
 
 class _Card:
-    """A card in a notebook: the target, a bar, the loss as a curve and the time left. It needs no widgets."""
+    """A card in a notebook: the target, what the job has reached, a bar, the loss as a curve and the time left.
 
-    def __init__(self, label: str, picture: bytes | None) -> None:
+    It needs no widgets.
+    """
+
+    def __init__(self, label: str, picture: bytes | None, live: Callable[[], bytes] | None) -> None:
         # Only notebooks have it, and its functions have no types.
         self._ipython: Any = importlib.import_module("IPython.display")
         self._label, self._note = label, ""
         self._job = v1.Job()
         self._losses: list[tuple[int, float]] = []
         self._picture = ""
+        self._live = LivePicture(live) if live else None
         if picture:
             # Pillow cannot read every picture that the server reads. Then the card is without it.
             with contextlib.suppress(OSError, TypeError, ValueError):
@@ -148,17 +158,22 @@ class _Card:
         self._show()
 
     def close(self) -> None:
+        if self._live:
+            self._live.close()
         self._show()
 
     def _show(self) -> None:
         self._handle.update(self._ipython.HTML(self.page()))
 
     def page(self) -> str:
-        return card(self._label, self._job, self._losses, self._picture, self._note)
+        pictures = self._picture
+        if self._live and self._live.latest:
+            pictures += html.picture("so far", self._live.latest)
+        return card(self._label, self._job, self._losses, pictures, self._note)
 
 
 def card(label: str, job: v1.Job, losses: list[tuple[int, float]], picture: str, note: str) -> str:
-    """Return the HTML of a job's progress. `losses` are steps with their losses, `picture` is a figure or empty."""
+    """Return the HTML of a job's progress. `losses` are steps with their losses, `picture` is figures or empty."""
     state = words.name_of(v1.Job.State, job.state) if job.state else "submitted"
     total = job.progress.steps_total
     done = 1.0 if state == "succeeded" else job.progress.step / total if total else 0.0

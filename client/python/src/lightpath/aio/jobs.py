@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import uuid
+from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
 
 import numpy as np
@@ -99,7 +100,9 @@ class Job(Generic[Result]):
         goes on.
         """
         label = self.kind.replace("_", " ")
-        shown = watcher(progress, label, picture)
+        # Only holograms have pictures while they run.
+        live = partial(self._connection.address.picture, f"/v1/{self.name}/picture")
+        shown = watcher(progress, label, picture, live if self.kind == "optimize_hologram" else None)
         try:
             async for message in self.watch(on_lost=shown.lost):
                 shown.update(message)
