@@ -239,7 +239,7 @@ mod tests {
         let text = super::handle().unwrap().render();
         let source = include_str!("lib.rs");
         let counters: Vec<&str> = source.lines().filter_map(|line| line.strip_suffix("_total\";")).collect();
-        assert_eq!(counters.len(), 7, "{counters:?}");
+        assert_eq!(counters.len(), 8, "{counters:?}");
         for counter in counters {
             let name = format!("{}_total", counter.split_once('"').unwrap().1);
             // Only the store knows the displays.
