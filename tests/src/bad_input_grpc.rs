@@ -153,7 +153,8 @@ async fn invalid_displays_are_refused() {
     cases.push((v1::Display { bit_depth: 17, ..good() }, "display.bit_depth"));
     cases.push((v1::Display { carrier: 9, ..good() }, "display.carrier"));
     cases.push((v1::Display { notes: "x".repeat(4097), ..good() }, "display.notes"));
-    for phase_rad in [vec![0.0; 255], vec![f64::NAN; 256], vec![0.0; 256]] {
+    let with_nan = (0..256).map(|level| if level == 7 { f64::NAN } else { 0.02 * f64::from(level) }).collect();
+    for phase_rad in [vec![0.0; 255], with_nan, vec![0.0; 256]] {
         let phase_response = Some(v1::PhaseResponse { phase_rad });
         cases.push((v1::Display { phase_response, ..good() }, "display.phase_response"));
     }
