@@ -9,7 +9,7 @@ use crate::kernels::conversions::Conversions;
 use crate::manifests::{ManifestRules, Manifests};
 use crate::reconstructors::LastReconstructor;
 use lightpath_artifacts::Artifacts;
-use lightpath_domain::webhook::WebhookOrigins;
+use lightpath_domain::origin::Origins;
 use lightpath_media::live_pictures::LivePictures;
 use lightpath_proto::v1::artifact_service_server::ArtifactServiceServer;
 use lightpath_proto::v1::dataset_service_server::DatasetServiceServer;
@@ -61,7 +61,7 @@ pub struct Api {
     pub(crate) last_reconstructor: LastReconstructor,
     pub(crate) events: EventLog,
     pub(crate) live_pictures: LivePictures,
-    pub(crate) webhook_origins: WebhookOrigins,
+    pub(crate) webhook_origins: Origins,
     pub(crate) stopping: CancellationToken,
     /// Result of the latest health check.
     health: watch::Sender<Result<(), String>>,
@@ -82,7 +82,7 @@ impl Api {
             last_reconstructor: LastReconstructor::default(),
             events: EventLog::default(),
             live_pictures: LivePictures::default(),
-            webhook_origins: WebhookOrigins::default(),
+            webhook_origins: Origins::default(),
             stopping,
             health: watch::Sender::new(Ok(())),
             job_limits: limits.jobs,
@@ -91,7 +91,7 @@ impl Api {
 
     /// The same, with origins to which webhooks may go. Without them there are no webhooks.
     #[must_use]
-    pub fn with_webhook_origins(self, webhook_origins: WebhookOrigins) -> Self {
+    pub fn with_webhook_origins(self, webhook_origins: Origins) -> Self {
         Self { webhook_origins, ..self }
     }
 

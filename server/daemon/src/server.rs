@@ -132,7 +132,12 @@ pub async fn run_and_announce(
     let upkeep = tokio::spawn(upkeep_loop(store.clone(), artifacts.clone(), retention, stopping.clone()));
     // They end when the server stops.
     let mut loops = JoinSet::new();
-    loops.spawn(lightpath_webhooks::run(store.clone(), webhook_origins.clone(), stopping.clone()));
+    loops.spawn(lightpath_webhooks::run(
+        store.clone(),
+        webhook_origins.clone(),
+        || Clock::default().now_ms(),
+        stopping.clone(),
+    ));
     let api = Api::new(store.clone(), artifacts.clone(), api_limits(&config).await?, stopping.clone())
         .with_webhook_origins(webhook_origins);
     loops.spawn(flush_loop(Arc::clone(&audit), tls.clone(), stopping.clone()));

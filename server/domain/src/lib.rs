@@ -6,7 +6,7 @@
 //!   service. [`kernel_format`]: the file forms of kernels.
 //! - [`promotion`]: what a version must show before it becomes active. [`rollout`], [`device`]: versions on their way
 //!   to the displays in the field.
-//! - [`webhook`]: addresses that learn of events.
+//! - [`webhook`]: addresses that learn of events. [`origin`]: lists of allowed origins.
 //! - [`planning`], [`slm`]: conversion from displays to the types of the optics engine.
 //! - [`access`]: roles and tokens. [`causes`]: error messages in one line.
 //! - [`reason`]: codes for errors and refusals, for programs.
@@ -20,6 +20,7 @@ pub mod display;
 pub mod job;
 pub mod kernel;
 pub mod kernel_format;
+pub mod origin;
 pub mod planning;
 pub mod promotion;
 pub mod reason;

@@ -3,7 +3,7 @@
 mod address;
 mod secret;
 
-pub use address::{WebhookOrigins, WebhookUrl, WebhookUrlError};
+pub use address::{WebhookUrl, WebhookUrlError};
 pub use secret::WebhookSecret;
 
 crate::reasons! {

@@ -13,13 +13,13 @@ mod message;
 mod schedule;
 mod sender;
 
-use lightpath_domain::webhook::WebhookOrigins;
+use lightpath_domain::origin::Origins;
 use lightpath_store::{Store, StoreError};
 use message::Message;
 use sender::{Answer, Sender};
 use std::collections::HashSet;
 use std::sync::Arc;
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+use std::time::Duration;
 use tokio::task::JoinSet;
 use tokio::time::sleep;
 use tokio_util::sync::CancellationToken;
@@ -31,16 +31,18 @@ const SEARCH_INTERVAL_MAX: Duration = Duration::from_secs(30);
 /// Pause after an error of the database.
 const PAUSE_AFTER_ERROR: Duration = Duration::from_secs(5);
 
-/// Sends what webhooks are to learn until `stopping` is cancelled. A slow receiver delays its own webhook only.
-pub async fn run(store: Store, origins: WebhookOrigins, stopping: CancellationToken) {
-    let deliverer = Arc::new(Deliverer { store, origins, sender: Sender::new() });
+/// Sends what webhooks are to learn until `stopping` is cancelled. A slow receiver delays its own webhook only. `now_ms`
+/// is the clock \[ms since 1970\].
+pub async fn run(store: Store, origins: Origins, now_ms: fn() -> i64, stopping: CancellationToken) {
+    let deliverer = Arc::new(Deliverer { store, origins, now_ms, sender: Sender::new() });
     stopping.run_until_cancelled(deliver(deliverer)).await;
 }
 
 #[derive(Debug)]
 struct Deliverer {
     store: Store,
-    origins: WebhookOrigins,
+    origins: Origins,
+    now_ms: fn() -> i64,
     sender: Sender,
 }
 
@@ -55,7 +57,7 @@ async fn deliver(deliverer: Arc<Deliverer>) {
                 busy.remove(&id);
             }
         }
-        let wait = match deliverer.store.webhooks_due(now_ms()).await {
+        let wait = match deliverer.store.webhooks_due((deliverer.now_ms)()).await {
             Ok(due) => {
                 for id in due {
                     if busy.insert(id.clone()) {
@@ -98,7 +100,7 @@ impl Deliverer {
     async fn until_next(&self) -> Duration {
         match self.store.next_attempt_ms().await {
             Ok(Some(next_ms)) => {
-                let wait_ms = next_ms.saturating_sub(now_ms()).max(0).unsigned_abs();
+                let wait_ms = next_ms.saturating_sub((self.now_ms)()).max(0).unsigned_abs();
                 // What is due already is being told, and its task wakes the loop.
                 let wait = if wait_ms == 0 { SEARCH_INTERVAL_MAX } else { Duration::from_millis(wait_ms) };
                 wait.min(SEARCH_INTERVAL_MAX)
@@ -109,28 +111,23 @@ impl Deliverer {
     }
 
     async fn tell(&self, id: &str) -> Result<(), StoreError> {
-        while let Some(delivery) = self.store.due_delivery(id, now_ms()).await? {
+        while let Some(delivery) = self.store.due_delivery(id, (self.now_ms)()).await? {
             let webhook = match self.store.webhook(id).await {
                 // It was deleted meanwhile, with its deliveries.
                 Err(StoreError::NotFound { .. }) => return Ok(()),
                 other => other?,
             };
-            let answer = if self.origins.allow(&webhook.url) {
-                let message = Message::of(&delivery, &self.store.webhook_secret(id).await?, now_ms());
+            let answer = if self.origins.contains(webhook.url.origin()) {
+                let message = Message::of(&delivery, &self.store.webhook_secret(id).await?, (self.now_ms)());
                 self.sender.send(webhook.url.as_str(), message).await
             } else {
                 Answer::refused(format!("the setting webhook_origins does not allow {}", webhook.url.origin()))
             };
-            let attempt = schedule::after(&delivery, &answer, now_ms());
+            let attempt = schedule::after(&delivery, &answer, (self.now_ms)());
             lightpath_metrics::webhook_attempt(answer.is_accepted());
             tracing::debug!(webhook = id, delivery = delivery.id, answer = answer.text(), "told a webhook");
             self.store.note_attempt(&delivery, attempt, answer.text()).await?;
         }
         Ok(())
     }
-}
-
-fn now_ms() -> i64 {
-    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
-    i64::try_from(since.as_millis()).unwrap_or(i64::MAX)
 }

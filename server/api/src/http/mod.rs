@@ -46,7 +46,6 @@ use axum::middleware;
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post, put};
 use axum::{Extension, Router};
-pub use cors::{OriginError, Origins};
 pub use gate::Gate;
 use lightpath_metrics as metrics;
 pub use origin::Hosts;

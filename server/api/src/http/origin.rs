@@ -8,10 +8,10 @@
 //!   server that requires no tokens answers only to its own names: IP addresses, `localhost`, and the setting `host_names`.
 //!   A server with tokens needs no such check, because such a page has no token.
 
-use super::cors::Origins;
 use axum::extract::Request;
 use axum::http::header;
 use axum::http::uri::Authority;
+use lightpath_domain::origin::Origins;
 use std::net::{Ipv4Addr, Ipv6Addr};
 use tonic::Status;
 

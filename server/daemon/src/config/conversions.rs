@@ -2,11 +2,11 @@
 
 use super::{Config, ConfigError};
 use crate::upkeep::Retention;
-use lightpath_api::http::{Hosts, Origins};
+use lightpath_api::http::Hosts;
 use lightpath_api::tls::TlsFiles;
 use lightpath_api::{ApiLimits, JobLimits, ManifestRules};
 use lightpath_artifacts::SpaceLimits;
-use lightpath_domain::webhook::WebhookOrigins;
+use lightpath_domain::origin::Origins;
 use lightpath_store::{ClaimLimits, QueueLimits};
 use lightpath_worker::{Timeouts, WorkerConfig};
 use std::time::Duration;
@@ -65,7 +65,7 @@ impl Config {
     pub fn hosts(&self, tokens_required: bool) -> Result<Hosts, ConfigError> {
         let names = self.host_names.split(',').map(|name| name.trim().to_owned()).filter(|name| !name.is_empty());
         let hosts = if tokens_required { Hosts::all() } else { Hosts::only(names) };
-        Ok(hosts.with_pages(Origins::parse(&self.cors_origins)?))
+        Ok(hosts.with_pages(Origins::parse(&self.cors_origins).map_err(ConfigError::Origins)?))
     }
 
     /// The origins to which webhooks may go.
@@ -73,8 +73,8 @@ impl Config {
     /// # Errors
     ///
     /// [`ConfigError::WebhookOrigins`] if the setting is no list of origins.
-    pub fn webhook_origins(&self) -> Result<WebhookOrigins, ConfigError> {
-        Ok(WebhookOrigins::parse(&self.webhook_origins)?)
+    pub fn webhook_origins(&self) -> Result<Origins, ConfigError> {
+        Origins::parse(&self.webhook_origins).map_err(ConfigError::WebhookOrigins)
     }
 
     /// Limits on the queue and on the space of each owner.

@@ -15,8 +15,7 @@ mod setting;
 pub use layers::{Effective, Origin, Settings};
 pub use setting::Allowed;
 
-use lightpath_api::http::OriginError;
-use lightpath_domain::webhook::WebhookUrlError;
+use lightpath_domain::origin::OriginError;
 use serde::{Deserialize, Serialize};
 use setting::{Setting, settings};
 use std::net::{Ipv4Addr, SocketAddr};
@@ -175,10 +174,10 @@ pub enum ConfigError {
     },
     /// The setting `cors_origins` is no list of origins.
     #[error("cors_origins {0}")]
-    Origins(#[from] OriginError),
+    Origins(OriginError),
     /// The setting `webhook_origins` is no list of origins.
     #[error("webhook_origins {0}")]
-    WebhookOrigins(#[from] WebhookUrlError),
+    WebhookOrigins(OriginError),
     /// A value is out of range.
     #[error("{key} is {value}, but must be {allowed} ({origin})")]
     Value {
