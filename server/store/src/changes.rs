@@ -46,7 +46,7 @@ pub(super) enum Change {
     Kernel(KernelKey),
     /// A job may have become ready to claim.
     Claimable,
-    /// A webhook has something to learn, besides what jobs and kernels announce.
+    /// A webhook may have something to learn. Changes of kernels say so, too.
     Deliverable,
     /// Something changed that only listeners who follow everything want to know.
     Other(Changed),
@@ -78,9 +78,6 @@ impl Default for Changes {
 impl Changes {
     pub(super) fn publish(&self, changes: Vec<Change>) {
         for change in changes {
-            if matches!(change, Change::Job(_) | Change::Kernel(_) | Change::Deliverable) {
-                self.deliverable.notify_one();
-            }
             // A send fails only if there is no listener, which is no error.
             match change {
                 Change::Job(id) => {
@@ -91,10 +88,11 @@ impl Changes {
                 Change::Kernel(key) => {
                     drop(self.all.send(Changed::Kernel(key.clone())));
                     drop(self.kernels.send(key));
+                    self.deliverable.notify_one();
                 }
                 Change::Other(changed) => drop(self.all.send(changed)),
                 Change::Claimable => self.claimable.notify_one(),
-                Change::Deliverable => {}
+                Change::Deliverable => self.deliverable.notify_one(),
             }
         }
     }

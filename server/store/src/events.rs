@@ -55,5 +55,7 @@ pub(super) async fn append_event(
                       (select sequence from job_event where job = ?1 order by sequence desc limit 1 offset ?2)";
     sqlx::query(forget_old).bind(&job.id).bind(EVENTS_MAX).execute(write.sql()).await?;
     write.announce(Change::Job(job.id.clone()));
+    // Each end of a job is an event; its progress is none.
+    write.announce(Change::Deliverable);
     Ok(())
 }

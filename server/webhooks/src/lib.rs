@@ -24,7 +24,7 @@ use tokio::task::JoinSet;
 use tokio::time::sleep;
 use tokio_util::sync::CancellationToken;
 
-/// Least time between two searches for what is due. Running jobs announce changes much more often than events.
+/// Least time between two searches for what is due, so that many events at once are one search.
 const SEARCH_INTERVAL: Duration = Duration::from_millis(50);
 /// Longest time between two searches, in case the clock was set.
 const SEARCH_INTERVAL_MAX: Duration = Duration::from_secs(30);
