@@ -9,6 +9,7 @@ use clap::Args;
 use findings::{Finding, Findings, address, clock, disk, kernels, latency, role, throughput, version};
 use lightpath::{Error, v1};
 use std::io::IsTerminal as _;
+use std::net::IpAddr;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use tonic::Code;
 
@@ -127,7 +128,7 @@ impl Doctor {
     }
 
     async fn upload(&self, session: &Session) -> Result<Finding, Failure> {
-        let bytes = random_bytes((self.upload_mib as usize) << 20);
+        let bytes = random_bytes((self.upload_mib as usize) << 20)?;
         let size_bytes = bytes.len();
         let begin = Instant::now();
         session.client.upload_bytes(bytes).await?;
@@ -144,24 +145,23 @@ async fn timed_server(session: &Session) -> Result<(v1::Server, Duration, f64), 
     Ok((server, duration, now_s - duration.as_secs_f64() / 2.0))
 }
 
-/// Bytes that no server has yet: the output of a generator by Steele, Lea and Flood (SplitMix64), seeded by a new id.
-fn random_bytes(count: usize) -> Vec<u8> {
-    let mut state = uuid::Uuid::now_v7().as_u128() as u64;
-    let mut bytes = Vec::with_capacity(count + 8);
-    while bytes.len() < count {
-        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut mixed = (state ^ (state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        bytes.extend((mixed ^ (mixed >> 31)).to_le_bytes());
-    }
-    bytes.truncate(count);
-    bytes
+/// Bytes that no server has yet.
+fn random_bytes(count: usize) -> Result<Vec<u8>, Failure> {
+    let mut bytes = vec![0; count];
+    getrandom::fill(&mut bytes)
+        .map_err(|error| Failure::Refused(format!("this system has no random numbers: {error}")))?;
+    Ok(bytes)
 }
 
 /// True for a server on the same machine.
 fn is_local(url: &str) -> bool {
-    let host = url.split_once("://").map_or(url, |(_, rest)| rest);
-    ["127.", "localhost", "[::1]"].iter().any(|local| host.starts_with(local))
+    let site = url.split_once("://").map_or(url, |(_, rest)| rest).split('/').next().unwrap_or_default();
+    let host = match site.rsplit_once(':') {
+        Some((host, port)) if port.bytes().all(|byte| byte.is_ascii_digit()) => host,
+        _ => site,
+    };
+    let address = host.trim_start_matches('[').trim_end_matches(']').parse::<IpAddr>();
+    host == "localhost" || address.is_ok_and(|address| address.is_loopback())
 }
 
 fn unreachable_fix(url: &str) -> &'static str {
@@ -199,12 +199,15 @@ mod tests {
     #[test]
     fn local_addresses_are_recognized() {
         assert!(is_local("http://127.0.0.1:7070") && is_local("https://localhost:1") && is_local("http://[::1]:7070"));
-        assert!(!is_local("http://lab:7070"));
+        assert!(is_local("http://[::1]/") && is_local("127.0.0.7") && is_local("http://localhost/"));
+        for other in ["http://lab:7070", "http://localhost.example:7070", "http://127.example", "http://[::2]:7070"] {
+            assert!(!is_local(other), "{other}");
+        }
     }
 
     #[test]
     fn random_bytes_differ_and_have_the_wanted_number() {
-        let (one, two) = (random_bytes(1001), random_bytes(1001));
+        let (one, two) = (random_bytes(1001).unwrap(), random_bytes(1001).unwrap());
         assert!(one.len() == 1001 && one != two);
     }
 }
