@@ -132,12 +132,7 @@ pub async fn run_and_announce(
     let upkeep = tokio::spawn(upkeep_loop(store.clone(), artifacts.clone(), retention, stopping.clone()));
     // They end when the server stops.
     let mut loops = JoinSet::new();
-    loops.spawn(lightpath_webhooks::run(
-        store.clone(),
-        webhook_origins.clone(),
-        || Clock::default().now_ms(),
-        stopping.clone(),
-    ));
+    loops.spawn(lightpath_webhooks::run(store.clone(), webhook_origins.clone(), now_ms, stopping.clone()));
     let api = Api::new(store.clone(), artifacts.clone(), api_limits(&config).await?, stopping.clone())
         .with_webhook_origins(webhook_origins);
     loops.spawn(flush_loop(Arc::clone(&audit), tls.clone(), stopping.clone()));
@@ -180,6 +175,11 @@ pub async fn run_and_announce(
     Ok(())
 }
 
+/// Present time \[ms since 1970\].
+fn now_ms() -> i64 {
+    Clock::default().now_ms()
+}
+
 async fn open_store(config: &Config) -> Result<Store, ServeError> {
     let store = Store::open(&config.data_dir.join(DATABASE)).await?;
     tend_keys(&store).await;
@@ -189,7 +189,7 @@ async fn open_store(config: &Config) -> Result<Store, ServeError> {
 /// Makes or renews the keys that sign manifests. The server works without them, for example on a full disk, and only
 /// signs no manifests then.
 async fn tend_keys(store: &Store) {
-    if let Err(error) = upkeep::tend(store, Clock::default().now_ms()).await {
+    if let Err(error) = upkeep::tend(store, now_ms()).await {
         tracing::error!(error = &error as &dyn std::error::Error, "the keys that sign manifests could not be renewed");
     }
 }
@@ -226,7 +226,7 @@ async fn drained(
 /// Returns the jobs to the queue that did not stop in time. Without this, the next start would take the stop for a
 /// death of the server. The computations still run, but can write nothing more.
 async fn release_unfinished(store: &Store) {
-    match store.release_all(Clock::default().now_ms()).await {
+    match store.release_all(now_ms()).await {
         Ok(jobs) => {
             for job in jobs {
                 tracing::warn!(job = job.id, "the job did not stop in time; it continues from its last saved state");
@@ -259,7 +259,7 @@ async fn check_access(store: &Store, config: &Config, address: SocketAddr) -> Re
     if config.insecure && !is_local {
         tracing::warn!(%address, tokens_required, "--insecure is set: other machines can connect without TLS or without tokens");
     }
-    let now_ms = Clock::default().now_ms();
+    let now_ms = now_ms();
     if tokens_required && !store.tokens().await?.iter().any(|token| token.is_valid(now_ms)) {
         return Err(ServeError::NoTokens);
     }
@@ -290,7 +290,7 @@ async fn token_loop(store: Store, ended_tokens: EndedTokens, stopping: Cancellat
             () = stopping.cancelled() => return,
             _ = ticks.tick() => {}
         }
-        if let Err(error) = ended_tokens.update(&store, Clock::default().now_ms()).await {
+        if let Err(error) = ended_tokens.update(&store, now_ms()).await {
             tracing::error!(
                 error = &error as &dyn std::error::Error,
                 "the check for revoked and expired tokens failed"
@@ -322,7 +322,7 @@ async fn upkeep_loop(store: Store, artifacts: Artifacts, retention: Retention, s
             }
             _ = collect.tick() => async {
                 tend_keys(&store).await;
-                let collected = retention.collect(&store, &artifacts, Clock::default().now_ms()).await?;
+                let collected = retention.collect(&store, &artifacts, now_ms()).await?;
                 if collected != Collected::default() {
                     let Collected { jobs, artifacts, artifact_bytes } = collected;
                     tracing::info!(jobs, artifacts, artifact_bytes, "removed old jobs and unused artifacts");
