@@ -217,6 +217,14 @@ pub struct Progress {
     pub eta_s: Option<f64>,
 }
 
+impl Progress {
+    /// Share of the steps that are done, from 0 to 1.
+    #[must_use]
+    pub fn fraction(&self) -> f64 {
+        if self.steps_total == 0 { 0.0 } else { f64::from(self.step) / f64::from(self.steps_total) }
+    }
+}
+
 /// An event in the history of a job.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct JobEvent {

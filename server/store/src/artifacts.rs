@@ -1,8 +1,8 @@
 //! Records of the artifacts that are complete and on disk, and of their owners.
 
 use super::rows::to_json;
+use super::sql::{Connection, Row, query, scalar};
 use super::{Store, StoreError};
-use sqlx::{Row, SqliteConnection};
 
 /// An artifact that is on disk.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -37,18 +37,18 @@ impl Store {
         let (digest, owner) = (digest.to_owned(), owner.to_owned());
         self.write(move |write| {
             Box::pin(async move {
-                let row = sqlx::query(
-                    "insert into artifact (digest, size_bytes, create_time_ms, use_time_ms) values (?1, ?2, ?3, ?3) \
-                     on conflict do update set size_bytes = excluded.size_bytes, \
-                     use_time_ms = max(use_time_ms, excluded.use_time_ms) returning *",
+                let row = query(
+                    "insert into artifact (digest, size_bytes, create_time_ms, use_time_ms) values ($1, $2, $3, $3) \
+                     on conflict (digest) do update set size_bytes = excluded.size_bytes, \
+                     use_time_ms = max(artifact.use_time_ms, excluded.use_time_ms) returning *",
                 )
                 .bind(&digest)
                 .bind(size_bytes as i64)
                 .bind(now_ms)
                 .fetch_one(write.sql())
                 .await?;
-                let sql = "insert into artifact_owner values (?, ?) on conflict do nothing";
-                sqlx::query(sql).bind(digest).bind(owner).execute(write.sql()).await?;
+                let sql = "insert into artifact_owner values ($1, $2) on conflict do nothing";
+                query(sql).bind(digest).bind(owner).execute(write.sql()).await?;
                 record_of(&row)
             })
         })
@@ -70,8 +70,8 @@ impl Store {
         let updated = self
             .write(move |write| {
                 Box::pin(async move {
-                    let sql = "update artifact set use_time_ms = ?2 where digest = ?1 returning *";
-                    let row = sqlx::query(sql).bind(digest).bind(now_ms).fetch_optional(write.sql()).await?;
+                    let sql = "update artifact set use_time_ms = $2 where digest = $1 returning *";
+                    let row = query(sql).bind(digest).bind(now_ms).fetch_optional(write.sql()).await?;
                     row.as_ref().map(record_of).transpose()
                 })
             })
@@ -88,16 +88,16 @@ impl Store {
     ///
     /// [`StoreError::Database`].
     pub async fn artifact_concerns(&self, digest: &str, owner: &str, displays: &[String]) -> Result<bool, StoreError> {
-        let sql = "with own as (select value as id from json_each(?3)) select \
-                   exists (select 1 from artifact_owner where artifact = ?1 and owner = ?2) \
+        let sql = "with own as (select value as id from json_each($3)) select \
+                   exists (select 1 from artifact_owner where artifact = $1 and owner = $2) \
                    or exists (select 1 from job_artifact a join job on job.id = a.job \
-                       where a.artifact = ?1 and job.display in own) \
+                       where a.artifact = $1 and job.display in (select id from own)) \
                    or exists (select 1 from pair join dataset on dataset.id = pair.dataset \
-                       where ?1 in (pair.phase, pair.photo) and dataset.display in own) \
-                   or exists (select 1 from dataset where instr(alignment, ?1) > 0 and display in own) \
+                       where $1 in (pair.phase, pair.photo) and dataset.display in (select id from own)) \
+                   or exists (select 1 from dataset where instr(alignment, $1) > 0 and display in (select id from own)) \
                    or exists (select 1 from kernel_version v join kernel on kernel.id = v.kernel \
-                       where v.artifact = ?1 and kernel.display in own)";
-        let concerns = sqlx::query_scalar(sql).bind(digest).bind(owner).bind(to_json("display", &displays)?);
+                       where v.artifact = $1 and kernel.display in (select id from own))";
+        let concerns = scalar(sql).bind(digest).bind(owner).bind(to_json("display", &displays)?);
         Ok(concerns.fetch_one(self.readers()).await?)
     }
 
@@ -112,7 +112,7 @@ impl Store {
         more_bytes: u64,
         stored_bytes_max: u64,
     ) -> Result<(), StoreError> {
-        require_room(&mut *self.readers().acquire().await?, owner, more_bytes, stored_bytes_max).await
+        require_room(&mut self.readers().acquire().await?, owner, more_bytes, stored_bytes_max).await
     }
 
     /// The record of an artifact; `None` if it is not recorded.
@@ -122,14 +122,14 @@ impl Store {
     /// [`StoreError::Database`].
     pub async fn artifact(&self, digest: &str) -> Result<Option<ArtifactRecord>, StoreError> {
         let row =
-            sqlx::query("select * from artifact where digest = ?").bind(digest).fetch_optional(self.readers()).await?;
+            query("select * from artifact where digest = $1").bind(digest).fetch_optional(self.readers()).await?;
         row.as_ref().map(record_of).transpose()
     }
 }
 
 /// Does the work of [`Store::require_owner_room`].
 pub(super) async fn require_room(
-    sql: &mut SqliteConnection,
+    sql: &mut Connection,
     owner: &str,
     more_bytes: u64,
     stored_bytes_max: u64,
@@ -137,7 +137,7 @@ pub(super) async fn require_room(
     if stored_bytes_max == 0 {
         return Ok(());
     }
-    let query = sqlx::query_scalar("select bytes from owner_bytes where owner = ?").bind(owner);
+    let query = scalar("select bytes from owner_bytes where owner = $1").bind(owner);
     let stored_bytes = query.fetch_optional(sql).await?.map_or(0, i64::unsigned_abs);
     if stored_bytes.saturating_add(more_bytes) > stored_bytes_max {
         return Err(StoreError::OwnerBytes { stored_bytes, stored_bytes_max });
@@ -145,10 +145,10 @@ pub(super) async fn require_room(
     Ok(())
 }
 
-pub(super) fn record_of(row: &sqlx::sqlite::SqliteRow) -> Result<ArtifactRecord, StoreError> {
+pub(super) fn record_of(row: &Row) -> Result<ArtifactRecord, StoreError> {
     Ok(ArtifactRecord {
         digest: row.try_get("digest")?,
-        size_bytes: row.try_get::<i64, _>("size_bytes")?.unsigned_abs(),
+        size_bytes: row.try_get::<i64>("size_bytes")?.unsigned_abs(),
         create_time_ms: row.try_get("create_time_ms")?,
         use_time_ms: row.try_get("use_time_ms")?,
     })

@@ -4,6 +4,7 @@ use super::changes::Change;
 use super::events::append_event;
 use super::job_rows::job_of;
 use super::jobs::{active_with_key, require_datasets};
+use super::sql::query;
 use super::write::Write;
 use super::{Store, StoreError, dependencies};
 use lightpath_domain::job::{Job, JobState};
@@ -36,9 +37,9 @@ async fn cancel(write: &mut Write, id: &str, now_ms: i64) -> Result<Job, StoreEr
     let job = read(write, id).await?;
     match job.state {
         JobState::Queued => {
-            let row = sqlx::query(
-                "update job set state = 'cancelled', finish_time_ms = ?2, cancel_requested = 1, checkpoint = null, \
-                 revision = revision + 1 where id = ?1 returning *",
+            let row = query(
+                "update job set state = 'cancelled', finish_time_ms = $2, cancel_requested = 1, checkpoint = null, \
+                 revision = revision + 1 where id = $1 returning *",
             )
             .bind(id)
             .bind(now_ms)
@@ -52,7 +53,7 @@ async fn cancel(write: &mut Write, id: &str, now_ms: i64) -> Result<Job, StoreEr
         JobState::Running if job.cancel_requested => Ok(job),
         JobState::Running => {
             let row =
-                sqlx::query("update job set cancel_requested = 1, revision = revision + 1 where id = ?1 returning *")
+                query("update job set cancel_requested = 1, revision = revision + 1 where id = $1 returning *")
                     .bind(id)
                     .fetch_one(write.sql())
                     .await?;
@@ -86,9 +87,9 @@ async fn retry(write: &mut Write, id: &str, now_ms: i64) -> Result<Job, StoreErr
     require_datasets(write.sql(), &job.spec).await?;
     let unfinished = dependencies::unfinished(write, &job.scheduling.after).await?;
     dependencies::store_dependencies(write, id, &unfinished).await?;
-    let row = sqlx::query(
+    let row = query(
         "update job set state = 'queued', failures = 0, crashes = 0, cancel_requested = 0, error = null, progress = null, \
-         finish_time_ms = null, run_time_ms = ?2, waiting_for = ?3, revision = revision + 1 where id = ?1 returning *",
+         finish_time_ms = null, run_time_ms = $2, waiting_for = $3, revision = revision + 1 where id = $1 returning *",
     )
     .bind(id)
     .bind(now_ms)
@@ -102,6 +103,6 @@ async fn retry(write: &mut Write, id: &str, now_ms: i64) -> Result<Job, StoreErr
 }
 
 async fn read(write: &mut Write, id: &str) -> Result<Job, StoreError> {
-    let row = sqlx::query("select * from job where id = ?").bind(id).fetch_optional(write.sql()).await?;
+    let row = query("select * from job where id = $1").bind(id).fetch_optional(write.sql()).await?;
     job_of(&row.ok_or_else(|| StoreError::not_found(format!("jobs/{id}")))?)
 }

@@ -1,19 +1,19 @@
 //! Automatic removal of artifacts that no record refers to and of jobs that ended long ago.
 
 use super::artifacts::record_of;
+use super::sql::{query, scalar};
 use super::write::Write;
 use super::{ArtifactRecord, Store, StoreError, page};
-use sqlx::Row;
 
-/// Selects the artifacts last used before `?1` that no record refers to. The saved state of a job may name artifacts
+/// Selects the artifacts last used before `$1` that no record refers to. The saved state of a job may name artifacts
 /// that the job will refer to only at its end. Therefore artifacts used since the creation of the oldest job with a
 /// saved state are kept.
 macro_rules! unreferenced {
     ($head:literal, $tail:literal) => {
         concat!(
             $head,
-            " where use_time_ms < ?1 \
-             and use_time_ms < coalesce((select min(create_time_ms) from job where checkpoint is not null), ?1) \
+            " where use_time_ms < $1 \
+             and use_time_ms < coalesce((select min(create_time_ms) from job where checkpoint is not null), $1) \
              and not exists (select 1 from job_artifact where artifact = artifact.digest) \
              and not exists (select 1 from pair where phase = artifact.digest) \
              and not exists (select 1 from pair where photo = artifact.digest) \
@@ -37,8 +37,8 @@ impl Store {
         after: &str,
         limit: u32,
     ) -> Result<Vec<ArtifactRecord>, StoreError> {
-        let sql = unreferenced!("select * from artifact", "and digest > ?2 order by digest limit ?3");
-        let query = sqlx::query(sql).bind(before_ms).bind(after).bind(page(limit));
+        let sql = unreferenced!("select * from artifact", "and digest > $2 order by digest limit $3");
+        let query = query(sql).bind(before_ms).bind(after).bind(page(limit));
         query.fetch_all(self.readers()).await?.iter().map(record_of).collect()
     }
 
@@ -52,9 +52,9 @@ impl Store {
         let digest = digest.to_owned();
         self.write(move |write| {
             Box::pin(async move {
-                let sql = unreferenced!("delete from artifact", "and digest = ?2");
-                let deleted = sqlx::query(sql).bind(before_ms).bind(digest).execute(write.sql()).await?;
-                Ok(deleted.rows_affected() == 1)
+                let sql = unreferenced!("delete from artifact", "and digest = $2");
+                let deleted = query(sql).bind(before_ms).bind(digest).execute(write.sql()).await?;
+                Ok(deleted == 1)
             })
         })
         .await
@@ -70,11 +70,11 @@ impl Store {
         self.write(move |write| {
             Box::pin(async move {
                 let sql = "select checkpoint from job \
-                           where checkpoint is not null and state = 'failed' and finish_time_ms < ?";
-                let digests = sqlx::query_scalar(sql).bind(before_ms).fetch_all(write.sql()).await?;
+                           where checkpoint is not null and state = 'failed' and finish_time_ms < $1";
+                let digests = scalar(sql).bind(before_ms).fetch_all(write.sql()).await?;
                 let sql = "update job set checkpoint = null, revision = revision + 1 \
-                           where checkpoint is not null and state = 'failed' and finish_time_ms < ?";
-                sqlx::query(sql).bind(before_ms).execute(write.sql()).await?;
+                           where checkpoint is not null and state = 'failed' and finish_time_ms < $1";
+                query(sql).bind(before_ms).execute(write.sql()).await?;
                 Ok(digests)
             })
         })
@@ -87,8 +87,8 @@ impl Store {
     ///
     /// [`StoreError::Database`].
     pub async fn jobs_ended_before(&self, before_ms: i64, limit: u32) -> Result<Vec<String>, StoreError> {
-        let sql = "select id from job where finish_time_ms < ? order by finish_time_ms limit ?";
-        Ok(sqlx::query_scalar(sql).bind(before_ms).bind(page(limit)).fetch_all(self.readers()).await?)
+        let sql = "select id from job where finish_time_ms < $1 order by finish_time_ms limit $2";
+        Ok(scalar(sql).bind(before_ms).bind(page(limit)).fetch_all(self.readers()).await?)
     }
 
     /// Number of jobs that ended before `before_ms`.
@@ -97,8 +97,8 @@ impl Store {
     ///
     /// [`StoreError::Database`].
     pub async fn count_jobs_ended_before(&self, before_ms: i64) -> Result<u64, StoreError> {
-        let sql = "select count(*) from job where finish_time_ms < ?";
-        let count: i64 = sqlx::query_scalar(sql).bind(before_ms).fetch_one(self.readers()).await?;
+        let sql = "select count(*) from job where finish_time_ms < $1";
+        let count: i64 = scalar(sql).bind(before_ms).fetch_one(self.readers()).await?;
         Ok(count.unsigned_abs())
     }
 
@@ -127,20 +127,20 @@ async fn delete_jobs(write: &mut Write, ids: Vec<String>, before_ms: i64, now_ms
     let mut deleted = Deleted::default();
     for id in ids {
         // A job that was retried in the meantime is kept.
-        let sql = "select checkpoint from job where id = ? and finish_time_ms < ?";
-        let row = sqlx::query(sql).bind(&id).bind(before_ms).fetch_optional(write.sql()).await?;
+        let sql = "select checkpoint from job where id = $1 and finish_time_ms < $2";
+        let row = query(sql).bind(&id).bind(before_ms).fetch_optional(write.sql()).await?;
         let Some(row) = row else { continue };
-        deleted.checkpoints.extend(row.try_get::<Option<String>, _>("checkpoint")?);
+        deleted.checkpoints.extend(row.try_get::<Option<String>>("checkpoint")?);
         for sql in [
             // Clients may be downloading the job's results or be about to use them.
-            "update artifact set use_time_ms = max(use_time_ms, ?2) \
-             where digest in (select artifact from job_artifact where job = ?1)",
-            "delete from job_artifact where job = ?1",
-            "delete from job_dependency where job = ?1 or after = ?1",
-            "delete from job_event where job = ?1",
-            "delete from job where id = ?1",
+            "update artifact set use_time_ms = max(use_time_ms, $2) \
+             where digest in (select artifact from job_artifact where job = $1)",
+            "delete from job_artifact where job = $1",
+            "delete from job_dependency where job = $1 or after = $1",
+            "delete from job_event where job = $1",
+            "delete from job where id = $1",
         ] {
-            sqlx::query(sql).bind(&id).bind(now_ms).execute(write.sql()).await?;
+            query(sql).bind(&id).bind(now_ms).execute(write.sql()).await?;
         }
         deleted.jobs += 1;
     }

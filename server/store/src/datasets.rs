@@ -2,13 +2,12 @@
 
 use super::changes::Changed;
 use super::rows::{from_json, from_json_option, from_word, to_json, to_word};
+use super::sql::{Builder, Connection, Row, query, query_as, scalar};
 use super::write::Write;
 use super::{AbortReason, Store, StoreError, page};
 use lightpath_domain::dataset::{DATASETS_MAX, Dataset, Encoding, Exposure, Finding, PAIRS_MAX, Pair};
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_domain::units::{Distance, Wavelength};
-use sqlx::sqlite::SqliteRow;
-use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
 
 impl Store {
     /// Creates an open dataset without pairs. The id, display, wavelength, distance, encoding and bit depth of
@@ -45,7 +44,7 @@ impl Store {
         after: Option<&str>,
         limit: u32,
     ) -> Result<Vec<Dataset>, StoreError> {
-        let mut query = QueryBuilder::<Sqlite>::new("select * from dataset where id > ");
+        let mut query = Builder::new("select * from dataset where id > ");
         query.push_bind(after.unwrap_or(""));
         if let Some(display) = display {
             query.push(" and display = ").push_bind(display);
@@ -82,9 +81,9 @@ impl Store {
 
 async fn create(write: &mut Write, dataset: Dataset, now_ms: i64) -> Result<Dataset, StoreError> {
     require_room(write.sql(), &dataset).await?;
-    sqlx::query(
+    query(
         "insert into dataset (id, display, wavelength_pm, distance_nm, photo_encoding, photo_bit_depth, create_time_ms) \
-         values (?, ?, ?, ?, ?, ?, ?) on conflict do nothing",
+         values ($1, $2, $3, $4, $5, $6, $7) on conflict do nothing",
     )
     .bind(&dataset.id)
     .bind(&dataset.display)
@@ -109,10 +108,10 @@ async fn create(write: &mut Write, dataset: Dataset, now_ms: i64) -> Result<Data
 }
 
 /// Checks that the display exists and has room for the dataset, unless the dataset exists already.
-async fn require_room(sql: &mut SqliteConnection, dataset: &Dataset) -> Result<(), StoreError> {
-    let (has_display, exists, count): (bool, bool, u32) = sqlx::query_as(
-        "select exists (select 1 from display where id = ?1), exists (select 1 from dataset where id = ?2), \
-         (select count(*) from dataset where display = ?1)",
+async fn require_room(sql: &mut Connection, dataset: &Dataset) -> Result<(), StoreError> {
+    let (has_display, exists, count): (bool, bool, u32) = query_as(
+        "select exists (select 1 from display where id = $1), exists (select 1 from dataset where id = $2), \
+         (select count(*) from dataset where display = $1)",
     )
     .bind(&dataset.display)
     .bind(&dataset.id)
@@ -130,9 +129,9 @@ async fn require_room(sql: &mut SqliteConnection, dataset: &Dataset) -> Result<(
 }
 
 async fn delete(write: &mut Write, id: &str, now_ms: i64) -> Result<(), StoreError> {
-    let user: Option<String> = sqlx::query_scalar(
-        "select id from job where state in ('queued', 'running') and (dataset = ?1 \
-         or exists (select 1 from json_each(job.spec, '$.datasets') where value = ?1)) limit 1",
+    let user: Option<String> = scalar(
+        "select id from job where state in ('queued', 'running') and (dataset = $1 \
+         or exists (select 1 from json_each(job.spec, '$.datasets') where value = $1)) limit 1",
     )
     .bind(id)
     .fetch_optional(write.sql())
@@ -142,10 +141,10 @@ async fn delete(write: &mut Write, id: &str, now_ms: i64) -> Result<(), StoreErr
         return Err(StoreError::precondition(PreconditionReason::DatasetInUse, message));
     }
     // Clients may be about to use the files in another dataset.
-    let keep = "update artifact set use_time_ms = max(use_time_ms, ?2) where digest in \
-                (select phase from pair where dataset = ?1 union select photo from pair where dataset = ?1)";
-    sqlx::query(keep).bind(id).bind(now_ms).execute(write.sql()).await?;
-    let delete = sqlx::query_scalar("delete from dataset where id = ? returning display");
+    let keep = "update artifact set use_time_ms = max(use_time_ms, $2) where digest in \
+                (select phase from pair where dataset = $1 union select photo from pair where dataset = $1)";
+    query(keep).bind(id).bind(now_ms).execute(write.sql()).await?;
+    let delete = scalar("delete from dataset where id = $1 returning display");
     let display: Option<String> = delete.bind(id).fetch_optional(write.sql()).await?;
     let display = display.ok_or_else(|| StoreError::not_found(format!("datasets/{id}")))?;
     write.announce_changed(Changed::Dataset { id: id.to_owned(), display });
@@ -171,8 +170,8 @@ async fn add_pair(write: &mut Write, id: &str, pair: &Pair, findings: &[Finding]
     let checks = pair.checks.as_ref().map(|checks| to_json("pair.checks", checks)).transpose()?;
     let (pair_findings, dataset_findings): (Vec<_>, Vec<_>) =
         findings.iter().partition(|finding| !finding.pair.is_empty());
-    let sql = "insert into pair (dataset, id, phase, photo, split, exposure, checks, findings) values (?, ?, ?, ?, ?, ?, ?, ?)";
-    sqlx::query(sql)
+    let sql = "insert into pair (dataset, id, phase, photo, split, exposure, checks, findings) values ($1, $2, $3, $4, $5, $6, $7, $8)";
+    query(sql)
         .bind(id)
         .bind(&pair.id)
         .bind(&pair.phase)
@@ -183,17 +182,17 @@ async fn add_pair(write: &mut Write, id: &str, pair: &Pair, findings: &[Finding]
         .bind(to_json("pair.findings", &pair_findings)?)
         .execute(write.sql())
         .await?;
-    let sql = "update dataset set pair_count = pair_count + 1, findings = ?2, revision = revision + 1 \
-               where id = ?1 returning *";
+    let sql = "update dataset set pair_count = pair_count + 1, findings = $2, revision = revision + 1 \
+               where id = $1 returning *";
     let row =
-        sqlx::query(sql).bind(id).bind(to_json("dataset.findings", &dataset_findings)?).fetch_one(write.sql()).await?;
+        query(sql).bind(id).bind(to_json("dataset.findings", &dataset_findings)?).fetch_one(write.sql()).await?;
     write.announce_changed(changed(&dataset));
     dataset_of(&row)
 }
 
 /// Whether the dataset contains the same pair. Returns an error if another pair has its id, hologram or photograph.
-async fn contains_pair(sql: &mut SqliteConnection, id: &str, pair: &Pair) -> Result<bool, StoreError> {
-    let rows = sqlx::query("select * from pair where dataset = ?1 and (id = ?2 or phase = ?3 or photo = ?4)")
+async fn contains_pair(sql: &mut Connection, id: &str, pair: &Pair) -> Result<bool, StoreError> {
+    let rows = query("select * from pair where dataset = $1 and (id = $2 or phase = $3 or photo = $4)")
         .bind(id)
         .bind(&pair.id)
         .bind(&pair.phase)
@@ -248,33 +247,33 @@ fn describe_conflict(dataset: &str, pair: &Pair, stored: &Pair) -> (String, Stri
 }
 
 /// The dataset with its pairs and all its findings.
-pub(super) async fn with_pairs(sql: &mut SqliteConnection, id: &str) -> Result<Dataset, StoreError> {
+pub(super) async fn with_pairs(sql: &mut Connection, id: &str) -> Result<Dataset, StoreError> {
     let mut dataset = find(&mut *sql, id).await?;
-    let rows = sqlx::query("select * from pair where dataset = ? order by id").bind(id).fetch_all(sql).await?;
+    let rows = query("select * from pair where dataset = $1 order by id").bind(id).fetch_all(sql).await?;
     let mut findings = Vec::new();
     for row in &rows {
         dataset.pairs.push(pair_of(row)?);
-        findings.append(&mut from_json("pair.findings", row.try_get("findings")?)?);
+        findings.append(&mut from_json("pair.findings", &row.try_get::<String>("findings")?)?);
     }
     findings.append(&mut dataset.findings);
     Ok(Dataset { findings, ..dataset })
 }
 
-async fn find(sql: &mut SqliteConnection, id: &str) -> Result<Dataset, StoreError> {
-    let row = sqlx::query("select * from dataset where id = ?").bind(id).fetch_optional(sql).await?;
+async fn find(sql: &mut Connection, id: &str) -> Result<Dataset, StoreError> {
+    let row = query("select * from dataset where id = $1").bind(id).fetch_optional(sql).await?;
     dataset_of(&row.ok_or_else(|| StoreError::not_found(format!("datasets/{id}")))?)
 }
 
 /// Checks that the artifact is recorded.
-pub(super) async fn require_artifact(sql: &mut SqliteConnection, digest: &str) -> Result<(), StoreError> {
-    let known: bool = sqlx::query_scalar("select exists (select 1 from artifact where digest = ?)")
+pub(super) async fn require_artifact(sql: &mut Connection, digest: &str) -> Result<(), StoreError> {
+    let known: bool = scalar("select exists (select 1 from artifact where digest = $1)")
         .bind(digest)
         .fetch_one(sql)
         .await?;
     if known { Ok(()) } else { Err(StoreError::not_found(format!("artifact {digest}"))) }
 }
 
-fn dataset_of(row: &SqliteRow) -> Result<Dataset, StoreError> {
+fn dataset_of(row: &Row) -> Result<Dataset, StoreError> {
     Ok(Dataset {
         id: row.try_get("id")?,
         display: row.try_get("display")?,
@@ -285,8 +284,8 @@ fn dataset_of(row: &SqliteRow) -> Result<Dataset, StoreError> {
         alignment: from_json_option("dataset.alignment", row.try_get("alignment")?)?,
         pairs: Vec::new(),
         pair_count: row.try_get("pair_count")?,
-        findings: from_json("dataset.findings", row.try_get("findings")?)?,
-        revision: row.try_get::<i64, _>("revision")?.unsigned_abs(),
+        findings: from_json("dataset.findings", &row.try_get::<String>("findings")?)?,
+        revision: row.try_get::<i64>("revision")?.unsigned_abs(),
         finalization: from_json_option("dataset.finalization", row.try_get("finalization")?)?,
         digest: row.try_get("digest")?,
         create_time_ms: row.try_get("create_time_ms")?,
@@ -294,7 +293,7 @@ fn dataset_of(row: &SqliteRow) -> Result<Dataset, StoreError> {
     })
 }
 
-fn pair_of(row: &SqliteRow) -> Result<Pair, StoreError> {
+fn pair_of(row: &Row) -> Result<Pair, StoreError> {
     let split: Option<String> = row.try_get("split")?;
     Ok(Pair {
         id: row.try_get("id")?,

@@ -1,10 +1,9 @@
 //! What webhooks are to learn, and what became of it. Triggers of the database insert the rows.
 
 use super::rows::from_word;
+use super::sql::{Row, query, scalar};
 use super::{Store, StoreError, page};
 use lightpath_domain::webhook::Delivery;
-use sqlx::Row;
-use sqlx::sqlite::SqliteRow;
 
 /// Ended deliveries of a webhook that are kept for people.
 const ENDED_KEPT: u32 = 100;
@@ -28,8 +27,8 @@ impl Store {
     /// [`StoreError::Database`].
     pub async fn webhooks_due(&self, now_ms: i64) -> Result<Vec<String>, StoreError> {
         let sql = "select id from webhook where exists \
-                   (select 1 from webhook_delivery where webhook = webhook.id and next_time_ms <= ?)";
-        Ok(sqlx::query_scalar(sql).bind(now_ms).fetch_all(self.readers()).await?)
+                   (select 1 from webhook_delivery where webhook = webhook.id and next_time_ms <= $1)";
+        Ok(scalar(sql).bind(now_ms).fetch_all(self.readers()).await?)
     }
 
     /// Time of the next attempt of any webhook \[ms since 1970\]; `None`: nothing waits.
@@ -40,7 +39,7 @@ impl Store {
     pub async fn next_attempt_ms(&self) -> Result<Option<i64>, StoreError> {
         let sql = "select min((select min(next_time_ms) from webhook_delivery \
                    where webhook = webhook.id and next_time_ms is not null)) from webhook";
-        Ok(sqlx::query_scalar(sql).fetch_one(self.readers()).await?)
+        Ok(scalar(sql).fetch_one(self.readers()).await?)
     }
 
     /// What a webhook is to learn next at the time `now_ms`.
@@ -49,9 +48,9 @@ impl Store {
     ///
     /// [`StoreError::Database`].
     pub async fn due_delivery(&self, webhook: &str, now_ms: i64) -> Result<Option<Delivery>, StoreError> {
-        let sql = "select * from webhook_delivery where webhook = ? and next_time_ms <= ? \
+        let sql = "select * from webhook_delivery where webhook = $1 and next_time_ms <= $2 \
                    order by next_time_ms, sequence limit 1";
-        let row = sqlx::query(sql).bind(webhook).bind(now_ms).fetch_optional(self.readers()).await?;
+        let row = query(sql).bind(webhook).bind(now_ms).fetch_optional(self.readers()).await?;
         row.as_ref().map(delivery_of).transpose()
     }
 
@@ -68,19 +67,19 @@ impl Store {
         };
         self.write(move |write| {
             Box::pin(async move {
-                let sql = "update webhook_delivery set attempts = attempts + 1, next_time_ms = ?2, delivered = ?3, \
-                           answer = ?4 where sequence = ?1";
-                sqlx::query(sql)
+                let sql = "update webhook_delivery set attempts = attempts + 1, next_time_ms = $2, delivered = $3, \
+                           answer = $4 where sequence = $1";
+                query(sql)
                     .bind(sequence)
                     .bind(next_ms)
                     .bind(attempt == Attempt::Accepted)
                     .bind(answer)
                     .execute(write.sql())
                     .await?;
-                let forget_old = "delete from webhook_delivery where webhook = ?1 and next_time_ms is null \
-                     and sequence <= (select sequence from webhook_delivery where webhook = ?1 \
-                     and next_time_ms is null order by sequence desc limit 1 offset ?2)";
-                sqlx::query(forget_old).bind(webhook).bind(ENDED_KEPT).execute(write.sql()).await?;
+                let forget_old = "delete from webhook_delivery where webhook = $1 and next_time_ms is null \
+                     and sequence <= (select sequence from webhook_delivery where webhook = $1 \
+                     and next_time_ms is null order by sequence desc limit 1 offset $2)";
+                query(forget_old).bind(webhook).bind(ENDED_KEPT).execute(write.sql()).await?;
                 Ok(())
             })
         })
@@ -100,8 +99,8 @@ impl Store {
         limit: u32,
     ) -> Result<Vec<Delivery>, StoreError> {
         self.webhook(webhook).await?;
-        let sql = "select * from webhook_delivery where webhook = ? and sequence < ? order by sequence desc limit ?";
-        let query = sqlx::query(sql).bind(webhook).bind(before.unwrap_or(i64::MAX)).bind(page(limit));
+        let sql = "select * from webhook_delivery where webhook = $1 and sequence < $2 order by sequence desc limit $3";
+        let query = query(sql).bind(webhook).bind(before.unwrap_or(i64::MAX)).bind(page(limit));
         query.fetch_all(self.readers()).await?.iter().map(delivery_of).collect()
     }
 
@@ -112,12 +111,12 @@ impl Store {
     /// [`StoreError::Database`].
     pub async fn deliveries_waiting(&self) -> Result<u64, StoreError> {
         let sql = "select count(*) from webhook_delivery where next_time_ms is not null";
-        let count: i64 = sqlx::query_scalar(sql).fetch_one(self.readers()).await?;
+        let count: i64 = scalar(sql).fetch_one(self.readers()).await?;
         Ok(count.unsigned_abs())
     }
 }
 
-pub(super) fn delivery_of(row: &SqliteRow) -> Result<Delivery, StoreError> {
+pub(super) fn delivery_of(row: &Row) -> Result<Delivery, StoreError> {
     Ok(Delivery {
         sequence: row.try_get("sequence")?,
         id: row.try_get("id")?,

@@ -4,11 +4,11 @@ use super::changes::Change;
 use super::events::append_event;
 use super::job_rows::job_of;
 use super::rows::to_json;
+use super::sql::{query, scalar};
 use super::write::Write;
 use super::{Store, StoreError};
 use lightpath_domain::job::{FailureReason, Job, JobError, JobState};
 use lightpath_domain::reason::PreconditionReason;
-use sqlx::Row;
 use std::collections::{HashSet, VecDeque};
 
 impl Store {
@@ -18,9 +18,9 @@ impl Store {
     ///
     /// [`StoreError::Database`].
     pub async fn jobs_on(&self, ids: &[String], displays: &[String]) -> Result<HashSet<String>, StoreError> {
-        let sql = "select id from job where id in (select value from json_each(?1)) \
-                   and display in (select value from json_each(?2))";
-        let found = sqlx::query_scalar(sql).bind(to_json("job.after", &ids)?).bind(to_json("display", &displays)?);
+        let sql = "select id from job where id in (select value from json_each($1)) \
+                   and display in (select value from json_each($2))";
+        let found = scalar(sql).bind(to_json("job.after", &ids)?).bind(to_json("display", &displays)?);
         Ok(found.fetch_all(self.readers()).await?.into_iter().collect())
     }
 }
@@ -37,13 +37,13 @@ pub(super) async fn store_dependencies(write: &mut Write, job: &str, after: &[St
     if after.is_empty() {
         return Ok(());
     }
-    let stored: i64 = sqlx::query_scalar("select count(*) from job_dependency").fetch_one(write.sql()).await?;
+    let stored: i64 = scalar("select count(*) from job_dependency").fetch_one(write.sql()).await?;
     if stored.unsigned_abs() + after.len() as u64 > u64::from(DEPENDENCIES_MAX) {
         return Err(StoreError::DependenciesFull { limit: DEPENDENCIES_MAX });
     }
     for other in after {
-        let sql = "insert into job_dependency values (?, ?) on conflict do nothing";
-        sqlx::query(sql).bind(job).bind(other).execute(write.sql()).await?;
+        let sql = "insert into job_dependency values ($1, $2) on conflict do nothing";
+        query(sql).bind(job).bind(other).execute(write.sql()).await?;
     }
     Ok(())
 }
@@ -56,7 +56,7 @@ pub(super) async fn store_dependencies(write: &mut Write, job: &str, after: &[St
 pub(super) async fn unfinished(write: &mut Write, after: &[String]) -> Result<Vec<String>, StoreError> {
     let mut unfinished = Vec::new();
     for id in after {
-        let row = sqlx::query("select state from job where id = ?").bind(id).fetch_optional(write.sql()).await?;
+        let row = query("select state from job where id = $1").bind(id).fetch_optional(write.sql()).await?;
         let row = row.ok_or_else(|| StoreError::not_found(format!("jobs/{id}")))?;
         match super::rows::from_word("job.state", row.try_get("state")?)? {
             JobState::Queued | JobState::Running => unfinished.push(id.clone()),
@@ -73,9 +73,9 @@ pub(super) async fn unfinished(write: &mut Write, after: &[String]) -> Result<Ve
 /// Releases the jobs that waited only for `job`, which has succeeded.
 pub(super) async fn release_waiting_jobs(write: &mut Write, job: &Job) -> Result<(), StoreError> {
     let sql = "update job set waiting_for = waiting_for - 1, revision = revision + 1 \
-               where id in (select job from job_dependency where after = ?) and state = 'queued' returning id";
-    let waiting: Vec<String> = sqlx::query_scalar(sql).bind(&job.id).fetch_all(write.sql()).await?;
-    sqlx::query("delete from job_dependency where after = ?").bind(&job.id).execute(write.sql()).await?;
+               where id in (select job from job_dependency where after = $1) and state = 'queued' returning id";
+    let waiting: Vec<String> = scalar(sql).bind(&job.id).fetch_all(write.sql()).await?;
+    query("delete from job_dependency where after = $1").bind(&job.id).execute(write.sql()).await?;
     for id in waiting {
         write.announce(Change::Job(id));
         write.announce(Change::Claimable);
@@ -89,18 +89,18 @@ pub(super) async fn fail_waiting_jobs(write: &mut Write, job: &Job, now_ms: i64)
     while let Some((id, state)) = ended.pop_front() {
         let message = format!("jobs/{id}, which this job waited for, is {}", state.as_str());
         let error = JobError { reason: FailureReason::DependencyFailed, message: message.clone(), retryable: false };
-        let sql = "update job set state = 'failed', error = ?2, finish_time_ms = ?3, checkpoint = null, \
+        let sql = "update job set state = 'failed', error = $2, finish_time_ms = $3, checkpoint = null, \
                    revision = revision + 1 \
-                   where id in (select job from job_dependency where after = ?1) and state = 'queued' returning *";
+                   where id in (select job from job_dependency where after = $1) and state = 'queued' returning *";
         let rows =
-            sqlx::query(sql).bind(&id).bind(to_json("job.error", &error)?).bind(now_ms).fetch_all(write.sql()).await?;
+            query(sql).bind(&id).bind(to_json("job.error", &error)?).bind(now_ms).fetch_all(write.sql()).await?;
         for row in rows {
             let waiting = job_of(&row)?;
             append_event(write, &waiting, now_ms, format!("failed: DEPENDENCY_FAILED: {message}")).await?;
             ended.push_back((waiting.id, waiting.state));
         }
         // The ended job waits no more. If it is retried, its dependencies are stored again.
-        sqlx::query("delete from job_dependency where job = ?").bind(&id).execute(write.sql()).await?;
+        query("delete from job_dependency where job = $1").bind(&id).execute(write.sql()).await?;
     }
     Ok(())
 }

@@ -5,6 +5,7 @@ use super::kernels::find;
 use super::moves::require_version;
 use super::rollouts;
 use super::rows::{from_word, to_word};
+use super::sql::{Connection, Row, query, query_as, scalar};
 use super::write::Write;
 use super::{Store, StoreError, page};
 use lightpath_domain::device::{Device, InstalledFile, InstalledKernel, Report};
@@ -12,8 +13,6 @@ use lightpath_domain::kernel::KernelKey;
 use lightpath_domain::kernel_format::KernelFormat;
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_domain::units::{Distance, Wavelength};
-use sqlx::sqlite::SqliteRow;
-use sqlx::{Row, SqliteConnection};
 
 /// Limit on the devices of a display, so that wrong ids cannot fill the disk.
 pub const DEVICES_MAX: u32 = 100_000;
@@ -36,11 +35,11 @@ impl Store {
     /// [`StoreError::Database`].
     pub async fn devices(&self, display: &str, after: Option<&str>, limit: u32) -> Result<Vec<Device>, StoreError> {
         let mut read = self.readers().begin().await?;
-        let rows = sqlx::query("select * from device where display = ? and id > ? order by id limit ?")
+        let rows = query("select * from device where display = $1 and id > $2 order by id limit $3")
             .bind(display)
             .bind(after.unwrap_or(""))
             .bind(page(limit))
-            .fetch_all(&mut *read)
+            .fetch_all(&mut read)
             .await?;
         with_kernels(&mut read, display, &rows).await
     }
@@ -62,14 +61,14 @@ impl Store {
         self.write(move |write| {
             Box::pin(async move {
                 create(write.sql(), &display, &device).await?;
-                let regroup = "update device set group_name = ?3 where display = ?1 and id = ?2 and group_name <> ?3";
+                let regroup = "update device set group_name = $3 where display = $1 and id = $2 and group_name <> $3";
                 let changed =
-                    sqlx::query(regroup).bind(&display).bind(&device).bind(&group).execute(write.sql()).await?;
-                if changed.rows_affected() > 0 {
+                    query(regroup).bind(&display).bind(&device).bind(&group).execute(write.sql()).await?;
+                if changed > 0 {
                     write.announce_changed(device_changed(&display, &device));
                     rollouts::note_regrouping(write, &display, now_ms).await?;
                 }
-                let row = sqlx::query("select * from device where display = ? and id = ?")
+                let row = query("select * from device where display = $1 and id = $2")
                     .bind(&display)
                     .bind(&device)
                     .fetch_one(write.sql())
@@ -90,9 +89,9 @@ impl Store {
         let (display, device) = (display.to_owned(), device.to_owned());
         self.write(move |write| {
             Box::pin(async move {
-                let delete = "delete from device where display = ? and id = ?";
-                let deleted = sqlx::query(delete).bind(&display).bind(&device).execute(write.sql()).await?;
-                if deleted.rows_affected() == 0 {
+                let delete = "delete from device where display = $1 and id = $2";
+                let deleted = query(delete).bind(&display).bind(&device).execute(write.sql()).await?;
+                if deleted == 0 {
                     return Err(not_found(&display, &device));
                 }
                 write.announce_changed(device_changed(&display, &device));
@@ -111,9 +110,9 @@ impl Store {
         let mut read = self.readers().begin().await?;
         let (id, _) = find(&mut read, key).await?;
         let words: Vec<String> =
-            sqlx::query_scalar("select distinct form from device_kernel where kernel = ? and form <> '' order by form")
+            scalar("select distinct form from device_kernel where kernel = $1 and form <> '' order by form")
                 .bind(id)
-                .fetch_all(&mut *read)
+                .fetch_all(&mut read)
                 .await?;
         words.into_iter().map(|word| from_word("device_kernel.form", word)).collect()
     }
@@ -128,15 +127,16 @@ async fn store_report(write: &mut Write, report: &Report) -> Result<(), StoreErr
     }
     let display = &installed.kernel.display;
     create(write.sql(), display, device).await?;
-    sqlx::query("update device set agent = ?, report_time_ms = ? where display = ? and id = ?")
+    query("update device set agent = $1, report_time_ms = $2 where display = $3 and id = $4")
         .bind(agent)
         .bind(installed.report_time_ms)
         .bind(display)
         .bind(device)
         .execute(write.sql())
         .await?;
-    sqlx::query(
-        "insert into device_kernel values (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) on conflict do update set \
+    query(
+        "insert into device_kernel values ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11) \
+         on conflict (display, device, kernel) do update set \
          version = excluded.version, form = excluded.form, digest = excluded.digest, \
          generation = excluded.generation, tried_version = excluded.tried_version, message = excluded.message, \
          self_test_loss = excluded.self_test_loss, report_time_ms = excluded.report_time_ms",
@@ -163,11 +163,11 @@ fn device_changed(display: &str, device: &str) -> Changed {
 }
 
 /// Creates a device if it is unknown.
-async fn create(sql: &mut SqliteConnection, display: &str, device: &str) -> Result<(), StoreError> {
-    let state = "select exists (select 1 from display where id = ?1), \
-                 exists (select 1 from device where display = ?1 and id = ?2)";
+async fn create(sql: &mut Connection, display: &str, device: &str) -> Result<(), StoreError> {
+    let state = "select exists (select 1 from display where id = $1), \
+                 exists (select 1 from device where display = $1 and id = $2)";
     let (display_exists, device_exists): (bool, bool) =
-        sqlx::query_as(state).bind(display).bind(device).fetch_one(&mut *sql).await?;
+        query_as(state).bind(display).bind(device).fetch_one(&mut *sql).await?;
     if !display_exists {
         return Err(StoreError::not_found(format!("displays/{display}")));
     }
@@ -175,12 +175,12 @@ async fn create(sql: &mut SqliteConnection, display: &str, device: &str) -> Resu
         return Ok(());
     }
     let devices: u32 =
-        sqlx::query_scalar("select count(*) from device where display = ?").bind(display).fetch_one(&mut *sql).await?;
+        scalar("select count(*) from device where display = $1").bind(display).fetch_one(&mut *sql).await?;
     if devices >= DEVICES_MAX {
         let message = format!("displays/{display} has {DEVICES_MAX} devices, which is the limit; delete old ones");
         return Err(StoreError::precondition(PreconditionReason::DevicesFull, message));
     }
-    sqlx::query("insert into device (display, id) values (?, ?)").bind(display).bind(device).execute(sql).await?;
+    query("insert into device (display, id) values ($1, $2)").bind(display).bind(device).execute(sql).await?;
     Ok(())
 }
 
@@ -190,15 +190,15 @@ fn not_found(display: &str, device: &str) -> StoreError {
 
 /// The devices of rows that are in the order of their ids, with their kernels.
 async fn with_kernels(
-    sql: &mut SqliteConnection,
+    sql: &mut Connection,
     display: &str,
-    rows: &[SqliteRow],
+    rows: &[Row],
 ) -> Result<Vec<Device>, StoreError> {
     let mut devices = rows.iter().map(|row| device_of(display, row)).collect::<Result<Vec<_>, _>>()?;
     let (Some(first), Some(last)) = (devices.first(), devices.last()) else { return Ok(devices) };
-    let kernels = sqlx::query(
+    let kernels = query(
         "select d.*, k.wavelength_pm, k.distance_nm from device_kernel d join kernel k on k.id = d.kernel \
-         where d.display = ? and d.device between ? and ? order by d.device, k.name",
+         where d.display = $1 and d.device between $2 and $3 order by d.device, k.name",
     )
     .bind(display)
     .bind(&first.id)
@@ -208,7 +208,7 @@ async fn with_kernels(
     let mut kernels = kernels.iter().peekable();
     for device in &mut devices {
         while let Some(row) = kernels.peek() {
-            if row.try_get::<&str, _>("device")? != device.id {
+            if row.try_get::<String>("device")? != device.id {
                 break;
             }
             device.kernels.push(installed_of(display, row)?);
@@ -218,7 +218,7 @@ async fn with_kernels(
     Ok(devices)
 }
 
-fn device_of(display: &str, row: &SqliteRow) -> Result<Device, StoreError> {
+fn device_of(display: &str, row: &Row) -> Result<Device, StoreError> {
     Ok(Device {
         display: display.to_owned(),
         id: row.try_get("id")?,
@@ -229,7 +229,7 @@ fn device_of(display: &str, row: &SqliteRow) -> Result<Device, StoreError> {
     })
 }
 
-fn installed_of(display: &str, row: &SqliteRow) -> Result<InstalledKernel, StoreError> {
+fn installed_of(display: &str, row: &Row) -> Result<InstalledKernel, StoreError> {
     let file = match row.try_get("version")? {
         None => None,
         Some(version) => Some(InstalledFile {
@@ -245,7 +245,7 @@ fn installed_of(display: &str, row: &SqliteRow) -> Result<InstalledKernel, Store
             distance: Distance { nm: row.try_get("distance_nm")? },
         },
         file,
-        generation: row.try_get::<i64, _>("generation")?.unsigned_abs(),
+        generation: row.try_get::<i64>("generation")?.unsigned_abs(),
         tried_version: row.try_get("tried_version")?,
         message: row.try_get("message")?,
         self_test_loss: row.try_get("self_test_loss")?,

@@ -2,11 +2,10 @@
 
 use super::changes::Changed;
 use super::rows::{from_json, to_json};
+use super::sql::{Row, query, scalar};
 use super::{Store, StoreError, page};
 use lightpath_domain::display::Display;
 use lightpath_domain::reason::PreconditionReason;
-use sqlx::Row;
-use sqlx::sqlite::SqliteRow;
 
 impl Store {
     /// Stores a display and returns it with its creation time \[ms since 1970\]. Storing the same display again changes
@@ -19,16 +18,16 @@ impl Store {
         let (id, content) = (display.id.clone(), to_json("display.content", display)?);
         self.write(move |write| {
             Box::pin(async move {
-                sqlx::query(
-                    "insert into display (id, content, create_time_ms) values (?, ?, ?) on conflict do nothing",
+                query(
+                    "insert into display (id, content, create_time_ms) values ($1, $2, $3) on conflict do nothing",
                 )
                 .bind(&id)
                 .bind(&content)
                 .bind(now_ms)
                 .execute(write.sql())
                 .await?;
-                let row = sqlx::query("select * from display where id = ?").bind(&id).fetch_one(write.sql()).await?;
-                if row.try_get::<String, _>("content")? != content {
+                let row = query("select * from display where id = $1").bind(&id).fetch_one(write.sql()).await?;
+                if row.try_get::<String>("content")? != content {
                     return Err(StoreError::exists(
                         format!("displays/{id}"),
                         "with other properties; choose another id",
@@ -47,7 +46,7 @@ impl Store {
     ///
     /// [`StoreError::NotFound`].
     pub async fn display(&self, id: &str) -> Result<(Display, i64), StoreError> {
-        let row = sqlx::query("select * from display where id = ?").bind(id).fetch_optional(self.readers()).await?;
+        let row = query("select * from display where id = $1").bind(id).fetch_optional(self.readers()).await?;
         display_of(&row.ok_or_else(|| StoreError::not_found(format!("displays/{id}")))?)
     }
 
@@ -58,7 +57,7 @@ impl Store {
     ///
     /// [`StoreError::Database`].
     pub async fn displays(&self, after: Option<&str>, limit: u32) -> Result<Vec<(Display, i64)>, StoreError> {
-        let rows = sqlx::query("select * from display where id > ? order by id limit ?")
+        let rows = query("select * from display where id > $1 order by id limit $2")
             .bind(after.unwrap_or(""))
             .bind(page(limit))
             .fetch_all(self.readers())
@@ -75,10 +74,10 @@ impl Store {
         let id = id.to_owned();
         self.write(move |write| {
             Box::pin(async move {
-                let users: Option<String> = sqlx::query_scalar(
-                    "select 'dataset' from dataset where display = ?1 union all \
-                     select 'kernel' from kernel where display = ?1 union all \
-                     select 'job' from job where display = ?1 limit 1",
+                let users: Option<String> = scalar(
+                    "select 'dataset' from dataset where display = $1 union all \
+                     select 'kernel' from kernel where display = $1 union all \
+                     select 'job' from job where display = $1 limit 1",
                 )
                 .bind(&id)
                 .fetch_optional(write.sql())
@@ -87,8 +86,8 @@ impl Store {
                     let message = format!("displays/{id} cannot be deleted while a {user} refers to it");
                     return Err(StoreError::precondition(PreconditionReason::DisplayInUse, message));
                 }
-                let deleted = sqlx::query("delete from display where id = ?").bind(&id).execute(write.sql()).await?;
-                match deleted.rows_affected() {
+                let deleted = query("delete from display where id = $1").bind(&id).execute(write.sql()).await?;
+                match deleted {
                     0 => Err(StoreError::not_found(format!("displays/{id}"))),
                     _ => {
                         write.announce_changed(Changed::Display(id));
@@ -101,7 +100,7 @@ impl Store {
     }
 }
 
-fn display_of(row: &SqliteRow) -> Result<(Display, i64), StoreError> {
+fn display_of(row: &Row) -> Result<(Display, i64), StoreError> {
     let content: String = row.try_get("content")?;
     Ok((from_json("display.content", &content)?, row.try_get("create_time_ms")?))
 }

@@ -7,12 +7,11 @@ use super::kernels::append_version;
 use super::leases::{bind_lease, fenced, job_or_lease_lost, read};
 use super::prepared::store_prepared;
 use super::rows::to_json;
+use super::sql::{Row, query};
 use super::write::Write;
 use super::{Store, StoreError, dependencies};
 use lightpath_domain::job::{FailureReason, Job, JobEffect, JobError, JobResult, Lease};
 use lightpath_domain::kernel::{KernelKey, NewKernelVersion};
-use sqlx::Row;
-use sqlx::sqlite::SqliteRow;
 
 /// Limit on the leases that one call expires. The next call expires the remaining ones.
 const EXPIRED_MAX: i64 = 1000;
@@ -212,8 +211,8 @@ async fn finish(
         }
     }
     let sql = fenced!(
-        "state = 'succeeded', lease_id = null, lease_until_ms = null, worker = null, finish_time_ms = ?4, \
-         error = null, checkpoint = null, result = ?5"
+        "state = 'succeeded', lease_id = null, lease_until_ms = null, worker = null, finish_time_ms = $4, \
+         error = null, checkpoint = null, result = $5"
     );
     let query = bind_lease(sql, lease).bind(now_ms).bind(to_json("job.result", &result)?);
     let job = job_or_lease_lost(query.fetch_optional(write.sql()).await?)?;
@@ -240,7 +239,7 @@ async fn expire(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, StoreError> 
     let mut jobs = Vec::new();
     for row in running(write, now_ms).await? {
         let job = job_of(&row)?;
-        let message = format!("{} sent no heartbeat before its lease expired", row.try_get::<String, _>("worker")?);
+        let message = format!("{} sent no heartbeat before its lease expired", row.try_get::<String>("worker")?);
         let error = JobError { reason: FailureReason::LeaseExpired, message, retryable: true };
         let ending = after_failure(&job, row.try_get("failures")?, row.try_get("crashes")?, error, Some(now_ms));
         jobs.push(end(write, &job.id, ending, now_ms).await?);
@@ -261,7 +260,7 @@ async fn release_running(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, Sto
 async fn recover_orphans(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, StoreError> {
     let mut jobs = Vec::new();
     for row in running(write, i64::MAX).await? {
-        let (job, failures, crashes) = (job_of(&row)?, row.try_get("failures")?, row.try_get::<i64, _>("crashes")? + 1);
+        let (job, failures, crashes) = (job_of(&row)?, row.try_get("failures")?, row.try_get::<i64>("crashes")? + 1);
         let spent = failures + crashes >= i64::from(job.attempts_max);
         let ending = match (job.cancel_requested, spent) {
             (true, _) => Ending::Cancelled,
@@ -274,16 +273,16 @@ async fn recover_orphans(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, Sto
                 Ending::Failed { failures, error }
             }
         };
-        sqlx::query("update job set crashes = ? where id = ?").bind(crashes).bind(&job.id).execute(write.sql()).await?;
+        query("update job set crashes = $1 where id = $2").bind(crashes).bind(&job.id).execute(write.sql()).await?;
         jobs.push(end(write, &job.id, ending, now_ms).await?);
     }
     Ok(jobs)
 }
 
 /// At most [`EXPIRED_MAX`] running jobs whose leases end by `until_ms`.
-async fn running(write: &mut Write, until_ms: i64) -> Result<Vec<SqliteRow>, StoreError> {
-    let sql = "select * from job where state = 'running' and lease_until_ms <= ? order by lease_until_ms limit ?";
-    Ok(sqlx::query(sql).bind(until_ms).bind(EXPIRED_MAX).fetch_all(write.sql()).await?)
+async fn running(write: &mut Write, until_ms: i64) -> Result<Vec<Row>, StoreError> {
+    let sql = "select * from job where state = 'running' and lease_until_ms <= $1 order by lease_until_ms limit $2";
+    Ok(query(sql).bind(until_ms).bind(EXPIRED_MAX).fetch_all(write.sql()).await?)
 }
 
 /// Chooses the end of an attempt that ends because its worker stops: requeued in its old place, or cancelled.
@@ -315,11 +314,11 @@ fn after_failure(job: &Job, failures: i64, crashes: i64, mut error: JobError, re
 /// Ends the attempt of a running job. The caller has checked in this transaction that the lease is valid or has
 /// expired.
 async fn end(write: &mut Write, id: &str, ending: Ending, now_ms: i64) -> Result<Job, StoreError> {
-    let sql = "update job set state = ?2, lease_id = null, lease_until_ms = null, worker = null, \
-               run_time_ms = coalesce(?3, run_time_ms), finish_time_ms = ?4, failures = coalesce(?5, failures), \
-               error = ?6, cancel_requested = ?2 = 'cancelled', \
-               checkpoint = case ?2 when 'cancelled' then null else checkpoint end, revision = revision + 1 \
-               where id = ?1 and state = 'running' returning *";
+    let sql = "update job set state = $2, lease_id = null, lease_until_ms = null, worker = null, \
+               run_time_ms = coalesce($3, run_time_ms), finish_time_ms = $4, failures = coalesce($5, failures), \
+               error = $6, cancel_requested = case $2 when 'cancelled' then 1 else 0 end, \
+               checkpoint = case $2 when 'cancelled' then null else checkpoint end, revision = revision + 1 \
+               where id = $1 and state = 'running' returning *";
     let (state, run_time, finish_time, failures, error, message) = match ending {
         Ending::Requeued { run_time_ms, failures, cause } => {
             let (error, message) = match cause {
@@ -338,7 +337,7 @@ async fn end(write: &mut Write, id: &str, ending: Ending, now_ms: i64) -> Result
         }
         Ending::Cancelled => ("cancelled", None, Some(now_ms), None, None, "cancelled".to_owned()),
     };
-    let row = sqlx::query(sql)
+    let row = query(sql)
         .bind(id)
         .bind(state)
         .bind(run_time)

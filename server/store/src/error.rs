@@ -1,6 +1,8 @@
 //! Errors of the store.
 
 use lightpath_domain::reason::PreconditionReason;
+use serde::de::Error as _;
+use std::fmt::Display;
 
 lightpath_domain::reasons! {
     /// What changed during a request, as a code for programs.
@@ -144,6 +146,10 @@ impl StoreError {
 
     pub(super) fn precondition(reason: PreconditionReason, message: impl Into<String>) -> Self {
         Self::Precondition { reason, message: message.into() }
+    }
+
+    pub(super) fn corrupt(column: &'static str, problem: impl Display) -> Self {
+        Self::Corrupt { column, source: serde_json::Error::custom(problem) }
     }
 
     /// Whether the same call may succeed later, if necessary after an operator has made room on the disk.

@@ -1,10 +1,10 @@
 //! The events of a job, for people.
 
 use super::changes::Change;
+use super::sql::query;
 use super::write::Write;
 use super::{Store, StoreError, page};
 use lightpath_domain::job::{Job, JobEvent};
-use sqlx::Row;
 
 impl Store {
     /// At most `limit` events of a job, oldest first, behind the event `after`.
@@ -14,7 +14,7 @@ impl Store {
     /// [`StoreError::NotFound`] if the job does not exist.
     pub async fn events(&self, job: &str, after: Option<i64>, limit: u32) -> Result<Vec<JobEvent>, StoreError> {
         self.job(job).await?;
-        let rows = sqlx::query("select * from job_event where job = ? and sequence > ? order by sequence limit ?")
+        let rows = query("select * from job_event where job = $1 and sequence > $2 order by sequence limit $3")
             .bind(job)
             .bind(after.unwrap_or(0))
             .bind(page(limit))
@@ -44,16 +44,16 @@ pub(super) async fn append_event(
     now_ms: i64,
     message: impl Into<String>,
 ) -> Result<(), StoreError> {
-    sqlx::query("insert into job_event (job, time_ms, attempt, message) values (?, ?, ?, ?)")
+    query("insert into job_event (job, time_ms, attempt, message) values ($1, $2, $3, $4)")
         .bind(&job.id)
         .bind(now_ms)
         .bind(job.attempt)
         .bind(message.into())
         .execute(write.sql())
         .await?;
-    let forget_old = "delete from job_event where job = ?1 and sequence <= \
-                      (select sequence from job_event where job = ?1 order by sequence desc limit 1 offset ?2)";
-    sqlx::query(forget_old).bind(&job.id).bind(EVENTS_MAX).execute(write.sql()).await?;
+    let forget_old = "delete from job_event where job = $1 and sequence <= \
+                      (select sequence from job_event where job = $1 order by sequence desc limit 1 offset $2)";
+    query(forget_old).bind(&job.id).bind(EVENTS_MAX).execute(write.sql()).await?;
     write.announce(Change::Job(job.id.clone()));
     // Each end of a job is an event; its progress is none.
     write.announce(Change::Deliverable);

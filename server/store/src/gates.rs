@@ -2,10 +2,10 @@
 
 use super::changes::Changed;
 use super::rows::{from_json, to_json};
+use super::sql::query;
 use super::{Store, StoreError, page};
 use lightpath_domain::kernel::Cause;
 use lightpath_domain::promotion::{GateChange, PromotionGate};
-use sqlx::Row;
 
 impl Store {
     /// Sets the promotion gate of a display.
@@ -23,9 +23,9 @@ impl Store {
         let (display, gate, cause) = (display.to_owned(), to_json("promotion_gate.gate", gate)?, cause.clone());
         self.write(move |write| {
             Box::pin(async move {
-                let inserted = sqlx::query(
+                let inserted = query(
                     "insert into promotion_gate (display, time_ms, caller, reason, gate) \
-                     select id, ?, ?, ?, ? from display where id = ?",
+                     select id, $1, $2, $3, $4 from display where id = $5",
                 )
                 .bind(now_ms)
                 .bind(cause.caller)
@@ -34,7 +34,7 @@ impl Store {
                 .bind(&display)
                 .execute(write.sql())
                 .await?;
-                match inserted.rows_affected() {
+                match inserted {
                     0 => Err(StoreError::not_found(format!("displays/{display}"))),
                     _ => {
                         write.announce_changed(Changed::Display(display));
@@ -52,7 +52,7 @@ impl Store {
     ///
     /// [`StoreError::Database`].
     pub async fn gates(&self, display: &str, limit: u32) -> Result<Vec<GateChange>, StoreError> {
-        let rows = sqlx::query("select * from promotion_gate where display = ? order by sequence desc limit ?")
+        let rows = query("select * from promotion_gate where display = $1 order by sequence desc limit $2")
             .bind(display)
             .bind(page(limit))
             .fetch_all(self.readers())

@@ -2,12 +2,18 @@
 
 use super::datasets::with_pairs;
 use super::open::{MIGRATIONS, connect_options, create_private};
+use super::rows::{from_json, from_json_option};
+use super::sql::{Connection, query, query_as, scalar};
 use super::{Store, StoreError};
 use lightpath_domain::dataset::digest;
+use serde_json::Value;
+use sqlx::postgres::PgConnectOptions;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection};
-use sqlx::{ConnectOptions as _, Connection as _, Row};
+use sqlx::{ConnectOptions as _, Connection as _};
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
+use std::str::FromStr as _;
 
 /// Rows of one page of artifacts.
 const PAGE: i64 = 1000;
@@ -15,7 +21,7 @@ const PAGE: i64 = 1000;
 /// A read-only connection to a database.
 #[derive(Debug)]
 pub struct Inspection {
-    connection: SqliteConnection,
+    connection: Connection,
 }
 
 /// Numbers of stored records.
@@ -78,7 +84,19 @@ impl Inspection {
     pub async fn open(path: &Path) -> Result<Self, StoreError> {
         let mut connection = connect(path).await?;
         sqlx::query("pragma query_only = on").execute(&mut connection).await?;
-        let mut inspection = Self { connection };
+        let mut inspection = Self { connection: Connection::SqliteFile(connection) };
+        inspection.steps().await?;
+        Ok(inspection)
+    }
+
+    /// Connects to the PostgreSQL database of a `url` for reading.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`] if the server cannot be reached or refuses; [`StoreError::NewerDatabase`].
+    pub async fn connect(url: &str) -> Result<Self, StoreError> {
+        let options = PgConnectOptions::from_str(url)?.options([("default_transaction_read_only", "on")]);
+        let mut inspection = Self { connection: Connection::PostgresServer(options.connect().await?) };
         inspection.steps().await?;
         Ok(inspection)
     }
@@ -105,28 +123,32 @@ impl Inspection {
     /// [`StoreError::NewerDatabase`] if this version does not know one of the migrations.
     pub async fn steps(&mut self) -> Result<Vec<&'static str>, StoreError> {
         let applied: Vec<i64> =
-            sqlx::query_scalar("select version from _sqlx_migrations where success order by version")
+            scalar("select version from _sqlx_migrations where success order by version")
                 .fetch_all(&mut self.connection)
                 .await?;
         applied
             .into_iter()
             .map(|version| {
                 let known = usize::try_from(version - 1).ok().and_then(|index| MIGRATIONS.get(index));
-                known.map(|(name, _)| *name).ok_or(StoreError::NewerDatabase { step: version })
+                known.map(|step| step.name).ok_or(StoreError::NewerDatabase { step: version })
             })
             .collect()
     }
 
-    /// Errors that SQLite finds in pages, indexes, constraints and references between rows.
+    /// Errors that SQLite finds in pages, indexes, constraints and references between rows. PostgreSQL has programs of
+    /// its own for that, such as `pg_amcheck`, so none are found there.
     ///
     /// # Errors
     ///
     /// [`StoreError::Database`].
     pub async fn damages(&mut self) -> Result<Vec<String>, StoreError> {
+        if self.connection.is_postgres() {
+            return Ok(Vec::new());
+        }
         let mut damages: Vec<String> =
-            sqlx::query_scalar("pragma integrity_check").fetch_all(&mut self.connection).await?;
+            scalar("pragma integrity_check").fetch_all(&mut self.connection).await?;
         damages.retain(|damage| damage != "ok");
-        for row in sqlx::query("pragma foreign_key_check").fetch_all(&mut self.connection).await? {
+        for row in query("pragma foreign_key_check").fetch_all(&mut self.connection).await? {
             let (table, parent): (String, String) = (row.try_get("table")?, row.try_get("parent")?);
             damages.push(format!("a row of {table} refers to a row of {parent} that does not exist"));
         }
@@ -139,9 +161,10 @@ impl Inspection {
     ///
     /// [`StoreError::Database`].
     pub async fn contradictions(&mut self) -> Result<Vec<String>, StoreError> {
-        let sql = "select job.id, (select count(*) from job_event e where e.job = job.id and e.message = 'succeeded') as ends \
-                   from job where ends <> (state = 'succeeded')";
-        let rows = sqlx::query(sql).fetch_all(&mut self.connection).await?;
+        let sql = "select id, ends from (select id, state, (select count(*) from job_event e where e.job = job.id \
+                   and e.message = 'succeeded') as ends from job) counted \
+                   where ends <> case state when 'succeeded' then 1 else 0 end";
+        let rows = query(sql).fetch_all(&mut self.connection).await?;
         rows.iter()
             .map(|row| {
                 let (id, ends): (String, i64) = (row.try_get("id")?, row.try_get("ends")?);
@@ -156,7 +179,7 @@ impl Inspection {
     ///
     /// [`StoreError::Database`]; [`StoreError::Corrupt`] if the content of a dataset cannot be parsed.
     pub async fn changed_datasets(&mut self) -> Result<Vec<String>, StoreError> {
-        let ids: Vec<String> = sqlx::query_scalar("select id from dataset where digest is not null order by id")
+        let ids: Vec<String> = scalar("select id from dataset where digest is not null order by id")
             .fetch_all(&mut self.connection)
             .await?;
         let mut changed = Vec::new();
@@ -175,9 +198,9 @@ impl Inspection {
     ///
     /// [`StoreError::Database`].
     pub async fn counts(&mut self) -> Result<Counts, StoreError> {
-        let (jobs, artifacts, artifact_bytes, kernel_versions): (i64, i64, i64, i64) = sqlx::query_as(
+        let (jobs, artifacts, artifact_bytes, kernel_versions): (i64, i64, i64, i64) = query_as(
             "select (select count(*) from job), (select count(*) from artifact), \
-             (select coalesce(sum(size_bytes), 0) from artifact), (select count(*) from kernel_version)",
+             (select cast(coalesce(sum(size_bytes), 0) as bigint) from artifact), (select count(*) from kernel_version)",
         )
         .fetch_one(&mut self.connection)
         .await?;
@@ -195,14 +218,14 @@ impl Inspection {
     ///
     /// [`StoreError::Database`].
     pub async fn artifacts_after(&mut self, after: &str) -> Result<Vec<StoredBlob>, StoreError> {
-        let rows = sqlx::query("select digest, size_bytes from artifact where digest > ? order by digest limit ?")
+        let rows = query("select digest, size_bytes from artifact where digest > $1 order by digest limit $2")
             .bind(after)
             .bind(PAGE)
             .fetch_all(&mut self.connection)
             .await?;
         rows.iter()
             .map(|row| {
-                let size_bytes = row.try_get::<i64, _>("size_bytes")?.unsigned_abs();
+                let size_bytes = row.try_get::<i64>("size_bytes")?.unsigned_abs();
                 Ok(StoredBlob { digest: row.try_get("digest")?, size_bytes })
             })
             .collect()
@@ -214,7 +237,7 @@ impl Inspection {
     ///
     /// [`StoreError::Database`].
     pub async fn has_artifact(&mut self, digest: &str) -> Result<bool, StoreError> {
-        let known = sqlx::query_scalar("select exists (select 1 from artifact where digest = ?)").bind(digest);
+        let known = scalar("select exists (select 1 from artifact where digest = $1)").bind(digest);
         Ok(known.fetch_one(&mut self.connection).await?)
     }
 
@@ -224,7 +247,7 @@ impl Inspection {
     ///
     /// [`StoreError::Database`].
     pub async fn checkpoints(&mut self) -> Result<Vec<(String, String)>, StoreError> {
-        let rows = sqlx::query_as("select id, checkpoint from job where checkpoint is not null order by id");
+        let rows = query_as("select id, checkpoint from job where checkpoint is not null order by id");
         Ok(rows.fetch_all(&mut self.connection).await?)
     }
 
@@ -234,7 +257,7 @@ impl Inspection {
     ///
     /// [`StoreError::Database`].
     pub async fn checkpoint_of(&mut self, job: &str) -> Result<Option<String>, StoreError> {
-        let digest = sqlx::query_scalar("select checkpoint from job where id = ?").bind(job);
+        let digest = scalar("select checkpoint from job where id = $1").bind(job);
         Ok(digest.fetch_optional(&mut self.connection).await?.flatten())
     }
 
@@ -245,18 +268,25 @@ impl Inspection {
     ///
     /// [`StoreError::Database`].
     pub async fn dangling_references(&mut self) -> Result<Vec<DanglingReference>, StoreError> {
-        let rows: Vec<(String, String)> = sqlx::query_as(
-            "select distinct 'jobs/' || job.id, node.value from job, json_tree(job.spec) node \
-             where node.type = 'text' and node.value glob 'sha256-*' and length(node.value) = 71 \
-             and not exists (select 1 from artifact where digest = node.value) \
-             union select distinct 'jobs/' || job.id, node.value from job, json_tree(job.result) node \
-             where node.type = 'text' and node.value glob 'sha256-*' and length(node.value) = 71 \
-             and node.key is not 'dataset_digest' \
-             and not exists (select 1 from artifact where digest = node.value)",
-        )
-        .fetch_all(&mut self.connection)
-        .await?;
-        Ok(rows.into_iter().map(|(row, digest)| DanglingReference { row, digest }).collect())
+        let mut dangling = Vec::new();
+        let mut after = String::new();
+        loop {
+            let sql = "select id, spec, result from job where id > $1 order by id limit $2";
+            let rows = query(sql).bind(&after).bind(PAGE).fetch_all(&mut self.connection).await?;
+            let Some(last) = rows.last() else { return Ok(dangling) };
+            after = last.try_get("id")?;
+            for row in &rows {
+                let mut digests = BTreeSet::new();
+                collect_digests(&from_json("job.spec", &row.try_get::<String>("spec")?)?, &mut digests);
+                let result: Option<Value> = from_json_option("job.result", row.try_get("result")?)?;
+                collect_digests(&result.unwrap_or_default(), &mut digests);
+                for digest in digests {
+                    if !self.has_artifact(&digest).await? {
+                        dangling.push(DanglingReference { row: format!("jobs/{}", row.try_get::<String>("id")?), digest });
+                    }
+                }
+            }
+        }
     }
 
     /// Removes the checkpoints of these jobs from a snapshot that no server uses. The jobs will start from the
@@ -284,6 +314,22 @@ impl Inspection {
     /// [`StoreError::Database`].
     pub async fn close(self) -> Result<(), StoreError> {
         Ok(self.connection.close().await?)
+    }
+}
+
+/// Collects the texts of a JSON value that look like digests of artifacts. That of a dataset does not name an artifact.
+fn collect_digests(value: &Value, digests: &mut BTreeSet<String>) {
+    match value {
+        Value::String(text) if text.len() == 71 && text.starts_with("sha256-") => {
+            digests.insert(text.clone());
+        }
+        Value::Array(values) => values.iter().for_each(|value| collect_digests(value, digests)),
+        Value::Object(fields) => {
+            for (_, value) in fields.iter().filter(|(name, _)| *name != "dataset_digest") {
+                collect_digests(value, digests);
+            }
+        }
+        _ => {}
     }
 }
 

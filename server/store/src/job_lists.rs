@@ -2,9 +2,9 @@
 
 use super::job_rows::{job_of, summary_of};
 use super::rows::to_word;
+use super::sql::{Builder, Pool};
 use super::{Store, StoreError, page};
 use lightpath_domain::job::{Job, JobState, JobSummary};
-use sqlx::{QueryBuilder, Sqlite};
 
 /// Columns of a [`JobSummary`].
 const SUMMARY: &str = "id, kind, display, owner, batch, state, cancel_requested, priority, attempt, create_time_ms, \
@@ -40,7 +40,7 @@ impl Store {
     ///
     /// [`StoreError::Database`].
     pub async fn jobs(&self, filter: &JobFilter, after: Option<&str>, limit: u32) -> Result<Vec<Job>, StoreError> {
-        let rows = list_query("*", filter, after, limit)?.build().fetch_all(self.readers()).await?;
+        let rows = list_query(self.readers(), "*", filter, after, limit)?.build().fetch_all(self.readers()).await?;
         rows.iter().map(job_of).collect()
     }
 
@@ -55,7 +55,7 @@ impl Store {
         after: Option<&str>,
         limit: u32,
     ) -> Result<Vec<JobSummary>, StoreError> {
-        let rows = list_query(SUMMARY, filter, after, limit)?.build().fetch_all(self.readers()).await?;
+        let rows = list_query(self.readers(), SUMMARY, filter, after, limit)?.build().fetch_all(self.readers()).await?;
         rows.iter().map(summary_of).collect()
     }
 
@@ -65,7 +65,7 @@ impl Store {
     ///
     /// [`StoreError::NotFound`].
     pub async fn job_summary(&self, id: &str) -> Result<JobSummary, StoreError> {
-        let mut query = QueryBuilder::new(format!("select {SUMMARY} from job where id = "));
+        let mut query = Builder::new(format!("select {SUMMARY} from job where id = "));
         let row = query.push_bind(id.to_owned()).build().fetch_optional(self.readers()).await?;
         summary_of(&row.ok_or_else(|| StoreError::not_found(format!("jobs/{id}")))?)
     }
@@ -74,42 +74,49 @@ impl Store {
 /// The query of a list. Each combination of state, display and batch has an index in the order of the list. Searches
 /// for a kind, an owner or a text find the ids in one narrow index of all jobs.
 pub(super) fn list_query(
+    pool: &Pool,
     columns: &str,
     filter: &JobFilter,
     after: Option<&str>,
     limit: u32,
-) -> Result<QueryBuilder<Sqlite>, StoreError> {
+) -> Result<Builder, StoreError> {
     let order = if filter.oldest_first { "asc" } else { "desc" };
-    let mut query = QueryBuilder::new(format!("select {columns} from job "));
+    let mut query = Builder::new(format!("select {columns} from job "));
     if filter.kind.is_some() || filter.owner.is_some() || filter.text.is_some() {
-        query.push("where id in (select id from job indexed by job_to_search where true");
+        query.push("where id in (select id from job ");
+        query.push(index(pool, "job_to_search")).push(" where true");
         push_conditions(&mut query, filter, after)?;
         query.push(format!(" order by id {order} limit ")).push_bind(page(limit));
         query.push(format!(") order by id {order}"));
     } else {
-        query.push(index_of(filter)).push(" where true");
+        query.push(index(pool, index_of(filter))).push(" where true");
         push_conditions(&mut query, filter, after)?;
         query.push(format!(" order by id {order} limit ")).push_bind(page(limit));
     }
     Ok(query)
 }
 
-/// Left to itself, SQLite may prefer an index that lacks one of the columns.
+/// Left to itself, SQLite may prefer an index that lacks one of the columns. PostgreSQL chooses by its statistics.
+fn index(pool: &Pool, name: &str) -> String {
+    if name.is_empty() || pool.is_postgres() { String::new() } else { format!("indexed by {name}") }
+}
+
+/// The index with exactly the columns of a filter, in the order of the list; empty: the primary key.
 fn index_of(filter: &JobFilter) -> &'static str {
     match (&filter.batch, &filter.display, filter.state) {
         (None, None, None) => "",
-        (None, None, Some(_)) => "indexed by job_by_state",
-        (None, Some(_), None) => "indexed by job_by_display",
-        (None, Some(_), Some(_)) => "indexed by job_by_display_state",
-        (Some(_), None, None) => "indexed by job_by_batch",
-        (Some(_), None, Some(_)) => "indexed by job_by_batch_state",
-        (Some(_), Some(_), None) => "indexed by job_by_batch_display",
-        (Some(_), Some(_), Some(_)) => "indexed by job_by_batch_display_state",
+        (None, None, Some(_)) => "job_by_state",
+        (None, Some(_), None) => "job_by_display",
+        (None, Some(_), Some(_)) => "job_by_display_state",
+        (Some(_), None, None) => "job_by_batch",
+        (Some(_), None, Some(_)) => "job_by_batch_state",
+        (Some(_), Some(_), None) => "job_by_batch_display",
+        (Some(_), Some(_), Some(_)) => "job_by_batch_display_state",
     }
 }
 
 fn push_conditions(
-    query: &mut QueryBuilder<Sqlite>,
+    query: &mut Builder,
     filter: &JobFilter,
     after: Option<&str>,
 ) -> Result<(), StoreError> {

@@ -2,16 +2,15 @@
 
 use super::StoreError;
 use super::rows::{from_json, from_json_option, from_word};
+use super::sql::Row;
 use lightpath_domain::job::{Estimate, Job, JobSummary, Scheduling};
-use sqlx::Row;
-use sqlx::sqlite::SqliteRow;
 
 /// Converts a row of the table `job` into a job.
-pub(super) fn job_of(row: &SqliteRow) -> Result<Job, StoreError> {
+pub(super) fn job_of(row: &Row) -> Result<Job, StoreError> {
     Ok(Job {
         id: row.try_get("id")?,
         request_id: row.try_get("request_id")?,
-        spec: from_json("job.spec", &row.try_get::<String, _>("spec")?)?,
+        spec: from_json("job.spec", &row.try_get::<String>("spec")?)?,
         state: from_word("job.state", row.try_get("state")?)?,
         priority: row.try_get("priority")?,
         attempt: row.try_get("attempt")?,
@@ -25,26 +24,26 @@ pub(super) fn job_of(row: &SqliteRow) -> Result<Job, StoreError> {
         result: from_json_option("job.result", row.try_get("result")?)?,
         cancel_requested: row.try_get("cancel_requested")?,
         checkpoint: row.try_get("checkpoint")?,
-        revision: row.try_get::<i64, _>("revision")?.unsigned_abs(),
+        revision: row.try_get::<i64>("revision")?.unsigned_abs(),
         scheduling: Scheduling {
             owner: row.try_get("owner")?,
             batch: row.try_get("batch")?,
             unique_key: row.try_get("unique_key")?,
             not_before_ms: row.try_get("not_before_ms")?,
             timeout_ms: row.try_get("timeout_ms")?,
-            after: from_json("job.after", &row.try_get::<String, _>("after")?)?,
+            after: from_json("job.after", &row.try_get::<String>("after")?)?,
             label: row.try_get("label")?,
         },
         waiting_for: row.try_get("waiting_for")?,
         estimate: Estimate {
-            memory_bytes: row.try_get::<i64, _>("estimated_bytes")?.unsigned_abs(),
-            time_s: row.try_get::<i64, _>("estimated_ms")? as f64 / 1e3,
+            memory_bytes: row.try_get::<i64>("estimated_bytes")?.unsigned_abs(),
+            time_s: row.try_get::<i64>("estimated_ms")? as f64 / 1e3,
         },
     })
 }
 
 /// Converts the columns that a list shows into what it shows.
-pub(super) fn summary_of(row: &SqliteRow) -> Result<JobSummary, StoreError> {
+pub(super) fn summary_of(row: &Row) -> Result<JobSummary, StoreError> {
     Ok(JobSummary {
         id: row.try_get("id")?,
         kind: row.try_get("kind")?,
@@ -60,7 +59,7 @@ pub(super) fn summary_of(row: &SqliteRow) -> Result<JobSummary, StoreError> {
         finish_time_ms: row.try_get("finish_time_ms")?,
         progress: from_json_option("job.progress", row.try_get("progress")?)?,
         error: from_json_option("job.error", row.try_get("error")?)?,
-        revision: row.try_get::<i64, _>("revision")?.unsigned_abs(),
+        revision: row.try_get::<i64>("revision")?.unsigned_abs(),
         label: row.try_get("label")?,
     })
 }

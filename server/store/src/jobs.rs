@@ -4,10 +4,10 @@ use super::changes::Change;
 use super::events::append_event;
 use super::job_rows::job_of;
 use super::rows::{from_word, to_json};
+use super::sql::{Connection, query, query_as, scalar};
 use super::write::Write;
 use super::{Store, StoreError, dependencies};
 use lightpath_domain::job::{Job, JobSpec, JobState, NewJob, Scheduling};
-use sqlx::{Row, SqliteConnection};
 use uuid::Uuid;
 
 /// Whether a submit created a job.
@@ -78,7 +78,7 @@ impl Store {
     ///
     /// [`StoreError::NotFound`].
     pub async fn job(&self, id: &str) -> Result<Job, StoreError> {
-        let row = sqlx::query("select * from job where id = ?").bind(id).fetch_optional(self.readers()).await?;
+        let row = query("select * from job where id = $1").bind(id).fetch_optional(self.readers()).await?;
         job_of(&row.ok_or_else(|| StoreError::not_found(format!("jobs/{id}")))?)
     }
 
@@ -89,7 +89,7 @@ impl Store {
     ///
     /// [`StoreError::Database`].
     pub async fn job_by_request(&self, owner: &str, request_id: &str) -> Result<Option<Job>, StoreError> {
-        let row = sqlx::query("select * from job where owner = ? and request_id = ?")
+        let row = query("select * from job where owner = $1 and request_id = $2")
             .bind(owner)
             .bind(request_id)
             .fetch_optional(self.readers())
@@ -103,7 +103,7 @@ impl Store {
     ///
     /// [`StoreError::Database`].
     pub async fn live_checkpoints(&self) -> Result<Vec<String>, StoreError> {
-        let digests = sqlx::query_scalar("select checkpoint from job where checkpoint is not null");
+        let digests = scalar("select checkpoint from job where checkpoint is not null");
         Ok(digests.fetch_all(self.readers()).await?)
     }
 
@@ -114,7 +114,7 @@ impl Store {
     /// [`StoreError::Database`].
     pub async fn queue_counts(&self) -> Result<QueueCounts, StoreError> {
         let rows: Vec<(String, i64)> =
-            sqlx::query_as("select state, sum(jobs) from job_count group by state").fetch_all(self.readers()).await?;
+            query_as("select state, cast(sum(jobs) as bigint) from job_count group by state").fetch_all(self.readers()).await?;
         let mut counts = QueueCounts::default();
         for (state, count) in rows {
             let slot = match from_word("job.state", state)? {
@@ -144,15 +144,17 @@ async fn submit(
     require_queue_room(write.sql(), &new, limits).await?;
     let Scheduling { owner, batch, unique_key, not_before_ms, timeout_ms, after, label } = &new.scheduling;
     let unfinished = dependencies::unfinished(write, after).await?;
-    let row = sqlx::query(
+    let id = Uuid::now_v7().to_string();
+    let words = words_of(&id, &new);
+    let row = query(
         "insert into job (id, request_id, display, dataset, spec, state, priority, attempts_max, create_time_ms, \
          run_time_ms, owner, batch, unique_key, not_before_ms, timeout_ms, after, waiting_for, \
          estimated_bytes, estimated_ms, kind, words, label) \
-         values (?1, ?2, ?3, ?4, ?5, 'queued', ?6, ?7, ?8, max(?8, coalesce(?12, ?8)), ?9, ?10, ?11, ?12, ?13, ?14, ?15, \
-         ?16, ?17, ?18, lower(concat_ws(' ', ?1, ?2, ?9, ?10, ?11, ?3, ?4, ?19)), ?19) \
+         values ($1, $2, $3, $4, $5, 'queued', $6, $7, $8, max($8, coalesce($12, $8)), $9, $10, $11, $12, $13, $14, $15, \
+         $16, $17, $18, $20, $19) \
          returning *",
     )
-    .bind(Uuid::now_v7().to_string())
+    .bind(id)
     .bind(&new.request_id)
     .bind(new.spec.display())
     .bind(new.spec.dataset())
@@ -171,6 +173,7 @@ async fn submit(
     .bind((new.estimate.time_s * 1e3) as i64)
     .bind(new.spec.kind())
     .bind(label)
+    .bind(words)
     .fetch_one(write.sql())
     .await?;
     let job = job_of(&row)?;
@@ -181,15 +184,24 @@ async fn submit(
     Ok((job, Submitted::New))
 }
 
+/// What users find a job by, in small letters.
+fn words_of(id: &str, new: &NewJob) -> String {
+    let Scheduling { owner, batch, unique_key, label, .. } = &new.scheduling;
+    let words = [Some(id), Some(&new.request_id), Some(owner), batch.as_deref(), unique_key.as_deref()];
+    let about = [Some(new.spec.display()), new.spec.dataset(), label.as_deref()];
+    let words: Vec<&str> = words.into_iter().chain(about).flatten().collect();
+    words.join(" ").to_ascii_lowercase()
+}
+
 /// The job that an earlier submit of the same request created.
-async fn find_existing(sql: &mut SqliteConnection, new: &NewJob, spec: &str) -> Result<Option<Job>, StoreError> {
-    let query = sqlx::query("select * from job where owner = ? and request_id = ?");
+async fn find_existing(sql: &mut Connection, new: &NewJob, spec: &str) -> Result<Option<Job>, StoreError> {
+    let query = query("select * from job where owner = $1 and request_id = $2");
     let row = query.bind(&new.scheduling.owner).bind(&new.request_id).fetch_optional(sql).await?;
     let Some(row) = row else { return Ok(None) };
     let job = job_of(&row)?;
     // The texts are compared, not the values: a number that was rounded when stored would make the same request look
     // different.
-    let same = row.try_get::<String, _>("spec")? == spec
+    let same = row.try_get::<String>("spec")? == spec
         && job.priority == new.priority
         && job.attempts_max == new.attempts_max
         && job.scheduling == new.scheduling;
@@ -202,9 +214,9 @@ async fn find_existing(sql: &mut SqliteConnection, new: &NewJob, spec: &str) -> 
 
 /// Checks that the queue has room for a job of this owner and that no waiting or running job of the owner has its
 /// unique key.
-async fn require_queue_room(sql: &mut SqliteConnection, new: &NewJob, limits: QueueLimits) -> Result<(), StoreError> {
-    let (queued, owned): (i64, i64) = sqlx::query_as(
-        "select coalesce(sum(jobs), 0), coalesce(sum(jobs) filter (where owner = ?), 0) \
+async fn require_queue_room(sql: &mut Connection, new: &NewJob, limits: QueueLimits) -> Result<(), StoreError> {
+    let (queued, owned): (i64, i64) = query_as(
+        "select coalesce(cast(sum(jobs) as bigint), 0), coalesce(cast(sum(jobs) filter (where owner = $1) as bigint), 0) \
          from job_count where state = 'queued'",
     )
     .bind(&new.scheduling.owner)
@@ -228,18 +240,18 @@ async fn require_queue_room(sql: &mut SqliteConnection, new: &NewJob, limits: Qu
 
 /// Id of the owner's waiting or running job with this unique key.
 pub(super) async fn active_with_key(
-    sql: &mut SqliteConnection,
+    sql: &mut Connection,
     owner: &str,
     key: &str,
 ) -> Result<Option<String>, StoreError> {
     let query =
-        sqlx::query_scalar("select id from job where owner = ? and unique_key = ? and state in ('queued', 'running')");
+        scalar("select id from job where owner = $1 and unique_key = $2 and state in ('queued', 'running')");
     Ok(query.bind(owner).bind(key).fetch_optional(sql).await?)
 }
 
 /// Checks that the display and the datasets of the job exist.
-async fn require_records(sql: &mut SqliteConnection, new: &NewJob) -> Result<(), StoreError> {
-    let query = sqlx::query_scalar("select exists (select 1 from display where id = ?)").bind(new.spec.display());
+async fn require_records(sql: &mut Connection, new: &NewJob) -> Result<(), StoreError> {
+    let query = scalar("select exists (select 1 from display where id = $1)").bind(new.spec.display());
     if !query.fetch_one(&mut *sql).await? {
         return Err(StoreError::not_found(format!("displays/{}", new.spec.display())));
     }
@@ -248,10 +260,10 @@ async fn require_records(sql: &mut SqliteConnection, new: &NewJob) -> Result<(),
 
 /// Checks that the datasets of a job are datasets of its display. Another display may have a dataset with the id of a
 /// deleted one.
-pub(super) async fn require_datasets(sql: &mut SqliteConnection, spec: &JobSpec) -> Result<(), StoreError> {
-    let missing: Option<String> = sqlx::query_scalar(
-        "select value from json_each(?1) where not exists \
-         (select 1 from dataset where id = value and display = ?2) limit 1",
+pub(super) async fn require_datasets(sql: &mut Connection, spec: &JobSpec) -> Result<(), StoreError> {
+    let missing: Option<String> = scalar(
+        "select value from json_each($1) where not exists \
+         (select 1 from dataset where id = value and display = $2) limit 1",
     )
     .bind(to_json("job.spec", &spec.datasets())?)
     .bind(spec.display())
@@ -261,9 +273,9 @@ pub(super) async fn require_datasets(sql: &mut SqliteConnection, spec: &JobSpec)
 }
 
 /// Checks that the artifacts that the new job reads still exist: unused artifacts are removed after a while.
-async fn require_artifacts(sql: &mut SqliteConnection, id: &str) -> Result<(), StoreError> {
-    let missing: Option<String> = sqlx::query_scalar(
-        "select artifact from job_artifact where job = ? \
+async fn require_artifacts(sql: &mut Connection, id: &str) -> Result<(), StoreError> {
+    let missing: Option<String> = scalar(
+        "select artifact from job_artifact where job = $1 \
          and not exists (select 1 from artifact a where a.digest = job_artifact.artifact) limit 1",
     )
     .bind(id)

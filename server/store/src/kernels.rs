@@ -3,26 +3,26 @@
 use super::changes::Change;
 use super::datasets::require_artifact;
 use super::rows::{from_json, from_word, to_json, to_word};
+use super::sql::{Builder, Connection, Row, query, scalar};
 use super::write::Write;
 use super::{Store, StoreError, page};
 use lightpath_domain::kernel::{Cause, Deprecation, Kernel, KernelKey, KernelVersion, NewKernelVersion, VERSIONS_MAX};
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_domain::units::{Distance, Wavelength};
-use sqlx::sqlite::SqliteRow;
-use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
+use std::collections::BTreeMap;
 
 /// Selects kernels. `interpolated` describes the active version, or the latest one if no version is active.
 const KERNELS: &str = "select kernel.*, exists (select 1 from kernel_version v where v.kernel = kernel.id \
                        and v.version = coalesce(kernel.active_version, kernel.latest_version) \
-                       and v.lineage ->> '$.interpolated') as interpolated, \
-                       (select json_group_object(alias, version) from kernel_alias a where a.kernel = kernel.id) \
+                       and v.interpolated = 1) as interpolated, \
+                       (select string_agg(alias || '=' || version, ',') from kernel_alias a where a.kernel = kernel.id) \
                        as aliases, (select number from rollout r where r.kernel = kernel.id \
                        and r.state = 'running') as rollout from kernel";
 /// Selects versions, with the newest row about their deprecation.
-const VERSIONS: &str = "select v.*, v.version is k.active_version as active, k.distance_nm, \
+const VERSIONS: &str = "select v.*, k.active_version is not distinct from v.version as active, k.distance_nm, \
                         d.time_ms as deprecation_time_ms, d.caller as deprecation_caller, \
                         d.reason as deprecation_reason from kernel k join kernel_version v on v.kernel = k.id \
-                        left join kernel_deprecation d on d.deprecated and d.sequence = (select max(sequence) \
+                        left join kernel_deprecation d on d.deprecated = 1 and d.sequence = (select max(sequence) \
                         from kernel_deprecation n where n.kernel = v.kernel and n.version = v.version)";
 
 impl Store {
@@ -47,7 +47,7 @@ impl Store {
         after: Option<&str>,
         limit: u32,
     ) -> Result<Vec<Kernel>, StoreError> {
-        let mut query = QueryBuilder::<Sqlite>::new(KERNELS);
+        let mut query = Builder::new(KERNELS);
         query.push(" where name > ");
         query.push_bind(after.unwrap_or(""));
         if let Some(display) = display {
@@ -67,12 +67,12 @@ impl Store {
         let mut read = self.readers().begin().await?;
         let mut found = Vec::new();
         for (side, order) in [(" and distance_nm <= ", "desc"), (" and distance_nm > ", "asc")] {
-            let mut query = QueryBuilder::<Sqlite>::new(KERNELS);
+            let mut query = Builder::new(KERNELS);
             query.push(" where active_version is not null and display = ").push_bind(&key.display);
             query.push(" and wavelength_pm = ").push_bind(key.wavelength.pm);
             query.push(side).push_bind(key.distance.nm);
             query.push(format!(" order by distance_nm {order} limit 1"));
-            let row = query.build().fetch_optional(&mut *read).await?;
+            let row = query.build().fetch_optional(&mut read).await?;
             found.extend(row.as_ref().map(kernel_of).transpose()?);
             if found.first().is_some_and(|kernel| kernel.key == *key) {
                 break;
@@ -105,11 +105,11 @@ impl Store {
     ) -> Result<Vec<KernelVersion>, StoreError> {
         let mut read = self.readers().begin().await?;
         let (id, _) = find(&mut read, key).await?;
-        let mut query = QueryBuilder::<Sqlite>::new(VERSIONS);
+        let mut query = Builder::new(VERSIONS);
         query.push(" where k.id = ").push_bind(id);
         query.push(" and v.version < ").push_bind(before.map_or(i64::MAX, i64::from));
         query.push(" order by v.version desc limit ").push_bind(page(limit));
-        let rows = query.build().fetch_all(&mut *read).await?;
+        let rows = query.build().fetch_all(&mut read).await?;
         rows.iter().map(|row| version_of(key, row)).collect()
     }
 
@@ -125,16 +125,16 @@ impl Store {
         wavelength: Wavelength,
         limit: u32,
     ) -> Result<Vec<KernelVersion>, StoreError> {
-        let mut query = QueryBuilder::<Sqlite>::new(VERSIONS);
+        let mut query = Builder::new(VERSIONS);
         query.push(" where k.display = ").push_bind(display);
         query.push(" and k.wavelength_pm = ").push_bind(wavelength.pm);
         query.push(
-            " and v.lineage ->> '$.interpolated' = 0 and json_array_length(v.lineage, '$.datasets') > 1 \
-             order by v.create_time_ms desc, v.lineage ->> '$.job', k.distance_nm limit ",
+            " and v.interpolated = 0 and v.datasets > 1 \
+             order by v.create_time_ms desc, v.job, k.distance_nm limit ",
         );
         query.push_bind(page(limit));
         let rows = query.build().fetch_all(self.readers()).await?;
-        let of_row = |row: &SqliteRow| {
+        let of_row = |row: &Row| {
             let distance = Distance { nm: row.try_get("distance_nm")? };
             version_of(&KernelKey { display: display.to_owned(), wavelength, distance }, row)
         };
@@ -158,9 +158,9 @@ impl Store {
         self.write(move |write| {
             Box::pin(async move {
                 find_version(write.sql(), &key, version).await?;
-                sqlx::query(
+                query(
                     "insert into kernel_deprecation (kernel, version, deprecated, time_ms, caller, reason) \
-                     select id, ?, ?, ?, ?, ? from kernel where name = ?",
+                     select id, $1, $2, $3, $4, $5 from kernel where name = $6",
                 )
                 .bind(version)
                 .bind(deprecated)
@@ -208,10 +208,10 @@ pub(super) async fn append_version(
             format!("{key} has {VERSIONS_MAX} versions, which is the limit; declare the display again with another id");
         return Err(StoreError::precondition(PreconditionReason::KernelFull, message));
     }
-    let version: u32 = sqlx::query_scalar(
+    let version: u32 = scalar(
         "insert into kernel_version \
-         (kernel, version, model, artifact, size_bytes, metrics, lineage, create_time_ms) \
-         select id, latest_version + 1, ?2, ?3, ?4, ?5, ?6, ?7 from kernel where id = ?1 returning version",
+         (kernel, version, model, artifact, size_bytes, metrics, lineage, create_time_ms, interpolated, datasets, job) \
+         select id, latest_version + 1, $2, $3, $4, $5, $6, $7, $8, $9, $10 from kernel where id = $1 returning version",
     )
     .bind(id)
     .bind(to_word("kernel_version.model", &content.model)?)
@@ -220,9 +220,12 @@ pub(super) async fn append_version(
     .bind(to_json("kernel_version.metrics", &content.metrics)?)
     .bind(to_json("kernel_version.lineage", &content.lineage)?)
     .bind(now_ms)
+    .bind(content.lineage.interpolated)
+    .bind(content.lineage.datasets.len() as i64)
+    .bind(&content.lineage.job)
     .fetch_one(write.sql())
     .await?;
-    sqlx::query("update kernel set latest_version = ?2 where id = ?1")
+    query("update kernel set latest_version = $2 where id = $1")
         .bind(id)
         .bind(version)
         .execute(write.sql())
@@ -232,16 +235,16 @@ pub(super) async fn append_version(
 }
 
 /// Row id and latest version of the kernel, which is created if it does not exist.
-async fn create(sql: &mut SqliteConnection, key: &KernelKey, now_ms: i64) -> Result<(i64, u32), StoreError> {
-    let known: bool = sqlx::query_scalar("select exists (select 1 from display where id = ?)")
+async fn create(sql: &mut Connection, key: &KernelKey, now_ms: i64) -> Result<(i64, u32), StoreError> {
+    let known: bool = scalar("select exists (select 1 from display where id = $1)")
         .bind(&key.display)
         .fetch_one(&mut *sql)
         .await?;
     if !known {
         return Err(StoreError::not_found(format!("displays/{}", key.display)));
     }
-    sqlx::query(
-        "insert into kernel (name, display, wavelength_pm, distance_nm, create_time_ms) values (?, ?, ?, ?, ?) \
+    query(
+        "insert into kernel (name, display, wavelength_pm, distance_nm, create_time_ms) values ($1, $2, $3, $4, $5) \
          on conflict do nothing",
     )
     .bind(key.to_string())
@@ -256,8 +259,8 @@ async fn create(sql: &mut SqliteConnection, key: &KernelKey, now_ms: i64) -> Res
 }
 
 /// The kernel and its row id.
-pub(super) async fn find(sql: &mut SqliteConnection, key: &KernelKey) -> Result<(i64, Kernel), StoreError> {
-    let mut query = QueryBuilder::<Sqlite>::new(KERNELS);
+pub(super) async fn find(sql: &mut Connection, key: &KernelKey) -> Result<(i64, Kernel), StoreError> {
+    let mut query = Builder::new(KERNELS);
     query.push(" where name = ").push_bind(key.to_string());
     let row = query.build().fetch_optional(sql).await?;
     let row = row.ok_or_else(|| StoreError::not_found(key.to_string()))?;
@@ -266,19 +269,19 @@ pub(super) async fn find(sql: &mut SqliteConnection, key: &KernelKey) -> Result<
 
 /// A version of a kernel.
 pub(super) async fn find_version(
-    sql: &mut SqliteConnection,
+    sql: &mut Connection,
     key: &KernelKey,
     version: u32,
 ) -> Result<KernelVersion, StoreError> {
-    let mut query = QueryBuilder::<Sqlite>::new(VERSIONS);
+    let mut query = Builder::new(VERSIONS);
     query.push(" where k.name = ").push_bind(key.to_string());
     query.push(" and v.version = ").push_bind(version);
     let row = query.build().fetch_optional(sql).await?;
     version_of(key, &row.ok_or_else(|| StoreError::not_found(format!("{key}/versions/{version}")))?)
 }
 
-fn kernel_of(row: &SqliteRow) -> Result<Kernel, StoreError> {
-    let aliases: String = row.try_get("aliases")?;
+fn kernel_of(row: &Row) -> Result<Kernel, StoreError> {
+    let aliases: Option<String> = row.try_get("aliases")?;
     Ok(Kernel {
         key: KernelKey {
             display: row.try_get("display")?,
@@ -289,12 +292,23 @@ fn kernel_of(row: &SqliteRow) -> Result<Kernel, StoreError> {
         latest_version: row.try_get("latest_version")?,
         interpolated: row.try_get("interpolated")?,
         create_time_ms: row.try_get("create_time_ms")?,
-        aliases: from_json("kernel_alias", &aliases)?,
+        aliases: aliases_of(&aliases.unwrap_or_default())?,
         rollout: row.try_get("rollout")?,
     })
 }
 
-fn version_of(key: &KernelKey, row: &SqliteRow) -> Result<KernelVersion, StoreError> {
+/// The aliases in a text such as `good=3,best=7`.
+fn aliases_of(text: &str) -> Result<BTreeMap<String, u32>, StoreError> {
+    let pairs = text.split(',').filter(|pair| !pair.is_empty());
+    let parsed = pairs.map(|pair| {
+        let (alias, version) = pair.split_once('=')?;
+        Some((alias.to_owned(), version.parse().ok()?))
+    });
+    let aliases: Option<_> = parsed.collect();
+    aliases.ok_or_else(|| StoreError::corrupt("kernel_alias", "is no list of aliases"))
+}
+
+fn version_of(key: &KernelKey, row: &Row) -> Result<KernelVersion, StoreError> {
     let metrics: String = row.try_get("metrics")?;
     let lineage: String = row.try_get("lineage")?;
     Ok(KernelVersion {
@@ -303,7 +317,7 @@ fn version_of(key: &KernelKey, row: &SqliteRow) -> Result<KernelVersion, StoreEr
         content: NewKernelVersion {
             model: from_word("kernel_version.model", row.try_get("model")?)?,
             artifact: row.try_get("artifact")?,
-            size_bytes: row.try_get::<i64, _>("size_bytes")?.unsigned_abs(),
+            size_bytes: row.try_get::<i64>("size_bytes")?.unsigned_abs(),
             metrics: from_json("kernel_version.metrics", &metrics)?,
             lineage: from_json("kernel_version.lineage", &lineage)?,
         },
@@ -313,7 +327,7 @@ fn version_of(key: &KernelKey, row: &SqliteRow) -> Result<KernelVersion, StoreEr
     })
 }
 
-fn deprecation_of(row: &SqliteRow) -> Result<Option<Deprecation>, StoreError> {
+fn deprecation_of(row: &Row) -> Result<Option<Deprecation>, StoreError> {
     let Some(time_ms) = row.try_get("deprecation_time_ms")? else { return Ok(None) };
     let cause = Cause { caller: row.try_get("deprecation_caller")?, reason: row.try_get("deprecation_reason")? };
     Ok(Some(Deprecation { time_ms, cause }))

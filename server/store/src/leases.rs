@@ -8,11 +8,10 @@ use super::changes::Change;
 use super::events::append_event;
 use super::job_rows::job_of;
 use super::rows::to_json;
+use super::sql::{Query, Row, query, scalar};
 use super::write::Write;
 use super::{Store, StoreError};
 use lightpath_domain::job::{Job, Lease, Progress};
-use sqlx::sqlite::{SqliteArguments, SqliteRow};
-use sqlx::{Row, Sqlite};
 use uuid::Uuid;
 
 /// Answer to a heartbeat.
@@ -33,13 +32,13 @@ pub struct ClaimLimits {
     pub per_display: u32,
 }
 
-/// SQL of an update that takes effect only while the lease `(?1 job, ?2 attempt, ?3 lease_id)` is valid.
+/// SQL of an update that takes effect only while the lease `($1 job, $2 attempt, $3 lease_id)` is valid.
 macro_rules! fenced {
     ($set:literal) => {
         concat!(
             "update job set revision = revision + 1, ",
             $set,
-            " where id = ?1 and state = 'running' and attempt = ?2 and lease_id = ?3 returning *"
+            " where id = $1 and state = 'running' and attempt = $2 and lease_id = $3 returning *"
         )
     };
 }
@@ -79,9 +78,9 @@ impl Store {
     ///
     /// [`StoreError::Database`].
     pub async fn next_run_time(&self, now_ms: i64) -> Result<Option<i64>, StoreError> {
-        let time = sqlx::query_scalar(
+        let time = scalar(
             "select min((select min(run_time_ms) from job where state = 'queued' and waiting_for = 0 \
-             and priority = lane.priority and owner = lane.owner and display = lane.display and run_time_ms > ?)) \
+             and priority = lane.priority and owner = lane.owner and display = lane.display and run_time_ms > $1)) \
              from lane",
         );
         Ok(time.bind(now_ms).fetch_one(self.readers()).await?)
@@ -97,8 +96,8 @@ impl Store {
         self.write(move |write| {
             Box::pin(async move {
                 // A heartbeat does not count as a change, so the revision stays the same.
-                let sql = "update job set lease_until_ms = max(lease_until_ms, ?4) where id = ?1 and state = 'running' \
-                           and attempt = ?2 and lease_id = ?3 returning *";
+                let sql = "update job set lease_until_ms = max(lease_until_ms, $4) where id = $1 and state = 'running' \
+                           and attempt = $2 and lease_id = $3 returning *";
                 let row = bind_lease(sql, &lease).bind(now_ms + lease_ms).fetch_optional(write.sql()).await?;
                 let job = job_or_lease_lost(row)?;
                 Ok(Heartbeat { until_ms: now_ms + lease_ms, cancel_requested: job.cancel_requested })
@@ -115,8 +114,8 @@ impl Store {
     pub async fn shift_leases(&self, by_ms: i64) -> Result<(), StoreError> {
         self.write(move |write| {
             Box::pin(async move {
-                let sql = "update job set lease_until_ms = lease_until_ms + ? where state = 'running'";
-                sqlx::query(sql).bind(by_ms).execute(write.sql()).await?;
+                let sql = "update job set lease_until_ms = lease_until_ms + $1 where state = 'running'";
+                query(sql).bind(by_ms).execute(write.sql()).await?;
                 Ok(())
             })
         })
@@ -134,11 +133,11 @@ impl Store {
         self.write(move |write| {
             Box::pin(async move {
                 let sql = "with late as (select id as late_id, \
-                               max(coalesce(not_before_ms, 0), ?1 + iif(error is null, 0, ?2)) as latest_ms \
+                               max(coalesce(not_before_ms, 0), $1 + case when error is null then 0 else $2 end) as latest_ms \
                                from job where state = 'queued') \
                            update job set run_time_ms = latest_ms, revision = revision + 1 from late \
                            where id = late_id and run_time_ms > latest_ms returning id";
-                let query = sqlx::query_scalar(sql).bind(now_ms).bind(pause_max_ms);
+                let query = scalar(sql).bind(now_ms).bind(pause_max_ms);
                 let ids: Vec<String> = query.fetch_all(write.sql()).await?;
                 let count = ids.len() as u64;
                 if count > 0 {
@@ -160,7 +159,7 @@ impl Store {
         let (lease, progress) = (lease.clone(), to_json("job.progress", progress)?);
         self.write(move |write| {
             Box::pin(async move {
-                let query = bind_lease(fenced!("progress = ?4"), &lease).bind(progress);
+                let query = bind_lease(fenced!("progress = $4"), &lease).bind(progress);
                 job_or_lease_lost(query.fetch_optional(write.sql()).await?)?;
                 write.announce(Change::Job(lease.job));
                 Ok(())
@@ -180,7 +179,7 @@ impl Store {
         self.write(move |write| {
             Box::pin(async move {
                 let before = read(write, &lease).await?.0.checkpoint;
-                let query = bind_lease(fenced!("checkpoint = ?4, failures = 0, crashes = 0"), &lease).bind(&digest);
+                let query = bind_lease(fenced!("checkpoint = $4, failures = 0, crashes = 0"), &lease).bind(&digest);
                 job_or_lease_lost(query.fetch_optional(write.sql()).await?)?;
                 write.announce(Change::Job(lease.job));
                 Ok(before.filter(|before| *before != digest))
@@ -198,22 +197,23 @@ async fn claim(
     worker: &str,
 ) -> Result<Option<(Job, Lease)>, StoreError> {
     let lease_id = Uuid::now_v7().to_string();
-    let row = sqlx::query(
-        "update job set state = 'running', attempt = attempt + 1, lease_id = ?1, lease_until_ms = ?2, worker = ?3, \
-         start_time_ms = ?4, progress = null, error = null, revision = revision + 1 \
+    let row = query(
+        "update job set state = 'running', attempt = attempt + 1, lease_id = $1, lease_until_ms = $2, worker = $3, \
+         start_time_ms = $4, progress = null, error = null, revision = revision + 1 \
          where id = ( \
             select next.id from lane \
             join job next on next.id = (select id from job where state = 'queued' and waiting_for = 0 \
-                and priority = lane.priority and owner = lane.owner and display = lane.display and run_time_ms <= ?4 \
+                and priority = lane.priority and owner = lane.owner and display = lane.display and run_time_ms <= $4 \
                 order by run_time_ms, id limit 1) \
             left join (select owner, count(*) as running from job where state = 'running' group by owner) o \
                 on o.owner = lane.owner \
             left join (select display, count(*) as running from job where state = 'running' group by display) d \
                 on d.display = lane.display \
             where not exists (select 1 from pause where pause.display in ('', lane.display)) \
-                and (?5 = 0 or coalesce(o.running, 0) < ?5) and (?6 = 0 or coalesce(d.running, 0) < ?6) \
+                and ($5 = 0 or coalesce(o.running, 0) < $5) and ($6 = 0 or coalesce(d.running, 0) < $6) \
             order by lane.priority, coalesce(o.running, 0), \
-                (select max(start_time_ms) from job where owner = lane.owner and start_time_ms <= ?4), \
+                (select max(start_time_ms) from job where owner = lane.owner and start_time_ms <= $4) \
+                nulls first, \
                 next.run_time_ms, next.id limit 1) \
          returning *",
     )
@@ -234,17 +234,17 @@ async fn claim(
 
 /// The job of a valid lease, the number of its failed attempts, and the number of deaths of the server while it ran.
 pub(super) async fn read(write: &mut Write, lease: &Lease) -> Result<(Job, i64, i64), StoreError> {
-    let sql = "select * from job where id = ?1 and state = 'running' and attempt = ?2 and lease_id = ?3";
+    let sql = "select * from job where id = $1 and state = 'running' and attempt = $2 and lease_id = $3";
     let row = bind_lease(sql, lease).fetch_optional(write.sql()).await?.ok_or(StoreError::LeaseLost)?;
     Ok((job_of(&row)?, row.try_get("failures")?, row.try_get("crashes")?))
 }
 
 /// A query with the lease bound to its first three parameters, in the order of `fenced`.
-pub(super) fn bind_lease<'q>(sql: &'static str, lease: &Lease) -> sqlx::query::Query<'q, Sqlite, SqliteArguments> {
-    sqlx::query(sql).bind(lease.job.clone()).bind(lease.attempt).bind(lease.lease_id.clone())
+pub(super) fn bind_lease(sql: &'static str, lease: &Lease) -> Query {
+    query(sql).bind(lease.job.clone()).bind(lease.attempt).bind(lease.lease_id.clone())
 }
 
 /// The job in the row that an update under a lease returned. Without a row, the lease was not valid.
-pub(super) fn job_or_lease_lost(row: Option<SqliteRow>) -> Result<Job, StoreError> {
+pub(super) fn job_or_lease_lost(row: Option<Row>) -> Result<Job, StoreError> {
     job_of(&row.ok_or(StoreError::LeaseLost)?)
 }

@@ -55,6 +55,7 @@ mod queue;
 mod rollouts;
 mod rows;
 mod signing;
+mod sql;
 mod subscriptions;
 mod tokens;
 mod totals;

@@ -3,11 +3,11 @@
 use super::changes::Change;
 use super::kernels::{find, find_version};
 use super::rows::{from_json, to_json};
+use super::sql::{query, scalar};
 use super::write::Write;
 use super::{AbortReason, Store, StoreError, page};
 use lightpath_domain::kernel::{ACTIVE, Cause, Kernel, KernelKey, KernelMove};
 use lightpath_domain::reason::PreconditionReason;
-use sqlx::Row;
 
 /// Limit on the aliases of a kernel besides `active`: a page of them can be read.
 pub const ALIASES_MAX: usize = 64;
@@ -106,7 +106,7 @@ impl Store {
     pub async fn raise_generations(&self, least: u64) -> Result<(), StoreError> {
         self.write(move |write| {
             Box::pin(async move {
-                sqlx::query("update display set generation = ?1 where generation < ?1")
+                query("update display set generation = $1 where generation < $1")
                     .bind(least as i64)
                     .execute(write.sql())
                     .await?;
@@ -130,11 +130,11 @@ impl Store {
         let mut read = self.readers().begin().await?;
         let (id, _) = find(&mut read, key).await?;
         let rows =
-            sqlx::query("select * from kernel_move where kernel = ? and sequence < ? order by sequence desc limit ?")
+            query("select * from kernel_move where kernel = $1 and sequence < $2 order by sequence desc limit $3")
                 .bind(id)
                 .bind(before.unwrap_or(i64::MAX))
                 .bind(page(limit))
-                .fetch_all(&mut *read)
+                .fetch_all(&mut read)
                 .await?;
         rows.iter()
             .map(|row| {
@@ -147,8 +147,8 @@ impl Store {
                     from_version: row.try_get("from_version")?,
                     to_version: row.try_get("to_version")?,
                     overridden: from_json("kernel_move.overridden", &overridden)?,
-                    generation: row.try_get::<i64, _>("generation")?.unsigned_abs(),
-                    rollback: row.try_get::<Option<i64>, _>("undoes")?.is_some(),
+                    generation: row.try_get::<i64>("generation")?.unsigned_abs(),
+                    rollback: row.try_get::<Option<i64>>("undoes")?.is_some(),
                 })
             })
             .collect()
@@ -198,7 +198,7 @@ async fn set_alias(
         let message = format!("{key} has {ALIASES_MAX} aliases, which is the limit; remove one first");
         return Err(StoreError::precondition(PreconditionReason::KernelFull, message));
     }
-    let generation: i64 = sqlx::query_scalar("select generation from display where id = ?")
+    let generation: i64 = scalar("select generation from display where id = $1")
         .bind(&key.display)
         .fetch_one(write.sql())
         .await?;
@@ -244,8 +244,8 @@ async fn rollback(
     let (id, kernel) = find(write.sql(), key).await?;
     require_no_rollout(&kernel)?;
     require_active(&kernel, expected)?;
-    let last = sqlx::query(
-        "select sequence, from_version from kernel_move m where kernel = ? and alias = 'active' and undoes is null \
+    let last = query(
+        "select sequence, from_version from kernel_move m where kernel = $1 and alias = 'active' and undoes is null \
          and not exists (select 1 from kernel_move u where u.undoes = m.sequence) order by sequence desc limit 1",
     )
     .bind(id)
@@ -276,9 +276,9 @@ async fn rollback(
 /// Raises the generation of a kernel's display, because what its devices get changes.
 pub(super) async fn raise_generation(write: &mut Write, key: &KernelKey, now_ms: i64) -> Result<i64, StoreError> {
     let raise = "update display set generation = generation + 1, \
-                 generation_time_ms = max(generation_time_ms, ?2) where id = ?1 returning generation";
+                 generation_time_ms = max(generation_time_ms, $2) where id = $1 returning generation";
     write.announce(Change::Kernel(key.clone()));
-    Ok(sqlx::query_scalar(raise).bind(&key.display).bind(now_ms).fetch_one(write.sql()).await?)
+    Ok(scalar(raise).bind(&key.display).bind(now_ms).fetch_one(write.sql()).await?)
 }
 
 async fn apply(
@@ -289,10 +289,10 @@ async fn apply(
     generation: i64,
     now_ms: i64,
 ) -> Result<Kernel, StoreError> {
-    sqlx::query(
+    query(
         "insert into kernel_move \
          (kernel, alias, time_ms, caller, from_version, to_version, reason, overridden, generation, undoes) \
-         values (?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+         values ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10)",
     )
     .bind(id)
     .bind(step.alias)
@@ -307,13 +307,13 @@ async fn apply(
     .execute(write.sql())
     .await?;
     let change = match (step.alias, step.to) {
-        (ACTIVE, _) => "update kernel set active_version = ?3 where id = ?1",
-        (_, None) => "delete from kernel_alias where kernel = ?1 and alias = ?2 and ?3 is null",
+        (ACTIVE, _) => "update kernel set active_version = $3 where id = $1",
+        (_, None) => "delete from kernel_alias where kernel = $1 and alias = $2 and $3 is null",
         (_, Some(_)) => {
-            "insert into kernel_alias values (?1, ?2, ?3) on conflict do update set version = excluded.version"
+            "insert into kernel_alias values ($1, $2, $3) on conflict (kernel, alias) do update set version = excluded.version"
         }
     };
-    sqlx::query(change).bind(id).bind(step.alias).bind(step.to).execute(write.sql()).await?;
+    query(change).bind(id).bind(step.alias).bind(step.to).execute(write.sql()).await?;
     write.announce(Change::Kernel(key.clone()));
     Ok(find(write.sql(), key).await?.1)
 }

@@ -1,17 +1,20 @@
-//! Opening the database: files, pragmas, migrations.
+//! Opening the database: SQLite's files and pragmas, PostgreSQL's connections, migrations.
 
 use super::StoreError;
 use super::changes::Changes;
+use super::sql::Pool;
 use sqlx::migrate::{MigrateError, Migration, MigrationType, Migrator};
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous};
+use sqlx::postgres::{PgConnectOptions, PgPoolOptions};
 use sqlx::{AssertSqlSafe, SqlSafeStr};
 use std::fs::File;
 use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::{Path, PathBuf};
+use std::str::FromStr as _;
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Number of read connections. Reads are short, and more connections would only wait for the same disk and cores.
+/// Number of read connections to SQLite. Reads are short, and more connections would only wait for the same disk and cores.
 const READERS: u32 = 4;
 
 /// How long a statement waits for a lock before it fails with BUSY. Only another process can hold such a lock.
@@ -22,19 +25,46 @@ const BUSY_TIMEOUT: Duration = Duration::from_secs(10);
 const SQLITE_MIN: (u32, u32, u32) = (3, 51, 3);
 const SQLITE_MIN_TEXT: &str = "3.51.3";
 
-/// Migrations in order, one file each. The first [`STEPS_OF_0_1_0`] make a database of version 0.1.0, each for one
-/// subject. Changes of later versions are in files of their own. A released migration never changes.
-pub(super) const MIGRATIONS: &[(&str, &str)] = &[
-    ("0001_displays", include_str!("../../../migrations/0001_displays.sql")),
-    ("0002_artifacts", include_str!("../../../migrations/0002_artifacts.sql")),
-    ("0003_datasets", include_str!("../../../migrations/0003_datasets.sql")),
-    ("0004_kernels", include_str!("../../../migrations/0004_kernels.sql")),
-    ("0005_jobs", include_str!("../../../migrations/0005_jobs.sql")),
-    ("0006_tokens", include_str!("../../../migrations/0006_tokens.sql")),
-    ("0007_signing", include_str!("../../../migrations/0007_signing.sql")),
-    ("0008_devices", include_str!("../../../migrations/0008_devices.sql")),
-    ("0009_webhooks", include_str!("../../../migrations/0009_webhooks.sql")),
-];
+/// Number of read connections to PostgreSQL.
+const POSTGRES_READERS: u32 = 8;
+
+/// Number of write connections to PostgreSQL. Writers take turns, so most of these wait.
+const POSTGRES_WRITERS: u32 = 4;
+
+/// How long a caller waits for a connection to PostgreSQL.
+const ACQUIRE_TIMEOUT: Duration = Duration::from_secs(30);
+
+/// The text of a migration for each database.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Step {
+    pub(super) name: &'static str,
+    pub(super) sqlite: &'static str,
+    postgres: &'static str,
+}
+
+macro_rules! steps {
+    ($($name:literal),*) => {
+        &[$(Step {
+            name: $name,
+            sqlite: include_str!(concat!("../../../migrations/sqlite/", $name, ".sql")),
+            postgres: include_str!(concat!("../../../migrations/postgres/", $name, ".sql")),
+        }),*]
+    };
+}
+
+/// Migrations in order, one file each for each database. The first [`STEPS_OF_0_1_0`] make a database of version 0.1.0,
+/// each for one subject. Changes of later versions are in files of their own. A released migration never changes.
+pub(super) const MIGRATIONS: &[Step] = steps!(
+    "0001_displays",
+    "0002_artifacts",
+    "0003_datasets",
+    "0004_kernels",
+    "0005_jobs",
+    "0006_tokens",
+    "0007_signing",
+    "0008_devices",
+    "0009_webhooks"
+);
 
 /// Number of migrations of the oldest version whose databases can be migrated.
 #[cfg(test)]
@@ -48,10 +78,11 @@ pub struct Store {
 
 #[derive(Debug)]
 pub(super) struct Inner {
-    pub(super) writer: SqlitePool,
-    pub(super) readers: SqlitePool,
+    pub(super) writers: Pool,
+    pub(super) readers: Pool,
     pub(super) changes: Changes,
-    pub(super) path: PathBuf,
+    /// The file of SQLite.
+    pub(super) path: Option<PathBuf>,
 }
 
 impl Store {
@@ -68,18 +99,39 @@ impl Store {
         let options = connect_options(path);
         let writer = pool(1).connect_with(options.clone()).await?;
         check_version(&writer).await?;
-        migrator(MIGRATIONS.len()).run(&writer).await.map_err(migration_error)?;
+        migrator(MIGRATIONS.len(), |step| step.sqlite).run(&writer).await.map_err(migration_error)?;
         let readers = pool(READERS).connect_with(options.create_if_missing(false).pragma("query_only", "on")).await?;
-        Ok(Self { inner: Arc::new(Inner { writer, readers, changes: Changes::default(), path: path.to_owned() }) })
+        let (writers, readers) = (Pool::Sqlite(writer), Pool::Sqlite(readers));
+        let path = Some(path.to_owned());
+        Ok(Self { inner: Arc::new(Inner { writers, readers, changes: Changes::default(), path }) })
+    }
+
+    /// Connects to the PostgreSQL database of a `url` such as `postgres://user:password@host/database`, and brings its
+    /// tables up to date. Several processes can do so at the same time.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`] if the server cannot be reached or refuses; [`StoreError::Migration`] and
+    /// [`StoreError::NewerDatabase`] as [`Self::open`].
+    pub async fn connect(url: &str) -> Result<Self, StoreError> {
+        let options = PgConnectOptions::from_str(url)?.application_name("lightpath");
+        let pool = |connections| PgPoolOptions::new().max_connections(connections).acquire_timeout(ACQUIRE_TIMEOUT);
+        let writers = pool(POSTGRES_WRITERS).connect_with(options.clone()).await?;
+        // The migrator takes an advisory lock of its own.
+        migrator(MIGRATIONS.len(), |step| step.postgres).run(&writers).await.map_err(migration_error)?;
+        let read_only = options.options([("default_transaction_read_only", "on")]);
+        let readers = pool(POSTGRES_READERS).connect_with(read_only).await?;
+        let (writers, readers) = (Pool::Postgres(writers), Pool::Postgres(readers));
+        Ok(Self { inner: Arc::new(Inner { writers, readers, changes: Changes::default(), path: None }) })
     }
 
     /// Waits for operations in progress and closes the files. Later calls fail.
     pub async fn close(&self) {
         self.inner.readers.close().await;
-        self.inner.writer.close().await;
+        self.inner.writers.close().await;
     }
 
-    pub(super) fn readers(&self) -> &SqlitePool {
+    pub(super) fn readers(&self) -> &Pool {
         &self.inner.readers
     }
 }
@@ -123,12 +175,12 @@ async fn check_version(pool: &SqlitePool) -> Result<(), StoreError> {
     Ok(())
 }
 
-/// Returns the first `steps` migrations.
-pub(super) fn migrator(steps: usize) -> Migrator {
-    let migrations = MIGRATIONS.iter().take(steps).zip(1..).map(|((name, sql), version)| {
+/// Returns the first `steps` migrations, with their text for one database.
+pub(super) fn migrator(steps: usize, text: fn(&Step) -> &'static str) -> Migrator {
+    let migrations = MIGRATIONS.iter().take(steps).zip(1..).map(|(step, version)| {
         // The text is compiled into the program and contains no outside input.
-        let sql = AssertSqlSafe(*sql).into_sql_str();
-        Migration::new(version, (*name).into(), MigrationType::Simple, sql, false)
+        let sql = AssertSqlSafe(text(step)).into_sql_str();
+        Migration::new(version, step.name.into(), MigrationType::Simple, sql, false)
     });
     Migrator::with_migrations(migrations.collect())
 }
@@ -136,15 +188,18 @@ pub(super) fn migrator(steps: usize) -> Migrator {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sql::{query, scalar};
 
     #[test]
     fn every_migration_is_listed_in_order() {
-        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../migrations");
-        let mut files: Vec<String> =
-            std::fs::read_dir(folder).unwrap().map(|f| f.unwrap().file_name().into_string().unwrap()).collect();
-        files.sort();
-        let listed: Vec<String> = MIGRATIONS.iter().map(|(name, _)| format!("{name}.sql")).collect();
-        assert_eq!(files, listed);
+        for database in ["sqlite", "postgres"] {
+            let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../migrations").join(database);
+            let mut files: Vec<String> =
+                std::fs::read_dir(folder).unwrap().map(|f| f.unwrap().file_name().into_string().unwrap()).collect();
+            files.sort();
+            let listed: Vec<String> = MIGRATIONS.iter().map(|step| format!("{}.sql", step.name)).collect();
+            assert_eq!(files, listed, "{database}");
+        }
     }
 
     #[tokio::test]
@@ -169,10 +224,10 @@ mod tests {
         let path = folder.path().join("lightpath.db");
         Store::open(&path).await.unwrap().close().await;
         let store = Store::open(&path).await.unwrap();
-        let mode: String = sqlx::query_scalar("pragma journal_mode").fetch_one(store.readers()).await.unwrap();
+        let mode: String = scalar("pragma journal_mode").fetch_one(store.readers()).await.unwrap();
         assert_eq!(mode, "wal");
-        let synchronous: i64 = sqlx::query_scalar("pragma synchronous").fetch_one(&store.inner.writer).await.unwrap();
+        let synchronous: i64 = scalar("pragma synchronous").fetch_one(&store.inner.writers).await.unwrap();
         assert_eq!(synchronous, 2, "FULL");
-        assert!(sqlx::query("delete from display").execute(store.readers()).await.is_err());
+        assert!(query("delete from display").execute(store.readers()).await.is_err());
     }
 }

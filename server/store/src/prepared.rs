@@ -6,6 +6,7 @@
 
 use super::datasets::{changed, require_artifact, with_pairs};
 use super::rows::{to_json, to_word};
+use super::sql::query;
 use super::write::Write;
 use super::{AbortReason, StoreError};
 use lightpath_domain::dataset::{
@@ -103,7 +104,7 @@ fn finalize(
 
 async fn update_pair(write: &mut Write, dataset: &str, pair: &Pair, findings: &[&Finding]) -> Result<(), StoreError> {
     let checks_json = |checks: &PairChecks| to_json("pair.checks", checks);
-    sqlx::query("update pair set split = ?3, checks = ?4, findings = ?5 where dataset = ?1 and id = ?2")
+    query("update pair set split = $3, checks = $4, findings = $5 where dataset = $1 and id = $2")
         .bind(dataset)
         .bind(&pair.id)
         .bind(pair.split.map(|split| to_word("pair.split", &split)).transpose()?)
@@ -116,9 +117,9 @@ async fn update_pair(write: &mut Write, dataset: &str, pair: &Pair, findings: &[
 
 async fn update_dataset(write: &mut Write, dataset: &Dataset) -> Result<(), StoreError> {
     let dataset_findings: Vec<&Finding> = dataset.findings.iter().filter(|finding| finding.pair.is_empty()).collect();
-    sqlx::query(
-        "update dataset set alignment = ?2, findings = ?3, revision = ?4, digest = ?5, finalization = ?6, \
-         finalize_time_ms = ?7 where id = ?1",
+    query(
+        "update dataset set alignment = $2, findings = $3, revision = $4, digest = $5, finalization = $6, \
+         finalize_time_ms = $7 where id = $1",
     )
     .bind(&dataset.id)
     .bind(dataset.alignment.as_ref().map(|alignment| to_json("dataset.alignment", alignment)).transpose()?)

@@ -1,16 +1,17 @@
 //! The queue as a whole: its pauses and its state.
 
 use super::changes::{Change, Changed};
+use super::rows::from_json_option;
+use super::sql::{query, query_as, scalar};
 use super::{Store, StoreError};
+use lightpath_domain::job::Progress;
 use lightpath_domain::reason::PreconditionReason;
-use sqlx::Row;
 
-/// Numbers and progress of the jobs of a batch in each state. Only running jobs have a progress that must be read from
-/// their rows; the others are counted in the index.
-pub(super) const BATCH: &str = "select state, count(*), case state when 'queued' then 0.0 when 'running' then ( \
-     select total(coalesce((progress ->> '$.step') / cast(nullif(progress ->> '$.steps_total', 0) as real), 0.0)) \
-     from job as running where running.batch = ?1 and running.state = 'running' \
-     ) else cast(count(*) as real) end from job where batch = ?1 group by state";
+/// Numbers of the jobs of a batch in each state.
+pub(super) const BATCH: &str = "select state, count(*) from job where batch = $1 group by state";
+
+/// Progress of the running jobs of a batch. Only it must be read from their rows; the others are counted in the index.
+pub(super) const BATCH_PROGRESS: &str = "select progress from job where batch = $1 and state = 'running'";
 
 /// A pause of the queue or of one display.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -62,13 +63,13 @@ impl Store {
         let (display, reason) = (display.unwrap_or_default().to_owned(), reason.to_owned());
         self.write(move |write| {
             Box::pin(async move {
-                let known = sqlx::query_scalar("select ?1 = '' or exists (select 1 from display where id = ?1)");
+                let known = scalar("select $1 = '' or exists (select 1 from display where id = $1)");
                 let known: bool = known.bind(&display).fetch_one(write.sql()).await?;
                 if !known {
                     return Err(StoreError::not_found(format!("displays/{display}")));
                 }
-                let sql = "insert into pause values (?, ?, ?) on conflict do update set reason = excluded.reason";
-                sqlx::query(sql).bind(display).bind(now_ms).bind(reason).execute(write.sql()).await?;
+                let sql = "insert into pause values ($1, $2, $3) on conflict (display) do update set reason = excluded.reason";
+                query(sql).bind(display).bind(now_ms).bind(reason).execute(write.sql()).await?;
                 write.announce_changed(Changed::Queue);
                 Ok(())
             })
@@ -86,8 +87,8 @@ impl Store {
         let display = display.unwrap_or_default().to_owned();
         self.write(move |write| {
             Box::pin(async move {
-                let deleted = sqlx::query("delete from pause where display = ?").bind(&display).execute(write.sql());
-                if deleted.await?.rows_affected() == 0 {
+                let deleted = query("delete from pause where display = $1").bind(&display).execute(write.sql());
+                if deleted.await? == 0 {
                     let target =
                         if display.is_empty() { "the queue".to_owned() } else { format!("displays/{display}") };
                     return Err(StoreError::precondition(
@@ -109,7 +110,7 @@ impl Store {
     ///
     /// [`StoreError::Database`].
     pub async fn pauses(&self) -> Result<Vec<Pause>, StoreError> {
-        let rows = sqlx::query("select * from pause order by display").fetch_all(self.readers()).await?;
+        let rows = query("select * from pause order by display").fetch_all(self.readers()).await?;
         rows.iter()
             .map(|row| {
                 let display: String = row.try_get("display")?;
@@ -128,8 +129,9 @@ impl Store {
     ///
     /// [`StoreError::Database`].
     pub async fn owner_queues(&self) -> Result<Vec<OwnerQueue>, StoreError> {
-        let rows: Vec<(String, i64, i64)> = sqlx::query_as(
-            "select owner, sum(iif(state = 'queued', jobs, 0)), sum(iif(state = 'running', jobs, 0)) from job_count \
+        let rows: Vec<(String, i64, i64)> = query_as(
+            "select owner, cast(sum(case state when 'queued' then jobs else 0 end) as bigint), \
+             cast(sum(case state when 'running' then jobs else 0 end) as bigint) from job_count \
              where state in ('queued', 'running') group by owner order by owner",
         )
         .fetch_all(self.readers())
@@ -148,10 +150,12 @@ impl Store {
     ///
     /// [`StoreError::NotFound`] if the batch has no jobs.
     pub async fn batch(&self, name: &str) -> Result<BatchProgress, StoreError> {
-        let rows: Vec<(String, i64, f64)> = sqlx::query_as(BATCH).bind(name).fetch_all(self.readers()).await?;
+        let mut read = self.readers().begin().await?;
+        let rows: Vec<(String, i64)> = query_as(BATCH).bind(name).fetch_all(&mut read).await?;
+        let running: Vec<Option<String>> = scalar(BATCH_PROGRESS).bind(name).fetch_all(&mut read).await?;
         let mut progress = BatchProgress::default();
-        let (mut jobs, mut done) = (0, 0.0);
-        for (state, count, part) in rows {
+        let mut jobs = 0;
+        for (state, count) in rows {
             let slot = match super::rows::from_word("job.state", state)? {
                 lightpath_domain::job::JobState::Queued => &mut progress.queued,
                 lightpath_domain::job::JobState::Running => &mut progress.running,
@@ -161,10 +165,14 @@ impl Store {
             };
             *slot = count.unsigned_abs();
             jobs += count;
-            done += part;
         }
         if jobs == 0 {
             return Err(StoreError::not_found(format!("batch {name:?}")));
+        }
+        let mut done = (progress.succeeded + progress.failed + progress.cancelled) as f64;
+        for text in running {
+            let job: Option<Progress> = from_json_option("job.progress", text)?;
+            done += job.map_or(0.0, |job| job.fraction());
         }
         progress.done = done / jobs as f64;
         Ok(progress)

@@ -4,6 +4,7 @@ use super::changes::Changed;
 use super::kernels::find;
 use super::moves::{Promotion, promote, raise_generation, require_active, require_no_rollout, require_version};
 use super::rows::{from_json, from_word, to_json, to_word};
+use super::sql::{Builder, Connection, Row, query, scalar};
 use super::write::Write;
 use super::{AbortReason, Store, StoreError, page};
 use lightpath_domain::device::Report;
@@ -11,15 +12,13 @@ use lightpath_domain::kernel::{Cause, Kernel, KernelKey};
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_domain::rollout::{Rollout, RolloutEvent, RolloutPlan, RolloutState, is_in_share};
 use lightpath_domain::units::{Distance, Wavelength};
-use sqlx::sqlite::SqliteRow;
-use sqlx::{QueryBuilder, Row, Sqlite, SqliteConnection};
 
 /// Selects rollouts with the numbers of their reports.
 const ROLLOUTS: &str = "select r.*, k.display, k.wavelength_pm, k.distance_nm, \
                         (select count(*) from rollout_report p where p.kernel = r.kernel and p.number = r.number \
-                        and p.passed) as devices_passed, \
+                        and p.passed = 1) as devices_passed, \
                         (select count(*) from rollout_report p where p.kernel = r.kernel and p.number = r.number \
-                        and not p.passed) as devices_failed \
+                        and p.passed = 0) as devices_failed \
                         from rollout r join kernel k on k.id = r.kernel";
 
 /// Limit on the events of a rollout that tell why devices failed: more than a person reads.
@@ -77,9 +76,9 @@ impl Store {
                     let message = format!("{} has {present} % already; halt it to go back", name(&key, number));
                     return Err(StoreError::Aborted { reason: AbortReason::RolloutChanged, message });
                 }
-                let set = "update rollout set share_percent = ?3, revision = revision + 1 where number = ?2 \
-                           and kernel = (select id from kernel where name = ?1)";
-                sqlx::query(set).bind(key.to_string()).bind(number).bind(share_percent).execute(write.sql()).await?;
+                let set = "update rollout set share_percent = $3, revision = revision + 1 where number = $2 \
+                           and kernel = (select id from kernel where name = $1)";
+                query(set).bind(key.to_string()).bind(number).bind(share_percent).execute(write.sql()).await?;
                 let generation = raise_generation(write, &key, now_ms).await?;
                 let event = RolloutEvent {
                     time_ms: now_ms,
@@ -163,7 +162,7 @@ impl Store {
         let message = message.to_owned();
         self.write(move |write| {
             Box::pin(async move {
-                let mut query = QueryBuilder::<Sqlite>::new(ROLLOUTS);
+                let mut query = Builder::new(ROLLOUTS);
                 query.push(" where r.state = 'running'");
                 for row in query.build().fetch_all(write.sql()).await? {
                     let Rollout { key, number, .. } = rollout_of(&row)?;
@@ -186,21 +185,21 @@ impl Store {
     pub async fn rollout(&self, key: &KernelKey, number: u32) -> Result<(Rollout, Vec<RolloutEvent>), StoreError> {
         let mut read = self.readers().begin().await?;
         let rollout = find_rollout(&mut read, key, number).await?;
-        let rows = sqlx::query(
-            "select e.* from rollout_event e join kernel k on k.id = e.kernel where k.name = ? and e.number = ? \
-             order by sequence limit ?",
+        let rows = query(
+            "select e.* from rollout_event e join kernel k on k.id = e.kernel where k.name = $1 and e.number = $2 \
+             order by sequence limit $3",
         )
         .bind(key.to_string())
         .bind(number)
         .bind(page(u32::MAX))
-        .fetch_all(&mut *read)
+        .fetch_all(&mut read)
         .await?;
         let events = rows.iter().map(|row| {
             Ok(RolloutEvent {
                 time_ms: row.try_get("time_ms")?,
                 caller: row.try_get("caller")?,
                 message: row.try_get("message")?,
-                generation: row.try_get::<i64, _>("generation")?.unsigned_abs(),
+                generation: row.try_get::<i64>("generation")?.unsigned_abs(),
             })
         });
         Ok((rollout, events.collect::<Result<_, StoreError>>()?))
@@ -214,11 +213,11 @@ impl Store {
     pub async fn rollouts(&self, key: &KernelKey, before: Option<u32>, limit: u32) -> Result<Vec<Rollout>, StoreError> {
         let mut read = self.readers().begin().await?;
         let (id, _) = find(&mut read, key).await?;
-        let mut query = QueryBuilder::<Sqlite>::new(ROLLOUTS);
+        let mut query = Builder::new(ROLLOUTS);
         query.push(" where r.kernel = ").push_bind(id);
         query.push(" and r.number < ").push_bind(before.map_or(i64::MAX, i64::from));
         query.push(" order by r.number desc limit ").push_bind(page(limit));
-        query.build().fetch_all(&mut *read).await?.iter().map(rollout_of).collect()
+        query.build().fetch_all(&mut read).await?.iter().map(rollout_of).collect()
     }
 }
 
@@ -244,11 +243,11 @@ async fn start(
         let message = format!("version {} of {key} is active already", plan.version);
         return Err(StoreError::precondition(PreconditionReason::AlreadyActive, message));
     }
-    let number: u32 = sqlx::query_scalar(
+    let number: u32 = scalar(
         "insert into rollout (kernel, number, version, from_version, state, share_percent, group_name, \
          failed_percent_max, devices_min, self_test_loss_max, caller, reason, overridden, start_time_ms) \
-         select ?1, 1 + coalesce((select max(number) from rollout where kernel = ?1), 0), ?2, ?3, 'running', \
-         ?4, ?5, ?6, ?7, ?8, ?9, ?10, ?11, ?12 returning number",
+         select $1, 1 + coalesce((select max(number) from rollout where kernel = $1), 0), $2, $3, 'running', \
+         $4, $5, $6, $7, $8, $9, $10, $11, $12 returning number",
     )
     .bind(id)
     .bind(plan.version)
@@ -278,9 +277,9 @@ async fn start(
 async fn end(write: &mut Write, key: &KernelKey, number: u32, ending: Ending, now_ms: i64) -> Result<(), StoreError> {
     let Ending { state, caller, message } = ending;
     let word = to_word("rollout.state", &state)?;
-    sqlx::query(
-        "update rollout set state = ?3, end_time_ms = ?4, revision = revision + 1 where number = ?2 \
-         and kernel = (select id from kernel where name = ?1)",
+    query(
+        "update rollout set state = $3, end_time_ms = $4, revision = revision + 1 where number = $2 \
+         and kernel = (select id from kernel where name = $1)",
     )
     .bind(key.to_string())
     .bind(number)
@@ -288,7 +287,7 @@ async fn end(write: &mut Write, key: &KernelKey, number: u32, ending: Ending, no
     .bind(now_ms)
     .execute(write.sql())
     .await?;
-    let generation: i64 = sqlx::query_scalar("select generation + 1 from display where id = ?")
+    let generation: i64 = scalar("select generation + 1 from display where id = $1")
         .bind(&key.display)
         .fetch_one(write.sql())
         .await?;
@@ -321,7 +320,7 @@ pub(super) async fn note_report(
         (false, false) => return Ok(()),
     };
     let before: Option<bool> =
-        sqlx::query_scalar("select passed from rollout_report where kernel = ? and number = ? and device = ?")
+        scalar("select passed from rollout_report where kernel = $1 and number = $2 and device = $3")
             .bind(kernel_id)
             .bind(number)
             .bind(&report.device)
@@ -330,8 +329,8 @@ pub(super) async fn note_report(
     if !passed && before != Some(false) {
         note_failure(write, key, number, report).await?;
     }
-    sqlx::query(
-        "insert into rollout_report values (?, ?, ?, ?, ?) on conflict do update set passed = excluded.passed, \
+    query(
+        "insert into rollout_report values ($1, $2, $3, $4, $5) on conflict (kernel, number, device) do update set passed = excluded.passed, \
          time_ms = excluded.time_ms",
     )
     .bind(kernel_id)
@@ -358,9 +357,9 @@ pub(super) async fn note_report(
 
 /// Takes back what a device reported in rollouts that run. An ended rollout keeps its history.
 pub(super) async fn forget_reports(write: &mut Write, display: &str, device: &str) -> Result<(), StoreError> {
-    sqlx::query(
-        "delete from rollout_report where device = ?2 and (kernel, number) in (select r.kernel, r.number \
-         from rollout r join kernel k on k.id = r.kernel where k.display = ?1 and r.state = 'running')",
+    query(
+        "delete from rollout_report where device = $2 and (kernel, number) in (select r.kernel, r.number \
+         from rollout r join kernel k on k.id = r.kernel where k.display = $1 and r.state = 'running')",
     )
     .bind(display)
     .bind(device)
@@ -371,7 +370,7 @@ pub(super) async fn forget_reports(write: &mut Write, display: &str, device: &st
 
 /// Whether a device gets the version of a rollout.
 async fn is_member(
-    sql: &mut SqliteConnection,
+    sql: &mut Connection,
     key: &KernelKey,
     number: u32,
     plan: &RolloutPlan,
@@ -380,7 +379,7 @@ async fn is_member(
     if is_in_share(key, number, device, plan.share_percent) {
         return Ok(true);
     }
-    let group: Option<String> = sqlx::query_scalar("select group_name from device where display = ? and id = ?")
+    let group: Option<String> = scalar("select group_name from device where display = $1 and id = $2")
         .bind(&key.display)
         .bind(device)
         .fetch_optional(sql)
@@ -396,12 +395,12 @@ async fn note_failure(write: &mut Write, key: &KernelKey, number: u32, report: &
         _ => installed.message.clone(),
     };
     let (message, time_ms) = (format!("{} failed: {why}", report.device), installed.report_time_ms);
-    let count = "select count(*) from rollout_event e join kernel k on k.id = e.kernel where k.name = ? and number = ?";
-    let events: u32 = sqlx::query_scalar(count).bind(key.to_string()).bind(number).fetch_one(write.sql()).await?;
+    let count = "select count(*) from rollout_event e join kernel k on k.id = e.kernel where k.name = $1 and number = $2";
+    let events: u32 = scalar(count).bind(key.to_string()).bind(number).fetch_one(write.sql()).await?;
     if events >= EVENTS_MAX {
         return Ok(());
     }
-    let generation: i64 = sqlx::query_scalar("select generation from display where id = ?")
+    let generation: i64 = scalar("select generation from display where id = $1")
         .bind(&key.display)
         .fetch_one(write.sql())
         .await?;
@@ -411,9 +410,9 @@ async fn note_failure(write: &mut Write, key: &KernelKey, number: u32, report: &
 
 /// Raises the generation of a display whose devices changed their groups while a rollout runs: what they get changes.
 pub(super) async fn note_regrouping(write: &mut Write, display: &str, now_ms: i64) -> Result<(), StoreError> {
-    let running = sqlx::query(
+    let running = query(
         "select k.wavelength_pm, k.distance_nm from rollout r join kernel k on k.id = r.kernel \
-         where k.display = ? and r.state = 'running' and r.group_name <> ''",
+         where k.display = $1 and r.state = 'running' and r.group_name <> ''",
     )
     .bind(display)
     .fetch_all(write.sql())
@@ -428,7 +427,7 @@ pub(super) async fn note_regrouping(write: &mut Write, display: &str, now_ms: i6
 
 /// A running rollout with the expected revision.
 async fn running(
-    sql: &mut SqliteConnection,
+    sql: &mut Connection,
     key: &KernelKey,
     number: u32,
     expected_revision: Option<u32>,
@@ -449,8 +448,8 @@ fn name(key: &KernelKey, number: u32) -> String {
     format!("{key}/rollouts/{number}")
 }
 
-async fn find_rollout(sql: &mut SqliteConnection, key: &KernelKey, number: u32) -> Result<Rollout, StoreError> {
-    let mut query = QueryBuilder::<Sqlite>::new(ROLLOUTS);
+async fn find_rollout(sql: &mut Connection, key: &KernelKey, number: u32) -> Result<Rollout, StoreError> {
+    let mut query = Builder::new(ROLLOUTS);
     query.push(" where k.name = ").push_bind(key.to_string());
     query.push(" and r.number = ").push_bind(number);
     let row = query.build().fetch_optional(sql).await?;
@@ -458,9 +457,9 @@ async fn find_rollout(sql: &mut SqliteConnection, key: &KernelKey, number: u32) 
 }
 
 async fn append_event(write: &mut Write, key: &KernelKey, number: u32, event: RolloutEvent) -> Result<(), StoreError> {
-    sqlx::query(
+    query(
         "insert into rollout_event (kernel, number, time_ms, caller, message, generation) \
-         select id, ?2, ?3, ?4, ?5, ?6 from kernel where name = ?1",
+         select id, $2, $3, $4, $5, $6 from kernel where name = $1",
     )
     .bind(key.to_string())
     .bind(number)
@@ -474,7 +473,7 @@ async fn append_event(write: &mut Write, key: &KernelKey, number: u32, event: Ro
     Ok(())
 }
 
-fn rollout_of(row: &SqliteRow) -> Result<Rollout, StoreError> {
+fn rollout_of(row: &Row) -> Result<Rollout, StoreError> {
     let overridden: String = row.try_get("overridden")?;
     Ok(Rollout {
         key: KernelKey {

@@ -1,11 +1,10 @@
 //! Keyrings, and the private keys of this server.
 
+use super::sql::{Row, query, scalar};
 use super::write::Write;
 use super::{AbortReason, Store, StoreError};
 use lightpath_domain::kernel::{KernelKey, KernelMoment};
 use lightpath_domain::rollout::is_in_share;
-use sqlx::Row;
-use sqlx::sqlite::SqliteRow;
 
 /// A signed keyring.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -38,7 +37,7 @@ impl Store {
     ///
     /// [`StoreError::Database`].
     pub async fn keyring(&self) -> Result<Option<StoredKeyring>, StoreError> {
-        let row = sqlx::query("select version, document from keyring order by version desc limit 1")
+        let row = query("select version, document from keyring order by version desc limit 1")
             .fetch_optional(self.readers())
             .await?;
         let keyring =
@@ -77,8 +76,8 @@ impl Store {
     /// [`StoreError::Database`].
     pub async fn private_keys(&self) -> Result<Vec<PrivateKey>, StoreError> {
         let rows =
-            sqlx::query("select public, private from signing_key order by public").fetch_all(self.readers()).await?;
-        let key = |row: &SqliteRow| Ok(PrivateKey { public: row.try_get("public")?, private: row.try_get("private")? });
+            query("select public, private from signing_key order by public").fetch_all(self.readers()).await?;
+        let key = |row: &Row| Ok(PrivateKey { public: row.try_get("public")?, private: row.try_get("private")? });
         rows.iter().map(key).collect()
     }
 
@@ -92,8 +91,8 @@ impl Store {
         self.write(move |write| {
             Box::pin(async move {
                 let deleted =
-                    sqlx::query("delete from signing_key where public = ?").bind(public).execute(write.sql()).await?;
-                Ok(deleted.rows_affected() > 0)
+                    query("delete from signing_key where public = $1").bind(public).execute(write.sql()).await?;
+                Ok(deleted > 0)
             })
         })
         .await
@@ -105,14 +104,14 @@ impl Store {
     ///
     /// [`StoreError::NotFound`] if the kernel does not exist.
     pub async fn kernel_moment(&self, key: &KernelKey, device: Option<&str>) -> Result<KernelMoment, StoreError> {
-        let row = sqlx::query(
+        let row = query(
             "select k.active_version, d.generation, d.generation_time_ms, \
              (select max(version) from keyring) as keyring_version, \
              r.number as rollout, r.version as rollout_version, r.share_percent, \
              r.group_name <> '' and r.group_name = e.group_name as is_in_group \
              from kernel k join display d on d.id = k.display \
              left join rollout r on r.kernel = k.id and r.state = 'running' \
-             left join device e on e.display = k.display and e.id = ?2 where k.name = ?1",
+             left join device e on e.display = k.display and e.id = $2 where k.name = $1",
         )
         .bind(key.to_string())
         .bind(device)
@@ -121,7 +120,7 @@ impl Store {
         let row = row.ok_or_else(|| StoreError::not_found(key.to_string()))?;
         Ok(KernelMoment {
             version: version_for(&row, key, device)?,
-            generation: row.try_get::<i64, _>("generation")?.unsigned_abs(),
+            generation: row.try_get::<i64>("generation")?.unsigned_abs(),
             generation_time_ms: row.try_get("generation_time_ms")?,
             keyring_version: row.try_get("keyring_version")?,
         })
@@ -129,7 +128,7 @@ impl Store {
 }
 
 /// The version for a device: that of the rollout, or the active one. Unknown devices get the new version when all do.
-fn version_for(row: &SqliteRow, key: &KernelKey, device: Option<&str>) -> Result<Option<u32>, StoreError> {
+fn version_for(row: &Row, key: &KernelKey, device: Option<&str>) -> Result<Option<u32>, StoreError> {
     let active = row.try_get("active_version")?;
     let Some(rollout) = row.try_get("rollout")? else { return Ok(active) };
     let share_percent: f64 = row.try_get("share_percent")?;
@@ -146,7 +145,7 @@ async fn add(
     forgotten: Vec<String>,
     now_ms: i64,
 ) -> Result<(), StoreError> {
-    let newest: Option<u32> = sqlx::query_scalar("select max(version) from keyring").fetch_one(write.sql()).await?;
+    let newest: Option<u32> = scalar("select max(version) from keyring").fetch_one(write.sql()).await?;
     let newest = newest.unwrap_or(0);
     if keyring.version <= newest {
         let message = format!(
@@ -155,7 +154,7 @@ async fn add(
         );
         return Err(StoreError::Aborted { reason: AbortReason::KeyringChanged, message });
     }
-    sqlx::query("insert into keyring values (?, ?, ?)")
+    query("insert into keyring values ($1, $2, $3)")
         .bind(keyring.version)
         .bind(keyring.document)
         .bind(now_ms)
@@ -163,14 +162,14 @@ async fn add(
         .await?;
     add_private(write, new, now_ms).await?;
     for public in forgotten {
-        sqlx::query("delete from signing_key where public = ?").bind(public).execute(write.sql()).await?;
+        query("delete from signing_key where public = $1").bind(public).execute(write.sql()).await?;
     }
     Ok(())
 }
 
 async fn add_private(write: &mut Write, new: Vec<PrivateKey>, now_ms: i64) -> Result<(), StoreError> {
     for PrivateKey { public, private } in new {
-        sqlx::query("insert into signing_key values (?, ?, ?) on conflict do nothing")
+        query("insert into signing_key values ($1, $2, $3) on conflict do nothing")
             .bind(public)
             .bind(private)
             .bind(now_ms)

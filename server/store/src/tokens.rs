@@ -1,10 +1,9 @@
 //! API tokens.
 
 use super::rows::{from_json, from_word, to_json};
+use super::sql::{Row, query};
 use super::{Store, StoreError};
 use lightpath_domain::access::{Caller, Role};
-use sqlx::Row;
-use sqlx::sqlite::SqliteRow;
 
 /// An API token, without the secret that only its bearer has.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -44,9 +43,9 @@ impl Store {
         let (caller, hash) = (caller.clone(), hash.to_owned());
         self.write(move |write| {
             Box::pin(async move {
-                let row = sqlx::query(
+                let row = query(
                     "insert into token (name, hash, role, displays, create_time_ms, expire_time_ms) \
-                     values (?, ?, ?, ?, ?, ?) on conflict (name) do nothing returning *",
+                     values ($1, $2, $3, $4, $5, $6) on conflict (name) do nothing returning *",
                 )
                 .bind(&caller.name)
                 .bind(hash)
@@ -70,7 +69,7 @@ impl Store {
     ///
     /// [`StoreError::Database`].
     pub async fn token_by_hash(&self, hash: &str) -> Result<Option<TokenRecord>, StoreError> {
-        let row = sqlx::query("select * from token where hash = ?").bind(hash).fetch_optional(self.readers()).await?;
+        let row = query("select * from token where hash = $1").bind(hash).fetch_optional(self.readers()).await?;
         row.as_ref().map(token_of).transpose()
     }
 
@@ -80,7 +79,7 @@ impl Store {
     ///
     /// [`StoreError::Database`].
     pub async fn tokens(&self) -> Result<Vec<TokenRecord>, StoreError> {
-        let rows = sqlx::query("select * from token order by name").fetch_all(self.readers()).await?;
+        let rows = query("select * from token order by name").fetch_all(self.readers()).await?;
         rows.iter().map(token_of).collect()
     }
 
@@ -93,8 +92,8 @@ impl Store {
         let name = name.to_owned();
         self.write(move |write| {
             Box::pin(async move {
-                let sql = "update token set revoke_time_ms = coalesce(revoke_time_ms, ?2) where name = ?1 returning *";
-                let row = sqlx::query(sql).bind(&name).bind(now_ms).fetch_optional(write.sql()).await?;
+                let sql = "update token set revoke_time_ms = coalesce(revoke_time_ms, $2) where name = $1 returning *";
+                let row = query(sql).bind(&name).bind(now_ms).fetch_optional(write.sql()).await?;
                 token_of(&row.ok_or_else(|| StoreError::not_found(format!("token \"{name}\"")))?)
             })
         })
@@ -102,9 +101,9 @@ impl Store {
     }
 }
 
-fn token_of(row: &SqliteRow) -> Result<TokenRecord, StoreError> {
+fn token_of(row: &Row) -> Result<TokenRecord, StoreError> {
     let role: Role = from_word("token.role", row.try_get("role")?)?;
-    let displays = from_json("token.displays", &row.try_get::<String, _>("displays")?)?;
+    let displays = from_json("token.displays", &row.try_get::<String>("displays")?)?;
     Ok(TokenRecord {
         caller: Caller { name: row.try_get("name")?, role, displays },
         create_time_ms: row.try_get("create_time_ms")?,

@@ -1,6 +1,7 @@
 //! Totals for metrics.
 
 use super::rows::from_word;
+use super::sql::{query_as, scalar};
 use super::{Store, StoreError};
 use lightpath_domain::job::{JobSpec, JobState};
 use std::fs;
@@ -25,8 +26,8 @@ impl Store {
     ///
     /// [`StoreError::Database`].
     pub async fn queue_depths(&self) -> Result<Vec<QueueDepth>, StoreError> {
-        let rows: Vec<(String, String, i64)> = sqlx::query_as(
-            "select kind, state, sum(jobs) from job_count where state in ('queued', 'running') group by 1, 2",
+        let rows: Vec<(String, String, i64)> = query_as(
+            "select kind, state, cast(sum(jobs) as bigint) from job_count where state in ('queued', 'running') group by 1, 2",
         )
         .fetch_all(self.readers())
         .await?;
@@ -53,21 +54,22 @@ impl Store {
     pub async fn oldest_due(&self, now_ms: i64) -> Result<Vec<(&'static str, Duration)>, StoreError> {
         let mut ages = Vec::new();
         for kind in JobSpec::KINDS {
-            let sql = "select min(run_time_ms) from job where state = 'queued' and waiting_for = 0 and kind = ?";
-            let due_ms: Option<i64> = sqlx::query_scalar(sql).bind(kind).fetch_one(self.readers()).await?;
+            let sql = "select min(run_time_ms) from job where state = 'queued' and waiting_for = 0 and kind = $1";
+            let due_ms: Option<i64> = scalar(sql).bind(kind).fetch_one(self.readers()).await?;
             let age_ms = now_ms.saturating_sub(due_ms.unwrap_or(now_ms)).max(0);
             ages.push((kind, Duration::from_millis(age_ms.unsigned_abs())));
         }
         Ok(ages)
     }
 
-    /// Sizes of the database and of its write-ahead log \[bytes\]; 0 for a missing file.
+    /// Sizes of SQLite's database and of its write-ahead log \[bytes\]; 0 for a missing file and for PostgreSQL.
     #[must_use]
     pub fn file_bytes(&self) -> (u64, u64) {
         let size = |path: &Path| fs::metadata(path).map_or(0, |metadata| metadata.len());
-        let mut wal = self.inner.path.clone().into_os_string();
+        let Some(path) = &self.inner.path else { return (0, 0) };
+        let mut wal = path.clone().into_os_string();
         wal.push("-wal");
-        (size(&self.inner.path), size(Path::new(&wal)))
+        (size(path), size(Path::new(&wal)))
     }
 
     /// Number of all artifacts and their total size \[bytes\].
@@ -76,7 +78,7 @@ impl Store {
     ///
     /// [`StoreError::Database`].
     pub async fn artifact_totals(&self) -> Result<(u64, u64), StoreError> {
-        let (count, bytes): (i64, i64) = sqlx::query_as("select count(*), coalesce(sum(size_bytes), 0) from artifact")
+        let (count, bytes): (i64, i64) = query_as("select count(*), cast(coalesce(sum(size_bytes), 0) as bigint) from artifact")
             .fetch_one(self.readers())
             .await?;
         Ok((count.unsigned_abs(), bytes.unsigned_abs()))

@@ -3,14 +3,11 @@
 use super::changes::Change;
 use super::deliveries::delivery_of;
 use super::rows::{from_json, to_json};
+use super::sql::{Row, query, scalar};
 use super::{Store, StoreError};
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_domain::webhook::{Delivery, Webhook, WebhookEvent, WebhookSecret, WebhookUrl};
-use serde::de::Error as _;
-use sqlx::Row;
-use sqlx::sqlite::SqliteRow;
 use std::collections::BTreeMap;
-use std::fmt::Display;
 
 /// Limit on the webhooks of a server. Every event writes a row for each of them.
 pub const WEBHOOKS_MAX: u32 = 32;
@@ -26,13 +23,13 @@ impl Store {
         let (webhook, secret) = (webhook.clone(), secret.clone());
         self.write(move |write| {
             Box::pin(async move {
-                let count: u32 = sqlx::query_scalar("select count(*) from webhook").fetch_one(write.sql()).await?;
+                let count: u32 = scalar("select count(*) from webhook").fetch_one(write.sql()).await?;
                 if count >= WEBHOOKS_MAX {
                     let message = format!("the server has {count} webhooks, its limit; delete one first");
                     return Err(StoreError::precondition(PreconditionReason::WebhooksFull, message));
                 }
                 if let Some(display) = &webhook.display {
-                    let known: bool = sqlx::query_scalar("select exists (select 1 from display where id = ?)")
+                    let known: bool = scalar("select exists (select 1 from display where id = $1)")
                         .bind(display)
                         .fetch_one(write.sql())
                         .await?;
@@ -40,7 +37,7 @@ impl Store {
                         return Err(StoreError::not_found(format!("displays/{display}")));
                     }
                 }
-                let inserted = sqlx::query("insert into webhook values (?, ?, ?, ?, ?, ?, ?) on conflict do nothing")
+                let inserted = query("insert into webhook values ($1, $2, $3, $4, $5, $6, $7) on conflict do nothing")
                     .bind(&webhook.id)
                     .bind(webhook.url.as_str())
                     .bind(to_json("webhook.events", &webhook.events)?)
@@ -50,7 +47,7 @@ impl Store {
                     .bind(webhook.create_time_ms)
                     .execute(write.sql())
                     .await?;
-                match inserted.rows_affected() {
+                match inserted {
                     1 => Ok(()),
                     _ => Err(StoreError::exists(name(&webhook.id), "on the server; choose another id")),
                 }
@@ -65,7 +62,7 @@ impl Store {
     ///
     /// [`StoreError::NotFound`].
     pub async fn webhook(&self, id: &str) -> Result<Webhook, StoreError> {
-        let row = sqlx::query("select * from webhook where id = ?").bind(id).fetch_optional(self.readers()).await?;
+        let row = query("select * from webhook where id = $1").bind(id).fetch_optional(self.readers()).await?;
         webhook_of(&row.ok_or_else(|| StoreError::not_found(name(id)))?)
     }
 
@@ -75,12 +72,12 @@ impl Store {
     ///
     /// [`StoreError::NotFound`].
     pub async fn webhook_secret(&self, id: &str) -> Result<WebhookSecret, StoreError> {
-        let secret: Option<String> = sqlx::query_scalar("select secret from webhook where id = ?")
+        let secret: Option<String> = scalar("select secret from webhook where id = $1")
             .bind(id)
             .fetch_optional(self.readers())
             .await?;
         let secret = secret.ok_or_else(|| StoreError::not_found(name(id)))?;
-        WebhookSecret::parse(&secret).ok_or_else(|| corrupt("webhook.secret", "is no key"))
+        WebhookSecret::parse(&secret).ok_or_else(|| StoreError::corrupt("webhook.secret", "is no key"))
     }
 
     /// All webhooks, in the order of their ids.
@@ -89,7 +86,7 @@ impl Store {
     ///
     /// [`StoreError::Database`].
     pub async fn webhooks(&self) -> Result<Vec<Webhook>, StoreError> {
-        let rows = sqlx::query("select * from webhook order by id").fetch_all(self.readers()).await?;
+        let rows = query("select * from webhook order by id").fetch_all(self.readers()).await?;
         rows.iter().map(webhook_of).collect()
     }
 
@@ -102,8 +99,8 @@ impl Store {
         let id = id.to_owned();
         self.write(move |write| {
             Box::pin(async move {
-                let deleted = sqlx::query("delete from webhook where id = ?").bind(&id).execute(write.sql()).await?;
-                match deleted.rows_affected() {
+                let deleted = query("delete from webhook where id = $1").bind(&id).execute(write.sql()).await?;
+                match deleted {
                     0 => Err(StoreError::not_found(name(&id))),
                     _ => Ok(()),
                 }
@@ -122,9 +119,9 @@ impl Store {
         let id = id.to_owned();
         self.write(move |write| {
             Box::pin(async move {
-                let inserted = sqlx::query(
+                let inserted = query(
                     "insert into webhook_delivery (webhook, event, subject, time_ms, next_time_ms) \
-                     select id, ?2, ?3, ?4, ?4 from webhook where id = ?1 returning *",
+                     select id, $2, $3, $4, $4 from webhook where id = $1 returning *",
                 )
                 .bind(&id)
                 .bind(WebhookEvent::Test.as_str())
@@ -144,16 +141,12 @@ fn name(id: &str) -> String {
     format!("webhooks/{id}")
 }
 
-fn corrupt(column: &'static str, problem: impl Display) -> StoreError {
-    StoreError::Corrupt { column, source: serde_json::Error::custom(problem) }
-}
-
-fn webhook_of(row: &SqliteRow) -> Result<Webhook, StoreError> {
+fn webhook_of(row: &Row) -> Result<Webhook, StoreError> {
     let events: String = row.try_get("events")?;
     let url: String = row.try_get("url")?;
     Ok(Webhook {
         id: row.try_get("id")?,
-        url: WebhookUrl::parse(&url).map_err(|error| corrupt("webhook.url", error))?,
+        url: WebhookUrl::parse(&url).map_err(|error| StoreError::corrupt("webhook.url", error))?,
         events: from_json("webhook.events", &events)?,
         display: row.try_get("display")?,
         caller: row.try_get("caller")?,

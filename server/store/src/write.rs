@@ -1,42 +1,48 @@
 //! Write transactions.
 
 use super::changes::{Change, Changed};
+use super::sql::{Connection, Pool, query};
 use super::{Store, StoreError};
 use futures::future::BoxFuture;
 use lightpath_fail_points as fail;
-use sqlx::pool::PoolConnection;
-use sqlx::{Sqlite, SqliteConnection};
 
-/// A transaction that reads first and writes later fails with BUSY however long it waits, unless it begins `immediate`.
-const BEGIN: &str = "begin immediate";
+/// In SQLite a transaction that reads first and writes later fails with BUSY however long it waits, unless it begins
+/// `immediate`.
+const BEGIN_SQLITE: &str = "begin immediate";
+
+/// In PostgreSQL the writers of all processes take turns by this lock. It is a statement of its own, so that the
+/// statements after it see what the writer before has committed.
+const TURN_POSTGRES: &str = "select pg_advisory_xact_lock(7809632219837)";
 
 /// A write transaction, with the changes to announce after its commit.
 #[derive(Debug)]
 pub(super) struct Write {
-    connection: PoolConnection<Sqlite>,
+    connection: Connection,
     changes: Vec<Change>,
 }
 
 impl Write {
-    pub(super) fn sql(&mut self) -> &mut SqliteConnection {
+    pub(super) fn sql(&mut self) -> &mut Connection {
         &mut self.connection
     }
 
     /// Begins a transaction. After an error (for example a full disk), SQLite ends some transactions by itself and
     /// leaves others open. This function accepts both; a transaction of sqlx would make the next one fail.
-    async fn begin(mut connection: PoolConnection<Sqlite>) -> Result<Self, StoreError> {
-        if sqlx::query(BEGIN).execute(&mut *connection).await.is_err() {
+    async fn begin(writers: &Pool) -> Result<Self, StoreError> {
+        let begin = if writers.is_postgres() { "begin" } else { BEGIN_SQLITE };
+        let mut connection = writers.acquire().await?;
+        if query(begin).execute(&mut connection).await.is_err() {
             // Either a panic left a transaction open, or another process holds the database. The second attempt shows
             // which.
-            drop(sqlx::query("rollback").execute(&mut *connection).await);
-            sqlx::query(BEGIN).execute(&mut *connection).await?;
+            drop(query("rollback").execute(&mut connection).await);
+            query(begin).execute(&mut connection).await?;
         }
         Ok(Self { connection, changes: Vec::new() })
     }
 
     async fn commit(&mut self) -> Result<(), StoreError> {
         fail::point("commit").map_err(sqlx::Error::Io)?;
-        sqlx::query("commit").execute(self.sql()).await?;
+        query("commit").execute(self.sql()).await?;
         // The commit is on disk, so a failure after it is not an error.
         drop(fail::point("committed"));
         Ok(())
@@ -44,7 +50,7 @@ impl Write {
 
     async fn undo(&mut self) {
         // If the rollback fails, SQLite has already ended the transaction.
-        drop(sqlx::query("rollback").execute(self.sql()).await);
+        drop(query("rollback").execute(self.sql()).await);
     }
 
     pub(super) fn announce(&mut self, change: Change) {
@@ -76,7 +82,10 @@ impl Store {
     {
         let store = self.clone();
         let task = tokio::spawn(async move {
-            let mut write = Write::begin(store.inner.writer.acquire().await?).await?;
+            let mut write = Write::begin(&store.inner.writers).await?;
+            if store.inner.writers.is_postgres() {
+                query(TURN_POSTGRES).execute(write.sql()).await?;
+            }
             let outcome = match work(&mut write).await {
                 Ok(value) => write.commit().await.map(|()| value),
                 Err(error) => Err(error),

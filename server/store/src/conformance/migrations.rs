@@ -33,12 +33,13 @@ const ROWS: &[(usize, &str)] = &[(
 
     insert into kernel (id, name, display, wavelength_pm, distance_nm, latest_version, create_time_ms)
     values (1, 'displays/lab/kernels/515nm-150mm', 'lab', 515000, 150000000, 1, 8);
-    insert into kernel_version (kernel, version, model, artifact, size_bytes, metrics, lineage, create_time_ms)
+    insert into kernel_version (kernel, version, model, artifact, size_bytes, metrics, lineage, create_time_ms,
+    interpolated, datasets, job)
     select 1, 1, 'display', 'sha256-' || printf('%064x', 1), 7,
     '{"train_pairs":1,"validation_pairs":0,"test_pairs":1,"train_loss":0.1,"validation_loss":0.0,"test_loss":0.2,
     "ideal_test_loss":0.3,"test_loss_full_frame":0.2,"ideal_test_loss_full_frame":0.3,"captured":null}',
     '{"job":"","datasets":[],"interpolated":false,"parent_version":null,"parameters_json":"{}","seed":1,
-    "code_version":"0.1.0"}', 9;
+    "code_version":"0.1.0"}', 9, 0, 0, '';
     update kernel set active_version = 1;
     insert into kernel_move (kernel, alias, time_ms, caller, from_version, to_version, reason, generation)
     values (1, 'active', 10, 'ada', null, 1, 'good', 1);
@@ -89,7 +90,7 @@ const ROWS: &[(usize, &str)] = &[(
 async fn create_database(path: &Path, steps: usize) {
     let mut connection = connect_options(path).connect().await.unwrap();
     for step in 1..=steps {
-        migrator(step).run(&mut connection).await.unwrap();
+        migrator(step, |step| step.sqlite).run(&mut connection).await.unwrap();
         for (_, rows) in ROWS.iter().filter(|(after, _)| *after == step) {
             sqlx::raw_sql(*rows).execute(&mut connection).await.unwrap();
         }

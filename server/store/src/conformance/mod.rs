@@ -1,4 +1,5 @@
-//! Tests of the store on a real database in a temporary folder.
+//! Tests of the store on a real database: SQLite in a temporary folder or, if `LIGHTPATH_TEST_POSTGRES` has the URL of a
+//! PostgreSQL server, a database there that is made for the test. What concerns only SQLite is tested on SQLite always.
 //!
 //! `queue`: states of jobs and their changes. `scheduling`: when and for which owner jobs run. `registry`: displays,
 //! artifacts, datasets, kernels. `rollouts`: aliases, gates, devices, rollouts. `preparing`: datasets that jobs align and finalize. `model`: random histories of one
@@ -18,25 +19,100 @@ mod scale;
 mod scheduling;
 mod webhooks;
 
-use super::{Promotion, Store, StoreError};
+use super::sql::{Builder, Connection};
+use super::{Inspection, Promotion, Store, StoreError};
+use crate::open::connect_options;
 use lightpath_domain::dataset::{Dataset, Encoding, Pair};
 use lightpath_domain::job::{FailureReason, JobEffect, JobError, JobResult, JobSpec, NewJob};
 use lightpath_domain::kernel::{Cause, KernelKey, KernelLineage, KernelMetrics, KernelModel, NewKernelVersion};
 use lightpath_domain::units::Distance;
 use lightpath_fixtures::{DISTANCE, WAVELENGTH, capture_job, capture_result, display};
+use sqlx::postgres::PgConnectOptions;
+use sqlx::{AssertSqlSafe, ConnectOptions as _, Connection as _, PgConnection};
+use std::path::PathBuf;
 use tempfile::TempDir;
 
 const QUEUE_LIMIT: u32 = 100;
 const LEASE_MS: i64 = 30_000;
 
-/// A store with the display `lab`, and its temporary folder.
-async fn store() -> (Store, TempDir) {
-    let folder = tempfile::tempdir().unwrap();
-    let store = Store::open(&folder.path().join("lightpath.db")).await.unwrap();
+/// The database of a test.
+struct Place {
+    folder: TempDir,
+    /// URL of a database of PostgreSQL; `None`: SQLite in the folder.
+    url: Option<String>,
+}
+
+impl Place {
+    /// A new database. It stays at the end of the test, and goes with its server.
+    async fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let Ok(server) = std::env::var("LIGHTPATH_TEST_POSTGRES") else { return Self { folder, url: None } };
+        let options: PgConnectOptions = server.parse().unwrap();
+        let name = format!("test_{}", uuid::Uuid::now_v7().simple());
+        let mut connection = options.connect().await.unwrap();
+        let create = AssertSqlSafe(format!("create database {name}"));
+        sqlx::raw_sql(create).execute(&mut connection).await.unwrap();
+        connection.close().await.unwrap();
+        Self { folder, url: Some(options.database(&name).to_url_lossy().to_string()) }
+    }
+
+    fn file(&self) -> PathBuf {
+        self.folder.path().join("lightpath.db")
+    }
+
+    /// A handle to the database, as another process has one.
+    async fn open(&self) -> Store {
+        match &self.url {
+            None => Store::open(&self.file()).await.unwrap(),
+            Some(url) => Store::connect(url).await.unwrap(),
+        }
+    }
+
+    async fn inspect(&self) -> Inspection {
+        match &self.url {
+            None => Inspection::open(&self.file()).await.unwrap(),
+            Some(url) => Inspection::connect(url).await.unwrap(),
+        }
+    }
+
+    /// A connection that knows nothing of the store.
+    async fn connect(&self) -> Connection {
+        match &self.url {
+            None => Connection::SqliteFile(connect_options(&self.file()).connect().await.unwrap()),
+            Some(url) => Connection::PostgresServer(PgConnection::connect(url).await.unwrap()),
+        }
+    }
+
+    /// Runs statements directly, because a test cannot make that many calls.
+    async fn change(&self, sql: &str) {
+        let mut connection = self.connect().await;
+        for statement in sql.split(';') {
+            Builder::new(statement).build().execute(&mut connection).await.unwrap();
+        }
+        connection.close().await.unwrap();
+    }
+}
+
+/// A store with the display `lab`, and its database.
+async fn store() -> (Store, Place) {
+    let place = Place::new().await;
+    let store = place.open().await;
+    prepare(&store).await;
+    (store, place)
+}
+
+/// The same, always in SQLite.
+async fn sqlite_store() -> (Store, Place) {
+    let place = Place { folder: tempfile::tempdir().unwrap(), url: None };
+    let store = place.open().await;
+    prepare(&store).await;
+    (store, place)
+}
+
+async fn prepare(store: &Store) {
     store.create_display(&display("lab"), 1).await.unwrap();
     // The artifact that `new_job` refers to.
     store.record_artifact(&digest(0), 7, "", 1).await.unwrap();
-    (store, folder)
 }
 
 /// A job of the cheapest kind. Jobs with different seeds have different content.

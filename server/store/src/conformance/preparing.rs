@@ -1,15 +1,14 @@
 //! Tests of jobs that align and finalize datasets while other jobs or callers change the same dataset.
 
 use super::*;
-use crate::open::connect_options;
-use crate::{AbortReason, Inspection};
+use crate::AbortReason;
+use crate::sql::query;
 use lightpath_domain::dataset::{
     Alignment, AlignmentMethod, Finalization, Finding, FindingKind, PairChecks, PreparedDataset, Split, Splits,
     digest as dataset_digest, draw_split,
 };
 use lightpath_domain::job::{AlignBy, Job, Lease, PrepareDataset, PrepareResult, PrepareStep};
 use lightpath_domain::reason::PreconditionReason;
-use sqlx::{ConnectOptions as _, Connection as _};
 use std::collections::BTreeMap;
 
 const FINALIZATION: Finalization =
@@ -94,7 +93,7 @@ pub(super) async fn finalize(store: &Store, id: &str) -> Dataset {
 
 #[tokio::test]
 async fn finished_job_stores_alignment_checks_findings_and_digest() {
-    let (store, folder) = store().await;
+    let (store, place) = store().await;
     let open = open_dataset(&store, "d").await;
     let lease = start_job(&store, "align", "d").await;
     let checks = PairChecks { contrast: 0.5, homography: Some(alignment(2.0).homography), ..PairChecks::default() };
@@ -126,9 +125,8 @@ async fn finished_job_stores_alignment_checks_findings_and_digest() {
     assert_eq!(store.dataset("d").await.unwrap(), closed);
 
     // The check for dangling references does not mistake the dataset's digest for an artifact.
-    let path = folder.path().join("lightpath.db");
-    store.close().await;
-    let mut inspection = Inspection::open(&path).await.unwrap();
+        store.close().await;
+    let mut inspection = place.inspect().await;
     let dangling = inspection.dangling_references().await.unwrap();
     assert!(dangling.is_empty(), "{dangling:?}");
     inspection.close().await.unwrap();
@@ -181,7 +179,7 @@ fn orders() -> Vec<Vec<Step>> {
 
 #[tokio::test]
 async fn digest_matches_the_dataset_in_every_order_of_aligning_finalizing_and_adding() {
-    let (store, folder) = store().await;
+    let (store, place) = store().await;
     let orders = orders();
     assert_eq!(orders.len(), 30);
     let (mut finalized_and_aligned, mut finalized_only) = (0, 0);
@@ -225,33 +223,32 @@ async fn digest_matches_the_dataset_in_every_order_of_aligning_finalizing_and_ad
     }
     assert!(finalized_and_aligned > 0 && finalized_only > 0);
     store.close().await;
-    let path = folder.path().join("lightpath.db");
-    let mut inspection = Inspection::open(&path).await.unwrap();
+        let mut inspection = place.inspect().await;
     assert_eq!(inspection.changed_datasets().await.unwrap(), Vec::<String>::new());
     inspection.close().await.unwrap();
 }
 
 #[tokio::test]
 async fn check_finds_a_finalized_dataset_that_was_changed() {
-    let (store, folder) = store().await;
+    let (store, place) = store().await;
     open_dataset(&store, "d").await;
     finalize(&store, "d").await;
     open_dataset(&store, "open").await;
     store.close().await;
-    let path = folder.path().join("lightpath.db");
-    let changed = async || {
-        let mut inspection = Inspection::open(&path).await.unwrap();
+        let changed = async || {
+        let mut inspection = place.inspect().await;
         let changed = inspection.changed_datasets().await.unwrap();
         inspection.close().await.unwrap();
         changed
     };
     assert_eq!(changed().await, Vec::<String>::new());
     // The database refuses such a change, unless its triggers are removed.
-    let mut connection = connect_options(&path).connect().await.unwrap();
+    let mut connection = place.connect().await;
     let alignment = serde_json::to_string(&alignment(2.0)).unwrap();
-    let change = || sqlx::query("update dataset set alignment = ? where id = 'd'").bind(&alignment);
+    let change = || query("update dataset set alignment = $1 where id = 'd'").bind(&alignment);
     assert!(change().execute(&mut connection).await.is_err());
-    sqlx::raw_sql("drop trigger finalized_dataset_stays").execute(&mut connection).await.unwrap();
+    let on = if place.url.is_some() { " on dataset" } else { "" };
+    place.change(&format!("drop trigger finalized_dataset_stays{on}")).await;
     change().execute(&mut connection).await.unwrap();
     connection.close().await.unwrap();
     assert_eq!(changed().await, ["d"]);

@@ -71,11 +71,11 @@ async fn interrupted_job_keeps_its_place() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn two_stores_claim_every_job_once() {
-    let (store, folder) = store().await;
+    let (store, place) = store().await;
     for n in 0..40 {
         submit(&store, &format!("r{n}"), 1).await;
     }
-    let other = Store::open(&folder.path().join("lightpath.db")).await.unwrap();
+    let other = place.open().await;
     let run = |store: Store| {
         tokio::spawn(async move {
             let mut claimed = Vec::new();
@@ -436,8 +436,8 @@ async fn dropped_submit_leaves_no_partial_write() {
 #[tokio::test]
 async fn zombies_write_nothing() {
     let zombies = std::env::var("LIGHTPATH_ZOMBIES").map_or(50, |zombies| zombies.parse().unwrap());
-    let (store, folder) = store().await;
-    let elsewhere = Store::open(&folder.path().join("lightpath.db")).await.unwrap();
+    let (store, place) = store().await;
+    let elsewhere = place.open().await;
     let mut rejected = 0;
     for n in 0..zombies {
         let now = 10 + i64::from(n) * 3 * LEASE_MS;

@@ -6,10 +6,8 @@
 //! busy.
 
 use super::*;
-use crate::open::connect_options;
 use crate::{ClaimLimits, JobFilter};
 use lightpath_domain::job::JobState;
-use sqlx::{ConnectOptions as _, Connection as _};
 use std::io::Write as _;
 use std::time::{Duration, Instant};
 
@@ -45,26 +43,28 @@ async fn times<F: Future<Output = ()>>(mut work: impl FnMut(u32) -> F) -> Times 
 
 /// Fills the database with jobs as after months of use: the waiting jobs have 20 owners and batches, 5 displays and 3
 /// priorities.
-async fn fill(path: &std::path::Path, finished: u32) {
-    let mut connection = connect_options(path).connect().await.unwrap();
+async fn fill(place: &Place, finished: u32) {
     let spec = serde_json::to_string(&new_job("", 1).spec).unwrap();
     let result = serde_json::to_string(&result()).unwrap();
-    let sql = "with recursive n(i) as (select 0 union all select i + 1 from n where i + 1 < ?1) \
-        insert into job (id, request_id, display, spec, state, priority, attempt, attempts_max, create_time_ms, run_time_ms, \
-        start_time_ms, finish_time_ms, result, owner, batch, kind, words) \
-        select printf('%s%012d', ?2, i), printf('%s%d', ?2, i), 'lab-' || (i % 5), ?3, ?4, i % 3, 1, 3, i, i, \
-        iif(?4 = 'queued', null, i), iif(?4 = 'queued', null, i + 1), ?5, 'owner ' || (i % 20), 'batch ' || (i % 20), \
-        'simulate_capture', printf('%s%012d %s%d owner %d batch %d lab-%d', ?2, i, ?2, i, i % 20, i % 20, i % 5) from n";
-    for (count, prefix, state, result) in
-        [(finished, "a", "succeeded", Some(&result)), (finished / 10, "b", "queued", None)]
-    {
-        let insert = sqlx::query(sql).bind(count).bind(prefix).bind(&spec).bind(state).bind(result);
-        insert.execute(&mut connection).await.unwrap();
-    }
+    let jobs = |count: u32, prefix: &str, state: &str, times: &str, result: &str| {
+        format!(
+            "with recursive n(i) as (select 0 union all select i + 1 from n where i + 1 < {count}), \
+             named as (select i, '{prefix}' || substr('00000000000' || i, length('' || i)) as id from n) \
+             insert into job (id, request_id, display, spec, state, priority, attempt, attempts_max, create_time_ms, \
+             run_time_ms, start_time_ms, finish_time_ms, result, owner, batch, kind, words) \
+             select id, '{prefix}' || i, 'lab-' || (i % 5), '{spec}', '{state}', i % 3, 1, 3, i, i, {times}, {result}, \
+             'owner ' || (i % 20), 'batch ' || (i % 20), 'simulate_capture', id || ' {prefix}' || i || ' owner ' || \
+             (i % 20) || ' batch ' || (i % 20) || ' lab-' || (i % 5) from named"
+        )
+    };
+    place.change(&jobs(finished, "a", "succeeded", "i, i + 1", &format!("'{result}'"))).await;
+    place.change(&jobs(finished / 10, "b", "queued", "null, null", "null")).await;
     let events = "insert into job_event (job, time_ms, attempt, message) select id, 1, 0, 'queued' from job \
                   union all select id, 2, 1, 'succeeded' from job where state = 'succeeded'";
-    sqlx::query(events).execute(&mut connection).await.unwrap();
-    connection.close().await.unwrap();
+    place.change(events).await;
+    if place.url.is_some() {
+        place.change("analyze").await;
+    }
 }
 
 /// Measures lists of jobs, summaries and searches; returns the times of the lists.
@@ -111,11 +111,11 @@ async fn lists(store: &Store, finished: u32) -> Times {
 async fn many_jobs_keep_queries_fast() {
     let requested_jobs = std::env::var("LIGHTPATH_SCALE_JOBS").ok().map(|jobs| jobs.parse().unwrap());
     let finished = requested_jobs.unwrap_or(FINISHED);
-    let (store, folder) = store().await;
+    let (store, place) = store().await;
     for n in 0..5 {
         store.create_display(&display(&format!("lab-{n}")), 1).await.unwrap();
     }
-    fill(&folder.path().join("lightpath.db"), finished).await;
+    fill(&place, finished).await;
     let store = &store;
     let counts = store.queue_counts().await.unwrap();
     assert_eq!((counts.succeeded, counts.queued), (u64::from(finished), u64::from(finished / 10)));

@@ -38,7 +38,7 @@ proptest! {
     fn the_queue_agrees_with_its_model(commands in prop::collection::vec(command(), HISTORY)) {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
         runtime.block_on(async {
-            let (store, folder) = store().await;
+            let (store, place) = store().await;
             store.create_display(&display("other"), 1).await.unwrap();
             let mut comparison = Comparison { store, model: Model { now_ms: 1000, ..Model::default() }, submitted: 0 };
             for command in commands {
@@ -46,7 +46,7 @@ proptest! {
                 comparison.compare().await;
             }
             comparison.store.close().await;
-            let mut inspection = crate::Inspection::open(&folder.path().join("lightpath.db")).await.unwrap();
+            let mut inspection = place.inspect().await;
             assert_eq!(inspection.damages().await.unwrap(), Vec::<String>::new());
             assert_eq!(inspection.contradictions().await.unwrap(), Vec::<String>::new());
             inspection.close().await.unwrap();

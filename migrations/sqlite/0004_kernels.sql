@@ -22,6 +22,10 @@ create table kernel_version (
     metrics        text    not null check (json_valid(metrics)),
     lineage        text    not null check (json_valid(lineage)),
     create_time_ms integer not null,
+    -- of the lineage: whether the version was interpolated, the number of its datasets, and its job (empty: imported)
+    interpolated   integer not null check (interpolated in (0, 1)),
+    datasets       integer not null check (datasets >= 0),
+    job            text    not null,
     primary key (kernel, version)
 ) strict, without rowid;
 

@@ -1,0 +1,82 @@
+-- Sets of (hologram, photograph) pairs, immutable once they have a digest.
+create table dataset (
+    id               text collate "C"    not null primary key check (length(id) between 1 and 63),
+    display          text collate "C"    not null references display (id),
+    wavelength_pm    bigint not null check (wavelength_pm > 0),
+    distance_nm      bigint not null check (distance_nm <> 0),
+    photo_encoding   text collate "C"    not null check (photo_encoding in ('linear', 'srgb')),
+    -- bits of the camera if the files have more; 0: the bits of the files
+    photo_bit_depth  bigint not null default 0 check (photo_bit_depth between 0 and 16),
+    -- position of the display's pixels in the photographs; null: one camera pixel for each pixel of the display
+    alignment        text collate "C"    check (json_valid(alignment)),
+    pair_count       bigint not null default 0 check (pair_count >= 0),
+    -- problems of the dataset as a whole
+    findings         text collate "C"    not null default '[]' check (json_valid(findings)),
+    -- grows with every change; results computed from an older revision are refused
+    revision         bigint not null default 1 check (revision >= 1),
+    digest           text collate "C",
+    -- settings with which the dataset was finalized: fractions and seed of the split, and whether the alignment was
+    -- kept
+    finalization     text collate "C"    check (json_valid(finalization)),
+    create_time_ms   bigint not null,
+    finalize_time_ms bigint,
+    check ((digest is null) = (finalization is null)),
+    check ((digest is null) = (finalize_time_ms is null))
+);
+
+create index dataset_by_display on dataset (display, id);
+
+create trigger finalized_dataset_stays before update on dataset for each row
+when (old.digest is not null)
+execute function refuse('the dataset is finalized');
+
+-- Pairs of datasets. A hologram or a photograph may be in only one pair of a dataset: a second partner would be a
+-- mistake.
+create table pair (
+    -- the pairs of a deleted dataset go with it
+    dataset  text collate "C" not null references dataset (id) on delete cascade,
+    id       text collate "C" not null check (length(id) between 1 and 63),
+    phase    text collate "C" not null references artifact (digest),
+    photo    text collate "C" not null references artifact (digest),
+    -- use of the pair; null: not drawn yet, or (in a finalized dataset) left out
+    split    text collate "C" check (split in ('train', 'validation', 'test')),
+    -- black level, exposure time and amplification; null: nothing is known
+    exposure text collate "C" check (json_valid(exposure)),
+    -- measurements of the pair with the dataset's alignment; null: not measured yet
+    checks   text collate "C" check (json_valid(checks)),
+    -- problems of the pair
+    findings text collate "C" not null default '[]' check (json_valid(findings)),
+    primary key (dataset, id),
+    unique (dataset, phase),
+    unique (dataset, photo)
+);
+
+create index pair_by_phase on pair (phase);
+create index pair_by_photo on pair (photo);
+
+create function pair_of_finalized_dataset_stays() returns trigger language plpgsql as $$
+begin
+    if (select digest from dataset where id = old.dataset) is not null then raise exception 'the dataset is finalized'; end if;
+    return new;
+end $$;
+
+create trigger pair_of_finalized_dataset_stays before update on pair for each row
+execute function pair_of_finalized_dataset_stays();
+
+create function pair_of_finalized_dataset_is_kept() returns trigger language plpgsql as $$
+begin
+    if (select digest from dataset where id = old.dataset) is not null then raise exception 'the dataset is finalized'; end if;
+    return old;
+end $$;
+
+create trigger pair_of_finalized_dataset_is_kept before delete on pair for each row
+execute function pair_of_finalized_dataset_is_kept();
+
+create function finalized_dataset_takes_no_pair() returns trigger language plpgsql as $$
+begin
+    if (select digest from dataset where id = new.dataset) is not null then raise exception 'the dataset is finalized'; end if;
+    return new;
+end $$;
+
+create trigger finalized_dataset_takes_no_pair before insert on pair for each row
+execute function finalized_dataset_takes_no_pair();

@@ -1,0 +1,255 @@
+//! A statement with its parameters.
+
+use super::connection::{Raw, Target};
+use super::row::{Column, Columns, Row};
+use sqlx::postgres::PgArguments;
+use sqlx::query::Query as SqlxQuery;
+use sqlx::sqlite::SqliteArguments;
+use sqlx::{AssertSqlSafe, Postgres, Sqlite};
+use std::fmt::Write as _;
+use std::mem::take;
+
+/// A parameter. Its type is known even where it is null, because PostgreSQL needs it.
+#[derive(Clone, Debug)]
+pub(crate) enum Value {
+    Integer(Option<i64>),
+    Real(Option<f64>),
+    Text(Option<String>),
+}
+
+macro_rules! integers {
+    ($($kind:ty),*) => {$(
+        impl From<$kind> for Value {
+            fn from(value: $kind) -> Self {
+                Self::Integer(Some(value.into()))
+            }
+        }
+
+        impl From<Option<$kind>> for Value {
+            fn from(value: Option<$kind>) -> Self {
+                Self::Integer(value.map(Into::into))
+            }
+        }
+
+        impl From<&Option<$kind>> for Value {
+            fn from(value: &Option<$kind>) -> Self {
+                Self::Integer(value.map(Into::into))
+            }
+        }
+    )*};
+}
+
+integers!(i64, i32, u32, u8, bool);
+
+impl From<f64> for Value {
+    fn from(value: f64) -> Self {
+        Self::Real(Some(value))
+    }
+}
+
+impl From<Option<f64>> for Value {
+    fn from(value: Option<f64>) -> Self {
+        Self::Real(value)
+    }
+}
+
+macro_rules! texts {
+    ($($kind:ty),*) => {$(
+        impl From<$kind> for Value {
+            fn from(value: $kind) -> Self {
+                Self::Text(Some(value.to_owned()))
+            }
+        }
+    )*};
+}
+
+texts!(&str, &String);
+
+impl From<String> for Value {
+    fn from(value: String) -> Self {
+        Self::Text(Some(value))
+    }
+}
+
+impl From<Option<String>> for Value {
+    fn from(value: Option<String>) -> Self {
+        Self::Text(value)
+    }
+}
+
+impl From<&Option<String>> for Value {
+    fn from(value: &Option<String>) -> Self {
+        Self::Text(value.clone())
+    }
+}
+
+impl From<Option<&str>> for Value {
+    fn from(value: Option<&str>) -> Self {
+        Self::Text(value.map(str::to_owned))
+    }
+}
+
+/// The text of a statement: fixed, or put together by [`Builder`].
+#[derive(Clone, Debug)]
+enum Text {
+    Fixed(&'static str),
+    Built(String),
+}
+
+/// A statement with its parameters.
+#[derive(Clone, Debug)]
+pub(crate) struct Query {
+    text: Text,
+    values: Vec<Value>,
+}
+
+/// A statement with parameters `$1`, `$2`, … to bind in this order.
+pub(crate) fn query(text: &'static str) -> Query {
+    Query { text: Text::Fixed(text), values: Vec::new() }
+}
+
+/// A statement whose rows have one column.
+pub(crate) fn scalar<T: Column>(text: &'static str) -> Typed<T> {
+    Typed { query: query(text), read: |row| row.try_get(0) }
+}
+
+/// A statement whose rows are read as tuples.
+pub(crate) fn query_as<T: Columns>(text: &'static str) -> Typed<T> {
+    Typed { query: query(text), read: T::of }
+}
+
+impl Query {
+    pub(crate) fn bind(mut self, value: impl Into<Value>) -> Self {
+        self.values.push(value.into());
+        self
+    }
+
+    /// Runs the statement and returns the number of changed rows.
+    pub(crate) async fn execute(self, target: impl Target) -> Result<u64, sqlx::Error> {
+        let mut target = target;
+        let mut lent = target.connect().await?;
+        match lent.raw() {
+            Raw::Sqlite(connection) => Ok(self.for_sqlite().execute(connection).await?.rows_affected()),
+            Raw::Postgres(connection) => Ok(self.for_postgres().execute(connection).await?.rows_affected()),
+        }
+    }
+
+    pub(crate) async fn fetch_optional(self, target: impl Target) -> Result<Option<Row>, sqlx::Error> {
+        let mut target = target;
+        let mut lent = target.connect().await?;
+        match lent.raw() {
+            Raw::Sqlite(connection) => Ok(self.for_sqlite().fetch_optional(connection).await?.map(Row::Sqlite)),
+            Raw::Postgres(connection) => Ok(self.for_postgres().fetch_optional(connection).await?.map(Row::Postgres)),
+        }
+    }
+
+    /// The only row.
+    ///
+    /// # Errors
+    ///
+    /// [`sqlx::Error::RowNotFound`] if there is none.
+    pub(crate) async fn fetch_one(self, target: impl Target) -> Result<Row, sqlx::Error> {
+        self.fetch_optional(target).await?.ok_or(sqlx::Error::RowNotFound)
+    }
+
+    pub(crate) async fn fetch_all(self, target: impl Target) -> Result<Vec<Row>, sqlx::Error> {
+        let mut target = target;
+        let mut lent = target.connect().await?;
+        match lent.raw() {
+            Raw::Sqlite(connection) => {
+                Ok(self.for_sqlite().fetch_all(connection).await?.into_iter().map(Row::Sqlite).collect())
+            }
+            Raw::Postgres(connection) => {
+                Ok(self.for_postgres().fetch_all(connection).await?.into_iter().map(Row::Postgres).collect())
+            }
+        }
+    }
+
+    fn for_sqlite(self) -> SqlxQuery<'static, Sqlite, SqliteArguments> {
+        let query = match self.text {
+            Text::Fixed(text) => sqlx::query(text),
+            // `Builder` binds every value that comes from outside.
+            Text::Built(text) => sqlx::query(AssertSqlSafe(text)),
+        };
+        self.values.into_iter().fold(query, |query, value| match value {
+            Value::Integer(value) => query.bind(value),
+            Value::Real(value) => query.bind(value),
+            Value::Text(value) => query.bind(value),
+        })
+    }
+
+    fn for_postgres(self) -> SqlxQuery<'static, Postgres, PgArguments> {
+        let query = match self.text {
+            Text::Fixed(text) => sqlx::query(text),
+            Text::Built(text) => sqlx::query(AssertSqlSafe(text)),
+        };
+        self.values.into_iter().fold(query, |query, value| match value {
+            Value::Integer(value) => query.bind(value),
+            Value::Real(value) => query.bind(value),
+            Value::Text(value) => query.bind(value),
+        })
+    }
+}
+
+/// A statement whose rows are read as `T`.
+pub(crate) struct Typed<T> {
+    query: Query,
+    read: fn(&Row) -> Result<T, sqlx::Error>,
+}
+
+impl<T> Typed<T> {
+    pub(crate) fn bind(mut self, value: impl Into<Value>) -> Self {
+        self.query = self.query.bind(value);
+        self
+    }
+
+    pub(crate) async fn fetch_optional(self, target: impl Target) -> Result<Option<T>, sqlx::Error> {
+        self.query.fetch_optional(target).await?.as_ref().map(self.read).transpose()
+    }
+
+    pub(crate) async fn fetch_one(self, target: impl Target) -> Result<T, sqlx::Error> {
+        (self.read)(&self.query.fetch_one(target).await?)
+    }
+
+    pub(crate) async fn fetch_all(self, target: impl Target) -> Result<Vec<T>, sqlx::Error> {
+        self.query.fetch_all(target).await?.iter().map(self.read).collect()
+    }
+}
+
+/// A statement that is put together from parts.
+#[derive(Clone, Debug)]
+pub(crate) struct Builder {
+    text: String,
+    values: Vec<Value>,
+}
+
+impl Builder {
+    pub(crate) fn new(text: impl Into<String>) -> Self {
+        Self { text: text.into(), values: Vec::new() }
+    }
+
+    /// Appends text of the program, never text from outside.
+    pub(crate) fn push(&mut self, text: impl AsRef<str>) -> &mut Self {
+        self.text.push_str(text.as_ref());
+        self
+    }
+
+    /// Appends a parameter.
+    pub(crate) fn push_bind(&mut self, value: impl Into<Value>) -> &mut Self {
+        self.values.push(value.into());
+        // Writing into a text cannot fail.
+        let _ = write!(self.text, "${}", self.values.len());
+        self
+    }
+
+    /// The text so far.
+    #[cfg(test)]
+    pub(crate) fn text(&self) -> &str {
+        &self.text
+    }
+
+    /// The statement; the builder is empty afterwards.
+    pub(crate) fn build(&mut self) -> Query {
+        Query { text: Text::Built(take(&mut self.text)), values: take(&mut self.values) }
+    }
+}

@@ -1,0 +1,139 @@
+//! Rows of either database, and the conversion of their columns.
+
+use sqlx::postgres::PgRow;
+use sqlx::sqlite::SqliteRow;
+use sqlx::{Row as _, TypeInfo as _, ValueRef as _};
+
+/// A row that a statement returned.
+#[derive(Debug)]
+pub(crate) enum Row {
+    Sqlite(SqliteRow),
+    Postgres(PgRow),
+}
+
+/// The place of a column: its name or its number from 0.
+#[derive(Clone, Copy)]
+pub(crate) enum Place<'n> {
+    Name(&'n str),
+    Number(usize),
+}
+
+impl<'n> From<&'n str> for Place<'n> {
+    fn from(name: &'n str) -> Self {
+        Self::Name(name)
+    }
+}
+
+impl From<usize> for Place<'_> {
+    fn from(number: usize) -> Self {
+        Self::Number(number)
+    }
+}
+
+/// Calls a method of a row of sqlx with the place of a column.
+macro_rules! at {
+    ($row:expr, $method:ident $(::<$kind:ty>)?, $place:expr) => {
+        match $place {
+            Place::Name(name) => $row.$method$(::<$kind, _>)?(name),
+            Place::Number(number) => $row.$method$(::<$kind, _>)?(number),
+        }
+    };
+}
+
+/// A value that a column can have.
+pub(crate) trait Column: Sized {
+    /// Reads the column at `place`.
+    fn read(row: &Row, place: Place<'_>) -> Result<Self, sqlx::Error>;
+}
+
+impl Row {
+    /// The value of a column.
+    pub(crate) fn try_get<'n, T: Column>(&self, place: impl Into<Place<'n>>) -> Result<T, sqlx::Error> {
+        T::read(self, place.into())
+    }
+
+    fn is_null(&self, place: Place<'_>) -> Result<bool, sqlx::Error> {
+        match self {
+            Self::Sqlite(row) => Ok(at!(row, try_get_raw, place)?.is_null()),
+            Self::Postgres(row) => Ok(at!(row, try_get_raw, place)?.is_null()),
+        }
+    }
+}
+
+impl Column for i64 {
+    fn read(row: &Row, place: Place<'_>) -> Result<Self, sqlx::Error> {
+        match row {
+            Row::Sqlite(row) => at!(row, try_get::<i64>, place),
+            // A literal and the truth of an expression have types of their own there.
+            Row::Postgres(row) => match at!(row, try_get_raw, place)?.type_info().name() {
+                "INT4" => at!(row, try_get::<i32>, place).map(i64::from),
+                "BOOL" => at!(row, try_get::<bool>, place).map(i64::from),
+                _ => at!(row, try_get::<i64>, place),
+            },
+        }
+    }
+}
+
+/// Integers that are stored in 64 bits.
+macro_rules! narrow {
+    ($($kind:ty),*) => {$(
+        impl Column for $kind {
+            fn read(row: &Row, place: Place<'_>) -> Result<Self, sqlx::Error> {
+                let wide = i64::read(row, place)?;
+                Self::try_from(wide).map_err(|error| sqlx::Error::Decode(Box::new(error)))
+            }
+        }
+    )*};
+}
+
+narrow!(i32, u32, u8);
+
+impl Column for bool {
+    fn read(row: &Row, place: Place<'_>) -> Result<Self, sqlx::Error> {
+        Ok(i64::read(row, place)? != 0)
+    }
+}
+
+impl Column for f64 {
+    fn read(row: &Row, place: Place<'_>) -> Result<Self, sqlx::Error> {
+        match row {
+            Row::Sqlite(row) => at!(row, try_get::<f64>, place),
+            Row::Postgres(row) => at!(row, try_get::<f64>, place),
+        }
+    }
+}
+
+impl Column for String {
+    fn read(row: &Row, place: Place<'_>) -> Result<Self, sqlx::Error> {
+        match row {
+            Row::Sqlite(row) => at!(row, try_get::<String>, place),
+            Row::Postgres(row) => at!(row, try_get::<String>, place),
+        }
+    }
+}
+
+impl<T: Column> Column for Option<T> {
+    fn read(row: &Row, place: Place<'_>) -> Result<Self, sqlx::Error> {
+        if row.is_null(place)? { Ok(None) } else { T::read(row, place).map(Some) }
+    }
+}
+
+/// The columns of a row, in order.
+pub(crate) trait Columns: Sized {
+    fn of(row: &Row) -> Result<Self, sqlx::Error>;
+}
+
+/// Tuples of columns.
+macro_rules! columns {
+    ($($name:ident $number:literal),*) => {
+        impl<$($name: Column),*> Columns for ($($name,)*) {
+            fn of(row: &Row) -> Result<Self, sqlx::Error> {
+                Ok(($(row.try_get::<$name>($number)?,)*))
+            }
+        }
+    };
+}
+
+columns!(A 0, B 1);
+columns!(A 0, B 1, C 2);
+columns!(A 0, B 1, C 2, D 3);
