@@ -1,6 +1,7 @@
 //! Announcements of changes, so that no listener needs to poll.
 
 use lightpath_domain::kernel::KernelKey;
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use tokio::sync::{Notify, broadcast};
 
@@ -9,7 +10,7 @@ use tokio::sync::{Notify, broadcast};
 const BACKLOG: usize = 1024;
 
 /// Something that changed, for listeners who follow everything.
-#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum Changed {
     /// The job with this id.
     Job(String),
@@ -36,7 +37,7 @@ pub enum Changed {
 }
 
 /// A change that a transaction announces after its commit.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) enum Change {
     /// The job with this id has a new revision.
     Job(String),

@@ -93,7 +93,7 @@ impl Store {
     /// [`StoreError::LeaseLost`].
     pub async fn heartbeat(&self, lease: &Lease, now_ms: i64, lease_ms: i64) -> Result<Heartbeat, StoreError> {
         let lease = lease.clone();
-        self.write(move |write| {
+        self.write_row(move |write| {
             Box::pin(async move {
                 // A heartbeat does not count as a change, so the revision stays the same.
                 let sql = "update job set lease_until_ms = max(lease_until_ms, $4) where id = $1 and state = 'running' \
@@ -157,7 +157,7 @@ impl Store {
     /// [`StoreError::LeaseLost`].
     pub async fn progress(&self, lease: &Lease, progress: &Progress) -> Result<(), StoreError> {
         let (lease, progress) = (lease.clone(), to_json("job.progress", progress)?);
-        self.write(move |write| {
+        self.write_row(move |write| {
             Box::pin(async move {
                 let query = bind_lease(fenced!("progress = $4"), &lease).bind(progress);
                 job_or_lease_lost(query.fetch_optional(write.sql()).await?)?;

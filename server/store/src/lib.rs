@@ -49,6 +49,7 @@ mod jobs;
 mod kernels;
 mod leases;
 mod moves;
+mod notices;
 mod open;
 mod prepared;
 mod queue;

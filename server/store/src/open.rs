@@ -5,14 +5,16 @@ use super::changes::Changes;
 use super::sql::Pool;
 use sqlx::migrate::{MigrateError, Migration, MigrationType, Migrator};
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous};
-use sqlx::postgres::{PgConnectOptions, PgPoolOptions};
+use sqlx::postgres::{PgConnectOptions, PgListener, PgPoolOptions};
 use sqlx::{AssertSqlSafe, SqlSafeStr};
 use std::fs::File;
 use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::{Path, PathBuf};
 use std::str::FromStr as _;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
+use tokio_util::task::AbortOnDropHandle;
+use uuid::Uuid;
 
 /// Number of read connections to SQLite. Reads are short, and more connections would only wait for the same disk and cores.
 const READERS: u32 = 4;
@@ -83,6 +85,10 @@ pub(super) struct Inner {
     pub(super) changes: Changes,
     /// The file of SQLite.
     pub(super) path: Option<PathBuf>,
+    /// Name of this handle for others, so that it does not hear itself.
+    pub(super) process: String,
+    /// The task that hears of the changes of other processes.
+    pub(super) listener: Mutex<Option<AbortOnDropHandle<()>>>,
 }
 
 impl Store {
@@ -102,8 +108,7 @@ impl Store {
         migrator(MIGRATIONS.len(), |step| step.sqlite).run(&writer).await.map_err(migration_error)?;
         let readers = pool(READERS).connect_with(options.create_if_missing(false).pragma("query_only", "on")).await?;
         let (writers, readers) = (Pool::Sqlite(writer), Pool::Sqlite(readers));
-        let path = Some(path.to_owned());
-        Ok(Self { inner: Arc::new(Inner { writers, readers, changes: Changes::default(), path }) })
+        Ok(Self::of(writers, readers, Some(path.to_owned())))
     }
 
     /// Connects to the PostgreSQL database of a `url` such as `postgres://user:password@host/database`, and brings its
@@ -121,12 +126,20 @@ impl Store {
         migrator(MIGRATIONS.len(), |step| step.postgres).run(&writers).await.map_err(migration_error)?;
         let read_only = options.options([("default_transaction_read_only", "on")]);
         let readers = pool(POSTGRES_READERS).connect_with(read_only).await?;
-        let (writers, readers) = (Pool::Postgres(writers), Pool::Postgres(readers));
-        Ok(Self { inner: Arc::new(Inner { writers, readers, changes: Changes::default(), path: None }) })
+        let listener = PgListener::connect_with(&readers).await?;
+        let store = Self::of(Pool::Postgres(writers), Pool::Postgres(readers), None);
+        store.listen(listener).await?;
+        Ok(store)
     }
 
-    /// Waits for operations in progress and closes the files. Later calls fail.
+    fn of(writers: Pool, readers: Pool, path: Option<PathBuf>) -> Self {
+        let (changes, process) = (Changes::default(), Uuid::now_v7().to_string());
+        Self { inner: Arc::new(Inner { writers, readers, changes, path, process, listener: Mutex::default() }) }
+    }
+
+    /// Waits for operations in progress and closes the database. Later calls fail.
     pub async fn close(&self) {
+        drop(self.inner.listener.lock().unwrap_or_else(PoisonError::into_inner).take());
         self.inner.readers.close().await;
         self.inner.writers.close().await;
     }

@@ -1,6 +1,7 @@
 //! Write transactions.
 
 use super::changes::{Change, Changed};
+use super::notices;
 use super::sql::{Connection, Pool, query};
 use super::{Store, StoreError};
 use futures::future::BoxFuture;
@@ -40,7 +41,12 @@ impl Write {
         Ok(Self { connection, changes: Vec::new() })
     }
 
-    async fn commit(&mut self) -> Result<(), StoreError> {
+    async fn commit(&mut self, process: &str) -> Result<(), StoreError> {
+        if self.connection.is_postgres() {
+            for message in notices::messages(process, &self.changes)? {
+                query(notices::NOTIFY).bind(message).execute(self.sql()).await?;
+            }
+        }
         fail::point("commit").map_err(sqlx::Error::Io)?;
         query("commit").execute(self.sql()).await?;
         // The commit is on disk, so a failure after it is not an error.
@@ -74,8 +80,26 @@ impl Store {
     }
 
     /// Runs `work` in a write transaction, in a task of its own. The transaction happens completely or not at all, even
-    /// if the caller drops the future.
+    /// if the caller drops the future. Writers take turns.
     pub(super) async fn write<T, W>(&self, work: W) -> Result<T, StoreError>
+    where
+        T: Send + 'static,
+        W: for<'w> FnOnce(&'w mut Write) -> BoxFuture<'w, Result<T, StoreError>> + Send + 'static,
+    {
+        self.run_write(true, work).await
+    }
+
+    /// Does the same for `work` that is one statement about one row. In PostgreSQL it does not wait for its turn: the
+    /// lock of the row is enough.
+    pub(super) async fn write_row<T, W>(&self, work: W) -> Result<T, StoreError>
+    where
+        T: Send + 'static,
+        W: for<'w> FnOnce(&'w mut Write) -> BoxFuture<'w, Result<T, StoreError>> + Send + 'static,
+    {
+        self.run_write(false, work).await
+    }
+
+    async fn run_write<T, W>(&self, in_turn: bool, work: W) -> Result<T, StoreError>
     where
         T: Send + 'static,
         W: for<'w> FnOnce(&'w mut Write) -> BoxFuture<'w, Result<T, StoreError>> + Send + 'static,
@@ -83,11 +107,11 @@ impl Store {
         let store = self.clone();
         let task = tokio::spawn(async move {
             let mut write = Write::begin(&store.inner.writers).await?;
-            if store.inner.writers.is_postgres() {
+            if in_turn && store.inner.writers.is_postgres() {
                 query(TURN_POSTGRES).execute(write.sql()).await?;
             }
             let outcome = match work(&mut write).await {
-                Ok(value) => write.commit().await.map(|()| value),
+                Ok(value) => write.commit(&store.inner.process).await.map(|()| value),
                 Err(error) => Err(error),
             };
             match &outcome {

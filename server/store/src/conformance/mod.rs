@@ -1,16 +1,17 @@
-//! Tests of the store on a real database: SQLite in a temporary folder or, if `LIGHTPATH_TEST_POSTGRES` has the URL of a
-//! PostgreSQL server, a database there that is made for the test. What concerns only SQLite is tested on SQLite always.
+//! Tests of the store on a real database: SQLite in a temporary folder or, if `LIGHTPATH_TEST_DATABASE` is `postgres`, a
+//! database of the PostgreSQL server that `scripts/with-postgres` starts. What concerns only one of them is tested there.
 //!
 //! `queue`: states of jobs and their changes. `scheduling`: when and for which owner jobs run. `registry`: displays,
 //! artifacts, datasets, kernels. `rollouts`: aliases, gates, devices, rollouts. `preparing`: datasets that jobs align and finalize. `model`: random histories of one
 //! job, compared with a small model. `machine`: random histories of a whole queue. `migrations`: databases of earlier
-//! versions. `webhooks`: what webhooks learn. `scale`: many jobs. `limits`: limits on stored records. `query_plans`: the indexes that queries use.
+//! versions. `webhooks`: what webhooks learn. `processes`: several processes on one database of PostgreSQL. `scale`: many jobs. `limits`: limits on stored records. `query_plans`: the indexes that queries use.
 
 mod limits;
 mod machine;
 mod migrations;
 mod model;
 mod preparing;
+mod processes;
 mod query_plans;
 mod queue;
 mod registry;
@@ -45,8 +46,19 @@ struct Place {
 impl Place {
     /// A new database. It stays at the end of the test, and goes with its server.
     async fn new() -> Self {
+        match std::env::var("LIGHTPATH_TEST_DATABASE").as_deref() {
+            Ok("postgres") => Self::postgres().await,
+            _ => Self::sqlite(),
+        }
+    }
+
+    fn sqlite() -> Self {
+        Self { folder: tempfile::tempdir().unwrap(), url: None }
+    }
+
+    async fn postgres() -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let Ok(server) = std::env::var("LIGHTPATH_TEST_POSTGRES") else { return Self { folder, url: None } };
+        let server = std::env::var("LIGHTPATH_POSTGRES").expect("a server: run scripts/with-postgres cargo test …");
         let options: PgConnectOptions = server.parse().unwrap();
         let name = format!("test_{}", uuid::Uuid::now_v7().simple());
         let mut connection = options.connect().await.unwrap();
@@ -103,7 +115,7 @@ async fn store() -> (Store, Place) {
 
 /// The same, always in SQLite.
 async fn sqlite_store() -> (Store, Place) {
-    let place = Place { folder: tempfile::tempdir().unwrap(), url: None };
+    let place = Place::sqlite();
     let store = place.open().await;
     prepare(&store).await;
     (store, place)

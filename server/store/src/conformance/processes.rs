@@ -1,0 +1,107 @@
+//! Several processes on one database of PostgreSQL. Here each has a store of its own.
+
+use super::*;
+use crate::{Changed, ClaimLimits};
+use std::collections::HashSet;
+use std::time::Duration;
+use tokio::sync::broadcast::Receiver;
+use tokio::time::timeout;
+
+/// Longest wait for something that happens at once.
+const SOON: Duration = Duration::from_secs(20);
+
+async fn two_processes() -> (Store, Store, Place) {
+    let place = Place::postgres().await;
+    let (one, other) = tokio::join!(place.open(), place.open());
+    prepare(&one).await;
+    (one, other, place)
+}
+
+/// Receives until `is_wanted` comes. A receiver that fell behind has missed some.
+async fn wait_for<T: Clone>(changes: &mut Receiver<T>, is_wanted: impl Fn(&T) -> bool) {
+    let found = timeout(SOON, async { while !is_wanted(&changes.recv().await.unwrap()) {} });
+    found.await.expect("the other process hears of it");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn processes_hear_of_the_changes_of_others() {
+    let (one, other, _place) = two_processes().await;
+    let (mut jobs, mut cancels) = (other.subscribe_job_changes(), other.subscribe_cancels());
+    let (mut kernels, mut all) = (other.subscribe_kernel_changes(), other.subscribe_changes());
+    let claimable = other.claimable();
+    let id = submit(&one, "r", 5).await;
+    timeout(SOON, claimable.notified()).await.unwrap();
+    wait_for(&mut jobs, |changed| *changed == id).await;
+    one.claim(6, LEASE_MS, "w").await.unwrap().unwrap();
+    one.cancel(&id, 7).await.unwrap();
+    wait_for(&mut cancels, |changed| *changed == id).await;
+    record(&one, 2).await;
+    one.add_kernel_version(&key(), new_version(1), 8).await.unwrap();
+    wait_for(&mut kernels, |changed| *changed == key()).await;
+    one.pause(None, "the laser is off", 9).await.unwrap();
+    wait_for(&mut all, |changed| *changed == Changed::Queue).await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn what_happened_without_a_connection_is_announced_when_it_is_back() {
+    let (one, other, place) = two_processes().await;
+    let id = submit(&one, "r", 5).await;
+    let mut jobs = other.subscribe_job_changes();
+    // Ends the connections of both listeners, as a restart of the server does.
+    let ended = "select pg_terminate_backend(pid) from pg_stat_activity \
+                 where datname = current_database() and pid <> pg_backend_pid()";
+    place.change(ended).await;
+    wait_for(&mut jobs, |changed| *changed == id).await;
+    let later = submit(&one, "later", 6).await;
+    wait_for(&mut jobs, |changed| *changed == later).await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn racing_processes_keep_turns_and_limits() {
+    let (one, other, place) = two_processes().await;
+    let third = place.open().await;
+    for n in 0..60 {
+        let mut new = new_job(&format!("r{n}"), 1);
+        new.scheduling.owner = format!("owner {}", n % 3);
+        one.submit(&new, 1, QUEUE_LIMIT).await.unwrap();
+    }
+    let limits = ClaimLimits { per_owner: 2, per_display: 5 };
+    let work = |store: Store, name: &'static str| {
+        tokio::spawn(async move {
+            let mut done = Vec::new();
+            for _ in 0..1000 {
+                let Some((job, lease)) = store.claim_within(limits, 2, LEASE_MS, name).await.unwrap() else {
+                    if store.queue_counts().await.unwrap().succeeded == 60 {
+                        break;
+                    }
+                    continue;
+                };
+                let running = store.owner_queues().await.unwrap();
+                assert!(running.iter().all(|owner| owner.running <= 2), "{running:?}");
+                assert!(running.iter().map(|owner| owner.running).sum::<u64>() <= 5, "{running:?}");
+                store.finish(&lease, result(), JobEffect::None, 3).await.unwrap();
+                done.push(job.id);
+            }
+            done
+        })
+    };
+    let workers = [work(one.clone(), "a"), work(other.clone(), "b"), work(third, "c"), work(other, "d")];
+    let mut all = Vec::new();
+    for worker in workers {
+        all.extend(worker.await.unwrap());
+    }
+    assert_eq!((all.len(), all.iter().collect::<HashSet<_>>().len()), (60, 60), "each job once");
+    let mut inspection = place.inspect().await;
+    assert_eq!(inspection.contradictions().await.unwrap(), Vec::<String>::new());
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_newer_database_is_refused() {
+    let place = Place::postgres().await;
+    place.open().await.close().await;
+    place.change("insert into _sqlx_migrations values (99, 'from the future', now(), true, '\\x00', 1)").await;
+    let refused = Store::connect(place.url.as_deref().unwrap()).await.map(drop);
+    assert!(matches!(refused, Err(StoreError::NewerDatabase { step: 99 })), "{refused:?}");
+    let inspected = Inspection::connect(place.url.as_deref().unwrap()).await.map(drop);
+    assert!(matches!(inspected, Err(StoreError::NewerDatabase { step: 99 })), "{inspected:?}");
+}
