@@ -121,8 +121,7 @@ impl Store {
     ///
     /// [`StoreError::Database`].
     pub async fn artifact(&self, digest: &str) -> Result<Option<ArtifactRecord>, StoreError> {
-        let row =
-            query("select * from artifact where digest = $1").bind(digest).fetch_optional(self.readers()).await?;
+        let row = query("select * from artifact where digest = $1").bind(digest).fetch_optional(self.readers()).await?;
         row.as_ref().map(record_of).transpose()
     }
 }

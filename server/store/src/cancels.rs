@@ -52,11 +52,10 @@ async fn cancel(write: &mut Write, id: &str, now_ms: i64) -> Result<Job, StoreEr
         }
         JobState::Running if job.cancel_requested => Ok(job),
         JobState::Running => {
-            let row =
-                query("update job set cancel_requested = 1, revision = revision + 1 where id = $1 returning *")
-                    .bind(id)
-                    .fetch_one(write.sql())
-                    .await?;
+            let row = query("update job set cancel_requested = 1, revision = revision + 1 where id = $1 returning *")
+                .bind(id)
+                .fetch_one(write.sql())
+                .await?;
             let job = job_of(&row)?;
             append_event(write, &job, now_ms, "cancel requested").await?;
             write.announce(Change::Cancel(job.id.clone()));

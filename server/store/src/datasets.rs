@@ -184,8 +184,7 @@ async fn add_pair(write: &mut Write, id: &str, pair: &Pair, findings: &[Finding]
         .await?;
     let sql = "update dataset set pair_count = pair_count + 1, findings = $2, revision = revision + 1 \
                where id = $1 returning *";
-    let row =
-        query(sql).bind(id).bind(to_json("dataset.findings", &dataset_findings)?).fetch_one(write.sql()).await?;
+    let row = query(sql).bind(id).bind(to_json("dataset.findings", &dataset_findings)?).fetch_one(write.sql()).await?;
     write.announce_changed(changed(&dataset));
     dataset_of(&row)
 }
@@ -266,10 +265,8 @@ async fn find(sql: &mut Connection, id: &str) -> Result<Dataset, StoreError> {
 
 /// Checks that the artifact is recorded.
 pub(super) async fn require_artifact(sql: &mut Connection, digest: &str) -> Result<(), StoreError> {
-    let known: bool = scalar("select exists (select 1 from artifact where digest = $1)")
-        .bind(digest)
-        .fetch_one(sql)
-        .await?;
+    let known: bool =
+        scalar("select exists (select 1 from artifact where digest = $1)").bind(digest).fetch_one(sql).await?;
     if known { Ok(()) } else { Err(StoreError::not_found(format!("artifact {digest}"))) }
 }
 

@@ -92,8 +92,7 @@ pub(super) async fn fail_waiting_jobs(write: &mut Write, job: &Job, now_ms: i64)
         let sql = "update job set state = 'failed', error = $2, finish_time_ms = $3, checkpoint = null, \
                    revision = revision + 1 \
                    where id in (select job from job_dependency where after = $1) and state = 'queued' returning *";
-        let rows =
-            query(sql).bind(&id).bind(to_json("job.error", &error)?).bind(now_ms).fetch_all(write.sql()).await?;
+        let rows = query(sql).bind(&id).bind(to_json("job.error", &error)?).bind(now_ms).fetch_all(write.sql()).await?;
         for row in rows {
             let waiting = job_of(&row)?;
             append_event(write, &waiting, now_ms, format!("failed: DEPENDENCY_FAILED: {message}")).await?;

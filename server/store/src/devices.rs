@@ -62,8 +62,7 @@ impl Store {
             Box::pin(async move {
                 create(write.sql(), &display, &device).await?;
                 let regroup = "update device set group_name = $3 where display = $1 and id = $2 and group_name <> $3";
-                let changed =
-                    query(regroup).bind(&display).bind(&device).bind(&group).execute(write.sql()).await?;
+                let changed = query(regroup).bind(&display).bind(&device).bind(&group).execute(write.sql()).await?;
                 if changed > 0 {
                     write.announce_changed(device_changed(&display, &device));
                     rollouts::note_regrouping(write, &display, now_ms).await?;
@@ -189,11 +188,7 @@ fn not_found(display: &str, device: &str) -> StoreError {
 }
 
 /// The devices of rows that are in the order of their ids, with their kernels.
-async fn with_kernels(
-    sql: &mut Connection,
-    display: &str,
-    rows: &[Row],
-) -> Result<Vec<Device>, StoreError> {
+async fn with_kernels(sql: &mut Connection, display: &str, rows: &[Row]) -> Result<Vec<Device>, StoreError> {
     let mut devices = rows.iter().map(|row| device_of(display, row)).collect::<Result<Vec<_>, _>>()?;
     let (Some(first), Some(last)) = (devices.first(), devices.last()) else { return Ok(devices) };
     let kernels = query(

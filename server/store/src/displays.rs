@@ -18,14 +18,12 @@ impl Store {
         let (id, content) = (display.id.clone(), to_json("display.content", display)?);
         self.write(move |write| {
             Box::pin(async move {
-                query(
-                    "insert into display (id, content, create_time_ms) values ($1, $2, $3) on conflict do nothing",
-                )
-                .bind(&id)
-                .bind(&content)
-                .bind(now_ms)
-                .execute(write.sql())
-                .await?;
+                query("insert into display (id, content, create_time_ms) values ($1, $2, $3) on conflict do nothing")
+                    .bind(&id)
+                    .bind(&content)
+                    .bind(now_ms)
+                    .execute(write.sql())
+                    .await?;
                 let row = query("select * from display where id = $1").bind(&id).fetch_one(write.sql()).await?;
                 if row.try_get::<String>("content")? != content {
                     return Err(StoreError::exists(

@@ -122,10 +122,9 @@ impl Inspection {
     ///
     /// [`StoreError::NewerDatabase`] if this version does not know one of the migrations.
     pub async fn steps(&mut self) -> Result<Vec<&'static str>, StoreError> {
-        let applied: Vec<i64> =
-            scalar("select version from _sqlx_migrations where success order by version")
-                .fetch_all(&mut self.connection)
-                .await?;
+        let applied: Vec<i64> = scalar("select version from _sqlx_migrations where success order by version")
+            .fetch_all(&mut self.connection)
+            .await?;
         applied
             .into_iter()
             .map(|version| {
@@ -145,8 +144,7 @@ impl Inspection {
         if self.connection.is_postgres() {
             return Ok(Vec::new());
         }
-        let mut damages: Vec<String> =
-            scalar("pragma integrity_check").fetch_all(&mut self.connection).await?;
+        let mut damages: Vec<String> = scalar("pragma integrity_check").fetch_all(&mut self.connection).await?;
         damages.retain(|damage| damage != "ok");
         for row in query("pragma foreign_key_check").fetch_all(&mut self.connection).await? {
             let (table, parent): (String, String) = (row.try_get("table")?, row.try_get("parent")?);
@@ -282,7 +280,8 @@ impl Inspection {
                 collect_digests(&result.unwrap_or_default(), &mut digests);
                 for digest in digests {
                     if !self.has_artifact(&digest).await? {
-                        dangling.push(DanglingReference { row: format!("jobs/{}", row.try_get::<String>("id")?), digest });
+                        dangling
+                            .push(DanglingReference { row: format!("jobs/{}", row.try_get::<String>("id")?), digest });
                     }
                 }
             }

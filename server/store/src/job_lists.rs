@@ -115,11 +115,7 @@ fn index_of(filter: &JobFilter) -> &'static str {
     }
 }
 
-fn push_conditions(
-    query: &mut Builder,
-    filter: &JobFilter,
-    after: Option<&str>,
-) -> Result<(), StoreError> {
+fn push_conditions(query: &mut Builder, filter: &JobFilter, after: Option<&str>) -> Result<(), StoreError> {
     if let Some(state) = filter.state {
         query.push(" and state = ").push_bind(to_word("job.state", &state)?);
     }

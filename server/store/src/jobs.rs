@@ -114,7 +114,9 @@ impl Store {
     /// [`StoreError::Database`].
     pub async fn queue_counts(&self) -> Result<QueueCounts, StoreError> {
         let rows: Vec<(String, i64)> =
-            query_as("select state, cast(sum(jobs) as bigint) from job_count group by state").fetch_all(self.readers()).await?;
+            query_as("select state, cast(sum(jobs) as bigint) from job_count group by state")
+                .fetch_all(self.readers())
+                .await?;
         let mut counts = QueueCounts::default();
         for (state, count) in rows {
             let slot = match from_word("job.state", state)? {
@@ -244,8 +246,7 @@ pub(super) async fn active_with_key(
     owner: &str,
     key: &str,
 ) -> Result<Option<String>, StoreError> {
-    let query =
-        scalar("select id from job where owner = $1 and unique_key = $2 and state in ('queued', 'running')");
+    let query = scalar("select id from job where owner = $1 and unique_key = $2 and state in ('queued', 'running')");
     Ok(query.bind(owner).bind(key).fetch_optional(sql).await?)
 }
 

@@ -225,21 +225,15 @@ pub(super) async fn append_version(
     .bind(&content.lineage.job)
     .fetch_one(write.sql())
     .await?;
-    query("update kernel set latest_version = $2 where id = $1")
-        .bind(id)
-        .bind(version)
-        .execute(write.sql())
-        .await?;
+    query("update kernel set latest_version = $2 where id = $1").bind(id).bind(version).execute(write.sql()).await?;
     write.announce(Change::Kernel(key.clone()));
     Ok(KernelVersion { key: key.clone(), version, content, create_time_ms: now_ms, active: false, deprecation: None })
 }
 
 /// Row id and latest version of the kernel, which is created if it does not exist.
 async fn create(sql: &mut Connection, key: &KernelKey, now_ms: i64) -> Result<(i64, u32), StoreError> {
-    let known: bool = scalar("select exists (select 1 from display where id = $1)")
-        .bind(&key.display)
-        .fetch_one(&mut *sql)
-        .await?;
+    let known: bool =
+        scalar("select exists (select 1 from display where id = $1)").bind(&key.display).fetch_one(&mut *sql).await?;
     if !known {
         return Err(StoreError::not_found(format!("displays/{}", key.display)));
     }

@@ -1,16 +1,17 @@
-//! The durable store: displays, datasets, kernels and the job queue in one SQLite database.
+//! The durable store: displays, datasets, kernels and the job queue in one database, of SQLite or of PostgreSQL.
 //!
 //! [`Store`] uses only domain types, and callers pass the time in. A [`Store`] is a handle that is cheap to clone.
 //!
 //! # Durability and consistency
 //!
-//! - One connection writes, in short transactions that begin `immediate`. Without `immediate`, a transaction that reads
-//!   first and writes later could fail with BUSY, however long it waits. A small pool of read-only connections does all
-//!   reads. Write-ahead logging lets them read while the writer writes.
+//! - Writers take turns, in short transactions. In SQLite one connection writes, in transactions that begin `immediate`:
+//!   without that, a transaction that reads first and writes later could fail with BUSY, however long it waits.
+//!   Write-ahead logging lets others read meanwhile. In PostgreSQL the writers of all processes take one advisory lock.
+//!   A small pool of read-only connections does all reads.
 //! - A write runs in a task of its own, so a caller that drops the future (a cancelled gRPC call) cannot leave it half
 //!   done.
 //! - The changes of a transaction are announced after its commit, see [`Store::subscribe_job_changes`] and the similar
-//!   functions.
+//!   functions. In PostgreSQL other processes hear of them, too.
 //!
 //! # Layout
 //!
@@ -20,8 +21,9 @@
 //!   displays in the field.
 //! - `webhooks`, `deliveries`: addresses that learn of events, and what they are to learn.
 //! - `collection`: automatic removal of old records. `inspect`: read access for checks and backups.
-//! - `open`: files, pragmas, migrations. `write`: write transactions. `changes`: announcements. `subscriptions`:
-//!   receiving announcements. `rows`: text and JSON. `job_rows`: jobs as rows.
+//! - `open`: files, connections, migrations. `sql`: statements that both databases run. `write`: write transactions.
+//!   `changes`: announcements. `notices`: those of other processes. `subscriptions`: receiving announcements. `rows`: text
+//!   and JSON. `job_rows`: jobs as rows.
 //! - `displays`, `artifacts`, `datasets`, `jobs`, `leases`, `endings`, `cancels`, `events`, `kernels`, `moves`,
 //!   `totals`: each an `impl Store` for one table or for one part of a record's life. `prepared`: results of jobs that
 //!   align and finalize datasets.
@@ -85,7 +87,7 @@ pub use webhooks::WEBHOOKS_MAX;
 /// Limit on the rows that one call returns, for any requested limit: a page of the largest records fits into a message.
 pub const LIMIT_MAX: u32 = 1001;
 
-/// Limits the number of rows of one call to [`LIMIT_MAX`], as an integer for SQLite.
+/// Limits the number of rows of one call to [`LIMIT_MAX`], as an integer of the database.
 fn page(limit: u32) -> i64 {
     i64::from(limit.min(LIMIT_MAX))
 }

@@ -198,10 +198,8 @@ async fn set_alias(
         let message = format!("{key} has {ALIASES_MAX} aliases, which is the limit; remove one first");
         return Err(StoreError::precondition(PreconditionReason::KernelFull, message));
     }
-    let generation: i64 = scalar("select generation from display where id = $1")
-        .bind(&key.display)
-        .fetch_one(write.sql())
-        .await?;
+    let generation: i64 =
+        scalar("select generation from display where id = $1").bind(&key.display).fetch_one(write.sql()).await?;
     let step = Move { alias: &alias, from, to: version, cause, overridden: &[], undoes: None };
     apply(write, id, key, step, generation, now_ms).await
 }

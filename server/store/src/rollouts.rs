@@ -287,10 +287,8 @@ async fn end(write: &mut Write, key: &KernelKey, number: u32, ending: Ending, no
     .bind(now_ms)
     .execute(write.sql())
     .await?;
-    let generation: i64 = scalar("select generation + 1 from display where id = $1")
-        .bind(&key.display)
-        .fetch_one(write.sql())
-        .await?;
+    let generation: i64 =
+        scalar("select generation + 1 from display where id = $1").bind(&key.display).fetch_one(write.sql()).await?;
     let event = RolloutEvent { time_ms: now_ms, caller, message, generation: generation.unsigned_abs() };
     append_event(write, key, number, event).await
 }
@@ -395,15 +393,14 @@ async fn note_failure(write: &mut Write, key: &KernelKey, number: u32, report: &
         _ => installed.message.clone(),
     };
     let (message, time_ms) = (format!("{} failed: {why}", report.device), installed.report_time_ms);
-    let count = "select count(*) from rollout_event e join kernel k on k.id = e.kernel where k.name = $1 and number = $2";
+    let count =
+        "select count(*) from rollout_event e join kernel k on k.id = e.kernel where k.name = $1 and number = $2";
     let events: u32 = scalar(count).bind(key.to_string()).bind(number).fetch_one(write.sql()).await?;
     if events >= EVENTS_MAX {
         return Ok(());
     }
-    let generation: i64 = scalar("select generation from display where id = $1")
-        .bind(&key.display)
-        .fetch_one(write.sql())
-        .await?;
+    let generation: i64 =
+        scalar("select generation from display where id = $1").bind(&key.display).fetch_one(write.sql()).await?;
     let event = RolloutEvent { time_ms, caller: String::new(), message, generation: generation.unsigned_abs() };
     append_event(write, key, number, event).await
 }

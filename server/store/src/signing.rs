@@ -75,8 +75,7 @@ impl Store {
     ///
     /// [`StoreError::Database`].
     pub async fn private_keys(&self) -> Result<Vec<PrivateKey>, StoreError> {
-        let rows =
-            query("select public, private from signing_key order by public").fetch_all(self.readers()).await?;
+        let rows = query("select public, private from signing_key order by public").fetch_all(self.readers()).await?;
         let key = |row: &Row| Ok(PrivateKey { public: row.try_get("public")?, private: row.try_get("private")? });
         rows.iter().map(key).collect()
     }

@@ -78,9 +78,10 @@ impl Store {
     ///
     /// [`StoreError::Database`].
     pub async fn artifact_totals(&self) -> Result<(u64, u64), StoreError> {
-        let (count, bytes): (i64, i64) = query_as("select count(*), cast(coalesce(sum(size_bytes), 0) as bigint) from artifact")
-            .fetch_one(self.readers())
-            .await?;
+        let (count, bytes): (i64, i64) =
+            query_as("select count(*), cast(coalesce(sum(size_bytes), 0) as bigint) from artifact")
+                .fetch_one(self.readers())
+                .await?;
         Ok((count.unsigned_abs(), bytes.unsigned_abs()))
     }
 }

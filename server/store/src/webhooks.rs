@@ -72,10 +72,8 @@ impl Store {
     ///
     /// [`StoreError::NotFound`].
     pub async fn webhook_secret(&self, id: &str) -> Result<WebhookSecret, StoreError> {
-        let secret: Option<String> = scalar("select secret from webhook where id = $1")
-            .bind(id)
-            .fetch_optional(self.readers())
-            .await?;
+        let secret: Option<String> =
+            scalar("select secret from webhook where id = $1").bind(id).fetch_optional(self.readers()).await?;
         let secret = secret.ok_or_else(|| StoreError::not_found(name(id)))?;
         WebhookSecret::parse(&secret).ok_or_else(|| StoreError::corrupt("webhook.secret", "is no key"))
     }

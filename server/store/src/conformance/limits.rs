@@ -21,12 +21,14 @@ fn reason_of<T: std::fmt::Debug>(refused: Result<T, StoreError>) -> Precondition
 async fn display_takes_no_more_datasets_at_its_limit() {
     let (store, place) = store().await;
     store.create_display(&display("other"), 1).await.unwrap();
-    place.change(&format!(
+    place
+        .change(&format!(
             "with recursive n(i) as (select 1 union all select i + 1 from n where i < {DATASETS_MAX}) \
              insert into dataset (id, display, wavelength_pm, distance_nm, photo_encoding, create_time_ms) \
              select 'd' || i, 'lab', {}, {}, 'linear', 5 from n",
             WAVELENGTH.pm, DISTANCE.nm
-        )).await;
+        ))
+        .await;
     assert_eq!(reason_of(store.create_dataset(&dataset("more"), 6).await), PreconditionReason::DisplayFull);
     store.create_dataset(&dataset("d1"), 6).await.unwrap();
     let elsewhere = Dataset { display: "other".to_owned(), ..dataset("elsewhere") };
@@ -52,11 +54,13 @@ async fn job_keeps_its_newest_events() {
     let (store, place) = store().await;
     let id = submit(&store, "r", 1).await;
     let limit = i64::from(EVENTS_MAX);
-    place.change(&format!(
+    place
+        .change(&format!(
             "with recursive n(i) as (select 1 union all select i + 1 from n where i < {}) \
              insert into job_event (job, time_ms, attempt, message) select '{id}', i, 0, 'again' from n",
             limit - 2
-        )).await;
+        ))
+        .await;
     let other = submit(&store, "other", 1).await;
     store.cancel(&id, 5).await.unwrap();
     assert_eq!(store.events(&id, None, 1001).await.unwrap().len() as i64, limit);

@@ -125,7 +125,7 @@ async fn finished_job_stores_alignment_checks_findings_and_digest() {
     assert_eq!(store.dataset("d").await.unwrap(), closed);
 
     // The check for dangling references does not mistake the dataset's digest for an artifact.
-        store.close().await;
+    store.close().await;
     let mut inspection = place.inspect().await;
     let dangling = inspection.dangling_references().await.unwrap();
     assert!(dangling.is_empty(), "{dangling:?}");
@@ -223,7 +223,7 @@ async fn digest_matches_the_dataset_in_every_order_of_aligning_finalizing_and_ad
     }
     assert!(finalized_and_aligned > 0 && finalized_only > 0);
     store.close().await;
-        let mut inspection = place.inspect().await;
+    let mut inspection = place.inspect().await;
     assert_eq!(inspection.changed_datasets().await.unwrap(), Vec::<String>::new());
     inspection.close().await.unwrap();
 }
@@ -235,7 +235,7 @@ async fn check_finds_a_finalized_dataset_that_was_changed() {
     finalize(&store, "d").await;
     open_dataset(&store, "open").await;
     store.close().await;
-        let changed = async || {
+    let changed = async || {
         let mut inspection = place.inspect().await;
         let changed = inspection.changed_datasets().await.unwrap();
         inspection.close().await.unwrap();

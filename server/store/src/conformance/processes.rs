@@ -1,6 +1,7 @@
 //! Several processes on one database of PostgreSQL. Here each has a store of its own.
 
 use super::*;
+use crate::sql::query_as;
 use crate::{Changed, ClaimLimits};
 use std::collections::HashSet;
 use std::time::Duration;
@@ -104,4 +105,36 @@ async fn a_newer_database_is_refused() {
     assert!(matches!(refused, Err(StoreError::NewerDatabase { step: 99 })), "{refused:?}");
     let inspected = Inspection::connect(place.url.as_deref().unwrap()).await.map(drop);
     assert!(matches!(inspected, Err(StoreError::NewerDatabase { step: 99 })), "{inspected:?}");
+}
+
+#[tokio::test]
+async fn both_databases_have_the_same_tables_and_columns() {
+    let (place, file) = (Place::postgres().await, Place::sqlite());
+    place.open().await.close().await;
+    file.open().await.close().await;
+    let columns = async |place: &Place, sql| {
+        let mut connection = place.connect().await;
+        let columns: Vec<(String, String)> = query_as(sql).fetch_all(&mut connection).await.unwrap();
+        connection.close().await.unwrap();
+        columns
+    };
+    let of_sqlite = "select m.name, c.name from sqlite_master m join pragma_table_info(m.name) c \
+                     where m.type = 'table' and m.name not like '%sqlx%' and m.name not like 'sqlite_%' order by 1, c.cid";
+    let of_postgres = "select table_name::text, column_name::text from information_schema.columns \
+                       where table_schema = 'public' and table_name not like '%sqlx%' order by 1, ordinal_position";
+    let expected = columns(&file, of_sqlite).await;
+    assert!(expected.len() > 100, "{expected:?}");
+    assert_eq!(columns(&place, of_postgres).await, expected);
+    // Names and indexes are in the order of their bytes, whatever the locale of the database.
+    let others = columns(
+        &place,
+        "select table_name::text, column_name::text from information_schema.columns where table_schema = 'public' \
+         and table_name not like '%sqlx%' and data_type = 'text' and collation_name is distinct from 'C'",
+    );
+    assert_eq!(others.await, []);
+    let named = "select name, '' from sqlite_master where type = 'index' and sql is not null order by 1";
+    let indexes = "select indexname::text, '' from pg_indexes where schemaname = 'public' \
+                   and indexname in (select relname from pg_class c join pg_index i on i.indexrelid = c.oid \
+                   where not exists (select 1 from pg_constraint where conindid = i.indexrelid)) order by 1";
+    assert_eq!(columns(&place, indexes).await, columns(&file, named).await);
 }
