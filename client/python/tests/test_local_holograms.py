@@ -135,6 +135,8 @@ def test_progress_is_told_and_its_exceptions_stop_the_work() -> None:
 
 
 def test_control_c_stops_an_optimization_in_its_middle() -> None:
+    # A program that was started in the background may ignore Ctrl-C.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     large = np.kron(target(6), np.ones((10, 10), np.uint8))
     threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
     start = time.monotonic()
