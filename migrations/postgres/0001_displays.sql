@@ -1,4 +1,4 @@
--- Functions of SQLite that statements use and PostgreSQL does not have.
+-- Functions of SQLite that statements and checks use and PostgreSQL does not have.
 create function max(bigint, bigint) returns bigint language sql immutable strict return greatest($1, $2);
 
 create function instr(text, text) returns integer language sql immutable strict return position($2 in $1);
@@ -21,14 +21,14 @@ begin raise exception '%', tg_argv[0]; end $$;
 
 -- Displays. Holograms are made for them, and kernels are learned from them.
 create table display (
-    id             text collate "C"    not null primary key check (length(id) between 1 and 63),
+    id                 text collate "C" not null primary key check (length(id) between 1 and 63),
     -- all properties as JSON; equal displays have equal text
-    content        text collate "C"    not null check (json_valid(content)),
-    create_time_ms bigint not null,
+    content            text collate "C" not null check (json_valid(content)),
+    create_time_ms     bigint           not null,
     -- number of changes so far of what devices get (moves of `active`, rollbacks and rollouts of the display's kernels),
     -- and the time of the last one
-    generation         bigint not null default 0 check (generation >= 0),
-    generation_time_ms bigint not null default 0
+    generation         bigint           not null default 0 check (generation >= 0),
+    generation_time_ms bigint           not null default 0
 );
 
 create trigger generation_rises before update on display for each row

@@ -1,11 +1,11 @@
 -- Content-addressed blobs. The bytes are in files; a row exists only if its file is complete and on disk.
 create table artifact (
-    digest         text collate "C"    not null primary key
-                           check (length(digest) = 71 and digest ~ '^sha256-[0-9a-f]{64}$'),
-    size_bytes     bigint not null check (size_bytes >= 0),
-    create_time_ms bigint not null,
+    digest         text collate "C" not null primary key
+                                    check (digest ~ '^sha256-[0-9a-f]{64}$'),
+    size_bytes     bigint           not null check (size_bytes >= 0),
+    create_time_ms bigint           not null,
     -- time of the last upload, or of the last request that found the artifact stored: its grace period starts here
-    use_time_ms    bigint not null
+    use_time_ms    bigint           not null
 );
 
 create index artifact_by_use on artifact (use_time_ms);
@@ -20,8 +20,8 @@ create table artifact_owner (
 -- Size of the artifacts of each owner, kept up to date by the triggers below, so that no query must add it up. An
 -- artifact with two owners counts for both. Owners without artifacts have no row.
 create table owner_bytes (
-    owner text collate "C"    not null primary key,
-    bytes bigint not null check (bytes >= 0)
+    owner text collate "C" not null primary key,
+    bytes bigint           not null check (bytes >= 0)
 );
 
 create function artifact_is_somebodys() returns trigger language plpgsql as $$

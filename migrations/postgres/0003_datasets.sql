@@ -1,24 +1,24 @@
 -- Sets of (hologram, photograph) pairs, immutable once they have a digest.
 create table dataset (
-    id               text collate "C"    not null primary key check (length(id) between 1 and 63),
-    display          text collate "C"    not null references display (id),
-    wavelength_pm    bigint not null check (wavelength_pm > 0),
-    distance_nm      bigint not null check (distance_nm <> 0),
-    photo_encoding   text collate "C"    not null check (photo_encoding in ('linear', 'srgb')),
+    id               text collate "C" not null primary key check (length(id) between 1 and 63),
+    display          text collate "C" not null references display (id),
+    wavelength_pm    bigint           not null check (wavelength_pm > 0),
+    distance_nm      bigint           not null check (distance_nm <> 0),
+    photo_encoding   text collate "C" not null check (photo_encoding in ('linear', 'srgb')),
     -- bits of the camera if the files have more; 0: the bits of the files
-    photo_bit_depth  bigint not null default 0 check (photo_bit_depth between 0 and 16),
+    photo_bit_depth  bigint           not null default 0 check (photo_bit_depth between 0 and 16),
     -- position of the display's pixels in the photographs; null: one camera pixel for each pixel of the display
-    alignment        text collate "C"    check (json_valid(alignment)),
-    pair_count       bigint not null default 0 check (pair_count >= 0),
+    alignment        text collate "C" check (json_valid(alignment)),
+    pair_count       bigint           not null default 0 check (pair_count >= 0),
     -- problems of the dataset as a whole
-    findings         text collate "C"    not null default '[]' check (json_valid(findings)),
+    findings         text collate "C" not null default '[]' check (json_valid(findings)),
     -- grows with every change; results computed from an older revision are refused
-    revision         bigint not null default 1 check (revision >= 1),
+    revision         bigint           not null default 1 check (revision >= 1),
     digest           text collate "C",
     -- settings with which the dataset was finalized: fractions and seed of the split, and whether the alignment was
     -- kept
-    finalization     text collate "C"    check (json_valid(finalization)),
-    create_time_ms   bigint not null,
+    finalization     text collate "C" check (json_valid(finalization)),
+    create_time_ms   bigint           not null,
     finalize_time_ms bigint,
     check ((digest is null) = (finalization is null)),
     check ((digest is null) = (finalize_time_ms is null))

@@ -6,63 +6,63 @@
 --     failed     the job has an error; a user can put it back into the queue
 --     cancelled  the job ended because a user cancelled it
 create table job (
-    id               text collate "C"    not null primary key,
+    id               text collate "C" not null primary key,
     -- id chosen by the client: a repeated request of the same owner is the same job
-    request_id       text collate "C"    not null check (length(request_id) between 1 and 128),
-    display          text collate "C"    not null references display (id),
+    request_id       text collate "C" not null check (length(request_id) between 1 and 128),
+    display          text collate "C" not null references display (id),
     -- first dataset that the job reads; a dataset may be deleted after the end of its jobs
     dataset          text collate "C",
-    spec             text collate "C"    not null check (json_valid(spec)),
-    kind             text collate "C"    not null check (kind = spec::json ->> 'kind'),
+    spec             text collate "C" not null check (json_valid(spec)),
+    kind             text collate "C" not null check (kind = spec::json ->> 'kind'),
     -- what users find the job by, in small letters
-    words            text collate "C"    not null,
-    state            text collate "C"    not null check (state in ('queued', 'running', 'succeeded', 'failed', 'cancelled')),
+    words            text collate "C" not null,
+    state            text collate "C" not null check (state in ('queued', 'running', 'succeeded', 'failed', 'cancelled')),
 
     -- a job with a lower number runs first
-    priority         bigint not null,
+    priority         bigint           not null,
     -- owner of the job, for fair turns; empty: unknown
-    owner            text collate "C"    not null default '' check (length(owner) <= 128),
+    owner            text collate "C" not null default '' check (length(owner) <= 128),
     -- users list and watch the jobs of a batch together
-    batch            text collate "C"    check (length(batch) between 1 and 128),
+    batch            text collate "C" check (length(batch) between 1 and 128),
     -- at most one queued or running job of an owner may have the key
-    unique_key       text collate "C"    check (length(unique_key) between 1 and 128),
+    unique_key       text collate "C" check (length(unique_key) between 1 and 128),
     -- what the job is about, for people, such as the file name of its target
-    label            text collate "C"    check (length(label) between 1 and 128),
+    label            text collate "C" check (length(label) between 1 and 128),
     -- requested earliest start, and requested time limit of an attempt
     not_before_ms    bigint,
-    timeout_ms       bigint check (timeout_ms > 0),
+    timeout_ms       bigint           check (timeout_ms > 0),
     -- ids of the jobs that must succeed before this job starts, as JSON, and the number of those that have not
     -- succeeded yet
-    after            text collate "C"    not null default '[]' check (json_valid(after)),
-    waiting_for      bigint not null default 0 check (waiting_for >= 0),
+    after            text collate "C" not null default '[]' check (json_valid(after)),
+    waiting_for      bigint           not null default 0 check (waiting_for >= 0),
 
     -- number of attempts started so far; with lease_id it fences off writes of workers that lost their lease
-    attempt          bigint not null default 0 check (attempt >= 0),
-    attempts_max     bigint not null check (attempts_max >= 1),
+    attempt          bigint           not null default 0 check (attempt >= 0),
+    attempts_max     bigint           not null check (attempts_max >= 1),
     -- memory and time of an attempt, estimated at the submit; 0: not estimated
-    estimated_bytes  bigint not null default 0 check (estimated_bytes >= 0),
-    estimated_ms     bigint not null default 0 check (estimated_ms >= 0),
+    estimated_bytes  bigint           not null default 0 check (estimated_bytes >= 0),
+    estimated_ms     bigint           not null default 0 check (estimated_ms >= 0),
     -- failed attempts since the last checkpoint
-    failures         bigint not null default 0 check (failures >= 0),
+    failures         bigint           not null default 0 check (failures >= 0),
     -- deaths of the server during attempts, since the last checkpoint
-    crashes          bigint not null default 0 check (crashes >= 0),
+    crashes          bigint           not null default 0 check (crashes >= 0),
     lease_id         text collate "C",
     lease_until_ms   bigint,
     worker           text collate "C",
-    cancel_requested bigint not null default 0 check (cancel_requested in (0, 1)),
+    cancel_requested bigint           not null default 0 check (cancel_requested in (0, 1)),
 
-    create_time_ms   bigint not null,
+    create_time_ms   bigint           not null,
     -- earliest start of a queued job: the requested one, or the end of the pause after a failed attempt
-    run_time_ms      bigint not null,
+    run_time_ms      bigint           not null,
     start_time_ms    bigint,
     finish_time_ms   bigint,
 
-    progress         text collate "C"    check (json_valid(progress)),
-    error            text collate "C"    check (json_valid(error)),
-    result           text collate "C"    check (json_valid(result)),
+    progress         text collate "C" check (json_valid(progress)),
+    error            text collate "C" check (json_valid(error)),
+    result           text collate "C" check (json_valid(result)),
     -- digest of the latest checkpoint
     checkpoint       text collate "C",
-    revision         bigint not null default 1 check (revision >= 1),
+    revision         bigint           not null default 1 check (revision >= 1),
 
     check ((state = 'running') = (lease_id is not null)),
     check ((state = 'running') = (lease_until_ms is not null)),
@@ -103,11 +103,11 @@ execute function refuse('the job has succeeded');
 
 -- Events in the history of a job, for people.
 create table job_event (
-    sequence bigint generated by default as identity primary key,
-    job      text collate "C"    not null references job (id),
-    time_ms  bigint not null,
-    attempt  bigint not null check (attempt >= 0),
-    message  text collate "C"    not null
+    sequence bigint           generated by default as identity primary key,
+    job      text collate "C" not null references job (id),
+    time_ms  bigint           not null,
+    attempt  bigint           not null check (attempt >= 0),
+    message  text collate "C" not null
 );
 
 create index job_event_by_job on job_event (job, sequence);
@@ -161,10 +161,10 @@ execute function job_names_what_it_made();
 create index job_to_claim on job (priority, owner, display, run_time_ms, id) where state = 'queued' and waiting_for = 0;
 
 create table lane (
-    priority bigint not null,
-    owner    text collate "C"    not null,
-    display  text collate "C"    not null,
-    ready    bigint not null check (ready >= 0),
+    priority bigint           not null,
+    owner    text collate "C" not null,
+    display  text collate "C" not null,
+    ready    bigint           not null check (ready >= 0),
     primary key (priority, owner, display)
 );
 
@@ -215,10 +215,10 @@ execute function job_leaves_its_lane_for_good();
 -- Numbers of jobs, kept up to date by the triggers below, so that no query must count them. No row has the number 0, so
 -- owners without jobs take no space.
 create table job_count (
-    state text collate "C"    not null,
-    kind  text collate "C"    not null,
-    owner text collate "C"    not null,
-    jobs  bigint not null check (jobs >= 0),
+    state text collate "C" not null,
+    kind  text collate "C" not null,
+    owner text collate "C" not null,
+    jobs  bigint           not null check (jobs >= 0),
     primary key (state, kind, owner)
 );
 
@@ -257,9 +257,9 @@ execute function job_is_counted_no_more();
 
 -- Pauses: no job for the display starts. Empty display: no job starts.
 create table pause (
-    display text collate "C"    not null primary key,
-    time_ms bigint not null,
-    reason  text collate "C"    not null
+    display text collate "C" not null primary key,
+    time_ms bigint           not null,
+    reason  text collate "C" not null
 );
 
 create function display_takes_its_pause_along() returns trigger language plpgsql as $$

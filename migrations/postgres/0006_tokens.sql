@@ -1,12 +1,12 @@
 -- API tokens, identified by their SHA-256 only. A name is never used for another token, so names in the audit log are
 -- unambiguous.
 create table token (
-    name           text collate "C"    not null primary key check (length(name) between 1 and 63),
-    hash           text collate "C"    not null unique check (length(hash) = 64),
-    role           text collate "C"    not null check (role in ('viewer', 'submitter', 'curator', 'firmware', 'admin')),
+    name           text collate "C" not null primary key check (length(name) between 1 and 63),
+    hash           text collate "C" not null unique check (length(hash) = 64),
+    role           text collate "C" not null check (role in ('viewer', 'submitter', 'curator', 'firmware', 'admin')),
     -- ids of the displays for which the token is valid, as JSON; empty: all displays
-    displays       text collate "C"    not null check (json_valid(displays)),
-    create_time_ms bigint not null,
+    displays       text collate "C" not null check (json_valid(displays)),
+    create_time_ms bigint           not null,
     expire_time_ms bigint,
     revoke_time_ms bigint,
     -- a firmware token is valid for named displays only, never for all

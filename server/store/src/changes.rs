@@ -37,7 +37,7 @@ pub enum Changed {
 }
 
 /// A change that a transaction announces after its commit.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub(super) enum Change {
     /// The job with this id has a new revision.
     Job(String),

@@ -181,8 +181,9 @@ impl StoreError {
 
 impl From<sqlx::Error> for StoreError {
     fn from(error: sqlx::Error) -> Self {
-        /// Codes of a full disk: `SQLITE_FULL` and `SQLITE_IOERR_SHMSIZE` (no room for the index of the log).
-        const FULL: [&str; 2] = ["13", "4874"];
+        /// Codes of a full disk: `SQLITE_FULL`, `SQLITE_IOERR_SHMSIZE` (no room for the index of the log), and
+        /// PostgreSQL's `disk_full`.
+        const FULL: [&str; 3] = ["13", "4874", "53100"];
         match error.as_database_error().and_then(|e| e.code()) {
             Some(code) if FULL.contains(&&*code) => Self::DiskFull,
             _ if matches!(error, sqlx::Error::PoolTimedOut) => Self::Busy,

@@ -2,7 +2,7 @@
 
 use super::datasets::with_pairs;
 use super::open::{MIGRATIONS, connect_options, create_private};
-use super::rows::{from_json, from_json_option};
+use super::rows::{from_json, from_json_option, to_json};
 use super::sql::{Connection, query, query_as, scalar};
 use super::{Store, StoreError};
 use lightpath_domain::dataset::digest;
@@ -273,18 +273,29 @@ impl Inspection {
             let rows = query(sql).bind(&after).bind(PAGE).fetch_all(&mut self.connection).await?;
             let Some(last) = rows.last() else { return Ok(dangling) };
             after = last.try_get("id")?;
+            let mut references = BTreeSet::new();
             for row in &rows {
-                let mut digests = BTreeSet::new();
-                collect_digests(&from_json("job.spec", &row.try_get::<String>("spec")?)?, &mut digests);
+                let name = format!("jobs/{}", row.try_get::<String>("id")?);
+                let mut collect = |value: &Value| {
+                    collect_digests(value, &mut |digest| {
+                        references.insert((name.clone(), digest.to_owned()));
+                    })
+                };
+                collect(&from_json("job.spec", &row.try_get::<String>("spec")?)?);
                 let result: Option<Value> = from_json_option("job.result", row.try_get("result")?)?;
-                collect_digests(&result.unwrap_or_default(), &mut digests);
-                for digest in digests {
-                    if !self.has_artifact(&digest).await? {
-                        dangling
-                            .push(DanglingReference { row: format!("jobs/{}", row.try_get::<String>("id")?), digest });
-                    }
-                }
+                collect(&result.unwrap_or_default());
             }
+            let digests: BTreeSet<&str> = references.iter().map(|(_, digest)| digest.as_str()).collect();
+            let missing = "select value from json_each($1) where not exists \
+                           (select 1 from artifact where digest = value)";
+            let missing: Vec<String> =
+                scalar(missing).bind(to_json("digest", &digests)?).fetch_all(&mut self.connection).await?;
+            dangling.extend(
+                references
+                    .into_iter()
+                    .filter(|(_, digest)| missing.contains(digest))
+                    .map(|(row, digest)| DanglingReference { row, digest }),
+            );
         }
     }
 
@@ -316,16 +327,14 @@ impl Inspection {
     }
 }
 
-/// Collects the texts of a JSON value that look like digests of artifacts. That of a dataset does not name an artifact.
-fn collect_digests(value: &Value, digests: &mut BTreeSet<String>) {
+/// Finds the texts of a JSON value that look like digests of artifacts. That of a dataset does not name an artifact.
+fn collect_digests(value: &Value, found: &mut impl FnMut(&str)) {
     match value {
-        Value::String(text) if text.len() == 71 && text.starts_with("sha256-") => {
-            digests.insert(text.clone());
-        }
-        Value::Array(values) => values.iter().for_each(|value| collect_digests(value, digests)),
+        Value::String(text) if text.len() == 71 && text.starts_with("sha256-") => found(text),
+        Value::Array(values) => values.iter().for_each(|value| collect_digests(value, found)),
         Value::Object(fields) => {
             for (_, value) in fields.iter().filter(|(name, _)| *name != "dataset_digest") {
-                collect_digests(value, digests);
+                collect_digests(value, found);
             }
         }
         _ => {}

@@ -11,6 +11,7 @@ use super::sql::scalar;
 use super::{Changed, Store, StoreError};
 use serde::{Deserialize, Serialize};
 use sqlx::postgres::PgListener;
+use std::collections::HashSet;
 use std::sync::{Arc, PoisonError, Weak};
 use std::time::Duration;
 use tokio::time::sleep;
@@ -32,20 +33,16 @@ const RECONNECT_PAUSE: Duration = Duration::from_secs(1);
 const ANNOUNCED_AGAIN_MAX: i64 = 10_000;
 
 #[derive(Debug, Serialize, Deserialize)]
-struct Notice {
+struct Notice<C> {
     /// Who changed it.
     process: String,
-    changes: Vec<Change>,
+    changes: Vec<C>,
 }
 
 /// The texts of the notices about these changes by `process`. Repeated changes are said once.
 pub(super) fn messages(process: &str, changes: &[Change]) -> Result<Vec<String>, StoreError> {
-    let mut rest: Vec<Change> = Vec::new();
-    for change in changes {
-        if !rest.contains(change) {
-            rest.push(change.clone());
-        }
-    }
+    let mut said = HashSet::new();
+    let mut rest: Vec<&Change> = changes.iter().filter(|change| said.insert(*change)).collect();
     let mut messages = Vec::new();
     while !rest.is_empty() {
         let mut count = rest.len();
@@ -101,28 +98,39 @@ impl Store {
 
 /// Passes on what others announce, as long as the store is open.
 async fn hear(inner: Weak<Inner>, mut listener: PgListener) {
-    let mut missed = false;
     loop {
         let heard = listener.try_recv().await;
-        let Some(store) = inner.upgrade().map(|inner| Store { inner }) else { return };
+        let Some(store) = upgrade(&inner) else { return };
         match heard {
-            Ok(Some(notice)) => match serde_json::from_str::<Notice>(notice.payload()) {
-                Ok(notice) if notice.process == store.inner.process => {}
-                Ok(notice) => store.inner.changes.publish(notice.changes),
+            Ok(Some(notice)) => match serde_json::from_str::<Notice<Change>>(notice.payload()) {
+                Ok(notice) if notice.process == store.inner.process => continue,
+                Ok(notice) => {
+                    store.inner.changes.publish(notice.changes);
+                    continue;
+                }
                 // It comes from another version of the program: look at everything.
-                Err(_) => missed = true,
+                Err(_) => {}
             },
             // The connection was lost, and the listener makes a new one.
-            Ok(None) => missed = true,
+            Ok(None) => {}
             Err(_) => {
-                missed = true;
                 sleep(RECONNECT_PAUSE).await;
+                continue;
             }
         }
-        if missed && store.announce_again().await.is_ok() {
-            missed = false;
+        drop(store);
+        while let Some(store) = upgrade(&inner) {
+            if store.announce_again().await.is_ok() {
+                break;
+            }
+            drop(store);
+            sleep(RECONNECT_PAUSE).await;
         }
     }
+}
+
+fn upgrade(inner: &Weak<Inner>) -> Option<Store> {
+    inner.upgrade().map(|inner| Store { inner })
 }
 
 /// Makes workers look into the queue from time to time.
@@ -144,7 +152,7 @@ mod tests {
         let changes: Vec<Change> = (0..1000).map(|n| job(n / 2)).chain([Change::Claimable]).collect();
         let messages = messages("me", &changes).unwrap();
         assert!(messages.len() > 1 && messages.iter().all(|message| message.len() <= NOTICE_BYTES_MAX));
-        let read = messages.iter().flat_map(|message| serde_json::from_str::<Notice>(message).unwrap().changes);
+        let read = messages.iter().flat_map(|message| serde_json::from_str::<Notice<Change>>(message).unwrap().changes);
         let expected: Vec<Change> = (0..500).map(job).chain([Change::Claimable]).collect();
         assert_eq!(read.collect::<Vec<_>>(), expected);
         assert!(super::messages("me", &[]).unwrap().is_empty());

@@ -20,6 +20,18 @@ const TURN_POSTGRES: &str = "select pg_advisory_xact_lock(7809632219837)";
 pub(super) struct Write {
     connection: Connection,
     changes: Vec<Change>,
+    /// Whether the transaction was committed or rolled back.
+    ended: bool,
+}
+
+impl Drop for Write {
+    /// After a panic the transaction is still open. SQLite's next writer ends it, see [`Write::begin`]. In PostgreSQL it
+    /// would keep the turn of all writers, so its connection does not return to the pool.
+    fn drop(&mut self) {
+        if !self.ended {
+            self.connection.close_on_drop();
+        }
+    }
 }
 
 impl Write {
@@ -38,7 +50,7 @@ impl Write {
             drop(query("rollback").execute(&mut connection).await);
             query(begin).execute(&mut connection).await?;
         }
-        Ok(Self { connection, changes: Vec::new() })
+        Ok(Self { connection, changes: Vec::new(), ended: false })
     }
 
     async fn commit(&mut self, process: &str) -> Result<(), StoreError> {
@@ -49,6 +61,7 @@ impl Write {
         }
         fail::point("commit").map_err(sqlx::Error::Io)?;
         query("commit").execute(self.sql()).await?;
+        self.ended = true;
         // The commit is on disk, so a failure after it is not an error.
         drop(fail::point("committed"));
         Ok(())
@@ -56,7 +69,7 @@ impl Write {
 
     async fn undo(&mut self) {
         // If the rollback fails, SQLite has already ended the transaction.
-        drop(query("rollback").execute(self.sql()).await);
+        self.ended = query("rollback").execute(self.sql()).await.is_ok();
     }
 
     pub(super) fn announce(&mut self, change: Change) {
@@ -115,7 +128,7 @@ impl Store {
                 Err(error) => Err(error),
             };
             match &outcome {
-                Ok(_) => store.inner.changes.publish(write.changes),
+                Ok(_) => store.inner.changes.publish(std::mem::take(&mut write.changes)),
                 Err(_) => write.undo().await,
             }
             outcome

@@ -107,6 +107,22 @@ async fn a_newer_database_is_refused() {
     assert!(matches!(inspected, Err(StoreError::NewerDatabase { step: 99 })), "{inspected:?}");
 }
 
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_panic_in_a_write_does_not_stop_the_writers() {
+    let (one, other, _place) = two_processes().await;
+    for _ in 0..5 {
+        let store = one.clone();
+        let panicked =
+            tokio::spawn(
+                async move { store.write::<(), _>(|_| Box::pin(async { panic!("a mistake in a write") })).await },
+            );
+        assert!(panicked.await.unwrap_err().is_panic());
+    }
+    // The process of the panics writes nothing more: its next writer would end the transaction.
+    timeout(SOON, submit(&other, "r", 5)).await.expect("the turn of the writers is free");
+    timeout(SOON, submit(&one, "s", 5)).await.expect("the turn of the writers is free");
+}
+
 #[tokio::test]
 async fn both_databases_have_the_same_tables_and_columns() {
     let (place, file) = (Place::postgres().await, Place::sqlite());

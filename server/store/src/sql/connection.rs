@@ -20,7 +20,7 @@ pub(crate) enum Connection {
     PostgresSnapshot(Transaction<'static, Postgres>),
 }
 
-/// Connections to either database, for reading.
+/// Connections to either database.
 #[derive(Clone, Debug)]
 pub(crate) enum Pool {
     Sqlite(SqlitePool),
@@ -68,6 +68,13 @@ impl Connection {
 
     pub(crate) fn is_postgres(&self) -> bool {
         matches!(self, Self::Postgres(_) | Self::PostgresServer(_) | Self::PostgresSnapshot(_))
+    }
+
+    /// Closes a connection of a pool of PostgreSQL when it is dropped, so that its transaction ends with it.
+    pub(crate) fn close_on_drop(&mut self) {
+        if let Self::Postgres(connection) = self {
+            connection.close_on_drop();
+        }
     }
 
     /// Closes a connection that belongs to no pool, and returns others to theirs.

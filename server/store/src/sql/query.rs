@@ -2,10 +2,8 @@
 
 use super::connection::{Raw, Target};
 use super::row::{Column, Columns, Row};
-use sqlx::postgres::PgArguments;
 use sqlx::query::Query as SqlxQuery;
-use sqlx::sqlite::SqliteArguments;
-use sqlx::{AssertSqlSafe, Postgres, Sqlite};
+use sqlx::{AssertSqlSafe, Database, Encode, Type};
 use std::fmt::Write as _;
 use std::mem::take;
 
@@ -53,17 +51,17 @@ impl From<Option<f64>> for Value {
     }
 }
 
-macro_rules! texts {
-    ($($kind:ty),*) => {$(
-        impl From<$kind> for Value {
-            fn from(value: $kind) -> Self {
-                Self::Text(Some(value.to_owned()))
-            }
-        }
-    )*};
+impl From<&str> for Value {
+    fn from(value: &str) -> Self {
+        Self::Text(Some(value.to_owned()))
+    }
 }
 
-texts!(&str, &String);
+impl From<&String> for Value {
+    fn from(value: &String) -> Self {
+        Self::Text(Some(value.clone()))
+    }
+}
 
 impl From<String> for Value {
     fn from(value: String) -> Self {
@@ -125,21 +123,19 @@ impl Query {
     }
 
     /// Runs the statement and returns the number of changed rows.
-    pub(crate) async fn execute(self, target: impl Target) -> Result<u64, sqlx::Error> {
-        let mut target = target;
+    pub(crate) async fn execute(self, mut target: impl Target) -> Result<u64, sqlx::Error> {
         let mut lent = target.connect().await?;
         match lent.raw() {
-            Raw::Sqlite(connection) => Ok(self.for_sqlite().execute(connection).await?.rows_affected()),
-            Raw::Postgres(connection) => Ok(self.for_postgres().execute(connection).await?.rows_affected()),
+            Raw::Sqlite(connection) => Ok(self.of().execute(connection).await?.rows_affected()),
+            Raw::Postgres(connection) => Ok(self.of().execute(connection).await?.rows_affected()),
         }
     }
 
-    pub(crate) async fn fetch_optional(self, target: impl Target) -> Result<Option<Row>, sqlx::Error> {
-        let mut target = target;
+    pub(crate) async fn fetch_optional(self, mut target: impl Target) -> Result<Option<Row>, sqlx::Error> {
         let mut lent = target.connect().await?;
         match lent.raw() {
-            Raw::Sqlite(connection) => Ok(self.for_sqlite().fetch_optional(connection).await?.map(Row::Sqlite)),
-            Raw::Postgres(connection) => Ok(self.for_postgres().fetch_optional(connection).await?.map(Row::Postgres)),
+            Raw::Sqlite(connection) => Ok(self.of().fetch_optional(connection).await?.map(Row::Sqlite)),
+            Raw::Postgres(connection) => Ok(self.of().fetch_optional(connection).await?.map(Row::Postgres)),
         }
     }
 
@@ -152,35 +148,28 @@ impl Query {
         self.fetch_optional(target).await?.ok_or(sqlx::Error::RowNotFound)
     }
 
-    pub(crate) async fn fetch_all(self, target: impl Target) -> Result<Vec<Row>, sqlx::Error> {
-        let mut target = target;
+    pub(crate) async fn fetch_all(self, mut target: impl Target) -> Result<Vec<Row>, sqlx::Error> {
         let mut lent = target.connect().await?;
         match lent.raw() {
             Raw::Sqlite(connection) => {
-                Ok(self.for_sqlite().fetch_all(connection).await?.into_iter().map(Row::Sqlite).collect())
+                Ok(self.of().fetch_all(connection).await?.into_iter().map(Row::Sqlite).collect())
             }
             Raw::Postgres(connection) => {
-                Ok(self.for_postgres().fetch_all(connection).await?.into_iter().map(Row::Postgres).collect())
+                Ok(self.of().fetch_all(connection).await?.into_iter().map(Row::Postgres).collect())
             }
         }
     }
 
-    fn for_sqlite(self) -> SqlxQuery<'static, Sqlite, SqliteArguments> {
+    /// The statement as sqlx knows it.
+    fn of<D: Database>(self) -> SqlxQuery<'static, D, D::Arguments>
+    where
+        Option<i64>: Encode<'static, D> + Type<D>,
+        Option<f64>: Encode<'static, D> + Type<D>,
+        Option<String>: Encode<'static, D> + Type<D>,
+    {
         let query = match self.text {
             Text::Fixed(text) => sqlx::query(text),
             // `Builder` binds every value that comes from outside.
-            Text::Built(text) => sqlx::query(AssertSqlSafe(text)),
-        };
-        self.values.into_iter().fold(query, |query, value| match value {
-            Value::Integer(value) => query.bind(value),
-            Value::Real(value) => query.bind(value),
-            Value::Text(value) => query.bind(value),
-        })
-    }
-
-    fn for_postgres(self) -> SqlxQuery<'static, Postgres, PgArguments> {
-        let query = match self.text {
-            Text::Fixed(text) => sqlx::query(text),
             Text::Built(text) => sqlx::query(AssertSqlSafe(text)),
         };
         self.values.into_iter().fold(query, |query, value| match value {
