@@ -46,3 +46,11 @@ end $$;
 
 create trigger artifact_is_nobodys before delete on artifact for each row
 execute function artifact_is_nobodys();
+
+-- Where the files of all artifacts are: the identity of a data folder. A server with another folder must not use the
+-- database.
+create table artifact_place (
+    -- so that there is one row at most
+    id       bigint           not null primary key check (id = 1),
+    identity text collate "C" not null check (length(identity) = 36)
+);

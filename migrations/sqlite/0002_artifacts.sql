@@ -38,3 +38,11 @@ begin
     delete from owner_bytes
     where bytes = 0 and owner in (select owner from artifact_owner where artifact = old.digest);
 end;
+
+-- Where the files of all artifacts are: the identity of a data folder. A server with another folder must not use the
+-- database.
+create table artifact_place (
+    -- so that there is one row at most
+    id       integer not null primary key check (id = 1),
+    identity text not null check (length(identity) = 36)
+) strict;

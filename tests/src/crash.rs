@@ -3,6 +3,7 @@ use crate::material::{DISTANCE_M, assert_succeeded_once, declare, hologram, kern
 use crate::process::{Daemon, lightpathd};
 use lightpath::v1::{self, SubmitJobRequest, job::State};
 use lightpath::{Client, JobChange, hologram_result, names};
+use lightpath_fixtures::postgres_database;
 use lightpath_server::upkeep::check;
 use rand::{RngExt as _, SeedableRng as _};
 use rand_chacha::ChaCha8Rng;
@@ -26,14 +27,27 @@ const SETTINGS: [&str; 8] =
 
 #[tokio::test(flavor = "multi_thread")]
 async fn server_killed_at_random_moments_keeps_every_promise() {
+    kill_at_random_moments(cycles(), &SETTINGS, &[]).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn server_on_postgresql_killed_at_random_moments_keeps_every_promise() {
+    let url = postgres_database().await;
+    let database = ["--database-url", &url];
+    kill_at_random_moments(cycles().div_ceil(2), &[SETTINGS.as_slice(), &database].concat(), &database).await;
+}
+
+/// Kills a server with these `settings` again and again. `database` are those that say where the database is.
+async fn kill_at_random_moments(cycles: u64, settings: &[&str], database: &[&str]) {
     let data = TempDir::new().unwrap();
-    let material = prepare_kernel(data.path()).await;
-    let (cycles, mut random, mut ledger) = (cycles(), ChaCha8Rng::seed_from_u64(2026), Ledger::default());
+    let check_arguments = [["check", "--data-dir", data.path().to_str().unwrap()].as_slice(), database].concat();
+    let material = prepare_kernel(data.path(), settings).await;
+    let (mut random, mut ledger) = (ChaCha8Rng::seed_from_u64(2026), Ledger::default());
     for life in 0..cycles {
         for i in 0..JOBS_PER_LIFE {
             ledger.ask(format!("{life}-{i}"));
         }
-        let daemon = Daemon::start(data.path(), &SETTINGS).await;
+        let daemon = Daemon::start(data.path(), settings).await;
         let client = daemon.client.clone();
         ledger.assert_kept(&client, &material).await;
         let alive = Duration::from_millis(random.random_range(0..LIFE_MS_MAX));
@@ -48,23 +62,22 @@ async fn server_killed_at_random_moments_keeps_every_promise() {
             () = kill => {}
             _ = load => {}
         }
-        let report = check(data.path()).await.unwrap();
-        assert_eq!(report.problems, [], "after kill {life}");
+        lightpathd(&check_arguments).await.ok();
     }
 
-    let daemon = Daemon::start(data.path(), &SETTINGS).await;
+    let daemon = Daemon::start(data.path(), settings).await;
     ledger.assert_kept(&daemon.client, &material).await;
     ledger.settle(&daemon.client, &material).await;
     daemon.kill().await;
-    lightpathd(&["check", "--data-dir", data.path().to_str().unwrap()]).await.ok();
+    lightpathd(&check_arguments).await.ok();
     writeln!(std::io::stderr(), "{cycles} times kill -9: {}", ledger.summary()).unwrap();
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn interrupted_job_gives_the_same_bytes_as_uninterrupted_job() {
     let (data, undisturbed) = (TempDir::new().unwrap(), TempDir::new().unwrap());
-    let target = prepare(data.path()).await;
-    assert_eq!(prepare(undisturbed.path()).await, target);
+    let target = prepare(data.path(), &SETTINGS).await;
+    assert_eq!(prepare(undisturbed.path(), &SETTINGS).await, target);
     let spec = || request(hologram("lab", &target, 1200, 9), "one");
 
     let daemon = Daemon::start(undisturbed.path(), &SETTINGS).await;
@@ -103,8 +116,8 @@ async fn suspended_server_continues_its_jobs() {
     const SHORT_LEASE: [&str; 8] =
         ["--checkpoint-interval-s", "3600", "--lease-s", "0.5", "--compute-threads", "1", "--workers", "1"];
     let (data, undisturbed) = (TempDir::new().unwrap(), TempDir::new().unwrap());
-    let target = prepare(data.path()).await;
-    assert_eq!(prepare(undisturbed.path()).await, target);
+    let target = prepare(data.path(), &SETTINGS).await;
+    assert_eq!(prepare(undisturbed.path(), &SETTINGS).await, target);
     let spec = || SubmitJobRequest { attempts_max: 1, ..request(hologram("lab", &target, 1500, 9), "one") };
     let daemon = Daemon::start(undisturbed.path(), &SETTINGS).await;
     let job = daemon.client.submit(spec()).await.unwrap();
@@ -136,7 +149,7 @@ async fn stops_that_do_not_wait_for_the_job_are_no_deaths_of_the_server() {
     const IMPATIENT: [&str; 6] =
         ["--drain-deadline-s", "0", "--checkpoint-interval-s", "3600", "--compute-threads", "1"];
     let data = TempDir::new().unwrap();
-    let target = prepare(data.path()).await;
+    let target = prepare(data.path(), &SETTINGS).await;
     let daemon = Daemon::start(data.path(), &IMPATIENT).await;
     let job = daemon.client.submit(request(hologram("lab", &target, 10_000, 9), "one")).await.unwrap();
     daemon.stop().await;
@@ -157,7 +170,7 @@ async fn stops_that_do_not_wait_for_the_job_are_no_deaths_of_the_server() {
 #[tokio::test(flavor = "multi_thread")]
 async fn wait_survives_restart_and_reports_it_once() {
     let data = TempDir::new().unwrap();
-    let target = prepare(data.path()).await;
+    let target = prepare(data.path(), &SETTINGS).await;
     let daemon = Daemon::start(data.path(), &SETTINGS).await;
     let (client, address) = (daemon.client.clone(), daemon.url.trim_start_matches("http://").to_owned());
     let job = client.submit(request(hologram("lab", &target, 1500, 4), "")).await.unwrap();
@@ -181,8 +194,8 @@ async fn wait_survives_restart_and_reports_it_once() {
 }
 
 /// Declares a display and uploads a target in a fresh data folder. Returns the target's digest.
-async fn prepare(data_dir: &Path) -> String {
-    let daemon = Daemon::start(data_dir, &SETTINGS).await;
+async fn prepare(data_dir: &Path, settings: &[&str]) -> String {
+    let daemon = Daemon::start(data_dir, settings).await;
     declare(&daemon.client, "lab", 128, 96).await;
     let digest = daemon.client.upload_bytes(target(128, 96, 1)).await.unwrap();
     daemon.kill().await;
@@ -190,9 +203,9 @@ async fn prepare(data_dir: &Path) -> String {
 }
 
 /// Like [`prepare`], and imports a kernel with two versions to promote in turn.
-async fn prepare_kernel(data_dir: &Path) -> Material {
-    let target = prepare(data_dir).await;
-    let daemon = Daemon::start(data_dir, &SETTINGS).await;
+async fn prepare_kernel(data_dir: &Path, settings: &[&str]) -> Material {
+    let target = prepare(data_dir, settings).await;
+    let daemon = Daemon::start(data_dir, settings).await;
     for tilt in [0.1, 0.2] {
         let artifact = daemon.client.upload_bytes(kernel_file(128, 96, tilt)).await.unwrap();
         let request = v1::ImportKernelRequest {

@@ -56,6 +56,8 @@ mod photos;
 mod planes_and_colours;
 /// Datasets in the folders of published ones.
 mod published_datasets;
+/// Servers whose database is on a PostgreSQL server.
+mod postgresql;
 /// All kinds of calls for a long time.
 mod soak;
 /// Clients that never finish their messages or never read their answers.

@@ -30,6 +30,7 @@ impl TestServer {
         let address = listener.local_addr().unwrap();
         let mut config = Config {
             data_dir: data.path().to_owned(),
+            database_url: lightpath_fixtures::test_database().await,
             listen: address,
             compute_threads: 1,
             checkpoint_interval_s: 0.05,

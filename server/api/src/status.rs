@@ -106,6 +106,7 @@ fn store_answer(error: &StoreError) -> Option<Answer> {
             Answer::new(Code::ResourceExhausted, "DEPENDENCIES_FULL").retry(QUEUE_RETRY)
         }
         StoreError::OwnerBytes { .. } => Answer::new(Code::ResourceExhausted, "OWNER_STORED_BYTES").retry(DISK_RETRY),
+        StoreError::Nul => Answer::new(Code::InvalidArgument, "INVALID_FIELD"),
         StoreError::DiskFull => Answer::new(Code::ResourceExhausted, "DISK_FULL").retry(DISK_RETRY),
         StoreError::Busy => Answer::new(Code::Unavailable, "DATABASE_BUSY").retry(QUEUE_RETRY),
         StoreError::Stopping => Answer::new(Code::Unavailable, "STOPPING").retry(RESTART_RETRY),
@@ -113,6 +114,7 @@ fn store_answer(error: &StoreError) -> Option<Answer> {
         | StoreError::Corrupt { .. }
         | StoreError::NewerDatabase { .. }
         | StoreError::OlderDatabase
+        | StoreError::EmptyDatabase
         | StoreError::LogUnreadable
         | StoreError::Migration(_)
         | StoreError::Database(_) => return None,

@@ -12,6 +12,7 @@
 //! DATA_DIR/uploads/unnamed-….part      running uploads whose digest nobody knows yet
 //! DATA_DIR/conversions/ab/sha256-ab…  files that can be made again, such as converted kernels; emptied at start
 //! DATA_DIR/tmp/                        files being written; emptied at start
+//! DATA_DIR/identity                   name of this folder for a database on another machine
 //! DATA_DIR/lock                        held by the one process that uses the folder: a server, a restore, a collection
 //! DATA_DIR/keep.lock                   held by a backup; while it is held, the server removes no artifact
 //! ```
@@ -23,7 +24,7 @@
 //! # Layout
 //!
 //! - `digest`: names of blobs. `folder`: blobs of one folder. `upload`: resumable uploads. `read`: streaming. `error`.
-//! - `examined`: files that were hashed recently. `space`: free space on the disk. `lock`: locks on files. `private`: modes of files. `blocking`: threads for file access. `inventory`: read access for checks and backups while a server may be running.
+//! - `examined`: files that were hashed recently. `identity`: the name of a data folder. `space`: free space on the disk. `lock`: locks on files. `private`: modes of files. `blocking`: threads for file access. `inventory`: read access for checks and backups while a server may be running.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod blocking;
@@ -31,6 +32,7 @@ mod digest;
 mod error;
 mod examined;
 mod folder;
+mod identity;
 mod inventory;
 mod lock;
 mod private;
@@ -123,6 +125,15 @@ impl Artifacts {
                 _lock: lock,
             }),
         })
+    }
+
+    /// The identity of the data folder, a UUID, for a database on another machine.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError::Io`].
+    pub async fn identity(&self) -> Result<String, ArtifactError> {
+        self.blocking(|inner| identity::identity_of(&inner.data_dir)).await
     }
 
     /// The disk of the folder, and the limits on its use.

@@ -16,7 +16,7 @@ const OTHERS: u32 = 0o077;
 /// Names of the folders in a data folder.
 const FOLDERS: [&str; 4] = ["artifacts", "checkpoints", "tmp", "uploads"];
 /// Names of the files in a data folder, or their beginnings: older audit logs and the database's log have longer names.
-const FILES: [&str; 4] = ["audit.jsonl", "keep.lock", "lightpath.db", "lock"];
+const FILES: [&str; 5] = ["audit.jsonl", "identity", "keep.lock", "lightpath.db", "lock"];
 
 /// Options that create files with private modes. The caller adds how the file is opened.
 #[must_use]

@@ -3,13 +3,14 @@
 //!
 //! # Layout
 //!
-//! - [`config`], [`server`]: settings, and the assembly of store, workers and API.
+//! - [`config`], [`server`]: settings, and the assembly of store, workers and API. [`database`]: where the database is.
 //! - [`upkeep`]: commands for operators on a data folder: check, back up, restore, collect.
 //! - [`demo`]: the whole loop on a simulated display, for new users.
 //! - [`fuzzing`]: access to every decoder, for fuzzers.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 pub mod config;
+pub mod database;
 pub mod demo;
 pub mod fuzzing;
 pub mod server;

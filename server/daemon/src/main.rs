@@ -7,7 +7,7 @@ use clap::{CommandFactory as _, Parser, Subcommand};
 use lightpath_server::config::{Config, Effective, LogFormat, Settings};
 use lightpath_server::demo::{self, DemoArgs};
 use lightpath_server::server;
-use lightpath_server::upkeep::{BackupArgs, CheckArgs, CollectArgs, KeyCommand, RestoreArgs, TokenCommand};
+use lightpath_server::upkeep::{BackupArgs, CheckArgs, CollectArgs, KeyCommand, RestoreArgs, RestoredArgs, TokenCommand};
 use std::future::Future;
 use std::io::{IsTerminal as _, Write as _};
 use std::path::PathBuf;
@@ -32,6 +32,7 @@ enum Command {
     Check(CheckArgs),
     Backup(BackupArgs),
     Restore(RestoreArgs),
+    Restored(RestoredArgs),
     Collect(CollectArgs),
     /// Create, list and revoke access tokens
     #[command(subcommand)]
@@ -84,6 +85,7 @@ fn main() -> ExitCode {
         Command::Check(args) => Ok(args.run()),
         Command::Backup(args) => Ok(args.run()),
         Command::Restore(args) => Ok(args.run()),
+        Command::Restored(args) => Ok(args.run()),
         Command::Collect(args) => Ok(args.run()),
         Command::Token(command) => Ok(command.run()),
         Command::Key(command) => Ok(command.run()),

@@ -1,7 +1,7 @@
 //! Assembly of the server: store, artifacts, workers, gRPC and HTTP.
 
 use crate::config::{Config, ConfigError};
-use crate::upkeep::{self, Collected, DATABASE, Retention, UpkeepError};
+use crate::upkeep::{self, Collected, Retention, UpkeepError};
 use lightpath_api::audit::Audit;
 use lightpath_api::connections;
 use lightpath_api::http::{self, EndedTokens, Gate, MemoryBudget, Rate};
@@ -41,7 +41,10 @@ pub enum ServeError {
     /// The data folder cannot be used, for example because another server uses it.
     #[error(transparent)]
     Artifacts(#[from] ArtifactError),
-    /// The database cannot be used.
+    /// The database cannot be used, for example because it belongs to another data folder.
+    #[error(transparent)]
+    Database(#[from] UpkeepError),
+    /// The database failed.
     #[error(transparent)]
     Store(#[from] StoreError),
     /// The workers cannot start.
@@ -119,7 +122,8 @@ pub async fn run_and_announce(
     let (space, tls, retention) = (config.space(), config.tls()?, config.retention());
     let artifacts = tokio::task::spawn_blocking(move || Artifacts::open_within(&data_dir, space)).await??;
     make_private(&config.data_dir);
-    let store = open_store(&config).await?;
+    let store = config.database()?.open(&artifacts).await?;
+    tend_keys(&store).await;
     let address = listener.local_addr().map_err(ServeError::Listener)?;
     let tokens_required = check_access(&store, &config, address).await?;
     let hosts = config.hosts(tokens_required)?;
@@ -178,12 +182,6 @@ pub async fn run_and_announce(
 /// Present time \[ms since 1970\].
 fn now_ms() -> i64 {
     Clock::default().now_ms()
-}
-
-async fn open_store(config: &Config) -> Result<Store, ServeError> {
-    let store = Store::open(&config.data_dir.join(DATABASE)).await?;
-    tend_keys(&store).await;
-    Ok(store)
 }
 
 /// Makes or renews the keys that sign manifests. The server works without them, for example on a full disk, and only

@@ -21,6 +21,24 @@ pub struct ArtifactRecord {
 const USE_RESOLUTION_MS: i64 = 3_600_000;
 
 impl Store {
+    /// The identity of the data folder in which the files of the artifacts are. The first caller's `identity` is
+    /// recorded.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`], also if the identity is malformed.
+    pub async fn artifact_place(&self, identity: &str) -> Result<String, StoreError> {
+        let identity = identity.to_owned();
+        self.write(move |write| {
+            Box::pin(async move {
+                let sql = "insert into artifact_place values (1, $1) on conflict do nothing";
+                query(sql).bind(identity).execute(write.sql()).await?;
+                Ok(scalar("select identity from artifact_place").fetch_one(write.sql()).await?)
+            })
+        })
+        .await
+    }
+
     /// Records an artifact whose file is complete and on disk. Recording it again updates its time of use and adds
     /// `owner` to its owners.
     ///

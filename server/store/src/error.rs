@@ -121,6 +121,12 @@ pub enum StoreError {
     /// yet.
     #[error("the database has the tables of an older version; start the server of this version once to migrate them")]
     OlderDatabase,
+    /// PostgreSQL cannot store a text with the character NUL.
+    #[error("a text contains the character NUL (U+0000), which the database cannot store")]
+    Nul,
+    /// No server has used the database yet.
+    #[error("the database is empty; check database_url, or start the server once")]
+    EmptyDatabase,
     /// The database is on read-only media, and a part of it is in a log that cannot be read there.
     #[error(
         "the database was not closed, and its log cannot be read in a folder without write access; copy the folder to a \
@@ -173,6 +179,8 @@ impl StoreError {
             | Self::Corrupt { .. }
             | Self::NewerDatabase { .. }
             | Self::OlderDatabase
+            | Self::EmptyDatabase
+            | Self::Nul
             | Self::LogUnreadable
             | Self::Migration(_) => false,
         }
@@ -184,8 +192,11 @@ impl From<sqlx::Error> for StoreError {
         /// Codes of a full disk: `SQLITE_FULL`, `SQLITE_IOERR_SHMSIZE` (no room for the index of the log), and
         /// PostgreSQL's `disk_full`.
         const FULL: [&str; 3] = ["13", "4874", "53100"];
+        /// PostgreSQL's codes of a text with the character NUL, and of JSON with it.
+        const NUL: [&str; 2] = ["22021", "22P05"];
         match error.as_database_error().and_then(|e| e.code()) {
             Some(code) if FULL.contains(&&*code) => Self::DiskFull,
+            Some(code) if NUL.contains(&&*code) => Self::Nul,
             _ if matches!(error, sqlx::Error::PoolTimedOut) => Self::Busy,
             _ => Self::Database(error),
         }

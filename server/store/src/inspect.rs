@@ -1,7 +1,7 @@
 //! Read access to a database that a server may be using, for checks and backups.
 
 use super::datasets::with_pairs;
-use super::open::{MIGRATIONS, connect_options, create_private};
+use super::open::{MIGRATIONS, connect_once, connect_options, create_private};
 use super::rows::{from_json, from_json_option, to_json};
 use super::sql::{Connection, query, query_as, scalar};
 use super::{Store, StoreError};
@@ -72,6 +72,21 @@ impl Store {
         }
         Self::open(path).await
     }
+
+    /// Does the same for the PostgreSQL database of a `url`. An empty database gets its tables.
+    ///
+    /// # Errors
+    ///
+    /// The errors of [`Self::connect`]; [`StoreError::OlderDatabase`].
+    pub async fn connect_shared(url: &str) -> Result<Self, StoreError> {
+        let mut inspection = Inspection::connect_to_any(url).await?;
+        let steps = if inspection.has_tables().await? { inspection.steps().await?.len() } else { MIGRATIONS.len() };
+        inspection.close().await?;
+        if steps < MIGRATIONS.len() {
+            return Err(StoreError::OlderDatabase);
+        }
+        Self::connect(url).await
+    }
 }
 
 impl Inspection {
@@ -93,12 +108,26 @@ impl Inspection {
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`] if the server cannot be reached or refuses; [`StoreError::NewerDatabase`].
+    /// [`StoreError::Database`] if the server cannot be reached or refuses; [`StoreError::EmptyDatabase`];
+    /// [`StoreError::NewerDatabase`].
     pub async fn connect(url: &str) -> Result<Self, StoreError> {
-        let options = PgConnectOptions::from_str(url)?.options([("default_transaction_read_only", "on")]);
-        let mut inspection = Self { connection: Connection::PostgresServer(options.connect().await?) };
+        let mut inspection = Self::connect_to_any(url).await?;
+        if !inspection.has_tables().await? {
+            return Err(StoreError::EmptyDatabase);
+        }
         inspection.steps().await?;
         Ok(inspection)
+    }
+
+    async fn connect_to_any(url: &str) -> Result<Self, StoreError> {
+        let options = PgConnectOptions::from_str(url)?.options([("default_transaction_read_only", "on")]);
+        Ok(Self { connection: Connection::PostgresServer(connect_once(&options).await?) })
+    }
+
+    /// Whether a server has ever used this database of PostgreSQL.
+    async fn has_tables(&mut self) -> Result<bool, StoreError> {
+        let sql = "select to_regclass('_sqlx_migrations') is not null";
+        Ok(scalar(sql).fetch_one(&mut self.connection).await?)
     }
 
     /// Copies the present state of the database to `to`, which must not exist. A server can work on the database

@@ -4,9 +4,9 @@ use super::StoreError;
 use super::changes::Changes;
 use super::sql::Pool;
 use sqlx::migrate::{MigrateError, Migration, MigrationType, Migrator};
-use sqlx::postgres::{PgConnectOptions, PgListener, PgPoolOptions};
+use sqlx::postgres::{PgConnectOptions, PgConnection, PgListener, PgPoolOptions};
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous};
-use sqlx::{AssertSqlSafe, SqlSafeStr};
+use sqlx::{AssertSqlSafe, ConnectOptions as _, Connection as _, SqlSafeStr};
 use std::fs::File;
 use std::os::unix::fs::OpenOptionsExt as _;
 use std::path::{Path, PathBuf};
@@ -120,6 +120,8 @@ impl Store {
     /// [`StoreError::NewerDatabase`] as [`Self::open`].
     pub async fn connect(url: &str) -> Result<Self, StoreError> {
         let options = PgConnectOptions::from_str(url)?.application_name("lightpath");
+        // A pool tries again until its time is up and then hides the cause.
+        connect_once(&options).await?.close().await?;
         let pool = |connections| PgPoolOptions::new().max_connections(connections).acquire_timeout(ACQUIRE_TIMEOUT);
         let writers = pool(POSTGRES_WRITERS).connect_with(options.clone()).await?;
         // The migrator takes an advisory lock of its own.
@@ -146,6 +148,14 @@ impl Store {
 
     pub(super) fn readers(&self) -> &Pool {
         &self.inner.readers
+    }
+}
+
+/// Connects to PostgreSQL, or says why that is impossible.
+pub(super) async fn connect_once(options: &PgConnectOptions) -> Result<PgConnection, StoreError> {
+    match tokio::time::timeout(ACQUIRE_TIMEOUT, options.connect()).await {
+        Ok(connected) => Ok(connected?),
+        Err(_) => Err(sqlx::Error::Io(std::io::ErrorKind::TimedOut.into()).into()),
     }
 }
 

@@ -1,6 +1,7 @@
 //! Conversion of settings into the types of the server's parts.
 
 use super::{Config, ConfigError};
+use crate::database::Database;
 use crate::upkeep::Retention;
 use lightpath_api::http::Hosts;
 use lightpath_api::tls::TlsFiles;
@@ -15,6 +16,15 @@ const MIB: f64 = 1_048_576.0;
 const DAY_S: f64 = 24.0 * 3600.0;
 
 impl Config {
+    /// Where the database is.
+    ///
+    /// # Errors
+    ///
+    /// [`ConfigError::DatabaseUrl`] if the setting names another kind of database.
+    pub fn database(&self) -> Result<Database, ConfigError> {
+        Database::of(&self.data_dir, self.database_url.as_deref()).ok_or(ConfigError::DatabaseUrl)
+    }
+
     /// Files for TLS; `None`: no TLS.
     ///
     /// # Errors

@@ -118,7 +118,7 @@ impl Effective {
     /// # Errors
     ///
     /// [`ConfigError::Value`] if a value is out of range, [`ConfigError::Incomplete`] if one of two settings that
-    /// belong together is missing.
+    /// belong together is missing, [`ConfigError::DatabaseUrl`].
     pub fn merge(given: Settings, file: Settings) -> Result<Self, ConfigError> {
         let mut settings = Settings::defaults();
         settings.0.extend(file.0);
@@ -133,6 +133,7 @@ impl Effective {
         let values = settings.0.iter().map(|(key, (value, _))| ((*key).to_owned(), value.clone()));
         let config: Config = values.collect::<Table>().try_into().expect("the type of every value was checked");
         config.tls()?;
+        config.database()?;
         Ok(Self { config, settings })
     }
 }

@@ -38,6 +38,8 @@ const SWITCH: Allowed = Allowed::Text("true or false");
 settings! {
     /// Folder of the database and the artifacts; created if it does not exist
     data_dir: PathBuf = "./lightpath-data".into(), "DIR", Allowed::Text("the path of a folder");
+    /// URL of a PostgreSQL database for queue and registry; without one they are in a file in data_dir
+    database_url: Option<String> = None, "URL", Allowed::Text("a URL such as postgres://lightpath@db.example/lightpath");
     /// Address and port for gRPC and HTTP; port 0 chooses a free port
     listen: SocketAddr = (Ipv4Addr::LOCALHOST, 7070).into(), "ADDRESS:PORT",
         Allowed::Text("an IP address and a port, such as 127.0.0.1:7070 or 0.0.0.0:7070");
@@ -178,6 +180,9 @@ pub enum ConfigError {
     /// The setting `webhook_origins` is no list of origins.
     #[error("webhook_origins {0}")]
     WebhookOrigins(OriginError),
+    /// The setting `database_url` is no URL of PostgreSQL.
+    #[error("database_url must be a URL such as postgres://lightpath@db.example/lightpath")]
+    DatabaseUrl,
     /// A value is out of range.
     #[error("{key} is {value}, but must be {allowed} ({origin})")]
     Value {

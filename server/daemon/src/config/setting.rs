@@ -103,6 +103,8 @@ impl Setting {
             .long(self.key.replace('_', "-"))
             .env(format!("LIGHTPATH_{}", self.key.to_uppercase()))
             .value_name(self.value_name)
+            // A URL may contain a password.
+            .hide_env_values(self.value_name == "URL")
             .help(format!("{}{default}", self.help.trim_start()))
             .value_parser(|text: &str| self.parse(text));
         match self.value_name {

@@ -1,6 +1,7 @@
 //! Checks that a data folder contains everything to which its database refers.
 
-use super::{DATABASE, UpkeepError};
+use super::UpkeepError;
+use crate::database::Database;
 use lightpath_artifacts::{ArtifactError, BlobKind, Inventory};
 use lightpath_store::{Counts, Inspection};
 use serde::Serialize;
@@ -80,14 +81,20 @@ impl FindingKind {
 ///
 /// [`UpkeepError::NoData`], or another error if the folder cannot be read at all. Problems inside are in the report.
 pub async fn check(data_dir: &Path) -> Result<Report, UpkeepError> {
-    let database = data_dir.join(DATABASE);
-    if !database.is_file() {
-        return Err(UpkeepError::NoData { path: data_dir.to_owned() });
-    }
-    let mut inspection = Inspection::open(&database).await?;
+    check_with(data_dir, &Database::InFolder(data_dir.to_owned())).await
+}
+
+/// Does the same as [`check`] for a data folder whose `database` may be elsewhere.
+///
+/// # Errors
+///
+/// The errors of [`check`].
+pub async fn check_with(data_dir: &Path, database: &Database) -> Result<Report, UpkeepError> {
+    database.require()?;
+    let mut inspection = database.inspect().await?;
     let schema = inspection.steps().await?.last().copied().unwrap_or("none").to_owned();
     let Counts { jobs, kernel_versions, .. } = inspection.counts().await?;
-    let mut problems = database_problems(&mut inspection).await?;
+    let mut problems = database_problems(&mut inspection, database.name()).await?;
     let inventory = Inventory::of(data_dir);
     let mut files = files(&inventory)?;
     let (artifacts, artifact_bytes) = check_artifacts(&mut inspection, &inventory, &mut files, &mut problems).await?;
@@ -107,13 +114,13 @@ pub async fn check(data_dir: &Path) -> Result<Report, UpkeepError> {
     })
 }
 
-async fn database_problems(inspection: &mut Inspection) -> Result<Vec<Finding>, UpkeepError> {
+async fn database_problems(inspection: &mut Inspection, name: &str) -> Result<Vec<Finding>, UpkeepError> {
     let mut problems = Vec::new();
     for problem in inspection.damages().await? {
-        problems.push(Finding { kind: FindingKind::Database, what: DATABASE.to_owned(), problem });
+        problems.push(Finding { kind: FindingKind::Database, what: name.to_owned(), problem });
     }
     for problem in inspection.contradictions().await? {
-        problems.push(Finding { kind: FindingKind::Job, what: DATABASE.to_owned(), problem });
+        problems.push(Finding { kind: FindingKind::Job, what: name.to_owned(), problem });
     }
     for id in inspection.changed_datasets().await? {
         let problem = "has a digest that does not match its pairs, split and alignment".to_owned();

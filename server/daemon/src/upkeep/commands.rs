@@ -1,9 +1,10 @@
-//! `lightpathd check`, `backup`, `restore` and `collect`.
+//! `lightpathd check`, `backup`, `restore`, `restored` and `collect`.
 
-use super::{Collected, DATABASE, Finding, Report, UpkeepError, backup, check, restore};
+use super::keys::raise_after_restore;
+use super::{Collected, Finding, Report, UpkeepError, backup, check_with, restore};
 use crate::config::{Effective, Settings};
+use crate::database::Database;
 use lightpath_artifacts::Artifacts;
-use lightpath_store::Store;
 use lightpath_worker::Clock;
 use serde::Serialize;
 use std::io::Write as _;
@@ -20,6 +21,9 @@ pub(super) struct DataDir {
     /// Data folder of the server [default: ./lightpath-data]
     #[arg(long, env = "LIGHTPATH_DATA_DIR", value_name = "DIR")]
     data_dir: Option<PathBuf>,
+    /// URL of the server's PostgreSQL database, if it uses one
+    #[arg(long, env = "LIGHTPATH_DATABASE_URL", value_name = "URL", hide_env_values = true)]
+    database_url: Option<String>,
     /// Format of the output
     #[arg(long, value_name = "FORM", default_value = "table")]
     output: Form,
@@ -80,6 +84,21 @@ pub struct RestoreArgs {
     folder: DataDir,
 }
 
+/// Tell a database that it was restored by other means than `lightpathd restore`, then check it. Devices refuse older
+/// kernels and keys than they have seen: this raises the generation of each display and the version of the keyring above
+/// all of them, and halts rollouts. The server must not be running.
+///
+/// Exit code 0: no problems. 1: problems were found. 2: nothing was done.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "\
+Examples:
+  pg_restore --dbname lightpath lightpath.dump
+  lightpathd restored --database-url postgres:///lightpath --data-dir /srv/lightpath")]
+pub struct RestoredArgs {
+    #[command(flatten)]
+    folder: DataDir,
+}
+
 /// Remove ended jobs, and artifacts without references, that have reached the ages in the settings. A running server
 /// does this every hour. Use this command for a preview, or while the server is stopped.
 #[derive(Debug, clap::Args)]
@@ -104,12 +123,26 @@ pub struct CollectArgs {
 const EXIT_NOT_DONE: u8 = 2;
 
 impl DataDir {
-    pub(super) fn path(&self) -> anyhow::Result<PathBuf> {
-        if let Some(data_dir) = &self.data_dir {
-            return Ok(data_dir.clone());
-        }
+    /// The data folder, and where its database is.
+    pub(super) fn places(&self) -> anyhow::Result<(PathBuf, Database)> {
         let file = self.config.as_deref().map(Settings::read).transpose()?.unwrap_or_default();
-        Ok(Effective::merge(Settings::default(), file)?.config.data_dir)
+        let mut config = Effective::merge(Settings::default(), file)?.config;
+        if let Some(data_dir) = &self.data_dir {
+            config.data_dir.clone_from(data_dir);
+        }
+        if self.database_url.is_some() {
+            config.database_url.clone_from(&self.database_url);
+        }
+        let database = config.database()?;
+        Ok((config.data_dir, database))
+    }
+
+    /// The data folder with its database.
+    fn whole(&self) -> anyhow::Result<PathBuf> {
+        match self.places()? {
+            (folder, Database::InFolder(_)) => Ok(folder),
+            (_, Database::OnServer(_)) => Err(UpkeepError::DatabaseOnServer.into()),
+        }
     }
 
     pub(super) fn print<T: Serialize>(&self, value: &T, text: impl FnOnce(&T) -> String) -> anyhow::Result<()> {
@@ -133,8 +166,8 @@ impl CheckArgs {
     }
 
     fn report(&self) -> anyhow::Result<bool> {
-        let data_dir = self.folder.path()?;
-        let report = runtime()?.block_on(check(&data_dir))?;
+        let (data_dir, database) = self.folder.places()?;
+        let report = runtime()?.block_on(check_with(&data_dir, &database))?;
         self.folder.print(&report, text)?;
         Ok(report.problems.is_empty())
     }
@@ -148,7 +181,7 @@ impl BackupArgs {
     }
 
     fn copy(&self) -> anyhow::Result<bool> {
-        let data_dir = self.folder.path()?;
+        let data_dir = self.folder.whole()?;
         let done = runtime()?.block_on(backup(&data_dir, &self.destination))?;
         self.folder.print(&done, |done| {
             let manifest = &done.manifest;
@@ -175,8 +208,31 @@ impl RestoreArgs {
     }
 
     fn copy(&self) -> anyhow::Result<bool> {
-        let data_dir = self.folder.path()?;
+        let data_dir = self.folder.whole()?;
         let report = runtime()?.block_on(restore(&self.backup, &data_dir))?;
+        self.folder.print(&report, text)?;
+        Ok(report.problems.is_empty())
+    }
+}
+
+impl RestoredArgs {
+    /// Raises what devices compare, checks everything and prints the report.
+    #[must_use]
+    pub fn run(self) -> ExitCode {
+        exit(self.raise())
+    }
+
+    fn raise(&self) -> anyhow::Result<bool> {
+        let (data_dir, database) = self.folder.places()?;
+        database.require()?;
+        let report = runtime()?.block_on(async {
+            // This fails while a server uses the folder.
+            let artifacts = Artifacts::open(&data_dir)?;
+            let store = database.open(&artifacts).await?;
+            raise_after_restore(&store, Clock::default().now_ms()).await?;
+            store.close().await;
+            check_with(&data_dir, &database).await
+        })?;
         self.folder.print(&report, text)?;
         Ok(report.problems.is_empty())
     }
@@ -192,19 +248,17 @@ impl CollectArgs {
     fn collect(self) -> anyhow::Result<bool> {
         let file = self.config.as_deref().map(Settings::read).transpose()?.unwrap_or_default();
         let config = Effective::merge(self.settings, file)?.config;
-        let database = config.data_dir.join(DATABASE);
-        if !database.is_file() {
-            return Err(UpkeepError::NoData { path: config.data_dir }.into());
-        }
+        let database = config.database()?;
+        database.require()?;
         let now_ms = Clock::default().now_ms();
         let retention = config.retention();
         let collected = runtime()?.block_on(async {
             if self.dry_run {
-                return retention.preview(&Store::open_shared(&database).await?, now_ms).await;
+                return retention.preview(&database.open_shared().await?, now_ms).await;
             }
             // This fails while a server uses the folder, because two processes would not know of each other's uploads.
             let artifacts = Artifacts::open(&config.data_dir)?;
-            retention.collect(&Store::open(&database).await?, &artifacts, now_ms).await
+            retention.collect(&database.open(&artifacts).await?, &artifacts, now_ms).await
         })?;
         let what = if self.dry_run { "would be removed" } else { "removed" };
         print(self.output, &collected, |Collected { jobs, artifacts, artifact_bytes }| {

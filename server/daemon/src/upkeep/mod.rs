@@ -1,4 +1,4 @@
-//! Commands for operators on a data folder: check it, back it up, restore it, and remove old data.
+//! Commands for operators on a data folder and its database: check them, back them up, restore them, and remove old data.
 //!
 //! A check and a backup may run while the server runs. They read the database through their own connections and do not
 //! need the lock of the data folder. If the server removes or replaces an item during the check, the check examines it
@@ -23,9 +23,9 @@ mod tests;
 mod tokens;
 
 pub use backup::{Backup, Manifest, backup};
-pub use check::{Finding, FindingKind, Report, check};
+pub use check::{Finding, FindingKind, Report, check, check_with};
 pub use collect::{Collected, Retention};
-pub use commands::{BackupArgs, CheckArgs, CollectArgs, RestoreArgs};
+pub use commands::{BackupArgs, CheckArgs, CollectArgs, RestoreArgs, RestoredArgs};
 pub use key_commands::KeyCommand;
 pub use keys::{KeyChange, KeyLine, KeyState, KeysError, change_keyring, install, state, tend};
 pub use restore::restore;
@@ -48,6 +48,23 @@ pub enum UpkeepError {
         /// Path of the folder.
         path: PathBuf,
     },
+    /// The files of the database's artifacts are in another data folder.
+    #[error(
+        "the artifacts of this database are in the data folder with the identity {recorded}, but data_dir has the identity \
+         {found}: set data_dir to the other folder, or database_url to another database"
+    )]
+    OtherArtifacts {
+        /// Identity that the database records.
+        recorded: String,
+        /// Identity of the data folder.
+        found: String,
+    },
+    /// The database is on a PostgreSQL server, which has programs of its own for copies.
+    #[error(
+        "the database is on a PostgreSQL server: copy it with pg_dump and then the data folder; without database_url this \
+         command copies a data folder with a database"
+    )]
+    DatabaseOnServer,
     /// The destination of a copy is not empty.
     #[error("{} is not empty; choose a folder that is empty or does not exist", path.display())]
     NotEmpty {

@@ -1,7 +1,6 @@
 //! `lightpathd token …`: creating, listing and revoking tokens, also while a server is running.
 
 use super::commands::{DataDir, exit, runtime};
-use super::{DATABASE, UpkeepError};
 use anyhow::{Context as _, ensure};
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser as _};
 use lightpath_artifacts::FolderLock;
@@ -110,17 +109,16 @@ impl Create {
             self.role != Role::Firmware || !self.display.is_empty(),
             "a firmware token must name its displays; add --display ID"
         );
-        let data_dir = self.folder.path()?;
-        let database = data_dir.join(DATABASE);
+        let (data_dir, database) = self.folder.places()?;
         // The first token is created before the first start of the server. The lock prevents that this command creates
         // a database while a restore is about to put another one into the folder.
-        let _lock = if database.is_file() { None } else { Some(FolderLock::take(&data_dir)?) };
+        let _lock = if database.require().is_ok() { None } else { Some(FolderLock::take(&data_dir)?) };
         let secret = Secret::generate().context("the system provided no random numbers")?;
         let caller = Caller { name: self.name, role: self.role, displays: self.display };
         let now_ms = Clock::default().now_ms();
         let expire_time_ms = (self.expires_days > 0).then(|| now_ms + i64::from(self.expires_days) * DAY_MS);
         runtime()?.block_on(async {
-            let store = Store::open_shared(&database).await?;
+            let store = database.open_shared().await?;
             for display in &caller.displays {
                 store.display(display).await.context("a token can name only displays that exist")?;
             }
@@ -173,13 +171,10 @@ pub(super) fn with_store<T, E: std::error::Error + Send + Sync + 'static>(
     folder: &DataDir,
     work: impl AsyncFnOnce(&Store) -> Result<T, E>,
 ) -> anyhow::Result<T> {
-    let data_dir = folder.path()?;
-    let database = data_dir.join(DATABASE);
-    if !database.is_file() {
-        return Err(UpkeepError::NoData { path: data_dir }.into());
-    }
+    let (_, database) = folder.places()?;
+    database.require()?;
     runtime()?.block_on(async {
-        let store = Store::open_shared(&database).await?;
+        let store = database.open_shared().await?;
         let done = work(&store).await;
         store.close().await;
         Ok(done?)

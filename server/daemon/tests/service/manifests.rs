@@ -7,7 +7,7 @@ use lightpath_manifest::{Manifest, SignedManifest, Time, Trust, Wanted};
 use lightpath_proto::v1;
 use lightpath_proto::v1::fetch_kernel_response::Part;
 use lightpath_proto::v1::kernel_service_client::KernelServiceClient;
-use lightpath_server::upkeep::{self, DATABASE, KeyChange};
+use lightpath_server::upkeep::{self, KeyChange};
 use lightpath_store::Store;
 use std::process::Command;
 use std::time::Duration;
@@ -82,7 +82,7 @@ fn wanted(form: &str, generation: u64) -> Wanted {
 }
 
 pub(crate) async fn store_of(serving: &Serving) -> Store {
-    Store::open(&serving.config.data_dir.join(DATABASE)).await.unwrap()
+    serving.config.database().unwrap().open_shared().await.unwrap()
 }
 
 /// What a device trusts that knows the server's root key from its manufacture.

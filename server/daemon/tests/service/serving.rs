@@ -36,7 +36,8 @@ impl Serving {
 
     pub(crate) async fn start_with(change: impl FnOnce(&mut Config)) -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let config = Config { data_dir: folder.path().join("data"), ..Config::default() };
+        let (data_dir, database_url) = (folder.path().join("data"), lightpath_fixtures::test_database().await);
+        let config = Config { data_dir, database_url, ..Config::default() };
         Self::start_in(folder, config, change).await
     }
 

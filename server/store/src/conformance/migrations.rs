@@ -76,6 +76,8 @@ const ROWS: &[(usize, &str)] = &[(
     insert into job_event (job, time_ms, attempt, message)
     select id, 11, 0, 'queued' from job union all select 'c', 13, 1, 'succeeded';
 
+    insert into artifact_place values (1, '0193f0a0-0000-7000-8000-000000000000');
+
     insert into keyring values (1, 'lightpath keyring 1', 15);
     insert into signing_key values (printf('%064x', 2), 'private', 15);
 

@@ -27,9 +27,8 @@ use lightpath_domain::dataset::{Dataset, Encoding, Pair};
 use lightpath_domain::job::{FailureReason, JobEffect, JobError, JobResult, JobSpec, NewJob};
 use lightpath_domain::kernel::{Cause, KernelKey, KernelLineage, KernelMetrics, KernelModel, NewKernelVersion};
 use lightpath_domain::units::Distance;
-use lightpath_fixtures::{DISTANCE, WAVELENGTH, capture_job, capture_result, display};
-use sqlx::postgres::PgConnectOptions;
-use sqlx::{AssertSqlSafe, ConnectOptions as _, Connection as _, PgConnection};
+use lightpath_fixtures::{DISTANCE, WAVELENGTH, capture_job, capture_result, display, postgres_database, test_database};
+use sqlx::{ConnectOptions as _, Connection as _, PgConnection};
 use std::path::PathBuf;
 use tempfile::TempDir;
 
@@ -46,10 +45,7 @@ struct Place {
 impl Place {
     /// A new database. It stays at the end of the test, and goes with its server.
     async fn new() -> Self {
-        match std::env::var("LIGHTPATH_TEST_DATABASE").as_deref() {
-            Ok("postgres") => Self::postgres().await,
-            _ => Self::sqlite(),
-        }
+        Self { folder: tempfile::tempdir().unwrap(), url: test_database().await }
     }
 
     fn sqlite() -> Self {
@@ -57,15 +53,7 @@ impl Place {
     }
 
     async fn postgres() -> Self {
-        let folder = tempfile::tempdir().unwrap();
-        let server = std::env::var("LIGHTPATH_POSTGRES").expect("a server: run scripts/with-postgres cargo test …");
-        let options: PgConnectOptions = server.parse().unwrap();
-        let name = format!("test_{}", uuid::Uuid::now_v7().simple());
-        let mut connection = options.connect().await.unwrap();
-        let create = AssertSqlSafe(format!("create database {name}"));
-        sqlx::raw_sql(create).execute(&mut connection).await.unwrap();
-        connection.close().await.unwrap();
-        Self { folder, url: Some(options.database(&name).to_url_lossy().to_string()) }
+        Self { folder: tempfile::tempdir().unwrap(), url: Some(postgres_database().await) }
     }
 
     fn file(&self) -> PathBuf {

@@ -1,0 +1,38 @@
+//! The identity of a data folder. A database on another machine records it, so that nobody uses it with the files of
+//! another folder.
+
+use crate::error::ArtifactError;
+use crate::private::private_file;
+use std::fs::{self, File};
+use std::io::{self, Write as _};
+use std::path::Path;
+use uuid::Uuid;
+
+/// Name of the file in a data folder.
+const IDENTITY: &str = "identity";
+
+/// The identity of `data_dir`, a UUID. A folder without one gets one. The caller holds the lock of the folder.
+pub(crate) fn identity_of(data_dir: &Path) -> Result<String, ArtifactError> {
+    let path = data_dir.join(IDENTITY);
+    match fs::read_to_string(&path) {
+        Ok(text) => Uuid::parse_str(text.trim())
+            .map(|identity| identity.to_string())
+            .map_err(|error| ArtifactError::io("read the identity of the data folder", io::Error::other(error))),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => {
+            create(data_dir, &path).map_err(|error| ArtifactError::io("write the identity of the data folder", error))
+        }
+        Err(error) => Err(ArtifactError::io("read the identity of the data folder", error)),
+    }
+}
+
+/// Writes a new identity. The name appears after the content is on disk, so that no crash leaves half a file.
+fn create(data_dir: &Path, path: &Path) -> io::Result<String> {
+    let identity = Uuid::now_v7().to_string();
+    let partial = data_dir.join("tmp").join(IDENTITY);
+    let mut file = private_file().create(true).truncate(true).write(true).open(&partial)?;
+    writeln!(file, "{identity}")?;
+    file.sync_all()?;
+    fs::rename(&partial, path)?;
+    File::open(data_dir)?.sync_all()?;
+    Ok(identity)
+}

@@ -1,0 +1,100 @@
+//! The database of a server: a file in its data folder, or a database on a PostgreSQL server.
+
+use crate::upkeep::{DATABASE, UpkeepError};
+use lightpath_artifacts::Artifacts;
+use lightpath_store::{Inspection, Store, StoreError};
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+/// How the URLs of PostgreSQL databases begin.
+const SCHEMES: [&str; 2] = ["postgres://", "postgresql://"];
+
+/// Where the database is.
+#[derive(Clone)]
+pub enum Database {
+    /// A file of SQLite in this data folder.
+    InFolder(PathBuf),
+    /// A database of PostgreSQL with this URL. The URL may contain a password.
+    OnServer(String),
+}
+
+impl fmt::Debug for Database {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl Database {
+    /// The database at `url`, or the file in `data_dir` if there is no URL; `None` if the URL is of another kind.
+    #[must_use]
+    pub fn of(data_dir: &Path, url: Option<&str>) -> Option<Self> {
+        match url {
+            Some(url) if SCHEMES.iter().any(|scheme| url.starts_with(scheme)) => Some(Self::OnServer(url.to_owned())),
+            Some(_) => None,
+            None => Some(Self::InFolder(data_dir.to_owned())),
+        }
+    }
+
+    /// The name of the database in reports; without its password.
+    #[must_use]
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::InFolder(_) => DATABASE,
+            Self::OnServer(_) => "database",
+        }
+    }
+
+    /// Opens the database of a server that holds the data folder of `artifacts`.
+    ///
+    /// # Errors
+    ///
+    /// [`UpkeepError::OtherArtifacts`] if the artifacts of the database are in another data folder; [`UpkeepError::Store`];
+    /// [`UpkeepError::Artifacts`].
+    pub async fn open(&self, artifacts: &Artifacts) -> Result<Store, UpkeepError> {
+        match self {
+            Self::InFolder(folder) => Ok(Store::open(&folder.join(DATABASE)).await?),
+            Self::OnServer(url) => {
+                let found = artifacts.identity().await?;
+                let store = Store::connect(url).await?;
+                let recorded = store.artifact_place(&found).await?;
+                if recorded == found { Ok(store) } else { Err(UpkeepError::OtherArtifacts { recorded, found }) }
+            }
+        }
+    }
+
+    /// Opens a database that a server may be using. One whose tables have another version is refused.
+    ///
+    /// # Errors
+    ///
+    /// Errors of the store.
+    pub async fn open_shared(&self) -> Result<Store, StoreError> {
+        match self {
+            Self::InFolder(folder) => Store::open_shared(&folder.join(DATABASE)).await,
+            Self::OnServer(url) => Store::connect_shared(url).await,
+        }
+    }
+
+    /// Opens the database for reading.
+    ///
+    /// # Errors
+    ///
+    /// Errors of the store.
+    pub async fn inspect(&self) -> Result<Inspection, StoreError> {
+        match self {
+            Self::InFolder(folder) => Inspection::open(&folder.join(DATABASE)).await,
+            Self::OnServer(url) => Inspection::connect(url).await,
+        }
+    }
+
+    /// Makes sure that a file that should be opened exists.
+    ///
+    /// # Errors
+    ///
+    /// [`UpkeepError::NoData`] if the data folder has no database.
+    pub fn require(&self) -> Result<(), UpkeepError> {
+        match self {
+            Self::InFolder(path) if !path.join(DATABASE).is_file() => Err(UpkeepError::NoData { path: path.clone() }),
+            _ => Ok(()),
+        }
+    }
+}

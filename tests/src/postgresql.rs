@@ -1,0 +1,73 @@
+use crate::material::declare;
+use crate::process::{Daemon, lightpathd};
+use lightpath::v1;
+use lightpath_fixtures::postgres_database;
+use tempfile::TempDir;
+
+/// The commands for operators use the database on the server, too.
+#[tokio::test(flavor = "multi_thread")]
+async fn operators_work_on_the_database_of_the_server() {
+    let (data, url) = (TempDir::new().unwrap(), postgres_database().await);
+    let folder = data.path().to_str().unwrap();
+    let place = ["--data-dir", folder, "--database-url", &url];
+    let run = async |command: &[&str]| lightpathd(&[command, &place].concat()).await;
+    run(&["check"]).await.assert_refused(2, &["the database is empty", "database_url"]);
+    let token = run(&["token", "create", "ada", "--role", "admin"]).await.ok();
+    assert!(!token.trim().is_empty());
+
+    let daemon = Daemon::start(data.path(), &["--database-url", &url]).await;
+    declare(&daemon.client, "lab", 64, 48).await;
+    assert!(run(&["token", "list"]).await.ok().contains("ada"));
+    assert!(run(&["key", "list"]).await.ok().contains("root"));
+    run(&["check"]).await.ok();
+    run(&["collect", "--dry-run"]).await.ok();
+    let generation = daemon.client.get_display(names::display("lab")).await.unwrap().kernels_generation;
+    for command in ["collect", "restored"] {
+        run(&[command]).await.assert_refused(2, &["lock"]);
+    }
+    daemon.stop().await;
+    run(&["restored"]).await.ok();
+    run(&["collect"]).await.ok();
+    assert!(!data.path().join("lightpath.db").exists(), "no second database is made");
+
+    let copy = TempDir::new().unwrap();
+    let copy = copy.path().to_str().unwrap();
+    run(&["backup", copy]).await.assert_refused(2, &["PostgreSQL", "pg_dump"]);
+    run(&["restore", copy]).await.assert_refused(2, &["PostgreSQL", "pg_dump"]);
+}
+
+/// A server with another data folder would find none of the files to which the database refers.
+#[tokio::test(flavor = "multi_thread")]
+async fn database_of_another_data_folder_is_refused() {
+    let (data, other, url) = (TempDir::new().unwrap(), TempDir::new().unwrap(), postgres_database().await);
+    let settings = ["--database-url", url.as_str()];
+    let daemon = Daemon::start(data.path(), &settings).await;
+    declare(&daemon.client, "lab", 64, 48).await;
+    daemon.kill().await;
+
+    let folder = other.path().to_str().unwrap();
+    let serve = ["serve", "--listen", "127.0.0.1:0", "--data-dir", folder, "--database-url", &url];
+    lightpathd(&serve).await.assert_refused(1, &["another", "data_dir", "database_url"]);
+
+    // The files may move with their folder.
+    let moved = other.path().join("moved");
+    std::fs::rename(data.path(), &moved).unwrap();
+    let daemon = Daemon::start(&moved, &settings).await;
+    let request = v1::ListDisplaysRequest::default();
+    assert_eq!(daemon.client.list_displays(request).await.unwrap().displays.len(), 1);
+    daemon.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn unusable_database_is_refused_without_its_password() {
+    let data = TempDir::new().unwrap();
+    let serve = ["serve", "--listen", "127.0.0.1:0", "--data-dir", data.path().to_str().unwrap(), "--database-url"];
+    for (url, signs) in [
+        ("mysql://lab@localhost/lightpath", ["database_url", "postgres://"]),
+        ("postgres://lab:geheim@127.0.0.1:1/lightpath", ["database", "refused"]),
+    ] {
+        let refused = lightpathd(&[serve.as_slice(), &[url]].concat()).await;
+        assert!(!refused.stderr.contains("geheim"), "{refused:?}");
+        refused.assert_refused(1, &signs);
+    }
+}
