@@ -54,10 +54,10 @@ mod kernel_watch;
 mod photos;
 /// Several planes, wavelengths and frames, every method, through the command line.
 mod planes_and_colours;
-/// Datasets in the folders of published ones.
-mod published_datasets;
 /// Servers whose database is on a PostgreSQL server.
 mod postgresql;
+/// Datasets in the folders of published ones.
+mod published_datasets;
 /// All kinds of calls for a long time.
 mod soak;
 /// Clients that never finish their messages or never read their answers.

@@ -21,12 +21,14 @@ async fn operators_work_on_the_database_of_the_server() {
     assert!(run(&["key", "list"]).await.ok().contains("root"));
     run(&["check"]).await.ok();
     run(&["collect", "--dry-run"]).await.ok();
-    let generation = daemon.client.get_display(names::display("lab")).await.unwrap().kernels_generation;
     for command in ["collect", "restored"] {
         run(&[command]).await.assert_refused(2, &["lock"]);
     }
     daemon.stop().await;
+    let keyring = async || run(&["key", "list", "--output", "json"]).await.json()["keyring"].as_u64().unwrap();
+    let before = keyring().await;
     run(&["restored"]).await.ok();
+    assert!(before < 1000 && keyring().await > 1_700_000_000, "devices take the keyring for newer than all before");
     run(&["collect"]).await.ok();
     assert!(!data.path().join("lightpath.db").exists(), "no second database is made");
 

@@ -7,7 +7,9 @@ use clap::{CommandFactory as _, Parser, Subcommand};
 use lightpath_server::config::{Config, Effective, LogFormat, Settings};
 use lightpath_server::demo::{self, DemoArgs};
 use lightpath_server::server;
-use lightpath_server::upkeep::{BackupArgs, CheckArgs, CollectArgs, KeyCommand, RestoreArgs, RestoredArgs, TokenCommand};
+use lightpath_server::upkeep::{
+    BackupArgs, CheckArgs, CollectArgs, KeyCommand, RestoreArgs, RestoredArgs, TokenCommand,
+};
 use std::future::Future;
 use std::io::{IsTerminal as _, Write as _};
 use std::path::PathBuf;

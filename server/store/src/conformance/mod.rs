@@ -27,7 +27,9 @@ use lightpath_domain::dataset::{Dataset, Encoding, Pair};
 use lightpath_domain::job::{FailureReason, JobEffect, JobError, JobResult, JobSpec, NewJob};
 use lightpath_domain::kernel::{Cause, KernelKey, KernelLineage, KernelMetrics, KernelModel, NewKernelVersion};
 use lightpath_domain::units::Distance;
-use lightpath_fixtures::{DISTANCE, WAVELENGTH, capture_job, capture_result, display, postgres_database, test_database};
+use lightpath_fixtures::{
+    DISTANCE, WAVELENGTH, capture_job, capture_result, display, postgres_database, test_database,
+};
 use sqlx::{ConnectOptions as _, Connection as _, PgConnection};
 use std::path::PathBuf;
 use tempfile::TempDir;
