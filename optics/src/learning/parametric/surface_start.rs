@@ -14,11 +14,10 @@
 //! Tiles see details of low frequencies best, which holograms of a narrow range of phases have.
 
 use super::ParametricLearner;
-use crate::alignment::Tiles;
 use crate::chebyshev::{ChebyshevBasis, polynomials, position};
 use crate::learning::layout::Layout;
-use crate::learning::pair::SATURATION;
 use crate::learning::{Block, PairSource, pair::BoxError};
+use crate::RegionOfInterest;
 use crate::least_squares::NormalEquations;
 use std::f64::consts::{PI, TAU};
 
@@ -38,6 +37,11 @@ const DAMPING: f64 = 1e-2;
 const GAIN_MIN: f64 = 0.03;
 /// Least relative decrease of the loss by which the fine terms of a start are kept.
 const FINE_GAIN_MIN: f64 = 0.1;
+/// Least relative decrease of the loss by which a start from coarse to fine details is kept.
+const COARSE_GAIN_MIN: f64 = 0.1;
+/// Number of pixels of the photographs that are compared from coarse to fine, and least number of pairs.
+const COARSE_PX: usize = 4_000_000;
+const COARSE_PAIRS_MIN: usize = 5;
 
 impl ParametricLearner {
     /// Finds a start for the surface of the modulator and the shift of the picture, and writes it to the `parameters`,
@@ -55,6 +59,7 @@ impl ParametricLearner {
         let fine = coarse.with_layout(Layout::of(self.options.model, coarse.layout.kernel.order(), blocks));
         self.change_layout(fine.clone());
         let mut best = coarse.converted(parameters, &fine);
+        let fine_zeros = best.clone();
         let before = self.start_loss(pairs, &best)?;
         let mut lowest = before;
         for order in ORDERS {
@@ -71,6 +76,17 @@ impl ParametricLearner {
         let is_fine = is_kept
             && lowest
                 <= (1.0 - FINE_GAIN_MIN) * self.start_loss(pairs, &coarse.converted(&without_fine_terms, &fine))?;
+        let usual = if is_fine { best.clone() } else { coarse.converted(&without_fine_terms, &fine) };
+        let usual = if is_kept { usual } else { fine_zeros };
+        if self.is_displaced(pairs, &usual)? {
+            let found = self.fitted_coarse_to_fine(pairs, &usual)?;
+            let reached = self.start_loss(pairs, &usual)?;
+            if std::env::var_os("SHOW").is_some() { eprintln!("sharp {before} usual {reached} found {}", self.start_loss(pairs, &found)?); let _ = self.is_displaced(pairs, &found); }
+            if self.start_loss(pairs, &found)? <= (1.0 - COARSE_GAIN_MIN) * reached {
+                *parameters = found;
+                return Ok(());
+            }
+        }
         if is_fine {
             *parameters = best;
             return Ok(());
@@ -96,14 +112,8 @@ impl ParametricLearner {
         theta: &[f64],
         order: usize,
     ) -> Result<Option<Vec<f64>>, BoxError> {
-        let (compared, setup) = (Compared::of(pairs), self.fit.setups[0]);
-        let Some(mut tiles) = Tiles::cover(self.options.region) else { return Ok(None) };
-        self.fit.set(0, &self.joint.plane_parameters(0, theta));
-        for index in 0..compared.len() {
-            let pair = compared.pair(index)?;
-            let light = self.fit.engine.light(&pair.phase)?;
-            tiles.add(&light, &pair.photo, SATURATION);
-        }
+        let setup = self.fit.setups[0];
+        let Some(tiles) = self.compared_tiles(pairs, theta)? else { return Ok(None) };
         let (height_px, width_px) = (setup.grid().height_px(), setup.grid().width_px());
         let pitch_m = setup.grid().pixel_pitch_m();
         let px_per_slope = setup.wavelength_m() * setup.distance_m() / (TAU * pitch_m * pitch_m);
@@ -182,15 +192,22 @@ fn robust_fit(equations: &[([f64; TERMS], f64)]) -> Option<[f64; TERMS]> {
 }
 
 /// The first pairs of the first distance.
-struct Compared<'a> {
+pub(super) struct Compared<'a> {
     pairs: &'a dyn PairSource,
     len: usize,
 }
 
 impl<'a> Compared<'a> {
-    fn of(pairs: &'a dyn PairSource) -> Self {
+    pub(super) fn of(pairs: &'a dyn PairSource) -> Self {
         let of_first = (0..pairs.len()).take_while(|&index| pairs.plane(index) == 0).count();
         Self { pairs, len: of_first.min(PAIRS_MAX) }
+    }
+
+    /// As many as have enough pixels in the region.
+    pub(super) fn with_most_px(pairs: &'a dyn PairSource, region: RegionOfInterest) -> Self {
+        let enough = COARSE_PX.div_ceil(region.pixels().max(1)).max(COARSE_PAIRS_MIN);
+        let all = Self::of(pairs);
+        Self { len: all.len.min(enough), ..all }
     }
 }
 
@@ -211,7 +228,7 @@ mod tests {
     use crate::simulated_display::{SimulatedBench, SimulatedDisplay};
     use crate::test_cards::TestCard;
     use crate::{
-        Detector, DisplayModel, Engine, Grid, HologramProblem, OpticalSetup, Optimization, Plane, RegionOfInterest,
+        Detector, DisplayModel, Engine, Grid, HologramProblem, OpticalSetup, Optimization, Plane,
     };
 
     #[test]
