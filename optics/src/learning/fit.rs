@@ -200,8 +200,7 @@ impl<T: Real> Fit<T> {
         let loss = loss(&light, &mut slopes);
         let factor = 1.0 / engine.samples_per_pixel() as f64;
         engine.convolver.weigh_sampled_tiles(&out.tiles, &slopes, factor, back);
-        let columns =
-            self.correlate_mode(&|smooth, _, [h, u, g]| (smooth.column_sums(h, u, g), NO_GHOST_SUMS));
+        let columns = self.correlate_mode(&|smooth, _, [h, u, g]| (smooth.column_sums(h, u, g), NO_GHOST_SUMS));
         let gradient = self.gradient(example, None, &columns);
         (loss, gradient)
     }

@@ -17,14 +17,14 @@
 
 use super::ParametricLearner;
 use super::surface_start::Compared;
-use crate::alignment::Tiles;
+use crate::Detector;
+use crate::chebyshev::ChebyshevBasis;
+use crate::learning::PairSource;
 use crate::learning::band_pass::{BandPass, FilteredPhoto};
 use crate::learning::fit::Fit;
 use crate::learning::layout::SOURCE_ORDER;
-use crate::learning::pair::{BoxError, Example, SATURATION};
-use crate::learning::{Pair, PairSource};
+use crate::learning::pair::{BoxError, Example};
 use crate::optimizer::limited_memory::{LimitedMemory, Workspace};
-use crate::Detector;
 
 /// A stage of the fit.
 #[derive(Clone, Copy, Debug)]
@@ -50,81 +50,49 @@ const IN_PLACE_PX: f64 = 0.5;
 /// Least part of the tiles that are in their place on a display whose surface is known well enough.
 const IN_PLACE_MIN: f64 = 0.7;
 
+/// Least relative decrease of the loss of the sharp photographs by which the result is kept.
+const GAIN_MIN: f64 = 0.1;
+
 impl ParametricLearner {
+    /// θ after all stages, from the start `theta`. `None` if most tiles are in their place with `theta` already, or if
+    /// the loss hardly falls. The layout must have a fine source.
+    pub(super) fn found_coarse_to_fine(
+        &mut self,
+        pairs: &dyn PairSource,
+        theta: &[f64],
+    ) -> Result<Option<Vec<f64>>, BoxError> {
+        if !self.is_displaced(pairs, theta)? {
+            return Ok(None);
+        }
+        let found = self.fitted_coarse_to_fine(pairs, theta)?;
+        let (before, after) = (self.start_loss(pairs, theta)?, self.start_loss(pairs, &found)?);
+        Ok((after <= before * (1.0 - GAIN_MIN)).then_some(found))
+    }
+
     /// Whether few tiles of the photographs show their details in the place where the display θ has them.
-    pub(super) fn is_displaced(&mut self, pairs: &dyn PairSource, theta: &[f64]) -> Result<bool, BoxError> {
+    fn is_displaced(&mut self, pairs: &dyn PairSource, theta: &[f64]) -> Result<bool, BoxError> {
         let Some(tiles) = self.compared_tiles(pairs, theta)? else { return Ok(false) };
         let displacements: Vec<[f64; 2]> = tiles.displacements().into_iter().map(|(_, by)| by).collect();
         let middle = [0, 1].map(|axis| median(displacements.iter().map(|by| by[axis]).collect()));
         let in_place = |by: &&[f64; 2]| (by[0] - middle[0]).hypot(by[1] - middle[1]) <= IN_PLACE_PX;
-        let share = displacements.iter().filter(in_place).count() as f64 / tiles.len() as f64;
-        if std::env::var_os("SHOW").is_some() { eprintln!("in place {share}"); }
-        Ok(share < IN_PLACE_MIN)
+        Ok((displacements.iter().filter(in_place).count() as f64) < IN_PLACE_MIN * tiles.len() as f64)
     }
 
-    /// Compares tiles of the photographs with what the display θ shows. `None` where the region is too small for tiles.
-    pub(super) fn compared_tiles(&mut self, pairs: &dyn PairSource, theta: &[f64]) -> Result<Option<Tiles>, BoxError> {
-        let Some(mut tiles) = Tiles::cover(self.options.region) else { return Ok(None) };
-        let compared = Compared::of(pairs);
-        self.fit.set(0, &self.joint.plane_parameters(0, theta));
-        for index in 0..compared.len() {
-            let pair = compared.pair(index)?;
-            let light = self.fit.engine.light(&pair.phase)?;
-            tiles.add(&light, &pair.photo, SATURATION);
-        }
-        Ok(Some(tiles))
-    }
-
-    /// θ after all stages. The layout must be that of a fine source.
-    pub(super) fn fitted_coarse_to_fine(
-        &mut self,
-        pairs: &dyn PairSource,
-        theta: &[f64],
-    ) -> Result<Vec<f64>, BoxError> {
-        let compared = Compared::with_most_px(pairs, self.options.region);
-        let compared: Vec<Pair> = (0..compared.len()).map(|index| compared.pair(index)).collect::<Result<_, _>>()?;
-        let layout = self.joint.layout;
-        let mut fit = Fit::<f32>::new(vec![self.fit.setups[0]], layout, Detector::Point, self.options.carrier)?;
+    /// θ after all stages.
+    fn fitted_coarse_to_fine(&mut self, pairs: &dyn PairSource, theta: &[f64]) -> Result<Vec<f64>, BoxError> {
+        let region = self.options.region;
+        let compared = Compared::with_enough_px(pairs, region);
+        let setups = vec![self.fit.setups[0]];
+        let mut fit = Fit::<f32>::new(setups, self.joint.layout, Detector::Point, self.options.carrier)?;
+        let examples: Vec<Example<f32>> = (0..compared.len())
+            .map(|index| Ok(Example::new(&compared.pair(index)?, &fit.engine, region)?))
+            .collect::<Result<_, BoxError>>()?;
         let mut theta = theta.to_vec();
         for stage in STAGES {
-            let start = self.joint.plane_parameters(0, &theta);
-            let free = self.free_parameters(stage);
-            let band = BandPass::new(self.options.region, stage.cell_px);
-            let example = |pair: &Pair, fit: &Fit<f32>| Example::new(pair, &fit.engine, self.options.region);
-            let photos: Vec<FilteredPhoto> =
-                compared.iter().map(|pair| Ok(band.photo(&example(pair, &fit)?))).collect::<Result<_, BoxError>>()?;
-            let (mut search, mut workspace) = (LimitedMemory::new(vec![0.0; free.len()]), Workspace::default());
-            let mut failed = None;
-            while search.counts.evaluations < stage.evaluations && !search.counts.converged {
-                search.advance(&mut workspace, |changes, gradient| {
-                    let mut moved = start.clone();
-                    free.iter().zip(changes).for_each(|(&position, &by)| moved[position] += f64::from(by));
-                    fit.set(0, &moved);
-                    let (mut loss, share) = (0.0, 1.0 / compared.len() as f64);
-                    let mut sums = vec![0.0; free.len()];
-                    for (pair, photo) in compared.iter().zip(&photos) {
-                        let example = match example(pair, &fit) {
-                            Ok(example) => example,
-                            Err(error) => {
-                                failed = Some(error);
-                                return f64::NAN;
-                            }
-                        };
-                        let (of_pair, own) = fit
-                            .evaluate_light(&example, |light, slopes| band.compare(&example, photo, light, slopes));
-                        loss += share * of_pair;
-                        sums.iter_mut().zip(&free).for_each(|(sum, &position)| *sum += share * own[position]);
-                    }
-                    gradient.iter_mut().zip(sums).for_each(|(gradient, sum)| *gradient = sum as f32);
-                    loss
-                });
-                if std::env::var_os("SHOW").is_some() { eprintln!("{stage:?} {} {}", search.counts.evaluations, search.loss); }
-            }
-            if let Some(error) = failed {
-                return Err(error.into());
-            }
-            for (&position, &by) in free.iter().zip(&search.point) {
-                self.joint.add_to_plane(&mut theta, 0, position, f64::from(by));
+            let (start, free) = (self.joint.plane_parameters(0, &theta), self.free_parameters(stage));
+            let changes = stage.fitted_changes(&mut fit, &examples, &start, &free);
+            for (&position, by) in free.iter().zip(changes) {
+                self.joint.add_to_plane(&mut theta, 0, position, by.into());
             }
         }
         Ok(theta)
@@ -135,7 +103,7 @@ impl ParametricLearner {
     fn free_parameters(&self, stage: Stage) -> Vec<usize> {
         let layout = self.joint.layout;
         let (source, kernel) = (layout.source, layout.kernel);
-        let of = |start: usize, degrees: &dyn Fn(usize) -> bool, basis: crate::chebyshev::ChebyshevBasis| {
+        let of = |start: usize, degrees: &dyn Fn(usize) -> bool, basis: ChebyshevBasis| {
             let terms = basis.degrees().enumerate().filter(|(_, (i, j))| degrees(i + j));
             terms.map(|(term, _)| start + term).collect::<Vec<_>>()
         };
@@ -148,7 +116,82 @@ impl ParametricLearner {
     }
 }
 
+impl Stage {
+    /// Changes of the `free` parameters of a plane's θ, `start`, that fit the details of this stage.
+    fn fitted_changes(self, fit: &mut Fit<f32>, examples: &[Example<f32>], start: &[f64], free: &[usize]) -> Vec<f32> {
+        let Some(first) = examples.first() else { return vec![0.0; free.len()] };
+        let (band, share) = (BandPass::new(first.region, self.cell_px), 1.0 / examples.len() as f64);
+        let photos: Vec<FilteredPhoto> = examples.iter().map(|example| band.photo(example)).collect();
+        let (mut search, mut workspace) = (LimitedMemory::new(vec![0.0; free.len()]), Workspace::default());
+        while search.counts.evaluations < self.evaluations && !search.counts.converged {
+            search.advance(&mut workspace, |changes, gradient| {
+                let mut theta = start.to_vec();
+                free.iter().zip(changes).for_each(|(&position, &by)| theta[position] += f64::from(by));
+                fit.set(0, &theta);
+                let (mut loss, mut sums) = (0.0, vec![0.0; free.len()]);
+                for (example, photo) in examples.iter().zip(&photos) {
+                    let (of_pair, own) =
+                        fit.evaluate_light(example, |light, slopes| band.compare(example, photo, light, slopes));
+                    loss += share * of_pair;
+                    sums.iter_mut().zip(free).for_each(|(sum, &position)| *sum += share * own[position]);
+                }
+                gradient.iter_mut().zip(sums).for_each(|(gradient, sum)| *gradient = sum as f32);
+                loss
+            });
+        }
+        search.point
+    }
+}
+
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::ParametricState;
+    use super::super::surface_start::tests::pairs;
+    use super::*;
+    use crate::learning::{Block, Blocks, KernelModel, LearnOptions, Pair};
+    use crate::simulated_display::{SimulatedBench, SimulatedDisplay};
+    use crate::{Grid, OpticalSetup, RegionOfInterest};
+    use rayon::ThreadPoolBuilder;
+
+    /// The photographs of a bench whose modulator is bent by some waves.
+    fn bent(grid: Grid, distance_m: f64, surface_waves: f64) -> (OpticalSetup, LearnOptions, Vec<Pair>) {
+        let setup = OpticalSetup::try_new(grid, 515e-9, distance_m).unwrap();
+        let bench = SimulatedBench { seed: 41, surface_waves, strength: 0.0, ..SimulatedBench::FAIR };
+        let bench = SimulatedDisplay::draw(setup, None, bench).unwrap();
+        let options = LearnOptions::new(KernelModel::Display, RegionOfInterest::middle(&grid));
+        (setup, options, pairs(&bench))
+    }
+
+    #[test]
+    fn start_finds_surface_of_three_waves() {
+        let (setup, options, pairs) = bent(Grid::try_new(270, 480, 8e-6).unwrap(), 40e-3, 3.0);
+        let mut learner = ParametricLearner::start(&[setup], options, &pairs).unwrap();
+        let theta = learner.state.parameters.clone();
+        let started = learner.start_loss(&pairs, &theta).unwrap();
+        let ideal = learner.start_loss(&pairs, &vec![0.0; theta.len()]).unwrap();
+        assert!(started < 0.5 * ideal, "{started} against {ideal}");
+        assert!(!learner.is_displaced(&pairs, &theta).unwrap());
+    }
+
+    #[test]
+    fn fit_is_the_same_on_any_number_of_threads() {
+        let (setup, options, pairs) = bent(Grid::try_new(48, 80, 8e-6).unwrap(), 5e-3, 2.0);
+        let found = |threads| {
+            ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| {
+                let blocks = Blocks::NONE.with(Block::FineSource);
+                let state = ParametricState { order: 5, blocks, ..ParametricState::default() };
+                let mut learner = ParametricLearner::resume(&[setup], options.clone(), state).unwrap();
+                let flat = vec![0.0; learner.joint.len()];
+                learner.fitted_coarse_to_fine(&pairs, &flat).unwrap()
+            })
+        };
+        let on_one = found(1);
+        assert!(on_one.iter().any(|&parameter| parameter != 0.0));
+        assert!([2, 8].into_iter().all(|threads| found(threads) == on_one));
+    }
 }

@@ -11,13 +11,18 @@
 //! show determine φ up to such pixels. d₀, the shift of the whole picture, becomes a tilt of the kernel. λ wavelength
 //! \[m\], z distance \[m\], Δ pixel pitch \[m\].
 //!
+//! Where the surface is bent by several waves, most tiles show no clear displacement. Then a fit
+//! [from coarse to fine details](super::coarse_to_fine) goes on.
+//!
 //! Tiles see details of low frequencies best, which holograms of a narrow range of phases have.
 
 use super::ParametricLearner;
+use crate::RegionOfInterest;
+use crate::alignment::Tiles;
 use crate::chebyshev::{ChebyshevBasis, polynomials, position};
 use crate::learning::layout::Layout;
+use crate::learning::pair::SATURATION;
 use crate::learning::{Block, PairSource, pair::BoxError};
-use crate::RegionOfInterest;
 use crate::least_squares::NormalEquations;
 use std::f64::consts::{PI, TAU};
 
@@ -37,11 +42,10 @@ const DAMPING: f64 = 1e-2;
 const GAIN_MIN: f64 = 0.03;
 /// Least relative decrease of the loss by which the fine terms of a start are kept.
 const FINE_GAIN_MIN: f64 = 0.1;
-/// Least relative decrease of the loss by which a start from coarse to fine details is kept.
-const COARSE_GAIN_MIN: f64 = 0.1;
-/// Number of pixels of the photographs that are compared from coarse to fine, and least number of pairs.
-const COARSE_PX: usize = 4_000_000;
-const COARSE_PAIRS_MIN: usize = 5;
+/// Number of pixels of the photographs that are enough for a fit from coarse to fine details.
+const ENOUGH_PX: usize = 4_000_000;
+/// Least number of pairs for such a fit, as far as there are.
+const FEW_PAIRS: usize = 5;
 
 impl ParametricLearner {
     /// Finds a start for the surface of the modulator and the shift of the picture, and writes it to the `parameters`,
@@ -59,7 +63,6 @@ impl ParametricLearner {
         let fine = coarse.with_layout(Layout::of(self.options.model, coarse.layout.kernel.order(), blocks));
         self.change_layout(fine.clone());
         let mut best = coarse.converted(parameters, &fine);
-        let fine_zeros = best.clone();
         let before = self.start_loss(pairs, &best)?;
         let mut lowest = before;
         for order in ORDERS {
@@ -76,16 +79,14 @@ impl ParametricLearner {
         let is_fine = is_kept
             && lowest
                 <= (1.0 - FINE_GAIN_MIN) * self.start_loss(pairs, &coarse.converted(&without_fine_terms, &fine))?;
-        let usual = if is_fine { best.clone() } else { coarse.converted(&without_fine_terms, &fine) };
-        let usual = if is_kept { usual } else { fine_zeros };
-        if self.is_displaced(pairs, &usual)? {
-            let found = self.fitted_coarse_to_fine(pairs, &usual)?;
-            let reached = self.start_loss(pairs, &usual)?;
-            if std::env::var_os("SHOW").is_some() { eprintln!("sharp {before} usual {reached} found {}", self.start_loss(pairs, &found)?); let _ = self.is_displaced(pairs, &found); }
-            if self.start_loss(pairs, &found)? <= (1.0 - COARSE_GAIN_MIN) * reached {
-                *parameters = found;
-                return Ok(());
-            }
+        let usual = match (is_kept, is_fine) {
+            (true, true) => best.clone(),
+            (true, false) => coarse.converted(&without_fine_terms, &fine),
+            (false, _) => coarse.converted(parameters, &fine),
+        };
+        if let Some(found) = self.found_coarse_to_fine(pairs, &usual)? {
+            *parameters = found;
+            return Ok(());
         }
         if is_fine {
             *parameters = best;
@@ -99,10 +100,23 @@ impl ParametricLearner {
     }
 
     /// Mean of the losses of the pairs that are compared.
-    fn start_loss(&mut self, pairs: &dyn PairSource, theta: &[f64]) -> Result<f64, BoxError> {
+    pub(super) fn start_loss(&mut self, pairs: &dyn PairSource, theta: &[f64]) -> Result<f64, BoxError> {
         let compared = Compared::of(pairs);
         let each = self.measure_each(&compared, theta)?;
         Ok(each.iter().map(crate::photometry::Sums::fitted_loss).sum::<f64>() / each.len() as f64)
+    }
+
+    /// Compares tiles of the photographs with what the display θ shows. `None` where the region is too small for tiles.
+    pub(super) fn compared_tiles(&mut self, pairs: &dyn PairSource, theta: &[f64]) -> Result<Option<Tiles>, BoxError> {
+        let Some(mut tiles) = Tiles::cover(self.options.region) else { return Ok(None) };
+        let compared = Compared::of(pairs);
+        self.fit.set(0, &self.joint.plane_parameters(0, theta));
+        for index in 0..compared.len() {
+            let pair = compared.pair(index)?;
+            let light = self.fit.engine.light(&pair.phase)?;
+            tiles.add(&light, &pair.photo, SATURATION);
+        }
+        Ok(Some(tiles))
     }
 
     /// θ with the surface and the shift by which the photographs are displaced. `None` without enough tiles.
@@ -203,9 +217,9 @@ impl<'a> Compared<'a> {
         Self { pairs, len: of_first.min(PAIRS_MAX) }
     }
 
-    /// As many as have enough pixels in the region.
-    pub(super) fn with_most_px(pairs: &'a dyn PairSource, region: RegionOfInterest) -> Self {
-        let enough = COARSE_PX.div_ceil(region.pixels().max(1)).max(COARSE_PAIRS_MIN);
+    /// As many of these as have enough pixels in the region.
+    pub(super) fn with_enough_px(pairs: &'a dyn PairSource, region: RegionOfInterest) -> Self {
+        let enough = ENOUGH_PX.div_ceil(region.pixels().max(1)).max(FEW_PAIRS);
         let all = Self::of(pairs);
         Self { len: all.len.min(enough), ..all }
     }
@@ -222,14 +236,12 @@ impl PairSource for Compared<'_> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::learning::{KernelModel, LearnOptions, Pair};
     use crate::simulated_display::{SimulatedBench, SimulatedDisplay};
     use crate::test_cards::TestCard;
-    use crate::{
-        Detector, DisplayModel, Engine, Grid, HologramProblem, OpticalSetup, Optimization, Plane,
-    };
+    use crate::{Detector, DisplayModel, Engine, Grid, HologramProblem, OpticalSetup, Optimization, Plane};
 
     #[test]
     fn slopes_match_central_differences() {
@@ -259,7 +271,7 @@ mod tests {
     }
 
     /// Pairs of a bench, whose holograms are optimized for pictures.
-    fn pairs(bench: &SimulatedDisplay) -> Vec<Pair> {
+    pub(in super::super) fn pairs(bench: &SimulatedDisplay) -> Vec<Pair> {
         let (setup, region) = (bench.setup(), RegionOfInterest::middle(&bench.setup().grid()));
         let engine = Engine::new(&DisplayModel::ideal(setup), Detector::Pixel, None).unwrap();
         let cards = [TestCard::Portrait, TestCard::City, TestCard::Flower, TestCard::Leaf];
