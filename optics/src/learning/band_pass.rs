@@ -247,7 +247,7 @@ mod tests {
             band.compare(&example, &band.photo(&example), &light, &mut vec![0.0; light.len()])
         };
         assert!(loss(1, &|_, t| 3.0 * t - 0.7).abs() < 1e-12);
-        let chequered = |i: usize, t: f64| t + if (i / 41 + i % 41) % 2 == 0 { 0.2 } else { -0.2 };
+        let chequered = |i: usize, t: f64| t + if (i / 41 + i % 41).is_multiple_of(2) { 0.2 } else { -0.2 };
         assert!(loss(1, &chequered) < 0.02, "{}", loss(1, &chequered));
         assert!(loss(1, &|i, _| ((i * 7919) % 101) as f64) > 0.5);
     }
