@@ -123,6 +123,11 @@ impl Tiles {
         });
     }
 
+    /// Number of tiles, with a clear peak or without.
+    pub(crate) fn len(&self) -> usize {
+        self.corners.len()
+    }
+
     /// For each tile with a clear peak its middle, and the displacement of the photographs there (x, y) \[px\].
     pub(crate) fn displacements(&self) -> Vec<(Point, Point)> {
         let half = self.side_px as f64 / 2.0 - 0.5;

@@ -1,10 +1,10 @@
 //! A parametric model during the fit: its loss for one pair, and the gradient with respect to all its parameters.
 
-use super::ghost::{NO_GHOST_SUMS, ghost_gradient};
+use super::ghost::{GhostSums, NO_GHOST_SUMS, ghost_gradient};
 use super::layout::{Layout, RESPONSE_VARIATION_ORDER};
 use super::modes::ModeBuffers;
 use super::pair::Example;
-use super::smooth_transfer::SmoothTransfer;
+use super::smooth_transfer::{ColumnSums, SmoothTransfer};
 use crate::buffers::zeros;
 use crate::carrier::Carrier;
 use crate::chebyshev::{ChebyshevBasis, polynomials, position};
@@ -180,6 +180,33 @@ impl<T: Real> Fit<T> {
             let of_ghost = ghost.map_or(NO_GHOST_SUMS, |ghost| smooth.ghost_sums(&ghost, column, [h, u, g]));
             (smooth.column_sums(h, u, g), of_ghost)
         });
+        let gradient = self.gradient(example, ghost, &columns);
+        (sums, gradient)
+    }
+
+    /// A loss of the light of one pair, and its gradient with respect to θ. `loss(light, slopes)` writes its derivative
+    /// by the light at each pixel. The light must be coherent, the detector have one light plane, and the display no
+    /// ghost.
+    pub(super) fn evaluate_light(
+        &mut self,
+        example: &Example<T>,
+        loss: impl FnOnce(&[T], &mut [T]) -> f64,
+    ) -> (f64, Vec<f64>) {
+        let Self { engine, out, back, .. } = self;
+        engine.send(example.phase.values(), out);
+        let mut light: Vec<T> = zeros(engine.height_px() * engine.width_px());
+        let mut slopes = light.clone();
+        engine.convolver.add_light(&out.tiles, 1.0, true, None, &mut light);
+        let loss = loss(&light, &mut slopes);
+        let factor = 1.0 / engine.samples_per_pixel() as f64;
+        engine.convolver.weigh_sampled_tiles(&out.tiles, &slopes, factor, back);
+        let columns = self.correlate_mode(&|smooth, _, [h, u, g]| (smooth.column_sums(h, u, g), NO_GHOST_SUMS));
+        let gradient = self.gradient(example, None, &columns);
+        (loss, gradient)
+    }
+
+    /// The gradient with respect to θ from the sums of all columns, and from what was propagated back to the SLM.
+    fn gradient(&self, example: &Example<T>, ghost: Option<Ghost>, columns: &[(ColumnSums, GhostSums)]) -> Vec<f64> {
         let mut gradient = vec![0.0; self.layout.len()];
         let (count, modes) = (self.engine.kernels.transfers.len(), self.engine.further.len() + 1);
         for (m, columns) in columns.chunks_exact(columns.len() / modes).enumerate() {
@@ -201,7 +228,7 @@ impl<T: Real> Fit<T> {
             let slm = self.slm_gradient(example);
             gradient[self.layout.source()..][..slm.len()].copy_from_slice(&slm);
         }
-        (sums, gradient)
+        gradient
     }
 
     /// Propagates a pair and the gradient of its loss, and calls `visit(smooth, column, [h, u, g])` for each column of

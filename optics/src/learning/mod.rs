@@ -15,6 +15,7 @@
 //! all that the next step depends on.
 
 mod along_z;
+mod band_pass;
 pub mod bins;
 mod blocks;
 mod columns;

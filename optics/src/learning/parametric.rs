@@ -24,6 +24,7 @@ use super::{Block, Blocks, LearnOptions, LearnStage, LearnStep, LearningPairs, P
 use crate::optimizer::adam::AdamStep;
 use crate::{DisplayModel, Dust, Error, KernelShape, OpticalSetup, RegionOfInterest};
 
+mod coarse_to_fine;
 mod dust_stage;
 mod refinement_stage;
 mod screening_stage;

@@ -11,9 +11,13 @@
 //! show determine φ up to such pixels. d₀, the shift of the whole picture, becomes a tilt of the kernel. λ wavelength
 //! \[m\], z distance \[m\], Δ pixel pitch \[m\].
 //!
+//! Where the surface is bent by several waves, most tiles show no clear displacement. Then a fit
+//! [from coarse to fine details](super::coarse_to_fine) goes on.
+//!
 //! Tiles see details of low frequencies best, which holograms of a narrow range of phases have.
 
 use super::ParametricLearner;
+use crate::RegionOfInterest;
 use crate::alignment::Tiles;
 use crate::chebyshev::{ChebyshevBasis, polynomials, position};
 use crate::learning::layout::Layout;
@@ -38,6 +42,10 @@ const DAMPING: f64 = 1e-2;
 const GAIN_MIN: f64 = 0.03;
 /// Least relative decrease of the loss by which the fine terms of a start are kept.
 const FINE_GAIN_MIN: f64 = 0.1;
+/// Number of pixels of the photographs that are enough for a fit from coarse to fine details.
+const ENOUGH_PX: usize = 4_000_000;
+/// Least number of pairs for such a fit, as far as there are.
+const FEW_PAIRS: usize = 5;
 
 impl ParametricLearner {
     /// Finds a start for the surface of the modulator and the shift of the picture, and writes it to the `parameters`,
@@ -71,6 +79,15 @@ impl ParametricLearner {
         let is_fine = is_kept
             && lowest
                 <= (1.0 - FINE_GAIN_MIN) * self.start_loss(pairs, &coarse.converted(&without_fine_terms, &fine))?;
+        let usual = match (is_kept, is_fine) {
+            (true, true) => best.clone(),
+            (true, false) => coarse.converted(&without_fine_terms, &fine),
+            (false, _) => coarse.converted(parameters, &fine),
+        };
+        if let Some(found) = self.found_coarse_to_fine(pairs, &usual)? {
+            *parameters = found;
+            return Ok(());
+        }
         if is_fine {
             *parameters = best;
             return Ok(());
@@ -83,10 +100,23 @@ impl ParametricLearner {
     }
 
     /// Mean of the losses of the pairs that are compared.
-    fn start_loss(&mut self, pairs: &dyn PairSource, theta: &[f64]) -> Result<f64, BoxError> {
+    pub(super) fn start_loss(&mut self, pairs: &dyn PairSource, theta: &[f64]) -> Result<f64, BoxError> {
         let compared = Compared::of(pairs);
         let each = self.measure_each(&compared, theta)?;
         Ok(each.iter().map(crate::photometry::Sums::fitted_loss).sum::<f64>() / each.len() as f64)
+    }
+
+    /// Compares tiles of the photographs with what the display θ shows. `None` where the region is too small for tiles.
+    pub(super) fn compared_tiles(&mut self, pairs: &dyn PairSource, theta: &[f64]) -> Result<Option<Tiles>, BoxError> {
+        let Some(mut tiles) = Tiles::cover(self.options.region) else { return Ok(None) };
+        let compared = Compared::of(pairs);
+        self.fit.set(0, &self.joint.plane_parameters(0, theta));
+        for index in 0..compared.len() {
+            let pair = compared.pair(index)?;
+            let light = self.fit.engine.light(&pair.phase)?;
+            tiles.add(&light, &pair.photo, SATURATION);
+        }
+        Ok(Some(tiles))
     }
 
     /// θ with the surface and the shift by which the photographs are displaced. `None` without enough tiles.
@@ -96,14 +126,8 @@ impl ParametricLearner {
         theta: &[f64],
         order: usize,
     ) -> Result<Option<Vec<f64>>, BoxError> {
-        let (compared, setup) = (Compared::of(pairs), self.fit.setups[0]);
-        let Some(mut tiles) = Tiles::cover(self.options.region) else { return Ok(None) };
-        self.fit.set(0, &self.joint.plane_parameters(0, theta));
-        for index in 0..compared.len() {
-            let pair = compared.pair(index)?;
-            let light = self.fit.engine.light(&pair.phase)?;
-            tiles.add(&light, &pair.photo, SATURATION);
-        }
+        let setup = self.fit.setups[0];
+        let Some(tiles) = self.compared_tiles(pairs, theta)? else { return Ok(None) };
         let (height_px, width_px) = (setup.grid().height_px(), setup.grid().width_px());
         let pitch_m = setup.grid().pixel_pitch_m();
         let px_per_slope = setup.wavelength_m() * setup.distance_m() / (TAU * pitch_m * pitch_m);
@@ -182,15 +206,22 @@ fn robust_fit(equations: &[([f64; TERMS], f64)]) -> Option<[f64; TERMS]> {
 }
 
 /// The first pairs of the first distance.
-struct Compared<'a> {
+pub(super) struct Compared<'a> {
     pairs: &'a dyn PairSource,
     len: usize,
 }
 
 impl<'a> Compared<'a> {
-    fn of(pairs: &'a dyn PairSource) -> Self {
+    pub(super) fn of(pairs: &'a dyn PairSource) -> Self {
         let of_first = (0..pairs.len()).take_while(|&index| pairs.plane(index) == 0).count();
         Self { pairs, len: of_first.min(PAIRS_MAX) }
+    }
+
+    /// As many of these as have enough pixels in the region.
+    pub(super) fn with_enough_px(pairs: &'a dyn PairSource, region: RegionOfInterest) -> Self {
+        let enough = ENOUGH_PX.div_ceil(region.pixels().max(1)).max(FEW_PAIRS);
+        let all = Self::of(pairs);
+        Self { len: all.len.min(enough), ..all }
     }
 }
 
@@ -205,14 +236,12 @@ impl PairSource for Compared<'_> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::learning::{KernelModel, LearnOptions, Pair};
     use crate::simulated_display::{SimulatedBench, SimulatedDisplay};
     use crate::test_cards::TestCard;
-    use crate::{
-        Detector, DisplayModel, Engine, Grid, HologramProblem, OpticalSetup, Optimization, Plane, RegionOfInterest,
-    };
+    use crate::{Detector, DisplayModel, Engine, Grid, HologramProblem, OpticalSetup, Optimization, Plane};
 
     #[test]
     fn slopes_match_central_differences() {
@@ -242,7 +271,7 @@ mod tests {
     }
 
     /// Pairs of a bench, whose holograms are optimized for pictures.
-    fn pairs(bench: &SimulatedDisplay) -> Vec<Pair> {
+    pub(in super::super) fn pairs(bench: &SimulatedDisplay) -> Vec<Pair> {
         let (setup, region) = (bench.setup(), RegionOfInterest::middle(&bench.setup().grid()));
         let engine = Engine::new(&DisplayModel::ideal(setup), Detector::Pixel, None).unwrap();
         let cards = [TestCard::Portrait, TestCard::City, TestCard::Flower, TestCard::Leaf];
