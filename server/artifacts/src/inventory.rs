@@ -22,6 +22,16 @@ pub enum BlobKind {
     Checkpoint,
 }
 
+impl BlobKind {
+    /// Name of the folder with the blobs of this kind.
+    pub(super) fn folder(self) -> &'static str {
+        match self {
+            Self::Artifact => "artifacts",
+            Self::Checkpoint => "checkpoints",
+        }
+    }
+}
+
 /// The blobs of one data folder.
 #[derive(Debug)]
 pub struct Inventory {
