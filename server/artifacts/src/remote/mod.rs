@@ -15,9 +15,9 @@
 //!
 //! # Limits on time
 //!
-//! A connection must be made within 3 s, and a request must end within 20 s. What failed is sent again up to three times
-//! in the first 5 s. So a server that answers with errors is given up after 5 s, and one that is silent after 25 s
-//! at most. Then the call fails with [`ArtifactError::Remote`].
+//! A connection must be made within 3 s, and a request must end within 20 s. A request that failed is sent again, up to
+//! six times with pauses of up to 1 s, in the first 5 s. So a server that answers with errors is given up after some
+//! seconds, and one that is silent after 25 s. Then the call fails with [`ArtifactError::Remote`].
 //!
 //! # Layout
 //!

@@ -15,7 +15,7 @@ const REQUEST_TIMEOUT: Duration = Duration::from_secs(20);
 /// Time from the first attempt of a request after which it is not sent again.
 const RETRY_TIMEOUT: Duration = Duration::from_secs(5);
 /// Number of times that a request is sent again.
-const RETRIES_MAX: usize = 3;
+const RETRIES_MAX: usize = 6;
 
 /// Where a remote is, and how much of it is kept on the local disk.
 #[derive(Clone, PartialEq, Eq)]
