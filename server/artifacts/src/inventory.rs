@@ -91,6 +91,11 @@ impl Inventory {
         to.folder(kind).receive(&mut from, digest)
     }
 
+    /// Opens a blob. Its content is not checked.
+    pub(super) fn open(&self, kind: BlobKind, digest: &str) -> Result<File, ArtifactError> {
+        Ok(self.folder(kind).open(digest)?.0)
+    }
+
     /// Digests of all blobs of a kind.
     ///
     /// # Errors

@@ -24,7 +24,7 @@
 //!
 //! - `digest`: names of blobs. `folder`: blobs of one folder. `blobs`: such a folder, and the remote behind it. `remote`: blobs in a bucket. `remote_calls`: what processes that share a bucket do. `upload`: resumable uploads. `read`: streaming. `error`.
 //! - `examined`: files that were hashed recently. `space`: free space on the disk. `lock`: locks on files. `private`: modes of files. `blocking`: threads for file access. `inventory`: read access for checks and backups while a server may be running.
-#![cfg_attr(test, allow(clippy::unwrap_used))]
+#![cfg_attr(test, allow(clippy::unwrap_used, clippy::print_stdout))]
 
 mod blobs;
 mod blocking;
@@ -112,8 +112,8 @@ impl Artifacts {
 
     /// Does the same as [`Self::open_within`]. With a remote, artifacts and checkpoints are kept there, and the folders
     /// are a cache: a blob is stored in the remote before a call that stores it returns, and is fetched when it is
-    /// read and not in the cache. What the folders hold when the remote is used for the first time is not stored there.
-    /// Blocks until the remote has answered, half a minute at most.
+    /// read and not in the cache. Files from a time without the remote are stored there first, which can take long;
+    /// otherwise this blocks until the remote has answered, or for half a minute.
     ///
     /// # Errors
     ///
@@ -152,7 +152,10 @@ impl Artifacts {
                 let cache = cache.map_err(|error| ArtifactError::io("open the cache", error))?;
                 Some((Arc::new(remote), Arc::new(cache)))
             }
-            None => None,
+            None => {
+                remote::catch_up::note_use_without(data_dir)?;
+                None
+            }
         };
         let remote = behind.as_ref().map(|(remote, _)| Arc::clone(remote));
         let blobs = |kind, root| Blobs::new(kind, Folder::new(root, temporary.clone()), behind.clone());

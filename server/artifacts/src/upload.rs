@@ -168,7 +168,8 @@ impl UploadWriter {
     /// # Errors
     ///
     /// [`ArtifactError::WrongSize`] if bytes are missing: a later call can send them. [`ArtifactError::WrongDigest`]:
-    /// the upload is discarded. [`ArtifactError::Remote`]: a later call can continue at the end of the upload.
+    /// the upload is discarded. [`ArtifactError::Remote`]: a later call can continue at the end of an upload
+    /// that has a digest.
     pub async fn finish(mut self) -> Result<String, ArtifactError> {
         let part = self.take_part()?;
         blocking(move || part.publish()).await

@@ -16,8 +16,8 @@ const OBJECT: &str = "lightpath-store";
 const FILE: &str = "remote";
 const NEW_FILE: &str = "remote.new";
 
-/// Reads the name of the installation whose objects are in the remote, and gives it one if it is new. A data folder keeps
-/// the name that it sees first, and never uses a remote with another.
+/// Reads the name of the installation whose objects are in the remote, and gives it one if it is new. A data folder that
+/// has kept a name is not used with a remote that has another.
 pub(super) fn agree(remote: &Remote, data_dir: &Path) -> Result<String, ArtifactError> {
     probe(remote)?;
     let offered = Uuid::now_v7().to_string();
@@ -30,14 +30,9 @@ pub(super) fn agree(remote: &Remote, data_dir: &Path) -> Result<String, Artifact
     let found = remote.get_all(&path).map_err(|error| ArtifactError::remote("read the installation's name", error))?;
     let found = String::from_utf8(found).ok().filter(|name| Uuid::parse_str(name).is_ok());
     let found = found.ok_or_else(|| unfit("the object lightpath-store has another content"))?;
-    let kept = read(data_dir).map_err(|error| ArtifactError::io("read the remote's name", error))?;
-    match kept {
+    match kept(data_dir).map_err(|error| ArtifactError::io("read the remote's name", error))? {
         Some(kept) if kept != found => Err(ArtifactError::OtherRemote { kept, found }),
-        Some(_) => Ok(found),
-        None => {
-            keep(data_dir, &found).map_err(|error| ArtifactError::io("keep the remote's name", error))?;
-            Ok(found)
-        }
+        _ => Ok(found),
     }
 }
 
@@ -66,7 +61,8 @@ fn unfit(problem: &str) -> ArtifactError {
     ArtifactError::UnfitRemote { problem: problem.to_owned() }
 }
 
-fn read(data_dir: &Path) -> io::Result<Option<String>> {
+/// The name that the data folder has kept.
+pub(super) fn kept(data_dir: &Path) -> io::Result<Option<String>> {
     match fs::read_to_string(data_dir.join(FILE)) {
         Ok(name) => Ok(Some(name)),
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
@@ -74,7 +70,8 @@ fn read(data_dir: &Path) -> io::Result<Option<String>> {
     }
 }
 
-fn keep(data_dir: &Path, name: &str) -> io::Result<()> {
+/// Keeps the name in the data folder.
+pub(super) fn keep(data_dir: &Path, name: &str) -> io::Result<()> {
     let new = data_dir.join(NEW_FILE);
     let mut file = private_file().write(true).create(true).truncate(true).open(&new)?;
     file.write_all(name.as_bytes())?;

@@ -16,14 +16,15 @@
 //! # Limits on time
 //!
 //! A connection must be made within 3 s, and a request must end within 20 s. A request that failed is sent again, up to
-//! six times with pauses of up to 1 s, in the first 5 s. So a server that answers with errors is given up after some
-//! seconds, and one that is silent after 25 s. Then the call fails with [`ArtifactError::Remote`].
+//! six times with pauses of up to 1 s, in the first 5 s. So a server that answers with errors is given up after 1 to
+//! 4 s, and one that is silent after 20 to 25 s. Then the call fails with [`ArtifactError::Remote`].
 //!
 //! # Layout
 //!
-//! - `options`: settings. `identity`: to whom the objects belong. `cache`: the bound on local copies. `thread`: threads for requests.
+//! - `options`: settings. `identity`: to whom the objects belong. `catch_up`: files from a time without the remote. `cache`: the bound on local copies. `thread`: threads for requests.
 
 pub(crate) mod cache;
+pub(crate) mod catch_up;
 mod identity;
 #[cfg(test)]
 mod model;
@@ -78,7 +79,8 @@ pub(crate) struct Remote {
 }
 
 impl Remote {
-    /// Connects to the remote, checks what its server can do, and to whom its objects belong.
+    /// Connects to the remote, checks what its server can do and to whom its objects belong, and stores there what the
+    /// data folder holds from a time without it.
     pub(crate) fn open(options: &RemoteOptions, data_dir: &std::path::Path) -> Result<Self, ArtifactError> {
         let (store, prefix) = options.connect()?;
         let store = Arc::new(store);
@@ -96,6 +98,7 @@ impl Remote {
         let (thread, damaged) = (RequestThreads::start()?, Mutex::default());
         let mut remote = Self { store, signer, prefix, thread, damaged, installation: String::new() };
         remote.installation = identity::agree(&remote, data_dir)?;
+        catch_up::run(&remote, data_dir)?;
         Ok(remote)
     }
 

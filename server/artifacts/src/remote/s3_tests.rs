@@ -126,6 +126,9 @@ const REFUSE: u8 = 1;
 /// Closes each connection, as if the server were away.
 const CLOSE: u8 = 2;
 
+/// Reads requests and never answers.
+const IGNORE: u8 = 3;
+
 /// A proxy before the server, which can stop to pass on bytes.
 struct Proxy {
     address: SocketAddr,
@@ -167,6 +170,7 @@ fn pass_on(mut from: TcpStream, mut to: TcpStream, mode: &AtomicU8, left_bytes: 
             mode.store(CLOSE, Ordering::SeqCst);
         }
         match mode.load(Ordering::SeqCst) {
+            IGNORE => continue,
             PASS if to.write_all(&chunk[..count]).is_ok() => continue,
             REFUSE => {
                 let _ = from.write_all(b"HTTP/1.1 503 Slow Down\r\nContent-Length: 0\r\nConnection: close\r\n\r\n");
@@ -211,6 +215,24 @@ async fn calls_fail_while_the_server_is_away_and_work_when_it_is_back() {
         assert!(reader.read_all(&digest).await.unwrap() == bytes);
     }
     assert_eq!(reader.read_all(&stored).await.unwrap(), b"before");
+}
+
+#[tokio::test]
+async fn silent_server_is_given_up() {
+    let Some(mut options) = options("silent") else { return };
+    let proxy = Proxy::start(options.endpoint.as_ref().unwrap());
+    options.endpoint = Some(format!("http://{}", proxy.address));
+    let data = tempfile::tempdir().unwrap();
+    let artifacts = open(data.path(), &options).unwrap();
+    proxy.set(IGNORE);
+    let began = Instant::now();
+    let failed = artifacts.put_bytes(b"phase".to_vec()).await;
+    println!("a silent server was given up after {:?}", began.elapsed());
+    assert!(matches!(failed, Err(ArtifactError::Remote { .. })), "{failed:?}");
+    // The limit of one request is 20 s.
+    assert!(began.elapsed() < Duration::from_secs(20) + GIVES_UP_WITHIN);
+    proxy.set(PASS);
+    artifacts.put_bytes(b"phase".to_vec()).await.unwrap();
 }
 
 #[tokio::test]

@@ -140,6 +140,34 @@ async fn data_folder_keeps_to_its_remote() {
 }
 
 #[tokio::test]
+async fn files_from_a_time_without_the_remote_are_stored_before_the_cache_removes_any() {
+    let (store, data) = (Arc::default(), tempfile::tempdir().unwrap());
+    let kind = BlobKind::Artifact;
+    let without = || Artifacts::open(data.path()).unwrap();
+    let old = without().put_bytes(b"old".to_vec()).await.unwrap();
+    let state = without().put_checkpoint(b"state".to_vec()).await.unwrap();
+    let damaged = without().put_bytes(b"damaged".to_vec()).await.unwrap();
+    fs::write(cached(data.path(), &damaged), "domaged").unwrap();
+    // A bound of 0 leaves one file in the cache.
+    let artifacts = open(data.path(), &store, 0).unwrap();
+    assert_eq!(artifacts.read_all(&old).await.unwrap(), b"old");
+    assert_eq!(artifacts.read_checkpoint(&state).await.unwrap(), b"state");
+    assert!(artifacts.objects_of(kind, &damaged).await.unwrap().is_empty());
+    drop(artifacts);
+    let between = without().put_bytes(b"between".to_vec()).await.unwrap();
+    let artifacts = open(data.path(), &store, 0).unwrap();
+    artifacts.put_bytes(b"newest".to_vec()).await.unwrap();
+    assert!(!cached(data.path(), &between).exists());
+    assert_eq!(artifacts.read_all(&between).await.unwrap(), b"between");
+    // Once is enough: what other processes remove stays removed.
+    let listed = artifacts.objects_of(kind, &between).await.unwrap();
+    artifacts.delete_objects(kind, &between, listed).await.unwrap();
+    drop(artifacts);
+    let artifacts = open(data.path(), &store, 0).unwrap();
+    assert!(artifacts.objects_of(kind, &between).await.unwrap().is_empty());
+}
+
+#[tokio::test]
 async fn wrong_settings_are_refused_and_the_secret_key_is_not_shown() {
     let good = RemoteOptions {
         url: "s3://bucket/prefix".into(),
