@@ -282,7 +282,9 @@ impl Artifacts {
         if known == Some(true) {
             return self.blocking(move |inner| inner.blobs.is_stored(&digest)).await;
         }
-        let Some(turn) = self.inner.examined.turn().await else { return Ok(true) };
+        let Some(turn) = self.inner.examined.turn().await else {
+            return self.blocking(move |inner| inner.blobs.is_stored(&digest)).await;
+        };
         self.blocking(move |inner| {
             // The turn belongs to the thread that hashes, so that clients that hang up do not start more threads.
             let _turn = turn;
