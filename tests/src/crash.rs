@@ -27,18 +27,22 @@ const SETTINGS: [&str; 8] =
 
 #[tokio::test(flavor = "multi_thread")]
 async fn server_killed_at_random_moments_keeps_every_promise() {
-    kill_at_random_moments(cycles(), &SETTINGS, &[]).await;
+    let summary = kill_at_random_moments(cycles(), &SETTINGS, &[]).await;
+    writeln!(std::io::stderr(), "{summary}").unwrap();
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn server_on_postgresql_killed_at_random_moments_keeps_every_promise() {
     let url = postgres_database().await;
     let database = ["--database-url", &url];
-    kill_at_random_moments(cycles().div_ceil(2), &[SETTINGS.as_slice(), &database].concat(), &database).await;
+    let settings = [SETTINGS.as_slice(), &database].concat();
+    let summary = kill_at_random_moments(cycles().div_ceil(2), &settings, &database).await;
+    writeln!(std::io::stderr(), "PostgreSQL: {summary}").unwrap();
 }
 
-/// Kills a server with these `settings` again and again. `database` are those that say where the database is.
-async fn kill_at_random_moments(cycles: u64, settings: &[&str], database: &[&str]) {
+/// Kills a server with these `settings` again and again, and says what it kept. `database` are the settings that say where
+/// the database is.
+async fn kill_at_random_moments(cycles: u64, settings: &[&str], database: &[&str]) -> String {
     let data = TempDir::new().unwrap();
     let check_arguments = [["check", "--data-dir", data.path().to_str().unwrap()].as_slice(), database].concat();
     let material = prepare_kernel(data.path(), settings).await;
@@ -70,7 +74,7 @@ async fn kill_at_random_moments(cycles: u64, settings: &[&str], database: &[&str
     ledger.settle(&daemon.client, &material).await;
     daemon.kill().await;
     lightpathd(&check_arguments).await.ok();
-    writeln!(std::io::stderr(), "{cycles} times kill -9: {}", ledger.summary()).unwrap();
+    format!("{cycles} times kill -9: {}", ledger.summary())
 }
 
 #[tokio::test(flavor = "multi_thread")]

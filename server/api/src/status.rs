@@ -21,6 +21,8 @@ const QUEUE_RETRY: Duration = Duration::from_secs(5);
 const DISK_RETRY: Duration = Duration::from_secs(60);
 /// Time after which a client may retry while another upload of the same artifact runs.
 const UPLOAD_RETRY: Duration = Duration::from_secs(1);
+/// Time after which a client may retry when the remote for artifacts has not answered.
+const REMOTE_RETRY: Duration = Duration::from_secs(5);
 /// Time after which a stopping server has probably been restarted.
 const RESTART_RETRY: Duration = Duration::from_secs(1);
 
@@ -144,7 +146,12 @@ fn artifact_answer(error: &ArtifactError) -> Option<Answer> {
         ArtifactError::DiskFull => Answer::new(Code::ResourceExhausted, "DISK_FULL").retry(DISK_RETRY),
         ArtifactError::DiskLow { .. } => Answer::new(Code::ResourceExhausted, "DISK_LOW").retry(DISK_RETRY),
         ArtifactError::QuotaSpent { .. } => Answer::new(Code::ResourceExhausted, "STORED_BYTES").retry(DISK_RETRY),
-        ArtifactError::Locked { .. } | ArtifactError::Io { .. } => return None,
+        ArtifactError::Remote { .. } => Answer::new(Code::Unavailable, "REMOTE").retry(REMOTE_RETRY),
+        ArtifactError::BadRemote { .. }
+        | ArtifactError::UnfitRemote { .. }
+        | ArtifactError::OtherRemote { .. }
+        | ArtifactError::Locked { .. }
+        | ArtifactError::Io { .. } => return None,
     })
 }
 

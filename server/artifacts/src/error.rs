@@ -95,6 +95,37 @@ pub enum ArtifactError {
         /// Path of the lock file.
         path: PathBuf,
     },
+    /// A setting of the remote is wrong.
+    #[error("the remote for artifacts cannot be used: {problem}")]
+    BadRemote {
+        /// What is wrong.
+        problem: String,
+    },
+    /// The server of the remote does not keep what artifacts need.
+    #[error("the server of the remote for artifacts is unfit: {problem}")]
+    UnfitRemote {
+        /// What it does wrong.
+        problem: String,
+    },
+    /// The objects of the remote belong to another installation.
+    #[error(
+        "the remote holds the artifacts of installation {found}, but this data folder belongs to {kept}; correct the \
+         remote's URL, or use another data folder"
+    )]
+    OtherRemote {
+        /// Name of the installation that the data folder has kept.
+        kept: String,
+        /// Name of the installation in the remote.
+        found: String,
+    },
+    /// The remote did not answer, or refused.
+    #[error("the remote for artifacts could not {action}")]
+    Remote {
+        /// The operation that failed.
+        action: &'static str,
+        /// What the remote or the network said.
+        source: Box<dyn std::error::Error + Send + Sync>,
+    },
     /// Any other error of the file system.
     #[error("could not {action}")]
     Io {
@@ -113,6 +144,10 @@ impl ArtifactError {
         }
     }
 
+    pub(super) fn remote(action: &'static str, error: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> Self {
+        Self::Remote { action, source: error.into() }
+    }
+
     /// Whether the same call may succeed later, if necessary after an operator has made room on the disk.
     #[must_use]
     pub fn is_transient(&self) -> bool {
@@ -121,6 +156,7 @@ impl ArtifactError {
             | Self::DiskLow { .. }
             | Self::QuotaSpent { .. }
             | Self::Io { .. }
+            | Self::Remote { .. }
             | Self::UploadBusy { .. } => true,
             Self::BadDigest { .. }
             | Self::NotFound { .. }
@@ -129,6 +165,9 @@ impl ArtifactError {
             | Self::WrongOffset { .. }
             | Self::WrongSize { .. }
             | Self::WrongDigest { .. }
+            | Self::BadRemote { .. }
+            | Self::UnfitRemote { .. }
+            | Self::OtherRemote { .. }
             | Self::Locked { .. } => false,
         }
     }

@@ -27,11 +27,16 @@ impl Folder {
         Self { root, temporary }
     }
 
-    /// Stores bytes and returns their digest. The bytes are on disk when this returns.
-    pub(super) fn put(&self, bytes: &[u8]) -> Result<String, ArtifactError> {
+    /// Stores bytes and returns their digest. The bytes are on disk when this returns. Calls
+    /// `before_rename` with the path and the digest of the complete file, as [`Self::publish`] does.
+    pub(super) fn put(
+        &self,
+        bytes: &[u8],
+        before_rename: impl FnOnce(&Path, &str) -> Result<(), ArtifactError>,
+    ) -> Result<String, ArtifactError> {
         let digest = digest_of(bytes);
         let temporary = self.temporary.join(Uuid::now_v7().to_string());
-        let written = self.write_and_publish(&temporary, bytes, &digest);
+        let written = self.write_and_publish(&temporary, bytes, &digest, before_rename);
         if written.is_err() {
             // The first error is reported. The next start removes a temporary file that remains.
             let _ = fs::remove_file(&temporary);
@@ -39,14 +44,43 @@ impl Folder {
         written.map(|()| digest)
     }
 
-    fn write_and_publish(&self, temporary: &Path, bytes: &[u8], digest: &str) -> Result<(), ArtifactError> {
+    fn write_and_publish(
+        &self,
+        temporary: &Path,
+        bytes: &[u8],
+        digest: &str,
+        before_rename: impl FnOnce(&Path, &str) -> Result<(), ArtifactError>,
+    ) -> Result<(), ArtifactError> {
         let write = || -> io::Result<File> {
             let mut file = private_file().write(true).create_new(true).open(temporary)?;
             file.write_all(bytes)?;
             Ok(file)
         };
         let file = write().map_err(|error| ArtifactError::io("write a file", error))?;
-        self.publish(&file, temporary, digest)
+        self.publish(&file, temporary, digest, before_rename)
+    }
+
+    /// Stores what `write` writes to a new file, and returns the file and the size that `write` returns. The caller
+    /// compares the bytes with the digest.
+    pub(super) fn receive_from(
+        &self,
+        digest: &str,
+        write: impl FnOnce(&mut File) -> Result<u64, ArtifactError>,
+    ) -> Result<(File, u64), ArtifactError> {
+        check_digest(digest)?;
+        let temporary = self.temporary.join(Uuid::now_v7().to_string());
+        let receive = || -> Result<(File, u64), ArtifactError> {
+            let created = private_file().read(true).write(true).create_new(true).open(&temporary);
+            let mut file = created.map_err(|error| ArtifactError::io("write a file", error))?;
+            let size_bytes = write(&mut file)?;
+            self.publish(&file, &temporary, digest, |_, _| Ok(()))?;
+            Ok((file, size_bytes))
+        };
+        let received = receive();
+        if received.is_err() {
+            let _ = fs::remove_file(&temporary);
+        }
+        received
     }
 
     /// Stores the content of `from` if it matches `digest`, and returns its size \[bytes\].
@@ -73,16 +107,24 @@ impl Folder {
         if found != digest {
             return Err(ArtifactError::DataLoss { digest: digest.to_owned() });
         }
-        self.publish(&file, temporary, digest)?;
+        self.publish(&file, temporary, digest, |_, _| Ok(()))?;
         Ok(size_bytes)
     }
 
-    /// Flushes a complete file to disk and renames it to its digest, which the caller has checked.
-    pub(super) fn publish(&self, file: &File, path: &Path, digest: &str) -> Result<(), ArtifactError> {
+    /// Flushes a complete file to disk and renames it to its digest, which the caller has checked. Calls
+    /// `before_rename` in between, whose error leaves the file as it is.
+    pub(super) fn publish(
+        &self,
+        file: &File,
+        path: &Path,
+        digest: &str,
+        before_rename: impl FnOnce(&Path, &str) -> Result<(), ArtifactError>,
+    ) -> Result<(), ArtifactError> {
+        let failed = |error| ArtifactError::io("store a file", error);
+        fail::point("file.flush").and_then(|()| file.sync_all()).map_err(failed)?;
+        before_rename(path, digest)?;
         let shard = self.root.join(shard(digest));
-        let publish = || -> io::Result<()> {
-            fail::point("file.flush")?;
-            file.sync_all()?;
+        let rename = || -> io::Result<()> {
             if !shard.is_dir() {
                 create_private_folder(&shard)?;
                 flush_folder(&self.root)?;
@@ -91,7 +133,7 @@ impl Folder {
             fs::rename(path, shard.join(digest))?;
             flush_folder(&shard)
         };
-        publish().map_err(|error| ArtifactError::io("store a file", error))
+        rename().map_err(failed)
     }
 
     /// Reads a whole blob and checks it against its digest.
@@ -170,7 +212,7 @@ impl Folder {
     }
 
     /// Path of a blob. The check of the digest keeps every path inside the folder.
-    fn path(&self, digest: &str) -> Result<PathBuf, ArtifactError> {
+    pub(super) fn path(&self, digest: &str) -> Result<PathBuf, ArtifactError> {
         check_digest(digest)?;
         Ok(self.root.join(shard(digest)).join(digest))
     }

@@ -22,6 +22,16 @@ pub enum BlobKind {
     Checkpoint,
 }
 
+impl BlobKind {
+    /// Name of the folder with the blobs of this kind.
+    pub(super) fn folder(self) -> &'static str {
+        match self {
+            Self::Artifact => "artifacts",
+            Self::Checkpoint => "checkpoints",
+        }
+    }
+}
+
 /// The blobs of one data folder.
 #[derive(Debug)]
 pub struct Inventory {
@@ -79,6 +89,11 @@ impl Inventory {
     pub fn copy(&self, kind: BlobKind, digest: &str, to: &Self) -> Result<u64, ArtifactError> {
         let (mut from, _) = self.folder(kind).open(digest)?;
         to.folder(kind).receive(&mut from, digest)
+    }
+
+    /// Opens a blob. Its content is not checked.
+    pub(super) fn open(&self, kind: BlobKind, digest: &str) -> Result<File, ArtifactError> {
+        Ok(self.folder(kind).open(digest)?.0)
     }
 
     /// Digests of all blobs of a kind.

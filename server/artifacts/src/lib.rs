@@ -23,10 +23,11 @@
 //!
 //! # Layout
 //!
-//! - `digest`: names of blobs. `folder`: blobs of one folder. `upload`: resumable uploads. `read`: streaming. `error`.
+//! - `digest`: names of blobs. `folder`: blobs of one folder. `blobs`: such a folder, and the remote behind it. `remote`: blobs in a bucket. `remote_calls`: what processes that share a bucket do. `upload`: resumable uploads. `read`: streaming. `error`.
 //! - `examined`: files that were hashed recently. `identity`: the name of a data folder. `space`: free space on the disk. `lock`: locks on files. `private`: modes of files. `blocking`: threads for file access. `inventory`: read access for checks and backups while a server may be running.
-#![cfg_attr(test, allow(clippy::unwrap_used))]
+#![cfg_attr(test, allow(clippy::unwrap_used, clippy::print_stdout))]
 
+mod blobs;
 mod blocking;
 mod digest;
 mod error;
@@ -37,6 +38,8 @@ mod inventory;
 mod lock;
 mod private;
 mod read;
+mod remote;
+mod remote_calls;
 mod space;
 #[cfg(test)]
 mod tests;
@@ -48,13 +51,18 @@ pub use inventory::{BlobKind, Inventory, digest_of_file};
 pub use lock::{FolderLock, LOCK};
 pub use private::{create_private_folder, make_private, private_file};
 pub use read::{ArtifactReader, CHUNK_BYTES};
+pub use remote::RemoteObject;
+pub use remote::options::RemoteOptions;
 pub use space::{Space, SpaceLimits};
 pub use upload::{UPLOAD_AGE_MAX, UploadWriter, Uploads};
 
+use blobs::Blobs;
 use blocking::blocking;
 use examined::Examined;
 use folder::Folder;
 use lock::try_lock;
+use remote::Remote;
+use remote::cache::Cache;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -68,11 +76,12 @@ pub struct Artifacts {
 
 #[derive(Debug)]
 struct Inner {
-    blobs: Arc<Folder>,
+    blobs: Arc<Blobs>,
     examined: Examined,
-    checkpoints: Folder,
+    checkpoints: Blobs,
     conversions: Folder,
     uploads: Uploads,
+    remote: Option<Arc<Remote>>,
     data_dir: PathBuf,
     space: Space,
     /// A writer holds this lock shared from before a blob gets its name until the store has recorded the blob. A
@@ -100,6 +109,34 @@ impl Artifacts {
     ///
     /// The errors of [`Self::open`].
     pub fn open_within(data_dir: &Path, limits: SpaceLimits) -> Result<Self, ArtifactError> {
+        Self::open_with(data_dir, limits, None)
+    }
+
+    /// Does the same as [`Self::open_within`]. With a remote, artifacts and checkpoints are kept there, and the folders
+    /// are a cache: a blob is stored in the remote before a call that stores it returns, and is fetched when it is
+    /// read and not in the cache. Files from a time without the remote are stored there first, which can take long;
+    /// otherwise this blocks until the remote has answered, or for half a minute.
+    ///
+    /// # Errors
+    ///
+    /// The errors of [`Self::open`]; [`ArtifactError::BadRemote`], [`ArtifactError::UnfitRemote`],
+    /// [`ArtifactError::OtherRemote`], [`ArtifactError::Remote`].
+    pub fn open_with(
+        data_dir: &Path,
+        limits: SpaceLimits,
+        remote: Option<&RemoteOptions>,
+    ) -> Result<Self, ArtifactError> {
+        let open = |options: &RemoteOptions| Ok((Remote::open(options, data_dir)?, options.cache_bytes_max));
+        Self::open_on(data_dir, limits, || remote.map(open).transpose())
+    }
+
+    /// Does the same as [`Self::open_with`], with a function that connects to the remote and returns it and the bound of
+    /// the cache \[bytes\]. It is called when the data folder is locked.
+    fn open_on(
+        data_dir: &Path,
+        limits: SpaceLimits,
+        connect: impl FnOnce() -> Result<Option<(Remote, u64)>, ArtifactError>,
+    ) -> Result<Self, ArtifactError> {
         let make = |name: &str| -> Result<PathBuf, ArtifactError> {
             let path = data_dir.join(name);
             create_private_folder(&path).map_err(|error| ArtifactError::io("create a folder", error))?;
@@ -110,15 +147,31 @@ impl Artifacts {
         folder::empty(&temporary).map_err(|error| ArtifactError::io("empty tmp", error))?;
         let conversions = make("conversions")?;
         folder::empty(&conversions).map_err(|error| ArtifactError::io("empty conversions", error))?;
-        let blobs = Arc::new(Folder::new(make("artifacts")?, temporary.clone()));
+        let (artifacts, checkpoints) = (make("artifacts")?, make("checkpoints")?);
+        let behind = match connect()? {
+            Some((remote, cache_bytes_max)) => {
+                let cache = Cache::open(cache_bytes_max, &[&artifacts, &checkpoints]);
+                let cache = cache.map_err(|error| ArtifactError::io("open the cache", error))?;
+                Some((Arc::new(remote), Arc::new(cache)))
+            }
+            None => {
+                remote::catch_up::note_use_without(data_dir)?;
+                None
+            }
+        };
+        let remote = behind.as_ref().map(|(remote, _)| Arc::clone(remote));
+        let blobs = |kind, root| Blobs::new(kind, Folder::new(root, temporary.clone()), behind.clone());
+        let checkpoints = blobs(BlobKind::Checkpoint, checkpoints);
+        let blobs = Arc::new(blobs(BlobKind::Artifact, artifacts));
         let uploads = Uploads::open(make("uploads")?, Arc::clone(&blobs))?;
         Ok(Self {
             inner: Arc::new(Inner {
                 blobs,
                 examined: Examined::default(),
-                checkpoints: Folder::new(make("checkpoints")?, temporary.clone()),
+                checkpoints,
                 conversions: Folder::new(conversions, temporary),
                 uploads,
+                remote,
                 data_dir: data_dir.to_owned(),
                 space: Space::new(limits, data_dir.to_owned()),
                 publishing: Arc::default(),
@@ -127,13 +180,18 @@ impl Artifacts {
         })
     }
 
-    /// The identity of the data folder, a UUID, for a database on another machine.
+    /// The identity of the place where the blobs are, a UUID, for a database on another machine: that of the installation
+    /// whose objects are in the remote, or that of the data folder.
     ///
     /// # Errors
     ///
     /// [`ArtifactError::Io`].
     pub async fn identity(&self) -> Result<String, ArtifactError> {
-        self.blocking(|inner| identity::identity_of(&inner.data_dir)).await
+        self.blocking(|inner| match &inner.remote {
+            Some(remote) => Ok(remote.installation().to_owned()),
+            None => identity::identity_of(&inner.data_dir),
+        })
+        .await
     }
 
     /// The disk of the folder, and the limits on its use.
@@ -219,7 +277,7 @@ impl Artifacts {
         ArtifactReader::new(file, size_bytes, offset_bytes, limit_bytes)
     }
 
-    /// Whether the file of a blob exists and has the content of its digest, for a client that offers this content. To
+    /// Whether the file of a blob exists, also in the remote, and has the content of its digest, for a client that offers this content. To
     /// limit the cost, one file at a time is hashed, and a file that has not changed is hashed again only after some
     /// minutes. If others make a call wait for too long, the call believes that the file is intact.
     ///
@@ -234,19 +292,24 @@ impl Artifacts {
                 Ok((digest, known))
             })
             .await?;
-        if let Some(is_intact) = known {
+        if let (Some(is_intact), true) = (known, self.inner.blobs.is_only_local()) {
             return Ok(is_intact);
         }
-        let Some(turn) = self.inner.examined.turn().await else { return Ok(true) };
+        if known == Some(true) {
+            return self.blocking(move |inner| inner.blobs.is_stored(&digest)).await;
+        }
+        let Some(turn) = self.inner.examined.turn().await else {
+            return self.blocking(move |inner| inner.blobs.is_stored(&digest)).await;
+        };
         self.blocking(move |inner| {
             // The turn belongs to the thread that hashes, so that clients that hang up do not start more threads.
             let _turn = turn;
-            inner.examine(&digest)
+            Ok(inner.examine(&digest)? && inner.blobs.is_stored(&digest)?)
         })
         .await
     }
 
-    /// Size of a blob \[bytes\]; `None` if it is not on disk. The content is not checked.
+    /// Size of a blob \[bytes\]; `None` if it is neither on disk nor in the remote. The content is not checked.
     ///
     /// # Errors
     ///
@@ -256,7 +319,8 @@ impl Artifacts {
         self.blocking(move |inner| inner.blobs.size(&digest)).await
     }
 
-    /// Removes a blob. A missing blob is no error.
+    /// Removes a blob, also from the remote. A missing blob is no error. Processes that share a remote remove blobs with
+    /// [`Self::objects_of`] and [`Self::delete_objects`] instead.
     ///
     /// # Errors
     ///
@@ -304,7 +368,7 @@ impl Artifacts {
     /// [`ArtifactError::Io`].
     pub fn put_conversion_blocking(&self, bytes: &[u8]) -> Result<String, ArtifactError> {
         self.inner.space.admit_temporary(bytes.len() as u64)?;
-        self.inner.conversions.put(bytes)
+        self.inner.conversions.put(bytes, |_, _| Ok(()))
     }
 
     /// Checks a stored conversion against its digest, then returns a reader of at most `limit_bytes` (0: all) of its
@@ -333,7 +397,7 @@ impl Artifacts {
         self.blocking(move |inner| inner.conversions.delete(&digest)).await
     }
 
-    /// Digests of all checkpoints on disk.
+    /// Digests of all checkpoints on disk. With a remote, these are the cached ones.
     ///
     /// # Errors
     ///
@@ -356,23 +420,27 @@ impl Inner {
     /// Whether a blob is intact, as far as that is known without hashing its file.
     fn finding(&self, digest: &str) -> Result<Option<bool>, ArtifactError> {
         match self.blobs.stamp(digest)? {
-            None => Ok(Some(false)),
+            None if self.blobs.is_only_local() => Ok(Some(false)),
+            None => Ok(None),
             Some(stamp) => Ok(self.examined.finding(digest, stamp)),
         }
     }
 
     /// Whether a blob is intact. Hashes its file, unless another call has done so in the meantime.
     fn examine(&self, digest: &str) -> Result<bool, ArtifactError> {
-        let Some(stamp) = self.blobs.stamp(digest)? else { return Ok(false) };
-        if let Some(known) = self.examined.finding(digest, stamp) {
+        if let Some(known) = self.finding(digest)? {
             return Ok(known);
         }
+        let before = self.blobs.stamp(digest)?;
         let is_intact = match self.blobs.open_verified(digest) {
             Ok(_) => true,
             Err(ArtifactError::DataLoss { .. } | ArtifactError::NotFound { .. }) => false,
             Err(error) => return Err(error),
         };
-        self.examined.record(digest, stamp, is_intact);
+        // A blob that was fetched has its file only now.
+        if let Some(stamp) = before.map_or_else(|| self.blobs.stamp(digest), |stamp| Ok(Some(stamp)))? {
+            self.examined.record(digest, stamp, is_intact);
+        }
         Ok(is_intact)
     }
 

@@ -1,10 +1,11 @@
 //! Resumable uploads: the received part of an interrupted upload is kept, and a later call continues it. An upload whose
 //! digest nobody knows yet cannot be found again, so that nothing of it is kept.
 
+use crate::blobs::Blobs;
 use crate::blocking::blocking;
 use crate::digest::{check_digest, digest_of, name};
 use crate::error::ArtifactError;
-use crate::folder::{Folder, hash_rest};
+use crate::folder::hash_rest;
 use crate::private::private_file;
 use lightpath_fail_points as fail;
 use sha2::{Digest, Sha256};
@@ -48,7 +49,7 @@ pub struct Uploads {
 struct Inner {
     folder: PathBuf,
     /// Where the blob of a complete upload goes.
-    blobs: Arc<Folder>,
+    blobs: Arc<Blobs>,
     /// Names of the files of running uploads.
     running: Mutex<HashSet<String>>,
     /// Number of uploads without a digest so far.
@@ -68,7 +69,7 @@ struct UploadLock {
 impl Uploads {
     /// Uploads whose received parts are in `folder`, and whose blobs go to `blobs`. Removes uploads that have not grown
     /// for [`UPLOAD_AGE_MAX`].
-    pub(crate) fn open(folder: PathBuf, blobs: Arc<Folder>) -> Result<Self, ArtifactError> {
+    pub(crate) fn open(folder: PathBuf, blobs: Arc<Blobs>) -> Result<Self, ArtifactError> {
         remove_stale(&folder).map_err(|error| ArtifactError::io("remove old uploads", error))?;
         Ok(Self { inner: Arc::new(Inner { folder, blobs, running: Mutex::default(), unnamed: AtomicU64::new(0) }) })
     }
@@ -167,7 +168,8 @@ impl UploadWriter {
     /// # Errors
     ///
     /// [`ArtifactError::WrongSize`] if bytes are missing: a later call can send them. [`ArtifactError::WrongDigest`]:
-    /// the upload is discarded.
+    /// the upload is discarded. [`ArtifactError::Remote`]: a later call can continue at the end of an upload
+    /// that has a digest.
     pub async fn finish(mut self) -> Result<String, ArtifactError> {
         let part = self.take_part()?;
         blocking(move || part.publish()).await

@@ -1,0 +1,289 @@
+//! Blobs in a bucket of an S3 store. All functions block.
+//!
+//! ```text
+//! PREFIX/lightpath-store                    name of the installation to which the objects belong
+//! PREFIX/artifacts/ab/sha256-ab…/ID         a copy of a blob
+//! PREFIX/checkpoints/ab/sha256-ab…/ID       a copy of a resumable state
+//! ```
+//!
+//! Each copy has a key of its own, with a random id, and nothing ever changes an object. So a removal of the copies that
+//! were listed never removes one that was stored after the list, and a request that is sent again does no harm.
+//!
+//! A blob of more than 8 MiB is sent in parts, and becomes an object only when the last request, after all parts, has
+//! succeeded. The bytes are hashed while they are read for that, and each request carries the SHA-256 of its bytes, which
+//! the server compares.
+//!
+//! # Limits on time
+//!
+//! A connection must be made within 3 s, and a request must end within 20 s. A request that failed is sent again, up to
+//! six times with pauses of up to 1 s, in the first 5 s. So a server that answers with errors is given up after 1 to
+//! 4 s, and one that is silent after 20 to 25 s. Then the call fails with [`ArtifactError::Remote`].
+//!
+//! # Layout
+//!
+//! - `options`: settings. `identity`: to whom the objects belong. `catch_up`: files from a time without the remote. `cache`: the bound on local copies. `thread`: threads for requests.
+
+pub(crate) mod cache;
+pub(crate) mod catch_up;
+mod identity;
+#[cfg(test)]
+mod model;
+pub(crate) mod options;
+#[cfg(test)]
+mod s3_tests;
+#[cfg(test)]
+mod tests;
+mod thread;
+
+use crate::digest::{check_digest, name, shard};
+use crate::error::ArtifactError;
+use crate::inventory::BlobKind;
+use futures::TryStreamExt as _;
+use object_store::path::Path;
+use object_store::signer::{Method, Signer};
+use object_store::{MultipartUpload as _, ObjectStore, ObjectStoreExt as _, PutMode, PutPayload};
+use options::RemoteOptions;
+use sha2::{Digest as _, Sha256};
+use std::collections::{BTreeSet, HashSet};
+use std::fs::File;
+use std::io::{Read as _, Seek as _, SeekFrom};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+use thread::RequestThreads;
+use uuid::Uuid;
+
+/// Size of the parts in which blobs are sent and received \[bytes\]: S3 wants at least 5 MiB.
+const PART_BYTES: usize = 8 << 20;
+/// Limit on the remembered copies that were damaged, for their memory: about 2 MB.
+const DAMAGED_MAX: usize = 10_000;
+
+/// A copy of a blob in the remote.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct RemoteObject {
+    /// Random id of the copy.
+    pub id: Uuid,
+    /// Size of the copy \[bytes\].
+    pub size_bytes: u64,
+}
+
+#[derive(Debug)]
+pub(crate) struct Remote {
+    store: Arc<dyn ObjectStore>,
+    /// Signs URLs for downloads; `None` if they are not allowed.
+    signer: Option<Arc<dyn Signer>>,
+    prefix: Path,
+    thread: RequestThreads,
+    /// Copies whose bytes did not match their digest when this process read them.
+    damaged: Mutex<HashSet<Uuid>>,
+    installation: String,
+}
+
+impl Remote {
+    /// Connects to the remote, checks what its server can do and to whom its objects belong, and stores there what the
+    /// data folder holds from a time without it.
+    pub(crate) fn open(options: &RemoteOptions, data_dir: &std::path::Path) -> Result<Self, ArtifactError> {
+        let (store, prefix) = options.connect()?;
+        let store = Arc::new(store);
+        let signer = options.presigned_downloads.then(|| Arc::clone(&store) as Arc<dyn Signer>);
+        Self::on(store, signer, prefix, data_dir)
+    }
+
+    /// Does the same as [`Self::open`] on any object store.
+    pub(crate) fn on(
+        store: Arc<dyn ObjectStore>,
+        signer: Option<Arc<dyn Signer>>,
+        prefix: Path,
+        data_dir: &std::path::Path,
+    ) -> Result<Self, ArtifactError> {
+        let (thread, damaged) = (RequestThreads::start()?, Mutex::default());
+        let mut remote = Self { store, signer, prefix, thread, damaged, installation: String::new() };
+        remote.installation = identity::agree(&remote, data_dir)?;
+        catch_up::run(&remote, data_dir)?;
+        Ok(remote)
+    }
+
+    /// Name of the installation to which the objects belong.
+    pub(crate) fn installation(&self) -> &str {
+        &self.installation
+    }
+
+    /// The copies of a blob, without those that are known to be damaged.
+    pub(crate) fn copies(&self, kind: BlobKind, digest: &str) -> Result<Vec<RemoteObject>, ArtifactError> {
+        let mut objects = self.objects(kind, digest)?;
+        let damaged = self.damaged();
+        objects.retain(|object| !damaged.contains(&object.id));
+        Ok(objects)
+    }
+
+    /// All copies of a blob.
+    pub(crate) fn objects(&self, kind: BlobKind, digest: &str) -> Result<Vec<RemoteObject>, ArtifactError> {
+        let listed = self.list(self.folder(kind, digest)?)?;
+        let object = |(path, size_bytes): (Path, u64)| {
+            Some(RemoteObject { id: Uuid::parse_str(path.filename()?).ok()?, size_bytes })
+        };
+        Ok(listed.into_iter().filter_map(object).collect())
+    }
+
+    /// Digests of the blobs whose digest begins with the byte `shard`, in their order.
+    pub(crate) fn stored(&self, kind: BlobKind, shard: u8) -> Result<Vec<String>, ArtifactError> {
+        let listed = self.list(self.prefix.clone().join(kind.folder()).join(format!("{shard:02x}")))?;
+        let digest = |(path, _): (Path, u64)| path.parts().rev().nth(1).map(|part| part.as_ref().to_owned());
+        let digests: BTreeSet<String> = listed.into_iter().filter_map(digest).collect();
+        Ok(digests.into_iter().filter(|digest| check_digest(digest).is_ok()).collect())
+    }
+
+    /// Stores another copy of a blob with the bytes of `file`, if they match the digest.
+    pub(crate) fn put_anew(
+        &self,
+        kind: BlobKind,
+        digest: &str,
+        file: &mut File,
+    ) -> Result<RemoteObject, ArtifactError> {
+        let id = Uuid::now_v7();
+        let path = self.folder(kind, digest)?.join(id.to_string());
+        let failed = |error| ArtifactError::io("read a file", error);
+        let size_bytes = file.metadata().map_err(failed)?.len();
+        file.seek(SeekFrom::Start(0)).map_err(failed)?;
+        let mut hasher = Sha256::new();
+        let mut left_bytes = size_bytes;
+        let mut next = || -> Result<PutPayload, ArtifactError> {
+            let mut part = vec![0; left_bytes.min(PART_BYTES as u64) as usize];
+            file.read_exact(&mut part).map_err(failed)?;
+            left_bytes -= part.len() as u64;
+            hasher.update(&part);
+            Ok(part.into())
+        };
+        let damaged = || ArtifactError::DataLoss { digest: digest.to_owned() };
+        if size_bytes <= PART_BYTES as u64 {
+            let payload = next()?;
+            if name(hasher) != digest {
+                return Err(damaged());
+            }
+            self.put(&path, payload, PutMode::Overwrite)
+                .map_err(|error| ArtifactError::remote("store a blob", error))?;
+            return Ok(RemoteObject { id, size_bytes });
+        }
+        let parts = size_bytes.div_ceil(PART_BYTES as u64);
+        let store = Arc::clone(&self.store);
+        let begun = self.thread.wait(async move { store.put_multipart(&path).await });
+        let mut upload = begun.map_err(|error| ArtifactError::remote("store a blob", error))?;
+        let mut send = || -> Result<(), ArtifactError> {
+            for _ in 0..parts {
+                let sent = self.thread.wait(upload.put_part(next()?));
+                sent.map_err(|error| ArtifactError::remote("store a blob", error))?;
+            }
+            Ok(())
+        };
+        let sent = send().and_then(|()| if name(hasher) == digest { Ok(()) } else { Err(damaged()) });
+        let completed = self.thread.wait(async move {
+            let completed = match sent {
+                Ok(()) => upload.complete().await.map_err(|error| ArtifactError::remote("store a blob", error)),
+                Err(error) => Err(error),
+            };
+            if completed.is_err() {
+                // The first error is reported. Parts that remain belong to no object, and the bucket's rules remove them.
+                let _ = upload.abort().await;
+            }
+            completed
+        });
+        completed.map(|_| RemoteObject { id, size_bytes })
+    }
+
+    /// Reads the copies of a blob until one matches the digest, and returns its size \[bytes\]. `begin` is called before
+    /// the bytes of each copy, and `each` with its pieces.
+    pub(crate) fn fetch<S>(
+        &self,
+        kind: BlobKind,
+        digest: &str,
+        sink: &mut S,
+        begin: impl Fn(&mut S) -> std::io::Result<()>,
+        each: impl Fn(&mut S, &[u8]) -> std::io::Result<()>,
+    ) -> Result<u64, ArtifactError> {
+        let mut objects = self.objects(kind, digest)?;
+        objects.sort_by_key(|object| self.damaged().contains(&object.id));
+        let written = |error| ArtifactError::io("write a file", error);
+        let mut found_damage = false;
+        'objects: for object in objects {
+            let path = self.folder(kind, digest)?.join(object.id.to_string());
+            begin(sink).map_err(written)?;
+            let (mut hasher, mut offset) = (Sha256::new(), 0);
+            while offset < object.size_bytes {
+                let end = object.size_bytes.min(offset + PART_BYTES as u64);
+                let (store, path) = (Arc::clone(&self.store), path.clone());
+                match self.thread.wait(async move { store.get_range(&path, offset..end).await }) {
+                    Ok(bytes) => {
+                        hasher.update(&bytes);
+                        each(sink, &bytes).map_err(written)?;
+                    }
+                    // Somebody has removed the copy since the list.
+                    Err(object_store::Error::NotFound { .. }) => continue 'objects,
+                    Err(error) => return Err(ArtifactError::remote("read a blob", error)),
+                }
+                offset = end;
+            }
+            if name(hasher) == digest {
+                self.damaged().remove(&object.id);
+                return Ok(object.size_bytes);
+            }
+            found_damage = true;
+            let mut damaged = self.damaged();
+            if damaged.len() >= DAMAGED_MAX {
+                damaged.clear();
+            }
+            damaged.insert(object.id);
+        }
+        let digest = digest.to_owned();
+        Err(if found_damage { ArtifactError::DataLoss { digest } } else { ArtifactError::NotFound { digest } })
+    }
+
+    /// Removes copies of a blob. A missing one is no error.
+    pub(crate) fn delete(&self, kind: BlobKind, digest: &str, objects: &[RemoteObject]) -> Result<(), ArtifactError> {
+        for object in objects {
+            let (store, path) = (Arc::clone(&self.store), self.folder(kind, digest)?.join(object.id.to_string()));
+            match self.thread.wait(async move { store.delete(&path).await }) {
+                Ok(()) | Err(object_store::Error::NotFound { .. }) => {}
+                Err(error) => return Err(ArtifactError::remote("remove a blob", error)),
+            }
+        }
+        Ok(())
+    }
+
+    /// URL with which anybody can download an artifact for `valid_for`; `None` if that is not allowed, or the remote
+    /// has no copy.
+    pub(crate) fn presigned(&self, digest: &str, valid_for: Duration) -> Result<Option<String>, ArtifactError> {
+        let Some(signer) = self.signer.clone() else { return Ok(None) };
+        let Some(object) = self.copies(BlobKind::Artifact, digest)?.pop() else { return Ok(None) };
+        let path = self.folder(BlobKind::Artifact, digest)?.join(object.id.to_string());
+        let signed = self.thread.wait(async move { signer.signed_url(Method::GET, &path, valid_for).await });
+        signed.map(|url| Some(url.into())).map_err(|error| ArtifactError::remote("sign a URL", error))
+    }
+
+    fn put(&self, path: &Path, payload: PutPayload, mode: PutMode) -> object_store::Result<()> {
+        let (store, path) = (Arc::clone(&self.store), path.clone());
+        self.thread.wait(async move { store.put_opts(&path, payload, mode.into()).await.map(|_| ()) })
+    }
+
+    fn get_all(&self, path: &Path) -> object_store::Result<Vec<u8>> {
+        let (store, path) = (Arc::clone(&self.store), path.clone());
+        self.thread.wait(async move { store.get(&path).await?.bytes().await.map(|bytes| bytes.to_vec()) })
+    }
+
+    /// Paths and sizes of all objects below a path.
+    fn list(&self, below: Path) -> Result<Vec<(Path, u64)>, ArtifactError> {
+        let store = Arc::clone(&self.store);
+        let listed = self.thread.wait(async move {
+            store.list(Some(&below)).map_ok(|object| (object.location, object.size)).try_collect().await
+        });
+        listed.map_err(|error| ArtifactError::remote("list objects", error))
+    }
+
+    fn folder(&self, kind: BlobKind, digest: &str) -> Result<Path, ArtifactError> {
+        check_digest(digest)?;
+        Ok(self.prefix.clone().join(kind.folder()).join(shard(digest)).join(digest))
+    }
+
+    fn damaged(&self) -> MutexGuard<'_, HashSet<Uuid>> {
+        // The set is consistent even after a panic: each change of it is a single operation.
+        self.damaged.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}

@@ -1,0 +1,135 @@
+//! What processes that share a remote do beyond reading and writing.
+//!
+//! A blob is removed by a process while another may store the same bytes. Nothing is lost if all keep three rules; a row
+//! is the record of a blob in the store, which all of them share:
+//!
+//! 1. A collector reads the row's mark, lists the objects ([`Artifacts::objects_of`]), gives the row a mark that was never used
+//!    before if nothing uses the row and its mark is still the one read, removes the listed objects
+//!    ([`Artifacts::delete_objects`]), and then the row if it still has the new mark.
+//! 2. A publisher stores the blob, then records it. If the row has a mark, it stores another copy
+//!    ([`Artifacts::store_anew`]) and records again, which clears the mark if it is still the one it has seen.
+//! 3. A publisher calls [`Artifacts::ensure_stored`] after it has recorded the blob and before it answers.
+//!
+//! Without a remote, the functions find and change nothing.
+
+use crate::error::ArtifactError;
+use crate::inventory::BlobKind;
+use crate::remote::RemoteObject;
+use crate::{Artifacts, Inner};
+use std::time::Duration;
+
+impl Artifacts {
+    /// Name of the installation to which the objects of the remote belong; `None` without a remote.
+    #[must_use]
+    pub fn remote_installation(&self) -> Option<&str> {
+        self.inner.remote.as_ref().map(|remote| remote.installation())
+    }
+
+    /// The copies of a blob in the remote.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError::BadDigest`], [`ArtifactError::Remote`].
+    pub async fn objects_of(&self, kind: BlobKind, digest: &str) -> Result<Vec<RemoteObject>, ArtifactError> {
+        let digest = digest.to_owned();
+        self.blocking(move |inner| match &inner.remote {
+            Some(remote) => remote.objects(kind, &digest),
+            None => Ok(Vec::new()),
+        })
+        .await
+    }
+
+    /// Removes listed copies of a blob from the remote, and nothing else. A missing copy is no error. The local file
+    /// stays: a publisher in this process may need it for [`Self::store_anew`].
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError::BadDigest`], [`ArtifactError::Remote`].
+    pub async fn delete_objects(
+        &self,
+        kind: BlobKind,
+        digest: &str,
+        listed: Vec<RemoteObject>,
+    ) -> Result<(), ArtifactError> {
+        let digest = digest.to_owned();
+        self.blocking(move |inner| match &inner.remote {
+            Some(remote) => remote.delete(kind, &digest, &listed),
+            None => Ok(()),
+        })
+        .await
+    }
+
+    /// Stores another copy of a blob in the remote, from the local file, even if the remote has one.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError::BadDigest`]; [`ArtifactError::Remote`], also if the local file is gone: then the bytes must be
+    /// sent again.
+    pub async fn store_anew(&self, kind: BlobKind, digest: &str) -> Result<(), ArtifactError> {
+        let digest = digest.to_owned();
+        self.blocking(move |inner| inner.of(kind).store_anew(&digest)).await
+    }
+
+    /// Stores a copy of a blob in the remote, from the local file, if the remote has none.
+    ///
+    /// # Errors
+    ///
+    /// The errors of [`Self::store_anew`].
+    pub async fn ensure_stored(&self, kind: BlobKind, digest: &str) -> Result<(), ArtifactError> {
+        let digest = digest.to_owned();
+        self.blocking(move |inner| inner.of(kind).ensure_stored(&digest)).await
+    }
+
+    /// Digests of the blobs in the remote whose digest begins with the byte `shard`, in their order.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError::Remote`].
+    pub async fn stored(&self, kind: BlobKind, shard: u8) -> Result<Vec<String>, ArtifactError> {
+        self.blocking(move |inner| match &inner.remote {
+            Some(remote) => remote.stored(kind, shard),
+            None => Ok(Vec::new()),
+        })
+        .await
+    }
+
+    /// Reads the copies of a blob in the remote until one matches the digest, and returns its size \[bytes\]; `None`
+    /// without a remote.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError::NotFound`] if the remote has no copy; [`ArtifactError::DataLoss`] if no copy matches the digest;
+    /// [`ArtifactError::BadDigest`], [`ArtifactError::Remote`].
+    pub async fn verify(&self, kind: BlobKind, digest: &str) -> Result<Option<u64>, ArtifactError> {
+        let digest = digest.to_owned();
+        self.blocking(move |inner| match &inner.remote {
+            Some(remote) => remote.fetch(kind, &digest, &mut (), |()| Ok(()), |(), _| Ok(())).map(Some),
+            None => Ok(None),
+        })
+        .await
+    }
+
+    /// URL with which anybody can download an artifact from the remote for `valid_for`. `None` without a remote, if
+    /// the settings do not allow it, or if the remote has no copy.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError::BadDigest`], [`ArtifactError::Remote`].
+    pub async fn presigned_download(&self, digest: &str, valid_for: Duration) -> Result<Option<String>, ArtifactError> {
+        let digest = digest.to_owned();
+        self.blocking(move |inner| match &inner.remote {
+            Some(remote) => remote.presigned(&digest, valid_for),
+            None => Ok(None),
+        })
+        .await
+    }
+}
+
+impl Inner {
+    fn of(&self, kind: BlobKind) -> &crate::blobs::Blobs {
+        match kind {
+            BlobKind::Artifact => &self.blobs,
+            BlobKind::Checkpoint => &self.checkpoints,
+        }
+    }
+}
