@@ -78,7 +78,7 @@ const RESTRICTED: [(&str, &[&str]); 8] = [
             "server/daemon",
         ],
     ),
-    ("object_store", &[]),
+    ("object_store", &["server/artifacts"]),
 ];
 
 #[test]
