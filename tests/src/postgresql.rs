@@ -11,7 +11,10 @@ async fn operators_work_on_the_database_of_the_server() {
     let folder = data.path().to_str().unwrap();
     let place = ["--data-dir", folder, "--database-url", &url];
     let run = async |command: &[&str]| lightpathd(&[command, &place].concat()).await;
-    run(&["check"]).await.assert_refused(2, &["the database is empty", "database_url"]);
+    for command in [["check"].as_slice(), &["collect"], &["restored"], &["token", "list"], &["key", "list"], &["check"]]
+    {
+        run(command).await.assert_refused(2, &["the database is empty", "database_url"]);
+    }
     let token = run(&["token", "create", "ada", "--role", "admin"]).await.ok();
     assert!(!token.trim().is_empty());
 

@@ -62,7 +62,8 @@ pub(super) fn pairs_to_keep(correlations: &[f64], predictor: Predictor) -> Resul
     Ok(kept)
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
+/// The median; 0 without values.
+pub(super) fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     let half = values.len() / 2;
     match values.len() {

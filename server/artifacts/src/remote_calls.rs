@@ -19,12 +19,6 @@ use crate::{Artifacts, Inner};
 use std::time::Duration;
 
 impl Artifacts {
-    /// Name of the installation to which the objects of the remote belong; `None` without a remote.
-    #[must_use]
-    pub fn remote_installation(&self) -> Option<&str> {
-        self.inner.remote.as_ref().map(|remote| remote.installation())
-    }
-
     /// The copies of a blob in the remote.
     ///
     /// # Errors

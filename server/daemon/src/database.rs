@@ -78,23 +78,29 @@ impl Database {
     ///
     /// # Errors
     ///
-    /// Errors of the store.
-    pub async fn inspect(&self) -> Result<Inspection, StoreError> {
+    /// The errors of [`Self::require`].
+    pub async fn inspect(&self) -> Result<Inspection, UpkeepError> {
         match self {
-            Self::InFolder(folder) => Inspection::open(&folder.join(DATABASE)).await,
-            Self::OnServer(url) => Inspection::connect(url).await,
+            Self::InFolder(folder) => Ok(Inspection::open(&file_in(folder)?).await?),
+            Self::OnServer(url) => Ok(Inspection::connect(url).await?),
         }
     }
 
-    /// Makes sure that a file that should be opened exists.
+    /// Makes sure that a server has used the database, so that no command makes a new one by mistake.
     ///
     /// # Errors
     ///
-    /// [`UpkeepError::NoData`] if the data folder has no database.
-    pub fn require(&self) -> Result<(), UpkeepError> {
+    /// [`UpkeepError::NoData`] if the data folder has no database; [`StoreError::EmptyDatabase`] if the one on the server
+    /// has no tables; other errors of the store.
+    pub async fn require(&self) -> Result<(), UpkeepError> {
         match self {
-            Self::InFolder(path) if !path.join(DATABASE).is_file() => Err(UpkeepError::NoData { path: path.clone() }),
-            _ => Ok(()),
+            Self::InFolder(folder) => file_in(folder).map(drop),
+            Self::OnServer(_) => Ok(self.inspect().await?.close().await?),
         }
     }
+}
+
+fn file_in(folder: &Path) -> Result<PathBuf, UpkeepError> {
+    let file = folder.join(DATABASE);
+    if file.is_file() { Ok(file) } else { Err(UpkeepError::NoData { path: folder.to_owned() }) }
 }

@@ -24,6 +24,7 @@ use crate::learning::band_pass::{BandPass, FilteredPhoto};
 use crate::learning::fit::Fit;
 use crate::learning::layout::SOURCE_ORDER;
 use crate::learning::pair::{BoxError, Example};
+use crate::learning::screening::median;
 use crate::optimizer::limited_memory::{LimitedMemory, Workspace};
 
 /// A stage of the fit.
@@ -141,11 +142,6 @@ impl Stage {
         }
         search.point
     }
-}
-
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(0.0)
 }
 
 #[cfg(test)]

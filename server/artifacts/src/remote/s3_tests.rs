@@ -39,7 +39,7 @@ async fn blobs_return_as_they_were() {
     let Some(options) = options("round-trip") else { return };
     let (one, two) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     let (writer, reader) = (open(one.path(), &options).unwrap(), open(two.path(), &options).unwrap());
-    assert_eq!(writer.remote_installation(), reader.remote_installation());
+    assert_eq!(writer.identity().await.unwrap(), reader.identity().await.unwrap());
     for count in [0, 1, 20 * MIB] {
         let bytes = pattern(2, count);
         let stored = Instant::now();
@@ -85,7 +85,7 @@ fn racing_processes_agree() {
             let runtime = tokio::runtime::Builder::new_current_thread().build().unwrap();
             let digest = runtime.block_on(artifacts.put_bytes(pattern(3, 9 * MIB))).unwrap();
             assert!(runtime.block_on(artifacts.verify(KIND, &digest)).unwrap().is_some());
-            artifacts.remote_installation().unwrap().to_owned()
+            runtime.block_on(artifacts.identity()).unwrap()
         };
         let running: Vec<_> = (0..6).map(|_| scope.spawn(process)).collect();
         running.into_iter().map(|process| process.join().unwrap()).collect()

@@ -130,10 +130,10 @@ async fn cache_keeps_its_bound_and_open_files_can_be_read() {
 async fn data_folder_keeps_to_its_remote() {
     let (one, other) = (Arc::default(), Arc::default());
     let data = tempfile::tempdir().unwrap();
-    let name = open(data.path(), &one, 0).unwrap().remote_installation().unwrap().to_owned();
-    assert_eq!(open(data.path(), &one, 0).unwrap().remote_installation(), Some(name.as_str()));
+    let name = open(data.path(), &one, 0).unwrap().identity().await.unwrap();
+    assert_eq!(open(data.path(), &one, 0).unwrap().identity().await.unwrap(), name);
     let joined = tempfile::tempdir().unwrap();
-    assert_eq!(open(joined.path(), &one, 0).unwrap().remote_installation(), Some(name.as_str()));
+    assert_eq!(open(joined.path(), &one, 0).unwrap().identity().await.unwrap(), name);
     let refused = open(data.path(), &other, 0).unwrap_err();
     assert!(matches!(&refused, ArtifactError::OtherRemote { kept, .. } if *kept == name), "{refused}");
     assert!(!refused.is_transient());

@@ -90,7 +90,6 @@ pub async fn check(data_dir: &Path) -> Result<Report, UpkeepError> {
 ///
 /// The errors of [`check`].
 pub async fn check_with(data_dir: &Path, database: &Database) -> Result<Report, UpkeepError> {
-    database.require()?;
     let mut inspection = database.inspect().await?;
     let schema = inspection.steps().await?.last().copied().unwrap_or("none").to_owned();
     let Counts { jobs, kernel_versions, .. } = inspection.counts().await?;

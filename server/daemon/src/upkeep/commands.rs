@@ -224,8 +224,8 @@ impl RestoredArgs {
 
     fn raise(&self) -> anyhow::Result<bool> {
         let (data_dir, database) = self.folder.places()?;
-        database.require()?;
         let report = runtime()?.block_on(async {
+            database.require().await?;
             // This fails while a server uses the folder.
             let artifacts = Artifacts::open(&data_dir)?;
             let store = database.open(&artifacts).await?;
@@ -249,10 +249,10 @@ impl CollectArgs {
         let file = self.config.as_deref().map(Settings::read).transpose()?.unwrap_or_default();
         let config = Effective::merge(self.settings, file)?.config;
         let database = config.database()?;
-        database.require()?;
         let now_ms = Clock::default().now_ms();
         let retention = config.retention();
         let collected = runtime()?.block_on(async {
+            database.require().await?;
             if self.dry_run {
                 return retention.preview(&database.open_shared().await?, now_ms).await;
             }

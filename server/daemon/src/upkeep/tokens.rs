@@ -112,7 +112,8 @@ impl Create {
         let (data_dir, database) = self.folder.places()?;
         // The first token is created before the first start of the server. The lock prevents that this command creates
         // a database while a restore is about to put another one into the folder.
-        let _lock = if database.require().is_ok() { None } else { Some(FolderLock::take(&data_dir)?) };
+        let is_used = runtime()?.block_on(database.require()).is_ok();
+        let _lock = if is_used { None } else { Some(FolderLock::take(&data_dir)?) };
         let secret = Secret::generate().context("the system provided no random numbers")?;
         let caller = Caller { name: self.name, role: self.role, displays: self.display };
         let now_ms = Clock::default().now_ms();
@@ -172,8 +173,8 @@ pub(super) fn with_store<T, E: std::error::Error + Send + Sync + 'static>(
     work: impl AsyncFnOnce(&Store) -> Result<T, E>,
 ) -> anyhow::Result<T> {
     let (_, database) = folder.places()?;
-    database.require()?;
     runtime()?.block_on(async {
+        database.require().await?;
         let store = database.open_shared().await?;
         let done = work(&store).await;
         store.close().await;
