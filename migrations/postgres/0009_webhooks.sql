@@ -9,7 +9,10 @@ create table webhook (
     -- key that signs what is sent, as the receiver got it
     secret         text collate "C" not null,
     caller         text collate "C" not null,
-    create_time_ms bigint           not null
+    create_time_ms bigint           not null,
+    -- process that tells it, where several share the database, and until when no other one may
+    teller         text collate "C",
+    teller_until_ms bigint
 );
 
 -- What webhooks are to learn, and what became of it. The triggers below insert rows in the transaction of the event, so

@@ -49,6 +49,8 @@ create table job (
     lease_id         text,
     lease_until_ms   integer,
     worker           text,
+    -- process of the worker, where several share the database
+    process          text,
     cancel_requested integer not null default 0 check (cancel_requested in (0, 1)),
 
     create_time_ms   integer not null,
@@ -67,6 +69,7 @@ create table job (
     check ((state = 'running') = (lease_id is not null)),
     check ((state = 'running') = (lease_until_ms is not null)),
     check ((state = 'running') = (worker is not null)),
+    check (state = 'running' or process is null),
     check ((state in ('succeeded', 'failed', 'cancelled')) = (finish_time_ms is not null)),
     check ((state = 'succeeded') = (result is not null)),
     check (state <> 'failed' or error is not null),
@@ -88,6 +91,7 @@ create index job_to_search on job (id, state, display, batch, kind, owner, words
 create index job_by_owner_start on job (owner, start_time_ms) where start_time_ms is not null;
 create index job_by_finish on job (finish_time_ms) where finish_time_ms is not null;
 create index job_leased on job (lease_until_ms) where state = 'running';
+create index job_of_process on job (process) where process is not null;
 create index job_with_checkpoint on job (checkpoint) where checkpoint is not null;
 -- request ids and unique keys belong to their owner, so that no owner can block those of another or learn of them
 create unique index job_by_request on job (owner, request_id);

@@ -9,7 +9,10 @@ create table webhook (
     -- key that signs what is sent, as the receiver got it
     secret         text    not null,
     caller         text    not null,
-    create_time_ms integer not null
+    create_time_ms integer not null,
+    -- process that tells it, where several share the database, and until when no other one may
+    teller         text,
+    teller_until_ms integer
 ) strict, without rowid;
 
 -- What webhooks are to learn, and what became of it. The triggers below insert rows in the transaction of the event, so

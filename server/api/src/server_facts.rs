@@ -3,7 +3,7 @@
 use crate::api::Api;
 use crate::call::Call;
 use crate::error::ApiError;
-use crate::time::{now_ms, timestamp};
+use crate::time::timestamp;
 use lightpath_proto::v1;
 use lightpath_proto::v1::server_service_server::ServerService;
 use tonic::{Request, Response, Status};
@@ -21,7 +21,7 @@ impl Api {
         let space = self.artifacts.space();
         Ok(v1::Server {
             version: env!("CARGO_PKG_VERSION").to_owned(),
-            time: Some(timestamp(now_ms())),
+            time: Some(timestamp(self.store.now_ms())),
             token: call.caller.name.clone(),
             role: call.caller.role.as_str().to_owned(),
             displays: call.caller.displays.iter().map(|id| format!("displays/{id}")).collect(),

@@ -194,6 +194,15 @@ impl Artifacts {
         .await
     }
 
+    /// The identity of the data folder, a UUID. Only this process holds the folder, so no other one has this identity.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError::Io`].
+    pub async fn folder_identity(&self) -> Result<String, ArtifactError> {
+        self.blocking(|inner| identity::identity_of(&inner.data_dir)).await
+    }
+
     /// The disk of the folder, and the limits on its use.
     #[must_use]
     pub fn space(&self) -> &Space {

@@ -4,6 +4,7 @@
 //! # Layout
 //!
 //! - [`config`], [`server`]: settings, and the assembly of store, workers and API. [`database`]: where the database is.
+//!   [`worker_process`]: the assembly of a process that only runs jobs. `workers`: start and end of the workers.
 //! - [`upkeep`]: commands for operators on a data folder: check, back up, restore, collect.
 //! - [`demo`]: the whole loop on a simulated display, for new users.
 //! - [`fuzzing`]: access to every decoder, for fuzzers.
@@ -15,3 +16,5 @@ pub mod demo;
 pub mod fuzzing;
 pub mod server;
 pub mod upkeep;
+pub mod worker_process;
+mod workers;

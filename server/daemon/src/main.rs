@@ -4,9 +4,9 @@ mod freed_memory;
 
 use anyhow::Context as _;
 use clap::{CommandFactory as _, Parser, Subcommand};
-use lightpath_server::config::{Config, Effective, LogFormat, Settings};
+use lightpath_server::config::{Config, Effective, LogFormat, ServeFlags, Settings, WorkerFlags};
 use lightpath_server::demo::{self, DemoArgs};
-use lightpath_server::server;
+use lightpath_server::{server, worker_process};
 use lightpath_server::upkeep::{
     BackupArgs, CheckArgs, CollectArgs, KeyCommand, RestoreArgs, RestoredArgs, TokenCommand,
 };
@@ -31,6 +31,7 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     Serve(Serve),
+    Worker(Worker),
     Check(CheckArgs),
     Backup(BackupArgs),
     Restore(RestoreArgs),
@@ -49,11 +50,28 @@ enum Command {
 #[derive(Debug, clap::Args)]
 #[command(after_help = SERVE_HELP)]
 struct Serve {
+    #[command(flatten)]
+    source: Source,
+    #[command(flatten)]
+    flags: ServeFlags,
+}
+
+/// Run jobs of a server on another machine until SIGTERM or ctrl-c. Then they save their state and return to the queue.
+#[derive(Debug, clap::Args)]
+#[command(after_help = WORKER_HELP)]
+struct Worker {
+    #[command(flatten)]
+    source: Source,
+    #[command(flatten)]
+    flags: WorkerFlags,
+}
+
+/// Where settings come from besides flags, and what to do with them.
+#[derive(Debug, clap::Args)]
+struct Source {
     /// TOML file of settings; its keys are the names of the flags with underscores
     #[arg(long, env = "LIGHTPATH_CONFIG", value_name = "FILE")]
     config: Option<PathBuf>,
-    #[command(flatten)]
-    settings: Settings,
     /// Print the settings in effect and the source of each, then exit
     #[arg(long)]
     print_config: bool,
@@ -81,9 +99,21 @@ Examples:
 
 The server prints its address on stdout and its log on stderr. Health is at /healthz, metrics are at /metrics.";
 
+const WORKER_HELP: &str = "\
+Any number of workers and servers share one PostgreSQL database and one bucket. Each has a data folder of its own, which
+is only a cache. A worker that dies loses nothing: its jobs go on elsewhere from their last saved state.
+
+Examples:
+  lightpathd worker --database-url postgres://lightpath@db.example/lightpath \\
+      --artifacts-url s3://lightpath/artifacts --data-dir /var/cache/lightpath
+  lightpathd worker --config lightpath.toml --workers 4 --status-listen 127.0.0.1:7071
+
+The worker prints its log on stderr.";
+
 fn main() -> ExitCode {
     let outcome = match Cli::parse().command {
         Command::Serve(serve) => serve.run().map(|()| ExitCode::SUCCESS),
+        Command::Worker(worker) => worker.run().map(|()| ExitCode::SUCCESS),
         Command::Check(args) => Ok(args.run()),
         Command::Backup(args) => Ok(args.run()),
         Command::Restore(args) => Ok(args.run()),
@@ -126,8 +156,24 @@ fn documented() -> clap::Command {
 
 impl Serve {
     fn run(self) -> anyhow::Result<()> {
+        self.source.run(self.flags.0, serve)
+    }
+}
+
+impl Worker {
+    fn run(self) -> anyhow::Result<()> {
+        self.source.run(self.flags.0, work)
+    }
+}
+
+impl Source {
+    /// Runs `process` with the settings in effect, or prints them.
+    fn run<F>(self, given: Settings, process: fn(Config) -> F) -> anyhow::Result<()>
+    where
+        F: Future<Output = anyhow::Result<()>>,
+    {
         let file = self.config.as_deref().map(Settings::read).transpose()?.unwrap_or_default();
-        let effective = Effective::merge(self.settings, file)?;
+        let effective = Effective::merge(given, file)?;
         if self.print_config {
             write!(std::io::stdout().lock(), "{effective}")?;
             return Ok(());
@@ -135,11 +181,25 @@ impl Serve {
         start_log(&effective.config)?;
         freed_memory::give_back();
         let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
-        let outcome = runtime.block_on(serve(effective.config));
+        let outcome = runtime.block_on(process(effective.config));
         // The blocking threads that still run belong to cancelled requests, so the process need not wait for them.
         runtime.shutdown_background();
         outcome
     }
+}
+
+async fn work(config: Config) -> anyhow::Result<()> {
+    let stop = stop_signal()?;
+    let status = match config.status_listen {
+        None => None,
+        Some(requested) => {
+            let listener = TcpListener::bind(requested).await;
+            Some(listener.with_context(|| format!("cannot listen on {requested}; choose another --status-listen"))?)
+        }
+    };
+    tracing::info!(data_dir = %config.data_dir.display(), "starting");
+    worker_process::run(status, config, stop).await?;
+    Ok(())
 }
 
 async fn serve(config: Config) -> anyhow::Result<()> {

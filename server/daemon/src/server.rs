@@ -2,30 +2,30 @@
 
 use crate::config::{Config, ConfigError};
 use crate::upkeep::{self, Collected, Retention, UpkeepError};
+use crate::workers::Workers;
 use lightpath_api::audit::Audit;
 use lightpath_api::connections;
 use lightpath_api::http::{self, EndedTokens, Gate, MemoryBudget, Rate};
 use lightpath_api::tls::{self, Tls, TlsError};
 use lightpath_api::{Api, ApiLimits};
 use lightpath_artifacts::{ArtifactError, Artifacts};
-use lightpath_media::live_pictures::LivePictures;
 use lightpath_metrics as metrics;
 use lightpath_store::{Store, StoreError};
-use lightpath_worker::{Clock, OpticsTask, Worker, WorkerError};
+use lightpath_worker::WorkerError;
 use std::io;
 use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::net::TcpListener;
-use tokio::task::{JoinError, JoinHandle, JoinSet};
-use tokio::time::{interval, timeout};
+use tokio::task::{JoinError, JoinSet};
+use tokio::time::interval;
 use tokio_util::sync::CancellationToken;
 use tonic_health::ServingStatus;
 use tonic_health::server::HealthReporter;
 
 /// Interval between counts of the stored bytes, for their limit, and between summaries of the metrics.
-const COUNT_INTERVAL: Duration = Duration::from_secs(10);
+pub(crate) const COUNT_INTERVAL: Duration = Duration::from_secs(10);
 /// Interval between flushes of the audit log. A power failure can lose the lines since the last one.
 const FLUSH_INTERVAL: Duration = Duration::from_secs(1);
 /// Interval between checks of the server's health.
@@ -118,9 +118,11 @@ pub async fn run_and_announce(
     shutdown: impl Future<Output = ()> + Send,
 ) -> Result<(), ServeError> {
     metrics::install();
-    let data_dir = config.data_dir.clone();
-    let (space, tls, retention) = (config.space(), config.tls()?, config.retention());
-    let artifacts = tokio::task::spawn_blocking(move || Artifacts::open_within(&data_dir, space)).await??;
+    let (tls, retention) = (config.tls()?, config.retention());
+    if config.no_worker {
+        config.require_shared("no_worker")?;
+    }
+    let artifacts = open_artifacts(&config).await?;
     make_private(&config.data_dir);
     let store = config.database()?.open(&artifacts).await?;
     tend_keys(&store).await;
@@ -136,15 +138,17 @@ pub async fn run_and_announce(
     let upkeep = tokio::spawn(upkeep_loop(store.clone(), artifacts.clone(), retention, stopping.clone()));
     // They end when the server stops.
     let mut loops = JoinSet::new();
-    loops.spawn(lightpath_webhooks::run(store.clone(), webhook_origins.clone(), now_ms, stopping.clone()));
+    loops.spawn(lightpath_webhooks::run(store.clone(), webhook_origins.clone(), stopping.clone()));
     let api = Api::new(store.clone(), artifacts.clone(), api_limits(&config).await?, stopping.clone())
         .with_webhook_origins(webhook_origins);
     loops.spawn(flush_loop(Arc::clone(&audit), tls.clone(), stopping.clone()));
     let (grpc, health) = api.clone().routes()?;
     set_health(&health, ServingStatus::Serving).await;
     let watching = tokio::spawn(health_loop(api.clone(), health.clone(), stopping.clone()));
-    let leases = store.clone();
-    let mut workers = start_workers(store, artifacts, &config, api.live_pictures(), stopping.clone());
+    let mut workers = match config.no_worker {
+        true => None,
+        false => Some(Workers::start(store, artifacts, &config, api.live_pictures(), stopping.clone()).await?),
+    };
     let ended_tokens = EndedTokens::default();
     loops.spawn(token_loop(api.store().clone(), ended_tokens.clone(), stopping.clone()));
     let rate = Arc::new(Rate::new(config.calls_per_s_max));
@@ -156,15 +160,16 @@ pub async fn run_and_announce(
     let early = tokio::select! {
         () = shutdown => None,
         // Workers end before the shutdown only if they could not start.
-        ended = &mut workers => Some(ended),
+        Some(ended) = ended_early(workers.as_mut()) => Some(ended),
     };
     tracing::info!("stopping: running jobs save their state and return to the queue");
     stopping.cancel();
     watching.await?;
     set_health(&health, ServingStatus::NotServing).await;
-    let workers_ended = match early {
-        Some(ended) => ended,
-        None => drained(&mut workers, &leases, config.drain_deadline()).await,
+    let workers_ended = match (early, workers) {
+        (Some(ended), _) => ended,
+        (None, Some(workers)) => workers.drained(config.drain_deadline()).await,
+        (None, None) => Ok(Ok(())),
     };
     connections.await?;
     // A collection may be stopped at any point; the next one continues it.
@@ -179,21 +184,30 @@ pub async fn run_and_announce(
     Ok(())
 }
 
-/// Present time \[ms since 1970\].
-fn now_ms() -> i64 {
-    Clock::default().now_ms()
+/// Opens the data folder and what is behind it.
+pub(crate) async fn open_artifacts(config: &Config) -> Result<Artifacts, ServeError> {
+    let (data_dir, space) = (config.data_dir.clone(), config.space());
+    Ok(tokio::task::spawn_blocking(move || Artifacts::open_within(&data_dir, space)).await??)
+}
+
+/// The early end of the workers; without workers there is none.
+async fn ended_early(workers: Option<&mut Workers>) -> Option<Result<Result<(), WorkerError>, JoinError>> {
+    match workers {
+        Some(workers) => Some(workers.ended().await),
+        None => std::future::pending().await,
+    }
 }
 
 /// Makes or renews the keys that sign manifests. The server works without them, for example on a full disk, and only
 /// signs no manifests then.
 async fn tend_keys(store: &Store) {
-    if let Err(error) = upkeep::tend(store, now_ms()).await {
+    if let Err(error) = upkeep::tend(store, store.now_ms()).await {
         tracing::error!(error = &error as &dyn std::error::Error, "the keys that sign manifests could not be renewed");
     }
 }
 
 /// Takes the permissions of other users from the files of the data folder, and logs what has changed.
-fn make_private(data_dir: &Path) {
+pub(crate) fn make_private(data_dir: &Path) {
     match lightpath_artifacts::make_private(data_dir) {
         Ok(paths) => {
             for path in paths {
@@ -202,39 +216,6 @@ fn make_private(data_dir: &Path) {
         }
         Err(error) => {
             tracing::warn!(%error, "the permissions of the data folder could not be checked; other users may read it");
-        }
-    }
-}
-
-/// Waits until the workers have ended, at most until the deadline.
-async fn drained(
-    workers: &mut JoinHandle<Result<(), WorkerError>>,
-    leases: &Store,
-    deadline: Duration,
-) -> Result<Result<(), WorkerError>, JoinError> {
-    if let Ok(ended) = timeout(deadline, &mut *workers).await {
-        return ended;
-    }
-    workers.abort();
-    drop(workers.await);
-    release_unfinished(leases).await;
-    Ok(Ok(()))
-}
-
-/// Returns the jobs to the queue that did not stop in time. Without this, the next start would take the stop for a
-/// death of the server. The computations still run, but can write nothing more.
-async fn release_unfinished(store: &Store) {
-    match store.release_all(now_ms()).await {
-        Ok(jobs) => {
-            for job in jobs {
-                tracing::warn!(job = job.id, "the job did not stop in time; it continues from its last saved state");
-            }
-        }
-        Err(error) => {
-            tracing::error!(
-                error = &error as &dyn std::error::Error,
-                "jobs that did not stop in time could not be returned to the queue"
-            );
         }
     }
 }
@@ -257,7 +238,7 @@ async fn check_access(store: &Store, config: &Config, address: SocketAddr) -> Re
     if config.insecure && !is_local {
         tracing::warn!(%address, tokens_required, "--insecure is set: other machines can connect without TLS or without tokens");
     }
-    let now_ms = now_ms();
+    let now_ms = store.now_ms();
     if tokens_required && !store.tokens().await?.iter().any(|token| token.is_valid(now_ms)) {
         return Err(ServeError::NoTokens);
     }
@@ -288,24 +269,13 @@ async fn token_loop(store: Store, ended_tokens: EndedTokens, stopping: Cancellat
             () = stopping.cancelled() => return,
             _ = ticks.tick() => {}
         }
-        if let Err(error) = ended_tokens.update(&store, now_ms()).await {
+        if let Err(error) = ended_tokens.update(&store, store.now_ms()).await {
             tracing::error!(
                 error = &error as &dyn std::error::Error,
                 "the check for revoked and expired tokens failed"
             );
         }
     }
-}
-
-fn start_workers(
-    store: Store,
-    artifacts: Artifacts,
-    config: &Config,
-    live_pictures: LivePictures,
-    stopping: CancellationToken,
-) -> JoinHandle<Result<(), WorkerError>> {
-    let worker = Worker::new(store, artifacts, config.workers(), Arc::new(OpticsTask)).showing(live_pictures);
-    tokio::spawn(worker.run(stopping))
 }
 
 /// Counts the stored bytes, and removes old jobs and unused artifacts.
@@ -320,7 +290,7 @@ async fn upkeep_loop(store: Store, artifacts: Artifacts, retention: Retention, s
             }
             _ = collect.tick() => async {
                 tend_keys(&store).await;
-                let collected = retention.collect(&store, &artifacts, now_ms()).await?;
+                let collected = retention.collect(&store, &artifacts, store.now_ms()).await?;
                 if collected != Collected::default() {
                     let Collected { jobs, artifacts, artifact_bytes } = collected;
                     tracing::info!(jobs, artifacts, artifact_bytes, "removed old jobs and unused artifacts");

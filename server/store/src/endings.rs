@@ -130,17 +130,19 @@ impl Store {
         .await
     }
 
-    /// Takes every running job from its worker, because the one process that works on this database stops, and some of
-    /// its jobs did not stop in time. The jobs return to the queue, and neither failures nor deaths of the server are
-    /// counted.
+    /// Takes every running job from the workers of a process that stops, because some of its jobs did not stop in time.
+    /// `None` is the only process that works on this database. The jobs return to the queue, and neither failures nor
+    /// deaths of the server are counted.
     ///
     /// # Errors
     ///
     /// [`StoreError::Database`], [`StoreError::DiskFull`].
-    pub async fn release_all(&self, now_ms: i64) -> Result<Vec<Job>, StoreError> {
+    pub async fn release_all(&self, process: Option<&str>, now_ms: i64) -> Result<Vec<Job>, StoreError> {
         let mut released = Vec::new();
         loop {
-            let mut jobs = self.write(move |write| Box::pin(release_running(write, now_ms))).await?;
+            let process = process.map(str::to_owned);
+            let mut jobs =
+                self.write(move |write| Box::pin(release_running(write, process, now_ms))).await?;
             if jobs.is_empty() {
                 return Ok(released);
             }
@@ -174,16 +176,17 @@ impl Store {
         self.write(move |write| Box::pin(expire(write, now_ms))).await
     }
 
-    /// Takes every running job from its worker. Only for the start of the one process that works on this database: the
-    /// workers that held the leases are dead. Each death of the server counts as an attempt of the job until the job
+    /// Takes every running job from the workers of a process at its next start: they are dead. `None` is the only process
+    /// that works on this database, whose start finds all workers dead. Each death of the server counts as an attempt of the job until the job
     /// saves a checkpoint. So a job that kills its server fails when its attempts are spent, and other jobs can run
     /// again.
     ///
     /// # Errors
     ///
     /// [`StoreError::Database`], [`StoreError::DiskFull`].
-    pub async fn recover_orphans(&self, now_ms: i64) -> Result<Vec<Job>, StoreError> {
-        self.write(move |write| Box::pin(recover_orphans(write, now_ms))).await
+    pub async fn recover_orphans(&self, process: Option<&str>, now_ms: i64) -> Result<Vec<Job>, StoreError> {
+        let process = process.map(str::to_owned);
+        self.write(move |write| Box::pin(recover_orphans(write, process, now_ms))).await
     }
 }
 
@@ -211,7 +214,7 @@ async fn finish(
         }
     }
     let sql = fenced!(
-        "state = 'succeeded', lease_id = null, lease_until_ms = null, worker = null, finish_time_ms = $4, \
+        "state = 'succeeded', lease_id = null, lease_until_ms = null, worker = null, process = null, finish_time_ms = $4, \
          error = null, checkpoint = null, result = $5"
     );
     let query = bind_lease(sql, lease).bind(now_ms).bind(to_json("job.result", &result)?);
@@ -237,7 +240,7 @@ async fn append_versions(
 
 async fn expire(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, StoreError> {
     let mut jobs = Vec::new();
-    for row in running(write, now_ms).await? {
+    for row in running_until(write, now_ms).await? {
         let job = job_of(&row)?;
         let message = format!("{} sent no heartbeat before its lease expired", row.try_get::<String>("worker")?);
         let error = JobError { reason: FailureReason::LeaseExpired, message, retryable: true };
@@ -247,9 +250,9 @@ async fn expire(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, StoreError> 
     Ok(jobs)
 }
 
-async fn release_running(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, StoreError> {
+async fn release_running(write: &mut Write, process: Option<String>, now_ms: i64) -> Result<Vec<Job>, StoreError> {
     let mut jobs = Vec::new();
-    for row in running(write, i64::MAX).await? {
+    for row in running_in(write, process).await? {
         let job = job_of(&row)?;
         let ending = after_stop(&job, row.try_get("failures")?);
         jobs.push(end(write, &job.id, ending, now_ms).await?);
@@ -257,9 +260,9 @@ async fn release_running(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, Sto
     Ok(jobs)
 }
 
-async fn recover_orphans(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, StoreError> {
+async fn recover_orphans(write: &mut Write, process: Option<String>, now_ms: i64) -> Result<Vec<Job>, StoreError> {
     let mut jobs = Vec::new();
-    for row in running(write, i64::MAX).await? {
+    for row in running_in(write, process).await? {
         let (job, failures, crashes) = (job_of(&row)?, row.try_get("failures")?, row.try_get::<i64>("crashes")? + 1);
         let spent = failures + crashes >= i64::from(job.attempts_max);
         let ending = match (job.cancel_requested, spent) {
@@ -279,8 +282,19 @@ async fn recover_orphans(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, Sto
     Ok(jobs)
 }
 
+/// At most [`EXPIRED_MAX`] jobs that a process runs; `None`: that any process runs.
+async fn running_in(write: &mut Write, process: Option<String>) -> Result<Vec<Row>, StoreError> {
+    match process {
+        None => running_until(write, i64::MAX).await,
+        Some(process) => {
+            let sql = "select * from job where process = $1 order by lease_until_ms limit $2";
+            Ok(query(sql).bind(process).bind(EXPIRED_MAX).fetch_all(write.sql()).await?)
+        }
+    }
+}
+
 /// At most [`EXPIRED_MAX`] running jobs whose leases end by `until_ms`.
-async fn running(write: &mut Write, until_ms: i64) -> Result<Vec<Row>, StoreError> {
+async fn running_until(write: &mut Write, until_ms: i64) -> Result<Vec<Row>, StoreError> {
     let sql = "select * from job where state = 'running' and lease_until_ms <= $1 order by lease_until_ms limit $2";
     Ok(query(sql).bind(until_ms).bind(EXPIRED_MAX).fetch_all(write.sql()).await?)
 }
@@ -315,7 +329,7 @@ fn after_failure(job: &Job, failures: i64, crashes: i64, mut error: JobError, re
 /// expired.
 async fn end(write: &mut Write, id: &str, ending: Ending, now_ms: i64) -> Result<Job, StoreError> {
     let sql = "update job set state = $2, lease_id = null, lease_until_ms = null, worker = null, \
-               run_time_ms = coalesce($3, run_time_ms), finish_time_ms = $4, failures = coalesce($5, failures), \
+               process = null, run_time_ms = coalesce($3, run_time_ms), finish_time_ms = $4, failures = coalesce($5, failures), \
                error = $6, cancel_requested = case $2 when 'cancelled' then 1 else 0 end, \
                checkpoint = case $2 when 'cancelled' then null else checkpoint end, revision = revision + 1 \
                where id = $1 and state = 'running' returning *";

@@ -23,6 +23,23 @@ pub struct Heartbeat {
     pub cancel_requested: bool,
 }
 
+/// Who claims jobs.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Claimant {
+    /// Name of the worker, for people.
+    pub worker: String,
+    /// Id of its process, where several share the database: only this process takes the jobs back after a restart.
+    pub process: Option<String>,
+}
+
+impl Claimant {
+    /// A worker of the only process that works on the database.
+    #[must_use]
+    pub fn named(worker: &str) -> Self {
+        Self { worker: worker.to_owned(), process: None }
+    }
+}
+
 /// Limits on running jobs, which are counted by their leases. 0: no limit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ClaimLimits {
@@ -53,7 +70,7 @@ impl Store {
     ///
     /// [`StoreError::Database`], [`StoreError::DiskFull`].
     pub async fn claim(&self, now_ms: i64, lease_ms: i64, worker: &str) -> Result<Option<(Job, Lease)>, StoreError> {
-        self.claim_within(ClaimLimits::default(), now_ms, lease_ms, worker).await
+        self.claim_within(ClaimLimits::default(), now_ms, lease_ms, &Claimant::named(worker)).await
     }
 
     /// Does the same as [`Self::claim`], with limits on the running jobs of an owner and for a display.
@@ -66,10 +83,10 @@ impl Store {
         limits: ClaimLimits,
         now_ms: i64,
         lease_ms: i64,
-        worker: &str,
+        claimant: &Claimant,
     ) -> Result<Option<(Job, Lease)>, StoreError> {
-        let worker = worker.to_owned();
-        self.write(move |write| Box::pin(async move { claim(write, limits, now_ms, lease_ms, &worker).await })).await
+        let claimant = claimant.clone();
+        self.write(move |write| Box::pin(async move { claim(write, limits, now_ms, lease_ms, &claimant).await })).await
     }
 
     /// Earliest time after `now_ms` when a waiting job becomes due \[ms since 1970\]; `None` if there is no such job.
@@ -194,12 +211,12 @@ async fn claim(
     limits: ClaimLimits,
     now_ms: i64,
     lease_ms: i64,
-    worker: &str,
+    claimant: &Claimant,
 ) -> Result<Option<(Job, Lease)>, StoreError> {
     let lease_id = Uuid::now_v7().to_string();
     let row = query(
         "update job set state = 'running', attempt = attempt + 1, lease_id = $1, lease_until_ms = $2, worker = $3, \
-         start_time_ms = $4, progress = null, error = null, revision = revision + 1 \
+         process = $7, start_time_ms = $4, progress = null, error = null, revision = revision + 1 \
          where id = ( \
             select next.id from lane \
             join job next on next.id = (select id from job where state = 'queued' and waiting_for = 0 \
@@ -219,15 +236,16 @@ async fn claim(
     )
     .bind(&lease_id)
     .bind(now_ms + lease_ms)
-    .bind(worker)
+    .bind(&claimant.worker)
     .bind(now_ms)
     .bind(limits.per_owner)
     .bind(limits.per_display)
+    .bind(&claimant.process)
     .fetch_optional(write.sql())
     .await?;
     let Some(row) = row else { return Ok(None) };
     let job = job_of(&row)?;
-    append_event(write, &job, now_ms, format!("attempt {} started by {worker}", job.attempt)).await?;
+    append_event(write, &job, now_ms, format!("attempt {} started by {}", job.attempt, claimant.worker)).await?;
     let lease = Lease { job: job.id.clone(), attempt: job.attempt, lease_id, until_ms: now_ms + lease_ms };
     Ok(Some((job, lease)))
 }

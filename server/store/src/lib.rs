@@ -21,7 +21,7 @@
 //!   displays in the field.
 //! - `webhooks`, `deliveries`: addresses that learn of events, and what they are to learn.
 //! - `collection`: automatic removal of old records. `inspect`: read access for checks and backups.
-//! - `open`: files, connections, migrations. `sql`: statements that both databases run. `write`: write transactions.
+//! - `open`: files, connections, migrations. `database_time`: the time of day on which processes agree. `sql`: statements that both databases run. `write`: write transactions.
 //!   `changes`: announcements. `notices`: those of other processes. `subscriptions`: receiving announcements. `rows`: text
 //!   and JSON. `job_rows`: jobs as rows.
 //! - `displays`, `artifacts`, `datasets`, `jobs`, `leases`, `endings`, `cancels`, `events`, `kernels`, `moves`,
@@ -35,6 +35,7 @@ mod changes;
 mod collection;
 #[cfg(test)]
 mod conformance;
+mod database_time;
 mod datasets;
 mod deliveries;
 mod dependencies;
@@ -74,7 +75,7 @@ pub use error::{AbortReason, StoreError};
 pub use inspect::{Counts, DanglingReference, Inspection, StoredBlob};
 pub use job_lists::JobFilter;
 pub use jobs::{QueueCounts, QueueLimits, Submitted};
-pub use leases::{ClaimLimits, Heartbeat};
+pub use leases::{ClaimLimits, Claimant, Heartbeat};
 pub use moves::{ALIASES_MAX, AliasMove, Promotion};
 pub use open::Store;
 pub use queue::{BatchProgress, OwnerQueue, Pause};

@@ -24,7 +24,7 @@ pub(super) const NOTIFY: &str = "select pg_notify('lightpath', $1)";
 const NOTICE_BYTES_MAX: usize = 7000;
 
 /// Longest time for which a job can be ready, or a webhook due, without anybody looking.
-const LOOK_INTERVAL: Duration = Duration::from_secs(5);
+pub(super) const LOOK_INTERVAL: Duration = Duration::from_secs(5);
 
 /// Pause before another attempt to connect.
 const RECONNECT_PAUSE: Duration = Duration::from_secs(1);
@@ -133,11 +133,13 @@ fn upgrade(inner: &Weak<Inner>) -> Option<Store> {
     inner.upgrade().map(|inner| Store { inner })
 }
 
-/// Makes workers look into the queue from time to time.
+/// Makes workers look into the queue from time to time, and asks for the database's time.
 async fn look(inner: Weak<Inner>) {
     loop {
         sleep(LOOK_INTERVAL).await;
         let Some(inner) = inner.upgrade() else { return };
+        // Without an answer the time counts on evenly.
+        drop(inner.time.read(&inner.readers).await);
         inner.changes.publish(vec![Change::Claimable, Change::Deliverable]);
     }
 }

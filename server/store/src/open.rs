@@ -2,6 +2,7 @@
 
 use super::StoreError;
 use super::changes::Changes;
+use super::database_time::DatabaseTime;
 use super::sql::Pool;
 use sqlx::migrate::{MigrateError, Migration, MigrationType, Migrator};
 use sqlx::postgres::{PgConnectOptions, PgConnection, PgListener, PgPoolOptions};
@@ -85,6 +86,7 @@ pub(super) struct Inner {
     pub(super) changes: Changes,
     /// The file of SQLite.
     pub(super) path: Option<PathBuf>,
+    pub(super) time: DatabaseTime,
     /// Name of this handle for others, so that it does not hear itself.
     pub(super) process: String,
     /// The task that hears of the changes of other processes.
@@ -130,13 +132,15 @@ impl Store {
         let readers = pool(POSTGRES_READERS).connect_with(read_only).await?;
         let listener = PgListener::connect_with(&readers).await?;
         let store = Self::of(Pool::Postgres(writers), Pool::Postgres(readers), None);
+        store.inner.time.read(store.readers()).await?;
         store.listen(listener).await?;
         Ok(store)
     }
 
     fn of(writers: Pool, readers: Pool, path: Option<PathBuf>) -> Self {
         let (changes, process) = (Changes::default(), Uuid::now_v7().to_string());
-        Self { inner: Arc::new(Inner { writers, readers, changes, path, process, listener: Mutex::default() }) }
+        let time = DatabaseTime::default();
+        Self { inner: Arc::new(Inner { writers, readers, changes, path, time, process, listener: Mutex::default() }) }
     }
 
     /// Waits for operations in progress and closes the database. Later calls fail.

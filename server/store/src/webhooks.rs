@@ -37,7 +37,10 @@ impl Store {
                         return Err(StoreError::not_found(format!("displays/{display}")));
                     }
                 }
-                let inserted = query("insert into webhook values ($1, $2, $3, $4, $5, $6, $7) on conflict do nothing")
+                let inserted = query(
+                        "insert into webhook (id, url, events, display, secret, caller, create_time_ms) \
+                         values ($1, $2, $3, $4, $5, $6, $7) on conflict do nothing",
+                    )
                     .bind(&webhook.id)
                     .bind(webhook.url.as_str())
                     .bind(to_json("webhook.events", &webhook.events)?)
@@ -102,6 +105,48 @@ impl Store {
                     0 => Err(StoreError::not_found(name(&id))),
                     _ => Ok(()),
                 }
+            })
+        })
+        .await
+    }
+
+    /// Keeps other processes from telling this webhook for `hold_ms`. Returns whether this process may tell it; it always
+    /// may where no other process shares the database.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn hold_webhook(&self, id: &str, now_ms: i64, hold_ms: i64) -> Result<bool, StoreError> {
+        if !self.is_shared() {
+            return Ok(true);
+        }
+        let (id, process) = (id.to_owned(), self.inner.process.clone());
+        self.write_row(move |write| {
+            Box::pin(async move {
+                let sql = "update webhook set teller = $2, teller_until_ms = $3 where id = $1 \
+                           and (teller is null or teller = $2 or teller_until_ms <= $4)";
+                let held = query(sql).bind(id).bind(process).bind(now_ms + hold_ms).bind(now_ms);
+                Ok(held.execute(write.sql()).await? == 1)
+            })
+        })
+        .await
+    }
+
+    /// Ends what [`Self::hold_webhook`] began.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn release_webhook(&self, id: &str) -> Result<(), StoreError> {
+        if !self.is_shared() {
+            return Ok(());
+        }
+        let (id, process) = (id.to_owned(), self.inner.process.clone());
+        self.write_row(move |write| {
+            Box::pin(async move {
+                let sql = "update webhook set teller = null, teller_until_ms = null where id = $1 and teller = $2";
+                query(sql).bind(id).bind(process).execute(write.sql()).await?;
+                Ok(())
             })
         })
         .await

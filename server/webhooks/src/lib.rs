@@ -28,13 +28,15 @@ use tokio_util::sync::CancellationToken;
 const SEARCH_INTERVAL: Duration = Duration::from_millis(50);
 /// Longest time between two searches, in case the clock was set.
 const SEARCH_INTERVAL_MAX: Duration = Duration::from_secs(30);
-/// Pause after an error of the database.
+/// Time for which other processes do not tell a webhook that this one tells \[ms\]: longer than an attempt takes.
+const HOLD_MS: i64 = 30_000;
+/// Pause after an error of the database, or while another process tells a webhook.
 const PAUSE_AFTER_ERROR: Duration = Duration::from_secs(5);
 
-/// Sends what webhooks are to learn until `stopping` is cancelled. A slow receiver delays its own webhook only. `now_ms`
-/// is the clock \[ms since 1970\].
-pub async fn run(store: Store, origins: Origins, now_ms: fn() -> i64, stopping: CancellationToken) {
-    let deliverer = Arc::new(Deliverer { store, origins, now_ms, sender: Sender::new() });
+/// Sends what webhooks are to learn until `stopping` is cancelled. A slow receiver delays its own webhook only. Of
+/// the processes that share a database, one at a time tells a webhook.
+pub async fn run(store: Store, origins: Origins, stopping: CancellationToken) {
+    let deliverer = Arc::new(Deliverer { store, origins, sender: Sender::new() });
     stopping.run_until_cancelled(deliver(deliverer)).await;
 }
 
@@ -42,7 +44,6 @@ pub async fn run(store: Store, origins: Origins, now_ms: fn() -> i64, stopping: 
 struct Deliverer {
     store: Store,
     origins: Origins,
-    now_ms: fn() -> i64,
     sender: Sender,
 }
 
@@ -57,7 +58,7 @@ async fn deliver(deliverer: Arc<Deliverer>) {
                 busy.remove(&id);
             }
         }
-        let wait = match deliverer.store.webhooks_due((deliverer.now_ms)()).await {
+        let wait = match deliverer.store.webhooks_due(deliverer.store.now_ms()).await {
             Ok(due) => {
                 for id in due {
                     if busy.insert(id.clone()) {
@@ -84,7 +85,9 @@ async fn deliver(deliverer: Arc<Deliverer>) {
 
 /// Tells a webhook everything that is due. Returns its id.
 async fn tell(deliverer: Arc<Deliverer>, webhook: String) -> String {
-    if let Err(error) = deliverer.tell(&webhook).await {
+    let told = deliverer.tell(&webhook).await;
+    let released = deliverer.store.release_webhook(&webhook).await;
+    if let Err(error) = told.and(released) {
         // The delivery still waits, and the next search finds it.
         tracing::error!(
             error = &error as &dyn std::error::Error,
@@ -100,7 +103,7 @@ impl Deliverer {
     async fn until_next(&self) -> Duration {
         match self.store.next_attempt_ms().await {
             Ok(Some(next_ms)) => {
-                let wait_ms = next_ms.saturating_sub((self.now_ms)()).max(0).unsigned_abs();
+                let wait_ms = next_ms.saturating_sub(self.store.now_ms()).max(0).unsigned_abs();
                 // What is due already is being told, and its task wakes the loop.
                 let wait = if wait_ms == 0 { SEARCH_INTERVAL_MAX } else { Duration::from_millis(wait_ms) };
                 wait.min(SEARCH_INTERVAL_MAX)
@@ -111,19 +114,26 @@ impl Deliverer {
     }
 
     async fn tell(&self, id: &str) -> Result<(), StoreError> {
-        while let Some(delivery) = self.store.due_delivery(id, (self.now_ms)()).await? {
+        while self.store.due_delivery(id, self.store.now_ms()).await?.is_some() {
+            if !self.store.hold_webhook(id, self.store.now_ms(), HOLD_MS).await? {
+                // Another process tells it, or died while it did.
+                sleep(PAUSE_AFTER_ERROR).await;
+                return Ok(());
+            }
+            // The other process may have told this one before it let go.
+            let Some(delivery) = self.store.due_delivery(id, self.store.now_ms()).await? else { return Ok(()) };
             let webhook = match self.store.webhook(id).await {
                 // It was deleted meanwhile, with its deliveries.
                 Err(StoreError::NotFound { .. }) => return Ok(()),
                 other => other?,
             };
             let answer = if self.origins.contains(webhook.url.origin()) {
-                let message = Message::of(&delivery, &self.store.webhook_secret(id).await?, (self.now_ms)());
+                let message = Message::of(&delivery, &self.store.webhook_secret(id).await?, self.store.now_ms());
                 self.sender.send(webhook.url.as_str(), message).await
             } else {
                 Answer::refused(format!("the setting webhook_origins does not allow {}", webhook.url.origin()))
             };
-            let attempt = schedule::after(&delivery, &answer, (self.now_ms)());
+            let attempt = schedule::after(&delivery, &answer, self.store.now_ms());
             lightpath_metrics::webhook_attempt(answer.is_accepted());
             tracing::debug!(webhook = id, delivery = delivery.id, answer = answer.text(), "told a webhook");
             self.store.note_attempt(&delivery, attempt, answer.text()).await?;

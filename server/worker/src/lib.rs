@@ -65,7 +65,7 @@ use lightpath_domain::job::{Job, JobSpec};
 use lightpath_media::live_pictures::LivePictures;
 use lightpath_metrics::{self as metrics, LeaseLoss};
 use lightpath_optics::EngineCache;
-use lightpath_store::{ClaimLimits, Store, StoreError};
+use lightpath_store::{Claimant, ClaimLimits, Store, StoreError};
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -82,6 +82,9 @@ const COMPUTE_NICENESS: i32 = 10;
 /// Time without a check of the leases after which no lease is taken back, in leases. The checks come twice in the time
 /// of a lease, and a lease outlives two thirds of its time without heartbeats.
 const ABSENCE_MIN: f64 = 0.6;
+/// Time, beside that of a lease, in which the heartbeats of all living workers come after the database's clock was set:
+/// each process notices within a few seconds.
+const HEARTBEATS_WAIT: Duration = Duration::from_secs(10);
 /// Longest time between two reads of the queue.
 const POLL_INTERVAL_MAX: Duration = Duration::from_secs(60);
 
@@ -126,6 +129,8 @@ pub struct WorkerConfig {
     pub memory_bytes: u64,
     /// Name of the workers in the events of jobs.
     pub name: String,
+    /// Id of this process, if several share the database. No two living processes have the same.
+    pub process: Option<String>,
 }
 
 impl Default for WorkerConfig {
@@ -140,6 +145,7 @@ impl Default for WorkerConfig {
             timeouts: Timeouts::default(),
             memory_bytes: 4 << 30,
             name: "worker".to_owned(),
+            process: None,
         }
     }
 }
@@ -230,7 +236,7 @@ impl Worker {
     pub fn new(store: Store, artifacts: Artifacts, config: WorkerConfig, task: Arc<dyn Task>) -> Self {
         let engines = Arc::new(EngineCache::new(cache_bytes_max(config.memory_bytes) as usize));
         let memory = JobMemory::new(config.memory_bytes);
-        let (clock, live_pictures) = (Clock::default(), LivePictures::default());
+        let (clock, live_pictures) = (Clock::of(&store), LivePictures::default());
         Self { store, artifacts, engines, memory, config, task, clock, live_pictures }
     }
 
@@ -250,7 +256,8 @@ impl Worker {
     /// Recovers the queue after an earlier process, then works until `drain` is cancelled. At the end, running jobs
     /// save their state and return to the queue.
     ///
-    /// Only for the one process that holds the data folder: jobs that run at the start are treated as orphans.
+    /// Jobs that this process is said to run at the start are treated as orphans; without an id of the process, all
+    /// running jobs.
     ///
     /// # Errors
     ///
@@ -289,7 +296,7 @@ impl Worker {
     /// Requeues the jobs of dead workers and removes checkpoints to which no job refers.
     async fn recover(&self) -> Result<(), WorkerError> {
         loop {
-            let orphans = self.store.recover_orphans(self.clock.now_ms()).await?;
+            let orphans = self.store.recover_orphans(self.config.process.as_deref(), self.clock.now_ms()).await?;
             if orphans.is_empty() {
                 break;
             }
@@ -309,7 +316,8 @@ impl Worker {
     }
 
     async fn claim_loop(&self, index: usize, pool: Arc<ThreadPool>, drain: CancellationToken) {
-        let name = format!("{}-{index}", self.config.name);
+        let claimant =
+            Claimant { worker: format!("{}-{index}", self.config.name), process: self.config.process.clone() };
         let claimable = self.store.claimable();
         while !drain.is_cancelled() {
             if self.artifacts.space().room_to_start().is_err() {
@@ -320,7 +328,7 @@ impl Worker {
                 continue;
             }
             let now_ms = self.clock.now_ms();
-            match self.store.claim_within(self.config.limits, now_ms, self.lease_ms(), &name).await {
+            match self.store.claim_within(self.config.limits, now_ms, self.lease_ms(), &claimant).await {
                 Ok(Some((job, lease))) => {
                     // More jobs may be ready: wake another idle worker.
                     claimable.notify_one();
@@ -365,11 +373,19 @@ impl Worker {
     async fn expire_loop(&self, drain: CancellationToken) {
         let mut ticks = tokio::time::interval(self.config.lease / 2);
         ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
-        let mut checked = Instant::now();
+        let started = Instant::now();
+        let mut checked = started;
         loop {
             tokio::select! {
                 _ = ticks.tick() => {}
                 () = drain.cancelled() => return,
+            }
+            // The others may have been cut off from the database before this process started, or its clock was set: their
+            // heartbeats come first.
+            let since_change = self.store.since_time_jump().unwrap_or(Duration::MAX).min(started.elapsed());
+            if self.store.is_shared() && since_change < self.config.lease + HEARTBEATS_WAIT {
+                checked = Instant::now();
+                continue;
             }
             if checked.elapsed() > self.config.lease.mul_f64(ABSENCE_MIN) {
                 // This process was suspended, or it could not write. Its heartbeats could not be stored either, so they

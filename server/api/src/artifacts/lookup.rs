@@ -3,7 +3,6 @@
 use crate::api::Api;
 use crate::call::Call;
 use crate::error::ApiError;
-use crate::time::now_ms;
 use lightpath_store::ArtifactRecord;
 
 impl Api {
@@ -26,7 +25,7 @@ impl Api {
     /// it. The time of use is updated, so that the artifact is not removed soon.
     pub(crate) async fn artifact_in_use(&self, call: &Call, digest: &str) -> Result<Option<ArtifactRecord>, ApiError> {
         match self.artifact_for_caller(call, digest).await? {
-            Some(_) => Ok(self.store.use_artifact(digest, now_ms()).await?),
+            Some(_) => Ok(self.store.use_artifact(digest, self.store.now_ms()).await?),
             None => Ok(None),
         }
     }

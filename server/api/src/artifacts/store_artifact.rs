@@ -3,7 +3,6 @@
 use crate::api::Api;
 use crate::call::Call;
 use crate::error::ApiError;
-use crate::time::now_ms;
 
 impl Api {
     /// Stores bytes as an artifact owned by the caller, and returns its digest. Empty bytes are not stored; their
@@ -16,7 +15,7 @@ impl Api {
         let _publishing = self.artifacts.publishing().await;
         let digest = self.artifacts.put_bytes(bytes).await?;
         call.concerns(&digest);
-        self.store.record_artifact(&digest, size_bytes, &call.caller.name, now_ms()).await?;
+        self.store.record_artifact(&digest, size_bytes, &call.caller.name, self.store.now_ms()).await?;
         Ok(digest)
     }
 }

@@ -6,7 +6,6 @@ use crate::api::Api;
 use crate::call::Call;
 use crate::error::ApiError;
 use crate::field::Field;
-use crate::time::now_ms;
 use futures::{Stream, StreamExt as _, stream};
 use lightpath_artifacts::{ArtifactError, UploadWriter};
 use lightpath_proto::v1;
@@ -107,7 +106,7 @@ impl Api {
         let _publishing = self.artifacts.publishing().await;
         let digest = upload.finish().await?;
         call.concerns(&digest);
-        let record = self.store.record_artifact(&digest, size_bytes, &call.caller.name, now_ms()).await?;
+        let record = self.store.record_artifact(&digest, size_bytes, &call.caller.name, self.store.now_ms()).await?;
         Ok(to_wire::artifact(record))
     }
 

@@ -7,7 +7,6 @@ use crate::error::ApiError;
 use crate::field::Field;
 use crate::names;
 use crate::pages::Page;
-use crate::time::now_ms;
 use crate::wrong_fields::check_all;
 use lightpath_domain::dataset::{Dataset, Encoding};
 use lightpath_proto::v1;
@@ -59,7 +58,7 @@ impl Api {
         let message = field.required(request.dataset)?;
         let dataset = self.new_dataset(call, &message, &field).await?;
         call.concerns(format!("datasets/{}", dataset.id));
-        Ok(to_wire::dataset(self.store.create_dataset(&dataset, now_ms()).await?))
+        Ok(to_wire::dataset(self.store.create_dataset(&dataset, self.store.now_ms()).await?))
     }
 
     async fn get_dataset(&self, call: &Call, request: v1::GetDatasetRequest) -> Result<v1::Dataset, ApiError> {
@@ -87,7 +86,7 @@ impl Api {
         let id = names::dataset_id(&Field::new("name"), &request.name)?;
         call.concerns(format!("datasets/{id}"));
         self.visible_dataset(call, &id).await?;
-        self.store.delete_dataset(&id, now_ms()).await?;
+        self.store.delete_dataset(&id, self.store.now_ms()).await?;
         Ok(v1::DeleteDatasetResponse {})
     }
 

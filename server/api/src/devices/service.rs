@@ -8,7 +8,6 @@ use crate::field::Field;
 use crate::names;
 use crate::pages::Page;
 use crate::permissions;
-use crate::time::now_ms;
 use lightpath_domain::device::{Device, InstalledFile, InstalledKernel, Report};
 use lightpath_domain::kernel::KernelKey;
 use lightpath_domain::kernel_format::KernelFormat;
@@ -83,7 +82,7 @@ impl Api {
                 self_test_loss: loss
                     .map(|loss| Field::new("self_test_loss").number(loss, 0.0..=f64::MAX))
                     .transpose()?,
-                report_time_ms: now_ms(),
+                report_time_ms: self.store.now_ms(),
             },
         };
         self.store.report_device(report).await?;
@@ -123,7 +122,7 @@ impl Api {
             "" => "",
             group => names::label(&Field::new("group"), group)?,
         };
-        Ok(to_wire::device(self.store.set_device_group(&display, &device, group, now_ms()).await?))
+        Ok(to_wire::device(self.store.set_device_group(&display, &device, group, self.store.now_ms()).await?))
     }
 
     async fn delete_device(

@@ -7,7 +7,6 @@ use crate::error::ApiError;
 use crate::field::Field;
 use crate::names;
 use crate::pages::Page;
-use crate::time::now_ms;
 use lightpath_domain::display::Display;
 use lightpath_proto::v1;
 use lightpath_proto::v1::display_service_server::DisplayService;
@@ -53,7 +52,7 @@ impl Api {
         let field = Field::new("display");
         let display = from_wire::display(call, field.required(request.display)?, &field)?;
         call.concerns(format!("displays/{}", display.id));
-        let (display, create_time_ms) = self.store.create_display(&display, now_ms()).await?;
+        let (display, create_time_ms) = self.store.create_display(&display, self.store.now_ms()).await?;
         Ok(to_wire::display(display, create_time_ms))
     }
 

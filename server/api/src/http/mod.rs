@@ -11,7 +11,7 @@
 //!   `server_sent_events`: their streams.
 //!   `kernel_files`: kernels and keyrings for devices. `artifact_files`: files of datasets and results.
 //!   `artifact_pictures`: the same as pictures. `live_pictures`: pictures of running jobs. `file_answer`, `byte_range`:
-//!   files in ranges. `etags`: conditions of requests. `refusal`: errors as answers.
+//!   files in ranges. `worker_status`: health and metrics of a process that only runs jobs. `etags`: conditions of requests. `refusal`: errors as answers.
 
 mod artifact_files;
 mod artifact_pictures;
@@ -34,12 +34,12 @@ mod requests;
 mod server_sent_events;
 mod token_expiry;
 mod transcode;
+mod worker_status;
 
 pub use crate::accounts::{MemoryBudget, Rate};
 use crate::api::Api;
 use crate::call::Call;
 use crate::error::ApiError;
-use crate::time::now_ms;
 use axum::extract::{DefaultBodyLimit, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::middleware;
@@ -52,6 +52,10 @@ pub use origin::Hosts;
 use refusal::Refusal;
 use std::sync::Arc;
 pub use token_expiry::EndedTokens;
+pub use worker_status::serve_worker_status;
+
+/// Content type of the metrics: the text format of Prometheus.
+const METRICS_TYPE: &str = "text/plain; version=0.0.4; charset=utf-8";
 
 const ARTIFACT_CONTENT: &str = "/v1/artifacts/{digest}/content";
 const PAGE_FILE: &str = "/page/{*file}";
@@ -147,8 +151,6 @@ async fn metrics(State(api): State<Api>, Extension(call): Extension<Call>) -> Re
         );
         return Err(ApiError::Denied(message).into());
     }
-    /// Content type of the text format of Prometheus.
-    const TEXT_FORMAT: &str = "text/plain; version=0.0.4; charset=utf-8";
-    let text = metrics::render(&api.store, &api.artifacts, now_ms()).await.map_err(ApiError::from)?;
-    Ok(([(header::CONTENT_TYPE, TEXT_FORMAT)], text).into_response())
+    let text = metrics::render(&api.store, &api.artifacts, api.store.now_ms()).await.map_err(ApiError::from)?;
+    Ok(([(header::CONTENT_TYPE, METRICS_TYPE)], text).into_response())
 }

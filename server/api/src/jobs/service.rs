@@ -9,7 +9,7 @@ use crate::field::{Field, shortened};
 use crate::names;
 use crate::pages::Page;
 use crate::permissions::require_all_displays;
-use crate::time::{ms, now_ms};
+use crate::time::ms;
 use lightpath_metrics as metrics;
 use lightpath_proto::v1;
 use lightpath_proto::v1::job_service_server::JobService;
@@ -107,7 +107,7 @@ impl Api {
         let id = names::job_id(&Field::new("name"), &request.name)?;
         call.concerns(format!("jobs/{id}"));
         self.visible_job(call, &id).await?;
-        let job = self.store.cancel(&id, now_ms()).await?;
+        let job = self.store.cancel(&id, self.store.now_ms()).await?;
         // A running job ends when its worker stops it, and the worker counts it then.
         if job.state.has_ended() {
             metrics::job_ended(&job);
@@ -119,7 +119,7 @@ impl Api {
         let id = names::job_id(&Field::new("name"), &request.name)?;
         call.concerns(format!("jobs/{id}"));
         self.visible_job(call, &id).await?;
-        match self.store.retry(&id, now_ms()).await {
+        match self.store.retry(&id, self.store.now_ms()).await {
             Ok(job) => Ok(to_wire::job(self.seen_by(&call.caller, job).await?)),
             Err(error) => Err(self.error_for(&call.caller, error).await),
         }

@@ -6,7 +6,6 @@ use crate::api::Api;
 use crate::call::Call;
 use crate::error::ApiError;
 use crate::field::Field;
-use crate::time::now_ms;
 use crate::wrong_fields::{check_all, is_about_fields};
 use lightpath_domain::access::Role;
 use lightpath_domain::job::{Job, JobSpec, NewJob, Scheduling};
@@ -23,7 +22,7 @@ const PRIORITY_MAX: i32 = 100;
 impl Api {
     pub(crate) async fn submit_job(&self, call: &Call, request: v1::SubmitJobRequest) -> Result<v1::Job, ApiError> {
         let new = self.new_job(call, request).await?;
-        match self.store.submit(&new, now_ms(), self.queue_limits).await {
+        match self.store.submit(&new, self.store.now_ms(), self.queue_limits).await {
             Ok((job, _)) => {
                 call.concerns(format!("jobs/{}", job.id));
                 Ok(to_wire::job(job))

@@ -7,7 +7,6 @@ use crate::api::Api;
 use crate::call::Call;
 use crate::error::ApiError;
 use crate::field::Field;
-use crate::time::now_ms;
 use lightpath_artifacts::ArtifactError;
 use lightpath_domain::display::Display;
 use lightpath_domain::kernel::{KernelKey, KernelLineage, KernelMetrics, LearnedDataset, NewKernelVersion};
@@ -84,7 +83,7 @@ impl Api {
             None => (KernelMetrics::default(), lineage(parameters.to_string(), origin.interpolated_from_m)),
         };
         let version = NewKernelVersion { model: kind, artifact, size_bytes, metrics, lineage };
-        Ok(to_wire::version(self.store.add_kernel_version(&key, version, now_ms()).await?))
+        Ok(to_wire::version(self.store.add_kernel_version(&key, version, self.store.now_ms()).await?))
     }
 }
 

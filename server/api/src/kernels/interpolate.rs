@@ -7,7 +7,6 @@ use crate::call::Call;
 use crate::error::ApiError;
 use crate::field::Field;
 use crate::optics::propagation_checks::distance_refusal;
-use crate::time::now_ms;
 use lightpath_domain::kernel::{
     KernelKey, KernelLineage, KernelMetrics, KernelVersion, LearnedDataset, NewKernelVersion,
 };
@@ -65,7 +64,7 @@ impl Api {
                 ..content.lineage.clone()
             },
         };
-        Ok(to_wire::version(self.store.add_kernel_version(&key, version, now_ms()).await?))
+        Ok(to_wire::version(self.store.add_kernel_version(&key, version, self.store.now_ms()).await?))
     }
 }
 

@@ -7,7 +7,6 @@ use crate::error::ApiError;
 use crate::field::Field;
 use crate::names;
 use crate::pages::Page;
-use crate::time::now_ms;
 use lightpath_domain::kernel::{Cause, KernelKey, KernelVersion};
 use lightpath_domain::kernel_format::KernelFormat;
 use lightpath_domain::promotion::{GateCheck, PromotionGate};
@@ -56,7 +55,7 @@ impl Api {
         let passage = Passage { version, expected_active, force, reason: &reason };
         let Passed { expected_active, overridden } = self.pass_gate(call, &key, passage).await?;
         let promotion = Promotion { version, expected_active, cause: cause(call, reason), overridden };
-        Ok(to_wire::kernel(&self.store.promote(&key, promotion, now_ms()).await?))
+        Ok(to_wire::kernel(&self.store.promote(&key, promotion, self.store.now_ms()).await?))
     }
 
     pub(crate) async fn check_promotion(
@@ -83,7 +82,7 @@ impl Api {
         let reason = Field::new("reason").line(request.reason, REASON_BYTES_MAX)?;
         let expected = Field::new("expected_active_version").required(request.expected_active_version)?;
         let expected = (expected > 0).then_some(expected);
-        Ok(to_wire::kernel(&self.store.rollback(&key, expected, &cause(call, reason), now_ms()).await?))
+        Ok(to_wire::kernel(&self.store.rollback(&key, expected, &cause(call, reason), self.store.now_ms()).await?))
     }
 
     pub(crate) async fn list_kernel_moves(

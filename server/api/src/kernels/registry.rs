@@ -7,7 +7,6 @@ use crate::call::Call;
 use crate::error::ApiError;
 use crate::field::Field;
 use crate::names;
-use crate::time::now_ms;
 use lightpath_domain::kernel::{ACTIVE, KernelKey};
 use lightpath_domain::promotion::PromotionGate;
 use lightpath_proto::v1;
@@ -30,7 +29,7 @@ impl Api {
         call.concerns(&request.display);
         let reason = Field::new("reason").line(request.reason, REASON_BYTES_MAX)?;
         let gate = gate_from_wire(&Field::new("gate"), request.gate.unwrap_or_default())?;
-        self.store.set_gate(&display.id, &gate, &cause(call, reason), now_ms()).await?;
+        self.store.set_gate(&display.id, &gate, &cause(call, reason), self.store.now_ms()).await?;
         self.display_gate(&display.id).await
     }
 
@@ -65,7 +64,7 @@ impl Api {
         let some = |version: u32| (version > 0).then_some(version);
         let (version, expected) = (some(request.version), request.expected_version.map(some));
         let step = AliasMove { alias, version, expected, cause: cause(call, reason) };
-        let kernel = self.store.set_alias(&key, step, now_ms()).await?;
+        let kernel = self.store.set_alias(&key, step, self.store.now_ms()).await?;
         Ok(to_wire::kernel(&kernel))
     }
 
@@ -83,7 +82,7 @@ impl Api {
         }
         let deprecated = !request.undo;
         let version =
-            self.store.deprecate_kernel_version(&key, version, deprecated, &cause(call, reason), now_ms()).await?;
+            self.store.deprecate_kernel_version(&key, version, deprecated, &cause(call, reason), self.store.now_ms()).await?;
         Ok(to_wire::version(version))
     }
 

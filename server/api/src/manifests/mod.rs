@@ -16,7 +16,7 @@ use crate::error::ApiError;
 use crate::field::Field;
 use crate::names;
 use crate::permissions;
-use crate::time::{now_ms, timestamp};
+use crate::time::timestamp;
 use issued::IssuedKey;
 use lightpath_domain::kernel::{KernelKey, KernelMoment, KernelVersion};
 use lightpath_domain::reason::PreconditionReason;
@@ -61,7 +61,7 @@ impl Api {
         device: Option<&str>,
     ) -> Result<Arc<Issued>, ApiError> {
         let moment = self.store.kernel_moment(key, device).await?;
-        let now_s = now_ms().div_euclid(1000);
+        let now_s = self.store.now_ms().div_euclid(1000);
         let Some(version) = moment.version else {
             let message = format!("no version of {key} is active; promote one first");
             return Err(ApiError::Precondition { reason: PreconditionReason::NoActiveKernel, message });

@@ -7,7 +7,6 @@ use crate::error::ApiError;
 use crate::field::Field;
 use crate::names;
 use crate::permissions::require_all_displays;
-use crate::time::now_ms;
 use lightpath_proto::v1;
 use lightpath_store::Pause;
 
@@ -24,7 +23,7 @@ impl Api {
         let display = names::display_filter(call, &Field::new("display"), &request.display)?;
         let reason = Field::new("reason").text(request.reason, REASON_BYTES_MAX)?;
         note(call, display.as_deref());
-        self.store.pause(display.as_deref(), &reason, now_ms()).await?;
+        self.store.pause(display.as_deref(), &reason, self.store.now_ms()).await?;
         self.queue(call).await
     }
 

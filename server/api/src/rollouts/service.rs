@@ -8,7 +8,6 @@ use crate::field::Field;
 use crate::kernels::promotion::{Passage, Passed, REASON_BYTES_MAX, cause};
 use crate::names;
 use crate::pages::Page;
-use crate::time::now_ms;
 use lightpath_domain::kernel::KernelKey;
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_domain::rollout::{RolloutPlan, RolloutState};
@@ -67,7 +66,7 @@ impl Api {
         let Passed { expected_active, overridden } = self.pass_gate(call, &key, passage).await?;
         plan.overridden = overridden;
         plan.cause = cause(call, reason);
-        let rollout = self.store.start_rollout(&key, plan, expected_active, now_ms()).await?;
+        let rollout = self.store.start_rollout(&key, plan, expected_active, self.store.now_ms()).await?;
         Ok(to_wire::rollout(rollout, Vec::new()))
     }
 
@@ -78,7 +77,7 @@ impl Api {
         self.require_still_passes(call, &key, number).await?;
         let (expected_revision, caller) = (request.expected_revision, call.caller.name.clone());
         let widening = Widening { share_percent, expected_revision, caller };
-        let rollout = self.store.widen_rollout(&key, number, widening, now_ms()).await?;
+        let rollout = self.store.widen_rollout(&key, number, widening, self.store.now_ms()).await?;
         Ok(to_wire::rollout(rollout, Vec::new()))
     }
 
@@ -91,7 +90,7 @@ impl Api {
         call.concerns(&request.name);
         self.require_still_passes(call, &key, number).await?;
         let (revision, caller) = (request.expected_revision, &call.caller.name);
-        let rollout = self.store.complete_rollout(&key, number, revision, caller, now_ms()).await?;
+        let rollout = self.store.complete_rollout(&key, number, revision, caller, self.store.now_ms()).await?;
         Ok(to_wire::rollout(rollout, Vec::new()))
     }
 
@@ -118,7 +117,7 @@ impl Api {
         let (key, number) = names::rollout(call, &Field::new("name"), &request.name)?;
         call.concerns(&request.name);
         let reason = Field::new("reason").line(request.reason, REASON_BYTES_MAX)?;
-        let rollout = self.store.halt_rollout(&key, number, &cause(call, reason), now_ms()).await?;
+        let rollout = self.store.halt_rollout(&key, number, &cause(call, reason), self.store.now_ms()).await?;
         Ok(to_wire::rollout(rollout, Vec::new()))
     }
 

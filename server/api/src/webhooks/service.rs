@@ -7,7 +7,6 @@ use crate::error::ApiError;
 use crate::field::{Field, shortened};
 use crate::names;
 use crate::pages::Page;
-use crate::time::now_ms;
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_domain::webhook::{Delivery, Webhook, WebhookEvent, WebhookSecret, WebhookUrl};
 use lightpath_proto::v1;
@@ -71,7 +70,7 @@ impl Api {
             events: events.collect::<Result<_, _>>()?,
             display: names::display_filter(call, &Field::new("display"), &request.display)?,
             caller: call.caller.name.clone(),
-            create_time_ms: now_ms(),
+            create_time_ms: self.store.now_ms(),
         };
         let secret = WebhookSecret::generate().map_err(|_| ApiError::NoRandomness)?;
         self.store.create_webhook(&webhook, &secret).await?;
@@ -115,7 +114,7 @@ impl Api {
     ) -> Result<v1::WebhookDelivery, ApiError> {
         let webhook = self.webhook(call, &Field::new("name"), &request.name).await?;
         call.concerns(&request.name);
-        Ok(to_wire::delivery(self.store.test_webhook(&webhook.id, &call.caller.name, now_ms()).await?))
+        Ok(to_wire::delivery(self.store.test_webhook(&webhook.id, &call.caller.name, self.store.now_ms()).await?))
     }
 
     async fn list_webhook_deliveries(

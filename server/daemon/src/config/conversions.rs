@@ -25,6 +25,18 @@ impl Config {
         Database::of(&self.data_dir, self.database_url.as_deref()).ok_or(ConfigError::DatabaseUrl)
     }
 
+    /// Makes sure that other processes can share the database and the artifacts of this one.
+    ///
+    /// # Errors
+    ///
+    /// [`ConfigError::NotShared`].
+    pub fn require_shared(&self, what: &'static str) -> Result<(), ConfigError> {
+        match &self.database_url {
+            None => Err(ConfigError::NotShared { what, missing: "database_url" }),
+            Some(_) => Ok(()),
+        }
+    }
+
     /// Files for TLS; `None`: no TLS.
     ///
     /// # Errors
@@ -146,8 +158,18 @@ impl Config {
                 verify: limit(self.verify_timeout_s),
             },
             memory_bytes: bytes(self.job_memory_mib_max),
+            name: self.worker_name(),
             ..WorkerConfig::default()
         }
+    }
+
+    /// Name of the workers. On a database that other machines may use, people want to know which machine it was.
+    fn worker_name(&self) -> String {
+        let default = || match self.database_url {
+            Some(_) => rustix::system::uname().nodename().to_string_lossy().into_owned(),
+            None => WorkerConfig::default().name,
+        };
+        self.worker_name.clone().unwrap_or_else(default)
     }
 }
 

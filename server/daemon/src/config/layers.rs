@@ -9,6 +9,34 @@ use std::fs;
 use std::path::Path;
 use toml::{Table, Value};
 
+/// Settings without a meaning for a process that only runs jobs.
+const SERVER_ONLY: &[&str] = &[
+    "listen",
+    "tls_cert",
+    "tls_key",
+    "tls_client_ca",
+    "require_tokens",
+    "insecure",
+    "calls_per_s_max",
+    "under_way_mib_max",
+    "computing_mib_max",
+    "host_names",
+    "cors_origins",
+    "webhook_origins",
+    "no_worker",
+    "queue_limit",
+    "owner_queue_limit",
+    "owner_stored_mib_max",
+    "job_time_s_max",
+    "collect_artifacts_after_days",
+    "collect_jobs_after_days",
+    "manifest_days",
+    "poll_interval_s",
+];
+
+/// The setting without a meaning for a server.
+const WORKER_ONLY: &str = "status_listen";
+
 /// Settings from one source: a file, or flags and environment variables. A missing value is taken from the source
 /// below.
 #[derive(Clone, Debug, Default)]
@@ -83,32 +111,79 @@ impl Settings {
     }
 }
 
-impl clap::Args for Settings {
-    fn augment_args(command: Command) -> Command {
-        let defaults = Self::defaults();
-        command.args(SETTINGS.iter().map(|setting| setting.arg(defaults.0.get(setting.key).map(|(value, _)| value))))
-    }
+/// The settings of a command of the program, as flags and environment variables.
+macro_rules! flags {
+    ($($(#[doc = $help:literal])+ $name:ident($process:expr))+) => {$(
+        $(#[doc = $help])+
+        #[derive(Clone, Debug, Default)]
+        pub struct $name(
+            /// The settings that were given.
+            pub Settings,
+        );
 
-    fn augment_args_for_update(command: Command) -> Command {
-        Self::augment_args(command)
+        impl clap::Args for $name {
+            fn augment_args(command: Command) -> Command {
+                Settings::augment_args(command, $process)
+            }
+
+            fn augment_args_for_update(command: Command) -> Command {
+                Self::augment_args(command)
+            }
+        }
+
+        impl clap::FromArgMatches for $name {
+            fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+                Ok(Self(Settings::from_arg_matches(matches, $process)))
+            }
+
+            fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+                self.0.0.extend(Settings::from_arg_matches(matches, $process).0);
+                Ok(())
+            }
+        }
+    )+};
+}
+
+flags! {
+    /// The flags of `lightpathd serve`.
+    ServeFlags(Process::Server)
+    /// The flags of `lightpathd worker`.
+    WorkerFlags(Process::Worker)
+}
+
+/// What a process does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Process {
+    Server,
+    Worker,
+}
+
+impl Process {
+    /// The settings that concern it. A file may contain the others, too.
+    fn settings(self) -> impl Iterator<Item = &'static super::Setting> {
+        SETTINGS.iter().filter(move |setting| match self {
+            Self::Server => setting.key != WORKER_ONLY,
+            Self::Worker => setting.key == WORKER_ONLY || !SERVER_ONLY.contains(&setting.key),
+        })
     }
 }
 
-impl clap::FromArgMatches for Settings {
-    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
-        let mut settings = Self::default();
-        settings.update_from_arg_matches(matches)?;
-        Ok(settings)
+impl Settings {
+    fn augment_args(command: Command, process: Process) -> Command {
+        let defaults = Self::defaults();
+        let default = |key| defaults.0.get(key).map(|(value, _)| value);
+        command.args(process.settings().map(|setting| setting.arg(default(setting.key))))
     }
 
-    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
-        for key in SETTINGS.iter().map(|setting| setting.key) {
+    fn from_arg_matches(matches: &ArgMatches, process: Process) -> Self {
+        let mut settings = Self::default();
+        for key in process.settings().map(|setting| setting.key) {
             let Some(value) = matches.get_one::<Value>(key) else { continue };
             let is_environment = matches.value_source(key) == Some(ValueSource::EnvVariable);
             let origin = if is_environment { Origin::Environment } else { Origin::Flag };
-            self.0.insert(key, (value.clone(), origin));
+            settings.0.insert(key, (value.clone(), origin));
         }
-        Ok(())
+        settings
     }
 }
 
@@ -158,12 +233,12 @@ mod tests {
     use clap::{Args, FromArgMatches};
 
     fn parse(arguments: &[&str], file: &str) -> Result<Effective, ConfigError> {
-        let matches = Settings::augment_args(Command::new("test")).get_matches_from([&["test"], arguments].concat());
-        Effective::merge(Settings::from_arg_matches(&matches).unwrap(), Settings::from_toml(file).unwrap())
+        let matches = ServeFlags::augment_args(Command::new("test")).get_matches_from([&["test"], arguments].concat());
+        Effective::merge(ServeFlags::from_arg_matches(&matches).unwrap().0, Settings::from_toml(file).unwrap())
     }
 
     fn refused_flag(arguments: &[&str]) -> String {
-        let command = Settings::augment_args(Command::new("test"));
+        let command = ServeFlags::augment_args(Command::new("test"));
         command.try_get_matches_from([&["test"], arguments].concat()).unwrap_err().to_string()
     }
 
@@ -180,12 +255,25 @@ mod tests {
 
     #[test]
     fn every_setting_has_its_environment_variable() {
-        let command = Settings::augment_args(Command::new("test"));
+        let command = ServeFlags::augment_args(Command::new("test"));
         let variable =
             |flag| command.get_arguments().find(|arg| arg.get_long() == Some(flag)).unwrap().get_env().unwrap();
         assert_eq!(variable("workers"), "LIGHTPATH_WORKERS");
         assert_eq!(variable("under-way-mib-max"), "LIGHTPATH_UNDER_WAY_MIB_MAX");
-        assert_eq!(command.get_arguments().count(), SETTINGS.len());
+        assert_eq!(command.get_arguments().count(), SETTINGS.len() - 1);
+    }
+
+    #[test]
+    fn worker_has_the_settings_that_concern_it() {
+        assert!(SERVER_ONLY.iter().all(|key| SETTINGS.iter().any(|setting| setting.key == *key)), "every key exists");
+        let command = WorkerFlags::augment_args(Command::new("test"));
+        let has = |flag| command.get_arguments().any(|argument| argument.get_long() == Some(flag));
+        assert!(has("database-url") && has("workers") && has("status-listen") && has("lease-s"));
+        assert!(!has("listen") && !has("queue-limit") && !has("no-worker"));
+        let given = ["test", "--status-listen", "127.0.0.1:0", "--workers", "3"];
+        let flags = WorkerFlags::from_arg_matches(&command.get_matches_from(given)).unwrap();
+        let config = Effective::merge(flags.0, Settings::from_toml("listen = \"127.0.0.1:1\"").unwrap()).unwrap().config;
+        assert_eq!((config.workers, config.status_listen.unwrap().port(), config.listen.port()), (3, 0, 1));
     }
 
     #[test]

@@ -12,7 +12,7 @@ mod layers;
 mod machine_memory;
 mod setting;
 
-pub use layers::{Effective, Origin, Settings};
+pub use layers::{Effective, Origin, ServeFlags, Settings, WorkerFlags};
 pub use setting::Allowed;
 
 use lightpath_domain::origin::OriginError;
@@ -69,6 +69,14 @@ settings! {
     cors_origins: String = String::new(), "ORIGINS", Allowed::Text("origins separated by commas, such as https://dash.example,http://localhost:8000");
     /// Origins to which webhooks may go, separated by commas; without one there are no webhooks
     webhook_origins: String = String::new(), "ORIGINS", Allowed::Text("origins separated by commas, such as https://hooks.example,http://localhost:9000");
+    /// Run no jobs in this process; processes of `lightpathd worker` run them
+    no_worker: bool = false, "BOOL", SWITCH;
+    /// Address and port at which a worker answers /healthz and /metrics; without one it answers nothing
+    status_listen: Option<SocketAddr> = None, "ADDRESS:PORT",
+        Allowed::Text("an IP address and a port, such as 127.0.0.1:7071");
+    /// Name of the workers in the events of jobs; by default the name of the machine where several processes share a
+    /// database
+    worker_name: Option<String> = None, "NAME", Allowed::Text("a name");
     /// Number of jobs that run at the same time
     workers: u32 = 1, "COUNT", Allowed::Numbers(1.0, 64.0);
     /// Number of threads of one job; by default one for each core
@@ -183,6 +191,17 @@ pub enum ConfigError {
     /// The setting `database_url` is no URL of PostgreSQL.
     #[error("database_url must be a URL such as postgres://lightpath@db.example/lightpath")]
     DatabaseUrl,
+    /// Several processes cannot work together, because a setting is missing.
+    #[error(
+        "{what} needs {missing}: processes that work together share a PostgreSQL database and a bucket; see \"Run several \
+         processes\" in the operating guide"
+    )]
+    NotShared {
+        /// What needs the setting.
+        what: &'static str,
+        /// Name of the missing setting.
+        missing: &'static str,
+    },
     /// A value is out of range.
     #[error("{key} is {value}, but must be {allowed} ({origin})")]
     Value {

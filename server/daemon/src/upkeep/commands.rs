@@ -2,7 +2,7 @@
 
 use super::keys::raise_after_restore;
 use super::{Collected, Finding, Report, UpkeepError, backup, check_with, restore};
-use crate::config::{Effective, Settings};
+use crate::config::{Effective, ServeFlags, Settings};
 use crate::database::Database;
 use lightpath_artifacts::Artifacts;
 use lightpath_worker::Clock;
@@ -116,7 +116,7 @@ pub struct CollectArgs {
     #[arg(long, value_name = "FORM", default_value = "table")]
     output: Form,
     #[command(flatten)]
-    settings: Settings,
+    settings: ServeFlags,
 }
 
 /// Exit code if the command could not do its work.
@@ -247,7 +247,7 @@ impl CollectArgs {
 
     fn collect(self) -> anyhow::Result<bool> {
         let file = self.config.as_deref().map(Settings::read).transpose()?.unwrap_or_default();
-        let config = Effective::merge(self.settings, file)?.config;
+        let config = Effective::merge(self.settings.0, file)?.config;
         let database = config.database()?;
         let now_ms = Clock::default().now_ms();
         let retention = config.retention();

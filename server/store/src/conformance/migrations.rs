@@ -81,7 +81,8 @@ const ROWS: &[(usize, &str)] = &[(
     insert into keyring values (1, 'lightpath keyring 1', 15);
     insert into signing_key values (printf('%064x', 2), 'private', 15);
 
-    insert into webhook values ('ci', 'https://hooks.example/', '["job.failed"]', null, 'secret', 'ada', 16);
+    insert into webhook values
+        ('ci', 'https://hooks.example/', '["job.failed"]', null, 'secret', 'ada', 16, null, null);
     insert into webhook_delivery values (1, 'ci', printf('%032x', 1), 'job.failed', '{"job":"jobs/d"}', 13, 2, 17, 0, 'HTTP 503');
 
     insert into pause values ('', 14, 'the laser is off');
@@ -195,7 +196,7 @@ async fn assert_jobs_kept(store: &Store) {
     assert_eq!(states, [("a", Queued), ("b", Running), ("c", Succeeded), ("d", Failed), ("e", Cancelled)]);
     assert!(matches!(&jobs[2].result, Some(JobResult::Capture(capture)) if capture.photo == digest(1)));
     assert_eq!(jobs[0].spec, new_job("", 1).spec);
-    store.recover_orphans(14).await.unwrap();
+    store.recover_orphans(None, 14).await.unwrap();
     let job = store.job("b").await.unwrap();
     assert_eq!((job.state, job.checkpoint.as_deref()), (Queued, Some("sha256-c")));
     assert_eq!(store.retry("d", 15).await.unwrap().state, Queued);

@@ -65,7 +65,7 @@ async fn interrupted_job_keeps_its_place() {
     assert_eq!(job, first);
     store.release(&lease, 21).await.unwrap();
     assert_eq!(claim(&store, 22).await.unwrap().0, first, "after a drain");
-    store.recover_orphans(23).await.unwrap();
+    store.recover_orphans(None, 23).await.unwrap();
     assert_eq!(claim(&store, 24).await.unwrap().0, first, "after a server death");
 }
 
@@ -173,7 +173,7 @@ async fn stop_without_the_jobs_is_no_death_of_the_server() {
         if other.is_some() {
             store.cancel(&cancelled, 11).await.unwrap();
         }
-        assert_eq!(store.release_all(12).await.unwrap().len(), if stop == 0 { 2 } else { 1 });
+        assert_eq!(store.release_all(None, 12).await.unwrap().len(), if stop == 0 { 2 } else { 1 });
         let late = store.finish(&lease, result(), JobEffect::None, 13).await;
         assert!(matches!(late, Err(StoreError::LeaseLost)), "the computation that still ran writes nothing");
     }
@@ -183,7 +183,7 @@ async fn stop_without_the_jobs_is_no_death_of_the_server() {
     // Three deaths still end the job.
     for _ in 0..3 {
         claim(&store, 20).await.unwrap();
-        store.recover_orphans(21).await.unwrap();
+        store.recover_orphans(None, 21).await.unwrap();
     }
     assert_eq!(store.job(&id).await.unwrap().error.unwrap().reason.as_str(), "SERVER_DIED");
 }
@@ -206,7 +206,7 @@ async fn failures_and_server_deaths_spend_attempts_until_a_checkpoint() {
     assert_eq!(store.checkpoint(&lease, &digest(1)).await.unwrap(), None);
     assert_eq!(store.checkpoint(&lease, &digest(2)).await.unwrap(), Some(digest(1)));
     assert_eq!(store.checkpoint(&lease, &digest(2)).await.unwrap(), None);
-    let orphans = store.recover_orphans(52).await.unwrap();
+    let orphans = store.recover_orphans(None, 52).await.unwrap();
     assert_eq!((orphans.len(), orphans[0].state, &orphans[0].error), (1, JobState::Queued, &None));
 
     for state in [JobState::Queued, JobState::Failed] {
@@ -231,7 +231,7 @@ async fn job_fails_after_repeated_server_deaths() {
     let id = submit(&store, "r", 1).await;
     let mut deaths = 0;
     while claim(&store, 10).await.is_some() {
-        store.recover_orphans(10).await.unwrap();
+        store.recover_orphans(None, 10).await.unwrap();
         deaths += 1;
     }
     assert_eq!(deaths, 3);
@@ -268,7 +268,7 @@ async fn cancel_ends_a_waiting_job_and_notifies_a_running_job() {
         match how {
             0 => drop(store.fail(&lease, io_error(), Some(12), 12).await.unwrap()),
             1 => drop(store.release(&lease, 12).await.unwrap()),
-            _ => drop(store.recover_orphans(12).await.unwrap()),
+            _ => drop(store.recover_orphans(None, 12).await.unwrap()),
         }
         assert_eq!(store.job(&id).await.unwrap().state, JobState::Cancelled, "{request}");
     }

@@ -24,7 +24,7 @@ async fn claim(store: &Store, now_ms: i64) -> Option<(Job, Lease)> {
 }
 
 async fn claimed_owner(store: &Store, limits: ClaimLimits, now_ms: i64) -> Option<(String, Lease)> {
-    let claimed = store.claim_within(limits, now_ms, LEASE_MS, "w").await.unwrap();
+    let claimed = store.claim_within(limits, now_ms, LEASE_MS, &crate::Claimant::named("w")).await.unwrap();
     claimed.map(|(job, lease)| (job.scheduling.owner, lease))
 }
 

@@ -300,7 +300,7 @@ async fn worker_without_lease_stops_and_job_runs_again() {
     };
     let working = bench.start(WorkerConfig { lease, ..config() }, task);
     bench.until(&id, |job| job.state == JobState::Running).await;
-    bench.store.recover_orphans(now_ms()).await.unwrap();
+    bench.store.recover_orphans(None, now_ms()).await.unwrap();
     let job = bench.ended(&id).await;
     assert_eq!((job.state, job.attempt, job.result), (JobState::Succeeded, 2, Some(output("fresh").result)));
     working.stop().await;
@@ -459,7 +459,7 @@ async fn job_that_kills_its_server_fails_after_its_last_attempt() {
         // Each claim is a start of the job during which the server dies. Each start of a server recovers the queue.
         while bench.store.job(&id).await.unwrap().state == JobState::Queued {
             bench.store.claim(now_ms(), 30_000, "w").await.unwrap().unwrap();
-            bench.store.recover_orphans(now_ms()).await.unwrap();
+            bench.store.recover_orphans(None, now_ms()).await.unwrap();
             deaths += 1;
         }
         let job = bench.store.job(&id).await.unwrap();

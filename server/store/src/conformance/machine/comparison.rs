@@ -218,7 +218,7 @@ impl Comparison {
     async fn claim(&mut self, limits: ClaimLimits) {
         let now_ms = self.model.now_ms;
         let expected = self.model.next(limits);
-        let claimed = self.store.claim_within(limits, now_ms, LEASE_MS, "w").await.unwrap();
+        let claimed = self.store.claim_within(limits, now_ms, LEASE_MS, &crate::Claimant::named("w")).await.unwrap();
         let expected_id = expected.map(|index| self.model.jobs[index].id.clone());
         assert_eq!(claimed.as_ref().map(|(job, _)| job.id.clone()), expected_id);
         if let (Some(index), Some((_, lease))) = (expected, claimed) {
@@ -238,7 +238,7 @@ impl Comparison {
     }
 
     async fn server_dies(&mut self) {
-        self.store.recover_orphans(self.model.now_ms).await.unwrap();
+        self.store.recover_orphans(None, self.model.now_ms).await.unwrap();
         for index in 0..self.model.jobs.len() {
             let job = &mut self.model.jobs[index];
             if job.state != JobState::Running {
@@ -256,7 +256,7 @@ impl Comparison {
     }
 
     async fn server_stops(&mut self) {
-        let released = self.store.release_all(self.model.now_ms).await.unwrap().len();
+        let released = self.store.release_all(None, self.model.now_ms).await.unwrap().len();
         let running = |job: &ModelJob| job.state == JobState::Running;
         let running: Vec<usize> = (0..self.model.jobs.len()).filter(|&i| running(&self.model.jobs[i])).collect();
         assert_eq!(released, running.len());
