@@ -1,4 +1,5 @@
--- Content-addressed blobs. The bytes are in files; a row exists only if its file is complete and on disk.
+-- Content-addressed blobs. The bytes are in files, or in objects of a bucket; a row exists only if its file is complete
+-- and on disk, or its object is complete.
 create table artifact (
     digest         text collate "C" not null primary key
                                     check (digest ~ '^sha256-[0-9a-f]{64}$'),
@@ -9,6 +10,15 @@ create table artifact (
 );
 
 create index artifact_by_use on artifact (use_time_ms);
+
+-- Artifacts whose objects are being removed from a bucket: they are no longer in the table `artifact`. Each removal has
+-- a mark that was never used before. Who stores the same bytes meanwhile stores an object of its own, and ends the
+-- removal if it still has the mark that was seen.
+create table artifact_removal (
+    digest text collate "C" not null primary key
+                            check (digest ~ '^sha256-[0-9a-f]{64}$'),
+    mark   text collate "C" not null check (length(mark) = 36)
+);
 
 -- Owners of artifacts: those who uploaded an artifact, and those whose jobs made it. Empty owner: unknown.
 create table artifact_owner (
@@ -47,7 +57,7 @@ end $$;
 create trigger artifact_is_nobodys before delete on artifact for each row
 execute function artifact_is_nobodys();
 
--- Where the files of all artifacts are: the identity of a data folder. A server with another folder must not use the
+-- Where all artifacts are: the identity of a data folder or of a bucket. A server with another one must not use the
 -- database.
 create table artifact_place (
     -- so that there is one row at most

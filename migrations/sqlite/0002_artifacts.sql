@@ -1,4 +1,5 @@
--- Content-addressed blobs. The bytes are in files; a row exists only if its file is complete and on disk.
+-- Content-addressed blobs. The bytes are in files, or in objects of a bucket; a row exists only if its file is complete
+-- and on disk, or its object is complete.
 create table artifact (
     digest         text    not null primary key
                            check (length(digest) = 71 and digest glob 'sha256-*' and substr(digest, 8) not glob '*[^0-9a-f]*'),
@@ -9,6 +10,15 @@ create table artifact (
 ) strict, without rowid;
 
 create index artifact_by_use on artifact (use_time_ms);
+
+-- Artifacts whose objects are being removed from a bucket: they are no longer in the table `artifact`. Each removal has
+-- a mark that was never used before. Who stores the same bytes meanwhile stores an object of its own, and ends the
+-- removal if it still has the mark that was seen.
+create table artifact_removal (
+    digest text not null primary key
+                check (length(digest) = 71 and digest glob 'sha256-*' and substr(digest, 8) not glob '*[^0-9a-f]*'),
+    mark   text not null check (length(mark) = 36)
+) strict, without rowid;
 
 -- Owners of artifacts: those who uploaded an artifact, and those whose jobs made it. Empty owner: unknown.
 create table artifact_owner (
@@ -39,7 +49,7 @@ begin
     where bytes = 0 and owner in (select owner from artifact_owner where artifact = old.digest);
 end;
 
--- Where the files of all artifacts are: the identity of a data folder. A server with another folder must not use the
+-- Where all artifacts are: the identity of a data folder or of a bucket. A server with another one must not use the
 -- database.
 create table artifact_place (
     -- so that there is one row at most

@@ -13,15 +13,23 @@ const IDENTITY: &str = "identity";
 
 /// The identity of `data_dir`, a UUID. A folder without one gets one. The caller holds the lock of the folder.
 pub(crate) fn identity_of(data_dir: &Path) -> Result<String, ArtifactError> {
-    let path = data_dir.join(IDENTITY);
-    match fs::read_to_string(&path) {
-        Ok(text) => Uuid::parse_str(text.trim())
-            .map(|identity| identity.to_string())
-            .map_err(|error| ArtifactError::io("read the identity of the data folder", io::Error::other(error))),
-        Err(error) if error.kind() == io::ErrorKind::NotFound => {
-            create(data_dir, &path).map_err(|error| ArtifactError::io("write the identity of the data folder", error))
-        }
-        Err(error) => Err(ArtifactError::io("read the identity of the data folder", error)),
+    match kept_in(data_dir)? {
+        Some(identity) => Ok(identity),
+        None => create(data_dir, &data_dir.join(IDENTITY))
+            .map_err(|error| ArtifactError::io("write the identity of the data folder", error)),
+    }
+}
+
+/// The identity that `data_dir` has got.
+pub(crate) fn kept_in(data_dir: &Path) -> Result<Option<String>, ArtifactError> {
+    let failed = |error| ArtifactError::io("read the identity of the data folder", error);
+    match fs::read_to_string(data_dir.join(IDENTITY)) {
+        Ok(text) => match Uuid::parse_str(text.trim()) {
+            Ok(identity) => Ok(Some(identity.to_string())),
+            Err(error) => Err(failed(io::Error::other(error))),
+        },
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(failed(error)),
     }
 }
 

@@ -23,7 +23,7 @@
 //!
 //! # Layout
 //!
-//! - `digest`: names of blobs. `folder`: blobs of one folder. `blobs`: such a folder, and the remote behind it. `remote`: blobs in a bucket. `remote_calls`: what processes that share a bucket do. `upload`: resumable uploads. `read`: streaming. `error`.
+//! - `digest`: names of blobs. `folder`: blobs of one folder. `blobs`: such a folder, and the remote behind it. `remote`: blobs in a bucket. `publish`: storing and recording. `remote_calls`: what else processes that share a bucket do. `upload`: resumable uploads. `read`: streaming. `error`.
 //! - `examined`: files that were hashed recently. `identity`: the name of a data folder. `space`: free space on the disk. `lock`: locks on files. `private`: modes of files. `blocking`: threads for file access. `inventory`: read access for checks and backups while a server may be running.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::print_stdout))]
 
@@ -37,6 +37,7 @@ mod identity;
 mod inventory;
 mod lock;
 mod private;
+mod publish;
 mod read;
 mod remote;
 mod remote_calls;
@@ -203,6 +204,20 @@ impl Artifacts {
         self.blocking(|inner| identity::identity_of(&inner.data_dir)).await
     }
 
+    /// The identity that the data folder had before its blobs moved to the bucket; `None` if it had none, or there is no
+    /// bucket.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError::Io`].
+    pub async fn former_identity(&self) -> Result<Option<String>, ArtifactError> {
+        self.blocking(|inner| match inner.remote {
+            Some(_) => identity::kept_in(&inner.data_dir),
+            None => Ok(None),
+        })
+        .await
+    }
+
     /// The disk of the folder, and the limits on its use.
     #[must_use]
     pub fn space(&self) -> &Space {
@@ -215,9 +230,15 @@ impl Artifacts {
         &self.inner.uploads
     }
 
-    /// Returns a lock that prevents a collection of artifacts. The caller takes it before it stores a blob and drops it
-    /// after the store has recorded the blob.
-    pub async fn publishing(&self) -> OwnedRwLockReadGuard<()> {
+    /// Whether other processes may store and remove blobs, because they are in a bucket.
+    #[must_use]
+    pub fn is_shared(&self) -> bool {
+        self.inner.remote.is_some()
+    }
+
+    /// Returns a lock that prevents a collection of artifacts by this process. It is taken before a blob is stored, and
+    /// dropped after the store has recorded the blob.
+    async fn publishing(&self) -> OwnedRwLockReadGuard<()> {
         Arc::clone(&self.inner.publishing).read_owned().await
     }
 
@@ -233,7 +254,8 @@ impl Artifacts {
         Ok(file.map(|file| Collecting { _no_publishing: no_publishing, _no_backup: file }))
     }
 
-    /// Stores `bytes` and returns their digest. When this returns they are on disk; record them in the store next.
+    /// Stores `bytes` and returns their digest. When this returns they are on disk, and nothing records them: see
+    /// [`Self::publish_bytes`].
     ///
     /// # Errors
     ///

@@ -48,15 +48,16 @@ impl Database {
     ///
     /// # Errors
     ///
-    /// [`UpkeepError::OtherArtifacts`] if the artifacts of the database are in another data folder; [`UpkeepError::Store`];
+    /// [`UpkeepError::OtherArtifacts`] if the artifacts of the database are in another place; [`UpkeepError::Store`];
     /// [`UpkeepError::Artifacts`].
     pub async fn open(&self, artifacts: &Artifacts) -> Result<Store, UpkeepError> {
         match self {
             Self::InFolder(folder) => Ok(Store::open(&folder.join(DATABASE)).await?),
             Self::OnServer(url) => {
                 let found = artifacts.identity().await?;
+                let former = artifacts.former_identity().await?;
                 let store = Store::connect(url).await?;
-                let recorded = store.artifact_place(&found).await?;
+                let recorded = store.artifact_place(&found, former.as_deref()).await?;
                 if recorded == found { Ok(store) } else { Err(UpkeepError::OtherArtifacts { recorded, found }) }
             }
         }

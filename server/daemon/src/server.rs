@@ -8,7 +8,7 @@ use lightpath_api::connections;
 use lightpath_api::http::{self, EndedTokens, Gate, MemoryBudget, Rate};
 use lightpath_api::tls::{self, Tls, TlsError};
 use lightpath_api::{Api, ApiLimits};
-use lightpath_artifacts::{ArtifactError, Artifacts};
+use lightpath_artifacts::Artifacts;
 use lightpath_metrics as metrics;
 use lightpath_store::{Store, StoreError};
 use lightpath_worker::WorkerError;
@@ -38,12 +38,10 @@ const COLLECT_INTERVAL: Duration = Duration::from_secs(3600);
 /// Why the server could not start or had to stop.
 #[derive(Debug, thiserror::Error)]
 pub enum ServeError {
-    /// The data folder cannot be used, for example because another server uses it.
+    /// The artifacts or the database cannot be used, for example because another server uses the data folder, or because
+    /// the database belongs to other artifacts.
     #[error(transparent)]
-    Artifacts(#[from] ArtifactError),
-    /// The database cannot be used, for example because it belongs to another data folder.
-    #[error(transparent)]
-    Database(#[from] UpkeepError),
+    Data(#[from] UpkeepError),
     /// The database failed.
     #[error(transparent)]
     Store(#[from] StoreError),
@@ -184,10 +182,10 @@ pub async fn run_and_announce(
     Ok(())
 }
 
-/// Opens the data folder and what is behind it.
+/// Opens the data folder, and the bucket behind it if there is one.
 pub(crate) async fn open_artifacts(config: &Config) -> Result<Artifacts, ServeError> {
-    let (data_dir, space) = (config.data_dir.clone(), config.space());
-    Ok(tokio::task::spawn_blocking(move || Artifacts::open_within(&data_dir, space)).await??)
+    let config = config.clone();
+    Ok(tokio::task::spawn_blocking(move || config.open_artifacts()).await??)
 }
 
 /// The early end of the workers; without workers there is none.

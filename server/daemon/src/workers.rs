@@ -1,7 +1,8 @@
 //! The workers of a process: their start, and their end within the time that they have.
 
 use crate::config::Config;
-use lightpath_artifacts::{ArtifactError, Artifacts};
+use crate::upkeep::UpkeepError;
+use lightpath_artifacts::Artifacts;
 use lightpath_media::live_pictures::LivePictures;
 use lightpath_store::Store;
 use lightpath_worker::{OpticsTask, Worker, WorkerConfig, WorkerError};
@@ -28,7 +29,7 @@ impl Workers {
         config: &Config,
         live_pictures: LivePictures,
         stopping: CancellationToken,
-    ) -> Result<Self, ArtifactError> {
+    ) -> Result<Self, UpkeepError> {
         // Two processes cannot hold the same data folder, so its identity is that of the process.
         let process = if store.is_shared() { Some(artifacts.folder_identity().await?) } else { None };
         let config = WorkerConfig { process: process.clone(), ..config.workers() };

@@ -21,26 +21,29 @@ pub struct ArtifactRecord {
 const USE_RESOLUTION_MS: i64 = 3_600_000;
 
 impl Store {
-    /// The identity of the data folder in which the files of the artifacts are. The first caller's `identity` is
-    /// recorded.
+    /// The identity of the data folder or the bucket in which the artifacts are. The first caller's `identity` is
+    /// recorded, and also one that replaces the recorded `former` one, from which the artifacts have moved.
     ///
     /// # Errors
     ///
     /// [`StoreError::Database`], also if the identity is malformed.
-    pub async fn artifact_place(&self, identity: &str) -> Result<String, StoreError> {
-        let identity = identity.to_owned();
+    pub async fn artifact_place(&self, identity: &str, former: Option<&str>) -> Result<String, StoreError> {
+        let (identity, former) = (identity.to_owned(), former.map(str::to_owned));
         self.write(move |write| {
             Box::pin(async move {
                 let sql = "insert into artifact_place values (1, $1) on conflict do nothing";
-                query(sql).bind(identity).execute(write.sql()).await?;
+                query(sql).bind(&identity).execute(write.sql()).await?;
+                let sql = "update artifact_place set identity = $1 where identity = $2";
+                query(sql).bind(&identity).bind(former).execute(write.sql()).await?;
                 Ok(scalar("select identity from artifact_place").fetch_one(write.sql()).await?)
             })
         })
         .await
     }
 
-    /// Records an artifact whose file is complete and on disk. Recording it again updates its time of use and adds
-    /// `owner` to its owners.
+    /// Records an artifact that is stored. Recording it again updates its time of use and adds `owner` to its owners. While
+    /// the artifact is being removed from a bucket nothing is recorded, and the inner error is the mark of the removal,
+    /// unless it is the mark that the caller has `seen` before it stored the artifact anew.
     ///
     /// # Errors
     ///
@@ -50,24 +53,34 @@ impl Store {
         digest: &str,
         size_bytes: u64,
         owner: &str,
+        seen: Option<&str>,
         now_ms: i64,
-    ) -> Result<ArtifactRecord, StoreError> {
-        let (digest, owner) = (digest.to_owned(), owner.to_owned());
+    ) -> Result<Result<ArtifactRecord, String>, StoreError> {
+        let (digest, owner, seen) = (digest.to_owned(), owner.to_owned(), seen.map(str::to_owned));
         self.write(move |write| {
             Box::pin(async move {
+                if let Some(seen) = seen {
+                    let sql = "delete from artifact_removal where digest = $1 and mark = $2";
+                    query(sql).bind(&digest).bind(seen).execute(write.sql()).await?;
+                }
                 let row = query(
-                    "insert into artifact (digest, size_bytes, create_time_ms, use_time_ms) values ($1, $2, $3, $3) \
+                    "insert into artifact (digest, size_bytes, create_time_ms, use_time_ms) select $1, $2, $3, $3 \
+                     where not exists (select 1 from artifact_removal where digest = $1) \
                      on conflict (digest) do update set size_bytes = excluded.size_bytes, \
                      use_time_ms = max(artifact.use_time_ms, excluded.use_time_ms) returning *",
                 )
                 .bind(&digest)
                 .bind(size_bytes as i64)
                 .bind(now_ms)
-                .fetch_one(write.sql())
+                .fetch_optional(write.sql())
                 .await?;
+                let Some(row) = row else {
+                    let sql = "select mark from artifact_removal where digest = $1";
+                    return Ok(Err(scalar(sql).bind(digest).fetch_one(write.sql()).await?));
+                };
                 let sql = "insert into artifact_owner values ($1, $2) on conflict do nothing";
                 query(sql).bind(digest).bind(owner).execute(write.sql()).await?;
-                record_of(&row)
+                record_of(&row).map(Ok)
             })
         })
         .await

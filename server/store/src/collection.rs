@@ -4,6 +4,7 @@ use super::artifacts::record_of;
 use super::sql::{query, scalar};
 use super::write::Write;
 use super::{ArtifactRecord, Store, StoreError, page};
+use uuid::Uuid;
 
 /// Selects the artifacts last used before `$1` that no record refers to. The saved state of a job may name artifacts
 /// that the job will refer to only at its end. Therefore artifacts used since the creation of the oldest job with a
@@ -58,6 +59,74 @@ impl Store {
             })
         })
         .await
+    }
+
+    /// Does the same as [`Self::forget_artifact`] for an artifact in a bucket, whose objects the caller has listed and
+    /// removes next. Returns the mark of the removal; `None` if the artifact is kept.
+    ///
+    /// # Errors
+    ///
+    /// The errors of [`Self::forget_artifact`].
+    pub async fn begin_removal(&self, digest: &str, before_ms: i64) -> Result<Option<String>, StoreError> {
+        let digest = digest.to_owned();
+        self.write(move |write| {
+            Box::pin(async move {
+                let sql = unreferenced!("delete from artifact", "and digest = $2");
+                if query(sql).bind(before_ms).bind(&digest).execute(write.sql()).await? == 0 {
+                    return Ok(None);
+                }
+                let mark = Uuid::now_v7().to_string();
+                let sql = "insert into artifact_removal values ($1, $2)";
+                query(sql).bind(digest).bind(&mark).execute(write.sql()).await?;
+                Ok(Some(mark))
+            })
+        })
+        .await
+    }
+
+    /// Takes over a removal that another collector began, and may still be about. Returns its new mark; `None` if the
+    /// removal no longer has the mark that the caller has `seen` before it listed the objects.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`], [`StoreError::DiskFull`].
+    pub async fn continue_removal(&self, digest: &str, seen: &str) -> Result<Option<String>, StoreError> {
+        let (digest, seen, mark) = (digest.to_owned(), seen.to_owned(), Uuid::now_v7().to_string());
+        self.write(move |write| {
+            Box::pin(async move {
+                let sql = "update artifact_removal set mark = $3 where digest = $1 and mark = $2";
+                let changed = query(sql).bind(digest).bind(seen).bind(&mark).execute(write.sql()).await?;
+                Ok((changed == 1).then_some(mark))
+            })
+        })
+        .await
+    }
+
+    /// Ends a removal whose objects are removed, if it still has this mark. Returns whether it had.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`], [`StoreError::DiskFull`].
+    pub async fn end_removal(&self, digest: &str, mark: &str) -> Result<bool, StoreError> {
+        let (digest, mark) = (digest.to_owned(), mark.to_owned());
+        self.write(move |write| {
+            Box::pin(async move {
+                let sql = "delete from artifact_removal where digest = $1 and mark = $2";
+                Ok(query(sql).bind(digest).bind(mark).execute(write.sql()).await? == 1)
+            })
+        })
+        .await
+    }
+
+    /// Digests and marks of at most `limit` removals, in the order of their digests and behind `after`.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn removals(&self, after: &str, limit: u32) -> Result<Vec<(String, String)>, StoreError> {
+        let sql = "select digest, mark from artifact_removal where digest > $1 order by digest limit $2";
+        let rows = query(sql).bind(after).bind(page(limit)).fetch_all(self.readers()).await?;
+        rows.iter().map(|row| Ok((row.try_get("digest")?, row.try_get("mark")?))).collect()
     }
 
     /// Forgets the saved states of jobs that failed before `before_ms`: such a job starts from the beginning if it is

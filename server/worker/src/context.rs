@@ -205,10 +205,14 @@ impl JobContext {
         let (artifacts, store, owner) = (self.artifacts.clone(), self.store.clone(), self.owner.clone());
         let (size_bytes, now_ms) = (bytes.len() as u64, self.clock.now_ms());
         let put = self.runtime.spawn(async move {
-            let _publishing = artifacts.publishing().await;
-            let digest = artifacts.put_bytes(bytes).await?;
-            store.record_artifact(&digest, size_bytes, &owner, now_ms).await?;
-            Ok(digest)
+            let record = |digest: String, seen: Option<String>| {
+                let (store, owner) = (store.clone(), owner.clone());
+                async move {
+                    let recorded = store.record_artifact(&digest, size_bytes, &owner, seen.as_deref(), now_ms).await?;
+                    Ok(recorded.map(|record| record.digest))
+                }
+            };
+            artifacts.publish_bytes(bytes, record).await
         });
         self.wait(self.stop.unless_interrupted(put))
             .ok_or(TaskError::Stopped)?

@@ -3,6 +3,7 @@
 use crate::api::Api;
 use crate::call::Call;
 use crate::error::ApiError;
+use lightpath_store::ArtifactRecord;
 
 impl Api {
     /// Stores bytes as an artifact owned by the caller, and returns its digest. Empty bytes are not stored; their
@@ -12,10 +13,19 @@ impl Api {
             return Ok(String::new());
         }
         let size_bytes = bytes.len() as u64;
-        let _publishing = self.artifacts.publishing().await;
-        let digest = self.artifacts.put_bytes(bytes).await?;
-        call.concerns(&digest);
-        self.store.record_artifact(&digest, size_bytes, &call.caller.name, self.store.now_ms()).await?;
-        Ok(digest)
+        let record = async |digest: String, seen| self.record(call, &digest, size_bytes, seen).await;
+        Ok(self.artifacts.publish_bytes(bytes, record).await?.digest)
+    }
+
+    /// Records an artifact of the caller that is stored; the inner error is the mark of a removal.
+    pub(super) async fn record(
+        &self,
+        call: &Call,
+        digest: &str,
+        size_bytes: u64,
+        seen: Option<String>,
+    ) -> Result<Result<ArtifactRecord, String>, ApiError> {
+        call.concerns(digest);
+        Ok(self.store.record_artifact(digest, size_bytes, &call.caller.name, seen.as_deref(), self.store.now_ms()).await?)
     }
 }

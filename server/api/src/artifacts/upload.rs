@@ -103,11 +103,8 @@ impl Api {
 
     /// Ends an upload, and records the artifact.
     async fn publish(&self, call: &Call, upload: UploadWriter, size_bytes: u64) -> Result<v1::Artifact, ApiError> {
-        let _publishing = self.artifacts.publishing().await;
-        let digest = upload.finish().await?;
-        call.concerns(&digest);
-        let record = self.store.record_artifact(&digest, size_bytes, &call.caller.name, self.store.now_ms()).await?;
-        Ok(to_wire::artifact(record))
+        let record = async |digest: String, seen| self.record(call, &digest, size_bytes, seen).await;
+        Ok(to_wire::artifact(self.artifacts.publish_upload(upload, record).await?))
     }
 
     /// Waits while another call of the caller uploads the same artifact, until that artifact is stored or the other

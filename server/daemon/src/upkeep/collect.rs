@@ -1,10 +1,11 @@
 //! Automatic removal of jobs that ended long ago, and then of artifacts to which no record refers.
 //!
-//! Removal deletes the row of an artifact first and its file second. No call can store the artifact again in between
+//! In a data folder, removal deletes the row of an artifact first and its file second. No call can store the artifact again in between
 //! (see [`Artifacts::collecting`]), so a row always has its file. A crash in between leaves a file without a row. Such
-//! a file does no harm: the next upload of the same bytes replaces it, or it stays as an unreferenced file.
+//! a file does no harm: the next upload of the same bytes replaces it, or it stays as an unreferenced file. From a bucket,
+//! which other processes use, `removal` removes.
 
-use super::UpkeepError;
+use super::{UpkeepError, removal};
 use lightpath_artifacts::Artifacts;
 use lightpath_metrics as metrics;
 use lightpath_store::Store;
@@ -12,7 +13,7 @@ use serde::Serialize;
 use std::time::Duration;
 
 /// Rows removed in one step. Other writes can run between two steps.
-const STEP: u32 = 100;
+pub(super) const STEP: u32 = 100;
 
 /// Ages at which artifacts and jobs are removed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -84,24 +85,34 @@ impl Retention {
             for digest in store.forget_old_checkpoints(before_ms).await? {
                 artifacts.delete_checkpoint(&digest).await?;
             }
-            let mut after = String::new();
-            loop {
-                let page = store.unreferenced_artifacts(before_ms, &after, STEP).await?;
-                let Some(last) = page.last() else { break };
-                after.clone_from(&last.digest);
-                // A backup is copying the folder; the next collection removes the rest.
-                let Some(_removal) = artifacts.collecting().await? else { break };
-                for record in page {
-                    if store.forget_artifact(&record.digest, before_ms).await? {
-                        artifacts.delete(&record.digest).await?;
-                        collected.artifacts += 1;
-                        collected.artifact_bytes += record.size_bytes;
-                    }
-                }
-            }
+            let removed = match artifacts.is_shared() {
+                true => removal::unreferenced_artifacts(store, artifacts, before_ms).await?,
+                false => from_folder(store, artifacts, before_ms).await?,
+            };
+            collected.artifacts = removed.artifacts;
+            collected.artifact_bytes = removed.artifact_bytes;
         }
         metrics::collected(collected.jobs, collected.artifacts, collected.artifact_bytes);
         Ok(collected)
+    }
+}
+
+/// Removes the artifacts in the data folder, which no other process uses.
+async fn from_folder(store: &Store, artifacts: &Artifacts, before_ms: i64) -> Result<Collected, UpkeepError> {
+    let (mut collected, mut after) = (Collected::default(), String::new());
+    loop {
+        let page = store.unreferenced_artifacts(before_ms, &after, STEP).await?;
+        let Some(last) = page.last() else { return Ok(collected) };
+        after.clone_from(&last.digest);
+        // A backup is copying the folder; the next collection removes the rest.
+        let Some(_removal) = artifacts.collecting().await? else { return Ok(collected) };
+        for record in page {
+            if store.forget_artifact(&record.digest, before_ms).await? {
+                artifacts.delete(&record.digest).await?;
+                collected.artifacts += 1;
+                collected.artifact_bytes += record.size_bytes;
+            }
+        }
     }
 }
 

@@ -7,7 +7,7 @@
 //!
 //! # Layout
 //!
-//! - `check`, `backup`, `restore`: these commands. `collect`: automatic removal of old data. `tokens`: creating, listing
+//! - `check`, `backup`, `restore`: these commands. `collect`: automatic removal of old data; `removal`: from a bucket. `tokens`: creating, listing
 //!   and revoking tokens. `keys`: keys that sign manifests; `key_commands`: `lightpathd key`. `commands`: the other
 //!   commands on the command line.
 
@@ -17,6 +17,7 @@ mod collect;
 mod commands;
 mod key_commands;
 mod keys;
+mod removal;
 mod restore;
 #[cfg(test)]
 mod tests;
@@ -31,6 +32,7 @@ pub use keys::{KeyChange, KeyLine, KeyState, KeysError, change_keyring, install,
 pub use restore::restore;
 pub use tokens::TokenCommand;
 
+use crate::config::ConfigError;
 use lightpath_artifacts::ArtifactError;
 use lightpath_store::StoreError;
 use std::io;
@@ -48,20 +50,20 @@ pub enum UpkeepError {
         /// Path of the folder.
         path: PathBuf,
     },
-    /// The files of the database's artifacts are in another data folder.
+    /// The database's artifacts are in another data folder or bucket.
     #[error(
-        "the artifacts of this database are in the data folder with the identity {recorded}, but data_dir has the identity \
-         {found}: set data_dir to the other folder, or database_url to another database"
+        "the artifacts of this database are in the data folder or bucket with the identity {recorded}, but the settings lead \
+         to the one with {found}: set data_dir or artifacts_url to the other one, or database_url to another database"
     )]
     OtherArtifacts {
         /// Identity that the database records.
         recorded: String,
-        /// Identity of the data folder.
+        /// Identity of the data folder or the bucket.
         found: String,
     },
     /// The database is on a PostgreSQL server, which has programs of its own for copies.
     #[error(
-        "the database is on a PostgreSQL server: copy it with pg_dump and then the data folder; without database_url this \
+        "the database is on a PostgreSQL server: copy it with pg_dump and then the artifacts; without database_url this \
          command copies a data folder with a database"
     )]
     DatabaseOnServer,
@@ -106,6 +108,9 @@ pub enum UpkeepError {
     /// The artifacts could not be used.
     #[error(transparent)]
     Artifacts(#[from] ArtifactError),
+    /// The settings of the bucket are wrong.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
 }
 
 impl UpkeepError {

@@ -57,7 +57,7 @@ impl TestData {
 
 async fn put(artifacts: &Artifacts, store: &Store, bytes: &[u8]) -> String {
     let digest = artifacts.put_bytes(bytes.to_vec()).await.unwrap();
-    store.record_artifact(&digest, bytes.len() as u64, "", 1).await.unwrap();
+    store.record_artifact(&digest, bytes.len() as u64, "", None, 1).await.unwrap().unwrap();
     digest
 }
 
@@ -284,7 +284,7 @@ async fn unreferenced_artifacts_and_ended_jobs_are_removed_after_their_ages() {
     let none = Collected::default();
     let (store, files) = (&data.store, &data.artifacts);
     // The saved state of a job may refer to artifacts that the job has made.
-    store.record_artifact(&unreferenced, 8, "", 4).await.unwrap();
+    store.record_artifact(&unreferenced, 8, "", None, 4).await.unwrap().unwrap();
     assert_eq!(keep_jobs.preview(store, 2 * day_ms).await.unwrap(), none);
     let (_, lease) = store.claim(day_ms / 2 - 1, 1000, "w").await.unwrap().unwrap();
     store.fail(&lease, io_error(), None, day_ms / 2).await.unwrap();

@@ -66,14 +66,15 @@ impl Server {
 
     /// Uploads bytes in two halves.
     async fn upload(&self, bytes: &[u8], digest: &str) -> Outcome {
-        let _publishing = self.artifacts.publishing().await;
         let (first, second) = bytes.split_at(bytes.len() / 2);
         let mut upload = self.artifacts.uploads().begin(digest, "", bytes.len() as u64, 0).await?;
         upload.write(first.to_vec()).await?;
         upload.write(second.to_vec()).await?;
-        upload.finish().await?;
-        self.store.record_artifact(digest, bytes.len() as u64, "ada", now_ms()).await?;
-        Ok(())
+        let (store, size_bytes) = (&self.store, bytes.len() as u64);
+        let record = async |digest: String, seen: Option<String>| {
+            Ok(store.record_artifact(&digest, size_bytes, "ada", seen.as_deref(), now_ms()).await?)
+        };
+        self.artifacts.publish_upload(upload, record).await.map(drop)
     }
 
     /// Runs the waiting jobs that have no start time, until all of them have ended.

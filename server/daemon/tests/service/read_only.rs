@@ -52,7 +52,7 @@ async fn read_only_folder_is_checked_and_backed_up() {
     let store = Store::open(&data.join(DATABASE)).await.unwrap();
     store.create_display(&display("lab"), 1).await.unwrap();
     let digest = artifacts.put_bytes(b"photo".to_vec()).await.unwrap();
-    store.record_artifact(&digest, 5, "", 1).await.unwrap();
+    store.record_artifact(&digest, 5, "", None, 1).await.unwrap().unwrap();
     drop(artifacts);
 
     // A part of the database is still in its log, as after a power failure.

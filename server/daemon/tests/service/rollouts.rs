@@ -313,7 +313,7 @@ async fn a_device_reports_for_itself_alone() {
         distance: Distance::from_m(0.05).unwrap(),
     };
     let digest = format!("sha256-{}", "0".repeat(64));
-    store.record_artifact(&digest, 1, "", 1).await.unwrap();
+    store.record_artifact(&digest, 1, "", None, 1).await.unwrap().unwrap();
     let content = NewKernelVersion {
         model: KernelModel::Smooth,
         artifact: digest.clone(),

@@ -76,6 +76,7 @@ const ROWS: &[(usize, &str)] = &[(
     insert into job_event (job, time_ms, attempt, message)
     select id, 11, 0, 'queued' from job union all select 'c', 13, 1, 'succeeded';
 
+    insert into artifact_removal values ('sha256-' || printf('%064x', 9), printf('%036x', 1));
     insert into artifact_place values (1, '0193f0a0-0000-7000-8000-000000000000');
 
     insert into keyring values (1, 'lightpath keyring 1', 15);
@@ -135,7 +136,7 @@ async fn migration_keeps_the_data_of_every_version() {
         assert_kernels_kept(&store).await;
         assert_eq!(store.tokens().await.unwrap().len(), 1);
         assert_jobs_kept(&store).await;
-        store.record_artifact(&digest(0), 7, "", 20).await.unwrap();
+        store.record_artifact(&digest(0), 7, "", None, 20).await.unwrap().unwrap();
         submit(&store, "new", 20).await;
         assert!(store.claim(20, LEASE_MS, "w").await.unwrap().is_some());
         store.close().await;

@@ -114,7 +114,7 @@ async fn sqlite_store() -> (Store, Place) {
 async fn prepare(store: &Store) {
     store.create_display(&display("lab"), 1).await.unwrap();
     // The artifact that `new_job` refers to.
-    store.record_artifact(&digest(0), 7, "", 1).await.unwrap();
+    store.record_artifact(&digest(0), 7, "", None, 1).await.unwrap().unwrap();
 }
 
 /// A job of the cheapest kind. Jobs with different seeds have different content.
@@ -172,6 +172,6 @@ fn new_version(n: u32) -> NewKernelVersion {
 /// Records the artifacts 0 to `count` − 1.
 async fn record(store: &Store, count: u32) {
     for n in 0..count {
-        store.record_artifact(&digest(n), 7, "", 1).await.unwrap();
+        store.record_artifact(&digest(n), 7, "", None, 1).await.unwrap().unwrap();
     }
 }

@@ -52,7 +52,7 @@ async fn owners_without_jobs_and_artifacts_leave_no_rows() {
             let (_, lease) = store.claim(6, LEASE_MS, "w").await.unwrap().unwrap();
             store.finish(&lease, result(), JobEffect::None, 6).await.unwrap();
         }
-        store.record_artifact(&digest(100 + n), 7, &new.scheduling.owner, 5).await.unwrap();
+        store.record_artifact(&digest(100 + n), 7, &new.scheduling.owner, None, 5).await.unwrap().unwrap();
     }
     let ids = store.jobs_ended_before(7, 50).await.unwrap();
     assert_eq!(store.delete_jobs(ids, 7, 8).await.unwrap().jobs, 20);
@@ -72,20 +72,60 @@ async fn owners_without_jobs_and_artifacts_leave_no_rows() {
 async fn artifact_is_recorded_once() {
     let (store, _folder) = store().await;
     assert_eq!(store.artifact(&digest(1)).await.unwrap(), None);
-    store.record_artifact(&digest(1), 7, "", 10).await.unwrap();
-    let record = store.record_artifact(&digest(1), 7, "", 20).await.unwrap();
+    store.record_artifact(&digest(1), 7, "", None, 10).await.unwrap().unwrap();
+    let record = store.record_artifact(&digest(1), 7, "", None, 20).await.unwrap().unwrap();
     assert_eq!((record.size_bytes, record.create_time_ms), (7, 10));
     assert_eq!(store.artifact(&digest(1)).await.unwrap(), Some(record));
-    assert!(store.record_artifact("sha256-short", 7, "", 20).await.is_err());
+    assert!(store.record_artifact("sha256-short", 7, "", None, 20).await.is_err());
+}
+
+#[tokio::test]
+async fn artifact_that_is_being_removed_is_recorded_only_against_its_mark() {
+    let (store, _folder) = store().await;
+    let record = async |seen: Option<&str>| store.record_artifact(&digest(1), 7, "ada", seen, 20).await.unwrap();
+    assert_eq!(store.begin_removal(&digest(1), 100).await.unwrap(), None, "it is not recorded");
+    record(None).await.unwrap();
+    assert_eq!(store.begin_removal(&digest(1), 20).await.unwrap(), None, "it was used too recently");
+    let first = store.begin_removal(&digest(1), 100).await.unwrap().unwrap();
+    assert_eq!(store.artifact(&digest(1)).await.unwrap(), None, "nobody may refer to it any more");
+    assert_eq!(store.use_artifact(&digest(1), 20).await.unwrap(), None);
+    store.require_owner_room("ada", 20, 20).await.unwrap();
+    assert_eq!(store.removals("", 9).await.unwrap(), [(digest(1), first.clone())]);
+    assert_eq!(store.removals(&digest(1), 9).await.unwrap(), []);
+    assert_eq!(record(None).await.unwrap_err(), first);
+
+    let second = store.continue_removal(&digest(1), &first).await.unwrap().unwrap();
+    assert!(second != first);
+    assert_eq!(store.continue_removal(&digest(1), &first).await.unwrap(), None, "its mark has changed");
+    assert_eq!(record(Some(&first)).await.unwrap_err(), second, "another collector has listed newer objects");
+    assert!(!store.end_removal(&digest(1), &first).await.unwrap());
+    record(Some(&second)).await.unwrap();
+    assert!(!store.end_removal(&digest(1), &second).await.unwrap(), "the publisher was faster");
+    assert_eq!(store.artifact(&digest(1)).await.unwrap().unwrap().size_bytes, 7);
+
+    let third = store.begin_removal(&digest(1), 100).await.unwrap().unwrap();
+    assert!(store.end_removal(&digest(1), &third).await.unwrap());
+    record(None).await.unwrap();
+}
+
+#[tokio::test]
+async fn place_of_the_artifacts_is_kept_until_they_move() {
+    let (store, _folder) = store().await;
+    let [folder, bucket, other] = [1, 2, 3].map(|n| format!("{n:036}"));
+    assert_eq!(store.artifact_place(&folder, None).await.unwrap(), folder);
+    assert_eq!(store.artifact_place(&other, None).await.unwrap(), folder);
+    assert_eq!(store.artifact_place(&bucket, Some(&other)).await.unwrap(), folder);
+    assert_eq!(store.artifact_place(&bucket, Some(&folder)).await.unwrap(), bucket);
+    assert_eq!(store.artifact_place(&folder, None).await.unwrap(), bucket);
 }
 
 #[tokio::test]
 async fn artifacts_count_towards_owner_limits_and_belong_to_displays() {
     let (store, _folder) = store().await;
     for owner in ["ada", "ada", "bob"] {
-        store.record_artifact(&digest(1), 7, owner, 10).await.unwrap();
+        store.record_artifact(&digest(1), 7, owner, None, 10).await.unwrap().unwrap();
     }
-    store.record_artifact(&digest(2), 5, "ada", 10).await.unwrap();
+    store.record_artifact(&digest(2), 5, "ada", None, 10).await.unwrap().unwrap();
     store.require_owner_room("ada", 8, 20).await.unwrap();
     let full = store.require_owner_room("ada", 9, 20).await.unwrap_err();
     assert!(matches!(full, StoreError::OwnerBytes { stored_bytes: 12, stored_bytes_max: 20 }), "{full}");

@@ -43,7 +43,7 @@ impl Lab {
     async fn put(&self, bytes: Vec<u8>) -> String {
         let size_bytes = bytes.len() as u64;
         let digest = self.bench.artifacts.put_bytes(bytes).await.unwrap();
-        self.bench.store.record_artifact(&digest, size_bytes, "", 1).await.unwrap();
+        self.bench.store.record_artifact(&digest, size_bytes, "", None, 1).await.unwrap().unwrap();
         digest
     }
 

@@ -1,0 +1,282 @@
+//! Removal of blobs from a bucket in which other processes may store the same bytes at the same time: the first rule of
+//! `lightpath_artifacts`' remote calls. Each step returns what the next one needs, so that no other order compiles.
+//!
+//! The copies in data folders leave them like all others that nobody uses.
+
+use super::UpkeepError;
+use super::collect::{Collected, STEP};
+use lightpath_artifacts::{Artifacts, BlobKind, RemoteObject};
+use lightpath_store::Store;
+
+/// Removes the artifacts that no record refers to and that were last used before `before_ms`, and what is left of
+/// removals that did not come to their end.
+pub(super) async fn unreferenced_artifacts(
+    store: &Store,
+    artifacts: &Artifacts,
+    before_ms: i64,
+) -> Result<Collected, UpkeepError> {
+    let (mut collected, mut after) = (Collected::default(), String::new());
+    loop {
+        let page = store.removals(&after, STEP).await?;
+        let Some((last, _)) = page.last() else { break };
+        after.clone_from(last);
+        for (digest, seen) in page {
+            if let Some(marked) = Listed::list(artifacts, digest).await?.take_over(store, &seen).await? {
+                marked.delete(artifacts).await?.end(store).await?;
+            }
+        }
+    }
+    after.clear();
+    loop {
+        let page = store.unreferenced_artifacts(before_ms, &after, STEP).await?;
+        let Some(last) = page.last() else { return Ok(collected) };
+        after.clone_from(&last.digest);
+        for record in page {
+            if let Some(marked) = Listed::list(artifacts, record.digest).await?.mark(store, before_ms).await? {
+                marked.delete(artifacts).await?.end(store).await?;
+                collected.artifacts += 1;
+                collected.artifact_bytes += record.size_bytes;
+            }
+        }
+    }
+}
+
+/// The objects of an artifact before its removal is marked.
+#[derive(Debug)]
+struct Listed {
+    digest: String,
+    objects: Vec<RemoteObject>,
+}
+
+/// A removal that is marked.
+#[derive(Debug)]
+struct Marked {
+    listed: Listed,
+    mark: String,
+}
+
+/// A removal whose listed objects are removed.
+#[derive(Debug)]
+struct Deleted {
+    digest: String,
+    mark: String,
+}
+
+impl Listed {
+    async fn list(artifacts: &Artifacts, digest: String) -> Result<Self, UpkeepError> {
+        Ok(Self { objects: artifacts.objects_of(BlobKind::Artifact, &digest).await?, digest })
+    }
+
+    /// Begins the removal; `None` if the artifact is kept.
+    async fn mark(self, store: &Store, before_ms: i64) -> Result<Option<Marked>, UpkeepError> {
+        let mark = store.begin_removal(&self.digest, before_ms).await?;
+        Ok(mark.map(|mark| Marked { listed: self, mark }))
+    }
+
+    /// Takes over the removal that had the mark `seen` before the objects were listed; `None` if it no longer has.
+    async fn take_over(self, store: &Store, seen: &str) -> Result<Option<Marked>, UpkeepError> {
+        let mark = store.continue_removal(&self.digest, seen).await?;
+        Ok(mark.map(|mark| Marked { listed: self, mark }))
+    }
+}
+
+impl Marked {
+    async fn delete(self, artifacts: &Artifacts) -> Result<Deleted, UpkeepError> {
+        let Self { listed: Listed { digest, objects }, mark } = self;
+        artifacts.delete_objects(BlobKind::Artifact, &digest, objects).await?;
+        Ok(Deleted { digest, mark })
+    }
+}
+
+impl Deleted {
+    async fn end(self, store: &Store) -> Result<(), UpkeepError> {
+        store.end_removal(&self.digest, &self.mark).await?;
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::upkeep::{DATABASE, Retention};
+    use lightpath_artifacts::{ArtifactError, RemoteOptions, SpaceLimits, digest_of};
+    use lightpath_fixtures::test_database;
+    use std::cell::RefCell;
+    use std::time::Duration;
+    use tempfile::TempDir;
+
+    /// Artifacts that were last used before this time are removed.
+    const BEFORE_MS: i64 = 10_000;
+
+    /// Two processes with data folders of their own that share a bucket and a database.
+    struct Pair {
+        here: Artifacts,
+        there: Artifacts,
+        store: Store,
+        _folders: [TempDir; 2],
+    }
+
+    impl Pair {
+        /// `None` without the server of `scripts/s3-for-tests`.
+        async fn open(test: &str) -> Option<Self> {
+            let endpoint = std::env::var("LIGHTPATH_TEST_S3").ok()?;
+            let folders = [TempDir::new().unwrap(), TempDir::new().unwrap()];
+            let unique = folders[0].path().file_name().unwrap().to_str().unwrap().trim_start_matches('.').to_owned();
+            let options = RemoteOptions {
+                url: format!("s3://lightpath-tests/{test}-{unique}"),
+                endpoint: Some(endpoint),
+                region: "us-east-1".into(),
+                access_key_id: "lightpath-tests".into(),
+                secret_access_key: "lightpath-tests".into(),
+                allow_http: true,
+                presigned_downloads: false,
+                cache_bytes_max: 1 << 30,
+            };
+            let open = |folder: &TempDir| Artifacts::open_with(folder.path(), SpaceLimits::default(), Some(&options));
+            let [here, there] = [&folders[0], &folders[1]].map(|folder| open(folder).unwrap());
+            let store = match test_database().await {
+                Some(url) => Store::connect(&url).await.unwrap(),
+                None => Store::open(&folders[0].path().join(DATABASE)).await.unwrap(),
+            };
+            Some(Self { here, there, store, _folders: folders })
+        }
+
+        async fn publish(&self, artifacts: &Artifacts, bytes: &[u8], now_ms: i64) {
+            let record = async |digest: String, seen: Option<String>| self.record(digest, seen, now_ms).await;
+            artifacts.publish_bytes(bytes.to_vec(), record).await.unwrap();
+        }
+
+        async fn record(
+            &self,
+            digest: String,
+            seen: Option<String>,
+            now_ms: i64,
+        ) -> Result<Result<(), String>, UpkeepError> {
+            let recorded = self.store.record_artifact(&digest, 1, "", seen.as_deref(), now_ms).await?;
+            Ok(recorded.map(drop))
+        }
+
+        /// Checks that the artifact is recorded, and that a process without its file can read it.
+        async fn assert_kept(&self, bytes: &[u8], case: impl std::fmt::Debug) {
+            let digest = digest_of(bytes);
+            assert!(self.store.artifact(&digest).await.unwrap().is_some(), "{case:?}");
+            let verified = self.there.verify(BlobKind::Artifact, &digest).await;
+            assert_eq!(verified.unwrap(), Some(bytes.len() as u64), "{case:?}");
+        }
+    }
+
+    /// What a collector does next.
+    enum Collector {
+        List,
+        Mark(Listed),
+        Delete(Marked),
+        End(Deleted),
+        Done,
+    }
+
+    async fn step(pair: &Pair, digest: &str, collector: Collector) -> Collector {
+        match collector {
+            Collector::List => Collector::Mark(Listed::list(&pair.there, digest.to_owned()).await.unwrap()),
+            Collector::Mark(listed) => {
+                listed.mark(&pair.store, BEFORE_MS).await.unwrap().map_or(Collector::Done, Collector::Delete)
+            }
+            Collector::Delete(marked) => Collector::End(marked.delete(&pair.there).await.unwrap()),
+            Collector::End(deleted) => {
+                deleted.end(&pair.store).await.unwrap();
+                Collector::Done
+            }
+            Collector::Done => Collector::Done,
+        }
+    }
+
+    /// The numbers of steps that a collector has done when a publisher begins, has stored, has recorded or seen a mark,
+    /// and has stored anew: each number from 0 to 4, never falling.
+    fn schedules() -> Vec<[usize; 4]> {
+        let mut all = Vec::new();
+        for n in 0..5_usize.pow(4) {
+            let steps = [n % 5, n / 5 % 5, n / 25 % 5, n / 125];
+            if steps.is_sorted() {
+                all.push(steps);
+            }
+        }
+        all
+    }
+
+    /// A collector and a publisher of the same bytes, in every order of their steps.
+    #[tokio::test]
+    async fn publisher_wins_over_a_collector_at_each_step() {
+        let Some(pair) = Pair::open("each-step").await else { return };
+        let mut removed = 0;
+        for schedule in schedules() {
+            let bytes = format!("{schedule:?}").into_bytes();
+            let digest = digest_of(&bytes);
+            pair.publish(&pair.there, &bytes, 1).await;
+            let collector = RefCell::new(Some((0, Collector::List)));
+            let advance = async |until: usize| {
+                let (mut done, mut state) = collector.take().unwrap();
+                while done < until {
+                    state = step(&pair, &digest, state).await;
+                    done += 1;
+                }
+                collector.replace(Some((done, state)));
+            };
+            advance(schedule[0]).await;
+            let record = async |digest: String, seen: Option<String>| {
+                // The publisher has stored, or has stored anew.
+                let (before, after) = if seen.is_none() { (1, 2) } else { (3, 3) };
+                advance(schedule[before]).await;
+                let recorded = pair.record(digest, seen, BEFORE_MS + 1).await;
+                advance(schedule[after]).await;
+                recorded
+            };
+            pair.here.publish_bytes(bytes.clone(), record).await.unwrap();
+            pair.assert_kept(&bytes, schedule).await;
+            removed += usize::from(pair.here.objects_of(BlobKind::Artifact, &digest).await.unwrap().len() == 1);
+            advance(4).await;
+            pair.assert_kept(&bytes, schedule).await;
+            assert_eq!(pair.store.removals("", 9).await.unwrap(), [], "{schedule:?}");
+        }
+        assert!(removed > 0);
+    }
+
+    /// The same race with the collection itself, as often as it takes for the steps to mix.
+    #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+    async fn publisher_wins_over_a_collection() {
+        let Some(pair) = Pair::open("collection").await else { return };
+        let retention = Retention { artifacts: Some(Duration::from_secs(5)), jobs: None };
+        let now_ms = BEFORE_MS + 5_000;
+        let mut collected = 0;
+        for round in 0..40_u64 {
+            let bytes = format!("round {round}").into_bytes();
+            pair.publish(&pair.there, &bytes, 1).await;
+            let publish = async {
+                tokio::time::sleep(Duration::from_millis(round % 20)).await;
+                pair.publish(&pair.here, &bytes, BEFORE_MS + 1).await;
+            };
+            let ((), done) = tokio::join!(publish, retention.collect(&pair.store, &pair.there, now_ms));
+            collected += done.unwrap().artifacts;
+            pair.assert_kept(&bytes, round).await;
+        }
+        assert!((1..40).contains(&collected), "{collected} of 40 collections won a part of the race");
+    }
+
+    /// A removal that its collector did not end, because the process died, is ended by the next one.
+    #[tokio::test]
+    async fn collection_ends_what_another_began() {
+        let Some(pair) = Pair::open("ended").await else { return };
+        for (bytes, steps) in [(b"marked", 2), (b"delete", 3)] {
+            pair.publish(&pair.there, bytes, 1).await;
+            let (digest, mut collector) = (digest_of(bytes), Collector::List);
+            for _ in 0..steps {
+                collector = step(&pair, &digest, collector).await;
+            }
+        }
+        let retention = Retention { artifacts: Some(Duration::from_secs(5)), jobs: None };
+        retention.collect(&pair.store, &pair.here, BEFORE_MS + 5_000).await.unwrap();
+        assert_eq!(pair.store.removals("", 9).await.unwrap(), []);
+        for bytes in [b"marked", b"delete"] {
+            let verified = pair.here.verify(BlobKind::Artifact, &digest_of(bytes)).await;
+            assert!(matches!(verified, Err(ArtifactError::NotFound { .. })), "{verified:?}");
+        }
+    }
+}
