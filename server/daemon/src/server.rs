@@ -7,7 +7,7 @@ use lightpath_api::connections;
 use lightpath_api::http::{self, EndedTokens, Gate, MemoryBudget, Rate};
 use lightpath_api::tls::{self, Tls, TlsError};
 use lightpath_api::{Api, ApiLimits};
-use lightpath_artifacts::{ArtifactError, Artifacts};
+use lightpath_artifacts::Artifacts;
 use lightpath_media::live_pictures::LivePictures;
 use lightpath_metrics as metrics;
 use lightpath_store::{Store, StoreError};
@@ -38,12 +38,10 @@ const COLLECT_INTERVAL: Duration = Duration::from_secs(3600);
 /// Why the server could not start or had to stop.
 #[derive(Debug, thiserror::Error)]
 pub enum ServeError {
-    /// The data folder cannot be used, for example because another server uses it.
+    /// The artifacts or the database cannot be used, for example because another server uses the data folder, or because
+    /// the database belongs to other artifacts.
     #[error(transparent)]
-    Artifacts(#[from] ArtifactError),
-    /// The database cannot be used, for example because it belongs to another data folder.
-    #[error(transparent)]
-    Database(#[from] UpkeepError),
+    Data(#[from] UpkeepError),
     /// The database failed.
     #[error(transparent)]
     Store(#[from] StoreError),
@@ -118,9 +116,9 @@ pub async fn run_and_announce(
     shutdown: impl Future<Output = ()> + Send,
 ) -> Result<(), ServeError> {
     metrics::install();
-    let data_dir = config.data_dir.clone();
-    let (space, tls, retention) = (config.space(), config.tls()?, config.retention());
-    let artifacts = tokio::task::spawn_blocking(move || Artifacts::open_within(&data_dir, space)).await??;
+    let (tls, retention) = (config.tls()?, config.retention());
+    let opened = config.clone();
+    let artifacts = tokio::task::spawn_blocking(move || opened.open_artifacts()).await??;
     make_private(&config.data_dir);
     let store = config.database()?.open(&artifacts).await?;
     tend_keys(&store).await;

@@ -2,11 +2,11 @@
 
 use super::{Config, ConfigError};
 use crate::database::Database;
-use crate::upkeep::Retention;
+use crate::upkeep::{Retention, UpkeepError};
 use lightpath_api::http::Hosts;
 use lightpath_api::tls::TlsFiles;
 use lightpath_api::{ApiLimits, JobLimits, ManifestRules};
-use lightpath_artifacts::SpaceLimits;
+use lightpath_artifacts::{Artifacts, RemoteOptions, SpaceLimits};
 use lightpath_domain::origin::Origins;
 use lightpath_store::{ClaimLimits, QueueLimits};
 use lightpath_worker::{Timeouts, WorkerConfig};
@@ -14,6 +14,8 @@ use std::time::Duration;
 
 const MIB: f64 = 1_048_576.0;
 const DAY_S: f64 = 24.0 * 3600.0;
+/// Why the settings of TLS need each other.
+const TLS: &str = "TLS needs both";
 
 impl Config {
     /// Where the database is.
@@ -23,6 +25,63 @@ impl Config {
     /// [`ConfigError::DatabaseUrl`] if the setting names another kind of database.
     pub fn database(&self) -> Result<Database, ConfigError> {
         Database::of(&self.data_dir, self.database_url.as_deref()).ok_or(ConfigError::DatabaseUrl)
+    }
+
+    /// The bucket of the artifacts; `None`: they are in the data folder.
+    ///
+    /// # Errors
+    ///
+    /// [`ConfigError::Incomplete`] if a setting that belongs to the bucket is missing, or if there is no database that
+    /// servers on several machines can share; [`ConfigError::ArtifactsUrl`], [`ConfigError::ArtifactsEndpoint`].
+    pub fn bucket(&self) -> Result<Option<RemoteOptions>, ConfigError> {
+        let Some(url) = &self.artifacts_url else {
+            let given = [
+                ("artifacts_endpoint", self.artifacts_endpoint.is_some()),
+                ("artifacts_access_key_id", self.artifacts_access_key_id.is_some()),
+                ("artifacts_secret_access_key", self.artifacts_secret_access_key.is_some()),
+            ];
+            return match given.into_iter().find(|(_, is_given)| *is_given) {
+                Some((given, _)) => Err(incomplete(given, "artifacts_url", "it names the bucket")),
+                None => Ok(None),
+            };
+        };
+        let bucket = url.strip_prefix("s3://").and_then(|rest| rest.split('/').next());
+        if bucket.is_none_or(str::is_empty) {
+            return Err(ConfigError::ArtifactsUrl { url: url.clone() });
+        }
+        if self.database_url.is_none() {
+            let reason = "servers share a bucket only with the database that says what is in it";
+            return Err(incomplete("artifacts_url", "database_url", reason));
+        }
+        let missing = |missing| incomplete("artifacts_url", missing, "a key signs each request to the S3 store");
+        let endpoint = self.artifacts_endpoint.clone();
+        let allowed = ["https://", "http://"].into_iter().take(1 + usize::from(self.artifacts_allow_http));
+        if let Some(url) = endpoint.clone().filter(|url| !allowed.clone().any(|scheme| url.starts_with(scheme))) {
+            return Err(ConfigError::ArtifactsEndpoint { url });
+        }
+        Ok(Some(RemoteOptions {
+            url: url.clone(),
+            endpoint,
+            region: self.artifacts_region.clone(),
+            access_key_id: self.artifacts_access_key_id.clone().ok_or_else(|| missing("artifacts_access_key_id"))?,
+            secret_access_key: self
+                .artifacts_secret_access_key
+                .as_ref()
+                .map(|secret| secret.reveal().to_owned())
+                .ok_or_else(|| missing("artifacts_secret_access_key"))?,
+            allow_http: self.artifacts_allow_http,
+            presigned_downloads: false,
+            cache_bytes_max: bytes(self.artifacts_cache_mib_max),
+        }))
+    }
+
+    /// Opens the artifacts: locks the data folder, and connects to the bucket if there is one. Blocks.
+    ///
+    /// # Errors
+    ///
+    /// [`UpkeepError::Config`] as [`Self::bucket`], [`UpkeepError::Artifacts`] as [`Artifacts::open_with`].
+    pub fn open_artifacts(&self) -> Result<Artifacts, UpkeepError> {
+        Ok(Artifacts::open_with(&self.data_dir, self.space(), self.bucket()?.as_ref())?)
     }
 
     /// Files for TLS; `None`: no TLS.
@@ -35,11 +94,9 @@ impl Config {
         let client_authority = self.tls_client_ca.clone();
         match (self.tls_cert.clone(), self.tls_key.clone()) {
             (Some(certificate), Some(key)) => Ok(Some(TlsFiles { certificate, key, client_authority })),
-            (Some(_), None) => Err(ConfigError::Incomplete { given: "tls_cert", missing: "tls_key" }),
-            (None, Some(_)) => Err(ConfigError::Incomplete { given: "tls_key", missing: "tls_cert" }),
-            (None, None) if client_authority.is_some() => {
-                Err(ConfigError::Incomplete { given: "tls_client_ca", missing: "tls_cert" })
-            }
+            (Some(_), None) => Err(incomplete("tls_cert", "tls_key", TLS)),
+            (None, Some(_)) => Err(incomplete("tls_key", "tls_cert", TLS)),
+            (None, None) if client_authority.is_some() => Err(incomplete("tls_client_ca", "tls_cert", TLS)),
             (None, None) => Ok(None),
         }
     }
@@ -149,6 +206,10 @@ impl Config {
             ..WorkerConfig::default()
         }
     }
+}
+
+fn incomplete(given: &'static str, missing: &'static str, reason: &'static str) -> ConfigError {
+    ConfigError::Incomplete { given, missing, reason }
 }
 
 fn bytes(mib: f64) -> u64 {

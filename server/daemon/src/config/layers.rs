@@ -11,8 +11,19 @@ use toml::{Table, Value};
 
 /// Settings from one source: a file, or flags and environment variables. A missing value is taken from the source
 /// below.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Default)]
 pub struct Settings(BTreeMap<&'static str, (Value, Origin)>);
+
+/// The settings of the bucket alone, for commands that open the data of a server.
+#[derive(Clone, Debug, Default)]
+pub struct BucketSettings(pub Settings);
+
+impl fmt::Debug for Settings {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // The values are left out: some are secret.
+        f.debug_map().entries(self.0.iter().map(|(key, (_, origin))| (key, origin))).finish()
+    }
+}
 
 /// Source of a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -55,11 +66,29 @@ impl Settings {
     /// [`ConfigError::Read`]; [`ConfigError::Parse`] for invalid TOML, an unknown key or a value of the wrong type.
     pub fn read(path: &Path) -> Result<Self, ConfigError> {
         let text = fs::read_to_string(path).map_err(|source| ConfigError::Read { path: path.to_owned(), source })?;
-        let problem = |error: toml::de::Error| ConfigError::Parse {
-            path: path.to_owned(),
-            problem: error.to_string().trim_end().to_owned(),
+        let problem = |error: toml::de::Error| {
+            // The description quotes this line.
+            let start = error.span().map_or(0, |span| text[..span.start].rfind('\n').map_or(0, |end| end + 1));
+            let line = text[start..].lines().next().unwrap_or_default();
+            let problem = match SETTINGS.iter().find(|setting| setting.is_secret() && line.contains(setting.key)) {
+                Some(setting) => format!("{} must be a text in quotes", setting.key),
+                None => error.to_string().trim_end().to_owned(),
+            };
+            ConfigError::Parse { path: path.to_owned(), problem }
         };
         Self::from_toml(&text).map_err(problem)
+    }
+
+    /// The same settings with one more, as if it were given as a flag.
+    ///
+    /// # Panics
+    ///
+    /// If there is no setting `key`.
+    #[must_use]
+    pub fn with(mut self, key: &str, value: &str) -> Self {
+        let key = SETTINGS.iter().map(|setting| setting.key).find(|found| *found == key).expect("a setting");
+        self.0.insert(key, (Value::from(value), Origin::Flag));
+        self
     }
 
     /// Parses the text of a TOML file.
@@ -83,10 +112,36 @@ impl Settings {
     }
 }
 
+/// The flags of the settings whose names `is_wanted` accepts.
+fn flags(is_wanted: impl Fn(&str) -> bool) -> impl Iterator<Item = clap::Arg> {
+    let defaults = Settings::defaults();
+    let wanted = SETTINGS.iter().filter(move |setting| is_wanted(setting.key));
+    wanted.map(move |setting| setting.arg(defaults.0.get(setting.key).map(|(value, _)| value)))
+}
+
+impl clap::Args for BucketSettings {
+    fn augment_args(command: Command) -> Command {
+        command.args(flags(|key| key.starts_with("artifacts_")))
+    }
+
+    fn augment_args_for_update(command: Command) -> Command {
+        Self::augment_args(command)
+    }
+}
+
+impl clap::FromArgMatches for BucketSettings {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<Self, clap::Error> {
+        Settings::from_arg_matches(matches).map(Self)
+    }
+
+    fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
+        self.0.update_from_arg_matches(matches)
+    }
+}
+
 impl clap::Args for Settings {
     fn augment_args(command: Command) -> Command {
-        let defaults = Self::defaults();
-        command.args(SETTINGS.iter().map(|setting| setting.arg(defaults.0.get(setting.key).map(|(value, _)| value))))
+        command.args(flags(|_| true))
     }
 
     fn augment_args_for_update(command: Command) -> Command {
@@ -103,7 +158,8 @@ impl clap::FromArgMatches for Settings {
 
     fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
         for key in SETTINGS.iter().map(|setting| setting.key) {
-            let Some(value) = matches.get_one::<Value>(key) else { continue };
+            // A command may have the flags of some settings only.
+            let Ok(Some(value)) = matches.try_get_one::<Value>(key) else { continue };
             let is_environment = matches.value_source(key) == Some(ValueSource::EnvVariable);
             let origin = if is_environment { Origin::Environment } else { Origin::Flag };
             self.0.insert(key, (value.clone(), origin));
@@ -118,7 +174,8 @@ impl Effective {
     /// # Errors
     ///
     /// [`ConfigError::Value`] if a value is out of range, [`ConfigError::Incomplete`] if one of two settings that
-    /// belong together is missing, [`ConfigError::DatabaseUrl`].
+    /// belong together is missing, [`ConfigError::DatabaseUrl`], [`ConfigError::ArtifactsUrl`],
+    /// [`ConfigError::ArtifactsEndpoint`].
     pub fn merge(given: Settings, file: Settings) -> Result<Self, ConfigError> {
         let mut settings = Settings::defaults();
         settings.0.extend(file.0);
@@ -134,6 +191,7 @@ impl Effective {
         let config: Config = values.collect::<Table>().try_into().expect("the type of every value was checked");
         config.tls()?;
         config.database()?;
+        config.bucket()?;
         Ok(Self { config, settings })
     }
 }
@@ -143,6 +201,9 @@ impl Display for Effective {
         for setting in SETTINGS {
             let (key, help) = (setting.key, setting.help.trim_start());
             match self.settings.0.get(key) {
+                Some((_, origin)) if setting.is_secret() => {
+                    writeln!(f, "# {help} ({origin}, not shown)\n# {key} =")?;
+                }
                 Some((value, origin)) => writeln!(f, "# {help} ({origin})\n{key} = {value}")?,
                 None => writeln!(f, "# {help} (not set)\n# {key} =")?,
             }
@@ -220,6 +281,54 @@ mod tests {
         }
         let message = parse(&[], "collect_jobs_after_days = 0.01").unwrap_err().to_string();
         assert_eq!(message, "collect_jobs_after_days is 0.01, but must be 0, or 0.042 to 36500 (configuration file)");
+    }
+
+    const BUCKET: &str = "database_url = \"postgres://db/lightpath\"\nartifacts_url = \"s3://lab/holograms\"\n\
+                          artifacts_access_key_id = \"id\"\nartifacts_secret_access_key = \"geheim\"\n";
+
+    #[test]
+    fn bucket_needs_its_database_and_its_keys() {
+        let bucket = parse(&["--artifacts-cache-mib-max", "2"], BUCKET).unwrap().config.bucket().unwrap().unwrap();
+        assert_eq!((bucket.url.as_str(), bucket.cache_bytes_max), ("s3://lab/holograms", 2 << 20));
+        assert_eq!((bucket.access_key_id.as_str(), bucket.secret_access_key.as_str()), ("id", "geheim"));
+        for (line, message) in [
+            ("database_url", "artifacts_url is set, but database_url is not: servers share a bucket only with the"),
+            ("artifacts_url", "artifacts_access_key_id is set, but artifacts_url is not: it names the bucket"),
+            ("artifacts_access_key_id", "artifacts_url is set, but artifacts_access_key_id is not: a key signs"),
+            ("artifacts_secret_access_key", "artifacts_url is set, but artifacts_secret_access_key is not: a key"),
+        ] {
+            let rest: String = BUCKET.split_inclusive('\n').filter(|text| !text.starts_with(line)).collect();
+            let refused = parse(&[], &rest).unwrap_err().to_string();
+            assert!(refused.starts_with(message), "{refused}");
+        }
+        for (flag, value, message) in [
+            (
+                "--artifacts-url",
+                "https://lab",
+                "artifacts_url is \"https://lab\", but must be a URL such as s3://bucket",
+            ),
+            ("--artifacts-url", "s3:///holograms", "artifacts_url is \"s3:///holograms\", but must be"),
+            ("--artifacts-endpoint", "http://s3", "artifacts_endpoint is \"http://s3\", but must begin with https://"),
+        ] {
+            let refused = parse(&[flag, value], BUCKET).unwrap_err().to_string();
+            assert!(refused.starts_with(message), "{refused}");
+        }
+        parse(&["--artifacts-endpoint", "http://s3", "--artifacts-allow-http"], BUCKET).unwrap();
+    }
+
+    #[test]
+    fn secrets_are_never_printed() {
+        let effective = parse(&[], BUCKET).unwrap();
+        let printed = effective.to_string();
+        assert!(printed.contains("(configuration file, not shown)\n# artifacts_secret_access_key =\n"), "{printed}");
+        for text in [printed, format!("{effective:?}"), format!("{:?}", effective.config.bucket())] {
+            assert!(!text.contains("geheim"), "{text}");
+        }
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("lightpath.toml");
+        fs::write(&path, "artifacts_secret_access_key = \"geheim\n").unwrap();
+        let message = Settings::read(&path).unwrap_err().to_string();
+        assert!(message.ends_with("artifacts_secret_access_key must be a text in quotes"), "{message}");
     }
 
     #[test]

@@ -4,15 +4,17 @@
 //! # Layout
 //!
 //! - this file: declarations of all settings. `setting`: the flag, environment variable and check of each declaration.
-//!   `machine_memory`: the default of the memory for jobs. `layers`: the settings of each source, merged and printed. `conversions`: settings as the types that the parts
+//!   `secret_text`: values that are never printed. `machine_memory`: the default of the memory for jobs. `layers`: the settings of each source, merged and printed. `conversions`: settings as the types that the parts
 //!   of the server use.
 
 mod conversions;
 mod layers;
 mod machine_memory;
+mod secret_text;
 mod setting;
 
-pub use layers::{Effective, Origin, Settings};
+pub use layers::{BucketSettings, Effective, Origin, Settings};
+pub use secret_text::SecretText;
 pub use setting::Allowed;
 
 use lightpath_domain::origin::OriginError;
@@ -40,6 +42,22 @@ settings! {
     data_dir: PathBuf = "./lightpath-data".into(), "DIR", Allowed::Text("the path of a folder");
     /// URL of a PostgreSQL database for queue and registry; without one they are in a file in data_dir
     database_url: Option<String> = None, "URL", Allowed::Text("a URL such as postgres://lightpath@db.example/lightpath");
+    /// Bucket of an S3 store for artifacts and saved states, so that servers with one database share them; data_dir then
+    /// keeps copies of those used last; needs database_url
+    artifacts_url: Option<String> = None, "S3_URL", Allowed::Text("a URL such as s3://bucket or s3://bucket/prefix");
+    /// Address of the S3 store, unless it is Amazon's
+    artifacts_endpoint: Option<String> = None, "URL", Allowed::Text("a URL such as https://s3.example.org");
+    /// Region of the bucket; stores other than Amazon's often have none, and take any name
+    artifacts_region: String = "us-east-1".into(), "REGION", Allowed::Text("a name such as eu-central-1");
+    /// Name of the key that signs requests to the S3 store
+    artifacts_access_key_id: Option<String> = None, "ID", Allowed::Text("the name of a key");
+    /// The key that signs requests to the S3 store; other users see the arguments of a program, so give it in the
+    /// configuration file or in the environment
+    artifacts_secret_access_key: Option<SecretText> = None, "SECRET", Allowed::Text("a key");
+    /// Allow an endpoint without TLS; artifacts then pass the network unencrypted
+    artifacts_allow_http: bool = false, "BOOL", SWITCH;
+    /// Limit on the copies of artifacts and saved states that data_dir keeps when they are in a bucket, in MiB
+    artifacts_cache_mib_max: f64 = 16_384.0, "MIB", SPACE_MIB;
     /// Address and port for gRPC and HTTP; port 0 chooses a free port
     listen: SocketAddr = (Ipv4Addr::LOCALHOST, 7070).into(), "ADDRESS:PORT",
         Allowed::Text("an IP address and a port, such as 127.0.0.1:7070 or 0.0.0.0:7070");
@@ -167,12 +185,28 @@ pub enum ConfigError {
         problem: String,
     },
     /// One of two settings that belong together is missing.
-    #[error("{given} is set, but {missing} is not: TLS needs both")]
+    #[error("{given} is set, but {missing} is not: {reason}")]
     Incomplete {
         /// Name of the setting that is present.
         given: &'static str,
         /// Name of the setting that is missing.
         missing: &'static str,
+        /// Why the one needs the other.
+        reason: &'static str,
+    },
+    /// The setting `artifacts_url` names no bucket.
+    #[error("artifacts_url is {url:?}, but must be a URL such as s3://bucket or s3://bucket/prefix")]
+    ArtifactsUrl {
+        /// The value.
+        url: String,
+    },
+    /// The setting `artifacts_endpoint` is no URL, or one without TLS that is not allowed.
+    #[error(
+        "artifacts_endpoint is {url:?}, but must begin with https://, or with http:// if artifacts_allow_http is true"
+    )]
+    ArtifactsEndpoint {
+        /// The value.
+        url: String,
     },
     /// The setting `cors_origins` is no list of origins.
     #[error("cors_origins {0}")]

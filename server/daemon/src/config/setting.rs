@@ -68,6 +68,11 @@ impl Display for Allowed {
 }
 
 impl Setting {
+    /// Whether the value must not be printed.
+    pub(super) fn is_secret(&self) -> bool {
+        self.value_name == "SECRET"
+    }
+
     /// Returns `value` if it is a number that is not allowed.
     pub(super) fn number_out_of_range(&self, value: &Value) -> Option<f64> {
         let number = value.as_float().or_else(|| value.as_integer().map(|number| number as f64))?;
@@ -104,7 +109,7 @@ impl Setting {
             .env(format!("LIGHTPATH_{}", self.key.to_uppercase()))
             .value_name(self.value_name)
             // A URL may contain a password.
-            .hide_env_values(self.value_name == "URL")
+            .hide_env_values(self.value_name == "URL" || self.is_secret())
             .help(format!("{}{default}", self.help.trim_start()))
             .value_parser(|text: &str| self.parse(text));
         match self.value_name {

@@ -2,9 +2,9 @@
 
 use super::keys::raise_after_restore;
 use super::{Collected, Finding, Report, UpkeepError, backup, check_with, restore};
-use crate::config::{Effective, Settings};
+use crate::config::{BucketSettings, Config, Effective, Settings};
 use crate::database::Database;
-use lightpath_artifacts::Artifacts;
+use anyhow::Context as _;
 use lightpath_worker::Clock;
 use serde::Serialize;
 use std::io::Write as _;
@@ -50,6 +50,8 @@ Examples:
 pub struct CheckArgs {
     #[command(flatten)]
     folder: DataDir,
+    #[command(flatten)]
+    bucket: BucketSettings,
 }
 
 /// Copy a data folder to a folder that is empty or does not exist. The server may be running. The copy is checked and
@@ -97,6 +99,8 @@ Examples:
 pub struct RestoredArgs {
     #[command(flatten)]
     folder: DataDir,
+    #[command(flatten)]
+    bucket: BucketSettings,
 }
 
 /// Remove ended jobs, and artifacts without references, that have reached the ages in the settings. A running server
@@ -125,16 +129,22 @@ const EXIT_NOT_DONE: u8 = 2;
 impl DataDir {
     /// The data folder, and where its database is.
     pub(super) fn places(&self) -> anyhow::Result<(PathBuf, Database)> {
-        let file = self.config.as_deref().map(Settings::read).transpose()?.unwrap_or_default();
-        let mut config = Effective::merge(Settings::default(), file)?.config;
-        if let Some(data_dir) = &self.data_dir {
-            config.data_dir.clone_from(data_dir);
-        }
-        if self.database_url.is_some() {
-            config.database_url.clone_from(&self.database_url);
-        }
+        let config = self.config(&BucketSettings::default())?;
         let database = config.database()?;
         Ok((config.data_dir, database))
+    }
+
+    /// The settings of the server, of which these arguments and those of the bucket override the file.
+    fn config(&self, bucket: &BucketSettings) -> anyhow::Result<Config> {
+        let file = self.config.as_deref().map(Settings::read).transpose()?.unwrap_or_default();
+        let mut given = bucket.0.clone();
+        if let Some(data_dir) = &self.data_dir {
+            given = given.with("data_dir", data_dir.to_str().context("data_dir must be valid Unicode")?);
+        }
+        if let Some(url) = &self.database_url {
+            given = given.with("database_url", url);
+        }
+        Ok(Effective::merge(given, file)?.config)
     }
 
     /// The data folder with its database.
@@ -166,8 +176,8 @@ impl CheckArgs {
     }
 
     fn report(&self) -> anyhow::Result<bool> {
-        let (data_dir, database) = self.folder.places()?;
-        let report = runtime()?.block_on(check_with(&data_dir, &database))?;
+        let config = self.folder.config(&self.bucket)?;
+        let report = runtime()?.block_on(check_with(&config.data_dir, &config.database()?))?;
         self.folder.print(&report, text)?;
         Ok(report.problems.is_empty())
     }
@@ -223,15 +233,16 @@ impl RestoredArgs {
     }
 
     fn raise(&self) -> anyhow::Result<bool> {
-        let (data_dir, database) = self.folder.places()?;
+        let config = self.folder.config(&self.bucket)?;
+        let database = config.database()?;
         let report = runtime()?.block_on(async {
             database.require().await?;
             // This fails while a server uses the folder.
-            let artifacts = Artifacts::open(&data_dir)?;
+            let artifacts = config.open_artifacts()?;
             let store = database.open(&artifacts).await?;
             raise_after_restore(&store, Clock::default().now_ms()).await?;
             store.close().await;
-            check_with(&data_dir, &database).await
+            check_with(&config.data_dir, &database).await
         })?;
         self.folder.print(&report, text)?;
         Ok(report.problems.is_empty())
@@ -257,7 +268,7 @@ impl CollectArgs {
                 return retention.preview(&database.open_shared().await?, now_ms).await;
             }
             // This fails while a server uses the folder, because two processes would not know of each other's uploads.
-            let artifacts = Artifacts::open(&config.data_dir)?;
+            let artifacts = config.open_artifacts()?;
             retention.collect(&database.open(&artifacts).await?, &artifacts, now_ms).await
         })?;
         let what = if self.dry_run { "would be removed" } else { "removed" };

@@ -31,6 +31,7 @@ pub use keys::{KeyChange, KeyLine, KeyState, KeysError, change_keyring, install,
 pub use restore::restore;
 pub use tokens::TokenCommand;
 
+use crate::config::ConfigError;
 use lightpath_artifacts::ArtifactError;
 use lightpath_store::StoreError;
 use std::io;
@@ -61,7 +62,7 @@ pub enum UpkeepError {
     },
     /// The database is on a PostgreSQL server, which has programs of its own for copies.
     #[error(
-        "the database is on a PostgreSQL server: copy it with pg_dump and then the data folder; without database_url this \
+        "the database is on a PostgreSQL server: copy it with pg_dump and then the artifacts; without database_url this \
          command copies a data folder with a database"
     )]
     DatabaseOnServer,
@@ -106,6 +107,9 @@ pub enum UpkeepError {
     /// The artifacts could not be used.
     #[error(transparent)]
     Artifacts(#[from] ArtifactError),
+    /// The settings of the bucket are wrong.
+    #[error(transparent)]
+    Config(#[from] ConfigError),
 }
 
 impl UpkeepError {
