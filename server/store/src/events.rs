@@ -51,9 +51,12 @@ pub(super) async fn append_event(
         .bind(message.into())
         .execute(write.sql())
         .await?;
-    let forget_old = "delete from job_event where job = $1 and sequence <= \
-                      (select sequence from job_event where job = $1 order by sequence desc limit 1 offset $2)";
-    query(forget_old).bind(&job.id).bind(EVENTS_MAX).execute(write.sql()).await?;
+    // Each event comes with a new revision, so a job has no more events than revisions.
+    if job.revision > u64::from(EVENTS_MAX) {
+        let forget_old = "delete from job_event where job = $1 and sequence <= \
+                          (select sequence from job_event where job = $1 order by sequence desc limit 1 offset $2)";
+        query(forget_old).bind(&job.id).bind(EVENTS_MAX).execute(write.sql()).await?;
+    }
     write.announce(Change::Job(job.id.clone()));
     // Each end of a job is an event; its progress is none.
     write.announce(Change::Deliverable);

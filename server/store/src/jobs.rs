@@ -142,8 +142,7 @@ async fn submit(
     if let Some(job) = find_existing(write.sql(), &new, &spec).await? {
         return Ok((job, Submitted::Existing));
     }
-    require_records(write.sql(), &new).await?;
-    require_queue_room(write.sql(), &new, limits).await?;
+    require_display_and_room(write.sql(), &new, limits).await?;
     let Scheduling { owner, batch, unique_key, not_before_ms, timeout_ms, after, label } = &new.scheduling;
     let unfinished = dependencies::unfinished(write, after).await?;
     let id = Uuid::now_v7().to_string();
@@ -214,16 +213,21 @@ async fn find_existing(sql: &mut Connection, new: &NewJob, spec: &str) -> Result
     Ok(Some(job))
 }
 
-/// Checks that the queue has room for a job of this owner and that no waiting or running job of the owner has its
-/// unique key.
-async fn require_queue_room(sql: &mut Connection, new: &NewJob, limits: QueueLimits) -> Result<(), StoreError> {
-    let (queued, owned): (i64, i64) = query_as(
-        "select coalesce(cast(sum(jobs) as bigint), 0), coalesce(cast(sum(jobs) filter (where owner = $1) as bigint), 0) \
-         from job_count where state = 'queued'",
+/// Checks that the display and the datasets of the job exist, that the queue has room for a job of this owner, and that no
+/// waiting or running job of the owner has its unique key.
+async fn require_display_and_room(sql: &mut Connection, new: &NewJob, limits: QueueLimits) -> Result<(), StoreError> {
+    let (queued, owned, has_display): (i64, i64, bool) = query_as(
+        "select coalesce(cast(sum(jobs) as bigint), 0), coalesce(cast(sum(jobs) filter (where owner = $1) as bigint), 0), \
+         exists (select 1 from display where id = $2) from job_count where state = 'queued'",
     )
     .bind(&new.scheduling.owner)
+    .bind(new.spec.display())
     .fetch_one(&mut *sql)
     .await?;
+    if !has_display {
+        return Err(StoreError::not_found(format!("displays/{}", new.spec.display())));
+    }
+    require_datasets(sql, &new.spec).await?;
     if queued >= i64::from(limits.queued) {
         return Err(StoreError::QueueFull { limit: limits.queued });
     }
@@ -250,18 +254,12 @@ pub(super) async fn active_with_key(
     Ok(query.bind(owner).bind(key).fetch_optional(sql).await?)
 }
 
-/// Checks that the display and the datasets of the job exist.
-async fn require_records(sql: &mut Connection, new: &NewJob) -> Result<(), StoreError> {
-    let query = scalar("select exists (select 1 from display where id = $1)").bind(new.spec.display());
-    if !query.fetch_one(&mut *sql).await? {
-        return Err(StoreError::not_found(format!("displays/{}", new.spec.display())));
-    }
-    require_datasets(sql, &new.spec).await
-}
-
 /// Checks that the datasets of a job are datasets of its display. Another display may have a dataset with the id of a
 /// deleted one.
 pub(super) async fn require_datasets(sql: &mut Connection, spec: &JobSpec) -> Result<(), StoreError> {
+    if spec.datasets().is_empty() {
+        return Ok(());
+    }
     let missing: Option<String> = scalar(
         "select value from json_each($1) where not exists \
          (select 1 from dataset where id = value and display = $2) limit 1",

@@ -5,6 +5,7 @@
 //! says from when the store may do so. So a process that was suspended for longer than a lease continues its jobs.
 
 use super::changes::Change;
+use super::claims::CLAIM;
 use super::events::append_event;
 use super::job_rows::job_of;
 use super::rows::to_json;
@@ -214,35 +215,16 @@ async fn claim(
     claimant: &Claimant,
 ) -> Result<Option<(Job, Lease)>, StoreError> {
     let lease_id = Uuid::now_v7().to_string();
-    let row = query(
-        "update job set state = 'running', attempt = attempt + 1, lease_id = $1, lease_until_ms = $2, worker = $3, \
-         process = $7, start_time_ms = $4, progress = null, error = null, revision = revision + 1 \
-         where id = ( \
-            select next.id from lane \
-            join job next on next.id = (select id from job where state = 'queued' and waiting_for = 0 \
-                and priority = lane.priority and owner = lane.owner and display = lane.display and run_time_ms <= $4 \
-                order by run_time_ms, id limit 1) \
-            left join (select owner, count(*) as running from job where state = 'running' group by owner) o \
-                on o.owner = lane.owner \
-            left join (select display, count(*) as running from job where state = 'running' group by display) d \
-                on d.display = lane.display \
-            where not exists (select 1 from pause where pause.display in ('', lane.display)) \
-                and ($5 = 0 or coalesce(o.running, 0) < $5) and ($6 = 0 or coalesce(d.running, 0) < $6) \
-            order by lane.priority, coalesce(o.running, 0), \
-                (select max(start_time_ms) from job where owner = lane.owner and start_time_ms <= $4) \
-                nulls first, \
-                next.run_time_ms, next.id limit 1) \
-         returning *",
-    )
-    .bind(&lease_id)
-    .bind(now_ms + lease_ms)
-    .bind(&claimant.worker)
-    .bind(now_ms)
-    .bind(limits.per_owner)
-    .bind(limits.per_display)
-    .bind(&claimant.process)
-    .fetch_optional(write.sql())
-    .await?;
+    let row = query(CLAIM)
+        .bind(&lease_id)
+        .bind(now_ms + lease_ms)
+        .bind(&claimant.worker)
+        .bind(now_ms)
+        .bind(limits.per_owner)
+        .bind(limits.per_display)
+        .bind(&claimant.process)
+        .fetch_optional(write.sql())
+        .await?;
     let Some(row) = row else { return Ok(None) };
     let job = job_of(&row)?;
     append_event(write, &job, now_ms, format!("attempt {} started by {}", job.attempt, claimant.worker)).await?;

@@ -16,7 +16,7 @@
 //! # Layout
 //!
 //! - `tokens`: API tokens. `signing`: keyrings and private keys. `queue`: pauses and the state of the queue.
-//!   `dependencies`: jobs that wait for other jobs.
+//!   `dependencies`: jobs that wait for other jobs. `claims`: which job is next.
 //! - `gates`: what versions must show before they become active. `rollouts`, `devices`: versions on their way to the
 //!   displays in the field.
 //! - `webhooks`, `deliveries`: addresses that learn of events, and what they are to learn.
@@ -32,6 +32,7 @@
 mod artifacts;
 mod cancels;
 mod changes;
+mod claims;
 mod collection;
 #[cfg(test)]
 mod conformance;

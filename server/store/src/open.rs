@@ -32,7 +32,7 @@ const SQLITE_MIN_TEXT: &str = "3.51.3";
 const POSTGRES_READERS: u32 = 8;
 
 /// Number of write connections to PostgreSQL. Writers take turns, so most of these wait.
-const POSTGRES_WRITERS: u32 = 4;
+pub(super) const POSTGRES_WRITERS: u32 = 4;
 
 /// How long a caller waits for a connection to PostgreSQL.
 const ACQUIRE_TIMEOUT: Duration = Duration::from_secs(30);
@@ -125,7 +125,7 @@ impl Store {
         // A pool tries again until its time is up and then hides the cause.
         connect_once(&options).await?.close().await?;
         let pool = |connections| PgPoolOptions::new().max_connections(connections).acquire_timeout(ACQUIRE_TIMEOUT);
-        let writers = pool(POSTGRES_WRITERS).connect_with(options.clone()).await?;
+        let writers = pool(POSTGRES_WRITERS).test_before_acquire(false).connect_with(options.clone()).await?;
         // The migrator takes an advisory lock of its own.
         migrator(MIGRATIONS.len(), |step| step.postgres).run(&writers).await.map_err(migration_error)?;
         let read_only = options.options([("default_transaction_read_only", "on")]);

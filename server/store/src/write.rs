@@ -2,7 +2,8 @@
 
 use super::changes::{Change, Changed};
 use super::notices;
-use super::sql::{Connection, Pool, query};
+use super::open::POSTGRES_WRITERS;
+use super::sql::{Connection, Pool, query, run_all};
 use super::{Store, StoreError};
 use futures::future::BoxFuture;
 use lightpath_fail_points as fail;
@@ -11,9 +12,11 @@ use lightpath_fail_points as fail;
 /// `immediate`.
 const BEGIN_SQLITE: &str = "begin immediate";
 
+const BEGIN_POSTGRES: &str = "begin";
+
 /// In PostgreSQL the writers of all processes take turns by this lock. It is a statement of its own, so that the
 /// statements after it see what the writer before has committed.
-const TURN_POSTGRES: &str = "select pg_advisory_xact_lock(7809632219837)";
+const BEGIN_IN_TURN_POSTGRES: &str = "begin; select pg_advisory_xact_lock(7809632219837)";
 
 /// A write transaction, with the changes to announce after its commit.
 #[derive(Debug)]
@@ -39,17 +42,11 @@ impl Write {
         &mut self.connection
     }
 
-    /// Begins a transaction. After an error (for example a full disk), SQLite ends some transactions by itself and
-    /// leaves others open. This function accepts both; a transaction of sqlx would make the next one fail.
-    async fn begin(writers: &Pool) -> Result<Self, StoreError> {
-        let begin = if writers.is_postgres() { "begin" } else { BEGIN_SQLITE };
-        let mut connection = writers.acquire().await?;
-        if query(begin).execute(&mut connection).await.is_err() {
-            // Either a panic left a transaction open, or another process holds the database. The second attempt shows
-            // which.
-            drop(query("rollback").execute(&mut connection).await);
-            query(begin).execute(&mut connection).await?;
-        }
+    async fn begin(writers: &Pool, in_turn: bool) -> Result<Self, StoreError> {
+        let connection = match writers.is_postgres() {
+            true => begin_postgres(writers, in_turn).await?,
+            false => begin_sqlite(writers).await?,
+        };
         Ok(Self { connection, changes: Vec::new(), ended: false })
     }
 
@@ -79,6 +76,36 @@ impl Write {
     /// Announces a change that only listeners who follow everything want to know.
     pub(super) fn announce_changed(&mut self, changed: Changed) {
         self.announce(Change::Other(changed));
+    }
+}
+
+/// Begins a transaction. After an error (for example a full disk), SQLite ends some transactions by itself and leaves
+/// others open. This function accepts both; a transaction of sqlx would make the next one fail.
+async fn begin_sqlite(writers: &Pool) -> Result<Connection, StoreError> {
+    let mut connection = writers.acquire().await?;
+    if query(BEGIN_SQLITE).execute(&mut connection).await.is_err() {
+        // Either a panic left a transaction open, or another process holds the database. The second attempt shows
+        // which.
+        drop(query("rollback").execute(&mut connection).await);
+        query(BEGIN_SQLITE).execute(&mut connection).await?;
+    }
+    Ok(connection)
+}
+
+/// Begins a transaction. The pool does not test its connections, because that takes another message. So after a restart of
+/// the server the first statement fails on each connection, and another connection is taken.
+async fn begin_postgres(writers: &Pool, in_turn: bool) -> Result<Connection, StoreError> {
+    let begin = if in_turn { BEGIN_IN_TURN_POSTGRES } else { BEGIN_POSTGRES };
+    let mut spare = POSTGRES_WRITERS;
+    loop {
+        let mut connection = writers.acquire().await?;
+        let Err(error) = run_all(begin, &mut connection).await else { return Ok(connection) };
+        // The transaction may have begun, and would keep the turn of all writers.
+        connection.close_on_drop();
+        if spare == 0 {
+            return Err(error.into());
+        }
+        spare -= 1;
     }
 }
 
@@ -119,10 +146,7 @@ impl Store {
     {
         let store = self.clone();
         let task = tokio::spawn(async move {
-            let mut write = Write::begin(&store.inner.writers).await?;
-            if in_turn && store.inner.writers.is_postgres() {
-                query(TURN_POSTGRES).execute(write.sql()).await?;
-            }
+            let mut write = Write::begin(&store.inner.writers, in_turn).await?;
             let outcome = match work(&mut write).await {
                 Ok(value) => write.commit(&store.inner.process).await.map(|()| value),
                 Err(error) => Err(error),

@@ -57,8 +57,10 @@ async fn job_keeps_its_newest_events() {
     place
         .change(&format!(
             "with recursive n(i) as (select 1 union all select i + 1 from n where i < {}) \
-             insert into job_event (job, time_ms, attempt, message) select '{id}', i, 0, 'again' from n",
-            limit - 2
+             insert into job_event (job, time_ms, attempt, message) select '{id}', i, 0, 'again' from n; \
+             update job set revision = {} where id = '{id}'",
+            limit - 2,
+            limit - 1
         ))
         .await;
     let other = submit(&store, "other", 1).await;

@@ -55,7 +55,7 @@ impl Lent<'_> {
 }
 
 impl Connection {
-    fn raw(&mut self) -> Raw<'_> {
+    pub(super) fn raw(&mut self) -> Raw<'_> {
         match self {
             Self::Sqlite(connection) => Raw::Sqlite(connection),
             Self::SqliteFile(connection) => Raw::Sqlite(connection),

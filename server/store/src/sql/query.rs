@@ -1,9 +1,9 @@
 //! A statement with its parameters.
 
-use super::connection::{Raw, Target};
+use super::connection::{Connection, Raw, Target};
 use super::row::{Column, Columns, Row};
 use sqlx::query::Query as SqlxQuery;
-use sqlx::{AssertSqlSafe, Database, Encode, Type};
+use sqlx::{AssertSqlSafe, Database, Encode, Executor as _, Type};
 use std::fmt::Write as _;
 use std::mem::take;
 
@@ -202,6 +202,14 @@ impl<T> Typed<T> {
 
     pub(crate) async fn fetch_all(self, target: impl Target) -> Result<Vec<T>, sqlx::Error> {
         self.query.fetch_all(target).await?.iter().map(self.read).collect()
+    }
+}
+
+/// Runs several statements without parameters, which go to PostgreSQL in one message.
+pub(crate) async fn run_all(text: &'static str, connection: &mut Connection) -> Result<(), sqlx::Error> {
+    match connection.raw() {
+        Raw::Sqlite(connection) => connection.execute(sqlx::raw_sql(text)).await.map(drop),
+        Raw::Postgres(connection) => connection.execute(sqlx::raw_sql(text)).await.map(drop),
     }
 }
 

@@ -12,6 +12,7 @@ use self::command::command;
 use self::comparison::Comparison;
 use self::model::Model;
 use super::*;
+use crate::sql::scalar;
 use crate::{ClaimLimits, JobFilter, QueueLimits};
 use lightpath_domain::job::{JobState, Lease, Scheduling};
 use proptest::prelude::*;
@@ -46,6 +47,12 @@ proptest! {
                 comparison.compare().await;
             }
             comparison.store.close().await;
+            // Only a job with many revisions can have too many events.
+            let more_events = "select count(*) from job where revision < (select count(*) from job_event where job = job.id)";
+            let mut connection = place.connect().await;
+            let found: i64 = scalar(more_events).fetch_one(&mut connection).await.unwrap();
+            assert_eq!(found, 0);
+            connection.close().await.unwrap();
             let mut inspection = place.inspect().await;
             assert_eq!(inspection.damages().await.unwrap(), Vec::<String>::new());
             assert_eq!(inspection.contradictions().await.unwrap(), Vec::<String>::new());
