@@ -210,17 +210,19 @@ async fn prepare(data_dir: &Path, settings: &[&str]) -> String {
 async fn prepare_kernel(data_dir: &Path, settings: &[&str]) -> Material {
     let target = prepare(data_dir, settings).await;
     let daemon = Daemon::start(data_dir, settings).await;
-    for tilt in [0.1, 0.2] {
-        let artifact = daemon.client.upload_bytes(kernel_file(128, 96, tilt)).await.unwrap();
-        let request = v1::ImportKernelRequest {
-            display: names::display("lab"),
-            distance_m: DISTANCE_M,
-            artifact,
-            ..Default::default()
-        };
-        daemon.client.import_kernel(request).await.unwrap();
-    }
+    let material = import_two_versions(&daemon.client, target).await;
     daemon.kill().await;
+    material
+}
+
+/// Imports a kernel with two versions to promote in turn.
+pub(crate) async fn import_two_versions(client: &Client, target: String) -> Material {
+    for tilt in [0.1, 0.2] {
+        let artifact = client.upload_bytes(kernel_file(128, 96, tilt)).await.unwrap();
+        let display = names::display("lab");
+        let request = v1::ImportKernelRequest { display, distance_m: DISTANCE_M, artifact, ..Default::default() };
+        client.import_kernel(request).await.unwrap();
+    }
     Material { target, kernel: kernel_name() }
 }
 

@@ -17,25 +17,25 @@ const DISK_MIB: u64 = 48;
 const ENDLESS: u32 = 10_000;
 
 /// A mounted disk of [`DISK_MIB`]. It is unmounted when dropped.
-struct TinyDisk {
+pub(crate) struct TinyDisk {
     folder: TempDir,
 }
 
 impl TinyDisk {
     /// Mounts a disk. `None` if the user lacks the right to mount.
-    fn mount() -> Option<Self> {
+    pub(crate) fn mount() -> Option<Self> {
         let folder = TempDir::new().unwrap();
         let size = format!("size={DISK_MIB}m");
         let mount = Command::new("mount").args(["-t", "tmpfs", "-o", &size, "tmpfs"]).arg(folder.path()).output();
         mount.is_ok_and(|output| output.status.success()).then_some(Self { folder })
     }
 
-    fn data_dir(&self) -> PathBuf {
+    pub(crate) fn data_dir(&self) -> PathBuf {
         self.folder.path().join("data")
     }
 
     /// Fills the disk except for `leave_mib` \[MiB\]. Dropping the filler frees the space.
-    fn fill(&self, leave_mib: u64) -> Filler {
+    pub(crate) fn fill(&self, leave_mib: u64) -> Filler {
         let filler = Filler(self.folder.path().join("filler"));
         let mut file = File::create(&filler.0).unwrap();
         let block = vec![0; 64 << 10];
@@ -53,7 +53,7 @@ impl Drop for TinyDisk {
 }
 
 /// A file that fills a disk. Dropping it removes the file.
-struct Filler(PathBuf);
+pub(crate) struct Filler(PathBuf);
 
 impl Drop for Filler {
     fn drop(&mut self) {

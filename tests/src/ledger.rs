@@ -155,6 +155,16 @@ impl Ledger {
         assert_eq!(self.results.len() as u64, SEEDS.min(self.asked.len() as u64));
     }
 
+    /// Checks that all jobs gave the bytes that this server, on which nothing was disturbed, gives.
+    pub(crate) async fn assert_as_on(&self, client: &Client, target: &str) {
+        for (seed, result) in &self.results {
+            let request_id = (0..).map(|n| format!("undisturbed {n}")).find(|id| seed_of(id) == *seed).unwrap();
+            let job = client.submit(submission(target, &request_id)).await.unwrap();
+            let job = client.wait(&job.name, |_| ()).await.unwrap();
+            assert_same_bytes(hologram_result(&job).unwrap(), result);
+        }
+    }
+
     /// The number of acknowledged requests, as text.
     pub(crate) fn summary(&self) -> String {
         let (jobs, uploads, promotions) = (self.asked.len(), self.uploads.len(), self.promotions.len());

@@ -9,6 +9,8 @@ mod command_line;
 mod job_shapes;
 /// A record of everything that a server has acknowledged.
 mod ledger;
+/// A proxy that disturbs the connections of one process to one server.
+mod fault_proxy;
 /// Displays, pictures, kernels and job specs.
 mod material;
 /// Runs the programs `lightpath`, `lightpathd` and `lightpath-agent` as processes.
@@ -54,6 +56,8 @@ mod kernel_watch;
 mod photos;
 /// Several planes, wavelengths and frames, every method, through the command line.
 mod planes_and_colours;
+/// Several servers and workers on one database and one bucket, and faults of every kind.
+mod processes;
 /// Servers whose database is on a PostgreSQL server.
 mod postgresql;
 /// Datasets in the folders of published ones.

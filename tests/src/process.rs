@@ -70,6 +70,13 @@ pub(crate) async fn lightpathd(arguments: &[&str]) -> CommandOutput {
     }
 }
 
+/// The command `lightpathd` with these arguments. It is killed when its handle is dropped.
+pub(crate) fn lightpathd_command(arguments: &[&str]) -> Command {
+    let mut command = Command::new(binary("lightpathd"));
+    command.args(arguments).stdin(Stdio::null()).stdout(Stdio::null()).kill_on_drop(true);
+    command
+}
+
 /// Starts `lightpath-agent` with these arguments. It is killed when the handle is dropped.
 pub(crate) fn agent(arguments: &[&str]) -> Child {
     let mut command = Command::new(binary("lightpath-agent"));

@@ -140,6 +140,29 @@ impl Store {
         .await
     }
 
+    /// Lets no lease end after `latest_ms`, because a clock that was ahead has been set right.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`], [`StoreError::DiskFull`].
+    pub async fn cap_leases(&self, latest_ms: i64) -> Result<(), StoreError> {
+        let late: bool = scalar("select exists (select 1 from job where state = 'running' and lease_until_ms > $1)")
+            .bind(latest_ms)
+            .fetch_one(self.readers())
+            .await?;
+        if !late {
+            return Ok(());
+        }
+        self.write(move |write| {
+            Box::pin(async move {
+                let sql = "update job set lease_until_ms = $1 where state = 'running' and lease_until_ms > $1";
+                query(sql).bind(latest_ms).execute(write.sql()).await?;
+                Ok(())
+            })
+        })
+        .await
+    }
+
     /// Makes waiting jobs due earlier whose start lies further ahead than its reasons explain, because the system's
     /// clock was ahead when it was set: a job starts at the time that its submitter requested or, after a failed
     /// attempt, at most `pause_max_ms` from now. Returns the number of these jobs.

@@ -85,6 +85,8 @@ const ABSENCE_MIN: f64 = 0.6;
 /// Time, beside that of a lease, in which the heartbeats of all living workers come after the database's clock was set:
 /// each process notices within a few seconds.
 const HEARTBEATS_WAIT: Duration = Duration::from_secs(10);
+/// Longest lease that can be set \[ms\]. One that ends later was given before the database's clock was set back.
+const LEASE_MS_MAX: i64 = 3_600_000;
 /// Longest time between two reads of the queue.
 const POLL_INTERVAL_MAX: Duration = Duration::from_secs(60);
 
@@ -382,8 +384,9 @@ impl Worker {
             }
             // The others may have been cut off from the database before this process started, or its clock was set: their
             // heartbeats come first.
-            let since_change = self.store.since_time_jump().unwrap_or(Duration::MAX).min(started.elapsed());
-            if self.store.is_shared() && since_change < self.config.lease + HEARTBEATS_WAIT {
+            let (lease, jumped) = (self.config.lease, self.store.since_time_jump());
+            let comes_late = started.elapsed() < lease || jumped.is_some_and(|since| since < lease + HEARTBEATS_WAIT);
+            if self.store.is_shared() && comes_late {
                 checked = Instant::now();
                 continue;
             }
@@ -404,7 +407,7 @@ impl Worker {
                 );
                 continue;
             }
-            match self.store.expire_leases(self.clock.now_ms()).await {
+            match self.take_expired().await {
                 Ok(jobs) => {
                     checked = Instant::now();
                     for job in jobs {
@@ -417,6 +420,15 @@ impl Worker {
                 }
             }
         }
+    }
+
+    /// Takes back the jobs whose leases have ended.
+    async fn take_expired(&self) -> Result<Vec<Job>, StoreError> {
+        let now_ms = self.clock.now_ms();
+        if self.store.is_shared() {
+            self.store.cap_leases(now_ms + LEASE_MS_MAX).await?;
+        }
+        self.store.expire_leases(now_ms).await
     }
 
     /// Moves all leases after the system's clock was set, so that none expires early or lasts too long.
