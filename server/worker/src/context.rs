@@ -250,13 +250,20 @@ impl JobContext {
         self.save(state)
     }
 
-    /// Saves the state at a regular interval. If the disk is full, the job continues and tries again later.
+    /// Saves the state at a regular interval. If the disk is full, or the bucket does not answer, the job continues and
+    /// tries again later.
     fn save_in_passing(&self, state: Vec<u8>) -> Result<(), TaskError> {
+        let may_pass = |error: &JobError| match error.reason {
+            FailureReason::DiskFull => true,
+            FailureReason::Io => self.artifacts.is_shared() && error.retryable,
+            _ => false,
+        };
         match self.save(state) {
-            Err(TaskError::Failed(error)) if error.reason == FailureReason::DiskFull => {
+            Err(TaskError::Failed(error)) if may_pass(&error) => {
                 tracing::warn!(
                     job = self.lease.job,
-                    "the disk is full: the checkpoint is skipped, and the job continues"
+                    error = error.message,
+                    "the checkpoint cannot be stored: it is skipped, and the job continues"
                 );
                 self.last_checkpoint.set(Instant::now());
                 Ok(())
@@ -311,8 +318,11 @@ impl JobContext {
                 return Err(error.into());
             }
         };
-        if let Some(before) = before {
-            self.artifacts.delete_checkpoint(&before).await?;
+        if let Some(before) = before
+            && let Err(error) = self.artifacts.delete_checkpoint(&before).await
+        {
+            // It does no harm: no job refers to it, and the next start or collection removes it.
+            tracing::warn!(error = &error as &dyn std::error::Error, "a checkpoint could not be removed");
         }
         Ok(())
     }

@@ -21,11 +21,12 @@
 //!
 //! # Layout
 //!
-//! - `options`: settings. `identity`: to whom the objects belong. `catch_up`: files from a time without the remote. `cache`: the bound on local copies. `thread`: threads for requests.
+//! - `options`: settings. `identity`: to whom the objects belong. `inventory`: read access for checks. `catch_up`: files from a time without the remote. `cache`: the bound on local copies. `thread`: threads for requests.
 
 pub(crate) mod cache;
 pub(crate) mod catch_up;
 mod identity;
+pub(crate) mod inventory;
 #[cfg(test)]
 mod model;
 pub(crate) mod options;
@@ -66,6 +67,16 @@ pub struct RemoteObject {
     pub size_bytes: u64,
 }
 
+impl RemoteObject {
+    /// Time at which the copy was stored, by the clock of the process that stored it \[ms since 1970\]; `None` if its id
+    /// has no time, because another program made it.
+    #[must_use]
+    pub fn store_time_ms(&self) -> Option<i64> {
+        let (seconds, nanoseconds) = self.id.get_timestamp()?.to_unix();
+        i64::try_from(seconds * 1000 + u64::from(nanoseconds / 1_000_000)).ok()
+    }
+}
+
 #[derive(Debug)]
 pub(crate) struct Remote {
     store: Arc<dyn ObjectStore>,
@@ -95,11 +106,20 @@ impl Remote {
         prefix: Path,
         data_dir: &std::path::Path,
     ) -> Result<Self, ArtifactError> {
-        let (thread, damaged) = (RequestThreads::start()?, Mutex::default());
-        let mut remote = Self { store, signer, prefix, thread, damaged, installation: String::new() };
+        let mut remote = Self::unnamed(store, signer, prefix)?;
         remote.installation = identity::agree(&remote, data_dir)?;
         catch_up::run(&remote, data_dir)?;
         Ok(remote)
+    }
+
+    /// A remote of which nothing is known yet.
+    fn unnamed(
+        store: Arc<dyn ObjectStore>,
+        signer: Option<Arc<dyn Signer>>,
+        prefix: Path,
+    ) -> Result<Self, ArtifactError> {
+        let (thread, damaged) = (RequestThreads::start()?, Mutex::default());
+        Ok(Self { store, signer, prefix, thread, damaged, installation: String::new() })
     }
 
     /// Name of the installation to which the objects belong.
@@ -234,6 +254,11 @@ impl Remote {
         }
         let digest = digest.to_owned();
         Err(if found_damage { ArtifactError::DataLoss { digest } } else { ArtifactError::NotFound { digest } })
+    }
+
+    /// Reads the copies of a blob until one matches the digest, and returns its size \[bytes\].
+    pub(crate) fn verify(&self, kind: BlobKind, digest: &str) -> Result<u64, ArtifactError> {
+        self.fetch(kind, digest, &mut (), |()| Ok(()), |(), _| Ok(()))
     }
 
     /// Removes copies of a blob. A missing one is no error.

@@ -1,12 +1,20 @@
 //! Removal of blobs from a bucket in which other processes may store the same bytes at the same time: the first rule of
 //! `lightpath_artifacts`' remote calls. Each step returns what the next one needs, so that no other order compiles.
 //!
+//! Each saved state has an owner, the job, and its bytes are never stored twice. So those that are left are removed by
+//! their age.
+//!
 //! The copies in data folders leave them like all others that nobody uses.
 
 use super::UpkeepError;
 use super::collect::{Collected, STEP};
 use lightpath_artifacts::{Artifacts, BlobKind, RemoteObject};
 use lightpath_store::Store;
+use std::collections::HashSet;
+
+/// Age at which a saved state that no job refers to is removed \[ms\]: a day. A worker that needed longer to record what it
+/// stored lost its lease long ago.
+const UNRECORDED_MS_MAX: i64 = 24 * 3600 * 1000;
 
 /// Removes the artifacts that no record refers to and that were last used before `before_ms`, and what is left of
 /// removals that did not come to their end.
@@ -39,6 +47,26 @@ pub(super) async fn unreferenced_artifacts(
             }
         }
     }
+}
+
+/// Removes saved states to which no job refers, because a process died while it replaced them.
+pub(super) async fn unreferenced_checkpoints(
+    store: &Store,
+    artifacts: &Artifacts,
+    now_ms: i64,
+) -> Result<(), UpkeepError> {
+    let mut stored = Vec::new();
+    for shard in 0..=u8::MAX {
+        stored.extend(artifacts.stored(BlobKind::Checkpoint, shard).await?);
+    }
+    // Read after the list: what was replaced in between is referred to by neither, and is removed by its owner or later.
+    let live: HashSet<String> = store.live_checkpoints().await?.into_iter().collect();
+    for digest in stored.into_iter().filter(|digest| !live.contains(digest)) {
+        let mut objects = artifacts.objects_of(BlobKind::Checkpoint, &digest).await?;
+        objects.retain(|object| object.store_time_ms().is_some_and(|time_ms| time_ms < now_ms - UNRECORDED_MS_MAX));
+        artifacts.delete_objects(BlobKind::Checkpoint, &digest, objects).await?;
+    }
+    Ok(())
 }
 
 /// The objects of an artifact before its removal is marked.
@@ -100,7 +128,8 @@ mod tests {
     use super::*;
     use crate::upkeep::{DATABASE, Retention};
     use lightpath_artifacts::{ArtifactError, RemoteOptions, SpaceLimits, digest_of};
-    use lightpath_fixtures::test_database;
+    use lightpath_fixtures::{capture_job, display, test_database};
+    use lightpath_worker::Clock;
     use std::cell::RefCell;
     use std::time::Duration;
     use tempfile::TempDir;
@@ -277,6 +306,25 @@ mod tests {
         for bytes in [b"marked", b"delete"] {
             let verified = pair.here.verify(BlobKind::Artifact, &digest_of(bytes)).await;
             assert!(matches!(verified, Err(ArtifactError::NotFound { .. })), "{verified:?}");
+        }
+    }
+
+    /// A saved state that a process has stored and not yet recorded is kept, and so is one that a job refers to.
+    #[tokio::test]
+    async fn saved_states_without_jobs_are_removed_after_a_day() {
+        let Some(pair) = Pair::open("checkpoints").await else { return };
+        pair.publish(&pair.here, b"phase", 1).await;
+        pair.store.create_display(&display("lab"), 1).await.unwrap();
+        pair.store.submit(&capture_job("job", &digest_of(b"phase"), 1), 1, 10).await.unwrap();
+        let (_, lease) = pair.store.claim(1, i64::MAX / 2, "w").await.unwrap().unwrap();
+        let recorded = pair.here.put_checkpoint(b"recorded".to_vec()).await.unwrap();
+        pair.store.checkpoint(&lease, &recorded).await.unwrap();
+        let left = pair.here.put_checkpoint(b"left".to_vec()).await.unwrap();
+        let now_ms = Clock::default().now_ms();
+        for (after_ms, is_left) in [(UNRECORDED_MS_MAX / 2, true), (2 * UNRECORDED_MS_MAX, false)] {
+            Retention::default().collect(&pair.store, &pair.there, now_ms + after_ms).await.unwrap();
+            let kept = async |digest| !pair.here.objects_of(BlobKind::Checkpoint, digest).await.unwrap().is_empty();
+            assert_eq!((kept(&recorded).await, kept(&left).await), (true, is_left), "after {after_ms} ms");
         }
     }
 }
