@@ -24,7 +24,7 @@ impl BucketInventory {
         let options = options.clone();
         blocking(move || {
             let (store, prefix) = options.connect()?;
-            let mut remote = Remote::unnamed(Arc::new(store), None, prefix)?;
+            let mut remote = Remote::unnamed(Arc::new(store), prefix)?;
             remote.installation = identity::named(&remote)?;
             Ok(Self { remote: Arc::new(remote) })
         })
