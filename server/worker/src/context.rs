@@ -65,6 +65,7 @@ impl From<ArtifactError> for TaskError {
             ArtifactError::DiskFull | ArtifactError::DiskLow { .. } => FailureReason::DiskFull,
             ArtifactError::NotFound { .. } => FailureReason::ArtifactNotFound,
             ArtifactError::DataLoss { .. } => FailureReason::DataLoss,
+            ArtifactError::Remote { .. } => FailureReason::Remote,
             _ => FailureReason::Io,
         };
         let retryable = error.is_transient();
@@ -253,13 +254,8 @@ impl JobContext {
     /// Saves the state at a regular interval. If the disk is full, or the bucket does not answer, the job continues and
     /// tries again later.
     fn save_in_passing(&self, state: Vec<u8>) -> Result<(), TaskError> {
-        let may_pass = |error: &JobError| match error.reason {
-            FailureReason::DiskFull => true,
-            FailureReason::Io => self.artifacts.is_shared() && error.retryable,
-            _ => false,
-        };
         match self.save(state) {
-            Err(TaskError::Failed(error)) if may_pass(&error) => {
+            Err(TaskError::Failed(error)) if error.is_of_the_storage() => {
                 tracing::warn!(
                     job = self.lease.job,
                     error = error.message,
@@ -329,14 +325,19 @@ impl JobContext {
 }
 
 /// The state that an earlier attempt of the job saved; `None` if it is missing or was saved by another version.
-pub(super) async fn saved_state(artifacts: &Artifacts, job: &Job) -> Option<Vec<u8>> {
-    let digest = job.checkpoint.as_deref()?;
+///
+/// # Errors
+///
+/// [`TaskError::Failed`] if the bucket with the state does not answer.
+pub(super) async fn saved_state(artifacts: &Artifacts, job: &Job) -> Result<Option<Vec<u8>>, TaskError> {
+    let Some(digest) = job.checkpoint.as_deref() else { return Ok(None) };
     match artifacts.read_checkpoint(digest).await {
-        Ok(bytes) => checkpoint::unseal(job, bytes),
+        Ok(bytes) => Ok(checkpoint::unseal(job, bytes)),
+        Err(error @ ArtifactError::Remote { .. }) => Err(error.into()),
         Err(error) => {
             let error: &dyn std::error::Error = &error;
             tracing::warn!(job = job.id, error, "the checkpoint cannot be read; the job starts over");
-            None
+            Ok(None)
         }
     }
 }

@@ -8,7 +8,7 @@ use std::io::Write as _;
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::sync::atomic::{AtomicI64, AtomicU8, Ordering};
 use std::thread;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 const KIND: BlobKind = BlobKind::Artifact;
 /// Time within which calls fail while the server answers with errors or is away: the 5 s in which requests are sent again,

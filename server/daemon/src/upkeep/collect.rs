@@ -93,6 +93,7 @@ impl Retention {
             collected.artifact_bytes = removed.artifact_bytes;
         }
         if artifacts.is_shared() {
+            removal::unrecorded_artifacts(store, artifacts, now_ms).await?;
             removal::unreferenced_checkpoints(store, artifacts, now_ms).await?;
         }
         metrics::collected(collected.jobs, collected.artifacts, collected.artifact_bytes);

@@ -12,8 +12,8 @@ use lightpath_artifacts::{Artifacts, BlobKind, RemoteObject};
 use lightpath_store::Store;
 use std::collections::HashSet;
 
-/// Age at which a saved state that no job refers to is removed \[ms\]: a day. A worker that needed longer to record what it
-/// stored lost its lease long ago.
+/// Age at which a blob that nothing refers to is removed \[ms\]: a day. A worker that needed longer to record a saved state
+/// lost its lease long ago; an artifact is safe at any age, by the rules.
 const UNRECORDED_MS_MAX: i64 = 24 * 3600 * 1000;
 
 /// Removes the artifacts that no record refers to and that were last used before `before_ms`, and what is left of
@@ -49,6 +49,27 @@ pub(super) async fn unreferenced_artifacts(
     }
 }
 
+/// Removes artifacts that no row records, because a process died after it had stored them.
+pub(super) async fn unrecorded_artifacts(store: &Store, artifacts: &Artifacts, now_ms: i64) -> Result<(), UpkeepError> {
+    for shard in 0..=u8::MAX {
+        let stored = artifacts.stored(BlobKind::Artifact, shard).await?;
+        for digest in store.unrecorded(&stored).await? {
+            let listed = Listed::list(artifacts, digest).await?;
+            if listed.objects.iter().all(|object| is_left(object, now_ms))
+                && let Some(marked) = listed.mark_unrecorded(store).await?
+            {
+                marked.delete(artifacts).await?.end(store).await?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Whether an object is so old that the process that stored it has recorded it, or never will.
+fn is_left(object: &RemoteObject, now_ms: i64) -> bool {
+    object.store_time_ms().is_some_and(|time_ms| time_ms < now_ms - UNRECORDED_MS_MAX)
+}
+
 /// Removes saved states to which no job refers, because a process died while it replaced them.
 pub(super) async fn unreferenced_checkpoints(
     store: &Store,
@@ -63,7 +84,7 @@ pub(super) async fn unreferenced_checkpoints(
     let live: HashSet<String> = store.live_checkpoints().await?.into_iter().collect();
     for digest in stored.into_iter().filter(|digest| !live.contains(digest)) {
         let mut objects = artifacts.objects_of(BlobKind::Checkpoint, &digest).await?;
-        objects.retain(|object| object.store_time_ms().is_some_and(|time_ms| time_ms < now_ms - UNRECORDED_MS_MAX));
+        objects.retain(|object| is_left(object, now_ms));
         artifacts.delete_objects(BlobKind::Checkpoint, &digest, objects).await?;
     }
     Ok(())
@@ -98,6 +119,12 @@ impl Listed {
     /// Begins the removal; `None` if the artifact is kept.
     async fn mark(self, store: &Store, before_ms: i64) -> Result<Option<Marked>, UpkeepError> {
         let mark = store.begin_removal(&self.digest, before_ms).await?;
+        Ok(mark.map(|mark| Marked { listed: self, mark }))
+    }
+
+    /// Does the same as [`Self::mark`] for objects that no row records.
+    async fn mark_unrecorded(self, store: &Store) -> Result<Option<Marked>, UpkeepError> {
+        let mark = store.begin_removal_of_unrecorded(&self.digest).await?;
         Ok(mark.map(|mark| Marked { listed: self, mark }))
     }
 
@@ -202,11 +229,15 @@ mod tests {
         Done,
     }
 
-    async fn step(pair: &Pair, digest: &str, collector: Collector) -> Collector {
+    async fn step(pair: &Pair, digest: &str, is_recorded: bool, collector: Collector) -> Collector {
         match collector {
             Collector::List => Collector::Mark(Listed::list(&pair.there, digest.to_owned()).await.unwrap()),
             Collector::Mark(listed) => {
-                listed.mark(&pair.store, BEFORE_MS).await.unwrap().map_or(Collector::Done, Collector::Delete)
+                let marked = match is_recorded {
+                    true => listed.mark(&pair.store, BEFORE_MS).await,
+                    false => listed.mark_unrecorded(&pair.store).await,
+                };
+                marked.unwrap().map_or(Collector::Done, Collector::Delete)
             }
             Collector::Delete(marked) => Collector::End(marked.delete(&pair.there).await.unwrap()),
             Collector::End(deleted) => {
@@ -235,15 +266,20 @@ mod tests {
     async fn publisher_wins_over_a_collector_at_each_step() {
         let Some(pair) = Pair::open("each-step").await else { return };
         let mut removed = 0;
-        for schedule in schedules() {
-            let bytes = format!("{schedule:?}").into_bytes();
+        for (schedule, is_recorded) in
+            schedules().into_iter().flat_map(|schedule| [(schedule, true), (schedule, false)])
+        {
+            let bytes = format!("{schedule:?} {is_recorded}").into_bytes();
             let digest = digest_of(&bytes);
-            pair.publish(&pair.there, &bytes, 1).await;
+            match is_recorded {
+                true => pair.publish(&pair.there, &bytes, 1).await,
+                false => drop(pair.there.put_bytes(bytes.clone()).await.unwrap()),
+            }
             let collector = RefCell::new(Some((0, Collector::List)));
             let advance = async |until: usize| {
                 let (mut done, mut state) = collector.take().unwrap();
                 while done < until {
-                    state = step(&pair, &digest, state).await;
+                    state = step(&pair, &digest, is_recorded, state).await;
                     done += 1;
                 }
                 collector.replace(Some((done, state)));
@@ -305,7 +341,7 @@ mod tests {
             pair.publish(&pair.there, bytes, 1).await;
             let (digest, mut collector) = (digest_of(bytes), Collector::List);
             for _ in 0..steps {
-                collector = step(&pair, &digest, collector).await;
+                collector = step(&pair, &digest, true, collector).await;
             }
         }
         let retention = Retention { artifacts: Some(Duration::from_secs(5)), jobs: None };
@@ -317,9 +353,9 @@ mod tests {
         }
     }
 
-    /// A saved state that a process has stored and not yet recorded is kept, and so is one that a job refers to.
+    /// What a process has stored and not yet recorded is kept, and so is what is recorded.
     #[tokio::test]
-    async fn saved_states_without_jobs_are_removed_after_a_day() {
+    async fn what_nothing_refers_to_is_removed_after_a_day() {
         let Some(pair) = Pair::open("checkpoints").await else { return };
         pair.publish(&pair.here, b"phase", 1).await;
         pair.store.create_display(&display("lab"), 1).await.unwrap();
@@ -328,11 +364,16 @@ mod tests {
         let recorded = pair.here.put_checkpoint(b"recorded".to_vec()).await.unwrap();
         pair.store.checkpoint(&lease, &recorded).await.unwrap();
         let left = pair.here.put_checkpoint(b"left".to_vec()).await.unwrap();
+        let phase = digest_of(b"phase");
+        let artifact = pair.here.put_bytes(b"left".to_vec()).await.unwrap();
         let now_ms = Clock::default().now_ms();
         for (after_ms, is_left) in [(UNRECORDED_MS_MAX / 2, true), (2 * UNRECORDED_MS_MAX, false)] {
             Retention::default().collect(&pair.store, &pair.there, now_ms + after_ms).await.unwrap();
-            let kept = async |digest| !pair.here.objects_of(BlobKind::Checkpoint, digest).await.unwrap().is_empty();
-            assert_eq!((kept(&recorded).await, kept(&left).await), (true, is_left), "after {after_ms} ms");
+            let kept = async |kind, digest| !pair.here.objects_of(kind, digest).await.unwrap().is_empty();
+            assert!(kept(BlobKind::Checkpoint, &recorded).await, "after {after_ms} ms");
+            assert!(kept(BlobKind::Artifact, &phase).await, "after {after_ms} ms");
+            assert_eq!(kept(BlobKind::Checkpoint, &left).await, is_left, "after {after_ms} ms");
+            assert_eq!(kept(BlobKind::Artifact, &artifact).await, is_left, "after {after_ms} ms");
         }
     }
 }
