@@ -4,6 +4,7 @@
 use crate::digest::{check_digest, name};
 use crate::error::ArtifactError;
 use crate::folder::{Folder, flush_folder, hash_rest};
+use crate::identity::kept_in;
 use crate::lock::lock_shared;
 use crate::private::create_private_folder;
 use std::fs::{self, File};
@@ -46,6 +47,15 @@ impl Inventory {
     pub fn of(data_dir: &Path) -> Self {
         let folder = |name| Folder::new(data_dir.join(name), data_dir.join("tmp"));
         Self { data_dir: data_dir.to_owned(), artifacts: folder("artifacts"), checkpoints: folder("checkpoints") }
+    }
+
+    /// The identity of the data folder; `None` if it has none, because it was never used with a database on a server.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError::Io`].
+    pub fn identity(&self) -> Result<Option<String>, ArtifactError> {
+        kept_in(&self.data_dir)
     }
 
     /// Creates the folders of a copy below `data_dir`.

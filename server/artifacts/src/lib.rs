@@ -53,6 +53,7 @@ pub use lock::{FolderLock, LOCK};
 pub use private::{create_private_folder, make_private, private_file};
 pub use read::{ArtifactReader, CHUNK_BYTES};
 pub use remote::RemoteObject;
+pub use remote::inventory::BucketInventory;
 pub use remote::options::RemoteOptions;
 pub use space::{Space, SpaceLimits};
 pub use upload::{UPLOAD_AGE_MAX, UploadWriter, Uploads};

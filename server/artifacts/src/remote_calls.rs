@@ -1,7 +1,8 @@
 //! What processes that share a remote do beyond reading and writing.
 //!
 //! A blob is removed by a process while another may store the same bytes. Nothing is lost if all keep three rules; a row
-//! is the record of a blob in the store, which all of them share:
+//! is the record of a blob in the store, which all of them share. (The store keeps a row with a mark in a table of its own,
+//! so that nobody takes it for the record of a blob that is there.)
 //!
 //! 1. A collector reads the row's mark, lists the objects ([`Artifacts::objects_of`]), gives the row a mark that was never used
 //!    before if nothing uses the row and its mark is still the one read, removes the listed objects
@@ -10,13 +11,14 @@
 //!    ([`Artifacts::store_anew`]) and records again, which clears the mark if it is still the one it has seen.
 //! 3. A publisher calls [`Artifacts::ensure_stored`] after it has recorded the blob and before it answers.
 //!
+//! [`Artifacts::publish_bytes`] and [`Artifacts::publish_upload`] keep the second and the third rule.
+//!
 //! Without a remote, the functions find and change nothing.
 
 use crate::error::ArtifactError;
 use crate::inventory::BlobKind;
 use crate::remote::RemoteObject;
 use crate::{Artifacts, Inner};
-use std::time::Duration;
 
 impl Artifacts {
     /// The copies of a blob in the remote.
@@ -97,22 +99,7 @@ impl Artifacts {
     pub async fn verify(&self, kind: BlobKind, digest: &str) -> Result<Option<u64>, ArtifactError> {
         let digest = digest.to_owned();
         self.blocking(move |inner| match &inner.remote {
-            Some(remote) => remote.fetch(kind, &digest, &mut (), |()| Ok(()), |(), _| Ok(())).map(Some),
-            None => Ok(None),
-        })
-        .await
-    }
-
-    /// URL with which anybody can download an artifact from the remote for `valid_for`. `None` without a remote, if
-    /// the settings do not allow it, or if the remote has no copy.
-    ///
-    /// # Errors
-    ///
-    /// [`ArtifactError::BadDigest`], [`ArtifactError::Remote`].
-    pub async fn presigned_download(&self, digest: &str, valid_for: Duration) -> Result<Option<String>, ArtifactError> {
-        let digest = digest.to_owned();
-        self.blocking(move |inner| match &inner.remote {
-            Some(remote) => remote.presigned(&digest, valid_for),
+            Some(remote) => remote.verify(kind, &digest).map(Some),
             None => Ok(None),
         })
         .await

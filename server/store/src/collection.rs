@@ -1,6 +1,7 @@
 //! Automatic removal of artifacts that no record refers to and of jobs that ended long ago.
 
 use super::artifacts::record_of;
+use super::rows::to_json;
 use super::sql::{query, scalar};
 use super::write::Write;
 use super::{ArtifactRecord, Store, StoreError, page};
@@ -82,6 +83,35 @@ impl Store {
             })
         })
         .await
+    }
+
+    /// Does the same as [`Self::begin_removal`] for a blob that no row records, because the process died that stored it.
+    ///
+    /// # Errors
+    ///
+    /// The errors of [`Self::forget_artifact`].
+    pub async fn begin_removal_of_unrecorded(&self, digest: &str) -> Result<Option<String>, StoreError> {
+        let (digest, mark) = (digest.to_owned(), Uuid::now_v7().to_string());
+        self.write(move |write| {
+            Box::pin(async move {
+                let sql = "insert into artifact_removal select $1, $2 \
+                           where not exists (select 1 from artifact where digest = $1) on conflict do nothing";
+                let inserted = query(sql).bind(digest).bind(&mark).execute(write.sql()).await?;
+                Ok((inserted == 1).then_some(mark))
+            })
+        })
+        .await
+    }
+
+    /// Those of `digests` that are neither recorded nor being removed, in no particular order.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn unrecorded(&self, digests: &[String]) -> Result<Vec<String>, StoreError> {
+        let sql = "select value from json_each($1) as given where not exists (select 1 from artifact where digest = given.value) \
+                   and not exists (select 1 from artifact_removal where digest = given.value)";
+        Ok(scalar(sql).bind(to_json("digests", &digests)?).fetch_all(self.readers()).await?)
     }
 
     /// Takes over a removal that another collector began, and may still be about. Returns its new mark; `None` if the

@@ -268,6 +268,15 @@ impl Inspection {
         Ok(known.fetch_one(&mut self.connection).await?)
     }
 
+    /// The identity of the data folder or the bucket in which the artifacts are; `None` if no server has recorded one.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn artifact_place(&mut self) -> Result<Option<String>, StoreError> {
+        Ok(scalar("select identity from artifact_place").fetch_optional(&mut self.connection).await?)
+    }
+
     /// Ids of the jobs that have a checkpoint, each with the checkpoint's digest.
     ///
     /// # Errors

@@ -53,6 +53,11 @@ impl Worker {
                 stop.raise(StopReason::Timeout);
             });
         }
+        let saved = match stop.unless_interrupted(saved_state(&self.artifacts, &job)).await {
+            Some(Err(error)) => return self.end_and_log(&lease, Err(error), &stop, None).await,
+            Some(Ok(saved)) => saved,
+            None => None,
+        };
         let context = JobContext {
             lease: lease.clone(),
             owner: job.scheduling.owner.clone(),
@@ -67,7 +72,7 @@ impl Worker {
             live_picture: LivePicture::new(self.live_pictures.clone(), lease.job.clone()),
             last_checkpoint: Cell::new(Instant::now()),
             last_save_took: Cell::new(Duration::ZERO),
-            saved: RefCell::new(stop.unless_interrupted(saved_state(&self.artifacts, &job)).await.flatten()),
+            saved: RefCell::new(saved),
         };
         let outcome = compute(Arc::clone(&self.task), job, context, Arc::clone(pool)).await;
         drop(share);
@@ -147,8 +152,7 @@ impl Worker {
                 );
                 let now_ms = self.clock.now_ms();
                 let delay = self.config.backoff.delay(error.reason, lease.attempt).as_millis() as i64;
-                if error.reason == FailureReason::DiskFull {
-                    // The job did not cause this error.
+                if error.is_of_the_storage() {
                     self.store.postpone(lease, error, now_ms + delay, now_ms).await?
                 } else {
                     let retry_at_ms = error.retryable.then_some(now_ms + delay);

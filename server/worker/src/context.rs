@@ -65,6 +65,7 @@ impl From<ArtifactError> for TaskError {
             ArtifactError::DiskFull | ArtifactError::DiskLow { .. } => FailureReason::DiskFull,
             ArtifactError::NotFound { .. } => FailureReason::ArtifactNotFound,
             ArtifactError::DataLoss { .. } => FailureReason::DataLoss,
+            ArtifactError::Remote { .. } => FailureReason::Remote,
             _ => FailureReason::Io,
         };
         let retryable = error.is_transient();
@@ -250,13 +251,15 @@ impl JobContext {
         self.save(state)
     }
 
-    /// Saves the state at a regular interval. If the disk is full, the job continues and tries again later.
+    /// Saves the state at a regular interval. If the disk is full, or the bucket does not answer, the job continues and
+    /// tries again later.
     fn save_in_passing(&self, state: Vec<u8>) -> Result<(), TaskError> {
         match self.save(state) {
-            Err(TaskError::Failed(error)) if error.reason == FailureReason::DiskFull => {
+            Err(TaskError::Failed(error)) if error.is_of_the_storage() => {
                 tracing::warn!(
                     job = self.lease.job,
-                    "the disk is full: the checkpoint is skipped, and the job continues"
+                    error = error.message,
+                    "the checkpoint cannot be stored: it is skipped, and the job continues"
                 );
                 self.last_checkpoint.set(Instant::now());
                 Ok(())
@@ -311,22 +314,30 @@ impl JobContext {
                 return Err(error.into());
             }
         };
-        if let Some(before) = before {
-            self.artifacts.delete_checkpoint(&before).await?;
+        if let Some(before) = before
+            && let Err(error) = self.artifacts.delete_checkpoint(&before).await
+        {
+            // It does no harm: no job refers to it, and the next start or collection removes it.
+            tracing::warn!(error = &error as &dyn std::error::Error, "a checkpoint could not be removed");
         }
         Ok(())
     }
 }
 
 /// The state that an earlier attempt of the job saved; `None` if it is missing or was saved by another version.
-pub(super) async fn saved_state(artifacts: &Artifacts, job: &Job) -> Option<Vec<u8>> {
-    let digest = job.checkpoint.as_deref()?;
+///
+/// # Errors
+///
+/// [`TaskError::Failed`] if the bucket with the state does not answer.
+pub(super) async fn saved_state(artifacts: &Artifacts, job: &Job) -> Result<Option<Vec<u8>>, TaskError> {
+    let Some(digest) = job.checkpoint.as_deref() else { return Ok(None) };
     match artifacts.read_checkpoint(digest).await {
-        Ok(bytes) => checkpoint::unseal(job, bytes),
+        Ok(bytes) => Ok(checkpoint::unseal(job, bytes)),
+        Err(error @ ArtifactError::Remote { .. }) => Err(error.into()),
         Err(error) => {
             let error: &dyn std::error::Error = &error;
             tracing::warn!(job = job.id, error, "the checkpoint cannot be read; the job starts over");
-            None
+            Ok(None)
         }
     }
 }

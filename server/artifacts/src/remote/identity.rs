@@ -27,13 +27,22 @@ pub(super) fn agree(remote: &Remote, data_dir: &Path) -> Result<String, Artifact
         Ok(()) | Err(object_store::Error::AlreadyExists { .. }) => {}
         Err(error) => return Err(ArtifactError::remote("name the installation", error)),
     }
-    let found = remote.get_all(&path).map_err(|error| ArtifactError::remote("read the installation's name", error))?;
-    let found = String::from_utf8(found).ok().filter(|name| Uuid::parse_str(name).is_ok());
-    let found = found.ok_or_else(|| unfit("the object lightpath-store has another content"))?;
+    let found = named(remote)?;
     match kept(data_dir).map_err(|error| ArtifactError::io("read the remote's name", error))? {
         Some(kept) if kept != found => Err(ArtifactError::OtherRemote { kept, found }),
         _ => Ok(found),
     }
+}
+
+/// The name that the remote has.
+pub(super) fn named(remote: &Remote) -> Result<String, ArtifactError> {
+    let found = match remote.get_all(&remote.prefix.clone().join(OBJECT)) {
+        Ok(found) => found,
+        Err(object_store::Error::NotFound { .. }) => return Err(unfit("no server has kept artifacts there")),
+        Err(error) => return Err(ArtifactError::remote("read the installation's name", error)),
+    };
+    let found = String::from_utf8(found).ok().filter(|name| Uuid::parse_str(name).is_ok());
+    found.ok_or_else(|| unfit("the object lightpath-store has another content"))
 }
 
 /// Creates an object twice, reads it, and removes it: the second creation must fail.

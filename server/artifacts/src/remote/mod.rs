@@ -21,11 +21,12 @@
 //!
 //! # Layout
 //!
-//! - `options`: settings. `identity`: to whom the objects belong. `catch_up`: files from a time without the remote. `cache`: the bound on local copies. `thread`: threads for requests.
+//! - `options`: settings. `identity`: to whom the objects belong. `inventory`: read access for checks. `catch_up`: files from a time without the remote. `cache`: the bound on local copies. `thread`: threads for requests.
 
 pub(crate) mod cache;
 pub(crate) mod catch_up;
 mod identity;
+pub(crate) mod inventory;
 #[cfg(test)]
 mod model;
 pub(crate) mod options;
@@ -40,7 +41,6 @@ use crate::error::ArtifactError;
 use crate::inventory::BlobKind;
 use futures::TryStreamExt as _;
 use object_store::path::Path;
-use object_store::signer::{Method, Signer};
 use object_store::{MultipartUpload as _, ObjectStore, ObjectStoreExt as _, PutMode, PutPayload};
 use options::RemoteOptions;
 use sha2::{Digest as _, Sha256};
@@ -48,7 +48,6 @@ use std::collections::{BTreeSet, HashSet};
 use std::fs::File;
 use std::io::{Read as _, Seek as _, SeekFrom};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
 use thread::RequestThreads;
 use uuid::Uuid;
 
@@ -66,11 +65,19 @@ pub struct RemoteObject {
     pub size_bytes: u64,
 }
 
+impl RemoteObject {
+    /// Time at which the copy was stored, by the clock of the process that stored it \[ms since 1970\]; `None` if its id
+    /// has no time, because another program made it.
+    #[must_use]
+    pub fn store_time_ms(&self) -> Option<i64> {
+        let (seconds, nanoseconds) = self.id.get_timestamp()?.to_unix();
+        i64::try_from(seconds * 1000 + u64::from(nanoseconds / 1_000_000)).ok()
+    }
+}
+
 #[derive(Debug)]
 pub(crate) struct Remote {
     store: Arc<dyn ObjectStore>,
-    /// Signs URLs for downloads; `None` if they are not allowed.
-    signer: Option<Arc<dyn Signer>>,
     prefix: Path,
     thread: RequestThreads,
     /// Copies whose bytes did not match their digest when this process read them.
@@ -83,23 +90,25 @@ impl Remote {
     /// data folder holds from a time without it.
     pub(crate) fn open(options: &RemoteOptions, data_dir: &std::path::Path) -> Result<Self, ArtifactError> {
         let (store, prefix) = options.connect()?;
-        let store = Arc::new(store);
-        let signer = options.presigned_downloads.then(|| Arc::clone(&store) as Arc<dyn Signer>);
-        Self::on(store, signer, prefix, data_dir)
+        Self::on(Arc::new(store), prefix, data_dir)
     }
 
     /// Does the same as [`Self::open`] on any object store.
     pub(crate) fn on(
         store: Arc<dyn ObjectStore>,
-        signer: Option<Arc<dyn Signer>>,
         prefix: Path,
         data_dir: &std::path::Path,
     ) -> Result<Self, ArtifactError> {
-        let (thread, damaged) = (RequestThreads::start()?, Mutex::default());
-        let mut remote = Self { store, signer, prefix, thread, damaged, installation: String::new() };
+        let mut remote = Self::unnamed(store, prefix)?;
         remote.installation = identity::agree(&remote, data_dir)?;
         catch_up::run(&remote, data_dir)?;
         Ok(remote)
+    }
+
+    /// A remote of which nothing is known yet.
+    fn unnamed(store: Arc<dyn ObjectStore>, prefix: Path) -> Result<Self, ArtifactError> {
+        let (thread, damaged) = (RequestThreads::start()?, Mutex::default());
+        Ok(Self { store, prefix, thread, damaged, installation: String::new() })
     }
 
     /// Name of the installation to which the objects belong.
@@ -236,6 +245,11 @@ impl Remote {
         Err(if found_damage { ArtifactError::DataLoss { digest } } else { ArtifactError::NotFound { digest } })
     }
 
+    /// Reads the copies of a blob until one matches the digest, and returns its size \[bytes\].
+    pub(crate) fn verify(&self, kind: BlobKind, digest: &str) -> Result<u64, ArtifactError> {
+        self.fetch(kind, digest, &mut (), |()| Ok(()), |(), _| Ok(()))
+    }
+
     /// Removes copies of a blob. A missing one is no error.
     pub(crate) fn delete(&self, kind: BlobKind, digest: &str, objects: &[RemoteObject]) -> Result<(), ArtifactError> {
         for object in objects {
@@ -246,16 +260,6 @@ impl Remote {
             }
         }
         Ok(())
-    }
-
-    /// URL with which anybody can download an artifact for `valid_for`; `None` if that is not allowed, or the remote
-    /// has no copy.
-    pub(crate) fn presigned(&self, digest: &str, valid_for: Duration) -> Result<Option<String>, ArtifactError> {
-        let Some(signer) = self.signer.clone() else { return Ok(None) };
-        let Some(object) = self.copies(BlobKind::Artifact, digest)?.pop() else { return Ok(None) };
-        let path = self.folder(BlobKind::Artifact, digest)?.join(object.id.to_string());
-        let signed = self.thread.wait(async move { signer.signed_url(Method::GET, &path, valid_for).await });
-        signed.map(|url| Some(url.into())).map_err(|error| ArtifactError::remote("sign a URL", error))
     }
 
     fn put(&self, path: &Path, payload: PutPayload, mode: PutMode) -> object_store::Result<()> {

@@ -168,7 +168,7 @@ fn first_loss(broken: Broken) -> Option<u64> {
     local.write_all(BYTES).unwrap();
     let local = File::open(data.path().join("local")).unwrap();
     Inventory::create(data.path()).unwrap();
-    let remote = Remote::on(Arc::new(InMemory::new()), None, Path::from("model"), data.path()).unwrap();
+    let remote = Remote::on(Arc::new(InMemory::new()), Path::from("model"), data.path()).unwrap();
     let mut world = World { remote, local, digest: digest_of(BYTES), row: None, marks: 0, broken };
     (0..SCHEDULES).find(|seed| {
         let all = world.objects();

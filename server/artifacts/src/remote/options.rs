@@ -32,8 +32,6 @@ pub struct RemoteOptions {
     pub secret_access_key: String,
     /// Whether the endpoint may be `http://`: then the bytes of artifacts pass the network unencrypted.
     pub allow_http: bool,
-    /// Whether clients may receive signed URLs, with which they download from the remote.
-    pub presigned_downloads: bool,
     /// Size that the local copies of artifacts and checkpoints may have together \[bytes\]. The newest copy is kept
     /// whatever its size. Files that are being written come on top.
     pub cache_bytes_max: u64,

@@ -8,7 +8,7 @@ use std::io::Write as _;
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::sync::atomic::{AtomicI64, AtomicU8, Ordering};
 use std::thread;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 const KIND: BlobKind = BlobKind::Artifact;
 /// Time within which calls fail while the server answers with errors or is away: the 5 s in which requests are sent again,
@@ -25,7 +25,6 @@ fn options(test: &str) -> Option<RemoteOptions> {
         access_key_id: "lightpath-tests".into(),
         secret_access_key: "lightpath-tests".into(),
         allow_http: true,
-        presigned_downloads: true,
         cache_bytes_max: 1 << 30,
     })
 }
@@ -55,22 +54,6 @@ async fn blobs_return_as_they_were() {
         writer.delete_objects(KIND, &digest, objects).await.unwrap();
         assert!(writer.objects_of(KIND, &digest).await.unwrap().is_empty());
     }
-}
-
-#[tokio::test]
-async fn signed_url_downloads_without_a_key() {
-    let Some(options) = options("signed") else { return };
-    let data = tempfile::tempdir().unwrap();
-    let artifacts = open(data.path(), &options).unwrap();
-    let digest = artifacts.put_bytes(b"kernel".to_vec()).await.unwrap();
-    let url = artifacts.presigned_download(&digest, Duration::from_secs(60)).await.unwrap().unwrap();
-    let get = async |url: &str| reqwest::get(url).await.unwrap();
-    assert_eq!(get(&url).await.bytes().await.unwrap(), b"kernel".as_slice());
-    assert_eq!(get(url.split_once('?').unwrap().0).await.status(), 403, "the bucket is not open to everybody");
-    assert_eq!(artifacts.presigned_download(&digest_of(b"other"), Duration::from_secs(60)).await.unwrap(), None);
-    drop(artifacts);
-    let artifacts = open(data.path(), &RemoteOptions { presigned_downloads: false, ..options }).unwrap();
-    assert_eq!(artifacts.presigned_download(&digest, Duration::from_secs(60)).await.unwrap(), None);
 }
 
 #[test]

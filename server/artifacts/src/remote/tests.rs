@@ -12,7 +12,7 @@ pub(super) const MIB: usize = 1 << 20;
 fn open(data: &FilePath, store: &Arc<InMemory>, cache_bytes_max: u64) -> Result<Artifacts, ArtifactError> {
     let store = Arc::clone(store) as Arc<dyn ObjectStore>;
     Artifacts::open_on(data, SpaceLimits::default(), || {
-        Ok(Some((Remote::on(store, None, Path::from("lab"), data)?, cache_bytes_max)))
+        Ok(Some((Remote::on(store, Path::from("lab"), data)?, cache_bytes_max)))
     })
 }
 
@@ -176,7 +176,6 @@ async fn wrong_settings_are_refused_and_the_secret_key_is_not_shown() {
         access_key_id: "id".into(),
         secret_access_key: "hush".into(),
         allow_http: false,
-        presigned_downloads: false,
         cache_bytes_max: 0,
     };
     good.connect().unwrap();

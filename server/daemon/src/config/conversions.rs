@@ -84,7 +84,6 @@ impl Config {
                 .map(|secret| secret.reveal().to_owned())
                 .ok_or_else(|| missing("artifacts_secret_access_key"))?,
             allow_http: self.artifacts_allow_http,
-            presigned_downloads: false,
             cache_bytes_max: bytes(self.artifacts_cache_mib_max),
         }))
     }

@@ -9,6 +9,12 @@ use std::fmt;
 pub struct SecretText(String);
 
 impl SecretText {
+    /// A secret.
+    #[must_use]
+    pub fn new(secret: String) -> Self {
+        Self(secret)
+    }
+
     /// The secret itself.
     #[must_use]
     pub fn reveal(&self) -> &str {

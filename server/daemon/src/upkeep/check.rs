@@ -1,8 +1,9 @@
 //! Checks that a data folder contains everything to which its database refers.
 
 use super::UpkeepError;
+use super::place::Place;
 use crate::database::Database;
-use lightpath_artifacts::{ArtifactError, BlobKind, Inventory};
+use lightpath_artifacts::{ArtifactError, BlobKind, RemoteOptions};
 use lightpath_store::{Counts, Inspection};
 use serde::Serialize;
 use std::collections::HashSet;
@@ -13,6 +14,8 @@ use std::path::{Path, PathBuf};
 pub struct Report {
     /// Path of the data folder.
     pub data_dir: PathBuf,
+    /// URL of the bucket that has the artifacts; `None`: they are in the data folder.
+    pub bucket: Option<String>,
     /// Name of the last migration that was applied to the database.
     pub schema: String,
     /// Number of jobs in all states.
@@ -27,7 +30,7 @@ pub struct Report {
     pub checkpoints: u64,
     /// Problems found. Empty: the folder is sound.
     pub problems: Vec<Finding>,
-    /// Number of files to which no record refers. They do no harm.
+    /// Number of files, or of blobs in the bucket, to which no record refers. They do no harm.
     pub unreferenced_files: u64,
 }
 
@@ -52,7 +55,7 @@ pub enum FindingKind {
     Job,
     /// A finalized dataset whose digest does not match its content.
     Dataset,
-    /// A recorded artifact whose file is missing or damaged.
+    /// A recorded artifact that is missing or damaged.
     Artifact,
     /// A row that refers to an artifact that is not recorded.
     Reference,
@@ -81,27 +84,35 @@ impl FindingKind {
 ///
 /// [`UpkeepError::NoData`], or another error if the folder cannot be read at all. Problems inside are in the report.
 pub async fn check(data_dir: &Path) -> Result<Report, UpkeepError> {
-    check_with(data_dir, &Database::InFolder(data_dir.to_owned())).await
+    check_with(data_dir, &Database::InFolder(data_dir.to_owned()), None).await
 }
 
-/// Does the same as [`check`] for a data folder whose `database` may be elsewhere.
+/// Does the same as [`check`] for a data folder whose `database` and artifacts may be elsewhere. With a bucket, the copies
+/// in the data folder are not read: each blob is read from the bucket.
 ///
 /// # Errors
 ///
-/// The errors of [`check`].
-pub async fn check_with(data_dir: &Path, database: &Database) -> Result<Report, UpkeepError> {
+/// The errors of [`check`]; [`UpkeepError::OtherArtifacts`] if the database belongs to other artifacts;
+/// [`ArtifactError::Remote`] if the bucket cannot be reached.
+pub async fn check_with(
+    data_dir: &Path,
+    database: &Database,
+    bucket: Option<&RemoteOptions>,
+) -> Result<Report, UpkeepError> {
     let mut inspection = database.inspect().await?;
+    let place = Place::open(data_dir, bucket).await?;
+    place.require(&mut inspection).await?;
     let schema = inspection.steps().await?.last().copied().unwrap_or("none").to_owned();
     let Counts { jobs, kernel_versions, .. } = inspection.counts().await?;
     let mut problems = database_problems(&mut inspection, database.name()).await?;
-    let inventory = Inventory::of(data_dir);
-    let mut files = files(&inventory)?;
-    let (artifacts, artifact_bytes) = check_artifacts(&mut inspection, &inventory, &mut files, &mut problems).await?;
-    let checkpoints = check_checkpoints(&mut inspection, &inventory, &mut files, &mut problems).await?;
+    let mut blobs = place.blobs().await?;
+    let (artifacts, artifact_bytes) = check_artifacts(&mut inspection, &place, &mut blobs, &mut problems).await?;
+    let checkpoints = check_checkpoints(&mut inspection, &place, &mut blobs, &mut problems).await?;
     inspection.close().await?;
-    let unreferenced_files = (files.len() + inventory.temporary_files()?) as u64;
+    let unreferenced_files = (blobs.len() + place.temporary_files()?) as u64;
     Ok(Report {
         data_dir: data_dir.to_owned(),
+        bucket: bucket.map(|options| options.url.clone()),
         schema,
         jobs,
         kernel_versions,
@@ -132,24 +143,10 @@ async fn database_problems(inspection: &mut Inspection, name: &str) -> Result<Ve
     Ok(problems)
 }
 
-/// All files that exist before the rows are read. Files that remain in the set after the check are unreferenced.
-fn files(inventory: &Inventory) -> Result<HashSet<(bool, String)>, UpkeepError> {
-    let mut files = HashSet::new();
-    for kind in [BlobKind::Artifact, BlobKind::Checkpoint] {
-        match inventory.list(kind) {
-            Ok(digests) => files.extend(digests.into_iter().map(|digest| (kind == BlobKind::Artifact, digest))),
-            // Without the folder every recorded file is missing, and each is reported.
-            Err(ArtifactError::Io { source, .. }) if source.kind() == std::io::ErrorKind::NotFound => {}
-            Err(error) => return Err(error.into()),
-        }
-    }
-    Ok(files)
-}
-
 async fn check_artifacts(
     inspection: &mut Inspection,
-    inventory: &Inventory,
-    files: &mut HashSet<(bool, String)>,
+    place: &Place,
+    blobs: &mut HashSet<(bool, String)>,
     problems: &mut Vec<Finding>,
 ) -> Result<(u64, u64), UpkeepError> {
     let (mut count, mut bytes, mut after) = (0, 0, String::new());
@@ -158,13 +155,13 @@ async fn check_artifacts(
         let Some(last) = page.last() else { return Ok((count, bytes)) };
         after.clone_from(&last.digest);
         for record in page {
-            files.remove(&(true, record.digest.clone()));
-            let problem = match inventory.verify(BlobKind::Artifact, &record.digest) {
+            blobs.remove(&(true, record.digest.clone()));
+            let problem = match place.verify(BlobKind::Artifact, &record.digest).await {
                 Ok(size_bytes) if size_bytes == record.size_bytes => None,
                 Ok(size_bytes) => Some(format!("has {size_bytes} bytes, but {} are recorded", record.size_bytes)),
                 // A server may have removed the artifact in the meantime.
                 Err(_) if !inspection.has_artifact(&record.digest).await? => continue,
-                Err(error) => Some(blob_problem(&error)),
+                Err(error) => Some(place.problem(&error)),
             };
             count += 1;
             bytes += record.size_bytes;
@@ -177,21 +174,21 @@ async fn check_artifacts(
 
 async fn check_checkpoints(
     inspection: &mut Inspection,
-    inventory: &Inventory,
-    files: &mut HashSet<(bool, String)>,
+    place: &Place,
+    blobs: &mut HashSet<(bool, String)>,
     problems: &mut Vec<Finding>,
 ) -> Result<u64, UpkeepError> {
     let mut count = 0;
     for (job, mut digest) in inspection.checkpoints().await? {
         loop {
-            files.remove(&(false, digest.clone()));
-            let Err(error) = inventory.verify(BlobKind::Checkpoint, &digest) else { break };
+            blobs.remove(&(false, digest.clone()));
+            let Err(error) = place.verify(BlobKind::Checkpoint, &digest).await else { break };
             // A running job replaces its checkpoint often, and an ended job has none.
             match inspection.checkpoint_of(&job).await? {
                 None => break,
                 Some(newer) if newer != digest => digest = newer,
                 Some(_) => {
-                    let problem = format!("{digest} {}", blob_problem(&error));
+                    let problem = format!("{digest} {}", place.problem(&error));
                     problems.push(Finding { kind: FindingKind::Checkpoint, what: format!("jobs/{job}"), problem });
                     break;
                 }

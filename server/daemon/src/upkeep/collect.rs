@@ -92,6 +92,10 @@ impl Retention {
             collected.artifacts = removed.artifacts;
             collected.artifact_bytes = removed.artifact_bytes;
         }
+        if artifacts.is_shared() {
+            removal::unrecorded_artifacts(store, artifacts, now_ms).await?;
+            removal::unreferenced_checkpoints(store, artifacts, now_ms).await?;
+        }
         metrics::collected(collected.jobs, collected.artifacts, collected.artifact_bytes);
         Ok(collected)
     }

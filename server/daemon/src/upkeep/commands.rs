@@ -177,7 +177,8 @@ impl CheckArgs {
 
     fn report(&self) -> anyhow::Result<bool> {
         let config = self.folder.config(&self.bucket)?;
-        let report = runtime()?.block_on(check_with(&config.data_dir, &config.database()?))?;
+        let bucket = config.bucket()?;
+        let report = runtime()?.block_on(check_with(&config.data_dir, &config.database()?, bucket.as_ref()))?;
         self.folder.print(&report, text)?;
         Ok(report.problems.is_empty())
     }
@@ -242,7 +243,7 @@ impl RestoredArgs {
             let store = database.open(&artifacts).await?;
             raise_after_restore(&store, Clock::default().now_ms()).await?;
             store.close().await;
-            check_with(&config.data_dir, &database).await
+            check_with(&config.data_dir, &database, config.bucket()?.as_ref()).await
         })?;
         self.folder.print(&report, text)?;
         Ok(report.problems.is_empty())
@@ -298,6 +299,7 @@ pub(super) fn exit(outcome: anyhow::Result<bool>) -> ExitCode {
 fn text(report: &Report) -> String {
     let mut lines = vec![
         format!("{:<22}{}", "data folder", report.data_dir.display()),
+        format!("{:<22}{}", "bucket", report.bucket.as_deref().unwrap_or("none")),
         format!("{:<22}{}", "last migration", report.schema),
         format!("{:<22}{}", "jobs", report.jobs),
         format!("{:<22}{}", "kernel versions", report.kernel_versions),

@@ -7,7 +7,7 @@
 //!
 //! # Layout
 //!
-//! - `check`, `backup`, `restore`: these commands. `collect`: automatic removal of old data; `removal`: from a bucket. `tokens`: creating, listing
+//! - `check`, `backup`, `restore`: these commands. `place`: where a check finds the blobs. `collect`: automatic removal of old data; `removal`: from a bucket. `tokens`: creating, listing
 //!   and revoking tokens. `keys`: keys that sign manifests; `key_commands`: `lightpathd key`. `commands`: the other
 //!   commands on the command line.
 
@@ -17,6 +17,7 @@ mod collect;
 mod commands;
 mod key_commands;
 mod keys;
+mod place;
 mod removal;
 mod restore;
 #[cfg(test)]

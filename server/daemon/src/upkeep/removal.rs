@@ -1,12 +1,20 @@
 //! Removal of blobs from a bucket in which other processes may store the same bytes at the same time: the first rule of
 //! `lightpath_artifacts`' remote calls. Each step returns what the next one needs, so that no other order compiles.
 //!
+//! Each saved state has an owner, the job, and its bytes are never stored twice. So those that are left are removed by
+//! their age.
+//!
 //! The copies in data folders leave them like all others that nobody uses.
 
 use super::UpkeepError;
 use super::collect::{Collected, STEP};
 use lightpath_artifacts::{Artifacts, BlobKind, RemoteObject};
 use lightpath_store::Store;
+use std::collections::HashSet;
+
+/// Age at which a blob that nothing refers to is removed \[ms\]: a day. A worker that needed longer to record a saved state
+/// lost its lease long ago; an artifact is safe at any age, by the rules.
+const UNRECORDED_MS_MAX: i64 = 24 * 3600 * 1000;
 
 /// Removes the artifacts that no record refers to and that were last used before `before_ms`, and what is left of
 /// removals that did not come to their end.
@@ -41,6 +49,47 @@ pub(super) async fn unreferenced_artifacts(
     }
 }
 
+/// Removes artifacts that no row records, because a process died after it had stored them.
+pub(super) async fn unrecorded_artifacts(store: &Store, artifacts: &Artifacts, now_ms: i64) -> Result<(), UpkeepError> {
+    for shard in 0..=u8::MAX {
+        let stored = artifacts.stored(BlobKind::Artifact, shard).await?;
+        for digest in store.unrecorded(&stored).await? {
+            let listed = Listed::list(artifacts, digest).await?;
+            if listed.objects.iter().all(|object| is_left(object, now_ms))
+                && let Some(marked) = listed.mark_unrecorded(store).await?
+            {
+                marked.delete(artifacts).await?.end(store).await?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Whether an object is so old that the process that stored it has recorded it, or never will.
+fn is_left(object: &RemoteObject, now_ms: i64) -> bool {
+    object.store_time_ms().is_some_and(|time_ms| time_ms < now_ms - UNRECORDED_MS_MAX)
+}
+
+/// Removes saved states to which no job refers, because a process died while it replaced them.
+pub(super) async fn unreferenced_checkpoints(
+    store: &Store,
+    artifacts: &Artifacts,
+    now_ms: i64,
+) -> Result<(), UpkeepError> {
+    let mut stored = Vec::new();
+    for shard in 0..=u8::MAX {
+        stored.extend(artifacts.stored(BlobKind::Checkpoint, shard).await?);
+    }
+    // Read after the list: what was replaced in between is referred to by neither, and is removed by its owner or later.
+    let live: HashSet<String> = store.live_checkpoints().await?.into_iter().collect();
+    for digest in stored.into_iter().filter(|digest| !live.contains(digest)) {
+        let mut objects = artifacts.objects_of(BlobKind::Checkpoint, &digest).await?;
+        objects.retain(|object| is_left(object, now_ms));
+        artifacts.delete_objects(BlobKind::Checkpoint, &digest, objects).await?;
+    }
+    Ok(())
+}
+
 /// The objects of an artifact before its removal is marked.
 #[derive(Debug)]
 struct Listed {
@@ -73,6 +122,12 @@ impl Listed {
         Ok(mark.map(|mark| Marked { listed: self, mark }))
     }
 
+    /// Does the same as [`Self::mark`] for objects that no row records.
+    async fn mark_unrecorded(self, store: &Store) -> Result<Option<Marked>, UpkeepError> {
+        let mark = store.begin_removal_of_unrecorded(&self.digest).await?;
+        Ok(mark.map(|mark| Marked { listed: self, mark }))
+    }
+
     /// Takes over the removal that had the mark `seen` before the objects were listed; `None` if it no longer has.
     async fn take_over(self, store: &Store, seen: &str) -> Result<Option<Marked>, UpkeepError> {
         let mark = store.continue_removal(&self.digest, seen).await?;
@@ -100,7 +155,8 @@ mod tests {
     use super::*;
     use crate::upkeep::{DATABASE, Retention};
     use lightpath_artifacts::{ArtifactError, RemoteOptions, SpaceLimits, digest_of};
-    use lightpath_fixtures::test_database;
+    use lightpath_fixtures::{capture_job, display, test_database};
+    use lightpath_worker::Clock;
     use std::cell::RefCell;
     use std::time::Duration;
     use tempfile::TempDir;
@@ -129,7 +185,6 @@ mod tests {
                 access_key_id: "lightpath-tests".into(),
                 secret_access_key: "lightpath-tests".into(),
                 allow_http: true,
-                presigned_downloads: false,
                 cache_bytes_max: 1 << 30,
             };
             let open = |folder: &TempDir| Artifacts::open_with(folder.path(), SpaceLimits::default(), Some(&options));
@@ -174,11 +229,15 @@ mod tests {
         Done,
     }
 
-    async fn step(pair: &Pair, digest: &str, collector: Collector) -> Collector {
+    async fn step(pair: &Pair, digest: &str, is_recorded: bool, collector: Collector) -> Collector {
         match collector {
             Collector::List => Collector::Mark(Listed::list(&pair.there, digest.to_owned()).await.unwrap()),
             Collector::Mark(listed) => {
-                listed.mark(&pair.store, BEFORE_MS).await.unwrap().map_or(Collector::Done, Collector::Delete)
+                let marked = match is_recorded {
+                    true => listed.mark(&pair.store, BEFORE_MS).await,
+                    false => listed.mark_unrecorded(&pair.store).await,
+                };
+                marked.unwrap().map_or(Collector::Done, Collector::Delete)
             }
             Collector::Delete(marked) => Collector::End(marked.delete(&pair.there).await.unwrap()),
             Collector::End(deleted) => {
@@ -207,15 +266,20 @@ mod tests {
     async fn publisher_wins_over_a_collector_at_each_step() {
         let Some(pair) = Pair::open("each-step").await else { return };
         let mut removed = 0;
-        for schedule in schedules() {
-            let bytes = format!("{schedule:?}").into_bytes();
+        for (schedule, is_recorded) in
+            schedules().into_iter().flat_map(|schedule| [(schedule, true), (schedule, false)])
+        {
+            let bytes = format!("{schedule:?} {is_recorded}").into_bytes();
             let digest = digest_of(&bytes);
-            pair.publish(&pair.there, &bytes, 1).await;
+            match is_recorded {
+                true => pair.publish(&pair.there, &bytes, 1).await,
+                false => drop(pair.there.put_bytes(bytes.clone()).await.unwrap()),
+            }
             let collector = RefCell::new(Some((0, Collector::List)));
             let advance = async |until: usize| {
                 let (mut done, mut state) = collector.take().unwrap();
                 while done < until {
-                    state = step(&pair, &digest, state).await;
+                    state = step(&pair, &digest, is_recorded, state).await;
                     done += 1;
                 }
                 collector.replace(Some((done, state)));
@@ -249,15 +313,24 @@ mod tests {
         for round in 0..40_u64 {
             let bytes = format!("round {round}").into_bytes();
             pair.publish(&pair.there, &bytes, 1).await;
+            // Each begins first in half of the rounds.
+            let wait = async |is_second| {
+                let ms = if is_second { 3 * (round / 2) } else { 0 };
+                tokio::time::sleep(Duration::from_millis(ms)).await;
+            };
             let publish = async {
-                tokio::time::sleep(Duration::from_millis(round % 20)).await;
+                wait(round % 2 == 0).await;
                 pair.publish(&pair.here, &bytes, BEFORE_MS + 1).await;
             };
-            let ((), done) = tokio::join!(publish, retention.collect(&pair.store, &pair.there, now_ms));
+            let collect = async {
+                wait(round % 2 == 1).await;
+                retention.collect(&pair.store, &pair.there, now_ms).await
+            };
+            let ((), done) = tokio::join!(publish, collect);
             collected += done.unwrap().artifacts;
             pair.assert_kept(&bytes, round).await;
         }
-        assert!((1..40).contains(&collected), "{collected} of 40 collections won a part of the race");
+        assert!((1..40).contains(&collected), "{collected} of 40 collections found the artifact unused");
     }
 
     /// A removal that its collector did not end, because the process died, is ended by the next one.
@@ -268,7 +341,7 @@ mod tests {
             pair.publish(&pair.there, bytes, 1).await;
             let (digest, mut collector) = (digest_of(bytes), Collector::List);
             for _ in 0..steps {
-                collector = step(&pair, &digest, collector).await;
+                collector = step(&pair, &digest, true, collector).await;
             }
         }
         let retention = Retention { artifacts: Some(Duration::from_secs(5)), jobs: None };
@@ -277,6 +350,30 @@ mod tests {
         for bytes in [b"marked", b"delete"] {
             let verified = pair.here.verify(BlobKind::Artifact, &digest_of(bytes)).await;
             assert!(matches!(verified, Err(ArtifactError::NotFound { .. })), "{verified:?}");
+        }
+    }
+
+    /// What a process has stored and not yet recorded is kept, and so is what is recorded.
+    #[tokio::test]
+    async fn what_nothing_refers_to_is_removed_after_a_day() {
+        let Some(pair) = Pair::open("checkpoints").await else { return };
+        pair.publish(&pair.here, b"phase", 1).await;
+        pair.store.create_display(&display("lab"), 1).await.unwrap();
+        pair.store.submit(&capture_job("job", &digest_of(b"phase"), 1), 1, 10).await.unwrap();
+        let (_, lease) = pair.store.claim(1, i64::MAX / 2, "w").await.unwrap().unwrap();
+        let recorded = pair.here.put_checkpoint(b"recorded".to_vec()).await.unwrap();
+        pair.store.checkpoint(&lease, &recorded).await.unwrap();
+        let left = pair.here.put_checkpoint(b"left".to_vec()).await.unwrap();
+        let phase = digest_of(b"phase");
+        let artifact = pair.here.put_bytes(b"left".to_vec()).await.unwrap();
+        let now_ms = Clock::default().now_ms();
+        for (after_ms, is_left) in [(UNRECORDED_MS_MAX / 2, true), (2 * UNRECORDED_MS_MAX, false)] {
+            Retention::default().collect(&pair.store, &pair.there, now_ms + after_ms).await.unwrap();
+            let kept = async |kind, digest| !pair.here.objects_of(kind, digest).await.unwrap().is_empty();
+            assert!(kept(BlobKind::Checkpoint, &recorded).await, "after {after_ms} ms");
+            assert!(kept(BlobKind::Artifact, &phase).await, "after {after_ms} ms");
+            assert_eq!(kept(BlobKind::Checkpoint, &left).await, is_left, "after {after_ms} ms");
+            assert_eq!(kept(BlobKind::Artifact, &artifact).await, is_left, "after {after_ms} ms");
         }
     }
 }

@@ -5,7 +5,7 @@ use crate::serving::{Serving, expect, small_display};
 use lightpath_proto::v1::{self, job_spec};
 use tonic::{Code, Status};
 
-fn hologram(job: &v1::Job) -> &v1::HologramResult {
+pub(crate) fn hologram(job: &v1::Job) -> &v1::HologramResult {
     match job.result.as_ref().and_then(|result| result.kind.as_ref()) {
         Some(v1::job_result::Kind::Hologram(result)) => result,
         _ => panic!("{job:?}"),

@@ -13,6 +13,14 @@ pub struct JobError {
     pub retryable: bool,
 }
 
+impl JobError {
+    /// Whether the job did not cause the error: the place where files are stored is full or cannot be reached.
+    #[must_use]
+    pub fn is_of_the_storage(&self) -> bool {
+        matches!(self.reason, FailureReason::DiskFull | FailureReason::Remote)
+    }
+}
+
 crate::reasons! {
     /// Reason why an attempt failed, for programs.
     pub enum FailureReason {
@@ -77,6 +85,8 @@ crate::reasons! {
         NotSimulated = "NOT_SIMULATED",
         /// The task panicked.
         Panic = "PANIC",
+        /// The bucket of the artifacts did not answer, or refused.
+        Remote = "REMOTE",
         /// The server ended unexpectedly during the job's last permitted attempt.
         ServerDied = "SERVER_DIED",
         /// The database failed.

@@ -109,6 +109,23 @@ async fn artifact_that_is_being_removed_is_recorded_only_against_its_mark() {
 }
 
 #[tokio::test]
+async fn removal_of_what_nobody_recorded_has_a_mark_too() {
+    let (store, _folder) = store().await;
+    let all = [1, 2, 3].map(digest);
+    store.record_artifact(&all[0], 7, "", None, 20).await.unwrap().unwrap();
+    assert_eq!(store.begin_removal_of_unrecorded(&all[0]).await.unwrap(), None, "it is recorded");
+    let mut unrecorded = store.unrecorded(&all).await.unwrap();
+    unrecorded.sort();
+    assert_eq!(unrecorded, all[1..]);
+    let mark = store.begin_removal_of_unrecorded(&all[1]).await.unwrap().unwrap();
+    assert_eq!(store.begin_removal_of_unrecorded(&all[1]).await.unwrap(), None, "it is being removed");
+    assert_eq!(store.unrecorded(&all).await.unwrap(), all[2..]);
+    assert_eq!(store.record_artifact(&all[1], 7, "", None, 20).await.unwrap().unwrap_err(), mark);
+    assert!(store.end_removal(&all[1], &mark).await.unwrap());
+    assert_eq!(store.unrecorded(&[]).await.unwrap(), [""; 0]);
+}
+
+#[tokio::test]
 async fn place_of_the_artifacts_is_kept_until_they_move() {
     let (store, _folder) = store().await;
     let [folder, bucket, other] = [1, 2, 3].map(|n| format!("{n:036}"));

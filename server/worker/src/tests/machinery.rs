@@ -103,6 +103,22 @@ async fn transient_error_is_retried_and_bad_input_is_not() {
     working.stop().await;
 }
 
+/// However long it takes until there is room on the disk, or until the bucket answers again: the job does not fail.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn failing_storage_is_no_failure_of_the_job() {
+    let bench = bench().await;
+    let id = submit(&bench, "patient", 1).await;
+    let task = |job: &Job, context: &JobContext| match job.attempt {
+        1 | 2 => Err(TaskError::transient(FailureReason::DiskFull, "no room")),
+        3 | 4 => Err(TaskError::transient(FailureReason::Remote, "no answer")),
+        _ => count(context, |_| {}),
+    };
+    let working = bench.start(config(), task);
+    let job = bench.ended(&id).await;
+    assert_eq!((job.state, job.attempt, job.error), (JobState::Succeeded, 5, None));
+    working.stop().await;
+}
+
 /// Counts to 7, then waits until it must stop.
 fn count_to_7(_: &Job, context: &JobContext) -> Result<TaskOutput, TaskError> {
     count(context, |step| {
