@@ -8,7 +8,7 @@ use lightpath_server::config::{Config, Effective, LogFormat, Settings};
 use lightpath_server::demo::{self, DemoArgs};
 use lightpath_server::server;
 use lightpath_server::upkeep::{
-    BackupArgs, CheckArgs, CollectArgs, KeyCommand, RestoreArgs, RestoredArgs, TokenCommand,
+    BackupArgs, CheckArgs, CollectArgs, KeyCommand, MigrateArgs, RestoreArgs, RestoredArgs, TokenCommand,
 };
 use std::future::Future;
 use std::io::{IsTerminal as _, Write as _};
@@ -36,6 +36,7 @@ enum Command {
     Restore(RestoreArgs),
     Restored(RestoredArgs),
     Collect(CollectArgs),
+    Migrate(MigrateArgs),
     /// Create, list and revoke access tokens
     #[command(subcommand)]
     Token(TokenCommand),
@@ -89,6 +90,7 @@ fn main() -> ExitCode {
         Command::Restore(args) => Ok(args.run()),
         Command::Restored(args) => Ok(args.run()),
         Command::Collect(args) => Ok(args.run()),
+        Command::Migrate(args) => Ok(args.run()),
         Command::Token(command) => Ok(command.run()),
         Command::Key(command) => Ok(command.run()),
         Command::Demo(args) => demo::run(args).map(|()| ExitCode::SUCCESS),

@@ -20,6 +20,7 @@ async fn full(folder: &Path) -> PathBuf {
     let more = format!(
         "insert into job_dependency values ('a', 'b'); \
          update job set waiting_for = 1 where id = 'a'; \
+         update job set state = 'queued', finish_time_ms = null where id = 'd'; \
          insert into job_event (job, time_ms, attempt, message) \
          with recursive n(i) as (select 1 union all select i + 1 from n where i < {EVENTS}) select 'a', i, 0, 'é' || i from n; \
          insert into job_event (job, time_ms, attempt, message) values ('a', 1, 0, 'the newest, and deleted'); \
