@@ -93,9 +93,8 @@ async fn serve(mut client: TcpStream, upstream: Upstream, mut faults: watch::Rec
 async fn refuse(mut client: TcpStream) {
     let mut head = vec![0; 16 << 10];
     let _ = client.read(&mut head).await;
-    let _ = client
-        .write_all(b"HTTP/1.1 503 Service Unavailable\r\nContent-Length: 0\r\nConnection: close\r\n\r\n")
-        .await;
+    let _ =
+        client.write_all(b"HTTP/1.1 503 Service Unavailable\r\nContent-Length: 0\r\nConnection: close\r\n\r\n").await;
 }
 
 /// Copies in both directions until one of them ends, or a fault ends the connection.

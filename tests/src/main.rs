@@ -5,12 +5,12 @@
 
 /// Runs the command line against a server of its own.
 mod command_line;
+/// A proxy that disturbs the connections of one process to one server.
+mod fault_proxy;
 /// Jobs of all kinds and sizes.
 mod job_shapes;
 /// A record of everything that a server has acknowledged.
 mod ledger;
-/// A proxy that disturbs the connections of one process to one server.
-mod fault_proxy;
 /// Displays, pictures, kernels and job specs.
 mod material;
 /// Runs the programs `lightpath`, `lightpathd` and `lightpath-agent` as processes.
@@ -56,10 +56,10 @@ mod kernel_watch;
 mod photos;
 /// Several planes, wavelengths and frames, every method, through the command line.
 mod planes_and_colours;
-/// Several servers and workers on one database and one bucket, and faults of every kind.
-mod processes;
 /// Servers whose database is on a PostgreSQL server.
 mod postgresql;
+/// Several servers and workers on one database and one bucket, and faults of every kind.
+mod processes;
 /// Datasets in the folders of published ones.
 mod published_datasets;
 /// All kinds of calls for a long time.

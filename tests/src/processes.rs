@@ -148,7 +148,8 @@ async fn processes_survive_faults_of_every_kind() {
     for member in &mut cluster.members {
         member.kill().await;
     }
-    let check = [&["check".to_owned(), "--data-dir".into(), path(&cluster.members[0].data)], &cluster.place[..]].concat();
+    let check =
+        [&["check".to_owned(), "--data-dir".into(), path(&cluster.members[0].data)], &cluster.place[..]].concat();
     lightpathd(&check.iter().map(String::as_str).collect::<Vec<_>>()).await.ok();
 
     let data = TempDir::new().unwrap();
@@ -267,7 +268,8 @@ impl Cluster {
                 let mut answers = 0;
                 for member in &self.members[..SERVERS] {
                     let list = v1::ListDisplaysRequest::default();
-                    let answer = tokio::time::timeout(Duration::from_secs(2), member.client().list_displays(list)).await;
+                    let answer =
+                        tokio::time::timeout(Duration::from_secs(2), member.client().list_displays(list)).await;
                     answers += usize::from(answer.is_ok_and(|answer| answer.is_ok()));
                 }
                 if answers == SERVERS {

@@ -116,6 +116,7 @@ fn store_answer(error: &StoreError) -> Option<Answer> {
         | StoreError::Corrupt { .. }
         | StoreError::NewerDatabase { .. }
         | StoreError::OlderDatabase
+        | StoreError::Unfinished
         | StoreError::EmptyDatabase
         | StoreError::LogUnreadable
         | StoreError::Migration(_)

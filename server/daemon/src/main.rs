@@ -6,10 +6,10 @@ use anyhow::Context as _;
 use clap::{CommandFactory as _, Parser, Subcommand};
 use lightpath_server::config::{Config, Effective, LogFormat, ServeFlags, Settings, WorkerFlags};
 use lightpath_server::demo::{self, DemoArgs};
-use lightpath_server::{server, worker_process};
 use lightpath_server::upkeep::{
-    BackupArgs, CheckArgs, CollectArgs, KeyCommand, RestoreArgs, RestoredArgs, TokenCommand,
+    BackupArgs, CheckArgs, CollectArgs, KeyCommand, MigrateArgs, RestoreArgs, RestoredArgs, TokenCommand,
 };
+use lightpath_server::{server, worker_process};
 use std::future::Future;
 use std::io::{IsTerminal as _, Write as _};
 use std::path::PathBuf;
@@ -37,6 +37,7 @@ enum Command {
     Restore(RestoreArgs),
     Restored(RestoredArgs),
     Collect(CollectArgs),
+    Migrate(MigrateArgs),
     /// Create, list and revoke access tokens
     #[command(subcommand)]
     Token(TokenCommand),
@@ -119,6 +120,7 @@ fn main() -> ExitCode {
         Command::Restore(args) => Ok(args.run()),
         Command::Restored(args) => Ok(args.run()),
         Command::Collect(args) => Ok(args.run()),
+        Command::Migrate(args) => Ok(args.run()),
         Command::Token(command) => Ok(command.run()),
         Command::Key(command) => Ok(command.run()),
         Command::Demo(args) => demo::run(args).map(|()| ExitCode::SUCCESS),

@@ -141,8 +141,7 @@ impl Store {
         let mut released = Vec::new();
         loop {
             let process = process.map(str::to_owned);
-            let mut jobs =
-                self.write(move |write| Box::pin(release_running(write, process, now_ms))).await?;
+            let mut jobs = self.write(move |write| Box::pin(release_running(write, process, now_ms))).await?;
             if jobs.is_empty() {
                 return Ok(released);
             }

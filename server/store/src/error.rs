@@ -121,6 +121,11 @@ pub enum StoreError {
     /// yet.
     #[error("the database has the tables of an older version; start the server of this version once to migrate them")]
     OlderDatabase,
+    /// The database is the target of a transfer that has not ended.
+    #[error(
+        "the database is the target of a move that has not ended: repeat the same `lightpathd migrate` to continue it"
+    )]
+    Unfinished,
     /// PostgreSQL cannot store a text with the character NUL.
     #[error("a text contains the character NUL (U+0000), which the database cannot store")]
     Nul,
@@ -180,6 +185,7 @@ impl StoreError {
             | Self::NewerDatabase { .. }
             | Self::OlderDatabase
             | Self::EmptyDatabase
+            | Self::Unfinished
             | Self::Nul
             | Self::LogUnreadable
             | Self::Migration(_) => false,

@@ -20,8 +20,10 @@
 //! - `gates`: what versions must show before they become active. `rollouts`, `devices`: versions on their way to the
 //!   displays in the field.
 //! - `webhooks`, `deliveries`: addresses that learn of events, and what they are to learn.
-//! - `collection`: automatic removal of old records. `inspect`: read access for checks and backups.
-//! - `open`: files, connections, migrations. `database_time`: the time of day on which processes agree. `sql`: statements that both databases run. `write`: write transactions.
+//! - `collection`: automatic removal of old records. `inspect`: read access for checks and backups. `transfer`: copies all
+//!   tables to another database.
+//! - `open`: files, connections, migrations. `database_time`: the time of day on which processes agree. `sql`: statements
+//!   that both databases run. `write`: write transactions.
 //!   `changes`: announcements. `notices`: those of other processes. `subscriptions`: receiving announcements. `rows`: text
 //!   and JSON. `job_rows`: jobs as rows.
 //! - `displays`, `artifacts`, `datasets`, `jobs`, `leases`, `endings`, `cancels`, `events`, `kernels`, `moves`,
@@ -64,6 +66,7 @@ mod sql;
 mod subscriptions;
 mod tokens;
 mod totals;
+mod transfer;
 mod webhooks;
 mod write;
 
@@ -84,6 +87,7 @@ pub use rollouts::Widening;
 pub use signing::{PrivateKey, StoredKeyring};
 pub use tokens::TokenRecord;
 pub use totals::QueueDepth;
+pub use transfer::{ComparedTable, Side, Transfer, TransferError};
 pub use webhooks::WEBHOOKS_MAX;
 
 /// Limit on the rows that one call returns, for any requested limit: a page of the largest records fits into a message.

@@ -4,6 +4,7 @@ use super::StoreError;
 use super::changes::Changes;
 use super::database_time::DatabaseTime;
 use super::sql::Pool;
+use super::transfer::marked_source;
 use sqlx::migrate::{MigrateError, Migration, MigrationType, Migrator};
 use sqlx::postgres::{PgConnectOptions, PgConnection, PgListener, PgPoolOptions};
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqlitePool, SqlitePoolOptions, SqliteSynchronous};
@@ -42,7 +43,7 @@ const ACQUIRE_TIMEOUT: Duration = Duration::from_secs(30);
 pub(super) struct Step {
     pub(super) name: &'static str,
     pub(super) sqlite: &'static str,
-    postgres: &'static str,
+    pub(super) postgres: &'static str,
 }
 
 macro_rules! steps {
@@ -99,7 +100,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`] if the file cannot be opened; [`StoreError::Migration`] if its tables have a newer
-    /// version; [`StoreError::SqliteTooOld`].
+    /// version; [`StoreError::SqliteTooOld`]; [`StoreError::Unfinished`].
     pub async fn open(path: &Path) -> Result<Self, StoreError> {
         if !path.exists() {
             create_private(path)?;
@@ -110,6 +111,7 @@ impl Store {
         migrator(MIGRATIONS.len(), |step| step.sqlite).run(&writer).await.map_err(migration_error)?;
         let readers = pool(READERS).connect_with(options.create_if_missing(false).pragma("query_only", "on")).await?;
         let (writers, readers) = (Pool::Sqlite(writer), Pool::Sqlite(readers));
+        require_finished(&readers).await?;
         Ok(Self::of(writers, readers, Some(path.to_owned())))
     }
 
@@ -131,7 +133,9 @@ impl Store {
         let read_only = options.options([("default_transaction_read_only", "on")]);
         let readers = pool(POSTGRES_READERS).connect_with(read_only).await?;
         let listener = PgListener::connect_with(&readers).await?;
-        let store = Self::of(Pool::Postgres(writers), Pool::Postgres(readers), None);
+        let (writers, readers) = (Pool::Postgres(writers), Pool::Postgres(readers));
+        require_finished(&readers).await?;
+        let store = Self::of(writers, readers, None);
         store.inner.time.read(store.readers()).await?;
         store.listen(listener).await?;
         Ok(store)
@@ -152,6 +156,14 @@ impl Store {
 
     pub(super) fn readers(&self) -> &Pool {
         &self.inner.readers
+    }
+}
+
+/// Refuses the target of an unfinished transfer.
+async fn require_finished(readers: &Pool) -> Result<(), StoreError> {
+    match marked_source(&mut readers.acquire().await?).await? {
+        Some(_) => Err(StoreError::Unfinished),
+        None => Ok(()),
     }
 }
 
@@ -181,7 +193,7 @@ pub(super) fn connect_options(path: &Path) -> SqliteConnectOptions {
         .busy_timeout(BUSY_TIMEOUT)
 }
 
-fn migration_error(error: MigrateError) -> StoreError {
+pub(super) fn migration_error(error: MigrateError) -> StoreError {
     match error {
         MigrateError::VersionMissing(step) => StoreError::NewerDatabase { step },
         other => StoreError::Migration(other),

@@ -38,18 +38,18 @@ impl Store {
                     }
                 }
                 let inserted = query(
-                        "insert into webhook (id, url, events, display, secret, caller, create_time_ms) \
+                    "insert into webhook (id, url, events, display, secret, caller, create_time_ms) \
                          values ($1, $2, $3, $4, $5, $6, $7) on conflict do nothing",
-                    )
-                    .bind(&webhook.id)
-                    .bind(webhook.url.as_str())
-                    .bind(to_json("webhook.events", &webhook.events)?)
-                    .bind(webhook.display)
-                    .bind(secret.reveal())
-                    .bind(webhook.caller)
-                    .bind(webhook.create_time_ms)
-                    .execute(write.sql())
-                    .await?;
+                )
+                .bind(&webhook.id)
+                .bind(webhook.url.as_str())
+                .bind(to_json("webhook.events", &webhook.events)?)
+                .bind(webhook.display)
+                .bind(secret.reveal())
+                .bind(webhook.caller)
+                .bind(webhook.create_time_ms)
+                .execute(write.sql())
+                .await?;
                 match inserted {
                     1 => Ok(()),
                     _ => Err(StoreError::exists(name(&webhook.id), "on the server; choose another id")),

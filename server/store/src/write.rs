@@ -18,6 +18,9 @@ const BEGIN_POSTGRES: &str = "begin";
 /// statements after it see what the writer before has committed.
 const BEGIN_IN_TURN_POSTGRES: &str = "begin; select pg_advisory_xact_lock(7809632219837)";
 
+/// The same lock.
+pub(super) const TURN: i64 = 7_809_632_219_837;
+
 /// A write transaction, with the changes to announce after its commit.
 #[derive(Debug)]
 pub(super) struct Write {

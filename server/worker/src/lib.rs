@@ -65,7 +65,7 @@ use lightpath_domain::job::{Job, JobSpec};
 use lightpath_media::live_pictures::LivePictures;
 use lightpath_metrics::{self as metrics, LeaseLoss};
 use lightpath_optics::EngineCache;
-use lightpath_store::{Claimant, ClaimLimits, Store, StoreError};
+use lightpath_store::{ClaimLimits, Claimant, Store, StoreError};
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 use std::collections::HashSet;
 use std::sync::Arc;

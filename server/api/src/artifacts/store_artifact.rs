@@ -26,6 +26,9 @@ impl Api {
         seen: Option<String>,
     ) -> Result<Result<ArtifactRecord, String>, ApiError> {
         call.concerns(digest);
-        Ok(self.store.record_artifact(digest, size_bytes, &call.caller.name, seen.as_deref(), self.store.now_ms()).await?)
+        Ok(self
+            .store
+            .record_artifact(digest, size_bytes, &call.caller.name, seen.as_deref(), self.store.now_ms())
+            .await?)
     }
 }

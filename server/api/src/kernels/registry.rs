@@ -81,8 +81,10 @@ impl Api {
             return Err(field.invalid("is empty, but must say why"));
         }
         let deprecated = !request.undo;
-        let version =
-            self.store.deprecate_kernel_version(&key, version, deprecated, &cause(call, reason), self.store.now_ms()).await?;
+        let version = self
+            .store
+            .deprecate_kernel_version(&key, version, deprecated, &cause(call, reason), self.store.now_ms())
+            .await?;
         Ok(to_wire::version(version))
     }
 

@@ -288,7 +288,8 @@ mod tests {
         assert!(!has("listen") && !has("queue-limit") && !has("no-worker"));
         let given = ["test", "--status-listen", "127.0.0.1:0", "--workers", "3"];
         let flags = WorkerFlags::from_arg_matches(&command.get_matches_from(given)).unwrap();
-        let config = Effective::merge(flags.0, Settings::from_toml("listen = \"127.0.0.1:1\"").unwrap()).unwrap().config;
+        let config =
+            Effective::merge(flags.0, Settings::from_toml("listen = \"127.0.0.1:1\"").unwrap()).unwrap().config;
         assert_eq!((config.workers, config.status_listen.unwrap().port(), config.listen.port()), (3, 0, 1));
     }
 

@@ -31,7 +31,7 @@ pub(super) struct DataDir {
 
 /// Form of a report.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
-enum Form {
+pub(super) enum Form {
     /// Text for people
     Table,
     /// JSON for programs
@@ -160,7 +160,7 @@ impl DataDir {
     }
 }
 
-fn print<T: Serialize>(output: Form, value: &T, text: impl FnOnce(&T) -> String) -> anyhow::Result<()> {
+pub(super) fn print<T: Serialize>(output: Form, value: &T, text: impl FnOnce(&T) -> String) -> anyhow::Result<()> {
     let text = match output {
         Form::Table => text(value),
         Form::Json => serde_json::to_string_pretty(value)?,
@@ -317,6 +317,6 @@ fn text(report: &Report) -> String {
     lines.join("\n")
 }
 
-fn line(found: &Finding) -> String {
+pub(super) fn line(found: &Finding) -> String {
     format!("  {:<12}{} {}", found.kind.as_str(), found.what, found.problem)
 }

@@ -7,9 +7,10 @@
 //!
 //! # Layout
 //!
-//! - `check`, `backup`, `restore`: these commands. `place`: where a check finds the blobs. `collect`: automatic removal of old data; `removal`: from a bucket. `tokens`: creating, listing
-//!   and revoking tokens. `keys`: keys that sign manifests; `key_commands`: `lightpathd key`. `commands`: the other
-//!   commands on the command line.
+//! - `check`, `backup`, `restore`: these commands. `place`: where a check finds the blobs. `collect`: automatic removal of
+//!   old data; `removal`: from a bucket. `migrate`: a move to another database; `migrate_command`: its command.
+//! - `tokens`: creating, listing and revoking tokens. `keys`: keys that sign manifests; `key_commands`: `lightpathd key`.
+//!   `commands`: the other commands on the command line.
 
 mod backup;
 mod check;
@@ -17,6 +18,8 @@ mod collect;
 mod commands;
 mod key_commands;
 mod keys;
+mod migrate;
+mod migrate_command;
 mod place;
 mod removal;
 mod restore;
@@ -30,12 +33,14 @@ pub use collect::{Collected, Retention};
 pub use commands::{BackupArgs, CheckArgs, CollectArgs, RestoreArgs, RestoredArgs};
 pub use key_commands::KeyCommand;
 pub use keys::{KeyChange, KeyLine, KeyState, KeysError, change_keyring, install, state, tend};
+pub use migrate::{Migration, Moved, MovedBlobs};
+pub use migrate_command::MigrateArgs;
 pub use restore::restore;
 pub use tokens::TokenCommand;
 
 use crate::config::ConfigError;
 use lightpath_artifacts::ArtifactError;
-use lightpath_store::StoreError;
+use lightpath_store::{StoreError, TransferError};
 use std::io;
 use std::path::PathBuf;
 
@@ -109,6 +114,9 @@ pub enum UpkeepError {
     /// The artifacts could not be used.
     #[error(transparent)]
     Artifacts(#[from] ArtifactError),
+    /// The database could not be moved.
+    #[error(transparent)]
+    Transfer(#[from] TransferError),
     /// The settings of the bucket are wrong.
     #[error(transparent)]
     Config(#[from] ConfigError),

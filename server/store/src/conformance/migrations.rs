@@ -91,7 +91,7 @@ const ROWS: &[(usize, &str)] = &[(
 )];
 
 /// Creates a database as the version with this number of migrations left it.
-async fn create_database(path: &Path, steps: usize) {
+pub(super) async fn create_database(path: &Path, steps: usize) {
     let mut connection = connect_options(path).connect().await.unwrap();
     for step in 1..=steps {
         migrator(step, |step| step.sqlite).run(&mut connection).await.unwrap();

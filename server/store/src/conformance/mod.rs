@@ -4,7 +4,7 @@
 //! `queue`: states of jobs and their changes. `scheduling`: when and for which owner jobs run. `registry`: displays,
 //! artifacts, datasets, kernels. `rollouts`: aliases, gates, devices, rollouts. `preparing`: datasets that jobs align and finalize. `model`: random histories of one
 //! job, compared with a small model. `machine`: random histories of a whole queue. `migrations`: databases of earlier
-//! versions. `webhooks`: what webhooks learn. `processes`: several processes on one database of PostgreSQL. `scale`: many jobs. `limits`: limits on stored records. `query_plans`: the indexes that queries use.
+//! versions. `webhooks`: what webhooks learn. `processes`: several processes on one database of PostgreSQL. `transfers`: moves between databases. `scale`: many jobs. `limits`: limits on stored records. `query_plans`: the indexes that queries use.
 
 mod limits;
 mod machine;
@@ -18,6 +18,7 @@ mod registry;
 mod rollouts;
 mod scale;
 mod scheduling;
+mod transfers;
 mod webhooks;
 
 use super::sql::{Builder, Connection};

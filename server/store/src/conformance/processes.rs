@@ -71,7 +71,9 @@ async fn racing_processes_keep_turns_and_limits() {
         tokio::spawn(async move {
             let mut done = Vec::new();
             for _ in 0..1000 {
-                let Some((job, lease)) = store.claim_within(limits, 2, LEASE_MS, &crate::Claimant::named(name)).await.unwrap() else {
+                let Some((job, lease)) =
+                    store.claim_within(limits, 2, LEASE_MS, &crate::Claimant::named(name)).await.unwrap()
+                else {
                     if store.queue_counts().await.unwrap().succeeded == 60 {
                         break;
                     }

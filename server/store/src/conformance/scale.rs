@@ -156,7 +156,8 @@ async fn many_jobs_keep_queries_fast() {
 
     let limits = ClaimLimits { per_owner: 50, per_display: 0 };
     let claim = times(async |_| {
-        let (_, lease) = store.claim_within(limits, i64::MAX / 4, LEASE_MS, &crate::Claimant::named("w")).await.unwrap().unwrap();
+        let (_, lease) =
+            store.claim_within(limits, i64::MAX / 4, LEASE_MS, &crate::Claimant::named("w")).await.unwrap().unwrap();
         store.finish(&lease, result(), JobEffect::None, i64::MAX / 4 + 1).await.unwrap();
     })
     .await;
@@ -175,7 +176,11 @@ async fn many_jobs_keep_queries_fast() {
     })
     .await;
     rate("claim by 16 callers", SAMPLES * 4, |_| async move {
-        store.claim_within(ClaimLimits::default(), i64::MAX / 4, LEASE_MS, &crate::Claimant::named("w")).await.unwrap().unwrap();
+        store
+            .claim_within(ClaimLimits::default(), i64::MAX / 4, LEASE_MS, &crate::Claimant::named("w"))
+            .await
+            .unwrap()
+            .unwrap();
     })
     .await;
     store.release_all(None, 2).await.unwrap();

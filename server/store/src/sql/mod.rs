@@ -17,5 +17,5 @@ mod query;
 mod row;
 
 pub(super) use connection::{Connection, Pool};
-pub(super) use query::{Builder, Query, query, query_as, run_all, scalar};
-pub(super) use row::Row;
+pub(super) use query::{Builder, Query, Value, query, query_as, run_all, scalar};
+pub(super) use row::{Place, Row};
