@@ -135,16 +135,18 @@ impl World {
 
     fn collect(&mut self, collector: Collector) -> Collector {
         match collector {
-            Collector::Idle => self.row.map_or(Collector::Idle, |row| Collector::Read { mark: row.mark }),
+            Collector::Idle => Collector::Read { mark: self.row.and_then(|row| row.mark) },
             Collector::Read { mark } => Collector::Listed { mark, objects: self.objects() },
-            Collector::Listed { mark, objects } => match &mut self.row {
-                Some(row) if row.uses == 0 && row.mark == mark => {
-                    self.marks += 1;
-                    row.mark = Some(self.marks);
-                    Collector::Marked { mark: self.marks, objects }
+            Collector::Listed { mark, objects } => {
+                // A blob without a row is removed like one whose row nothing uses.
+                let row = self.row.unwrap_or_default();
+                if row.uses > 0 || row.mark != mark {
+                    return Collector::Idle;
                 }
-                _ => Collector::Idle,
-            },
+                self.marks += 1;
+                self.row = Some(Row { mark: Some(self.marks), ..row });
+                Collector::Marked { mark: self.marks, objects }
+            }
             Collector::Marked { mark, objects } => {
                 let late = self.broken == Broken::ListAfterMark;
                 let objects = if late { self.objects() } else { objects };

@@ -204,8 +204,8 @@ impl Effective {
     /// # Errors
     ///
     /// [`ConfigError::Value`] if a value is out of range, [`ConfigError::Incomplete`] if one of two settings that
-    /// belong together is missing, [`ConfigError::DatabaseUrl`], [`ConfigError::ArtifactsUrl`],
-    /// [`ConfigError::ArtifactsEndpoint`].
+    /// belong together is missing, [`ConfigError::DatabaseUrl`]. The settings of the bucket are checked by
+    /// [`Config::bucket`], because not every command that reads the file needs the bucket and its key.
     pub fn merge(given: Settings, file: Settings) -> Result<Self, ConfigError> {
         let mut settings = Settings::defaults();
         settings.0.extend(file.0);
@@ -221,7 +221,6 @@ impl Effective {
         let config: Config = values.collect::<Table>().try_into().expect("the type of every value was checked");
         config.tls()?;
         config.database()?;
-        config.bucket()?;
         Ok(Self { config, settings })
     }
 }
@@ -342,7 +341,7 @@ mod tests {
             ("artifacts_secret_access_key", "artifacts_url is set, but artifacts_secret_access_key is not: a key"),
         ] {
             let rest: String = BUCKET.split_inclusive('\n').filter(|text| !text.starts_with(line)).collect();
-            let refused = parse(&[], &rest).unwrap_err().to_string();
+            let refused = parse(&[], &rest).unwrap().config.bucket().unwrap_err().to_string();
             assert!(refused.starts_with(message), "{refused}");
         }
         for (flag, value, message) in [
@@ -354,10 +353,11 @@ mod tests {
             ("--artifacts-url", "s3:///holograms", "artifacts_url is \"s3:///holograms\", but must be"),
             ("--artifacts-endpoint", "http://s3", "artifacts_endpoint is \"http://s3\", but must begin with https://"),
         ] {
-            let refused = parse(&[flag, value], BUCKET).unwrap_err().to_string();
+            let refused = parse(&[flag, value], BUCKET).unwrap().config.bucket().unwrap_err().to_string();
             assert!(refused.starts_with(message), "{refused}");
         }
-        parse(&["--artifacts-endpoint", "http://s3", "--artifacts-allow-http"], BUCKET).unwrap();
+        let allowed = ["--artifacts-endpoint", "http://s3", "--artifacts-allow-http"];
+        parse(&allowed, BUCKET).unwrap().config.bucket().unwrap();
     }
 
     #[test]

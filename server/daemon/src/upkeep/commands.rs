@@ -38,8 +38,8 @@ pub(super) enum Form {
     Json,
 }
 
-/// Check a data folder: every constraint and reference of its database, and every stored file against its SHA-256. The
-/// check changes nothing. The server may be running.
+/// Check a data folder: every constraint and reference of its database, and every stored file against its SHA-256. If the
+/// artifacts are in a bucket, every object is read from there. The check changes nothing. The server may be running.
 ///
 /// Exit code 0: no problems. 1: problems were found. 2: the folder could not be checked.
 #[derive(Debug, clap::Args)]

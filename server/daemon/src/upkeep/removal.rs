@@ -14,7 +14,8 @@ use std::collections::HashSet;
 
 /// Age at which a blob that nothing refers to is removed \[ms\]: a day. A worker that needed longer to record a saved state
 /// lost its lease long ago; an artifact is safe at any age, by the rules.
-const UNRECORDED_MS_MAX: i64 = 24 * 3600 * 1000;
+const UNRECORDED_MS_MAX: i64 = 24 * HOUR_MS;
+const HOUR_MS: i64 = 3600 * 1000;
 
 /// Removes the artifacts that no record refers to and that were last used before `before_ms`, and what is left of
 /// removals that did not come to their end.
@@ -49,9 +50,9 @@ pub(super) async fn unreferenced_artifacts(
     }
 }
 
-/// Removes artifacts that no row records, because a process died after it had stored them.
+/// Removes artifacts that no row records, because a process died after it had stored them. Each hour has a share of them.
 pub(super) async fn unrecorded_artifacts(store: &Store, artifacts: &Artifacts, now_ms: i64) -> Result<(), UpkeepError> {
-    for shard in 0..=u8::MAX {
+    for shard in shards(now_ms) {
         let stored = artifacts.stored(BlobKind::Artifact, shard).await?;
         for digest in store.unrecorded(&stored).await? {
             let listed = Listed::list(artifacts, digest).await?;
@@ -65,19 +66,26 @@ pub(super) async fn unrecorded_artifacts(store: &Store, artifacts: &Artifacts, n
     Ok(())
 }
 
+/// The first bytes of the digests whose turn it is at this hour. Each comes once a day, because lists of a bucket cost money.
+fn shards(now_ms: i64) -> impl Iterator<Item = u8> {
+    let hour = now_ms / HOUR_MS;
+    (0..=u8::MAX).filter(move |shard| i64::from(shard % 24) == hour % 24)
+}
+
 /// Whether an object is so old that the process that stored it has recorded it, or never will.
 fn is_left(object: &RemoteObject, now_ms: i64) -> bool {
     object.store_time_ms().is_some_and(|time_ms| time_ms < now_ms - UNRECORDED_MS_MAX)
 }
 
-/// Removes saved states to which no job refers, because a process died while it replaced them.
+/// Removes saved states to which no job refers, because a process died while it replaced them. Each hour has a share of
+/// them.
 pub(super) async fn unreferenced_checkpoints(
     store: &Store,
     artifacts: &Artifacts,
     now_ms: i64,
 ) -> Result<(), UpkeepError> {
     let mut stored = Vec::new();
-    for shard in 0..=u8::MAX {
+    for shard in shards(now_ms) {
         stored.extend(artifacts.stored(BlobKind::Checkpoint, shard).await?);
     }
     // Read after the list: what was replaced in between is referred to by neither, and is removed by its owner or later.
@@ -307,8 +315,6 @@ mod tests {
     #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
     async fn publisher_wins_over_a_collection() {
         let Some(pair) = Pair::open("collection").await else { return };
-        let retention = Retention { artifacts: Some(Duration::from_secs(5)), jobs: None };
-        let now_ms = BEFORE_MS + 5_000;
         let mut collected = 0;
         for round in 0..40_u64 {
             let bytes = format!("round {round}").into_bytes();
@@ -324,7 +330,7 @@ mod tests {
             };
             let collect = async {
                 wait(round % 2 == 1).await;
-                retention.collect(&pair.store, &pair.there, now_ms).await
+                unreferenced_artifacts(&pair.store, &pair.there, BEFORE_MS).await
             };
             let ((), done) = tokio::join!(publish, collect);
             collected += done.unwrap().artifacts;
@@ -367,8 +373,11 @@ mod tests {
         let phase = digest_of(b"phase");
         let artifact = pair.here.put_bytes(b"left".to_vec()).await.unwrap();
         let now_ms = Clock::default().now_ms();
-        for (after_ms, is_left) in [(UNRECORDED_MS_MAX / 2, true), (2 * UNRECORDED_MS_MAX, false)] {
-            Retention::default().collect(&pair.store, &pair.there, now_ms + after_ms).await.unwrap();
+        for (after_ms, is_left) in [(0, true), (UNRECORDED_MS_MAX + HOUR_MS, false)] {
+            for hour in 0..24 {
+                let now_ms = now_ms + after_ms + hour * HOUR_MS;
+                Retention::default().collect(&pair.store, &pair.there, now_ms).await.unwrap();
+            }
             let kept = async |kind, digest| !pair.here.objects_of(kind, digest).await.unwrap().is_empty();
             assert!(kept(BlobKind::Checkpoint, &recorded).await, "after {after_ms} ms");
             assert!(kept(BlobKind::Artifact, &phase).await, "after {after_ms} ms");
