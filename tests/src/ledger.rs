@@ -77,7 +77,8 @@ impl Ledger {
                     kernel: material.kernel.clone(),
                     version: if active == 1 { 2 } else { 1 },
                     reason: reason.clone(),
-                    expected_active_version: None,
+                    // A promotion of the version that is active would leave no trace.
+                    expected_active_version: Some(active),
                     force: false,
                 };
                 active = client.promote_kernel(request).await?.active_version;

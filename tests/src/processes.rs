@@ -119,6 +119,8 @@ async fn processes_survive_faults_of_every_kind() {
         writeln!(std::io::stderr(), "there is no S3 server: run scripts/s3-for-tests").unwrap();
         return;
     };
+    // The first use of a program may build it.
+    lightpathd(&["--version"]).await.ok();
     let faults = std::env::var("LIGHTPATH_FAULTS").map_or(FAULTS, |text| text.parse().unwrap());
     let seed = std::env::var("LIGHTPATH_FAULTS_SEED").map_or(2026, |text| text.parse().unwrap());
     let mut random = ChaCha8Rng::seed_from_u64(seed);

@@ -199,6 +199,10 @@ async fn ended_early(workers: Option<&mut Workers>) -> Option<Result<Result<(), 
 /// Makes or renews the keys that sign manifests. The server works without them, for example on a full disk, and only
 /// signs no manifests then.
 async fn tend_keys(store: &Store) {
+    if upkeep::tend(store, store.now_ms()).await.is_ok() {
+        return;
+    }
+    // Another server may have done the same at the same time, and finished first.
     if let Err(error) = upkeep::tend(store, store.now_ms()).await {
         tracing::error!(error = &error as &dyn std::error::Error, "the keys that sign manifests could not be renewed");
     }

@@ -3,7 +3,7 @@
 use super::DATABASE;
 use super::commands::{Form, exit, line, print, runtime};
 use super::migrate::{Migration, Moved};
-use crate::config::{BucketSettings, Effective, Settings};
+use crate::config::{BucketFlags, Effective, Settings};
 use anyhow::{Context as _, bail};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::{Path, PathBuf};
@@ -38,7 +38,7 @@ pub struct MigrateArgs {
     #[arg(long, value_name = "FORM", default_value = "table")]
     output: Form,
     #[command(flatten)]
-    bucket: BucketSettings,
+    bucket: BucketFlags,
 }
 
 impl MigrateArgs {
@@ -125,7 +125,7 @@ mod tests {
 
     fn args(from: &str, to: &str) -> MigrateArgs {
         let (from, to) = (from.to_owned(), to.to_owned());
-        MigrateArgs { from, to, config: None, output: Form::Json, bucket: BucketSettings::default() }
+        MigrateArgs { from, to, config: None, output: Form::Json, bucket: BucketFlags::default() }
     }
 
     #[test]
