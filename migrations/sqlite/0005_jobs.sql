@@ -97,8 +97,8 @@ create index job_with_checkpoint on job (checkpoint) where checkpoint is not nul
 create unique index job_by_request on job (owner, request_id);
 create unique index job_unique on job (owner, unique_key)
 where unique_key is not null and state in ('queued', 'running');
--- for the waiting time of the first due job of each kind
-create index job_due_by_kind on job (kind, run_time_ms) where state = 'queued' and waiting_for = 0;
+-- for the waiting time of the first due job of each kind, and the estimated work of all
+create index job_due_by_kind on job (kind, run_time_ms, estimated_ms) where state = 'queued' and waiting_for = 0;
 
 -- A job that has succeeded never changes. A failed or cancelled job can be put back into the queue.
 create trigger succeeded_job_stays before update on job

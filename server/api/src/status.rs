@@ -111,6 +111,7 @@ fn store_answer(error: &StoreError) -> Option<Answer> {
         StoreError::Nul => Answer::new(Code::InvalidArgument, "INVALID_FIELD"),
         StoreError::DiskFull => Answer::new(Code::ResourceExhausted, "DISK_FULL").retry(DISK_RETRY),
         StoreError::Busy => Answer::new(Code::Unavailable, "DATABASE_BUSY").retry(QUEUE_RETRY),
+        StoreError::Unreachable(_) => Answer::new(Code::Unavailable, "DATABASE_UNREACHABLE").retry(QUEUE_RETRY),
         StoreError::Stopping => Answer::new(Code::Unavailable, "STOPPING").retry(RESTART_RETRY),
         StoreError::SqliteTooOld { .. }
         | StoreError::Corrupt { .. }

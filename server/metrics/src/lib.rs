@@ -14,6 +14,7 @@ use std::time::Duration;
 
 const QUEUE_DEPTH: &str = "lightpath_queue_depth";
 const QUEUE_OLDEST: &str = "lightpath_queue_oldest_seconds";
+const QUEUE_WORK: &str = "lightpath_queue_work_seconds";
 const JOBS_ENDED: &str = "lightpath_jobs_ended_total";
 const JOB: &str = "lightpath_job_seconds";
 const LEASES_LOST: &str = "lightpath_leases_lost_total";
@@ -155,8 +156,11 @@ pub async fn render(store: &Store, files: &Artifacts, now_ms: i64) -> Result<Str
     for (kind, age) in store.oldest_due(now_ms).await? {
         gauge!(QUEUE_OLDEST, "kind" => kind).set(age.as_secs_f64());
     }
+    for (kind, work) in store.waiting_work(now_ms).await? {
+        gauge!(QUEUE_WORK, "kind" => kind).set(work.as_secs_f64());
+    }
     gauge!(WEBHOOKS_WAITING).set(store.deliveries_waiting().await? as f64);
-    let (database, wal) = store.file_bytes();
+    let (database, wal) = store.database_bytes().await?;
     gauge!(DATABASE_BYTES).set(database as f64);
     gauge!(WAL_BYTES).set(wal as f64);
     let (artifacts, bytes) = store.artifact_totals().await?;
@@ -195,6 +199,7 @@ fn handle() -> Option<&'static PrometheusHandle> {
 fn describe() {
     describe_gauge!(QUEUE_DEPTH, "Jobs that wait or run, by kind and state");
     describe_gauge!(QUEUE_OLDEST, Unit::Seconds, "Time since the earliest waiting job became due, by kind");
+    describe_gauge!(QUEUE_WORK, Unit::Seconds, "Estimated time of the jobs that are due and wait, by kind");
     describe_counter!(JOBS_ENDED, "Jobs that ended, by kind and state");
     describe_histogram!(JOB, Unit::Seconds, "Time of the last attempt of jobs that succeeded or failed");
     describe_counter!(

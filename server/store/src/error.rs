@@ -141,6 +141,9 @@ pub enum StoreError {
     /// A migration of the tables failed.
     #[error("the database cannot be migrated")]
     Migration(#[source] sqlx::migrate::MigrateError),
+    /// The database's server cannot be reached, or it is stopping or starting.
+    #[error("the database cannot be reached")]
+    Unreachable(#[source] sqlx::Error),
     /// Any other error of the database.
     #[error("the database failed")]
     Database(#[source] sqlx::Error),
@@ -169,6 +172,7 @@ impl StoreError {
         match self {
             Self::DiskFull
             | Self::Database(_)
+            | Self::Unreachable(_)
             | Self::Busy
             | Self::Stopping
             | Self::QueueFull { .. }
@@ -200,9 +204,13 @@ impl From<sqlx::Error> for StoreError {
         const FULL: [&str; 3] = ["13", "4874", "53100"];
         /// PostgreSQL's codes of a text with the character NUL, and of JSON with it.
         const NUL: [&str; 2] = ["22021", "22P05"];
+        /// PostgreSQL's codes of a server that stops or starts, and the class of broken connections.
+        const AWAY: [&str; 4] = ["57P01", "57P02", "57P03", "08"];
         match error.as_database_error().and_then(|e| e.code()) {
             Some(code) if FULL.contains(&&*code) => Self::DiskFull,
             Some(code) if NUL.contains(&&*code) => Self::Nul,
+            Some(code) if AWAY.iter().any(|away| code.starts_with(away) && code.len() == 5) => Self::Unreachable(error),
+            _ if matches!(error, sqlx::Error::Io(_) | sqlx::Error::Tls(_)) => Self::Unreachable(error),
             _ if matches!(error, sqlx::Error::PoolTimedOut) => Self::Busy,
             _ => Self::Database(error),
         }

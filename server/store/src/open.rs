@@ -178,7 +178,7 @@ pub(super) async fn connect_once(options: &PgConnectOptions) -> Result<PgConnect
 /// Creates an empty file for a database that only its user can read. SQLite gives the log of a database the same mode.
 pub(super) fn create_private(path: &Path) -> Result<(), StoreError> {
     let created = File::options().write(true).create_new(true).mode(0o600).open(path);
-    created.map(drop).map_err(|error| sqlx::Error::Io(error).into())
+    created.map(drop).map_err(|error| StoreError::Database(sqlx::Error::Io(error)))
 }
 
 /// Options of every connection.

@@ -62,14 +62,37 @@ impl Store {
         Ok(ages)
     }
 
-    /// Sizes of SQLite's database and of its write-ahead log \[bytes\]; 0 for a missing file and for PostgreSQL.
-    #[must_use]
-    pub fn file_bytes(&self) -> (u64, u64) {
+    /// For every kind, the estimated time of its jobs that are due and wait for a worker. A job without an estimate counts
+    /// as 0.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn waiting_work(&self, now_ms: i64) -> Result<Vec<(&'static str, Duration)>, StoreError> {
+        let mut work = Vec::new();
+        for kind in JobSpec::KINDS {
+            let sql = "select cast(coalesce(sum(estimated_ms), 0) as bigint) from job \
+                       where state = 'queued' and waiting_for = 0 and kind = $1 and run_time_ms <= $2";
+            let time_ms: i64 = scalar(sql).bind(kind).bind(now_ms).fetch_one(self.readers()).await?;
+            work.push((kind, Duration::from_millis(time_ms.unsigned_abs())));
+        }
+        Ok(work)
+    }
+
+    /// Sizes of the database and of SQLite's write-ahead log \[bytes\]; 0 for a missing file.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn database_bytes(&self) -> Result<(u64, u64), StoreError> {
         let size = |path: &Path| fs::metadata(path).map_or(0, |metadata| metadata.len());
-        let Some(path) = &self.inner.path else { return (0, 0) };
+        let Some(path) = &self.inner.path else {
+            let bytes: i64 = scalar("select pg_database_size(current_database())").fetch_one(self.readers()).await?;
+            return Ok((bytes.unsigned_abs(), 0));
+        };
         let mut wal = path.clone().into_os_string();
         wal.push("-wal");
-        (size(path), size(Path::new(&wal)))
+        Ok((size(path), size(Path::new(&wal))))
     }
 
     /// Number of all artifacts and their total size \[bytes\].

@@ -59,7 +59,7 @@ impl Write {
                 query(notices::NOTIFY).bind(message).execute(self.sql()).await?;
             }
         }
-        fail::point("commit").map_err(sqlx::Error::Io)?;
+        fail::point("commit").map_err(|error| StoreError::Database(sqlx::Error::Io(error)))?;
         query("commit").execute(self.sql()).await?;
         self.ended = true;
         // The commit is on disk, so a failure after it is not an error.

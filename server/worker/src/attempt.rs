@@ -3,7 +3,7 @@
 use super::context::saved_state;
 use super::live_picture::LivePicture;
 use super::stop::{StopFlag, StopReason};
-use super::{Clock, JobContext, Task, TaskError, TaskOutput, Worker};
+use super::{Clock, JobContext, PAUSE, Task, TaskError, TaskOutput, Worker};
 use lightpath_domain::job::{FailureReason, Job, JobError, Lease, Progress};
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_metrics as metrics;
@@ -106,13 +106,23 @@ impl Worker {
 
     /// Records in the store how the attempt ended.
     async fn end_and_log(&self, lease: &Lease, outcome: Outcome, stop: &StopFlag, last_report: Option<Progress>) {
-        if let Err(error) = self.end(lease, outcome, stop.reason(), last_report).await {
-            // The lease will expire, and the job then returns to the queue.
-            tracing::error!(
+        loop {
+            let Err(error) = self.end(lease, outcome.clone(), stop.reason(), last_report.clone()).await else { return };
+            if !matches!(error, StoreError::Unreachable(_)) {
+                // The lease will expire, and the job then returns to the queue.
+                let error: &dyn std::error::Error = &error;
+                tracing::error!(job = lease.job, error, "the end of the attempt could not be stored");
+                return;
+            }
+            // The work is done. If the lease is lost meanwhile, or the answer to a stored end was lost, the lease is not
+            // valid when the database is back.
+            tracing::warn!(
                 job = lease.job,
                 error = &error as &dyn std::error::Error,
-                "the end of the attempt could not be stored"
+                "the end of the attempt is not stored yet; trying again"
             );
+            drop(error);
+            sleep(PAUSE).await;
         }
     }
 

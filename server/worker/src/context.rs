@@ -79,6 +79,7 @@ impl From<StoreError> for TaskError {
             StoreError::LeaseLost => return Self::Stopped,
             StoreError::DiskFull => FailureReason::DiskFull,
             StoreError::NotFound { .. } => FailureReason::NotFound,
+            StoreError::Unreachable(_) | StoreError::Busy => FailureReason::Remote,
             _ => FailureReason::Store,
         };
         let retryable = error.is_transient();

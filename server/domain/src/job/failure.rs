@@ -85,7 +85,7 @@ crate::reasons! {
         NotSimulated = "NOT_SIMULATED",
         /// The task panicked.
         Panic = "PANIC",
-        /// The bucket of the artifacts did not answer, or refused.
+        /// The database or the bucket of the artifacts did not answer, or refused.
         Remote = "REMOTE",
         /// The server ended unexpectedly during the job's last permitted attempt.
         ServerDied = "SERVER_DIED",

@@ -156,3 +156,63 @@ async fn both_databases_have_the_same_tables_and_columns() {
                    where not exists (select 1 from pg_constraint where conindid = i.indexrelid)) order by 1";
     assert_eq!(columns(&place, indexes).await, columns(&file, named).await);
 }
+
+/// A claimant of a process that shares the database.
+fn claimant(process: &str) -> crate::Claimant {
+    crate::Claimant { worker: format!("{process}-0"), process: Some(process.to_owned()) }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_process_takes_back_its_own_jobs_only() {
+    let (one, other, _place) = two_processes().await;
+    let mut jobs = Vec::new();
+    for (request, store, process) in [("a", &one, "one"), ("b", &other, "other"), ("c", &one, "one")] {
+        submit(store, request, 5).await;
+        let claimed = store.claim_within(ClaimLimits::default(), 6, LEASE_MS, &claimant(process)).await.unwrap();
+        jobs.push(claimed.unwrap().0.id);
+    }
+    let state = async |id: &str| one.job(id).await.unwrap().state;
+    let taken = one.recover_orphans(Some("one"), 7).await.unwrap();
+    assert_eq!(taken.iter().map(|job| &job.id).collect::<HashSet<_>>(), HashSet::from([&jobs[0], &jobs[2]]));
+    assert_eq!(state(&jobs[1]).await, JobState::Running);
+    assert!(one.release_all(Some("one"), 8).await.unwrap().is_empty());
+    assert_eq!(other.release_all(Some("other"), 8).await.unwrap().len(), 1);
+    assert_eq!(state(&jobs[1]).await, JobState::Queued);
+    assert!(one.recover_orphans(Some("other"), 9).await.unwrap().is_empty(), "a queued job has no process");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn lease_from_a_clock_that_was_ahead_ends() {
+    let (one, _other, _place) = two_processes().await;
+    let id = submit(&one, "r", 5).await;
+    let day_ms = 24 * 3_600_000;
+    one.claim(day_ms, LEASE_MS, "dead").await.unwrap().unwrap();
+    one.cap_leases(6 + 2 * LEASE_MS).await.unwrap();
+    assert!(one.expire_leases(6 + LEASE_MS).await.unwrap().is_empty(), "a lease that may be valid stays");
+    assert_eq!(one.expire_leases(6 + 2 * LEASE_MS).await.unwrap().len(), 1);
+    assert_eq!(one.job(&id).await.unwrap().state, JobState::Queued);
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn one_process_at_a_time_tells_a_webhook() {
+    let (one, other, _place) = two_processes().await;
+    super::webhooks::add_webhook(&one, "ci").await;
+    assert!(one.hold_webhook("ci", 10, 30).await.unwrap());
+    assert!(one.hold_webhook("ci", 20, 30).await.unwrap(), "the holder holds on");
+    assert!(!other.hold_webhook("ci", 49, 30).await.unwrap());
+    assert!(other.hold_webhook("ci", 50, 30).await.unwrap(), "the first holder fell silent");
+    one.release_webhook("ci").await.unwrap();
+    assert!(!one.hold_webhook("ci", 51, 30).await.unwrap(), "it lets go of what it no longer holds");
+    other.release_webhook("ci").await.unwrap();
+    assert!(one.hold_webhook("ci", 52, 30).await.unwrap());
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn time_is_that_of_the_database() {
+    let (one, _other, place) = two_processes().await;
+    let mut connection = place.connect().await;
+    let sql = "select cast(extract(epoch from clock_timestamp()) * 1000 as bigint)";
+    let time_ms: i64 = crate::sql::scalar(sql).fetch_one(&mut connection).await.unwrap();
+    assert!((one.now_ms() - time_ms).abs() < 1000, "{} {time_ms}", one.now_ms());
+    assert!(one.is_shared() && one.since_time_jump().is_none());
+}

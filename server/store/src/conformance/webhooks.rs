@@ -18,6 +18,11 @@ fn webhook(id: &str, events: &[WebhookEvent], display: Option<&str>) -> Webhook 
     }
 }
 
+/// Adds a webhook that learns of everything.
+pub(super) async fn add_webhook(store: &Store, id: &str) {
+    add(store, &webhook(id, &[], None)).await;
+}
+
 async fn add(store: &Store, webhook: &Webhook) {
     store.create_webhook(webhook, &WebhookSecret::generate().unwrap()).await.unwrap();
 }
