@@ -20,6 +20,8 @@ mod key_commands;
 mod keys;
 mod migrate;
 mod migrate_command;
+#[cfg(test)]
+mod migrate_tests;
 mod restore;
 #[cfg(test)]
 mod tests;
