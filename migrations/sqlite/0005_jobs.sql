@@ -91,7 +91,6 @@ create index job_to_search on job (id, state, display, batch, kind, owner, words
 create index job_by_owner_start on job (owner, start_time_ms) where start_time_ms is not null;
 create index job_by_finish on job (finish_time_ms) where finish_time_ms is not null;
 create index job_leased on job (lease_until_ms) where state = 'running';
-create index job_of_process on job (process) where process is not null;
 create index job_with_checkpoint on job (checkpoint) where checkpoint is not null;
 -- request ids and unique keys belong to their owner, so that no owner can block those of another or learn of them
 create unique index job_by_request on job (owner, request_id);

@@ -281,12 +281,14 @@ async fn recover_orphans(write: &mut Write, process: Option<String>, now_ms: i64
     Ok(jobs)
 }
 
-/// At most [`EXPIRED_MAX`] jobs that a process runs; `None`: that any process runs.
+/// At most [`EXPIRED_MAX`] jobs that a process runs; `None`: that any process runs. A running job without a process was
+/// moved here from SQLite, whose server has ended.
 async fn running_in(write: &mut Write, process: Option<String>) -> Result<Vec<Row>, StoreError> {
     match process {
         None => running_until(write, i64::MAX).await,
         Some(process) => {
-            let sql = "select * from job where process = $1 order by lease_until_ms limit $2";
+            let sql = "select * from job where state = 'running' and (process = $1 or process is null) \
+                       order by lease_until_ms limit $2";
             Ok(query(sql).bind(process).bind(EXPIRED_MAX).fetch_all(write.sql()).await?)
         }
     }

@@ -4,6 +4,7 @@ use super::datasets::with_pairs;
 use super::open::{MIGRATIONS, connect_once, connect_options, create_private};
 use super::rows::{from_json, from_json_option, to_json};
 use super::sql::{Connection, query, query_as, scalar};
+use super::transfer::marked_source;
 use super::{Store, StoreError};
 use lightpath_domain::dataset::digest;
 use serde_json::Value;
@@ -95,12 +96,13 @@ impl Inspection {
     /// # Errors
     ///
     /// [`StoreError::Database`] if the file cannot be opened; [`StoreError::NewerDatabase`];
-    /// [`StoreError::LogUnreadable`].
+    /// [`StoreError::LogUnreadable`]; [`StoreError::Unfinished`].
     pub async fn open(path: &Path) -> Result<Self, StoreError> {
         let mut connection = connect(path).await?;
         sqlx::query("pragma query_only = on").execute(&mut connection).await?;
         let mut inspection = Self { connection: Connection::SqliteFile(connection) };
         inspection.steps().await?;
+        inspection.require_finished().await?;
         Ok(inspection)
     }
 
@@ -109,14 +111,20 @@ impl Inspection {
     /// # Errors
     ///
     /// [`StoreError::Database`] if the server cannot be reached or refuses; [`StoreError::EmptyDatabase`];
-    /// [`StoreError::NewerDatabase`].
+    /// [`StoreError::NewerDatabase`]; [`StoreError::Unfinished`].
     pub async fn connect(url: &str) -> Result<Self, StoreError> {
         let mut inspection = Self::connect_to_any(url).await?;
         if !inspection.has_tables().await? {
             return Err(StoreError::EmptyDatabase);
         }
         inspection.steps().await?;
+        inspection.require_finished().await?;
         Ok(inspection)
+    }
+
+    /// Refuses the target of an unfinished transfer.
+    async fn require_finished(&mut self) -> Result<(), StoreError> {
+        marked_source(&mut self.connection).await?.map_or(Ok(()), |_| Err(StoreError::Unfinished))
     }
 
     async fn connect_to_any(url: &str) -> Result<Self, StoreError> {

@@ -76,8 +76,8 @@ impl MigrateArgs {
             bail!("the URL of a database must begin with sqlite://, postgres:// or postgresql://");
         }
         let file = self.config.as_deref().map(Settings::read).transpose()?.unwrap_or_default();
-        let given =
-            self.bucket.0.clone().with("data_dir", folder.to_str().context("the folder must be valid Unicode")?);
+        let folder = folder.to_str().context("the folder must be valid Unicode")?;
+        let given = self.bucket.0.clone().with("data_dir", folder).with("database_url", url);
         let mut config = Effective::merge(given, file)?.config;
         // Only a server with a database of PostgreSQL can have a bucket.
         config.database_url = to_server.then(|| url.clone());
@@ -122,10 +122,23 @@ fn text(moved: &Moved) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use clap::{Args as _, FromArgMatches as _};
 
     fn args(from: &str, to: &str) -> MigrateArgs {
         let (from, to) = (from.to_owned(), to.to_owned());
         MigrateArgs { from, to, config: None, output: Form::Json, bucket: BucketFlags::default() }
+    }
+
+    #[test]
+    fn files_go_to_a_bucket_only_with_the_database() {
+        let bucket =
+            ["--artifacts-url", "s3://lab", "--artifacts-access-key-id", "a", "--artifacts-secret-access-key", "b"];
+        for (from, to, fits) in [("sqlite://a", "postgres:///b", true), ("postgres:///b", "sqlite://a", false)] {
+            let given = ["migrate", "--from", from, "--to", to].into_iter().chain(bucket);
+            let matches = MigrateArgs::augment_args(clap::Command::new("migrate")).get_matches_from(given);
+            let migration = MigrateArgs::from_arg_matches(&matches).unwrap().migration();
+            assert_eq!(migration.is_ok_and(|migration| migration.config.bucket().unwrap().is_some()), fits);
+        }
     }
 
     #[test]

@@ -20,6 +20,8 @@ mod key_commands;
 mod keys;
 mod migrate;
 mod migrate_command;
+#[cfg(test)]
+mod migrate_tests;
 mod place;
 mod removal;
 mod restore;

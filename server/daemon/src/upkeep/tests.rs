@@ -16,17 +16,17 @@ use tempfile::TempDir;
 
 /// A data folder with a display, a job that succeeded, and a waiting job with a checkpoint. It is open, as while a
 /// server runs.
-struct TestData {
+pub(super) struct TestData {
     folder: TempDir,
-    store: Store,
+    pub(super) store: Store,
     artifacts: Artifacts,
-    photo: String,
+    pub(super) photo: String,
     waiting: String,
     checkpoint: String,
 }
 
 impl TestData {
-    async fn new() -> Self {
+    pub(super) async fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let artifacts = Artifacts::open(folder.path()).unwrap();
         let store = Store::open(&folder.path().join(DATABASE)).await.unwrap();
@@ -45,7 +45,13 @@ impl TestData {
         Self { folder, store, artifacts, photo, waiting: waiting.id, checkpoint }
     }
 
-    fn path(&self) -> &Path {
+    /// The data folder after its server has ended.
+    pub(super) async fn closed(self) -> TempDir {
+        self.store.close().await;
+        self.folder
+    }
+
+    pub(super) fn path(&self) -> &Path {
         self.folder.path()
     }
 
@@ -62,7 +68,7 @@ async fn put(artifacts: &Artifacts, store: &Store, bytes: &[u8]) -> String {
 }
 
 /// Path of a blob.
-fn file(data_dir: &Path, folder: &str, digest: &str) -> PathBuf {
+pub(super) fn file(data_dir: &Path, folder: &str, digest: &str) -> PathBuf {
     data_dir.join(folder).join(&digest[7..9]).join(digest)
 }
 

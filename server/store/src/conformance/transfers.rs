@@ -138,6 +138,8 @@ async fn a_killed_move_continues() {
             Side::Server(url) => Store::connect(url).await,
         };
         assert!(matches!(opened, Err(StoreError::Unfinished)), "{opened:?}");
+        let source = Transfer::begin(&to, &Side::File(folder.path().join("third.db")), "the source").await;
+        assert!(matches!(source, Err(TransferError::Store(StoreError::Unfinished))), "{source:?}");
         let other = Transfer::begin(&from, &to, "another source").await;
         assert!(matches!(&other, Err(TransferError::NotEmpty { .. })), "{other:?}");
         drop(other);

@@ -27,14 +27,10 @@ impl Side {
         if steps < MIGRATIONS.len() {
             return Err(StoreError::OlderDatabase.into());
         }
-        let mut connection = match self {
-            Self::File(path) => Connection::SqliteFile(connect_file(path).await?),
-            Self::Server(url) => Connection::PostgresServer(connect_alone(url).await?),
-        };
-        if marked_source(&mut connection).await?.is_some() {
-            return Err(StoreError::Unfinished.into());
+        match self {
+            Self::File(path) => Ok(Connection::SqliteFile(connect_file(path).await?)),
+            Self::Server(url) => Ok(Connection::PostgresServer(connect_alone(url).await?)),
         }
-        Ok(connection)
     }
 
     /// Opens the database into which rows are copied, and makes its tables.

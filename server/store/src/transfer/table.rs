@@ -9,6 +9,7 @@ use sha2::{Digest as _, Sha256};
 pub(crate) const TABLES: &[&str] = &[
     "display",
     "artifact",
+    "artifact_removal",
     "artifact_owner",
     "owner_bytes",
     "dataset",
