@@ -37,7 +37,7 @@ async fn a_server_moves_to_postgresql_and_back() {
     assert_eq!(moved.blobs, None);
 
     let database = Database::OnServer(url.clone());
-    assert_eq!(check_with(&path, &database).await.unwrap().problems, []);
+    assert_eq!(check_with(&path, &database, None).await.unwrap().problems, []);
     let artifacts = Artifacts::open(&path).unwrap();
     let store = database.open(&artifacts).await.unwrap();
     assert_eq!(artifacts.read_all(&photo).await.unwrap(), b"photo");
