@@ -117,9 +117,6 @@ pub async fn run_and_announce(
 ) -> Result<(), ServeError> {
     metrics::install();
     let (tls, retention) = (config.tls()?, config.retention());
-    if config.no_worker {
-        config.require_shared("no_worker")?;
-    }
     let artifacts = open_artifacts(&config).await?;
     make_private(&config.data_dir);
     let store = config.database()?.open(&artifacts).await?;
@@ -165,9 +162,8 @@ pub async fn run_and_announce(
     watching.await?;
     set_health(&health, ServingStatus::NotServing).await;
     let workers_ended = match (early, workers) {
-        (Some(ended), _) => ended,
         (None, Some(workers)) => workers.drained(config.drain_deadline()).await,
-        (None, None) => Ok(Ok(())),
+        (early, _) => early.unwrap_or(Ok(Ok(()))),
     };
     connections.await?;
     // A collection may be stopped at any point; the next one continues it.
@@ -184,6 +180,9 @@ pub async fn run_and_announce(
 
 /// Opens the data folder, and the bucket behind it if there is one.
 pub(crate) async fn open_artifacts(config: &Config) -> Result<Artifacts, ServeError> {
+    if config.no_worker {
+        config.require_shared("no_worker")?;
+    }
     let config = config.clone();
     Ok(tokio::task::spawn_blocking(move || config.open_artifacts()).await??)
 }

@@ -3,6 +3,7 @@
 use super::*;
 use crate::sql::query_as;
 use crate::{Changed, ClaimLimits};
+use lightpath_domain::job::JobState;
 use std::collections::HashSet;
 use std::time::Duration;
 use tokio::sync::broadcast::Receiver;

@@ -108,7 +108,7 @@ async fn a_server_continues_where_the_other_database_ended() {
     let newest: i64 = scalar("select max(sequence) from job_event").fetch_one(&mut connection).await.unwrap();
     let store = server.open().await;
     // A killed server leaves running jobs, which go on from their saved state.
-    store.recover_orphans(20).await.unwrap();
+    store.recover_orphans(Some("a process of the target"), 20).await.unwrap();
     let job = store.job("b").await.unwrap();
     assert_eq!((job.state, job.checkpoint.as_deref()), (JobState::Queued, Some("sha256-c")));
     let event = store.events("b", None, 1001).await.unwrap().pop().unwrap();
