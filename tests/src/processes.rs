@@ -16,7 +16,7 @@ use std::time::{Duration, Instant};
 use tempfile::TempDir;
 use tokio::process::{Child, Command};
 
-/// Number of faults, unless `LIGHTPATH_FAULTS` sets another.
+/// Number of faults, unless `LIGHTPATH_FAULTS` sets another. With it the test runs alone, and the database server restarts, too.
 const FAULTS: u64 = 40;
 /// Servers, which run no jobs, and workers.
 const SERVERS: usize = 2;
@@ -109,6 +109,39 @@ struct Cluster {
     full: Option<Filler>,
     place: Vec<String>,
     _folders: Vec<TempDir>,
+}
+
+/// A worker says how it is, and does not start where it could not work with others.
+#[tokio::test(flavor = "multi_thread")]
+async fn worker_has_health_and_metrics_and_needs_what_it_shares() {
+    let data = TempDir::new().unwrap();
+    let folder = data.path().to_str().unwrap();
+    let url = postgres_database().await;
+    for command in [["worker", "--data-dir", folder].as_slice(), &["serve", "--no-worker", "--data-dir", folder]] {
+        lightpathd(command).await.assert_refused(1, &["needs database_url", "Run several processes"]);
+        let with_database = [command, &["--database-url", &url]].concat();
+        lightpathd(&with_database).await.assert_refused(1, &["needs artifacts_url", "Run several processes"]);
+    }
+    let Some(mut cluster) = Cluster::new().await else { return };
+    let worker = &mut cluster.members[SERVERS];
+    let address = free_address();
+    worker.arguments.extend(["--status-listen".to_owned(), address.clone()]);
+    worker.start();
+    let ask = async |path: &str| {
+        let output =
+            Command::new("curl").args(["--silent", &format!("http://{address}{path}")]).output().await.unwrap();
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let started = async {
+        while ask("/healthz").await != "working\n" {
+            tokio::time::sleep(Duration::from_millis(100)).await;
+        }
+    };
+    tokio::time::timeout(SOON, started).await.expect("the worker works");
+    let metrics = ask("/metrics").await;
+    assert!(metrics.contains("lightpath_queue_work_seconds{kind=\"optimize_hologram\"} 0"), "{metrics}");
+    cluster.members[SERVERS].database.set(Fault::Cut);
+    assert_ne!(ask("/healthz").await, "working\n");
 }
 
 /// `LIGHTPATH_FAULTS` faults strike two servers and three workers, often several at a time. No accepted request is lost,
@@ -217,7 +250,10 @@ impl Cluster {
             RestartDatabase,
             FullDisk,
         ];
-        let trouble = *troubles.choose(random).unwrap();
+        // Others may use the database server, unless this test runs alone.
+        let is_possible = |trouble: &&Trouble| **trouble != RestartDatabase || runs_alone();
+        let troubles: Vec<_> = troubles.iter().filter(is_possible).collect();
+        let trouble = **troubles.choose(random).unwrap();
         let victim = if trouble == FullDisk { SERVERS } else { random.random_range(0..self.members.len()) };
         let lasts = Duration::from_millis(random.random_range(0..FAULT_MS_MAX));
         let member = &mut self.members[victim];
@@ -301,6 +337,11 @@ fn socket_and_name(url: &str) -> (PathBuf, String) {
     let folder = std::env::var("LIGHTPATH_POSTGRES").unwrap().split("host=").nth(1).expect("a socket").to_owned();
     let name = url.split('?').next().unwrap().rsplit('/').next().unwrap().to_owned();
     (Path::new(&folder).join(".s.PGSQL.5432"), name)
+}
+
+/// Whether somebody chose the number of faults, to run this test alone.
+fn runs_alone() -> bool {
+    std::env::var_os("LIGHTPATH_FAULTS").is_some()
 }
 
 async fn restart_database() {
