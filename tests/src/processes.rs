@@ -21,6 +21,8 @@ const FAULTS: u64 = 40;
 /// Servers, which run no jobs, and workers.
 const SERVERS: usize = 2;
 const WORKERS: usize = 3;
+/// Jobs submitted between two faults: so many that the workers are never idle for long.
+const JOBS_PER_FAULT: u64 = 3;
 /// Longest time that a fault lasts: more than two leases.
 const FAULT_MS_MAX: u64 = 3000;
 /// Longest time between two faults.
@@ -165,7 +167,7 @@ async fn processes_survive_faults_of_every_kind() {
     let mut ledger = Ledger::default();
     let mut counts = std::collections::BTreeMap::<String, u32>::new();
     for number in 0..faults {
-        ledger.ask(format!("fault {number}"));
+        (0..JOBS_PER_FAULT).for_each(|job| ledger.ask(format!("fault {number}, job {job}")));
         let trouble = cluster.strike(&mut random).await;
         *counts.entry(format!("{trouble:?}")).or_default() += 1;
         let client = cluster.members[random.random_range(0..SERVERS)].client();
