@@ -204,8 +204,9 @@ impl From<sqlx::Error> for StoreError {
         const FULL: [&str; 3] = ["13", "4874", "53100"];
         /// PostgreSQL's codes of a text with the character NUL, and of JSON with it.
         const NUL: [&str; 2] = ["22021", "22P05"];
-        /// PostgreSQL's codes of a server that stops or starts, and the class of broken connections.
-        const AWAY: [&str; 4] = ["57P01", "57P02", "57P03", "08"];
+        /// PostgreSQL's codes of a server that stops or starts or has ended a transaction that did nothing for too long,
+        /// and the class of broken connections.
+        const AWAY: [&str; 5] = ["57P01", "57P02", "57P03", "25P03", "08"];
         match error.as_database_error().and_then(|e| e.code()) {
             Some(code) if FULL.contains(&&*code) => Self::DiskFull,
             Some(code) if NUL.contains(&&*code) => Self::Nul,

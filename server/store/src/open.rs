@@ -35,6 +35,16 @@ const POSTGRES_READERS: u32 = 8;
 /// Number of write connections to PostgreSQL. Writers take turns, so most of these wait.
 pub(super) const POSTGRES_WRITERS: u32 = 4;
 
+/// Limits that PostgreSQL keeps for each connection. A process that is suspended or cut off in the middle of a write must
+/// not keep the turn of all writers.
+const POSTGRES_LIMITS: [(&str, &str); 5] = [
+    ("idle_in_transaction_session_timeout", "10s"),
+    ("tcp_keepalives_idle", "10"),
+    ("tcp_keepalives_interval", "5"),
+    ("tcp_keepalives_count", "3"),
+    ("tcp_user_timeout", "30s"),
+];
+
 /// How long a caller waits for a connection to PostgreSQL.
 const ACQUIRE_TIMEOUT: Duration = Duration::from_secs(30);
 
@@ -123,7 +133,7 @@ impl Store {
     /// [`StoreError::Database`] if the server cannot be reached or refuses; [`StoreError::Migration`] and
     /// [`StoreError::NewerDatabase`] as [`Self::open`].
     pub async fn connect(url: &str) -> Result<Self, StoreError> {
-        let options = PgConnectOptions::from_str(url)?.application_name("lightpath");
+        let options = PgConnectOptions::from_str(url)?.application_name("lightpath").options(POSTGRES_LIMITS);
         // A pool tries again until its time is up and then hides the cause.
         connect_once(&options).await?.close().await?;
         let pool = |connections| PgPoolOptions::new().max_connections(connections).acquire_timeout(ACQUIRE_TIMEOUT);

@@ -7,6 +7,8 @@ use super::sql::{Connection, Pool, query, run_all};
 use super::{Store, StoreError};
 use futures::future::BoxFuture;
 use lightpath_fail_points as fail;
+use std::time::Duration;
+use tokio::time::timeout;
 
 /// In SQLite a transaction that reads first and writes later fails with BUSY however long it waits, unless it begins
 /// `immediate`.
@@ -20,6 +22,9 @@ const BEGIN_IN_TURN_POSTGRES: &str = "begin; select pg_advisory_xact_lock(780963
 
 /// The same lock.
 pub(super) const TURN: i64 = 7_809_632_219_837;
+
+/// Longest time of a write in PostgreSQL, with the wait for its turn.
+const WRITE_MAX: Duration = Duration::from_secs(60);
 
 /// A write transaction, with the changes to announce after its commit.
 #[derive(Debug)]
@@ -112,6 +117,10 @@ async fn begin_postgres(writers: &Pool, in_turn: bool) -> Result<Connection, Sto
     }
 }
 
+fn timed_out() -> StoreError {
+    sqlx::Error::Io(std::io::ErrorKind::TimedOut.into()).into()
+}
+
 impl Store {
     /// Waits until this call could write, and writes nothing. Earlier writes have ended then.
     ///
@@ -148,7 +157,8 @@ impl Store {
         W: for<'w> FnOnce(&'w mut Write) -> BoxFuture<'w, Result<T, StoreError>> + Send + 'static,
     {
         let store = self.clone();
-        let task = tokio::spawn(async move {
+        let is_postgres = self.inner.writers.is_postgres();
+        let work = async move {
             let mut write = Write::begin(&store.inner.writers, in_turn).await?;
             let outcome = match work(&mut write).await {
                 Ok(value) => write.commit(&store.inner.process).await.map(|()| value),
@@ -159,7 +169,12 @@ impl Store {
                 Err(_) => write.undo().await,
             }
             outcome
-        });
+        };
+        let task = match is_postgres {
+            // A network that swallows everything would keep the connection for a quarter of an hour.
+            true => tokio::spawn(async { timeout(WRITE_MAX, work).await.unwrap_or_else(|_| Err(timed_out())) }),
+            false => tokio::spawn(work),
+        };
         match task.await {
             Ok(outcome) => outcome,
             Err(error) => match error.try_into_panic() {

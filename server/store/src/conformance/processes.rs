@@ -217,3 +217,29 @@ async fn time_is_that_of_the_database() {
     assert!((one.now_ms() - time_ms).abs() < 1000, "{} {time_ms}", one.now_ms());
     assert!(one.is_shared() && one.since_time_jump().is_none());
 }
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_process_that_is_suspended_in_a_write_does_not_stop_the_others() {
+    let (one, other, _place) = two_processes().await;
+    let begun = std::sync::Arc::new(tokio::sync::Notify::new());
+    let store = one.clone();
+    let has_begun = std::sync::Arc::clone(&begun);
+    let suspended = tokio::spawn(async move {
+        store
+            .write::<(), _>(move |write| {
+                Box::pin(async move {
+                    has_begun.notify_one();
+                    // Longer than PostgreSQL waits for the next statement.
+                    tokio::time::sleep(Duration::from_secs(13)).await;
+                    crate::sql::query("delete from display").execute(write.sql()).await?;
+                    Ok(())
+                })
+            })
+            .await
+    });
+    begun.notified().await;
+    timeout(SOON, submit(&other, "r", 5)).await.expect("the turn of the writers is free after some seconds");
+    let ended = suspended.await.unwrap();
+    assert!(matches!(ended, Err(StoreError::Unreachable(_))), "{ended:?}");
+    assert_eq!(one.displays(None, 9).await.unwrap().len(), 1, "the suspended write did nothing");
+}
