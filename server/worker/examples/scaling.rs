@@ -20,7 +20,7 @@ use tokio::task::JoinSet;
 use tokio_util::sync::CancellationToken;
 
 /// Jobs for each worker. At the end, some workers have no job while the last ones run; with more jobs this counts less.
-const JOBS_PER_WORKER: usize = 10;
+const JOBS_PER_WORKER: usize = 30;
 /// Processes at most.
 const PROCESSES_MAX: usize = 8;
 /// Owners of the jobs, who take turns.
