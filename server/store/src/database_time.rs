@@ -11,7 +11,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 /// Largest difference that does not count as a jump \[ms\].
 const JUMP_MS: i64 = 1000;
 
-/// Longest call whose answer counts, unless it is the first: a slow answer is imprecise.
+/// Longest call whose answer counts, unless it is the first or says something new: a slow answer is imprecise.
 const CALL_MAX: Duration = Duration::from_millis(500);
 
 /// A reading of the database's clock.
@@ -48,8 +48,11 @@ impl DatabaseTime {
         let sql = "select cast(extract(epoch from clock_timestamp()) * 1000 as bigint)";
         let time_ms: i64 = scalar(sql).fetch_one(pool).await?;
         let took = asked.elapsed();
-        if took <= CALL_MAX || self.state().reading.is_none() {
-            self.note(Reading { time_ms, at: asked + took / 2 });
+        let reading = Reading { time_ms, at: asked + took / 2 };
+        // After a sleep of the machine, whose clock stood still, the first answer is slow and right.
+        let is_news = |before: Reading| (reading.now_ms() - before.now_ms()).unsigned_abs() > took.as_millis() as u64;
+        if took <= CALL_MAX || self.state().reading.is_none_or(is_news) {
+            self.note(reading);
         }
         Ok(())
     }

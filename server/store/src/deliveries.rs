@@ -54,13 +54,14 @@ impl Store {
         row.as_ref().map(delivery_of).transpose()
     }
 
-    /// Notes an attempt and its answer. Only the latest hundred ended deliveries of a webhook stay.
+    /// Notes an attempt and its answer, unless another process has noted one meanwhile. Only the latest hundred ended deliveries of a webhook stay.
     ///
     /// # Errors
     ///
     /// [`StoreError::Database`], [`StoreError::DiskFull`]. Without the note, the next attempt repeats this one.
     pub async fn note_attempt(&self, delivery: &Delivery, attempt: Attempt, answer: &str) -> Result<(), StoreError> {
         let (webhook, sequence, answer) = (delivery.webhook.clone(), delivery.sequence, answer.to_owned());
+        let delivery_attempts = delivery.attempts;
         let next_ms = match attempt {
             Attempt::RetryAt(time_ms) => Some(time_ms),
             Attempt::Accepted | Attempt::GivenUp => None,
@@ -68,12 +69,13 @@ impl Store {
         self.write(move |write| {
             Box::pin(async move {
                 let sql = "update webhook_delivery set attempts = attempts + 1, next_time_ms = $2, delivered = $3, \
-                           answer = $4 where sequence = $1";
+                           answer = $4 where sequence = $1 and attempts = $5 and next_time_ms is not null";
                 query(sql)
                     .bind(sequence)
                     .bind(next_ms)
                     .bind(attempt == Attempt::Accepted)
                     .bind(answer)
+                    .bind(delivery_attempts)
                     .execute(write.sql())
                     .await?;
                 let forget_old = "delete from webhook_delivery where webhook = $1 and next_time_ms is null \

@@ -241,6 +241,11 @@ async fn expire(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, StoreError> 
     let mut jobs = Vec::new();
     for row in running_until(write, now_ms).await? {
         let job = job_of(&row)?;
+        // A heartbeat takes no turn and may have come in between. In PostgreSQL this waits for it, and keeps later ones out.
+        let sql = "update job set lease_until_ms = lease_until_ms where id = $1 and lease_until_ms <= $2";
+        if query(sql).bind(&job.id).bind(now_ms).execute(write.sql()).await? == 0 {
+            continue;
+        }
         let message = format!("{} sent no heartbeat before its lease expired", row.try_get::<String>("worker")?);
         let error = JobError { reason: FailureReason::LeaseExpired, message, retryable: true };
         let ending = after_failure(&job, row.try_get("failures")?, row.try_get("crashes")?, error, Some(now_ms));

@@ -114,11 +114,13 @@ async fn hear(inner: Weak<Inner>, mut listener: PgListener) {
             // The connection was lost, and the listener makes a new one.
             Ok(None) => {}
             Err(_) => {
-                sleep(RECONNECT_PAUSE).await;
-                continue;
+                drop(store);
+                // Listens again on a new connection. What happened until then is announced below.
+                while listener.listen("lightpath").await.is_err() {
+                    sleep(RECONNECT_PAUSE).await;
+                }
             }
         }
-        drop(store);
         while let Some(store) = upgrade(&inner) {
             if store.announce_again().await.is_ok() {
                 break;

@@ -124,7 +124,7 @@ impl Store {
         self.write_row(move |write| {
             Box::pin(async move {
                 let sql = "update webhook set teller = $2, teller_until_ms = $3 where id = $1 \
-                           and (teller is null or teller = $2 or teller_until_ms <= $4)";
+                           and (teller is null or teller = $2 or teller_until_ms <= $4 or teller_until_ms > $3)";
                 let held = query(sql).bind(id).bind(process).bind(now_ms + hold_ms).bind(now_ms);
                 Ok(held.execute(write.sql()).await? == 1)
             })

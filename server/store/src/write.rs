@@ -166,7 +166,13 @@ impl Store {
             };
             match &outcome {
                 Ok(_) => store.inner.changes.publish(std::mem::take(&mut write.changes)),
-                Err(_) => write.undo().await,
+                Err(error) => {
+                    // The commit may have happened, and only its answer been lost. A needless announcement does no harm.
+                    if matches!(error, StoreError::Unreachable(_)) {
+                        store.inner.changes.publish(std::mem::take(&mut write.changes));
+                    }
+                    write.undo().await;
+                }
             }
             outcome
         };

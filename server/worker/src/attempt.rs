@@ -108,7 +108,7 @@ impl Worker {
     async fn end_and_log(&self, lease: &Lease, outcome: Outcome, stop: &StopFlag, last_report: Option<Progress>) {
         loop {
             let Err(error) = self.end(lease, outcome.clone(), stop.reason(), last_report.clone()).await else { return };
-            if !matches!(error, StoreError::Unreachable(_)) {
+            if !matches!(error, StoreError::Unreachable(_) | StoreError::Busy) {
                 // The lease will expire, and the job then returns to the queue.
                 let error: &dyn std::error::Error = &error;
                 tracing::error!(job = lease.job, error, "the end of the attempt could not be stored");

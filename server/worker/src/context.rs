@@ -310,8 +310,11 @@ impl JobContext {
         let before = match self.store.checkpoint(&self.lease, &digest).await {
             Ok(before) => before,
             Err(error) => {
-                // No job refers to the file. If its removal fails too, the next start removes it.
-                drop(self.artifacts.delete_checkpoint(&digest).await);
+                // Another error may hide that the job refers to the file now.
+                if matches!(error, StoreError::LeaseLost) {
+                    // If the removal fails, the next start or a collection removes the file.
+                    drop(self.artifacts.delete_checkpoint(&digest).await);
+                }
                 return Err(error.into());
             }
         };

@@ -388,6 +388,12 @@ impl Worker {
             let comes_late = started.elapsed() < lease || jumped.is_some_and(|since| since < lease + HEARTBEATS_WAIT);
             if self.store.is_shared() && comes_late {
                 checked = Instant::now();
+                if jumped.is_some()
+                    && let Err(error) = self.pull_forward().await
+                {
+                    let error: &dyn std::error::Error = &error;
+                    tracing::error!(error, "jobs from a time when the clock was ahead could not be made due");
+                }
                 continue;
             }
             if checked.elapsed() > self.config.lease.mul_f64(ABSENCE_MIN) {

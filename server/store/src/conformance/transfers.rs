@@ -198,3 +198,21 @@ async fn a_change_behind_the_copy_is_found() {
         }
     }
 }
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_database_that_has_worked_on_the_server_moves_back() {
+    let (server, folder) = (Place::postgres().await, tempfile::tempdir().unwrap());
+    let store = server.open().await;
+    prepare(&store).await;
+    record(&store, 5).await;
+    // Each version of a kernel that exists leaves out a number for kernels.
+    for version in 1..=3 {
+        store.add_kernel_version(&key(), new_version(version), 8).await.unwrap();
+    }
+    submit(&store, "r", 9).await;
+    store.close().await;
+    let file = folder.path().join("lightpath.db");
+    copied(&Side::Server(server.url.clone().unwrap()), &Side::File(file.clone())).await.unwrap();
+    let store = Store::open(&file).await.unwrap();
+    assert_eq!(store.add_kernel_version(&key(), new_version(4), 10).await.unwrap().version, 4);
+}

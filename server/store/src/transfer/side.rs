@@ -142,7 +142,11 @@ pub(super) async fn last_number(connection: &mut Connection, table: &str, column
         true => "select coalesce(pg_sequence_last_value(pg_get_serial_sequence($1, $2)::regclass), 0)",
         false => "select coalesce((select seq from sqlite_sequence where name = $1 and $2 <> ''), 0)",
     };
-    let given: i64 = scalar(given).bind(table).bind(column).fetch_one(&mut *connection).await?;
+    // Kernels are never deleted, and numbers that PostgreSQL has left out may be given again in SQLite.
+    let given: i64 = match table {
+        "kernel" => 0,
+        _ => scalar(given).bind(table).bind(column).fetch_one(&mut *connection).await?,
+    };
     let stored = Builder::new(format!("select coalesce(max({column}), 0) from {table}")).build();
     let stored: i64 = stored.fetch_one(connection).await?.try_get(0)?;
     Ok(given.max(stored))

@@ -110,7 +110,6 @@ impl Table {
     /// The column with numbers that the database gives, if the table has one.
     pub(super) fn numbered(&self) -> Option<&str> {
         match (self.name, self.key.as_slice()) {
-            // Kernels are never deleted, so the last number is that of a row.
             ("kernel", [id]) => Some(id),
             (_, [sequence]) if sequence == "sequence" => Some(sequence),
             _ => None,
