@@ -149,6 +149,27 @@ impl Store {
         }
     }
 
+    /// Returns the job to the queue that got this lease by a claim whose answer was lost, so that nobody runs it. The attempt
+    /// does not count as failed.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`], [`StoreError::DiskFull`].
+    pub async fn abandon_claim(&self, lease_id: &str, now_ms: i64) -> Result<(), StoreError> {
+        let lease_id = lease_id.to_owned();
+        self.write(move |write| {
+            Box::pin(async move {
+                let sql = "select * from job where state = 'running' and lease_id = $1";
+                if let Some(row) = query(sql).bind(lease_id).fetch_optional(write.sql()).await? {
+                    let job = job_of(&row)?;
+                    end(write, &job.id, after_stop(&job, row.try_get("failures")?), now_ms).await?;
+                }
+                Ok(())
+            })
+        })
+        .await
+    }
+
     /// Returns the job to the queue because the worker stops. The attempt does not count as failed.
     ///
     /// # Errors

@@ -31,13 +31,15 @@ pub struct Claimant {
     pub worker: String,
     /// Id of its process, where several share the database: only this process takes the jobs back after a restart.
     pub process: Option<String>,
+    /// Id of the lease that it gets. If the answer to a claim is lost, [`Store::abandon_claim`] gives the job back.
+    pub lease_id: String,
 }
 
 impl Claimant {
     /// A worker of the only process that works on the database.
     #[must_use]
     pub fn named(worker: &str) -> Self {
-        Self { worker: worker.to_owned(), process: None }
+        Self { worker: worker.to_owned(), process: None, lease_id: Uuid::now_v7().to_string() }
     }
 }
 
@@ -237,7 +239,7 @@ async fn claim(
     lease_ms: i64,
     claimant: &Claimant,
 ) -> Result<Option<(Job, Lease)>, StoreError> {
-    let lease_id = Uuid::now_v7().to_string();
+    let lease_id = claimant.lease_id.clone();
     let row = query(CLAIM)
         .bind(&lease_id)
         .bind(now_ms + lease_ms)

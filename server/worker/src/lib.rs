@@ -318,8 +318,9 @@ impl Worker {
     }
 
     async fn claim_loop(&self, index: usize, pool: Arc<ThreadPool>, drain: CancellationToken) {
-        let claimant =
-            Claimant { worker: format!("{}-{index}", self.config.name), process: self.config.process.clone() };
+        let worker = format!("{}-{index}", self.config.name);
+        // Lease of a claim whose answer was lost.
+        let mut unsure: Option<String> = None;
         let claimable = self.store.claimable();
         while !drain.is_cancelled() {
             if self.artifacts.space().room_to_start().is_err() {
@@ -330,6 +331,14 @@ impl Worker {
                 continue;
             }
             let now_ms = self.clock.now_ms();
+            if let Some(lease_id) = &unsure {
+                if self.store.abandon_claim(lease_id, now_ms).await.is_err() {
+                    sleep(PAUSE).await;
+                    continue;
+                }
+                unsure = None;
+            }
+            let claimant = Claimant { process: self.config.process.clone(), ..Claimant::named(&worker) };
             match self.store.claim_within(self.config.limits, now_ms, self.lease_ms(), &claimant).await {
                 Ok(Some((job, lease))) => {
                     // More jobs may be ready: wake another idle worker.
@@ -346,12 +355,17 @@ impl Worker {
                 }
                 Err(error) => {
                     tracing::error!(error = &error as &dyn std::error::Error, "no job could be claimed");
+                    unsure = Some(claimant.lease_id);
                     tokio::select! {
                         () = sleep(PAUSE) => {}
                         () = drain.cancelled() => {}
                     }
                 }
             }
+        }
+        if let Some(lease_id) = unsure {
+            // Without an answer the lease ends, and the job returns to the queue then.
+            drop(self.store.abandon_claim(&lease_id, self.clock.now_ms()).await);
         }
     }
 

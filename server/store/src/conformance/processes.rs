@@ -160,7 +160,7 @@ async fn both_databases_have_the_same_tables_and_columns() {
 
 /// A claimant of a process that shares the database.
 fn claimant(process: &str) -> crate::Claimant {
-    crate::Claimant { worker: format!("{process}-0"), process: Some(process.to_owned()) }
+    crate::Claimant { process: Some(process.to_owned()), ..crate::Claimant::named(&format!("{process}-0")) }
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

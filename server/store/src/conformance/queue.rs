@@ -1,7 +1,7 @@
 //! Tests of the states of jobs, their leases and their events.
 
 use super::*;
-use crate::{JobFilter, QueueCounts, Submitted};
+use crate::{ClaimLimits, JobFilter, QueueCounts, Submitted};
 use lightpath_domain::job::{CaptureResult, JobState, LearnResult, LearnedKernel, Lease, Progress};
 
 async fn claim(store: &Store, now_ms: i64) -> Option<(String, Lease)> {
@@ -468,4 +468,18 @@ async fn zombies_write_nothing() {
         store.finish(&fresh, result(), JobEffect::None, late + 1).await.unwrap();
     }
     assert_eq!(rejected, 8 * zombies);
+}
+
+#[tokio::test]
+async fn job_of_a_claim_whose_answer_was_lost_returns_to_the_queue() {
+    let (store, _place) = store().await;
+    let id = submit(&store, "r", 5).await;
+    let claimant = crate::Claimant::named("w");
+    store.claim_within(ClaimLimits::default(), 6, LEASE_MS, &claimant).await.unwrap().unwrap();
+    store.abandon_claim("another lease", 7).await.unwrap();
+    assert_eq!(store.job(&id).await.unwrap().state, JobState::Running);
+    store.abandon_claim(&claimant.lease_id, 7).await.unwrap();
+    store.abandon_claim(&claimant.lease_id, 8).await.unwrap();
+    let (job, _) = store.claim(9, LEASE_MS, "w").await.unwrap().unwrap();
+    assert_eq!((job.id, job.attempt, job.error), (id, 2, None));
 }
