@@ -24,7 +24,7 @@ pub(super) const NOTIFY: &str = "select pg_notify('lightpath', $1)";
 const NOTICE_BYTES_MAX: usize = 7000;
 
 /// Longest time for which a job can be ready, or a webhook due, without anybody looking.
-pub(super) const LOOK_INTERVAL: Duration = Duration::from_secs(5);
+const LOOK_INTERVAL: Duration = Duration::from_secs(5);
 
 /// Pause before another attempt to connect.
 const RECONNECT_PAUSE: Duration = Duration::from_secs(1);

@@ -114,13 +114,13 @@ impl Deliverer {
     }
 
     async fn tell(&self, id: &str) -> Result<(), StoreError> {
-        while self.store.due_delivery(id, self.store.now_ms()).await?.is_some() {
+        loop {
             if !self.store.hold_webhook(id, self.store.now_ms(), HOLD_MS).await? {
                 // Another process tells it, or died while it did.
                 sleep(PAUSE_AFTER_ERROR).await;
                 return Ok(());
             }
-            // The other process may have told this one before it let go.
+            // Read after that, because another process may have told everything before it let go.
             let Some(delivery) = self.store.due_delivery(id, self.store.now_ms()).await? else { return Ok(()) };
             let webhook = match self.store.webhook(id).await {
                 // It was deleted meanwhile, with its deliveries.
@@ -138,6 +138,5 @@ impl Deliverer {
             tracing::debug!(webhook = id, delivery = delivery.id, answer = answer.text(), "told a webhook");
             self.store.note_attempt(&delivery, attempt, answer.text()).await?;
         }
-        Ok(())
     }
 }

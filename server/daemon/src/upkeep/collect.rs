@@ -1,8 +1,8 @@
 //! Automatic removal of jobs that ended long ago, and then of artifacts to which no record refers.
 //!
-//! In a data folder, removal deletes the row of an artifact first and its file second. No call can store the artifact again in between
-//! (see [`Artifacts::collecting`]), so a row always has its file. A crash in between leaves a file without a row. Such
-//! a file does no harm: the next upload of the same bytes replaces it, or it stays as an unreferenced file. From a bucket,
+//! In a data folder, removal deletes the row of an artifact first and its file second. No call can store the artifact
+//! again in between (see [`Artifacts::collecting`]), so a row always has its file. A crash in between leaves a file
+//! without a row. Such a file does no harm: the next upload of the same bytes replaces it, or it stays as an unreferenced file. From a bucket,
 //! which other processes use, `removal` removes.
 
 use super::{UpkeepError, removal};

@@ -5,7 +5,6 @@ use super::{Collected, Finding, Report, UpkeepError, backup, check_with, restore
 use crate::config::{BucketFlags, Config, Effective, ServeFlags, Settings};
 use crate::database::Database;
 use anyhow::Context as _;
-use lightpath_worker::Clock;
 use serde::Serialize;
 use std::io::Write as _;
 use std::iter::once;
@@ -241,7 +240,7 @@ impl RestoredArgs {
             // This fails while a server uses the folder.
             let artifacts = config.open_artifacts()?;
             let store = database.open(&artifacts).await?;
-            raise_after_restore(&store, Clock::default().now_ms()).await?;
+            raise_after_restore(&store, store.now_ms()).await?;
             store.close().await;
             check_with(&config.data_dir, &database, config.bucket()?.as_ref()).await
         })?;
@@ -261,16 +260,17 @@ impl CollectArgs {
         let file = self.config.as_deref().map(Settings::read).transpose()?.unwrap_or_default();
         let config = Effective::merge(self.settings.0, file)?.config;
         let database = config.database()?;
-        let now_ms = Clock::default().now_ms();
         let retention = config.retention();
         let collected = runtime()?.block_on(async {
             database.require().await?;
             if self.dry_run {
-                return retention.preview(&database.open_shared().await?, now_ms).await;
+                let store = database.open_shared().await?;
+                return retention.preview(&store, store.now_ms()).await;
             }
             // This fails while a server uses the folder, because two processes would not know of each other's uploads.
             let artifacts = config.open_artifacts()?;
-            retention.collect(&database.open(&artifacts).await?, &artifacts, now_ms).await
+            let store = database.open(&artifacts).await?;
+            retention.collect(&store, &artifacts, store.now_ms()).await
         })?;
         let what = if self.dry_run { "would be removed" } else { "removed" };
         print(self.output, &collected, |Collected { jobs, artifacts, artifact_bytes }| {
