@@ -14,14 +14,16 @@ mod homography;
 mod lattice;
 pub mod registration;
 mod target_search;
+mod tiles;
 mod warp;
 
 pub use dot_grid::{DotGrid, DotGridMatch};
 pub use homography::{Homography, Point, PointFit, PointPair};
-pub use registration::{Registration, Tiles};
+pub use registration::Registration;
 pub use target_search::{
     BlockDisplacement, CORRELATION_MIN, CameraMap, FoundTarget, TARGET_SIDE_MIN, block_displacements, find_target,
 };
+pub use tiles::Tiles;
 pub use warp::{MapToCamera, warp};
 
 /// Reasons why a photograph cannot be aligned with the display's grid.
