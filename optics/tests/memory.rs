@@ -18,11 +18,12 @@ use lightpath_optics::{
     ResponseVariation, SimulatedBench, SmoothField, SpatialVariation,
 };
 use num_complex::{Complex32, Complex64};
+use peak_alloc::PeakAlloc;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::sync::Mutex;
 
 #[global_allocator]
-static ALLOCATOR: dhat::Alloc = dhat::Alloc;
+static ALLOCATOR: PeakAlloc = PeakAlloc;
 
 /// Allocations that no function counts: those of threads, tables and small vectors \[bytes\].
 const SMALL_BYTES: u64 = 600_000;
@@ -32,11 +33,10 @@ static WRONG: Mutex<Vec<String>> = Mutex::new(Vec::new());
 
 /// Largest number of bytes that `work` allocates at a time.
 fn peak_bytes(pool: &ThreadPool, work: impl FnOnce() + Send) -> u64 {
-    let profiler = dhat::Profiler::builder().testing().build();
+    let before = ALLOCATOR.current_usage();
+    ALLOCATOR.reset_peak_usage();
     pool.install(work);
-    let peak = dhat::HeapStats::get().max_bytes as u64;
-    drop(profiler);
-    peak
+    (ALLOCATOR.peak_usage() - before) as u64
 }
 
 /// Remembers an estimate that is below the counted peak, or more than `factor` times as large.
@@ -147,7 +147,6 @@ fn check_other_orders(pool: &ThreadPool, orders: Orders) {
 }
 
 fn check_learning(pool: &ThreadPool, model: KernelModel, distances: usize) {
-    // Counting takes most of the time, and learning makes many small allocations.
     let (height_px, width_px) = (90, 120);
     let region = RegionOfInterest::middle(&Grid::try_new(height_px, width_px, 8e-6).unwrap());
     let setups: Vec<_> = (0..distances).map(|i| setup(height_px, width_px, 0.01 + 0.005 * i as f64)).collect();

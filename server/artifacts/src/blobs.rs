@@ -4,8 +4,8 @@
 use crate::error::ArtifactError;
 use crate::folder::{Folder, Stamp};
 use crate::inventory::BlobKind;
+use crate::remote::Remote;
 use crate::remote::cache::Cache;
-use crate::remote::{Remote, RemoteObject};
 use std::fs::File;
 use std::io::{self, Read as _, Seek as _, SeekFrom, Write as _};
 use std::path::Path;
@@ -119,7 +119,7 @@ impl Blobs {
         let put =
             self.folder.open(digest).and_then(|(mut file, _)| behind.remote.put_anew(self.kind, digest, &mut file));
         match put {
-            Ok(_) => Ok(()),
+            Ok(()) => Ok(()),
             Err(ArtifactError::NotFound { .. } | ArtifactError::DataLoss { .. }) => {
                 let problem = io::Error::other("the local copy is gone; send the bytes again");
                 Err(ArtifactError::remote("store a blob again", problem))
@@ -140,7 +140,7 @@ impl Blobs {
             return Ok(());
         }
         let mut file = File::open(path).map_err(|error| ArtifactError::io("open a file", error))?;
-        behind.remote.put_anew(self.kind, digest, &mut file).map(|_: RemoteObject| ())
+        behind.remote.put_anew(self.kind, digest, &mut file)
     }
 
     /// Counts a new local file, and keeps the bound of the cache.

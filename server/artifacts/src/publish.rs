@@ -22,9 +22,7 @@ impl Artifacts {
         E: From<ArtifactError>,
         R: Future<Output = Result<Result<T, String>, E>>,
     {
-        let _publishing = self.publishing().await;
-        let digest = self.put_bytes(bytes).await?;
-        self.record(digest, record).await
+        self.publish(self.put_bytes(bytes), record).await
     }
 
     /// Does the same as [`Self::publish_bytes`] with the bytes of an upload.
@@ -41,19 +39,22 @@ impl Artifacts {
         E: From<ArtifactError>,
         R: Future<Output = Result<Result<T, String>, E>>,
     {
-        let _publishing = self.publishing().await;
-        let digest = upload.finish().await?;
-        self.record(digest, record).await
+        self.publish(upload.finish(), record).await
     }
 
-    /// Records a blob that was stored, and makes sure that no removal has taken it in the meantime: the second and the
-    /// third rule in `remote_calls`.
-    async fn record<T, E, R>(&self, digest: String, record: impl Fn(String, Option<String>) -> R) -> Result<T, E>
+    /// Stores a blob with `store`, records it, and makes sure that no removal has taken it in the meantime: the second
+    /// and the third rule in `remote_calls`.
+    async fn publish<T, E, R>(
+        &self,
+        store: impl Future<Output = Result<String, ArtifactError>>,
+        record: impl Fn(String, Option<String>) -> R,
+    ) -> Result<T, E>
     where
         E: From<ArtifactError>,
         R: Future<Output = Result<Result<T, String>, E>>,
     {
-        let mut seen = None;
+        let _publishing = self.publishing().await;
+        let (digest, mut seen) = (store.await?, None);
         loop {
             match record(digest.clone(), seen).await? {
                 Ok(recorded) => {

@@ -16,12 +16,16 @@ const BEGIN_SQLITE: &str = "begin immediate";
 
 const BEGIN_POSTGRES: &str = "begin";
 
-/// In PostgreSQL the writers of all processes take turns by this lock. It is a statement of its own, so that the
-/// statements after it see what the writer before has committed.
-const BEGIN_IN_TURN_POSTGRES: &str = "begin; select pg_advisory_xact_lock(7809632219837)";
+/// The advisory lock of PostgreSQL by which the writers of all processes take turns.
+macro_rules! turn {
+    () => {
+        "7809632219837"
+    };
+}
+pub(super) use turn;
 
-/// The same lock.
-pub(super) const TURN: i64 = 7_809_632_219_837;
+/// Takes the lock in a statement of its own, so that the statements after it see what the writer before has committed.
+const BEGIN_IN_TURN_POSTGRES: &str = concat!("begin; select pg_advisory_xact_lock(", turn!(), ")");
 
 /// Longest time of a write in PostgreSQL, with the wait for its turn.
 const WRITE_MAX: Duration = Duration::from_secs(60);

@@ -40,7 +40,7 @@ pub(super) fn run(remote: &Remote, data_dir: &Path) -> Result<(), ArtifactError>
             }
             match remote.put_anew(kind, &digest, &mut inventory.open(kind, &digest)?) {
                 // A damaged file is worth nothing.
-                Ok(_) | Err(ArtifactError::DataLoss { .. }) => {}
+                Ok(()) | Err(ArtifactError::DataLoss { .. }) => {}
                 Err(error) => return Err(error),
             }
         }

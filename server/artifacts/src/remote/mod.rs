@@ -41,7 +41,7 @@ use crate::error::ArtifactError;
 use crate::inventory::BlobKind;
 use futures::TryStreamExt as _;
 use object_store::path::Path;
-use object_store::{MultipartUpload as _, ObjectStore, ObjectStoreExt as _, PutMode, PutPayload};
+use object_store::{MultipartUpload as _, ObjectMeta, ObjectStore, ObjectStoreExt as _, PutMode, PutPayload};
 use options::RemoteOptions;
 use sha2::{Digest as _, Sha256};
 use std::collections::{BTreeSet, HashSet};
@@ -63,16 +63,8 @@ pub struct RemoteObject {
     pub id: Uuid,
     /// Size of the copy \[bytes\].
     pub size_bytes: u64,
-}
-
-impl RemoteObject {
-    /// Time at which the copy was stored, by the clock of the process that stored it \[ms since 1970\]; `None` if its id
-    /// has no time, because another program made it.
-    #[must_use]
-    pub fn store_time_ms(&self) -> Option<i64> {
-        let (seconds, nanoseconds) = self.id.get_timestamp()?.to_unix();
-        i64::try_from(seconds * 1000 + u64::from(nanoseconds / 1_000_000)).ok()
-    }
+    /// Time at which the copy was stored, by the clock of the remote \[ms since 1970\].
+    pub store_time_ms: i64,
 }
 
 #[derive(Debug)]
@@ -127,8 +119,10 @@ impl Remote {
     /// All copies of a blob.
     pub(crate) fn objects(&self, kind: BlobKind, digest: &str) -> Result<Vec<RemoteObject>, ArtifactError> {
         let listed = self.list(self.folder(kind, digest)?)?;
-        let object = |(path, size_bytes): (Path, u64)| {
-            Some(RemoteObject { id: Uuid::parse_str(path.filename()?).ok()?, size_bytes })
+        let object = |object: ObjectMeta| {
+            let id = Uuid::parse_str(object.location.filename()?).ok()?;
+            let store_time_ms = object.last_modified.timestamp_millis();
+            Some(RemoteObject { id, size_bytes: object.size, store_time_ms })
         };
         Ok(listed.into_iter().filter_map(object).collect())
     }
@@ -136,20 +130,14 @@ impl Remote {
     /// Digests of the blobs whose digest begins with the byte `shard`, in their order.
     pub(crate) fn stored(&self, kind: BlobKind, shard: u8) -> Result<Vec<String>, ArtifactError> {
         let listed = self.list(self.prefix.clone().join(kind.folder()).join(format!("{shard:02x}")))?;
-        let digest = |(path, _): (Path, u64)| path.parts().rev().nth(1).map(|part| part.as_ref().to_owned());
+        let digest = |object: ObjectMeta| object.location.parts().rev().nth(1).map(|part| part.as_ref().to_owned());
         let digests: BTreeSet<String> = listed.into_iter().filter_map(digest).collect();
         Ok(digests.into_iter().filter(|digest| check_digest(digest).is_ok()).collect())
     }
 
     /// Stores another copy of a blob with the bytes of `file`, if they match the digest.
-    pub(crate) fn put_anew(
-        &self,
-        kind: BlobKind,
-        digest: &str,
-        file: &mut File,
-    ) -> Result<RemoteObject, ArtifactError> {
-        let id = Uuid::now_v7();
-        let path = self.folder(kind, digest)?.join(id.to_string());
+    pub(crate) fn put_anew(&self, kind: BlobKind, digest: &str, file: &mut File) -> Result<(), ArtifactError> {
+        let path = self.folder(kind, digest)?.join(Uuid::now_v7().to_string());
         let failed = |error| ArtifactError::io("read a file", error);
         let size_bytes = file.metadata().map_err(failed)?.len();
         file.seek(SeekFrom::Start(0)).map_err(failed)?;
@@ -168,9 +156,8 @@ impl Remote {
             if name(hasher) != digest {
                 return Err(damaged());
             }
-            self.put(&path, payload, PutMode::Overwrite)
-                .map_err(|error| ArtifactError::remote("store a blob", error))?;
-            return Ok(RemoteObject { id, size_bytes });
+            let put = self.put(&path, payload, PutMode::Overwrite);
+            return put.map_err(|error| ArtifactError::remote("store a blob", error));
         }
         let parts = size_bytes.div_ceil(PART_BYTES as u64);
         let store = Arc::clone(&self.store);
@@ -195,7 +182,7 @@ impl Remote {
             }
             completed
         });
-        completed.map(|_| RemoteObject { id, size_bytes })
+        completed.map(drop)
     }
 
     /// Reads the copies of a blob until one matches the digest, and returns its size \[bytes\]. `begin` is called before
@@ -272,12 +259,10 @@ impl Remote {
         self.thread.wait(async move { store.get(&path).await?.bytes().await.map(|bytes| bytes.to_vec()) })
     }
 
-    /// Paths and sizes of all objects below a path.
-    fn list(&self, below: Path) -> Result<Vec<(Path, u64)>, ArtifactError> {
+    /// All objects below a path.
+    fn list(&self, below: Path) -> Result<Vec<ObjectMeta>, ArtifactError> {
         let store = Arc::clone(&self.store);
-        let listed = self.thread.wait(async move {
-            store.list(Some(&below)).map_ok(|object| (object.location, object.size)).try_collect().await
-        });
+        let listed = self.thread.wait(async move { store.list(Some(&below)).try_collect().await });
         listed.map_err(|error| ArtifactError::remote("list objects", error))
     }
 

@@ -1,6 +1,6 @@
 //! Conversion of settings into the types of the server's parts.
 
-use super::{Config, ConfigError};
+use super::{Config, ConfigError, SecretText};
 use crate::database::Database;
 use crate::upkeep::{Retention, UpkeepError};
 use lightpath_api::http::Hosts;
@@ -24,7 +24,7 @@ impl Config {
     ///
     /// [`ConfigError::DatabaseUrl`] if the setting names another kind of database.
     pub fn database(&self) -> Result<Database, ConfigError> {
-        Database::of(&self.data_dir, self.database_url.as_deref()).ok_or(ConfigError::DatabaseUrl)
+        Database::of(&self.data_dir, self.database_url.as_ref().map(SecretText::reveal)).ok_or(ConfigError::DatabaseUrl)
     }
 
     /// Makes sure that other processes can share the database and the artifacts of this one.

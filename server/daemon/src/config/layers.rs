@@ -94,7 +94,7 @@ impl Settings {
             // The description quotes this line.
             let start = error.span().map_or(0, |span| text[..span.start].rfind('\n').map_or(0, |end| end + 1));
             let line = text[start..].lines().next().unwrap_or_default();
-            let problem = match SETTINGS.iter().find(|setting| setting.is_secret() && line.contains(setting.key)) {
+            let problem = match SETTINGS.iter().find(|setting| setting.may_be_secret() && line.contains(setting.key)) {
                 Some(setting) => format!("{} must be a text in quotes", setting.key),
                 None => error.to_string().trim_end().to_owned(),
             };
@@ -230,7 +230,7 @@ impl Display for Effective {
         for setting in SETTINGS {
             let (key, help) = (setting.key, setting.help.trim_start());
             match self.settings.0.get(key) {
-                Some((_, origin)) if setting.is_secret() => {
+                Some((value, origin)) if setting.is_secret(value) => {
                     writeln!(f, "# {help} ({origin}, not shown)\n# {key} =")?;
                 }
                 Some((value, origin)) => writeln!(f, "# {help} ({origin})\n{key} = {value}")?,
@@ -370,9 +370,24 @@ mod tests {
         }
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("lightpath.toml");
-        fs::write(&path, "artifacts_secret_access_key = \"geheim\n").unwrap();
-        let message = Settings::read(&path).unwrap_err().to_string();
-        assert!(message.ends_with("artifacts_secret_access_key must be a text in quotes"), "{message}");
+        for (key, value) in [("artifacts_secret_access_key", "geheim"), ("database_url", "postgres://ada:geheim@db/x")]
+        {
+            fs::write(&path, format!("{key} = \"{value}\n")).unwrap();
+            let message = Settings::read(&path).unwrap_err().to_string();
+            assert!(message.ends_with(&format!("{key} must be a text in quotes")), "{message}");
+        }
+        for (url, is_shown) in [
+            ("postgres://ada:geheim@db/lightpath", false),
+            ("postgres://db/lightpath?user=ada&password=geheim", false),
+            ("postgres://ada@db:5432/lightpath?sslmode=require", true),
+        ] {
+            let effective = parse(&["--database-url", url], "").unwrap();
+            let printed = effective.to_string();
+            assert_eq!(printed.contains(&format!("(flag)\ndatabase_url = \"{url}\"\n")), is_shown, "{printed}");
+            for text in [printed, format!("{effective:?}")] {
+                assert!(!text.contains("geheim"), "{text}");
+            }
+        }
     }
 
     #[test]

@@ -4,8 +4,8 @@
 //! # Layout
 //!
 //! - this file: declarations of all settings. `setting`: the flag, environment variable and check of each declaration.
-//!   `secret_text`: values that are never printed. `machine_memory`: the default of the memory for jobs. `layers`: the settings of each source, merged and printed. `conversions`: settings as the types that the parts
-//!   of the server use.
+//!   `secret_text`: values that are never printed. `machine_memory`: the default of the memory for jobs. `layers`: the
+//!   settings of each source, merged and printed. `conversions`: settings as the types that the parts of the server use.
 
 mod conversions;
 mod layers;
@@ -41,7 +41,7 @@ settings! {
     /// Folder of the database and the artifacts; created if it does not exist
     data_dir: PathBuf = "./lightpath-data".into(), "DIR", Allowed::Text("the path of a folder");
     /// URL of a PostgreSQL database for queue and registry; without one they are in a file in data_dir
-    database_url: Option<String> = None, "URL", Allowed::Text("a URL such as postgres://lightpath@db.example/lightpath");
+    database_url: Option<SecretText> = None, "URL", Allowed::Text("a URL such as postgres://lightpath@db.example/lightpath");
     /// Bucket of an S3 store for artifacts and saved states, so that servers with one database share them; data_dir then
     /// keeps copies of those used last; needs database_url
     artifacts_url: Option<String> = None, "S3_URL", Allowed::Text("a URL such as s3://bucket or s3://bucket/prefix");

@@ -68,9 +68,18 @@ impl Display for Allowed {
 }
 
 impl Setting {
-    /// Whether the value must not be printed.
-    pub(super) fn is_secret(&self) -> bool {
-        self.value_name == "SECRET"
+    /// Whether some values of the setting must not be printed: a URL may contain a password.
+    pub(super) fn may_be_secret(&self) -> bool {
+        ["SECRET", "URL"].contains(&self.value_name)
+    }
+
+    /// Whether this value of the setting must not be printed.
+    pub(super) fn is_secret(&self, value: &Value) -> bool {
+        match self.value_name {
+            "SECRET" => true,
+            "URL" => value.as_str().is_some_and(has_password),
+            _ => false,
+        }
     }
 
     /// Returns `value` if it is a number that is not allowed.
@@ -108,8 +117,7 @@ impl Setting {
             .long(self.key.replace('_', "-"))
             .env(format!("LIGHTPATH_{}", self.key.to_uppercase()))
             .value_name(self.value_name)
-            // A URL may contain a password.
-            .hide_env_values(self.value_name == "URL" || self.is_secret())
+            .hide_env_values(self.may_be_secret())
             .help(format!("{}{default}", self.help.trim_start()))
             .value_parser(|text: &str| self.parse(text));
         match self.value_name {
@@ -117,4 +125,12 @@ impl Setting {
             _ => arg,
         }
     }
+}
+
+/// Whether a URL contains a password: before its host, or as a parameter.
+fn has_password(url: &str) -> bool {
+    let (address, parameters) = url.split_once('?').unwrap_or((url, ""));
+    let host = address.split_once("://").map_or(address, |(_, rest)| rest);
+    let user = host.rsplit_once('@').map_or("", |(user, _)| user);
+    user.contains(':') || parameters.split('&').any(|parameter| parameter.starts_with("password="))
 }

@@ -3,11 +3,15 @@
 use super::UpkeepError;
 use super::place::Place;
 use crate::database::Database;
+use futures::{StreamExt as _, stream};
 use lightpath_artifacts::{ArtifactError, BlobKind, RemoteOptions};
-use lightpath_store::{Counts, Inspection};
+use lightpath_store::{Counts, Inspection, StoredBlob};
 use serde::Serialize;
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};
+
+/// Number of artifacts that are read at the same time.
+const AT_ONCE: usize = 8;
 
 /// Result of a check.
 #[derive(Clone, Debug, Serialize)]
@@ -154,9 +158,11 @@ async fn check_artifacts(
         let page = inspection.artifacts_after(&after).await?;
         let Some(last) = page.last() else { return Ok((count, bytes)) };
         after.clone_from(&last.digest);
-        for record in page {
+        let verify = async |record: StoredBlob| (place.verify(BlobKind::Artifact, &record.digest).await, record);
+        let verified: Vec<_> = stream::iter(page).map(verify).buffered(AT_ONCE).collect().await;
+        for (found, record) in verified {
             blobs.remove(&(true, record.digest.clone()));
-            let problem = match place.verify(BlobKind::Artifact, &record.digest).await {
+            let problem = match found {
                 Ok(size_bytes) if size_bytes == record.size_bytes => None,
                 Ok(size_bytes) => Some(format!("has {size_bytes} bytes, but {} are recorded", record.size_bytes)),
                 // A server may have removed the artifact in the meantime.

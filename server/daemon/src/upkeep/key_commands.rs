@@ -6,7 +6,6 @@ use super::tokens::with_store;
 use anyhow::Context as _;
 use clap::Subcommand;
 use lightpath_manifest::PublicKey;
-use lightpath_worker::Clock;
 use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -121,7 +120,7 @@ impl KeyCommand {
 
 impl List {
     fn run(self) -> anyhow::Result<bool> {
-        let state = with_store(&self.folder, async |store| keys::state(store).await)?;
+        let state = with_store(&self.folder, async |store| Ok(keys::state(store).await?))?;
         self.folder.print(&state, table)?;
         Ok(true)
     }
@@ -129,7 +128,6 @@ impl List {
 
 impl Draft {
     fn run(self) -> anyhow::Result<bool> {
-        let now_ms = Clock::default().now_ms();
         let Self { new_root, rotate, revoke, version, folder } = self;
         let text = with_store(&folder, async move |store| {
             let change = match (rotate, revoke) {
@@ -137,7 +135,7 @@ impl Draft {
                 (false, Some(id)) => KeyChange::Revoke(find(&keys::state(store).await?, &id, "manifest")?),
                 (false, None) => KeyChange::Renew,
             };
-            keys::draft(store, change, new_root, version, now_ms).await
+            Ok(keys::draft(store, change, new_root, version, store.now_ms()).await?)
         })?;
         write!(std::io::stdout().lock(), "{text}")?;
         Ok(true)
@@ -148,8 +146,8 @@ impl Install {
     fn run(self) -> anyhow::Result<bool> {
         let document =
             std::fs::read_to_string(&self.file).with_context(|| format!("cannot read {}", self.file.display()))?;
-        let now_ms = Clock::default().now_ms();
-        let version = with_store(&self.folder, async move |store| keys::install(store, &document, now_ms).await)?;
+        let version =
+            with_store(&self.folder, async move |store| Ok(keys::install(store, &document, store.now_ms()).await?))?;
         self.folder.print(&version, |version| format!("keyring {version} is installed"))?;
         Ok(true)
     }
@@ -161,7 +159,7 @@ impl Forget {
         let is_done = with_store(&self.folder, async move |store| {
             let state = keys::state(store).await?;
             let line = state.keys.iter().find(|line| line.id == id).ok_or(KeysError::NoSuchKey { id })?;
-            Ok::<_, KeysError>(store.forget_private_key(&line.public).await?)
+            Ok(store.forget_private_key(&line.public).await?)
         })?;
         self.folder.print(&is_done, |is_done| match is_done {
             true => format!("this server has the private key {} no more", self.id),
@@ -176,11 +174,10 @@ fn change(
     folder: &DataDir,
     decide: impl AsyncFnOnce(&lightpath_store::Store) -> Result<KeyChange, KeysError>,
 ) -> anyhow::Result<bool> {
-    let now_ms = Clock::default().now_ms();
     let state = with_store(folder, async move |store| {
         let change = decide(store).await?;
-        keys::change_keyring(store, change, now_ms).await?;
-        keys::state(store).await
+        keys::change_keyring(store, change, store.now_ms()).await?;
+        Ok(keys::state(store).await?)
     })?;
     folder.print(&state, table)?;
     Ok(true)

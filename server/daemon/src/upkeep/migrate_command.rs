@@ -3,7 +3,7 @@
 use super::DATABASE;
 use super::commands::{Form, exit, line, print, runtime};
 use super::migrate::{Migration, Moved};
-use crate::config::{BucketFlags, Effective, Settings};
+use crate::config::{BucketFlags, Effective, SecretText, Settings};
 use anyhow::{Context as _, bail};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::{Path, PathBuf};
@@ -80,7 +80,7 @@ impl MigrateArgs {
         let given = self.bucket.0.clone().with("data_dir", folder).with("database_url", url);
         let mut config = Effective::merge(given, file)?.config;
         // Only a server with a database of PostgreSQL can have a bucket.
-        config.database_url = to_server.then(|| url.clone());
+        config.database_url = to_server.then(|| SecretText::new(url.clone()));
         config.bucket()?;
         Ok(Migration { config, url: url.clone(), to_server })
     }

@@ -2,7 +2,7 @@
 
 use super::tests::{TestData, file};
 use super::*;
-use crate::config::{Effective, Settings};
+use crate::config::{Effective, SecretText, Settings};
 use crate::database::Database;
 use lightpath_artifacts::Artifacts;
 use lightpath_fixtures::postgres_database;
@@ -15,7 +15,7 @@ fn migration(data_dir: &Path, url: &str, to_server: bool, settings: &[(&str, &st
     let given = given.with("database_url", url);
     let given = settings.iter().fold(given, |given, (key, value)| given.with(key, value));
     let mut config = Effective::merge(given, Settings::default()).unwrap().config;
-    config.database_url = to_server.then(|| url.to_owned());
+    config.database_url = to_server.then(|| SecretText::new(url.to_owned()));
     Migration { config, url: url.to_owned(), to_server }
 }
 

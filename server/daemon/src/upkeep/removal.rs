@@ -74,7 +74,7 @@ fn shards(now_ms: i64) -> impl Iterator<Item = u8> {
 
 /// Whether an object is so old that the process that stored it has recorded it, or never will.
 fn is_left(object: &RemoteObject, now_ms: i64) -> bool {
-    object.store_time_ms().is_some_and(|time_ms| time_ms < now_ms - UNRECORDED_MS_MAX)
+    object.store_time_ms < now_ms - UNRECORDED_MS_MAX
 }
 
 /// Removes saved states to which no job refers, because a process died while it replaced them. Each hour has a share of

@@ -6,7 +6,6 @@ use super::{DATABASE, Report, UpkeepError, check};
 use lightpath_artifacts::{ArtifactError, BlobKind, Inventory, digest_of_file, private_file};
 use lightpath_fail_points as fail;
 use lightpath_store::{Inspection, Store};
-use lightpath_worker::Clock;
 use std::fs::{self, File};
 use std::io;
 use std::path::Path;
@@ -51,7 +50,7 @@ pub async fn restore(backup: &Path, data_dir: &Path) -> Result<Report, UpkeepErr
     // This refuses a database of a newer program now and not when the server starts.
     Inspection::open(&partial).await?.close().await?;
     let store = Store::open_shared(&partial).await?;
-    raise_after_restore(&store, Clock::default().now_ms()).await?;
+    raise_after_restore(&store, store.now_ms()).await?;
     store.close().await;
     let renamed = fail::point("restore.flush")
         .and_then(|()| File::open(&partial)?.sync_all())

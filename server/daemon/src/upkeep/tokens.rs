@@ -6,7 +6,6 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser as _};
 use lightpath_artifacts::FolderLock;
 use lightpath_domain::access::{Caller, Role, Secret};
 use lightpath_store::{Store, TokenRecord};
-use lightpath_worker::Clock;
 use serde::Serialize;
 use std::io::Write as _;
 use std::process::ExitCode;
@@ -116,10 +115,10 @@ impl Create {
         let _lock = if is_used { None } else { Some(FolderLock::take(&data_dir)?) };
         let secret = Secret::generate().context("the system provided no random numbers")?;
         let caller = Caller { name: self.name, role: self.role, displays: self.display };
-        let now_ms = Clock::default().now_ms();
-        let expire_time_ms = (self.expires_days > 0).then(|| now_ms + i64::from(self.expires_days) * DAY_MS);
         runtime()?.block_on(async {
             let store = database.open_shared().await?;
+            let now_ms = store.now_ms();
+            let expire_time_ms = (self.expires_days > 0).then(|| now_ms + i64::from(self.expires_days) * DAY_MS);
             for display in &caller.displays {
                 store.display(display).await.context("a token can name only displays that exist")?;
             }
@@ -134,8 +133,8 @@ impl Create {
 
 impl List {
     fn run(self) -> anyhow::Result<bool> {
-        let tokens: Vec<PrintedToken> =
-            with_store(&self.folder, async |store| store.tokens().await)?.into_iter().map(to_printed).collect();
+        let (tokens, now_ms) = with_store(&self.folder, async |store| Ok((store.tokens().await?, store.now_ms())))?;
+        let tokens: Vec<PrintedToken> = tokens.into_iter().map(|token| to_printed(token, now_ms)).collect();
         self.folder.print(&tokens, |tokens| {
             let line = |token: &PrintedToken| {
                 let displays =
@@ -159,18 +158,20 @@ impl List {
 
 impl Revoke {
     fn run(self) -> anyhow::Result<bool> {
-        let now_ms = Clock::default().now_ms();
         let name = self.name;
-        let token = with_store(&self.folder, async move |store| store.revoke_token(&name, now_ms).await)?;
-        self.folder.print(&to_printed(token), |token| format!("{} is revoked", token.name))?;
+        let (token, now_ms) = with_store(&self.folder, async move |store| {
+            let now_ms = store.now_ms();
+            Ok((store.revoke_token(&name, now_ms).await?, now_ms))
+        })?;
+        self.folder.print(&to_printed(token, now_ms), |token| format!("{} is revoked", token.name))?;
         Ok(true)
     }
 }
 
 /// Runs `work` with the store of a data folder that a server may be using.
-pub(super) fn with_store<T, E: std::error::Error + Send + Sync + 'static>(
+pub(super) fn with_store<T>(
     folder: &DataDir,
-    work: impl AsyncFnOnce(&Store) -> Result<T, E>,
+    work: impl AsyncFnOnce(&Store) -> anyhow::Result<T>,
 ) -> anyhow::Result<T> {
     let (_, database) = folder.places()?;
     runtime()?.block_on(async {
@@ -178,12 +179,12 @@ pub(super) fn with_store<T, E: std::error::Error + Send + Sync + 'static>(
         let store = database.open_shared().await?;
         let done = work(&store).await;
         store.close().await;
-        Ok(done?)
+        done
     })
 }
 
-fn to_printed(token: TokenRecord) -> PrintedToken {
-    let valid = token.is_valid(Clock::default().now_ms());
+fn to_printed(token: TokenRecord, now_ms: i64) -> PrintedToken {
+    let valid = token.is_valid(now_ms);
     let TokenRecord { caller: Caller { name, role, displays }, create_time_ms, expire_time_ms, revoke_time_ms } = token;
     PrintedToken { name, role, displays, create_time_ms, expire_time_ms, revoke_time_ms, valid }
 }

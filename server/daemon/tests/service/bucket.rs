@@ -21,7 +21,7 @@ async fn settings() -> Option<Config> {
     let database_url = postgres_database().await;
     let name = database_url.rsplit('/').next().unwrap().split('?').next().unwrap().to_owned();
     Some(Config {
-        database_url: Some(database_url),
+        database_url: Some(SecretText::new(database_url)),
         artifacts_url: Some(format!("s3://lightpath-tests/{name}")),
         artifacts_endpoint: Some(endpoint),
         artifacts_access_key_id: Some("lightpath-tests".into()),

@@ -6,7 +6,7 @@ use lightpath_proto::v1::artifact_service_client::ArtifactServiceClient;
 use lightpath_proto::v1::display_service_client::DisplayServiceClient;
 use lightpath_proto::v1::job_service_client::JobServiceClient;
 use lightpath_proto::v1::write_artifact_request::Part;
-use lightpath_server::config::Config;
+use lightpath_server::config::{Config, SecretText};
 use lightpath_server::server::{self, ServeError};
 use std::net::SocketAddr;
 use tempfile::TempDir;
@@ -36,7 +36,8 @@ impl Serving {
 
     pub(crate) async fn start_with(change: impl FnOnce(&mut Config)) -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let (data_dir, database_url) = (folder.path().join("data"), lightpath_fixtures::test_database().await);
+        let data_dir = folder.path().join("data");
+        let database_url = lightpath_fixtures::test_database().await.map(SecretText::new);
         let config = Config { data_dir, database_url, ..Config::default() };
         Self::start_in(folder, config, change).await
     }

@@ -6,7 +6,7 @@ use crate::inspect::Inspection;
 use crate::open::{MIGRATIONS, connect_once, connect_options, create_private, migration_error, migrator};
 use crate::rows::{from_json, to_json};
 use crate::sql::{Builder, Connection, query, run_all, scalar};
-use crate::write::TURN;
+use crate::write::turn;
 use sqlx::postgres::PgConnectOptions;
 use sqlx::{ConnectOptions as _, PgConnection, SqliteConnection};
 use std::path::Path;
@@ -63,8 +63,8 @@ async fn connect_file(path: &Path) -> Result<SqliteConnection, TransferError> {
 async fn connect_alone(url: &str) -> Result<PgConnection, TransferError> {
     let options = PgConnectOptions::from_str(url)?.application_name("lightpath migrate");
     let mut connection = connect_once(&options).await?;
-    let turn = format!("select pg_try_advisory_lock({TURN})");
-    let alone: bool = sqlx::query_scalar(sqlx::AssertSqlSafe(turn)).fetch_one(&mut connection).await?;
+    let turn = concat!("select pg_try_advisory_lock(", turn!(), ")");
+    let alone: bool = sqlx::query_scalar(turn).fetch_one(&mut connection).await?;
     let served = "select exists (select 1 from pg_stat_activity where datname = current_database() \
                   and application_name = 'lightpath')";
     let served: bool = sqlx::query_scalar(served).fetch_one(&mut connection).await?;
