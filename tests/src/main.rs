@@ -52,6 +52,8 @@ mod imports;
 mod jobs;
 /// `lightpath kernel watch` and `kernel fetch --dry-run`.
 mod kernel_watch;
+/// A server that moves to PostgreSQL and a bucket.
+mod moving;
 /// Photographs and how well they show a target.
 mod photos;
 /// Several planes, wavelengths and frames, every method, through the command line.

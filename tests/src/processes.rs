@@ -323,7 +323,7 @@ impl Cluster {
 }
 
 /// The settings that say where database and artifacts are.
-fn place(database: &str, bucket: &str, endpoint: &str) -> Vec<String> {
+pub(crate) fn place(database: &str, bucket: &str, endpoint: &str) -> Vec<String> {
     let settings = [
         ["--database-url", database],
         ["--artifacts-url", bucket],

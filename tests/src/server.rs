@@ -1,7 +1,7 @@
 //! A server inside the test's process, on a free port and with its own data folder.
 
 use lightpath::{Client, v1};
-use lightpath_server::config::Config;
+use lightpath_server::config::{Config, SecretText};
 use lightpath_server::server;
 use tempfile::TempDir;
 use tokio::net::TcpListener;
@@ -30,7 +30,7 @@ impl TestServer {
         let address = listener.local_addr().unwrap();
         let mut config = Config {
             data_dir: data.path().to_owned(),
-            database_url: lightpath_fixtures::test_database().await,
+            database_url: lightpath_fixtures::test_database().await.map(SecretText::new),
             listen: address,
             compute_threads: 1,
             checkpoint_interval_s: 0.05,

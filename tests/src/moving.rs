@@ -1,0 +1,113 @@
+use crate::material::{declare, hologram, request, target};
+use crate::process::{Daemon, lightpathd};
+use crate::processes::place;
+use lightpath::v1::{HologramResult, job::State};
+use lightpath::{Client, JobChange, hologram_result};
+use lightpath_fixtures::postgres_database;
+use rand::{Rng as _, SeedableRng as _};
+use rand_chacha::ChaCha8Rng;
+use tempfile::TempDir;
+
+/// Jobs that have ended before the move, and uploads of a mebibyte, unless `LIGHTPATH_MOVED_JOBS` and
+/// `LIGHTPATH_MOVED_MIB` set other numbers.
+const JOBS: u64 = 12;
+const UPLOADS: u64 = 3;
+/// Iterations of the job that runs when the server stops: some seconds of work.
+const LONG: u32 = 4_000;
+/// Seed of that job.
+const LONG_SEED: u64 = 77;
+
+/// A server moves from its data folder to PostgreSQL and a bucket, while a client waits for a running job and another one
+/// behind it. The client notices a pause.
+#[tokio::test(flavor = "multi_thread")]
+async fn client_notices_only_the_pause_of_a_move() {
+    let Ok(endpoint) = std::env::var("LIGHTPATH_TEST_S3") else { return };
+    let (data, url) = (TempDir::new().unwrap(), postgres_database().await);
+    let folder = data.path().to_str().unwrap();
+    let saves = ["--checkpoint-interval-s", "0.2"];
+    let daemon = Daemon::start(data.path(), &saves).await;
+    let (client, address) = (daemon.client.clone(), daemon.url.strip_prefix("http://").unwrap().to_owned());
+    declare(&client, "lab", 128, 96).await;
+    let picture = client.upload_bytes(target(128, 96, 0)).await.unwrap();
+    let submit = async |iterations, seed| {
+        client.submit(request(hologram("lab", &picture, iterations, seed), "")).await.unwrap().name
+    };
+    let uploads = upload(&client, number("LIGHTPATH_MOVED_MIB", UPLOADS)).await;
+    let mut ended = Vec::new();
+    for seed in 0..number("LIGHTPATH_MOVED_JOBS", JOBS) {
+        ended.push((submit(3, seed).await, seed));
+    }
+    let last = &ended.last().expect("a job").0;
+    assert_eq!(client.wait(last, |_| ()).await.unwrap().state(), State::Succeeded);
+
+    let long = submit(LONG, LONG_SEED).await;
+    let behind = submit(3, 0).await;
+    let waiting = tokio::spawn({
+        let (client, long) = (client.clone(), long.clone());
+        async move {
+            let mut noticed = Vec::new();
+            let job = client.wait(&long, |change| match change {
+                JobChange::ConnectionLost(_) => noticed.push("lost"),
+                JobChange::Reconnected => noticed.push("reconnected"),
+                _ => {}
+            });
+            (job.await.unwrap(), noticed)
+        }
+    });
+    let mut watch = client.watch_job(lightpath::v1::WatchJobRequest { name: long.clone() }).await.unwrap();
+    while watch.message().await.unwrap().unwrap().progress.is_none_or(|progress| progress.step < LONG / 10) {}
+    daemon.stop().await;
+
+    let bucket = format!("s3://lightpath-tests/moving-{}", url.split('?').next().unwrap().rsplit('/').next().unwrap());
+    let mut settings = place(&url, &bucket, &endpoint);
+    settings.push("--artifacts-allow-http".into());
+    let of_bucket: Vec<&str> = settings.iter().skip(2).map(String::as_str).collect();
+    let from = format!("sqlite://{folder}");
+    lightpathd(&[["migrate", "--from", &from, "--to", &url].as_slice(), &of_bucket].concat()).await.ok();
+    // The files in the folder are only copies now.
+    std::fs::remove_dir_all(data.path().join("artifacts")).unwrap();
+    let settings: Vec<&str> = settings.iter().map(String::as_str).chain(saves).collect();
+    let daemon = Daemon::start_at(data.path(), &address, &settings).await;
+
+    let (job, noticed) = waiting.await.unwrap();
+    assert_eq!((job.state(), noticed), (State::Succeeded, vec!["lost", "reconnected"]));
+    assert_eq!(client.wait(&behind, |_| ()).await.unwrap().state(), State::Succeeded);
+    let again = submit(LONG, LONG_SEED).await;
+    let again = client.wait(&again, |_| ()).await.unwrap();
+    assert_eq!(
+        phase(hologram_result(&job).unwrap()),
+        phase(hologram_result(&again).unwrap()),
+        "the job ended as without a move"
+    );
+    for (name, seed) in &ended {
+        let job = client.wait(name, |_| ()).await.unwrap();
+        assert_eq!(job.state(), State::Succeeded, "the job with seed {seed}");
+    }
+    let first = hologram_result(&client.wait(&ended[0].0, |_| ()).await.unwrap()).unwrap().clone();
+    for digest in uploads.iter().chain([&picture, &phase(&first)]) {
+        client.download(digest).await.unwrap();
+    }
+    daemon.stop().await;
+    let check = ["check", "--data-dir", folder].into_iter().chain(settings.into_iter().take(11));
+    lightpathd(&check.collect::<Vec<_>>()).await.ok();
+}
+
+/// Uploads this number of random mebibytes, and returns their digests.
+async fn upload(client: &Client, count: u64) -> Vec<String> {
+    let (mut random, mut digests) = (ChaCha8Rng::seed_from_u64(19), Vec::new());
+    for _ in 0..count {
+        let mut bytes = vec![0; 1 << 20];
+        random.fill_bytes(&mut bytes);
+        digests.push(client.upload_bytes(bytes).await.unwrap());
+    }
+    digests
+}
+
+/// Digest of the phase of the only frame.
+fn phase(result: &HologramResult) -> String {
+    result.wavelengths[0].frames[0].phase.clone()
+}
+
+fn number(variable: &str, usual: u64) -> u64 {
+    std::env::var(variable).map_or(usual, |text| text.parse().unwrap())
+}
