@@ -44,6 +44,8 @@ pub(crate) fn job(job: Job) -> v1::Job {
         estimated_memory_bytes: job.estimate.memory_bytes,
         estimated_time_s: job.estimate.time_s,
         label: scheduling.label.unwrap_or_default(),
+        needs: scheduling.needs.iter().map(str::to_owned).collect(),
+        waits_for: String::new(),
     }
 }
 
@@ -67,6 +69,8 @@ pub(crate) fn summary(job: JobSummary) -> v1::JobSummary {
         error: job.error.map(|error| JobError { message: beginning(error.message), ..error }).map(self::error),
         revision: job.revision,
         label: job.label.unwrap_or_default(),
+        needs: job.needs.iter().map(str::to_owned).collect(),
+        waits_for: String::new(),
     }
 }
 

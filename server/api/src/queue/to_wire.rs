@@ -21,5 +21,6 @@ pub(crate) fn queue(owner_queues: Vec<OwnerQueue>, pauses: Vec<Pause>) -> v1::Qu
                 reason: pause.reason,
             })
             .collect(),
+        processes: Vec::new(),
     }
 }

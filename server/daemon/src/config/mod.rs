@@ -17,6 +17,7 @@ pub use layers::{BucketFlags, Effective, Origin, ServeFlags, Settings, WorkerFla
 pub use secret_text::SecretText;
 pub use setting::Allowed;
 
+use lightpath_domain::ability::LabelError;
 use lightpath_domain::origin::OriginError;
 use serde::{Deserialize, Serialize};
 use setting::{Setting, settings};
@@ -95,6 +96,9 @@ settings! {
     /// Name of the workers in the events of jobs; by default the name of the machine where several processes share a
     /// database
     worker_name: Option<String> = None, "NAME", Allowed::Text("a name");
+    /// Labels of this process, separated by commas: it also runs jobs that need them, and one that needs others runs
+    /// elsewhere
+    worker_labels: String = String::new(), "LABELS", Allowed::Text("labels separated by commas, such as gpu,bench-2");
     /// Number of jobs that run at the same time
     workers: u32 = 1, "COUNT", Allowed::Numbers(1.0, 64.0);
     /// Number of threads of one job; by default one for each core
@@ -222,6 +226,9 @@ pub enum ConfigError {
     /// The setting `webhook_origins` is no list of origins.
     #[error("webhook_origins {0}")]
     WebhookOrigins(OriginError),
+    /// The setting `worker_labels` is no list of labels.
+    #[error("worker_labels {0}")]
+    Labels(LabelError),
     /// The setting `database_url` is no URL of PostgreSQL.
     #[error("database_url must be a URL such as postgres://lightpath@db.example/lightpath")]
     DatabaseUrl,

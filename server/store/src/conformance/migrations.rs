@@ -73,6 +73,10 @@ const ROWS: &[(usize, &str)] = &[(
         "full_cone_y_m":0.0,"neglected_phase_rad":0.0,"warnings":[]}}', null),
     ('d', 'failed', 3, 12, 13, null, null, null, '{"reason":"IO","message":"no","retryable":false}', null, null),
     ('e', 'cancelled', 1, 12, 13, null, null, null, null, null, null));
+    insert into job (id, request_id, display, kind, words, spec, state, owner, priority, attempts_max, create_time_ms,
+    run_time_ms, needs, estimated_bytes, memory_class)
+    select 'f', 'request-f', display, kind, words, spec, 'queued', owner, priority, attempts_max, 11, 11, '["bench-2","gpu"]',
+    33554433, 33554432 from job where id = 'a';
     insert into job_event (job, time_ms, attempt, message)
     select id, 11, 0, 'queued' from job union all select 'c', 13, 1, 'succeeded';
 
@@ -192,11 +196,16 @@ async fn assert_registry_kept(store: &Store) {
 
 async fn assert_jobs_kept(store: &Store) {
     use JobState::{Cancelled, Failed, Queued, Running, Succeeded};
-    let jobs = store.jobs(&JobFilter::default(), None, 9).await.unwrap();
-    let states: Vec<_> = jobs.iter().rev().map(|job| (job.id.as_str(), job.state)).collect();
-    assert_eq!(states, [("a", Queued), ("b", Running), ("c", Succeeded), ("d", Failed), ("e", Cancelled)]);
+    let mut jobs = store.jobs(&JobFilter::default(), None, 9).await.unwrap();
+    jobs.reverse();
+    let states: Vec<_> = jobs.iter().map(|job| (job.id.as_str(), job.state)).collect();
+    assert_eq!(
+        states,
+        [("a", Queued), ("b", Running), ("c", Succeeded), ("d", Failed), ("e", Cancelled), ("f", Queued)]
+    );
     assert!(matches!(&jobs[2].result, Some(JobResult::Capture(capture)) if capture.photo == digest(1)));
     assert_eq!(jobs[0].spec, new_job("", 1).spec);
+    assert_eq!(jobs[5].scheduling.needs.to_string(), "bench-2, gpu");
     store.recover_orphans(None, 14).await.unwrap();
     let job = store.job("b").await.unwrap();
     assert_eq!((job.state, job.checkpoint.as_deref()), (Queued, Some("sha256-c")));

@@ -3,6 +3,7 @@
 use super::*;
 use crate::sql::query_as;
 use crate::{Changed, ClaimLimits};
+use lightpath_domain::ability::Labels;
 use lightpath_domain::job::JobState;
 use std::collections::HashSet;
 use std::time::Duration;
@@ -65,21 +66,22 @@ async fn racing_processes_keep_turns_and_limits() {
     for n in 0..60 {
         let mut new = new_job(&format!("r{n}"), 1);
         new.scheduling.owner = format!("owner {}", n % 3);
+        new.scheduling.needs = Labels::parse(["", "gpu", "lab"][n / 20]).unwrap();
         one.submit(&new, 1, QUEUE_LIMIT).await.unwrap();
     }
     let limits = ClaimLimits { per_owner: 2, per_display: 5 };
-    let work = |store: Store, name: &'static str| {
+    let work = |store: Store, labels: &'static str| {
         tokio::spawn(async move {
             let mut done = Vec::new();
             for _ in 0..1000 {
-                let Some((job, lease)) =
-                    store.claim_within(limits, 2, LEASE_MS, &crate::Claimant::named(name)).await.unwrap()
-                else {
+                let claimant = super::needs::able(labels, u64::MAX);
+                let Some((job, lease)) = store.claim_within(limits, 2, LEASE_MS, &claimant).await.unwrap() else {
                     if store.queue_counts().await.unwrap().succeeded == 60 {
                         break;
                     }
                     continue;
                 };
+                assert!(claimant.abilities.labels.contain(&job.scheduling.needs), "{:?} on {labels:?}", job.scheduling);
                 let running = store.owner_queues().await.unwrap();
                 assert!(running.iter().all(|owner| owner.running <= 2), "{running:?}");
                 assert!(running.iter().map(|owner| owner.running).sum::<u64>() <= 5, "{running:?}");
@@ -89,7 +91,7 @@ async fn racing_processes_keep_turns_and_limits() {
             done
         })
     };
-    let workers = [work(one.clone(), "a"), work(other.clone(), "b"), work(third, "c"), work(other, "d")];
+    let workers = [work(one.clone(), "gpu"), work(other.clone(), "lab"), work(third, "gpu,lab"), work(other, "")];
     let mut all = Vec::new();
     for worker in workers {
         all.extend(worker.await.unwrap());

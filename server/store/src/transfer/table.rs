@@ -25,6 +25,7 @@ pub(crate) const TABLES: &[&str] = &[
     "job_dependency",
     "job_artifact",
     "lane",
+    "lane_needs",
     "job_count",
     "pause",
     "token",
