@@ -312,3 +312,21 @@ end $$;
 
 create trigger display_takes_its_pause_along after delete on display for each row
 execute function display_takes_its_pause_along();
+
+-- The living processes, where several share the database. Each renews its row every few seconds.
+create table process (
+    -- identity of its data folder
+    id            text collate "C" not null primary key,
+    kind          text collate "C" not null check (kind in ('server', 'worker', 'both')),
+    -- name of its workers, for people
+    name          text collate "C" not null,
+    version       text collate "C" not null,
+    -- labels that its jobs may need, as JSON, and the largest estimated memory of its jobs; 0: it runs no jobs
+    labels        text collate "C" not null check (json_valid(labels)),
+    memory_bytes  bigint           not null check (memory_bytes >= 0),
+    -- number of jobs that it runs at the same time
+    workers       bigint           not null check (workers >= 0),
+    start_time_ms bigint           not null,
+    -- last sign of life
+    seen_time_ms  bigint           not null
+);

@@ -261,3 +261,21 @@ create table pause (
 
 create trigger display_takes_its_pause_along after delete on display
 begin delete from pause where display = old.id; end;
+
+-- The living processes, where several share the database. Each renews its row every few seconds.
+create table process (
+    -- identity of its data folder
+    id            text    not null primary key,
+    kind          text    not null check (kind in ('server', 'worker', 'both')),
+    -- name of its workers, for people
+    name          text    not null,
+    version       text    not null,
+    -- labels that its jobs may need, as JSON, and the largest estimated memory of its jobs; 0: it runs no jobs
+    labels        text    not null check (json_valid(labels)),
+    memory_bytes  integer not null check (memory_bytes >= 0),
+    -- number of jobs that it runs at the same time
+    workers       integer not null check (workers >= 0),
+    start_time_ms integer not null,
+    -- last sign of life
+    seen_time_ms  integer not null
+) strict, without rowid;

@@ -198,12 +198,17 @@ impl Config {
         let memory_bytes = bytes(self.job_memory_mib_max);
         let cache_bytes = lightpath_worker::cache_bytes_max(memory_bytes);
         JobLimits {
-            memory_bytes: lightpath_worker::jobs_bytes_max(memory_bytes),
+            memory_bytes: self.job_bytes_max(),
             cache_bytes,
             time_s: self.job_time_s_max,
             work_per_s,
             threads: self.compute_threads,
         }
+    }
+
+    /// Memory for running jobs \[bytes\].
+    pub(crate) fn job_bytes_max(&self) -> u64 {
+        lightpath_worker::jobs_bytes_max(bytes(self.job_memory_mib_max))
     }
 
     /// Settings of the workers.

@@ -90,6 +90,8 @@ const ROWS: &[(usize, &str)] = &[(
         ('ci', 'https://hooks.example/', '["job.failed"]', null, 'secret', 'ada', 16, null, null);
     insert into webhook_delivery values (1, 'ci', printf('%032x', 1), 'job.failed', '{"job":"jobs/d"}', 13, 2, 17, 0, 'HTTP 503');
 
+    insert into process values ('0193f0a0-0000-7000-8000-000000000000', 'both', 'lab', '0.1.0', '["gpu"]', 7, 1, 1, 2);
+
     insert into pause values ('', 14, 'the laser is off');
     insert into token values ('ada', printf('%064x', 1), 'submitter', '[]', 1, null, null)"#,
 )];
