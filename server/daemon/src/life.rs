@@ -6,11 +6,14 @@ use lightpath_artifacts::Artifacts;
 use lightpath_domain::ability::Abilities;
 use lightpath_store::{Process, ProcessKind, Store};
 use std::time::Duration;
-use tokio::time::{MissedTickBehavior, interval};
+use tokio::time::{MissedTickBehavior, interval, timeout};
 use tokio_util::sync::CancellationToken;
 
 /// Interval between two signs: four of them come in the time after which a process counts as dead.
 const SIGN_INTERVAL: Duration = Duration::from_secs(5);
+
+/// Longest time for saying that this process stops.
+const SIGN_OFF_MAX: Duration = Duration::from_secs(2);
 
 /// This process among those that share the database.
 #[derive(Debug)]
@@ -55,7 +58,8 @@ impl Life {
                 () = stopping.cancelled() => break,
                 _ = ticks.tick() => {}
             }
-            if let Err(error) = self.store.sign_of_life(&self.process).await {
+            let Some(signed) = stopping.run_until_cancelled(self.store.sign_of_life(&self.process)).await else { break };
+            if let Err(error) = signed {
                 let error: &dyn std::error::Error = &error;
                 tracing::warn!(error, "other processes could not be told that this one lives");
             }
@@ -63,6 +67,6 @@ impl Life {
             with_servers(u32::try_from(servers).unwrap_or(u32::MAX));
         }
         // Without the database, the row ends by itself.
-        drop(self.store.sign_off(&self.process.id).await);
+        drop(timeout(SIGN_OFF_MAX, self.store.sign_off(&self.process.id)).await);
     }
 }

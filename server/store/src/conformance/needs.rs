@@ -52,6 +52,23 @@ async fn job_runs_only_where_all_labels_are_that_it_needs() {
 }
 
 #[tokio::test]
+async fn waiting_work_is_told_apart_by_needs() {
+    let (store, _place) = store().await;
+    for (n, needs) in ["", "gpu", "gpu", "bench-2,gpu"].iter().enumerate() {
+        let mut new = needy_job(&format!("r{n}"), needs, 0);
+        new.estimate.time_s = 10.0 + n as f64;
+        submit_new(&store, &new).await;
+    }
+    let work = store.waiting_work(20).await.unwrap();
+    let of_kind = work.iter().filter(|work| work.kind == "simulate_capture");
+    let times: Vec<(String, u64)> = of_kind.map(|work| (work.needs.to_string(), work.time.as_secs())).collect();
+    let expected = [("", 10), ("bench-2, gpu", 13), ("gpu", 23)].map(|(needs, time_s)| (needs.to_owned(), time_s));
+    assert_eq!(times, expected);
+    assert_eq!(work.iter().filter(|work| work.needs.is_empty() && work.time.is_zero()).count(), 7, "the other kinds");
+    assert!(store.waiting_work(9).await.unwrap().iter().all(|work| work.time.is_zero()), "no job is due");
+}
+
+#[tokio::test]
 async fn jobs_for_others_block_nothing() {
     let (store, _place) = store().await;
     for (n, owner) in ["ada", "bob", "ada"].iter().enumerate() {
