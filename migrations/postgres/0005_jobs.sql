@@ -35,6 +35,8 @@ create table job (
     -- succeeded yet
     after            text collate "C" not null default '[]' check (json_valid(after)),
     waiting_for      bigint           not null default 0 check (waiting_for >= 0),
+    -- labels that the process must have that runs the job, as JSON, ascending, each once
+    needs            text collate "C" not null default '[]' check (json_valid(needs)),
 
     -- number of attempts started so far; with lease_id it fences off writes of workers that lost their lease
     attempt          bigint           not null default 0 check (attempt >= 0),
@@ -42,6 +44,8 @@ create table job (
     -- memory and time of an attempt, estimated at the submit; 0: not estimated
     estimated_bytes  bigint           not null default 0 check (estimated_bytes >= 0),
     estimated_ms     bigint           not null default 0 check (estimated_ms >= 0),
+    -- the estimated memory rounded down, so that jobs of about the same memory are in one lane
+    memory_class     bigint           not null default 0 check (memory_class between 0 and estimated_bytes),
     -- failed attempts since the last checkpoint
     failures         bigint           not null default 0 check (failures >= 0),
     -- deaths of the server during attempts, since the last checkpoint
@@ -97,7 +101,7 @@ create unique index job_by_request on job (owner, request_id);
 create unique index job_unique on job (owner, unique_key)
 where unique_key is not null and state in ('queued', 'running');
 -- for the waiting time of the first due job of each kind, and the estimated work of all
-create index job_due_by_kind on job (kind, run_time_ms, estimated_ms) where state = 'queued' and waiting_for = 0;
+create index job_due_by_kind on job (kind, run_time_ms, estimated_ms, needs) where state = 'queued' and waiting_for = 0;
 
 -- A job that has succeeded never changes. A failed or cancelled job can be put back into the queue.
 create trigger succeeded_job_stays before update on job for each row
@@ -159,22 +163,26 @@ create trigger job_names_what_it_made after update of result on job for each row
 when (new.result is not null)
 execute function job_names_what_it_made();
 
--- A lane is a priority, an owner and a display. The job of a lane that has been due longest runs first. So a claim
--- looks at one job of every lane, no matter how many jobs wait.
-create index job_to_claim on job (priority, owner, display, run_time_ms, id) where state = 'queued' and waiting_for = 0;
+-- A lane is a priority, an owner, a display, a set of needs and a class of memory. The job of a lane that has been due
+-- longest runs first. So a claim looks at one job of every lane, no matter how many jobs wait. Only in the class of its
+-- own limit a process may find jobs that are too large for it.
+create index job_to_claim on job (priority, owner, display, needs, memory_class, run_time_ms, id, estimated_bytes)
+where state = 'queued' and waiting_for = 0;
 
 create table lane (
-    priority bigint           not null,
-    owner    text collate "C" not null,
-    display  text collate "C" not null,
-    ready    bigint           not null check (ready >= 0),
-    primary key (priority, owner, display)
+    priority     bigint           not null,
+    owner        text collate "C" not null,
+    display      text collate "C" not null,
+    needs        text collate "C" not null,
+    memory_class bigint           not null,
+    ready        bigint           not null check (ready >= 0),
+    primary key (priority, owner, display, needs, memory_class)
 );
 
 create function job_enters_its_lane() returns trigger language plpgsql as $$
 begin
-    insert into lane values (new.priority, new.owner, new.display, 1)
-    on conflict (priority, owner, display) do update set ready = lane.ready + 1;
+    insert into lane values (new.priority, new.owner, new.display, new.needs, new.memory_class, 1)
+    on conflict (priority, owner, display, needs, memory_class) do update set ready = lane.ready + 1;
     return null;
 end $$;
 
@@ -184,8 +192,8 @@ execute function job_enters_its_lane();
 
 create function job_gets_ready() returns trigger language plpgsql as $$
 begin
-    insert into lane values (new.priority, new.owner, new.display, 1)
-    on conflict (priority, owner, display) do update set ready = lane.ready + 1;
+    insert into lane values (new.priority, new.owner, new.display, new.needs, new.memory_class, 1)
+    on conflict (priority, owner, display, needs, memory_class) do update set ready = lane.ready + 1;
     return null;
 end $$;
 
@@ -195,8 +203,10 @@ execute function job_gets_ready();
 
 create function job_leaves_its_lane() returns trigger language plpgsql as $$
 begin
-    update lane set ready = ready - 1 where priority = old.priority and owner = old.owner and display = old.display;
-    delete from lane where priority = old.priority and owner = old.owner and display = old.display and ready = 0;
+    update lane set ready = ready - 1 where priority = old.priority and owner = old.owner and display = old.display
+    and needs = old.needs and memory_class = old.memory_class;
+    delete from lane where priority = old.priority and owner = old.owner and display = old.display
+    and needs = old.needs and memory_class = old.memory_class and ready = 0;
     return null;
 end $$;
 
@@ -206,14 +216,43 @@ execute function job_leaves_its_lane();
 
 create function job_leaves_its_lane_for_good() returns trigger language plpgsql as $$
 begin
-    update lane set ready = ready - 1 where priority = old.priority and owner = old.owner and display = old.display;
-    delete from lane where priority = old.priority and owner = old.owner and display = old.display and ready = 0;
+    update lane set ready = ready - 1 where priority = old.priority and owner = old.owner and display = old.display
+    and needs = old.needs and memory_class = old.memory_class;
+    delete from lane where priority = old.priority and owner = old.owner and display = old.display
+    and needs = old.needs and memory_class = old.memory_class and ready = 0;
     return null;
 end $$;
 
 create trigger job_leaves_its_lane_for_good after delete on job for each row
 when (old.state = 'queued' and old.waiting_for = 0)
 execute function job_leaves_its_lane_for_good();
+
+-- The sets of needs that lanes have, but for the empty one. A claim compares these with the labels of its process.
+create table lane_needs (
+    needs text collate "C" not null primary key,
+    lanes bigint           not null check (lanes >= 0)
+);
+
+create function lane_brings_its_needs() returns trigger language plpgsql as $$
+begin
+    insert into lane_needs values (new.needs, 1) on conflict (needs) do update set lanes = lane_needs.lanes + 1;
+    return null;
+end $$;
+
+create trigger lane_brings_its_needs after insert on lane for each row
+when (new.needs <> '[]')
+execute function lane_brings_its_needs();
+
+create function lane_takes_its_needs_along() returns trigger language plpgsql as $$
+begin
+    update lane_needs set lanes = lanes - 1 where needs = old.needs;
+    delete from lane_needs where needs = old.needs and lanes = 0;
+    return null;
+end $$;
+
+create trigger lane_takes_its_needs_along after delete on lane for each row
+when (old.needs <> '[]')
+execute function lane_takes_its_needs_along();
 
 -- Numbers of jobs, kept up to date by the triggers below, so that no query must count them. No row has the number 0, so
 -- owners without jobs take no space.
@@ -273,3 +312,21 @@ end $$;
 
 create trigger display_takes_its_pause_along after delete on display for each row
 execute function display_takes_its_pause_along();
+
+-- The living processes, where several share the database. Each renews its row every few seconds.
+create table process (
+    -- identity of its data folder
+    id            text collate "C" not null primary key,
+    kind          text collate "C" not null check (kind in ('server', 'worker', 'both')),
+    -- name of its workers, for people
+    name          text collate "C" not null,
+    version       text collate "C" not null,
+    -- labels that its jobs may need, as JSON, and the largest estimated memory of its jobs; 0: it runs no jobs
+    labels        text collate "C" not null check (json_valid(labels)),
+    memory_bytes  bigint           not null check (memory_bytes >= 0),
+    -- number of jobs that it runs at the same time
+    workers       bigint           not null check (workers >= 0),
+    start_time_ms bigint           not null,
+    -- last sign of life
+    seen_time_ms  bigint           not null
+);

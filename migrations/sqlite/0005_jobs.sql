@@ -35,6 +35,8 @@ create table job (
     -- succeeded yet
     after            text    not null default '[]' check (json_valid(after)),
     waiting_for      integer not null default 0 check (waiting_for >= 0),
+    -- labels that the process must have that runs the job, as JSON, ascending, each once
+    needs            text    not null default '[]' check (json_valid(needs)),
 
     -- number of attempts started so far; with lease_id it fences off writes of workers that lost their lease
     attempt          integer not null default 0 check (attempt >= 0),
@@ -42,6 +44,8 @@ create table job (
     -- memory and time of an attempt, estimated at the submit; 0: not estimated
     estimated_bytes  integer not null default 0 check (estimated_bytes >= 0),
     estimated_ms     integer not null default 0 check (estimated_ms >= 0),
+    -- the estimated memory rounded down, so that jobs of about the same memory are in one lane
+    memory_class     integer not null default 0 check (memory_class between 0 and estimated_bytes),
     -- failed attempts since the last checkpoint
     failures         integer not null default 0 check (failures >= 0),
     -- deaths of the server during attempts, since the last checkpoint
@@ -97,7 +101,7 @@ create unique index job_by_request on job (owner, request_id);
 create unique index job_unique on job (owner, unique_key)
 where unique_key is not null and state in ('queued', 'running');
 -- for the waiting time of the first due job of each kind, and the estimated work of all
-create index job_due_by_kind on job (kind, run_time_ms, estimated_ms) where state = 'queued' and waiting_for = 0;
+create index job_due_by_kind on job (kind, run_time_ms, estimated_ms, needs) where state = 'queued' and waiting_for = 0;
 
 -- A job that has succeeded never changes. A failed or cancelled job can be put back into the queue.
 create trigger succeeded_job_stays before update on job
@@ -150,44 +154,71 @@ begin
     where type = 'text' and value glob 'sha256-*' and length(value) = 71 and key is not 'dataset_digest';
 end;
 
--- A lane is a priority, an owner and a display. The job of a lane that has been due longest runs first. So a claim
--- looks at one job of every lane, no matter how many jobs wait.
-create index job_to_claim on job (priority, owner, display, run_time_ms, id) where state = 'queued' and waiting_for = 0;
+-- A lane is a priority, an owner, a display, a set of needs and a class of memory. The job of a lane that has been due
+-- longest runs first. So a claim looks at one job of every lane, no matter how many jobs wait. Only in the class of its
+-- own limit a process may find jobs that are too large for it.
+create index job_to_claim on job (priority, owner, display, needs, memory_class, run_time_ms, id, estimated_bytes)
+where state = 'queued' and waiting_for = 0;
 
 create table lane (
-    priority integer not null,
-    owner    text    not null,
-    display  text    not null,
-    ready    integer not null check (ready >= 0),
-    primary key (priority, owner, display)
+    priority     integer not null,
+    owner        text    not null,
+    display      text    not null,
+    needs        text    not null,
+    memory_class integer not null,
+    ready        integer not null check (ready >= 0),
+    primary key (priority, owner, display, needs, memory_class)
 ) strict, without rowid;
 
 create trigger job_enters_its_lane after insert on job
 when new.state = 'queued' and new.waiting_for = 0
 begin
-    insert into lane values (new.priority, new.owner, new.display, 1)
+    insert into lane values (new.priority, new.owner, new.display, new.needs, new.memory_class, 1)
     on conflict do update set ready = ready + 1;
 end;
 
 create trigger job_gets_ready after update of state, waiting_for on job
 when new.state = 'queued' and new.waiting_for = 0 and (old.state <> 'queued' or old.waiting_for > 0)
 begin
-    insert into lane values (new.priority, new.owner, new.display, 1)
+    insert into lane values (new.priority, new.owner, new.display, new.needs, new.memory_class, 1)
     on conflict do update set ready = ready + 1;
 end;
 
 create trigger job_leaves_its_lane after update of state, waiting_for on job
 when old.state = 'queued' and old.waiting_for = 0 and (new.state <> 'queued' or new.waiting_for > 0)
 begin
-    update lane set ready = ready - 1 where priority = old.priority and owner = old.owner and display = old.display;
-    delete from lane where priority = old.priority and owner = old.owner and display = old.display and ready = 0;
+    update lane set ready = ready - 1 where priority = old.priority and owner = old.owner and display = old.display
+    and needs = old.needs and memory_class = old.memory_class;
+    delete from lane where priority = old.priority and owner = old.owner and display = old.display
+    and needs = old.needs and memory_class = old.memory_class and ready = 0;
 end;
 
 create trigger job_leaves_its_lane_for_good after delete on job
 when old.state = 'queued' and old.waiting_for = 0
 begin
-    update lane set ready = ready - 1 where priority = old.priority and owner = old.owner and display = old.display;
-    delete from lane where priority = old.priority and owner = old.owner and display = old.display and ready = 0;
+    update lane set ready = ready - 1 where priority = old.priority and owner = old.owner and display = old.display
+    and needs = old.needs and memory_class = old.memory_class;
+    delete from lane where priority = old.priority and owner = old.owner and display = old.display
+    and needs = old.needs and memory_class = old.memory_class and ready = 0;
+end;
+
+-- The sets of needs that lanes have, but for the empty one. A claim compares these with the labels of its process.
+create table lane_needs (
+    needs text    not null primary key,
+    lanes integer not null check (lanes >= 0)
+) strict, without rowid;
+
+create trigger lane_brings_its_needs after insert on lane
+when new.needs <> '[]'
+begin
+    insert into lane_needs values (new.needs, 1) on conflict do update set lanes = lanes + 1;
+end;
+
+create trigger lane_takes_its_needs_along after delete on lane
+when old.needs <> '[]'
+begin
+    update lane_needs set lanes = lanes - 1 where needs = old.needs;
+    delete from lane_needs where needs = old.needs and lanes = 0;
 end;
 
 -- Numbers of jobs, kept up to date by the triggers below, so that no query must count them. No row has the number 0, so
@@ -230,3 +261,21 @@ create table pause (
 
 create trigger display_takes_its_pause_along after delete on display
 begin delete from pause where display = old.id; end;
+
+-- The living processes, where several share the database. Each renews its row every few seconds.
+create table process (
+    -- identity of its data folder
+    id            text    not null primary key,
+    kind          text    not null check (kind in ('server', 'worker', 'both')),
+    -- name of its workers, for people
+    name          text    not null,
+    version       text    not null,
+    -- labels that its jobs may need, as JSON, and the largest estimated memory of its jobs; 0: it runs no jobs
+    labels        text    not null check (json_valid(labels)),
+    memory_bytes  integer not null check (memory_bytes >= 0),
+    -- number of jobs that it runs at the same time
+    workers       integer not null check (workers >= 0),
+    start_time_ms integer not null,
+    -- last sign of life
+    seen_time_ms  integer not null
+) strict, without rowid;

@@ -162,3 +162,25 @@ async fn tables_fit_the_terminal_and_are_whole_in_a_pipe() {
     assert_eq!(piped.lines().next().unwrap().split_whitespace().collect::<Vec<_>>(), titles);
     cli.server.stop().await;
 }
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_job_that_no_process_can_run_is_accepted_with_a_warning() {
+    const REASON: &str = "no living process that runs jobs has the labels bench-2, gpu";
+    let cli = start().await;
+    let optimize = format!("hologram optimize @/targets/eye.png {OPTICS} --iterations 1 --need gpu --need bench-2");
+    let ran = cli.run(&format!("--output json {optimize}")).await;
+    assert!(ran.stderr.contains(&format!("waits: {REASON}")), "{ran:?}");
+    let id = ids(&cli.json("job list").await).remove(0);
+    let shown = cli.text(&format!("job show {id}")).await;
+    assert!(shown.contains(&format!("queued; {REASON}")) && shown.contains("bench-2, gpu\n"), "{shown}");
+    let list = cli.text("job list").await;
+    assert!(list.contains("bench-2, gpu") && list.contains(&format!("job {id} waits: {REASON}\n")), "{list}");
+    let ran = cli.run(&format!("hologram optimize @/targets/eye.png {OPTICS} --iterations 1 --wait")).await;
+    assert!(!ran.stderr.contains("waits: no living process"), "{ran:?}");
+    let queue = cli.text("queue show").await;
+    assert!(queue.contains("serves and works") && queue.contains(env!("CARGO_PKG_VERSION")), "{queue}");
+    cli.run(&format!("hologram optimize @/targets/eye.png {OPTICS} --need GPU"))
+        .await
+        .assert_refused(1, &["needs has \"GPU\", which is no label"]);
+    cli.server.stop().await;
+}

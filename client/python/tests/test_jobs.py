@@ -151,6 +151,8 @@ def test_lists_of_jobs_say_what_each_is_about(bench: lightpath.Display, tmp_path
     assert submit(path).message.label == submit(str(path)).message.label == "eye.png"
     assert submit(path, label="mine").message.label == "mine"
     assert not submit(target(1)).message.label
+    needy = submit(path, needs=["gpu"]).message
+    assert (list(needy.needs), needy.waits_for) == (["gpu"], "no living process that runs jobs has the label gpu")
     assert label_of([Path("targets/a.png"), "b\n.png", 3]) == "a.png, b\ufffd.png"
     long = label_of(["é" * 100])
     assert long == "é" * 62 + "…"

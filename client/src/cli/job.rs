@@ -13,6 +13,7 @@ use futures::{StreamExt as _, TryStreamExt as _};
 use lightpath::names;
 use lightpath::v1::list_jobs_request::{Order, View};
 use lightpath::v1::{self, Job, job};
+use std::collections::BTreeMap;
 
 /// Most jobs that `job watch` follows at once. Each needs a stream; one connection carries more. The limit is higher
 /// than `WATCHES_MAX`, because the user asked to see every change of each job.
@@ -197,7 +198,7 @@ impl List {
         session.print_list(
             &list,
             |list| &list.jobs,
-            |list| table(&list.jobs).text_or("no jobs") + more_hint(&list.next_page_token),
+            |list| table(&list.jobs).text_or("no jobs") + &waits(&list.jobs) + more_hint(&list.next_page_token),
         )
     }
 }
@@ -255,6 +256,7 @@ fn table(jobs: &[Job]) -> Table {
         ">attempt??????",
         "created???????",
         "age??",
+        "needs~??????",
     ]);
     for job in jobs {
         let progress = job.progress.as_ref().map(|progress| format!("{}/{}", progress.step, progress.steps_total));
@@ -270,9 +272,23 @@ fn table(jobs: &[Job]) -> Table {
             job.attempt.to_string(),
             show::clock_or_dash(job.create_time.as_ref()),
             show::age_or_dash(job.create_time.as_ref()),
+            show::or_dash(&job.needs.join(", ")),
         ]);
     }
     table
+}
+
+/// What queued jobs of a list wait for, each reason in a line.
+fn waits(jobs: &[Job]) -> String {
+    let mut reasons: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    for job in jobs.iter().filter(|job| !job.waits_for.is_empty()) {
+        reasons.entry(&job.waits_for).or_default().push(names::id(&job.name));
+    }
+    let line = |(reason, ids): (&str, Vec<&str>)| match ids.as_slice() {
+        [id] => format!("job {id} waits: {}\n", show::plain(reason)),
+        ids => format!("{} queued jobs wait: {}\n", ids.len(), show::plain(reason)),
+    };
+    reasons.into_iter().map(line).collect()
 }
 
 async fn logs(session: &Session, name: String) -> Result<(), Failure> {

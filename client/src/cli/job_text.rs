@@ -72,6 +72,7 @@ pub(crate) fn one_line(job: &Job) -> String {
     let elapsed = show::elapsed(job.start_time.as_ref(), job.finish_time.as_ref());
     match job.state() {
         State::Queued if job.waiting_for > 0 => format!("queued, waits for {} other jobs", job.waiting_for),
+        State::Queued if !job.waits_for.is_empty() => format!("queued; {}", show::plain(&job.waits_for)),
         State::Queued if job.attempt > 0 => format!("queued again after attempt {}{}", job.attempt, error_text(job)),
         State::Running if job.cancel_requested => "running, will be cancelled".to_owned(),
         State::Running if job.attempt > 1 => format!("running, attempt {}", job.attempt),
@@ -107,6 +108,9 @@ pub(crate) fn facts(job: &Job) -> String {
     }
     facts.add("attempt", format!("{} (the job fails after {} failed attempts)", job.attempt, job.attempts_max));
     facts.add("priority", job.priority.to_string());
+    if !job.needs.is_empty() {
+        facts.add("needs", show::plain(&job.needs.join(", ")));
+    }
     if job.estimated_memory_bytes > 0 {
         let memory = show::bytes(job.estimated_memory_bytes);
         facts.add("estimate", format!("{memory} of memory, {}", show::duration(job.estimated_time_s)));

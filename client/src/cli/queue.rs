@@ -5,12 +5,13 @@ use super::session::Session;
 use super::show;
 use super::table::Table;
 use clap::{Args, Subcommand};
+use lightpath::v1::queue::process::Kind;
 use lightpath::{names, v1};
 
 /// Commands for the queue as a whole.
 #[derive(Debug, Subcommand)]
 pub(crate) enum QueueCommand {
-    /// Show the number of queued and running jobs of each owner, and what is paused
+    /// Show the number of queued and running jobs of each owner, what is paused, and the living processes
     Show,
     /// Start no further jobs; running jobs continue, and new jobs are accepted
     Pause(Pause),
@@ -70,5 +71,34 @@ fn text(queue: &v1::Queue) -> String {
         let reason = if pause.reason.is_empty() { String::new() } else { format!(": {}", pause.reason) };
         lines.push(format!("paused: {part}, since {}{reason}", show::time_or_dash(pause.since.as_ref())));
     }
+    if !queue.processes.is_empty() {
+        lines.push(format!("\n{}", processes(queue)));
+    }
     lines.join("\n")
+}
+
+/// The living processes as a table.
+fn processes(queue: &v1::Queue) -> String {
+    let mut table =
+        Table::new(&["process", "does", "labels~", ">memory", ">jobs?", "version??", "seen???", "started????"]);
+    for process in &queue.processes {
+        let does = match process.kind() {
+            Kind::Both => "serves and works",
+            Kind::Server => "serves",
+            Kind::Worker => "works",
+            Kind::Unspecified => "–",
+        };
+        let works = process.workers > 0;
+        table.row([
+            show::plain(&process.name),
+            does.to_owned(),
+            show::or_dash(&process.labels.join(", ")),
+            if works { show::bytes(process.memory_bytes) } else { "–".to_owned() },
+            if works { process.workers.to_string() } else { "–".to_owned() },
+            process.version.clone(),
+            show::age_or_dash(process.seen_time.as_ref()),
+            show::age_or_dash(process.start_time.as_ref()),
+        ]);
+    }
+    table.text_or("no living processes")
 }

@@ -51,6 +51,10 @@ pub(crate) struct Submission {
     /// Start only after the job with this id, or the beginning of one, has succeeded; may be given several times
     #[arg(long, value_name = "JOB")]
     pub(crate) after: Vec<String>,
+
+    /// Run the job only where a process has this label, such as gpu; may be given several times
+    #[arg(long, value_name = "LABEL")]
+    pub(crate) need: Vec<String>,
 }
 
 impl Submission {
@@ -80,8 +84,13 @@ impl Submission {
             timeout_s: self.timeout.unwrap_or(0.0),
             after: job_names(session, &self.after).await?,
             label: shortened(label),
+            needs: self.need.clone(),
         };
-        Ok(session.client.submit(request).await?)
+        let job = session.client.submit(request).await?;
+        if !job.waits_for.is_empty() {
+            print_note(&format!("job {} waits: {}", names::id(&job.name), show::plain(&job.waits_for)));
+        }
+        Ok(job)
     }
 
     /// Submits a job and waits for its end. Returns an error if the job did not succeed.

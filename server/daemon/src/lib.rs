@@ -5,6 +5,7 @@
 //!
 //! - [`config`], [`server`]: settings, and the assembly of store, workers and API. [`database`]: where the database is.
 //!   [`worker_process`]: the assembly of a process that only runs jobs. `workers`: start and end of the workers.
+//!   `life`: by what others know that this process lives.
 //! - [`upkeep`]: commands for operators on a data folder: check, back up, restore, collect.
 //! - [`demo`]: the whole loop on a simulated display, for new users.
 //! - [`fuzzing`]: access to every decoder, for fuzzers.
@@ -17,4 +18,6 @@ pub mod fuzzing;
 pub mod server;
 pub mod upkeep;
 pub mod worker_process;
+
+mod life;
 mod workers;

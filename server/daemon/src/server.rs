@@ -1,6 +1,7 @@
 //! Assembly of the server: store, artifacts, workers, gRPC and HTTP.
 
 use crate::config::{Config, ConfigError};
+use crate::life::Life;
 use crate::upkeep::{self, Collected, Retention, UpkeepError};
 use crate::workers::Workers;
 use lightpath_api::audit::Audit;
@@ -10,7 +11,7 @@ use lightpath_api::tls::{self, Tls, TlsError};
 use lightpath_api::{Api, ApiLimits};
 use lightpath_artifacts::Artifacts;
 use lightpath_metrics as metrics;
-use lightpath_store::{Store, StoreError};
+use lightpath_store::{ProcessKind, Store, StoreError};
 use lightpath_worker::WorkerError;
 use std::io;
 use std::net::SocketAddr;
@@ -128,6 +129,8 @@ pub async fn run_and_announce(
     let tls = tls.map(Tls::open).transpose()?.map(Arc::new);
     let audit = Arc::new(Audit::open(&config.data_dir).map_err(ServeError::Audit)?);
     artifacts.space().set_stored_bytes(store.artifact_totals().await?.1);
+    let kind = if config.no_worker { ProcessKind::Server } else { ProcessKind::Both };
+    let life = Life::begin(&store, &artifacts, &config, kind).await?;
     announce(address).map_err(ServeError::Announcement)?;
     let stopping = CancellationToken::new();
     let upkeep = tokio::spawn(upkeep_loop(store.clone(), artifacts.clone(), retention, stopping.clone()));
@@ -147,6 +150,8 @@ pub async fn run_and_announce(
     let ended_tokens = EndedTokens::default();
     loops.spawn(token_loop(api.store().clone(), ended_tokens.clone(), stopping.clone()));
     let rate = Arc::new(Rate::new(config.calls_per_s_max));
+    let shared_rate = Arc::clone(&rate);
+    loops.spawn(life.go_on(stopping.clone(), move |servers| shared_rate.share_among(servers)));
     let gate = Gate { api, tokens_required, hosts, audit: Arc::clone(&audit), rate, ended_tokens };
     let budget = Arc::new(MemoryBudget::new(config.under_way_bytes_max()));
     let app = http::router(gate, budget, grpc);

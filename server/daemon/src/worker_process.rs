@@ -1,13 +1,14 @@
 //! A process that only runs jobs. It needs the database and the bucket of the artifacts, and no other process.
 
 use crate::config::Config;
+use crate::life::Life;
 use crate::server::{COUNT_INTERVAL, ServeError, make_private, open_artifacts};
 use crate::workers::Workers;
 use lightpath_api::http::serve_worker_status;
 use lightpath_artifacts::Artifacts;
 use lightpath_media::live_pictures::LivePictures;
 use lightpath_metrics as metrics;
-use lightpath_store::Store;
+use lightpath_store::{ProcessKind, Store};
 use tokio::net::TcpListener;
 use tokio::task::JoinSet;
 use tokio::time::interval;
@@ -33,6 +34,8 @@ pub async fn run(
     // They end when the process stops.
     let mut loops = JoinSet::new();
     loops.spawn(count_loop(store.clone(), artifacts.clone(), stopping.clone()));
+    let life = Life::begin(&store, &artifacts, &config, ProcessKind::Worker).await?;
+    loops.spawn(life.go_on(stopping.clone(), drop));
     if let Some(listener) = status {
         let answers = serve_worker_status(listener, store.clone(), artifacts.clone(), stopping.clone());
         loops.spawn(async {

@@ -32,7 +32,7 @@ impl Workers {
     ) -> Result<Self, UpkeepError> {
         // Two processes cannot hold the same data folder, so its identity is that of the process.
         let process = if store.is_shared() { Some(artifacts.folder_identity().await?) } else { None };
-        let config = WorkerConfig { process: process.clone(), ..config.workers() };
+        let config = WorkerConfig { process: process.clone(), labels: config.labels()?, ..config.workers() };
         let worker = Worker::new(store.clone(), artifacts, config, Arc::new(OpticsTask)).showing(live_pictures);
         Ok(Self { running: tokio::spawn(worker.run(stopping)), store, process })
     }

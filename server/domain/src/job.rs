@@ -40,6 +40,7 @@ pub use spec::{EvaluateKernel, JobSpec, LearnKernel, SimulateCapture};
 pub use suggest::{SuggestHolograms, SuggestResult, SuggestedHologram};
 pub use verify::{PlaneOpinion, VerifyHologram, VerifyResult};
 
+use crate::ability::Labels;
 use serde::{Deserialize, Serialize};
 
 /// State of a job.
@@ -164,6 +165,12 @@ pub struct JobSummary {
     pub revision: u64,
     /// What the job is about, for people.
     pub label: Option<String>,
+    /// Labels that the process must have that runs the job.
+    pub needs: Labels,
+    /// Estimated memory of an attempt \[bytes\]; 0: not estimated.
+    pub memory_bytes: u64,
+    /// Number of jobs that must succeed before this job starts, and have not succeeded yet.
+    pub waiting_for: u32,
 }
 
 /// Owner, order and time limits of a job. By default the owner is unknown and the job starts as soon as possible.
@@ -183,6 +190,8 @@ pub struct Scheduling {
     pub after: Vec<String>,
     /// What the job is about, for people, such as the file name of its target.
     pub label: Option<String>,
+    /// Labels that the process must have that runs the job.
+    pub needs: Labels,
 }
 
 /// A validated submission.

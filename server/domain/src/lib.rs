@@ -8,10 +8,11 @@
 //!   to the displays in the field.
 //! - [`webhook`]: addresses that learn of events. [`origin`]: lists of allowed origins.
 //! - [`planning`], [`slm`]: conversion from displays to the types of the optics engine.
-//! - [`access`]: roles and tokens. [`causes`]: error messages in one line.
+//! - [`ability`]: labels and memory of processes, and what jobs need of them. [`access`]: roles and tokens. [`causes`]: error messages in one line.
 //! - [`reason`]: codes for errors and refusals, for programs.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+pub mod ability;
 pub mod access;
 pub mod causes;
 pub mod dataset;

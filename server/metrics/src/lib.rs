@@ -6,15 +6,17 @@
 
 use lightpath_artifacts::Artifacts;
 use lightpath_domain::job::{Job, JobSpec, JobState};
-use lightpath_store::{LIMIT_MAX, Store, StoreError};
+use lightpath_store::{LIMIT_MAX, ProcessKind, Store, StoreError, WaitingWork};
 use metrics::{Unit, counter, describe_counter, describe_gauge, describe_histogram, gauge, histogram};
 use metrics_exporter_prometheus::{Matcher, PrometheusBuilder, PrometheusHandle};
-use std::sync::OnceLock;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::Duration;
 
 const QUEUE_DEPTH: &str = "lightpath_queue_depth";
 const QUEUE_OLDEST: &str = "lightpath_queue_oldest_seconds";
 const QUEUE_WORK: &str = "lightpath_queue_work_seconds";
+const PROCESSES: &str = "lightpath_processes";
 const JOBS_ENDED: &str = "lightpath_jobs_ended_total";
 const JOB: &str = "lightpath_job_seconds";
 const LEASES_LOST: &str = "lightpath_leases_lost_total";
@@ -43,6 +45,9 @@ const ITERATION_BUCKETS_S: [f64; 12] = [0.0005, 0.001, 0.0025, 0.005, 0.01, 0.02
 const JOB_BUCKETS_S: [f64; 10] = [0.1, 0.5, 1.0, 5.0, 15.0, 60.0, 300.0, 1200.0, 3600.0, 14_400.0];
 /// Buckets for the time of a request \[s\]: from a read of one row to the check of a large picture.
 const REQUEST_BUCKETS_S: [f64; 10] = [0.001, 0.0025, 0.005, 0.01, 0.025, 0.1, 0.25, 1.0, 5.0, 30.0];
+
+/// Limit on the sets of needs that metrics tell apart: submitters choose them, and each is a time series for each kind.
+const NEEDS_SHOWN_MAX: usize = 64;
 
 /// Why a job lost its lease.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -156,8 +161,10 @@ pub async fn render(store: &Store, files: &Artifacts, now_ms: i64) -> Result<Str
     for (kind, age) in store.oldest_due(now_ms).await? {
         gauge!(QUEUE_OLDEST, "kind" => kind).set(age.as_secs_f64());
     }
-    for (kind, work) in store.waiting_work(now_ms).await? {
-        gauge!(QUEUE_WORK, "kind" => kind).set(work.as_secs_f64());
+    set_waiting_work(store.waiting_work(now_ms).await?);
+    for kind in ProcessKind::ALL {
+        let living = store.living().iter().filter(|process| process.kind == kind).count();
+        gauge!(PROCESSES, "kind" => kind.as_str()).set(living as f64);
     }
     gauge!(WEBHOOKS_WAITING).set(store.deliveries_waiting().await? as f64);
     let (database, wal) = store.database_bytes().await?;
@@ -176,6 +183,26 @@ pub async fn render(store: &Store, files: &Artifacts, now_ms: i64) -> Result<Str
     }
     handle.run_upkeep();
     Ok(handle.render())
+}
+
+/// Sets the gauge of each kind and set of needs. Sets that no job needs any more become 0, because a gauge keeps its value.
+fn set_waiting_work(all: Vec<WaitingWork>) {
+    static KNOWN: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
+    let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut seconds: BTreeMap<(&'static str, String), f64> = BTreeMap::new();
+    for work in all {
+        let needs = work.needs.to_string();
+        let is_shown = needs.is_empty() || known.contains(&needs) || known.len() < NEEDS_SHOWN_MAX;
+        let needs = if is_shown { needs } else { "other".to_owned() };
+        known.insert(needs.clone());
+        *seconds.entry((work.kind, needs)).or_default() += work.time.as_secs_f64();
+    }
+    for kind in JobSpec::KINDS {
+        for needs in known.iter() {
+            let time_s = seconds.get(&(kind, needs.clone())).copied().unwrap_or(0.0);
+            gauge!(QUEUE_WORK, "kind" => kind, "needs" => needs.clone()).set(time_s);
+        }
+    }
 }
 
 fn handle() -> Option<&'static PrometheusHandle> {
@@ -199,7 +226,12 @@ fn handle() -> Option<&'static PrometheusHandle> {
 fn describe() {
     describe_gauge!(QUEUE_DEPTH, "Jobs that wait or run, by kind and state");
     describe_gauge!(QUEUE_OLDEST, Unit::Seconds, "Time since the earliest waiting job became due, by kind");
-    describe_gauge!(QUEUE_WORK, Unit::Seconds, "Estimated time of the jobs that are due and wait, by kind");
+    describe_gauge!(
+        QUEUE_WORK,
+        Unit::Seconds,
+        "Estimated time of the jobs that are due and wait, by kind and needed labels"
+    );
+    describe_gauge!(PROCESSES, "Living processes that serve or run jobs, by kind");
     describe_counter!(JOBS_ENDED, "Jobs that ended, by kind and state");
     describe_histogram!(JOB, Unit::Seconds, "Time of the last attempt of jobs that succeeded or failed");
     describe_counter!(
@@ -235,7 +267,25 @@ fn describe() {
 
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeSet;
+    use super::*;
+    use lightpath_domain::ability::Labels;
+
+    #[test]
+    fn work_that_nobody_waits_for_any_more_is_zero() {
+        install();
+        let work = |needs: &str| {
+            let needs = Labels::parse(needs).unwrap();
+            vec![WaitingWork { kind: "learn_kernel", needs, time: Duration::from_secs(7) }]
+        };
+        let shows = |line: &str| handle().unwrap().render().lines().any(|shown| shown == line);
+        set_waiting_work(work("bench-2,gpu"));
+        assert!(shows(r#"lightpath_queue_work_seconds{kind="learn_kernel",needs="bench-2, gpu"} 7"#));
+        set_waiting_work(Vec::new());
+        assert!(shows(r#"lightpath_queue_work_seconds{kind="learn_kernel",needs="bench-2, gpu"} 0"#));
+        (0..100).for_each(|n| set_waiting_work(work(&n.to_string())));
+        assert!(shows(r#"lightpath_queue_work_seconds{kind="learn_kernel",needs="other"} 7"#));
+        assert!(!shows(r#"lightpath_queue_work_seconds{kind="learn_kernel",needs="99"} 7"#));
+    }
 
     #[test]
     fn counters_start_at_zero() {

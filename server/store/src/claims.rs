@@ -1,29 +1,79 @@
 //! The choice of the job that a claim starts.
 
+/// Rounds the estimated memory of a job down, to one of 16 classes between a number and its double; below 32 MiB to 0.
+/// Jobs of a class share a lane. So a process passes over thousands of jobs that are too large for it at once, unless they
+/// are of the class of its own limit.
+pub(super) fn memory_class(bytes: u64) -> i64 {
+    const SMALL: u64 = 32 << 20;
+    const BITS: u32 = 5;
+    if bytes < SMALL {
+        return 0;
+    }
+    let shift = (u64::BITS - bytes.leading_zeros()) - BITS;
+    i64::try_from(bytes >> shift << shift).unwrap_or(i64::MAX)
+}
+
+/// The sets of needs that a process has all labels for, which are in `$8`, as JSON.
+macro_rules! met_needs {
+    ($labels:literal) => {
+        concat!(
+            "met as materialized (select needs from lane_needs where not exists ( \
+                select 1 from json_each(lane_needs.needs) need \
+                where need.value not in (select label.value from json_each(",
+            $labels,
+            ") label)))"
+        )
+    };
+}
+
+/// The lanes whose jobs may be for a process, by the needs that it meets and the memory that it gives a job.
+macro_rules! suitable_lane {
+    ($memory:literal) => {
+        concat!("(lane.needs = '[]' or lane.needs in (select needs from met)) and lane.memory_class <= ", $memory)
+    };
+}
+
+/// The jobs of a lane that wait and fit into the memory of a process.
+macro_rules! ready_in_lane {
+    ($memory:literal) => {
+        concat!(
+            "from job where state = 'queued' and waiting_for = 0 \
+             and priority = lane.priority and owner = lane.owner and display = lane.display and needs = lane.needs \
+             and memory_class = lane.memory_class and estimated_bytes <= ",
+            $memory
+        )
+    };
+}
+
 /// The lanes in which the claim may start a job, without a look at their jobs.
 macro_rules! open_lane {
     () => {
-        "($5 = 0 or coalesce(busy.running, 0) < $5) \
+        concat!(
+            suitable_lane!("$9"),
+            " and ($5 = 0 or coalesce(busy.running, 0) < $5) \
          and not exists (select 1 from closed where closed.display in ('', lane.display))"
+        )
     };
 }
 
 /// The jobs of a lane that are due.
 macro_rules! due_in_lane {
     () => {
-        "from job where state = 'queued' and waiting_for = 0 \
-         and priority = lane.priority and owner = lane.owner and display = lane.display and run_time_ms <= $4"
+        concat!(ready_in_lane!("$9"), " and run_time_ms <= $4")
     };
 }
 
 /// Starts the next job: `$1` its lease, `$2` the end of the lease, `$3` the worker, `$4` now \[ms since 1970\], `$5` limit
-/// on the running jobs of an owner, `$6` limit on those for a display (0: no limit), `$7` the worker's process.
+/// on the running jobs of an owner, `$6` limit on those for a display (0: no limit), `$7` the worker's process, `$8` its
+/// labels as JSON, `$9` the memory that it gives a job \[bytes\].
 ///
 /// It looks for the lowest priority with a due job, ranks the owners there, and looks at the lanes of the first of them
 /// that has a due job. With a thousand lanes it so reads few jobs. The order of `turn` is a hint: PostgreSQL then looks at
 /// one owner after the other, and ends at the first job. The order of the whole does not depend on it.
 pub(super) const CLAIM: &str = concat!(
-    "with busy as materialized ( \
+    "with ",
+    met_needs!("$8"),
+    ", busy as materialized ( \
         select owner, cast(sum(jobs) as bigint) as running from job_count where state = 'running' group by owner), \
      closed as materialized ( \
         select display from pause \
@@ -54,3 +104,30 @@ pub(super) const CLAIM: &str = concat!(
         order by turn.running, turn.start_ms nulls first, next.run_time_ms, next.id limit 1) \
      returning *"
 );
+
+/// The earliest time after `$1` \[ms since 1970\] when a waiting job becomes due that a process with the labels `$2` (JSON)
+/// and the memory `$3` for a job \[bytes\] can run.
+pub(super) const NEXT_RUN_TIME: &str = concat!(
+    "with ",
+    met_needs!("$2"),
+    " select min((select min(run_time_ms) ",
+    ready_in_lane!("$3"),
+    " and run_time_ms > $1)) from lane where ",
+    suitable_lane!("$3")
+);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn class_of_a_memory_is_below_it_by_a_sixteenth_at_most() {
+        for bytes in [32 << 20, (32 << 20) + 1, (64 << 20) - 1, 1_000_000_007, 40 << 30, (1 << 50) - 1] {
+            let class = memory_class(bytes).unsigned_abs();
+            assert!(class <= bytes && (bytes - class) * 16 < bytes, "{bytes}: {class}");
+            assert_eq!(memory_class(class), memory_class(bytes), "{bytes}");
+        }
+        assert_eq!((memory_class(0), memory_class((32 << 20) - 1)), (0, 0));
+        assert_eq!(memory_class(u64::MAX), i64::MAX);
+    }
+}

@@ -8,7 +8,7 @@ use lightpath_domain::job::{Job, JobState, JobSummary};
 
 /// Columns of a [`JobSummary`].
 const SUMMARY: &str = "id, kind, display, owner, batch, state, cancel_requested, priority, attempt, create_time_ms, \
-                       start_time_ms, finish_time_ms, progress, error, revision, label";
+                       start_time_ms, finish_time_ms, progress, error, revision, label, needs, estimated_bytes, waiting_for";
 
 /// Selection and order of the jobs in a list.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash)]

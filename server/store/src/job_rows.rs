@@ -33,6 +33,7 @@ pub(super) fn job_of(row: &Row) -> Result<Job, StoreError> {
             timeout_ms: row.try_get("timeout_ms")?,
             after: from_json("job.after", &row.try_get::<String>("after")?)?,
             label: row.try_get("label")?,
+            needs: from_json("job.needs", &row.try_get::<String>("needs")?)?,
         },
         waiting_for: row.try_get("waiting_for")?,
         estimate: Estimate {
@@ -61,5 +62,8 @@ pub(super) fn summary_of(row: &Row) -> Result<JobSummary, StoreError> {
         error: from_json_option("job.error", row.try_get("error")?)?,
         revision: row.try_get::<i64>("revision")?.unsigned_abs(),
         label: row.try_get("label")?,
+        needs: from_json("job.needs", &row.try_get::<String>("needs")?)?,
+        memory_bytes: row.try_get::<i64>("estimated_bytes")?.unsigned_abs(),
+        waiting_for: row.try_get("waiting_for")?,
     })
 }

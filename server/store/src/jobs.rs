@@ -1,6 +1,7 @@
 //! Submitting, reading and counting jobs.
 
 use super::changes::Change;
+use super::claims::memory_class;
 use super::events::append_event;
 use super::job_rows::job_of;
 use super::rows::{from_word, to_json};
@@ -143,16 +144,16 @@ async fn submit(
         return Ok((job, Submitted::Existing));
     }
     require_display_and_room(write.sql(), &new, limits).await?;
-    let Scheduling { owner, batch, unique_key, not_before_ms, timeout_ms, after, label } = &new.scheduling;
+    let Scheduling { owner, batch, unique_key, not_before_ms, timeout_ms, after, label, needs } = &new.scheduling;
     let unfinished = dependencies::unfinished(write, after).await?;
     let id = Uuid::now_v7().to_string();
     let words = words_of(&id, &new);
     let row = query(
         "insert into job (id, request_id, display, dataset, spec, state, priority, attempts_max, create_time_ms, \
          run_time_ms, owner, batch, unique_key, not_before_ms, timeout_ms, after, waiting_for, \
-         estimated_bytes, estimated_ms, kind, words, label) \
+         estimated_bytes, estimated_ms, kind, words, label, needs, memory_class) \
          values ($1, $2, $3, $4, $5, 'queued', $6, $7, $8, max($8, coalesce($12, $8)), $9, $10, $11, $12, $13, $14, $15, \
-         $16, $17, $18, $20, $19) \
+         $16, $17, $18, $20, $19, $21, $22) \
          returning *",
     )
     .bind(id)
@@ -175,6 +176,8 @@ async fn submit(
     .bind(new.spec.kind())
     .bind(label)
     .bind(words)
+    .bind(to_json("job.needs", needs)?)
+    .bind(memory_class(new.estimate.memory_bytes))
     .fetch_one(write.sql())
     .await?;
     let job = job_of(&row)?;

@@ -5,13 +5,14 @@
 //! says from when the store may do so. So a process that was suspended for longer than a lease continues its jobs.
 
 use super::changes::Change;
-use super::claims::CLAIM;
+use super::claims::{CLAIM, NEXT_RUN_TIME};
 use super::events::append_event;
 use super::job_rows::job_of;
 use super::rows::to_json;
 use super::sql::{Query, Row, query, scalar};
 use super::write::Write;
 use super::{Store, StoreError};
+use lightpath_domain::ability::Abilities;
 use lightpath_domain::job::{Job, Lease, Progress};
 use uuid::Uuid;
 
@@ -33,13 +34,16 @@ pub struct Claimant {
     pub process: Option<String>,
     /// Id of the lease that it gets. If the answer to a claim is lost, [`Store::abandon_claim`] gives the job back.
     pub lease_id: String,
+    /// What its process offers to jobs. It gets no others.
+    pub abilities: Abilities,
 }
 
 impl Claimant {
-    /// A worker of the only process that works on the database.
+    /// A worker of the only process that works on the database, without labels.
     #[must_use]
     pub fn named(worker: &str) -> Self {
-        Self { worker: worker.to_owned(), process: None, lease_id: Uuid::now_v7().to_string() }
+        let lease_id = Uuid::now_v7().to_string();
+        Self { worker: worker.to_owned(), process: None, lease_id, abilities: Abilities::default() }
     }
 }
 
@@ -65,7 +69,7 @@ macro_rules! fenced {
 pub(super) use fenced;
 
 impl Store {
-    /// Gives the next job to `worker`, with a lease of `lease_ms`. Jobs are ordered by: lowest `priority`; owner with
+    /// Gives the next job to `worker`, a process without labels, with a lease of `lease_ms`. Jobs are ordered by: lowest `priority`; owner with
     /// the fewest running jobs; owner whose last start is longest ago; earliest due; oldest. Starts in the future, from
     /// a time when the clock was wrong, do not count.
     ///
@@ -76,7 +80,8 @@ impl Store {
         self.claim_within(ClaimLimits::default(), now_ms, lease_ms, &Claimant::named(worker)).await
     }
 
-    /// Does the same as [`Self::claim`], with limits on the running jobs of an owner and for a display.
+    /// Does the same as [`Self::claim`], with limits on the running jobs of an owner and for a display. Jobs that the
+    /// claimant cannot run do not count: they neither run nor block others.
     ///
     /// # Errors
     ///
@@ -92,18 +97,16 @@ impl Store {
         self.write(move |write| Box::pin(async move { claim(write, limits, now_ms, lease_ms, &claimant).await })).await
     }
 
-    /// Earliest time after `now_ms` when a waiting job becomes due \[ms since 1970\]; `None` if there is no such job.
+    /// Earliest time after `now_ms` when a waiting job becomes due \[ms since 1970\] that a process with these abilities can
+    /// run; `None` if there is no such job.
     ///
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn next_run_time(&self, now_ms: i64) -> Result<Option<i64>, StoreError> {
-        let time = scalar(
-            "select min((select min(run_time_ms) from job where state = 'queued' and waiting_for = 0 \
-             and priority = lane.priority and owner = lane.owner and display = lane.display and run_time_ms > $1)) \
-             from lane",
-        );
-        Ok(time.bind(now_ms).fetch_one(self.readers()).await?)
+    pub async fn next_run_time(&self, now_ms: i64, abilities: &Abilities) -> Result<Option<i64>, StoreError> {
+        let (labels, memory_bytes) = in_claim(abilities)?;
+        let time = scalar(NEXT_RUN_TIME).bind(now_ms).bind(labels).bind(memory_bytes);
+        Ok(time.fetch_one(self.readers()).await?)
     }
 
     /// Extends the lease, even after its end if the store has not taken it back.
@@ -232,6 +235,12 @@ impl Store {
     }
 }
 
+/// Labels and memory as claims get them.
+fn in_claim(abilities: &Abilities) -> Result<(String, i64), StoreError> {
+    let memory_bytes = i64::try_from(abilities.memory_bytes).unwrap_or(i64::MAX);
+    Ok((to_json("process.labels", &abilities.labels)?, memory_bytes))
+}
+
 async fn claim(
     write: &mut Write,
     limits: ClaimLimits,
@@ -240,6 +249,7 @@ async fn claim(
     claimant: &Claimant,
 ) -> Result<Option<(Job, Lease)>, StoreError> {
     let lease_id = claimant.lease_id.clone();
+    let (labels, memory_bytes) = in_claim(&claimant.abilities)?;
     let row = query(CLAIM)
         .bind(&lease_id)
         .bind(now_ms + lease_ms)
@@ -248,6 +258,8 @@ async fn claim(
         .bind(limits.per_owner)
         .bind(limits.per_display)
         .bind(&claimant.process)
+        .bind(labels)
+        .bind(memory_bytes)
         .fetch_optional(write.sql())
         .await?;
     let Some(row) = row else { return Ok(None) };

@@ -17,6 +17,7 @@
 //!
 //! - `tokens`: API tokens. `signing`: keyrings and private keys. `queue`: pauses and the state of the queue.
 //!   `dependencies`: jobs that wait for other jobs. `claims`: which job is next.
+//!   `processes`: those that live.
 //! - `gates`: what versions must show before they become active. `rollouts`, `devices`: versions on their way to the
 //!   displays in the field.
 //! - `webhooks`, `deliveries`: addresses that learn of events, and what they are to learn.
@@ -58,6 +59,7 @@ mod moves;
 mod notices;
 mod open;
 mod prepared;
+mod processes;
 mod queue;
 mod rollouts;
 mod rows;
@@ -82,11 +84,12 @@ pub use jobs::{QueueCounts, QueueLimits, Submitted};
 pub use leases::{ClaimLimits, Claimant, Heartbeat};
 pub use moves::{ALIASES_MAX, AliasMove, Promotion};
 pub use open::Store;
+pub use processes::{LIFE, Process, ProcessKind};
 pub use queue::{BatchProgress, OwnerQueue, Pause};
 pub use rollouts::Widening;
 pub use signing::{PrivateKey, StoredKeyring};
 pub use tokens::TokenRecord;
-pub use totals::QueueDepth;
+pub use totals::{QueueDepth, WaitingWork};
 pub use transfer::{ComparedTable, Side, Transfer, TransferError};
 pub use webhooks::WEBHOOKS_MAX;
 

@@ -3,6 +3,7 @@
 use super::StoreError;
 use super::changes::Changes;
 use super::database_time::DatabaseTime;
+use super::processes::Living;
 use super::sql::Pool;
 use super::transfer::marked_source;
 use sqlx::migrate::{MigrateError, Migration, MigrationType, Migrator};
@@ -98,6 +99,7 @@ pub(super) struct Inner {
     /// The file of SQLite.
     pub(super) path: Option<PathBuf>,
     pub(super) time: DatabaseTime,
+    pub(super) living: Living,
     /// Name of this handle for others, so that it does not hear itself.
     pub(super) process: String,
     /// The task that hears of the changes of other processes.
@@ -153,8 +155,9 @@ impl Store {
 
     fn of(writers: Pool, readers: Pool, path: Option<PathBuf>) -> Self {
         let (changes, process) = (Changes::default(), Uuid::now_v7().to_string());
-        let time = DatabaseTime::default();
-        Self { inner: Arc::new(Inner { writers, readers, changes, path, time, process, listener: Mutex::default() }) }
+        let (time, living) = (DatabaseTime::default(), Living::default());
+        let listener = Mutex::default();
+        Self { inner: Arc::new(Inner { writers, readers, changes, path, time, living, process, listener }) }
     }
 
     /// Waits for operations in progress and closes the database. Later calls fail.

@@ -1,8 +1,9 @@
 //! Totals for metrics.
 
-use super::rows::from_word;
+use super::rows::{from_json, from_word};
 use super::sql::{query_as, scalar};
 use super::{Store, StoreError};
+use lightpath_domain::ability::Labels;
 use lightpath_domain::job::{JobSpec, JobState};
 use std::fs;
 use std::path::Path;
@@ -17,6 +18,17 @@ pub struct QueueDepth {
     pub state: JobState,
     /// Number of jobs.
     pub jobs: u64,
+}
+
+/// Estimated time of the waiting jobs of one kind that need the same labels.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct WaitingWork {
+    /// Kind of the jobs.
+    pub kind: &'static str,
+    /// Labels that they need.
+    pub needs: Labels,
+    /// Time for which one worker would work on them.
+    pub time: Duration,
 }
 
 impl Store {
@@ -62,21 +74,30 @@ impl Store {
         Ok(ages)
     }
 
-    /// For every kind, the estimated time of its jobs that are due and wait for a worker. A job without an estimate counts
-    /// as 0.
+    /// For every kind and each set of labels that its jobs need, the estimated time of the jobs that are due and wait for a
+    /// worker. A job without an estimate counts as 0. The empty set is there for every kind.
     ///
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn waiting_work(&self, now_ms: i64) -> Result<Vec<(&'static str, Duration)>, StoreError> {
-        let mut work = Vec::new();
+    pub async fn waiting_work(&self, now_ms: i64) -> Result<Vec<WaitingWork>, StoreError> {
+        let mut all = Vec::new();
         for kind in JobSpec::KINDS {
-            let sql = "select cast(coalesce(sum(estimated_ms), 0) as bigint) from job \
-                       where state = 'queued' and waiting_for = 0 and kind = $1 and run_time_ms <= $2";
-            let time_ms: i64 = scalar(sql).bind(kind).bind(now_ms).fetch_one(self.readers()).await?;
-            work.push((kind, Duration::from_millis(time_ms.unsigned_abs())));
+            let sql = "select needs, cast(sum(estimated_ms) as bigint) from job \
+                       where state = 'queued' and waiting_for = 0 and kind = $1 and run_time_ms <= $2 \
+                       group by needs order by needs";
+            let rows: Vec<(String, i64)> = query_as(sql).bind(kind).bind(now_ms).fetch_all(self.readers()).await?;
+            all.push(WaitingWork { kind, needs: Labels::default(), time: Duration::ZERO });
+            for (needs, time_ms) in rows {
+                let needs: Labels = from_json("job.needs", &needs)?;
+                let time = Duration::from_millis(time_ms.unsigned_abs());
+                match all.last_mut() {
+                    Some(last) if needs.is_empty() => last.time = time,
+                    _ => all.push(WaitingWork { kind, needs, time }),
+                }
+            }
         }
-        Ok(work)
+        Ok(all)
     }
 
     /// Sizes of the database and of SQLite's write-ahead log \[bytes\]; 0 for a missing file.

@@ -30,11 +30,16 @@ pub fn cache_bytes_max(limit_bytes: u64) -> u64 {
     (limit_bytes / CACHE_PART).min(CACHE_BYTES_MAX)
 }
 
+/// Memory for running jobs \[bytes\]: the limit, less the memory for transfer functions.
+#[must_use]
+pub fn jobs_bytes_max(limit_bytes: u64) -> u64 {
+    limit_bytes - cache_bytes_max(limit_bytes)
+}
+
 impl JobMemory {
     /// The limit \[bytes\], less the memory of the cache.
     pub(super) fn new(limit_bytes: u64) -> Self {
-        let jobs_bytes = limit_bytes - cache_bytes_max(limit_bytes);
-        let limit_mib = u32::try_from(jobs_bytes / MIB).unwrap_or(u32::MAX).max(1);
+        let limit_mib = u32::try_from(jobs_bytes_max(limit_bytes) / MIB).unwrap_or(u32::MAX).max(1);
         Self { free_mib: Arc::new(Semaphore::new(limit_mib as usize)), limit_mib }
     }
 

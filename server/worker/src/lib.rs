@@ -54,13 +54,14 @@ mod verify;
 pub use backoff::Backoff;
 pub use clock::Clock;
 pub use context::{JobContext, TaskError, TaskOutput};
-pub use job_memory::cache_bytes_max;
+pub use job_memory::{cache_bytes_max, jobs_bytes_max};
 pub use optics_task::OpticsTask;
 pub use speed::measured_work_per_s;
 pub use stop::StopReason;
 
 use job_memory::JobMemory;
 use lightpath_artifacts::{ArtifactError, Artifacts};
+use lightpath_domain::ability::{Abilities, Labels};
 use lightpath_domain::job::{Job, JobSpec};
 use lightpath_media::live_pictures::LivePictures;
 use lightpath_metrics::{self as metrics, LeaseLoss};
@@ -133,6 +134,21 @@ pub struct WorkerConfig {
     pub name: String,
     /// Id of this process, if several share the database. No two living processes have the same.
     pub process: Option<String>,
+    /// Labels of this process: it also runs jobs that need them.
+    pub labels: Labels,
+}
+
+impl WorkerConfig {
+    /// What this process offers to jobs. If no other process shares the database, it takes jobs of every size: those above
+    /// its limit, because that was lowered, run alone.
+    #[must_use]
+    pub fn abilities(&self) -> Abilities {
+        let memory_bytes = match self.process {
+            Some(_) => jobs_bytes_max(self.memory_bytes),
+            None => u64::MAX,
+        };
+        Abilities { labels: self.labels.clone(), memory_bytes }
+    }
 }
 
 impl Default for WorkerConfig {
@@ -148,6 +164,7 @@ impl Default for WorkerConfig {
             memory_bytes: 4 << 30,
             name: "worker".to_owned(),
             process: None,
+            labels: Labels::default(),
         }
     }
 }
@@ -322,6 +339,7 @@ impl Worker {
         // Lease of a claim whose answer was lost.
         let mut unsure: Option<String> = None;
         let claimable = self.store.claimable();
+        let abilities = self.config.abilities();
         while !drain.is_cancelled() {
             if self.artifacts.space().room_to_start().is_err() {
                 tokio::select! {
@@ -338,7 +356,8 @@ impl Worker {
                 }
                 unsure = None;
             }
-            let claimant = Claimant { process: self.config.process.clone(), ..Claimant::named(&worker) };
+            let (process, abilities) = (self.config.process.clone(), abilities.clone());
+            let claimant = Claimant { process, abilities, ..Claimant::named(&worker) };
             match self.store.claim_within(self.config.limits, now_ms, self.lease_ms(), &claimant).await {
                 Ok(Some((job, lease))) => {
                     // More jobs may be ready: wake another idle worker.
@@ -346,7 +365,7 @@ impl Worker {
                     self.attempt(job, lease, &pool, &drain).await;
                 }
                 Ok(None) => {
-                    let wait = self.until_next_job(now_ms).await;
+                    let wait = self.until_next_job(now_ms, &claimant.abilities).await;
                     tokio::select! {
                         () = claimable.notified() => {}
                         () = sleep(wait) => {}
@@ -370,8 +389,8 @@ impl Worker {
     }
 
     /// Time until a job becomes due that was not yet due when the last claim found none.
-    async fn until_next_job(&self, claimed_ms: i64) -> Duration {
-        match self.store.next_run_time(claimed_ms).await {
+    async fn until_next_job(&self, claimed_ms: i64, abilities: &Abilities) -> Duration {
+        match self.store.next_run_time(claimed_ms, abilities).await {
             Ok(Some(due_ms)) => {
                 let wait_ms = due_ms.saturating_sub(self.clock.now_ms()).max(1).unsigned_abs();
                 Duration::from_millis(wait_ms).min(POLL_INTERVAL_MAX)

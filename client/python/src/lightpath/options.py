@@ -37,6 +37,8 @@ class SubmitOptions(TypedDict, total=False):
     """An attempt that takes longer fails for good [s]."""
     after: Sequence[str]
     """Jobs that must succeed before this job starts, `jobs/{id}`."""
+    needs: Sequence[str]
+    """Labels that the process must have that runs the job, such as `gpu`."""
     label: str
     """What the job is about, for lists of jobs, at most 128 bytes. Default: the names of the target's files."""
 

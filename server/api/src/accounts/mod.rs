@@ -4,7 +4,7 @@
 //!
 //! | what | limit for all | limit for one client |
 //! |---|---|---|
-//! | calls (`rate`) | none | `calls_per_s_max` of the settings |
+//! | calls (`rate`) | none | `calls_per_s_max` of the settings, divided by the number of living servers |
 //! | memory for messages (`memory_budget`) | `under_way_mib_max` | three quarters of it, by address |
 //! | memory for computations (`turns`) | `computing_mib_max` | half of it; a quarter is kept for those that spent little |
 //! | threads for computations (`turns`) | [`COMPUTATIONS_MAX`] | all but two; the client that spent least is next |

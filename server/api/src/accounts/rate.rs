@@ -4,11 +4,12 @@
 //! a call at time t is accepted if  A ≤ t + τ,   and then  A ← max(A, t) + T
 //! ```
 //!
-//! T = 1/rate is the time between calls; τ = burst · T is how far a caller may be ahead; A is the theoretical arrival
+//! T = 1/rate is the time between calls, times the number of servers that share the limit; τ = burst · T is how far a caller may be ahead; A is the theoretical arrival
 //! time of the next call.
 
 use super::client::Client;
 use std::collections::HashMap;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -22,6 +23,8 @@ const CLIENTS_MAX: usize = 10_000;
 pub struct Rate {
     /// T, the time between calls; `None`: no limit.
     cost: Option<Duration>,
+    /// Number of servers that share the limit.
+    servers: AtomicU32,
     tolerance: Duration,
     /// A of each client. Locked only for a lookup and an addition.
     arrivals: Mutex<HashMap<Client, Instant>>,
@@ -31,12 +34,19 @@ impl Rate {
     /// Limits each client to this many calls a second; 0: no limit.
     pub fn new(calls_per_s: u32) -> Self {
         let cost = (calls_per_s > 0).then(|| Duration::from_secs(1) / calls_per_s);
-        Self { cost, tolerance: Duration::from_secs_f64(BURST_S), arrivals: Mutex::default() }
+        let tolerance = Duration::from_secs_f64(BURST_S);
+        Self { cost, servers: AtomicU32::new(1), tolerance, arrivals: Mutex::default() }
+    }
+
+    /// Gives each client this server's part of the limit, one of `servers` equal ones.
+    pub fn share_among(&self, servers: u32) {
+        self.servers.store(servers.max(1), Ordering::Relaxed);
     }
 
     /// Accepts a call, or returns the time after which the client may retry.
     pub fn admit(&self, client: &Client, now: Instant) -> Result<(), Duration> {
         let Some(cost) = self.cost else { return Ok(()) };
+        let cost = cost * self.servers.load(Ordering::Relaxed);
         let mut arrivals = self.arrivals.lock().unwrap_or_else(PoisonError::into_inner);
         if arrivals.len() >= CLIENTS_MAX && !arrivals.contains_key(client) {
             arrivals.retain(|_, arrival| *arrival > now);
@@ -76,6 +86,16 @@ mod tests {
             (0..1000).filter(|n| rate.admit(&client("ada"), later + Duration::from_millis(11) * *n).is_ok()).count();
         assert_eq!(accepted, 1000, "calls below the rate are accepted");
         assert!((0..10_000).all(|_| Rate::new(0).admit(&client("ada"), start).is_ok()));
+    }
+
+    #[test]
+    fn servers_share_the_limit() {
+        let (rate, start) = (Rate::new(100), Instant::now());
+        let accepted = |name: &str| (0..1000).filter(|_| rate.admit(&client(name), start).is_ok()).count();
+        rate.share_among(4);
+        assert!((50..=51).contains(&accepted("ada")));
+        rate.share_among(0);
+        assert!((200..=201).contains(&accepted("bob")), "this server lives");
     }
 
     #[test]

@@ -55,7 +55,7 @@ async fn events(store: &Store, changes: Vec<Changed>) -> Option<Vec<(Option<Chan
         }
         let (display, message) = match &changed {
             Changed::Job(id) => match store.job_summary(id).await {
-                Ok(job) => (Some(job.display.clone()), Change::Job(to_wire::summary(job))),
+                Ok(job) => (Some(job.display.clone()), Change::Job(to_wire::summary(store, job))),
                 Err(StoreError::NotFound { .. }) => continue,
                 Err(_) => return None,
             },

@@ -64,8 +64,20 @@ impl Api {
             JobSpec::SuggestHolograms(spec) => self.suggestion_need(spec).await?,
         };
         let estimate = need.on(self.job_limits.work_per_s);
-        require_within(&estimate, &self.job_limits, spec)?;
+        if estimate.memory_bytes > self.largest_memory_bytes() {
+            // A larger process may have come in the last seconds.
+            self.store.read_living().await?;
+        }
+        let limits = JobLimits { memory_bytes: self.largest_memory_bytes(), ..self.job_limits };
+        require_within(&estimate, &limits, spec)?;
         Ok(estimate)
+    }
+
+    /// The largest memory that a living process, or this one, gives a job \[bytes\].
+    fn largest_memory_bytes(&self) -> u64 {
+        let living = self.store.living();
+        let largest = living.iter().map(|process| process.abilities.memory_bytes).max().unwrap_or(0);
+        largest.max(self.job_limits.memory_bytes)
     }
 
     async fn hologram_need(&self, spec: &OptimizeHologram, decoding_bytes: u64) -> Result<Need, ApiError> {
@@ -268,7 +280,7 @@ fn learned_region_px(version: &KernelVersion, kernel: &KernelSize) -> [usize; 2]
     region.map_or([kernel.engine.height_px, kernel.engine.width_px], |region| [region.height_px(), region.width_px()])
 }
 
-/// Refuses a job that needs more memory or time than the server gives a job.
+/// Refuses a job that needs more memory or time than the living processes give a job.
 fn require_within(estimate: &Estimate, limits: &JobLimits, spec: &JobSpec) -> Result<(), ApiError> {
     let Estimate { memory_bytes, time_s } = *estimate;
     if memory_bytes <= limits.memory_bytes && time_s <= limits.time_s {
@@ -276,7 +288,7 @@ fn require_within(estimate: &Estimate, limits: &JobLimits, spec: &JobSpec) -> Re
     }
     let mib = |bytes: u64| (bytes as f64 / MIB).ceil();
     let message = format!(
-        "spec: the job would need {} MiB of memory and {:.0} s, but this server gives a job at most {} MiB \
+        "spec: the job would need {} MiB of memory and {:.0} s, but a job gets at most {} MiB \
          (job_memory_mib_max) and {:.0} s (job_time_s_max); {}",
         mib(memory_bytes),
         time_s.ceil(),

@@ -17,4 +17,5 @@ mod submit;
 mod suggest_holograms;
 pub(crate) mod to_wire;
 mod verify_hologram;
+mod waits_for;
 mod watch_job;

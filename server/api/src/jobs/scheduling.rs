@@ -1,4 +1,4 @@
-//! Checks of the scheduling of a job: owner, batch, unique key, times, dependencies and label.
+//! Checks of the scheduling of a job: owner, batch, unique key, times, dependencies, label and needs.
 
 use crate::call::Call;
 use crate::error::ApiError;
@@ -6,6 +6,7 @@ use crate::field::Field;
 use crate::permissions::owner_of_job;
 use crate::time::{ms, now_ms};
 use crate::wrong_fields::{check_all, collect_all};
+use lightpath_domain::ability::{Labels, NEEDS_MAX};
 use lightpath_domain::job::Scheduling;
 use lightpath_proto::v1;
 
@@ -30,8 +31,9 @@ pub(crate) fn scheduling(call: &Call, request: &v1::SubmitJobRequest) -> Result<
         timeout_ms = timeout_ms(request.timeout_s);
         after = after(&request.after);
         label = label(&Field::new("label"), request.label.clone());
+        needs = needs(&request.needs);
     }
-    Ok(Scheduling { owner, batch, unique_key, not_before_ms, timeout_ms, after, label })
+    Ok(Scheduling { owner, batch, unique_key, not_before_ms, timeout_ms, after, label, needs })
 }
 
 fn not_before_ms(time: &pbjson_types::Timestamp) -> Result<i64, ApiError> {
@@ -60,6 +62,10 @@ fn after(names: &[String]) -> Result<Vec<String>, ApiError> {
     Ok(ids)
 }
 
+fn needs(given: &[String]) -> Result<Labels, ApiError> {
+    Labels::new(given, NEEDS_MAX).map_err(|error| Field::new("needs").invalid(error.to_string()))
+}
+
 /// Checks a short text that the client chose; `None` if it is empty.
 pub(crate) fn label(field: &Field, given: String) -> Result<Option<String>, ApiError> {
     if given.chars().any(char::is_control) {
@@ -76,15 +82,21 @@ mod tests {
     #[test]
     fn scheduling_is_converted_and_invalid_fields_are_refused() {
         let after = vec!["jobs/b".to_owned(), "jobs/a".to_owned(), "jobs/b".to_owned()];
-        let request = v1::SubmitJobRequest { timeout_s: 1.5, owner: "ada".into(), after, ..Default::default() };
+        let needs = ["gpu", "bench-2", "gpu"].map(str::to_owned).to_vec();
+        let request = v1::SubmitJobRequest { timeout_s: 1.5, owner: "ada".into(), after, needs, ..Default::default() };
         let converted = scheduling(&Call::without_token(), &request).unwrap();
         assert_eq!((converted.timeout_ms, converted.owner.as_str(), converted.batch), (Some(1500), "ada", None));
         assert_eq!(converted.after, ["a", "b"]);
+        assert_eq!(converted.needs.to_string(), "bench-2, gpu");
         for (request, start) in [
             (v1::SubmitJobRequest { timeout_s: f64::NAN, ..Default::default() }, "timeout_s is NaN"),
             (v1::SubmitJobRequest { timeout_s: -1.0, ..Default::default() }, "timeout_s is -1"),
             (v1::SubmitJobRequest { owner: "a\nb".into(), ..Default::default() }, "owner contains control"),
             (v1::SubmitJobRequest { batch: "x".repeat(129), ..Default::default() }, "batch has 129 bytes"),
+            (
+                v1::SubmitJobRequest { needs: vec!["GPU".into()], ..Default::default() },
+                "needs has \"GPU\", which is no label",
+            ),
             (v1::SubmitJobRequest { after: vec!["b".into()], ..Default::default() }, "after[0] is \"b\""),
             (
                 v1::SubmitJobRequest {

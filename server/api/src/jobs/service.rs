@@ -75,7 +75,7 @@ impl Api {
     /// Returns the message of the named job.
     pub(crate) async fn get_job(&self, call: &Call, request: v1::GetJobRequest) -> Result<v1::Job, ApiError> {
         let id = names::job_id(&Field::new("name"), &request.name)?;
-        Ok(to_wire::job(self.visible_job(call, &id).await?))
+        Ok(to_wire::job(&self.store, self.visible_job(call, &id).await?))
     }
 
     /// Returns a page of jobs.
@@ -92,14 +92,15 @@ impl Api {
             for error in summaries.iter_mut().filter_map(|job| job.error.as_mut()) {
                 error.message = self.text_for(&call.caller, mem::take(&mut error.message)).await?;
             }
-            let (summaries, next_page_token) = page.fill(summaries, |job| job.id.clone(), to_wire::summary);
+            let (summaries, next_page_token) =
+                page.fill(summaries, |job| job.id.clone(), |job| to_wire::summary(&self.store, job));
             return Ok(v1::ListJobsResponse { summaries, next_page_token, ..Default::default() });
         }
         let mut jobs = Vec::new();
         for job in self.store.jobs(&filter, after, page.limit()).await? {
             jobs.push(self.seen_by(&call.caller, job).await?);
         }
-        let (jobs, next_page_token) = page.fill(jobs, |job| job.id.clone(), to_wire::job);
+        let (jobs, next_page_token) = page.fill(jobs, |job| job.id.clone(), |job| to_wire::job(&self.store, job));
         Ok(v1::ListJobsResponse { jobs, next_page_token, ..Default::default() })
     }
 
@@ -112,7 +113,7 @@ impl Api {
         if job.state.has_ended() {
             metrics::job_ended(&job);
         }
-        Ok(to_wire::job(self.seen_by(&call.caller, job).await?))
+        Ok(to_wire::job(&self.store, self.seen_by(&call.caller, job).await?))
     }
 
     async fn retry_job(&self, call: &Call, request: v1::RetryJobRequest) -> Result<v1::Job, ApiError> {
@@ -120,7 +121,7 @@ impl Api {
         call.concerns(format!("jobs/{id}"));
         self.visible_job(call, &id).await?;
         match self.store.retry(&id, self.store.now_ms()).await {
-            Ok(job) => Ok(to_wire::job(self.seen_by(&call.caller, job).await?)),
+            Ok(job) => Ok(to_wire::job(&self.store, self.seen_by(&call.caller, job).await?)),
             Err(error) => Err(self.error_for(&call.caller, error).await),
         }
     }

@@ -1,7 +1,7 @@
 //! Submission of jobs: checks a request, looks up the named resources, fills in defaults, and puts the job into the
 //! queue.
 
-use super::{scheduling, to_wire};
+use super::{scheduling, to_wire, waits_for};
 use crate::api::Api;
 use crate::call::Call;
 use crate::error::ApiError;
@@ -25,7 +25,11 @@ impl Api {
         match self.store.submit(&new, self.store.now_ms(), self.queue_limits).await {
             Ok((job, _)) => {
                 call.concerns(format!("jobs/{}", job.id));
-                Ok(to_wire::job(job))
+                if !waits_for::of_job(&self.store, &job).is_empty() {
+                    // A process may have come in the last seconds.
+                    self.store.read_living().await?;
+                }
+                Ok(to_wire::job(&self.store, job))
             }
             Err(error) => Err(self.error_for(&call.caller, error).await),
         }

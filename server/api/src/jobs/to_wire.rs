@@ -2,20 +2,22 @@
 
 use super::{
     evaluate_kernel, learn_kernel, optimize_hologram, prepare_dataset, report_kernel, simulate_capture,
-    suggest_holograms, verify_hologram,
+    suggest_holograms, verify_hologram, waits_for,
 };
 use crate::enumerations::OnWire as _;
 use crate::time::timestamp;
 use lightpath_domain::job::{Job, JobError, JobEvent, JobResult, JobSpec, JobState, JobSummary, Progress};
 use lightpath_proto::v1::{self, job_result, job_spec};
+use lightpath_store::Store;
 
 /// Begin of the names of [`v1::job::Kind`]. The rest is a word of [`JobSpec::KINDS`] in capitals.
 const KIND_PREFIX: &str = "KIND_";
 /// Limit on the message of an error in a summary \[characters\].
 const SUMMARY_MESSAGE_MAX: usize = 200;
 
-/// Converts a job into its message.
-pub(crate) fn job(job: Job) -> v1::Job {
+/// Converts a job into its message. The store knows the living processes.
+pub(crate) fn job(store: &Store, job: Job) -> v1::Job {
+    let waits_for = waits_for::of_job(store, &job);
     let scheduling = job.scheduling;
     v1::Job {
         name: format!("jobs/{}", job.id),
@@ -44,11 +46,14 @@ pub(crate) fn job(job: Job) -> v1::Job {
         estimated_memory_bytes: job.estimate.memory_bytes,
         estimated_time_s: job.estimate.time_s,
         label: scheduling.label.unwrap_or_default(),
+        needs: scheduling.needs.iter().map(str::to_owned).collect(),
+        waits_for,
     }
 }
 
-/// Converts what a list shows of a job into its message.
-pub(crate) fn summary(job: JobSummary) -> v1::JobSummary {
+/// Converts what a list shows of a job into its message. The store knows the living processes.
+pub(crate) fn summary(store: &Store, job: JobSummary) -> v1::JobSummary {
+    let waits_for = waits_for::of_summary(store, &job);
     let has_succeeded = job.state == JobState::Succeeded;
     v1::JobSummary {
         name: format!("jobs/{}", job.id),
@@ -67,6 +72,8 @@ pub(crate) fn summary(job: JobSummary) -> v1::JobSummary {
         error: job.error.map(|error| JobError { message: beginning(error.message), ..error }).map(self::error),
         revision: job.revision,
         label: job.label.unwrap_or_default(),
+        needs: job.needs.iter().map(str::to_owned).collect(),
+        waits_for,
     }
 }
 

@@ -53,6 +53,6 @@ impl Watch for JobSource {
     }
 
     fn message(&self, job: &Job) -> v1::Job {
-        to_wire::job(job.clone())
+        to_wire::job(&self.api.store, job.clone())
     }
 }

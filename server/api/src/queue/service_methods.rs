@@ -16,6 +16,7 @@ const REASON_BYTES_MAX: usize = 1000;
 impl Api {
     pub(crate) async fn get_queue(&self, call: &Call, _: v1::GetQueueRequest) -> Result<v1::Queue, ApiError> {
         require_all_displays(call, "display in ListJobs")?;
+        self.store.read_living().await?;
         self.queue(call).await
     }
 
@@ -38,15 +39,15 @@ impl Api {
         self.queue(call).await
     }
 
-    /// The queue as the caller may see it. A caller whose token is for some displays sees the pauses of these displays,
+    /// The queue and its processes as the caller may see it. A caller whose token is for some displays sees the pauses of these displays,
     /// but not the turns of owners, whose jobs may be about any display.
     async fn queue(&self, call: &Call) -> Result<v1::Queue, ApiError> {
         let pauses = self.store.pauses().await?;
         if call.caller.displays.is_empty() {
-            return Ok(to_wire::queue(self.store.owner_queues().await?, pauses));
+            return Ok(to_wire::queue(self.store.owner_queues().await?, pauses, &self.store.living()));
         }
         let is_own = |pause: &Pause| pause.display.as_ref().is_none_or(|display| call.caller.may_use(display));
-        Ok(to_wire::queue(Vec::new(), pauses.into_iter().filter(is_own).collect()))
+        Ok(to_wire::queue(Vec::new(), pauses.into_iter().filter(is_own).collect(), &self.store.living()))
     }
 }
 

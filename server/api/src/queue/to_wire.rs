@@ -2,10 +2,10 @@
 
 use crate::time::timestamp;
 use lightpath_proto::v1;
-use lightpath_store::{OwnerQueue, Pause};
+use lightpath_store::{OwnerQueue, Pause, Process, ProcessKind};
 
 /// Converts the state of the queue into its message.
-pub(crate) fn queue(owner_queues: Vec<OwnerQueue>, pauses: Vec<Pause>) -> v1::Queue {
+pub(crate) fn queue(owner_queues: Vec<OwnerQueue>, pauses: Vec<Pause>, processes: &[Process]) -> v1::Queue {
     v1::Queue {
         queued: owner_queues.iter().map(|queue| queue.queued).sum(),
         running: owner_queues.iter().map(|queue| queue.running).sum(),
@@ -21,5 +21,25 @@ pub(crate) fn queue(owner_queues: Vec<OwnerQueue>, pauses: Vec<Pause>) -> v1::Qu
                 reason: pause.reason,
             })
             .collect(),
+        processes: processes.iter().cloned().map(process).collect(),
+    }
+}
+
+fn process(process: Process) -> v1::queue::Process {
+    let kind = match process.kind {
+        ProcessKind::Server => v1::queue::process::Kind::Server,
+        ProcessKind::Worker => v1::queue::process::Kind::Worker,
+        ProcessKind::Both => v1::queue::process::Kind::Both,
+    };
+    v1::queue::Process {
+        id: process.id,
+        kind: kind.into(),
+        name: process.name,
+        version: process.version,
+        labels: process.abilities.labels.iter().map(str::to_owned).collect(),
+        memory_bytes: process.abilities.memory_bytes,
+        workers: process.workers,
+        start_time: Some(timestamp(process.start_time_ms)),
+        seen_time: Some(timestamp(process.seen_time_ms)),
     }
 }

@@ -7,6 +7,7 @@ use lightpath_api::http::Hosts;
 use lightpath_api::tls::TlsFiles;
 use lightpath_api::{ApiLimits, JobLimits, ManifestRules};
 use lightpath_artifacts::{Artifacts, RemoteOptions, SpaceLimits};
+use lightpath_domain::ability::Labels;
 use lightpath_domain::origin::Origins;
 use lightpath_store::{ClaimLimits, QueueLimits};
 use lightpath_worker::{Timeouts, WorkerConfig};
@@ -114,6 +115,15 @@ impl Config {
         }
     }
 
+    /// Labels of the workers.
+    ///
+    /// # Errors
+    ///
+    /// [`ConfigError::Labels`] if the setting `worker_labels` is no list of labels.
+    pub fn labels(&self) -> Result<Labels, ConfigError> {
+        Labels::parse(&self.worker_labels).map_err(ConfigError::Labels)
+    }
+
     /// Limit on the memory of unfinished requests and their answers \[bytes\]; 0: no limit.
     #[must_use]
     pub fn under_way_bytes_max(&self) -> u64 {
@@ -188,12 +198,17 @@ impl Config {
         let memory_bytes = bytes(self.job_memory_mib_max);
         let cache_bytes = lightpath_worker::cache_bytes_max(memory_bytes);
         JobLimits {
-            memory_bytes: memory_bytes - cache_bytes,
+            memory_bytes: self.job_bytes_max(),
             cache_bytes,
             time_s: self.job_time_s_max,
             work_per_s,
             threads: self.compute_threads,
         }
+    }
+
+    /// Memory for running jobs \[bytes\].
+    pub(crate) fn job_bytes_max(&self) -> u64 {
+        lightpath_worker::jobs_bytes_max(bytes(self.job_memory_mib_max))
     }
 
     /// Settings of the workers.

@@ -204,7 +204,7 @@ impl Effective {
     /// # Errors
     ///
     /// [`ConfigError::Value`] if a value is out of range, [`ConfigError::Incomplete`] if one of two settings that
-    /// belong together is missing, [`ConfigError::DatabaseUrl`]. The settings of the bucket are checked by
+    /// belong together is missing, [`ConfigError::DatabaseUrl`], [`ConfigError::Labels`]. The settings of the bucket are checked by
     /// [`Config::bucket`], because not every command that reads the file needs the bucket and its key.
     pub fn merge(given: Settings, file: Settings) -> Result<Self, ConfigError> {
         let mut settings = Settings::defaults();
@@ -221,6 +221,7 @@ impl Effective {
         let config: Config = values.collect::<Table>().try_into().expect("the type of every value was checked");
         config.tls()?;
         config.database()?;
+        config.labels()?;
         Ok(Self { config, settings })
     }
 }
@@ -283,7 +284,9 @@ mod tests {
         assert!(SERVER_ONLY.iter().all(|key| SETTINGS.iter().any(|setting| setting.key == *key)), "every key exists");
         let command = WorkerFlags::augment_args(Command::new("test"));
         let has = |flag| command.get_arguments().any(|argument| argument.get_long() == Some(flag));
-        assert!(has("database-url") && has("workers") && has("status-listen") && has("lease-s"));
+        assert!(
+            has("database-url") && has("workers") && has("status-listen") && has("lease-s") && has("worker-labels")
+        );
         assert!(!has("listen") && !has("queue-limit") && !has("no-worker"));
         let given = ["test", "--status-listen", "127.0.0.1:0", "--workers", "3"];
         let flags = WorkerFlags::from_arg_matches(&command.get_matches_from(given)).unwrap();
@@ -318,6 +321,11 @@ mod tests {
             (["--workers", "0"], "workers is 0, but must be 1 to 64 (flag)"),
             (["--lease-s", "NaN"], "lease_s is NaN, but must be 0.1 to 3600 (flag)"),
             (["--queue-limit", "2000000"], "queue_limit is 2000000, but must be 1 to 1000000 (flag)"),
+            (
+                ["--worker-labels", "gpu,Bench"],
+                "worker_labels has \"Bench\", which is no label; a label has 1 to 63 small letters, digits, '.' and '-', and \
+                 begins with a letter or digit, such as gpu or bench-2",
+            ),
             (["--tls-key", "key.pem"], "tls_key is set, but tls_cert is not: TLS needs both"),
         ] {
             assert_eq!(parse(&arguments, "").unwrap_err().to_string(), message);

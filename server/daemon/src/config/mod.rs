@@ -17,6 +17,7 @@ pub use layers::{BucketFlags, Effective, Origin, ServeFlags, Settings, WorkerFla
 pub use secret_text::SecretText;
 pub use setting::Allowed;
 
+use lightpath_domain::ability::LabelError;
 use lightpath_domain::origin::OriginError;
 use serde::{Deserialize, Serialize};
 use setting::{Setting, settings};
@@ -71,7 +72,8 @@ settings! {
     require_tokens: bool = false, "BOOL", SWITCH;
     /// Let other machines connect without TLS and tokens; then every client may do everything
     insecure: bool = false, "BOOL", SWITCH;
-    /// Limit on the calls per second of each token, or of each address without a token; 0: no limit
+    /// Limit on the calls per second of each token, or of each address without a token; the living servers of one database
+    /// share it equally; 0: no limit
     calls_per_s_max: u32 = 2000, "COUNT", Allowed::Numbers(0.0, 1e6);
     /// Limit on the memory of all unfinished requests and answers, in MiB; one address gets at most three quarters of
     /// it; further calls are refused; 0: no limit
@@ -95,6 +97,9 @@ settings! {
     /// Name of the workers in the events of jobs; by default the name of the machine where several processes share a
     /// database
     worker_name: Option<String> = None, "NAME", Allowed::Text("a name");
+    /// Labels of this process, separated by commas: it also runs jobs that need them, and one that needs others runs
+    /// elsewhere
+    worker_labels: String = String::new(), "LABELS", Allowed::Text("labels separated by commas, such as gpu,bench-2");
     /// Number of jobs that run at the same time
     workers: u32 = 1, "COUNT", Allowed::Numbers(1.0, 64.0);
     /// Number of threads of one job; by default one for each core
@@ -135,7 +140,8 @@ settings! {
     verify_timeout_s: f64 = 0.0, "SECONDS", TIMEOUT_S;
     // The rest is for the server itself: unfinished requests (under_way_mib_max), the checks of uploaded pictures (up
     // to 1 GiB each for large ones), the database, and the system.
-    /// Limit on the estimated memory of all running jobs together, in MiB; a job that needs more is refused; by default
+    /// Limit on the estimated memory of all running jobs together, in MiB; a job that needs more is refused, unless another
+    /// living process of the same database gives it more; by default
     /// three quarters of the machine's memory or of the limit of its control group, and at least 1 GiB less than all of
     /// it
     job_memory_mib_max: f64 = machine_memory::for_jobs_mib(), "MIB", Allowed::Numbers(64.0, 16_777_216.0);
@@ -222,6 +228,9 @@ pub enum ConfigError {
     /// The setting `webhook_origins` is no list of origins.
     #[error("webhook_origins {0}")]
     WebhookOrigins(OriginError),
+    /// The setting `worker_labels` is no list of labels.
+    #[error("worker_labels {0}")]
+    Labels(LabelError),
     /// The setting `database_url` is no URL of PostgreSQL.
     #[error("database_url must be a URL such as postgres://lightpath@db.example/lightpath")]
     DatabaseUrl,

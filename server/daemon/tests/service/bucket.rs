@@ -15,7 +15,7 @@ use tempfile::TempDir;
 use tonic::Code;
 
 /// Settings with a new database and a new place in the bucket; the data folder is still to be chosen.
-async fn settings() -> Option<Config> {
+pub(crate) async fn settings() -> Option<Config> {
     std::env::var_os("LIGHTPATH_POSTGRES")?;
     let endpoint = std::env::var("LIGHTPATH_TEST_S3").ok()?;
     let database_url = postgres_database().await;
@@ -32,7 +32,7 @@ async fn settings() -> Option<Config> {
 }
 
 /// Starts a server with an empty data folder.
-async fn start(settings: &Config) -> Serving {
+pub(crate) async fn start(settings: &Config) -> Serving {
     let folder = TempDir::new().unwrap();
     let config = Config { data_dir: folder.path().join("data"), ..settings.clone() };
     Serving::start_in(folder, config, |_| {}).await

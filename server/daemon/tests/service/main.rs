@@ -33,5 +33,6 @@ mod read_only;
 mod rollouts;
 mod rough_photographs;
 mod serving;
+mod several;
 mod test_bench;
 mod web_pages;

@@ -64,6 +64,7 @@ export function jobPage(root, [id]) {
     show(head, h("h1", {}, kind, " ", stateOf(job)),
       h("p", {}, `${job.label ? `${job.label}, ` : ""}${id}, submitted ${age(job.createTime)}${job.owner ? ` by ${job.owner}` : ""}${took === null ? "" : `, took ${duration(took)}`}`),
       job.error && h("p", { class: "note bad" }, job.error.message),
+      job.waitsFor && h("p", { class: "note" }, `The job waits: ${job.waitsFor}.`),
       progressOf(job),
       h("p", { class: "actions" }, !hasEnded && !job.cancelRequested && act("cancel", "Cancel"),
         ["STATE_FAILED", "STATE_CANCELLED"].includes(job.state) && act("retry", "Retry")));
@@ -106,6 +107,7 @@ export function jobPage(root, [id]) {
       ["Display", display && link(display)],
       ["Batch", job.batch && h("a", { href: `#/jobs?batch=${encodeURIComponent(job.batch)}` }, job.batch)],
       ["Attempt", `${job.attempt} of ${job.attemptsMax}`],
+      ["Needs", job.needs.join(", ")],
       ["Waits for", job.after.map((after) => h("a", { href: `#/${after}` }, idOf(after), " "))],
       ["Estimate", job.estimatedTimeS ? `${duration(job.estimatedTimeS)}, ${bytes(Number(job.estimatedMemoryBytes))} of memory` : null],
       ["Kernel versions", job.kernelVersions.length ? job.kernelVersions.map((version) => version || "ideal").join(", ") : null],

@@ -73,6 +73,10 @@ const ROWS: &[(usize, &str)] = &[(
         "full_cone_y_m":0.0,"neglected_phase_rad":0.0,"warnings":[]}}', null),
     ('d', 'failed', 3, 12, 13, null, null, null, '{"reason":"IO","message":"no","retryable":false}', null, null),
     ('e', 'cancelled', 1, 12, 13, null, null, null, null, null, null));
+    insert into job (id, request_id, display, kind, words, spec, state, owner, priority, attempts_max, create_time_ms,
+    run_time_ms, needs, estimated_bytes, memory_class)
+    select 'f', 'request-f', display, kind, words, spec, 'queued', owner, priority, attempts_max, 11, 11, '["bench-2","gpu"]',
+    33554433, 33554432 from job where id = 'a';
     insert into job_event (job, time_ms, attempt, message)
     select id, 11, 0, 'queued' from job union all select 'c', 13, 1, 'succeeded';
 
@@ -85,6 +89,8 @@ const ROWS: &[(usize, &str)] = &[(
     insert into webhook values
         ('ci', 'https://hooks.example/', '["job.failed"]', null, 'secret', 'ada', 16, null, null);
     insert into webhook_delivery values (1, 'ci', printf('%032x', 1), 'job.failed', '{"job":"jobs/d"}', 13, 2, 17, 0, 'HTTP 503');
+
+    insert into process values ('0193f0a0-0000-7000-8000-000000000000', 'both', 'lab', '0.1.0', '["gpu"]', 7, 1, 1, 2);
 
     insert into pause values ('', 14, 'the laser is off');
     insert into token values ('ada', printf('%064x', 1), 'submitter', '[]', 1, null, null)"#,
@@ -192,11 +198,16 @@ async fn assert_registry_kept(store: &Store) {
 
 async fn assert_jobs_kept(store: &Store) {
     use JobState::{Cancelled, Failed, Queued, Running, Succeeded};
-    let jobs = store.jobs(&JobFilter::default(), None, 9).await.unwrap();
-    let states: Vec<_> = jobs.iter().rev().map(|job| (job.id.as_str(), job.state)).collect();
-    assert_eq!(states, [("a", Queued), ("b", Running), ("c", Succeeded), ("d", Failed), ("e", Cancelled)]);
+    let mut jobs = store.jobs(&JobFilter::default(), None, 9).await.unwrap();
+    jobs.reverse();
+    let states: Vec<_> = jobs.iter().map(|job| (job.id.as_str(), job.state)).collect();
+    assert_eq!(
+        states,
+        [("a", Queued), ("b", Running), ("c", Succeeded), ("d", Failed), ("e", Cancelled), ("f", Queued)]
+    );
     assert!(matches!(&jobs[2].result, Some(JobResult::Capture(capture)) if capture.photo == digest(1)));
     assert_eq!(jobs[0].spec, new_job("", 1).spec);
+    assert_eq!(jobs[5].scheduling.needs.to_string(), "bench-2, gpu");
     store.recover_orphans(None, 14).await.unwrap();
     let job = store.job("b").await.unwrap();
     assert_eq!((job.state, job.checkpoint.as_deref()), (Queued, Some("sha256-c")));

@@ -1,8 +1,9 @@
 //! Several processes on one database of PostgreSQL. Here each has a store of its own.
 
 use super::*;
-use crate::sql::query_as;
-use crate::{Changed, ClaimLimits};
+use crate::sql::{query_as, scalar};
+use crate::{Changed, ClaimLimits, LIFE, Process, ProcessKind};
+use lightpath_domain::ability::{Abilities, Labels};
 use lightpath_domain::job::JobState;
 use std::collections::HashSet;
 use std::time::Duration;
@@ -65,21 +66,22 @@ async fn racing_processes_keep_turns_and_limits() {
     for n in 0..60 {
         let mut new = new_job(&format!("r{n}"), 1);
         new.scheduling.owner = format!("owner {}", n % 3);
+        new.scheduling.needs = Labels::parse(["", "gpu", "lab"][n / 20]).unwrap();
         one.submit(&new, 1, QUEUE_LIMIT).await.unwrap();
     }
     let limits = ClaimLimits { per_owner: 2, per_display: 5 };
-    let work = |store: Store, name: &'static str| {
+    let work = |store: Store, labels: &'static str| {
         tokio::spawn(async move {
             let mut done = Vec::new();
             for _ in 0..1000 {
-                let Some((job, lease)) =
-                    store.claim_within(limits, 2, LEASE_MS, &crate::Claimant::named(name)).await.unwrap()
-                else {
+                let claimant = super::needs::able(labels, u64::MAX);
+                let Some((job, lease)) = store.claim_within(limits, 2, LEASE_MS, &claimant).await.unwrap() else {
                     if store.queue_counts().await.unwrap().succeeded == 60 {
                         break;
                     }
                     continue;
                 };
+                assert!(claimant.abilities.labels.contain(&job.scheduling.needs), "{:?} on {labels:?}", job.scheduling);
                 let running = store.owner_queues().await.unwrap();
                 assert!(running.iter().all(|owner| owner.running <= 2), "{running:?}");
                 assert!(running.iter().map(|owner| owner.running).sum::<u64>() <= 5, "{running:?}");
@@ -89,7 +91,7 @@ async fn racing_processes_keep_turns_and_limits() {
             done
         })
     };
-    let workers = [work(one.clone(), "a"), work(other.clone(), "b"), work(third, "c"), work(other, "d")];
+    let workers = [work(one.clone(), "gpu"), work(other.clone(), "lab"), work(third, "gpu,lab"), work(other, "")];
     let mut all = Vec::new();
     for worker in workers {
         all.extend(worker.await.unwrap());
@@ -242,4 +244,55 @@ async fn a_process_that_is_suspended_in_a_write_does_not_stop_the_others() {
     let ended = suspended.await.unwrap();
     assert!(matches!(ended, Err(StoreError::Unreachable(_))), "{ended:?}");
     assert_eq!(one.displays(None, 9).await.unwrap().len(), 1, "the suspended write did nothing");
+}
+
+/// A process that both serves and works.
+fn process(id: &str, labels: &str) -> Process {
+    Process {
+        id: id.to_owned(),
+        kind: ProcessKind::Both,
+        name: format!("machine of {id}"),
+        version: "0.1.0".to_owned(),
+        abilities: Abilities { labels: Labels::parse(labels).unwrap(), memory_bytes: 7 << 30 },
+        workers: 2,
+        start_time_ms: 5,
+        seen_time_ms: 0,
+    }
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn processes_know_of_the_life_and_death_of_others() {
+    let (one, other, place) = two_processes().await;
+    let ids = |store: &Store| store.living().iter().map(|process| process.id.clone()).collect::<Vec<_>>();
+    one.sign_of_life(&process("a", "")).await.unwrap();
+    assert_eq!(ids(&one), ["a"]);
+    assert_eq!(ids(&other), [""; 0], "it has not looked");
+    other.sign_of_life(&process("b", "gpu,bench-2")).await.unwrap();
+    assert_eq!(ids(&other), ["a", "b"]);
+    let read = other.living()[1].clone();
+    assert!((other.now_ms() - read.seen_time_ms).abs() < 5000, "{read:?}");
+    assert_eq!(read, Process { seen_time_ms: read.seen_time_ms, ..process("b", "gpu,bench-2") });
+    // A restart replaces the row of the process.
+    other.sign_of_life(&Process { version: "0.2.0".into(), start_time_ms: 9, ..process("b", "") }).await.unwrap();
+    assert_eq!((other.living()[1].version.as_str(), other.living()[1].start_time_ms), ("0.2.0", 9));
+
+    // The time of b, which died, is over in a moment.
+    let (life_ms, rows) = (LIFE.as_millis(), "select count(*) from process");
+    place.change(&format!("update process set seen_time_ms = seen_time_ms - {} where id = 'b'", life_ms - 1000)).await;
+    one.sign_of_life(&process("a", "")).await.unwrap();
+    assert_eq!(ids(&one), ["a", "b"]);
+    tokio::time::sleep(Duration::from_millis(1100)).await;
+    one.sign_of_life(&process("a", "")).await.unwrap();
+    assert_eq!(ids(&one), ["a"]);
+    let mut connection = place.connect().await;
+    let count = async |connection: &mut Connection| -> i64 { scalar(rows).fetch_one(connection).await.unwrap() };
+    assert_eq!(count(&mut connection).await, 1, "its row is removed");
+    // A sign from a time when the clock was ahead counts no more than one that is over.
+    place.change("insert into process select 'c', kind, name, version, labels, memory_bytes, workers, 1, 9999999999999 from process").await;
+    one.read_living().await.unwrap();
+    assert_eq!(ids(&one), ["a"]);
+    one.sign_off("a").await.unwrap();
+    other.sign_of_life(&process("b", "")).await.unwrap();
+    assert_eq!(ids(&other), ["b"]);
+    assert_eq!(count(&mut connection).await, 1);
 }

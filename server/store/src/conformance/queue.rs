@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::{ClaimLimits, JobFilter, QueueCounts, Submitted};
+use lightpath_domain::ability::Abilities;
 use lightpath_domain::job::{CaptureResult, JobState, LearnResult, LearnedKernel, Lease, Progress};
 
 async fn claim(store: &Store, now_ms: i64) -> Option<(String, Lease)> {
@@ -47,13 +48,13 @@ async fn claims_are_ordered_by_priority_then_due_time_then_age() {
     let earlier = submit(&store, "earlier", 5).await;
     let urgent = NewJob { priority: -5, ..new_job("urgent", 1) };
     let urgent = store.submit(&urgent, 20, QUEUE_LIMIT).await.unwrap().0.id;
-    assert_eq!(store.next_run_time(4).await.unwrap(), Some(5));
+    assert_eq!(store.next_run_time(4, &Abilities::default()).await.unwrap(), Some(5));
     assert_eq!(claim(&store, 4).await, None, "nothing is due yet");
     for expected in [urgent, earlier, first, second] {
         assert_eq!(claim(&store, 20).await.unwrap().0, expected);
     }
     assert_eq!(claim(&store, 20).await, None);
-    assert_eq!(store.next_run_time(4).await.unwrap(), None);
+    assert_eq!(store.next_run_time(4, &Abilities::default()).await.unwrap(), None);
 }
 
 #[tokio::test]
@@ -441,12 +442,25 @@ async fn zombies_write_nothing() {
     let mut rejected = 0;
     for n in 0..zombies {
         let now = 10 + i64::from(n) * 3 * LEASE_MS;
-        let id = submit(&store, &format!("r{n}"), now).await;
-        let (_, zombie) = claim(&elsewhere, now).await.unwrap();
+        let new = needs::needy_job(&format!("r{n}"), if n % 2 == 0 { "" } else { "gpu" }, 100);
+        let id = store.submit(&new, now, QUEUE_LIMIT).await.unwrap().0.id;
+        let claimant = || needs::able("gpu", 100);
+        let claim_at = async |store: &Store, now_ms| {
+            let claimed = store.claim_within(ClaimLimits::default(), now_ms, LEASE_MS, &claimant()).await.unwrap();
+            claimed.map(|(job, lease)| (job.id, lease)).unwrap()
+        };
+        let (_, zombie) = claim_at(&elsewhere, now).await;
         let late = now + LEASE_MS;
         assert_eq!(store.expire_leases(late).await.unwrap().len(), 1);
-        let (rescued, fresh) = claim(&store, late).await.unwrap();
-        assert_eq!((&rescued, fresh.attempt), (&id, 2));
+        // A job that returned to the queue still needs what it needed.
+        let without = needs::able("", u64::MAX);
+        let elsewhere_too = store.claim_within(ClaimLimits::default(), late, LEASE_MS, &without).await.unwrap();
+        assert_eq!(elsewhere_too.as_ref().map(|(job, _)| &job.id), (n % 2 == 0).then_some(&id));
+        if let Some((_, lease)) = elsewhere_too {
+            store.release(&lease, late).await.unwrap();
+        }
+        let (rescued, fresh) = claim_at(&store, late).await;
+        assert_eq!((&rescued, fresh.attempt), (&id, 3 - n % 2));
         let saved = store.checkpoint(&fresh, &digest(n)).await.unwrap();
         let before = store.job(&id).await.unwrap();
         let progress = Progress { stage: "x".into(), step: 1, steps_total: 2, loss: 0.5, eta_s: None };

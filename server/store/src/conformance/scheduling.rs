@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::{BatchProgress, ClaimLimits, JobFilter, OwnerQueue, Pause, QueueLimits, Submitted};
+use lightpath_domain::ability::Abilities;
 use lightpath_domain::job::{Job, JobSpec, JobState, Lease, Progress};
 use lightpath_domain::reason::PreconditionReason;
 
@@ -39,7 +40,10 @@ async fn delayed_job_waits_without_blocking_others() {
     assert_eq!(late.run_time_ms, 500);
     let now = submit_with(&store, "now", |_| ()).await.unwrap();
     assert_eq!(claim(&store, 20).await.unwrap().0.id, now.id);
-    assert_eq!((claim(&store, 499).await, store.next_run_time(499).await.unwrap()), (None, Some(500)));
+    assert_eq!(
+        (claim(&store, 499).await, store.next_run_time(499, &Abilities::default()).await.unwrap()),
+        (None, Some(500))
+    );
     assert_eq!(claim(&store, 500).await.unwrap().0.id, late.id);
     let past = submit_with(&store, "past", |new| new.scheduling.not_before_ms = Some(3)).await.unwrap();
     assert_eq!(past.run_time_ms, 10, "a start time in the past means now");

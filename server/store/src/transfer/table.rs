@@ -5,7 +5,7 @@ use crate::sql::{Builder, Connection, Place, Row, Value, query};
 use sha2::{Digest as _, Sha256};
 
 /// The tables that are copied, each behind those to which it refers. `artifact_place` is none of them: where the artifacts
-/// are is set anew.
+/// are is set anew. Nor is `process`: no process lives during a move.
 pub(crate) const TABLES: &[&str] = &[
     "display",
     "artifact",
@@ -25,6 +25,7 @@ pub(crate) const TABLES: &[&str] = &[
     "job_dependency",
     "job_artifact",
     "lane",
+    "lane_needs",
     "job_count",
     "pause",
     "token",

@@ -191,6 +191,8 @@ class Job(_message.Message):
     ESTIMATED_MEMORY_BYTES_FIELD_NUMBER: _builtins.int
     ESTIMATED_TIME_S_FIELD_NUMBER: _builtins.int
     LABEL_FIELD_NUMBER: _builtins.int
+    NEEDS_FIELD_NUMBER: _builtins.int
+    WAITS_FOR_FIELD_NUMBER: _builtins.int
     name: _builtins.str
     """Resource name, `jobs/{id}`."""
     request_id: _builtins.str
@@ -222,6 +224,10 @@ class Job(_message.Message):
     """Estimate of the time of an attempt on this server without other jobs [s]. 0: not estimated."""
     label: _builtins.str
     """What the job is about, for people, such as the file name of its target. Empty: nothing was given."""
+    waits_for: _builtins.str
+    """Why a queued job cannot start now: no living process has the labels that it needs and the memory. It starts when such a
+    process comes. Empty: nothing is known that is in its way, or the job is not queued.
+    """
     @_builtins.property
     def spec(self) -> Global___JobSpec:
         """Request, with every default filled in."""
@@ -261,6 +267,10 @@ class Job(_message.Message):
     def result(self) -> Global___JobResult:
         """Result of a job that succeeded."""
 
+    @_builtins.property
+    def needs(self) -> _containers.RepeatedScalarFieldContainer[_builtins.str]:
+        """Labels that the process must have that runs the job, ascending. Empty: any process runs it."""
+
     def __init__(
         self,
         *,
@@ -290,10 +300,12 @@ class Job(_message.Message):
         estimated_memory_bytes: _builtins.int = ...,
         estimated_time_s: _builtins.float = ...,
         label: _builtins.str = ...,
+        needs: _abc.Iterable[_builtins.str] | None = ...,
+        waits_for: _builtins.str = ...,
     ) -> None: ...
     _HasFieldArgType: _TypeAlias = _typing.Literal["create_time", b"create_time", "error", b"error", "finish_time", b"finish_time", "progress", b"progress", "result", b"result", "run_time", b"run_time", "spec", b"spec", "start_time", b"start_time"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["after", b"after", "attempt", b"attempt", "attempts_max", b"attempts_max", "batch", b"batch", "cancel_requested", b"cancel_requested", "create_time", b"create_time", "error", b"error", "estimated_memory_bytes", b"estimated_memory_bytes", "estimated_time_s", b"estimated_time_s", "finish_time", b"finish_time", "kernel_versions", b"kernel_versions", "label", b"label", "name", b"name", "owner", b"owner", "priority", b"priority", "progress", b"progress", "request_id", b"request_id", "result", b"result", "revision", b"revision", "run_time", b"run_time", "spec", b"spec", "start_time", b"start_time", "state", b"state", "timeout_s", b"timeout_s", "unique_key", b"unique_key", "waiting_for", b"waiting_for"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["after", b"after", "attempt", b"attempt", "attempts_max", b"attempts_max", "batch", b"batch", "cancel_requested", b"cancel_requested", "create_time", b"create_time", "error", b"error", "estimated_memory_bytes", b"estimated_memory_bytes", "estimated_time_s", b"estimated_time_s", "finish_time", b"finish_time", "kernel_versions", b"kernel_versions", "label", b"label", "name", b"name", "needs", b"needs", "owner", b"owner", "priority", b"priority", "progress", b"progress", "request_id", b"request_id", "result", b"result", "revision", b"revision", "run_time", b"run_time", "spec", b"spec", "start_time", b"start_time", "state", b"state", "timeout_s", b"timeout_s", "unique_key", b"unique_key", "waiting_for", b"waiting_for", "waits_for", b"waits_for"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     def WhichOneof(self, oneof_group: _Never) -> None: ...
 
@@ -321,6 +333,8 @@ class JobSummary(_message.Message):
     ERROR_FIELD_NUMBER: _builtins.int
     REVISION_FIELD_NUMBER: _builtins.int
     LABEL_FIELD_NUMBER: _builtins.int
+    NEEDS_FIELD_NUMBER: _builtins.int
+    WAITS_FOR_FIELD_NUMBER: _builtins.int
     name: _builtins.str
     """Resource name of the job, `jobs/{id}`."""
     kind: Global___Job.Kind.ValueType
@@ -341,6 +355,8 @@ class JobSummary(_message.Message):
     """Number that grows with every change of the job."""
     label: _builtins.str
     """What the job is about, for people. Empty: nothing was given."""
+    waits_for: _builtins.str
+    """Why a queued job cannot start now, as `Job.waits_for`. Empty: nothing is known that is in its way."""
     @_builtins.property
     def create_time(self) -> _timestamp_pb2.Timestamp: ...
     @_builtins.property
@@ -356,6 +372,10 @@ class JobSummary(_message.Message):
     @_builtins.property
     def error(self) -> Global___JobError:
         """Error that ended the latest attempt. The message has at most 200 characters."""
+
+    @_builtins.property
+    def needs(self) -> _containers.RepeatedScalarFieldContainer[_builtins.str]:
+        """Labels that the process must have that runs the job, ascending. Empty: any process runs it."""
 
     def __init__(
         self,
@@ -376,10 +396,12 @@ class JobSummary(_message.Message):
         error: Global___JobError | None = ...,
         revision: _builtins.int = ...,
         label: _builtins.str = ...,
+        needs: _abc.Iterable[_builtins.str] | None = ...,
+        waits_for: _builtins.str = ...,
     ) -> None: ...
     _HasFieldArgType: _TypeAlias = _typing.Literal["create_time", b"create_time", "error", b"error", "finish_time", b"finish_time", "progress", b"progress", "start_time", b"start_time"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["attempt", b"attempt", "batch", b"batch", "cancel_requested", b"cancel_requested", "create_time", b"create_time", "display", b"display", "error", b"error", "finish_time", b"finish_time", "kind", b"kind", "label", b"label", "name", b"name", "owner", b"owner", "priority", b"priority", "progress", b"progress", "revision", b"revision", "start_time", b"start_time", "state", b"state"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["attempt", b"attempt", "batch", b"batch", "cancel_requested", b"cancel_requested", "create_time", b"create_time", "display", b"display", "error", b"error", "finish_time", b"finish_time", "kind", b"kind", "label", b"label", "name", b"name", "needs", b"needs", "owner", b"owner", "priority", b"priority", "progress", b"progress", "revision", b"revision", "start_time", b"start_time", "state", b"state", "waits_for", b"waits_for"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     def WhichOneof(self, oneof_group: _Never) -> None: ...
 
@@ -2187,6 +2209,7 @@ class SubmitJobRequest(_message.Message):
     TIMEOUT_S_FIELD_NUMBER: _builtins.int
     AFTER_FIELD_NUMBER: _builtins.int
     LABEL_FIELD_NUMBER: _builtins.int
+    NEEDS_FIELD_NUMBER: _builtins.int
     request_id: _builtins.str
     """Id of the request, 1 to 128 bytes, chosen by the client, so that a repeated request of the same owner submits no
     second job. Empty: the server chooses one.
@@ -2226,6 +2249,13 @@ class SubmitJobRequest(_message.Message):
         job fails. RESOURCE_EXHAUSTED: the queued jobs wait for 100 000 other jobs in all.
         """
 
+    @_builtins.property
+    def needs(self) -> _containers.RepeatedScalarFieldContainer[_builtins.str]:
+        """Labels that the process must have that runs the job, at most 8, such as `gpu`: each has 1 to 63 small letters, digits,
+        `.` and `-`, and begins with a letter or digit. Processes have labels by their setting `worker_labels`. The job is
+        accepted even if no living process has them; then `waits_for` in the answer says so. Empty: any process.
+        """
+
     def __init__(
         self,
         *,
@@ -2240,10 +2270,11 @@ class SubmitJobRequest(_message.Message):
         timeout_s: _builtins.float = ...,
         after: _abc.Iterable[_builtins.str] | None = ...,
         label: _builtins.str = ...,
+        needs: _abc.Iterable[_builtins.str] | None = ...,
     ) -> None: ...
     _HasFieldArgType: _TypeAlias = _typing.Literal["not_before", b"not_before", "spec", b"spec"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["after", b"after", "attempts_max", b"attempts_max", "batch", b"batch", "label", b"label", "not_before", b"not_before", "owner", b"owner", "priority", b"priority", "request_id", b"request_id", "spec", b"spec", "timeout_s", b"timeout_s", "unique_key", b"unique_key"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["after", b"after", "attempts_max", b"attempts_max", "batch", b"batch", "label", b"label", "needs", b"needs", "not_before", b"not_before", "owner", b"owner", "priority", b"priority", "request_id", b"request_id", "spec", b"spec", "timeout_s", b"timeout_s", "unique_key", b"unique_key"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     def WhichOneof(self, oneof_group: _Never) -> None: ...
 
@@ -2730,10 +2761,93 @@ class Queue(_message.Message):
         def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
         def WhichOneof(self, oneof_group: _Never) -> None: ...
 
+    @_typing.final
+    class Process(_message.Message):
+        """A process that serves or runs jobs."""
+
+        DESCRIPTOR: _descriptor.Descriptor
+
+        class _Kind:
+            ValueType = _typing.NewType("ValueType", _builtins.int)
+            V: _TypeAlias = ValueType  # noqa: Y015
+
+        class _KindEnumTypeWrapper(_enum_type_wrapper._EnumTypeWrapper[Queue.Process._Kind.ValueType], _builtins.type):
+            DESCRIPTOR: _descriptor.EnumDescriptor
+            KIND_UNSPECIFIED: Queue.Process._Kind.ValueType  # 0
+            KIND_SERVER: Queue.Process._Kind.ValueType  # 1
+            """It answers calls."""
+            KIND_WORKER: Queue.Process._Kind.ValueType  # 2
+            """It runs jobs."""
+            KIND_BOTH: Queue.Process._Kind.ValueType  # 3
+            """It answers calls and runs jobs."""
+
+        class Kind(_Kind, metaclass=_KindEnumTypeWrapper):
+            """What a process does."""
+
+        KIND_UNSPECIFIED: Queue.Process.Kind.ValueType  # 0
+        KIND_SERVER: Queue.Process.Kind.ValueType  # 1
+        """It answers calls."""
+        KIND_WORKER: Queue.Process.Kind.ValueType  # 2
+        """It runs jobs."""
+        KIND_BOTH: Queue.Process.Kind.ValueType  # 3
+        """It answers calls and runs jobs."""
+
+        ID_FIELD_NUMBER: _builtins.int
+        KIND_FIELD_NUMBER: _builtins.int
+        NAME_FIELD_NUMBER: _builtins.int
+        VERSION_FIELD_NUMBER: _builtins.int
+        LABELS_FIELD_NUMBER: _builtins.int
+        MEMORY_BYTES_FIELD_NUMBER: _builtins.int
+        WORKERS_FIELD_NUMBER: _builtins.int
+        START_TIME_FIELD_NUMBER: _builtins.int
+        SEEN_TIME_FIELD_NUMBER: _builtins.int
+        id: _builtins.str
+        """Identity of the process' data folder."""
+        kind: Global___Queue.Process.Kind.ValueType
+        name: _builtins.str
+        """Name of its workers in the events of jobs, by default that of its machine."""
+        version: _builtins.str
+        """Version of the program."""
+        memory_bytes: _builtins.int
+        """Largest estimated memory of a job that it starts [bytes]. 0: it runs no jobs."""
+        workers: _builtins.int
+        """Number of jobs that it runs at the same time. 0: it runs no jobs."""
+        @_builtins.property
+        def labels(self) -> _containers.RepeatedScalarFieldContainer[_builtins.str]:
+            """Labels of the process, ascending: it runs jobs that need no others."""
+
+        @_builtins.property
+        def start_time(self) -> _timestamp_pb2.Timestamp:
+            """Start of the process."""
+
+        @_builtins.property
+        def seen_time(self) -> _timestamp_pb2.Timestamp:
+            """Last sign of life. It comes every few seconds."""
+
+        def __init__(
+            self,
+            *,
+            id: _builtins.str = ...,
+            kind: Global___Queue.Process.Kind.ValueType = ...,
+            name: _builtins.str = ...,
+            version: _builtins.str = ...,
+            labels: _abc.Iterable[_builtins.str] | None = ...,
+            memory_bytes: _builtins.int = ...,
+            workers: _builtins.int = ...,
+            start_time: _timestamp_pb2.Timestamp | None = ...,
+            seen_time: _timestamp_pb2.Timestamp | None = ...,
+        ) -> None: ...
+        _HasFieldArgType: _TypeAlias = _typing.Literal["seen_time", b"seen_time", "start_time", b"start_time"]  # noqa: Y015
+        def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
+        _ClearFieldArgType: _TypeAlias = _typing.Literal["id", b"id", "kind", b"kind", "labels", b"labels", "memory_bytes", b"memory_bytes", "name", b"name", "seen_time", b"seen_time", "start_time", b"start_time", "version", b"version", "workers", b"workers"]  # noqa: Y015
+        def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
+        def WhichOneof(self, oneof_group: _Never) -> None: ...
+
     QUEUED_FIELD_NUMBER: _builtins.int
     RUNNING_FIELD_NUMBER: _builtins.int
     TURNS_FIELD_NUMBER: _builtins.int
     PAUSES_FIELD_NUMBER: _builtins.int
+    PROCESSES_FIELD_NUMBER: _builtins.int
     queued: _builtins.int
     """Number of queued jobs, including those that wait for their start time or for other jobs."""
     running: _builtins.int
@@ -2741,6 +2855,10 @@ class Queue(_message.Message):
     def turns(self) -> _containers.RepeatedCompositeFieldContainer[Global___Queue.Turn]: ...
     @_builtins.property
     def pauses(self) -> _containers.RepeatedCompositeFieldContainer[Global___Queue.Pause]: ...
+    @_builtins.property
+    def processes(self) -> _containers.RepeatedCompositeFieldContainer[Global___Queue.Process]:
+        """The living processes that serve or run jobs, by name."""
+
     def __init__(
         self,
         *,
@@ -2748,10 +2866,11 @@ class Queue(_message.Message):
         running: _builtins.int = ...,
         turns: _abc.Iterable[Global___Queue.Turn] | None = ...,
         pauses: _abc.Iterable[Global___Queue.Pause] | None = ...,
+        processes: _abc.Iterable[Global___Queue.Process] | None = ...,
     ) -> None: ...
     _HasFieldArgType: _TypeAlias = _Never  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["pauses", b"pauses", "queued", b"queued", "running", b"running", "turns", b"turns"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["pauses", b"pauses", "processes", b"processes", "queued", b"queued", "running", b"running", "turns", b"turns"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     def WhichOneof(self, oneof_group: _Never) -> None: ...
 

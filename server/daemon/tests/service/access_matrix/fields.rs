@@ -96,6 +96,7 @@ const FIELDS: &[(&str, Names)] = &[
     ("SubmitJobRequest.not_before", Parts),
     ("SubmitJobRequest.after", Job),
     ("SubmitJobRequest.label", Nothing),
+    ("SubmitJobRequest.needs", Nothing),
     ("JobSpec.optimize_hologram", Parts),
     ("JobSpec.learn_kernel", Parts),
     ("JobSpec.simulate_capture", Parts),

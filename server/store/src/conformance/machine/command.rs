@@ -6,7 +6,7 @@ use super::*;
 #[derive(Clone, Debug)]
 pub(super) enum Command {
     Submit(Submission),
-    Claim { per_owner: u32, per_display: u32 },
+    Claim { per_owner: u32, per_display: u32, labels: usize, memory: usize },
     Heartbeat { job: usize, stale: bool },
     Checkpoint { job: usize, stale: bool },
     Finish { job: usize, stale: bool },
@@ -37,6 +37,14 @@ pub(super) struct Submission {
     pub(super) after: Vec<usize>,
     /// Unique key of the job.
     pub(super) key: Option<usize>,
+    /// Numbers of its set of needs, and of its memory.
+    pub(super) needs: usize,
+    pub(super) memory: usize,
+}
+
+/// The number of one of four choices, the first half of the time.
+fn mostly_first() -> impl Strategy<Value = usize> {
+    prop_oneof![1 => Just(0), 1 => 1..4_usize]
 }
 
 pub(super) fn command() -> impl Strategy<Value = Command> {
@@ -44,14 +52,16 @@ pub(super) fn command() -> impl Strategy<Value = Command> {
     let lease = || (job(), prop::bool::weighted(0.2));
     let after = prop::collection::vec(job(), 0..3);
     let submit = (0..3_usize, 0..2_usize, -1..=1, prop_oneof![3 => Just(0), 1 => 1..=2 * LEASE_MS], after)
-        .prop_flat_map(|given| (Just(given), prop::option::weighted(0.2, 0..2_usize)));
+        .prop_flat_map(|given| (Just(given), prop::option::weighted(0.2, 0..2_usize), mostly_first(), mostly_first()));
     let display = || prop::option::of(0..2_usize);
     prop_oneof![
-        6 => submit.prop_map(|((owner, display, priority, delay_ms, after), key)| {
+        6 => submit.prop_map(|((owner, display, priority, delay_ms, after), key, needs, memory)| {
             let after = if after.len() == 2 { after } else { Vec::new() };
-            Command::Submit(Submission { owner, display, priority, delay_ms, after, key })
+            Command::Submit(Submission { owner, display, priority, delay_ms, after, key, needs, memory })
         }),
-        8 => (0..3_u32, 0..3_u32).prop_map(|(per_owner, per_display)| Command::Claim { per_owner, per_display }),
+        8 => (0..3_u32, 0..3_u32, 0..LABELS.len(), mostly_first()).prop_map(|(per_owner, per_display, labels, memory)| {
+            Command::Claim { per_owner, per_display, labels, memory }
+        }),
         3 => lease().prop_map(|(job, stale)| Command::Heartbeat { job, stale }),
         2 => lease().prop_map(|(job, stale)| Command::Checkpoint { job, stale }),
         5 => lease().prop_map(|(job, stale)| Command::Finish { job, stale }),

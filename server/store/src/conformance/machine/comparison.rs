@@ -15,7 +15,11 @@ impl Comparison {
     pub(super) async fn run(&mut self, command: Command) {
         match command {
             Command::Submit(submission) => self.submit(submission).await,
-            Command::Claim { per_owner, per_display } => self.claim(ClaimLimits { per_owner, per_display }).await,
+            Command::Claim { per_owner, per_display, labels, memory } => {
+                let labels = Labels::parse(LABELS[labels]).unwrap();
+                let abilities = Abilities { labels, memory_bytes: LIMITS[memory] };
+                self.claim(ClaimLimits { per_owner, per_display }, abilities).await;
+            }
             Command::Heartbeat { job, stale } => self.heartbeat(job, stale).await,
             Command::Checkpoint { job, stale } => self.checkpoint(job, stale).await,
             Command::Finish { job, stale } => self.finish(job, stale).await,
@@ -164,7 +168,7 @@ impl Comparison {
     }
 
     async fn submit(&mut self, submission: Submission) {
-        let Submission { owner, display, priority, delay_ms, after, key } = submission;
+        let Submission { owner, display, priority, delay_ms, after, key, needs, memory } = submission;
         let now_ms = self.model.now_ms;
         let mut new = new_job(&format!("r{}", self.submitted), 1);
         if let JobSpec::SimulateCapture(spec) = &mut new.spec {
@@ -174,12 +178,13 @@ impl Comparison {
             after.iter().filter_map(|&job| Some(self.model.jobs[self.pick(job)?].id.clone())).collect();
         after.sort();
         after.dedup();
-        new.priority = priority;
+        (new.priority, new.estimate.memory_bytes) = (priority, MEMORY[memory]);
         new.scheduling = Scheduling {
             owner: OWNERS[owner].to_owned(),
             not_before_ms: (delay_ms > 0).then_some(now_ms + delay_ms),
             unique_key: key.map(|key| KEYS[key].to_owned()),
             after,
+            needs: Labels::parse(LABELS[needs]).unwrap(),
             ..Scheduling::default()
         };
         let model = &self.model;
@@ -215,10 +220,12 @@ impl Comparison {
         });
     }
 
-    async fn claim(&mut self, limits: ClaimLimits) {
+    async fn claim(&mut self, limits: ClaimLimits, abilities: Abilities) {
         let now_ms = self.model.now_ms;
-        let expected = self.model.next(limits);
-        let claimed = self.store.claim_within(limits, now_ms, LEASE_MS, &crate::Claimant::named("w")).await.unwrap();
+        let expected = self.model.next(limits, &abilities);
+        let claimant = crate::Claimant { abilities, ..crate::Claimant::named("w") };
+        let claimed = self.store.claim_within(limits, now_ms, LEASE_MS, &claimant).await.unwrap();
+        let abilities = claimant.abilities;
         let expected_id = expected.map(|index| self.model.jobs[index].id.clone());
         assert_eq!(claimed.as_ref().map(|(job, _)| job.id.clone()), expected_id);
         if let (Some(index), Some((_, lease))) = (expected, claimed) {
@@ -231,10 +238,11 @@ impl Comparison {
             job.leases.push(lease);
         }
         let waiting = |job: &&ModelJob| {
-            job.state == JobState::Queued && self.model.waiting_for(job) == 0 && job.run_time_ms > now_ms
+            let is_later = job.state == JobState::Queued && job.run_time_ms > now_ms;
+            is_later && self.model.waiting_for(job) == 0 && job.is_suitable(&abilities)
         };
         let due = self.model.jobs.iter().filter(waiting).map(|job| job.run_time_ms).min();
-        assert_eq!(self.store.next_run_time(now_ms).await.unwrap(), due);
+        assert_eq!(self.store.next_run_time(now_ms, &abilities).await.unwrap(), due);
     }
 
     async fn server_dies(&mut self) {

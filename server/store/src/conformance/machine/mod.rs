@@ -14,6 +14,7 @@ use self::model::Model;
 use super::*;
 use crate::sql::scalar;
 use crate::{ClaimLimits, JobFilter, QueueLimits};
+use lightpath_domain::ability::{Abilities, Labels};
 use lightpath_domain::job::{JobState, Lease, Scheduling};
 use proptest::prelude::*;
 use std::collections::BTreeSet;
@@ -24,6 +25,11 @@ const HISTORY: usize = 250;
 const COMMANDS: usize = 3000;
 const OWNERS: [&str; 3] = ["", "ada", "bob"];
 const DISPLAYS: [&str; 2] = ["lab", "other"];
+/// Sets of needs, and of labels of processes.
+const LABELS: [&str; 4] = ["", "a", "b", "a,b"];
+/// Memory of jobs, and limits of processes \[bytes\]. The second and third job are of the class of the second limit.
+const MEMORY: [u64; 4] = [0, 33 << 20, (33 << 20) + 1, 90 << 20];
+const LIMITS: [u64; 4] = [u64::MAX, 33 << 20, 64 << 20, 32 << 20];
 const KEYS: [&str; 2] = ["k", "l"];
 const QUEUE: QueueLimits = QueueLimits { queued: 12, queued_per_owner: 6, stored_bytes_per_owner: 0 };
 
@@ -51,6 +57,16 @@ proptest! {
             let more_events = "select count(*) from job where revision < (select count(*) from job_event where job = job.id)";
             let mut connection = place.connect().await;
             let found: i64 = scalar(more_events).fetch_one(&mut connection).await.unwrap();
+            assert_eq!(found, 0);
+            // Lanes and their needs are those of the jobs that are ready.
+            let lanes = "select count(*) from (select priority, owner, display, needs, memory_class, count(*) as ready \
+                         from job where state = 'queued' and waiting_for = 0 group by 1, 2, 3, 4, 5) counted \
+                         natural full join lane where coalesce(counted.ready, 0) <> coalesce(lane.ready, 0)";
+            let found: i64 = scalar(lanes).fetch_one(&mut connection).await.unwrap();
+            assert_eq!(found, 0);
+            let needs = "select count(*) from (select needs, count(*) as lanes from lane where needs <> '[]' group by needs) \
+                         counted natural full join lane_needs where coalesce(counted.lanes, 0) <> coalesce(lane_needs.lanes, 0)";
+            let found: i64 = scalar(needs).fetch_one(&mut connection).await.unwrap();
             assert_eq!(found, 0);
             connection.close().await.unwrap();
             let mut inspection = place.inspect().await;

@@ -23,6 +23,13 @@ pub(super) struct ModelJob {
     pub(super) leases: Vec<Lease>,
 }
 
+impl ModelJob {
+    pub(super) fn is_suitable(&self, abilities: &Abilities) -> bool {
+        let has = |need: &str| abilities.labels.iter().any(|label| label == need);
+        self.new.scheduling.needs.iter().all(has) && self.new.estimate.memory_bytes <= abilities.memory_bytes
+    }
+}
+
 #[derive(Debug, Default)]
 pub(super) struct Model {
     pub(super) jobs: Vec<ModelJob>,
@@ -46,11 +53,12 @@ impl Model {
     }
 
     /// Index of the job that must be claimed next.
-    pub(super) fn next(&self, limits: ClaimLimits) -> Option<usize> {
+    pub(super) fn next(&self, limits: ClaimLimits, abilities: &Abilities) -> Option<usize> {
         let is_claimable = |job: &&ModelJob| {
             let owner = |new: &NewJob| new.scheduling.owner == job.new.scheduling.owner;
             let display = |new: &NewJob| new.spec.display() == job.new.spec.display();
             job.state == JobState::Queued
+                && job.is_suitable(abilities)
                 && job.run_time_ms <= self.now_ms
                 && self.waiting_for(job) == 0
                 && !self.paused.contains("")

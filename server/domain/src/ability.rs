@@ -1,0 +1,148 @@
+//! What a process can run: labels that jobs need, and memory.
+
+use crate::job::Job;
+use serde::{Deserialize, Serialize};
+use std::fmt::{self, Display};
+
+/// Limit on the labels that a job needs.
+pub const NEEDS_MAX: usize = 8;
+/// Limit on the labels of a process: each claim compares them with the needs of jobs.
+pub const LABELS_MAX: usize = 32;
+/// Limit on the length of a label \[bytes\], as of a label in the domain name system.
+const LABEL_BYTES_MAX: usize = 63;
+
+/// Labels, such as `gpu` or `bench-2`: ascending, each once.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct Labels(Vec<String>);
+
+/// Why texts are no labels.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum LabelError {
+    /// A text is no label.
+    #[error(
+        "has {0:?}, which is no label; a label has 1 to 63 small letters, digits, '.' and '-', and begins with a letter or \
+         digit, such as gpu or bench-2"
+    )]
+    Form(String),
+    /// There are too many.
+    #[error("has {0} labels, but may have {1}")]
+    Count(usize, usize),
+}
+
+impl Labels {
+    /// Checks labels, at most `count_max`.
+    ///
+    /// # Errors
+    ///
+    /// [`LabelError`].
+    pub fn new<T: AsRef<str>>(texts: impl IntoIterator<Item = T>, count_max: usize) -> Result<Self, LabelError> {
+        let mut labels = Vec::new();
+        for text in texts {
+            let text = text.as_ref();
+            if !is_label(text) {
+                let shown: String = text.chars().take(LABEL_BYTES_MAX + 1).collect();
+                return Err(LabelError::Form(shown));
+            }
+            labels.push(text.to_owned());
+        }
+        labels.sort();
+        labels.dedup();
+        match labels.len() > count_max {
+            true => Err(LabelError::Count(labels.len(), count_max)),
+            false => Ok(Self(labels)),
+        }
+    }
+
+    /// Reads the labels of a process, separated by commas.
+    ///
+    /// # Errors
+    ///
+    /// [`LabelError`].
+    pub fn parse(text: &str) -> Result<Self, LabelError> {
+        Self::new(text.split(',').map(str::trim).filter(|label| !label.is_empty()), LABELS_MAX)
+    }
+
+    /// The labels, ascending.
+    pub fn iter(&self) -> impl Iterator<Item = &str> {
+        self.0.iter().map(String::as_str)
+    }
+
+    /// Whether there are none.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Whether every one of `needs` is among the labels.
+    #[must_use]
+    pub fn contain(&self, needs: &Self) -> bool {
+        needs.0.iter().all(|need| self.0.binary_search(need).is_ok())
+    }
+}
+
+impl Display for Labels {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0.join(", "))
+    }
+}
+
+fn is_label(text: &str) -> bool {
+    let is_inner = |byte: u8| byte.is_ascii_lowercase() || byte.is_ascii_digit();
+    text.len() <= LABEL_BYTES_MAX
+        && text.bytes().next().is_some_and(is_inner)
+        && text.bytes().all(|byte| is_inner(byte) || byte == b'.' || byte == b'-')
+}
+
+/// What a process offers to jobs.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Abilities {
+    /// Labels of the process.
+    pub labels: Labels,
+    /// Largest estimated memory of a job that it starts \[bytes\].
+    pub memory_bytes: u64,
+}
+
+impl Default for Abilities {
+    /// No labels, and no limit on the memory.
+    fn default() -> Self {
+        Self { labels: Labels::default(), memory_bytes: u64::MAX }
+    }
+}
+
+impl Abilities {
+    /// Whether the process can run the job.
+    #[must_use]
+    pub fn suffice_for(&self, job: &Job) -> bool {
+        self.labels.contain(&job.scheduling.needs) && job.estimate.memory_bytes <= self.memory_bytes
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn labels_are_sorted_and_checked() {
+        let labels = Labels::parse(" gpu, bench-2,gpu,").unwrap();
+        assert_eq!(labels.iter().collect::<Vec<_>>(), ["bench-2", "gpu"]);
+        assert_eq!((labels.to_string(), Labels::parse("").unwrap()), ("bench-2, gpu".to_owned(), Labels::default()));
+        for bad in ["GPU", "-gpu", ".x", "a b", "ä", "a_b", "a\n", "", &"x".repeat(64)] {
+            assert!(matches!(Labels::new([bad], NEEDS_MAX), Err(LabelError::Form(_))), "{bad:?}");
+        }
+        Labels::new(["0", "a.b-c", &"x".repeat(63)], NEEDS_MAX).unwrap();
+        let nine: Vec<String> = (0..9).map(|n| n.to_string()).collect();
+        assert_eq!(Labels::new(&nine, NEEDS_MAX), Err(LabelError::Count(9, 8)));
+        assert!(Labels::new(nine[..8].iter().chain(&nine[..8]), NEEDS_MAX).is_ok(), "doubles do not count");
+    }
+
+    #[test]
+    fn every_need_must_be_among_the_labels() {
+        let of = |text| Labels::parse(text).unwrap();
+        for (labels, needs, enough) in
+            [("", "", true), ("", "a", false), ("a,b", "", true), ("a,b", "b", true), ("a,b", "a,c", false)]
+        {
+            assert_eq!(of(labels).contain(&of(needs)), enough, "{labels} for {needs}");
+        }
+        assert!(!of("ab").contain(&of("a")) && !of("a-b").contain(&of("a")));
+    }
+}

@@ -1,0 +1,213 @@
+//! The living processes that work on a database.
+//!
+//! Each process that shares a database renews its row every few seconds, by the database's clock, and reads those of the
+//! others. A row whose time is over is removed by anyone. Without a shared database there is one process, which needs no row.
+
+use super::rows::{from_json, from_word, to_json, to_word};
+use super::sql::{Row, query};
+use super::{Store, StoreError};
+use lightpath_domain::ability::Abilities;
+use serde::{Deserialize, Serialize};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+/// Time for which a process counts as living after its last sign of life.
+pub const LIFE: Duration = Duration::from_secs(20);
+
+/// What a process does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ProcessKind {
+    /// It answers calls.
+    Server,
+    /// It runs jobs.
+    Worker,
+    /// It answers calls and runs jobs.
+    Both,
+}
+
+impl ProcessKind {
+    /// All kinds.
+    pub const ALL: [Self; 3] = [Self::Server, Self::Worker, Self::Both];
+
+    /// Name of the kind in lower case.
+    #[must_use]
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::Server => "server",
+            Self::Worker => "worker",
+            Self::Both => "both",
+        }
+    }
+}
+
+/// A process that works on the database.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Process {
+    /// Identity of its data folder.
+    pub id: String,
+    /// What it does.
+    pub kind: ProcessKind,
+    /// Name of its workers, for people.
+    pub name: String,
+    /// Version of the program.
+    pub version: String,
+    /// Its labels, and the largest estimated memory of a job that it starts: 0 if it runs no jobs.
+    pub abilities: Abilities,
+    /// Number of jobs that it runs at the same time; 0: it runs no jobs.
+    pub workers: u32,
+    /// Time of its start \[ms since 1970\].
+    pub start_time_ms: i64,
+    /// Time of its last sign of life \[ms since 1970\].
+    pub seen_time_ms: i64,
+}
+
+impl Process {
+    /// Whether it answers calls.
+    #[must_use]
+    pub fn serves(&self) -> bool {
+        self.kind != ProcessKind::Worker
+    }
+
+    /// Whether it runs jobs.
+    #[must_use]
+    pub fn works(&self) -> bool {
+        self.kind != ProcessKind::Server
+    }
+}
+
+/// The living processes as this one knows them.
+#[derive(Debug, Default)]
+pub(super) struct Living {
+    // Held only to copy a pointer, so no thread waits long.
+    processes: Mutex<Arc<[Process]>>,
+}
+
+impl Living {
+    fn set(&self, processes: Vec<Process>) {
+        *self.processes.lock().unwrap_or_else(PoisonError::into_inner) = processes.into();
+    }
+}
+
+impl Store {
+    /// The living processes by name, as this process last read them: after its latest sign of life.
+    #[must_use]
+    pub fn living(&self) -> Arc<[Process]> {
+        Arc::clone(&self.inner.living.processes.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// Gives a sign of life for this process and reads those of the others. Removes those that have ended.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`], [`StoreError::DiskFull`].
+    pub async fn sign_of_life(&self, process: &Process) -> Result<(), StoreError> {
+        let process = Process { seen_time_ms: self.now_ms(), ..process.clone() };
+        if !self.is_shared() {
+            self.inner.living.set(vec![process]);
+            return Ok(());
+        }
+        let (kind, labels) =
+            (to_word("process.kind", &process.kind)?, to_json("process.labels", &process.abilities.labels)?);
+        self.write_row(move |write| {
+            Box::pin(async move {
+                let sql = "insert into process values ($1, $2, $3, $4, $5, $6, $7, $8, $9) on conflict (id) do update set \
+                           kind = excluded.kind, name = excluded.name, version = excluded.version, \
+                           labels = excluded.labels, memory_bytes = excluded.memory_bytes, workers = excluded.workers, \
+                           start_time_ms = excluded.start_time_ms, seen_time_ms = excluded.seen_time_ms";
+                query(sql)
+                    .bind(process.id)
+                    .bind(kind)
+                    .bind(process.name)
+                    .bind(process.version)
+                    .bind(labels)
+                    .bind(i64::try_from(process.abilities.memory_bytes).unwrap_or(i64::MAX))
+                    .bind(process.workers)
+                    .bind(process.start_time_ms)
+                    .bind(process.seen_time_ms)
+                    .execute(write.sql())
+                    .await?;
+                Ok(())
+            })
+        })
+        .await?;
+        if self.read_living().await? {
+            self.remove_ended().await?;
+        }
+        Ok(())
+    }
+
+    /// Reads which processes live. Returns whether there are rows of others.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn read_living(&self) -> Result<bool, StoreError> {
+        if !self.is_shared() {
+            return Ok(false);
+        }
+        let (from_ms, to_ms) = self.time_of_living();
+        let rows = query("select * from process order by name, id").fetch_all(self.readers()).await?;
+        let all: Vec<Process> = rows.iter().map(process_of).collect::<Result<_, _>>()?;
+        let count = all.len();
+        let lives = |process: &Process| (from_ms..=to_ms).contains(&process.seen_time_ms);
+        let living: Vec<Process> = all.into_iter().filter(lives).collect();
+        let has_ended = living.len() < count;
+        self.inner.living.set(living);
+        Ok(has_ended)
+    }
+
+    /// Removes the row of a process that stops.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::Database`].
+    pub async fn sign_off(&self, id: &str) -> Result<(), StoreError> {
+        if !self.is_shared() {
+            return Ok(());
+        }
+        let id = id.to_owned();
+        self.write_row(move |write| {
+            Box::pin(async move {
+                query("delete from process where id = $1").bind(id).execute(write.sql()).await?;
+                Ok(())
+            })
+        })
+        .await
+    }
+
+    /// Removes the processes whose time is over.
+    async fn remove_ended(&self) -> Result<(), StoreError> {
+        let (from_ms, to_ms) = self.time_of_living();
+        self.write(move |write| {
+            Box::pin(async move {
+                let sql = "delete from process where seen_time_ms not between $1 and $2";
+                query(sql).bind(from_ms).bind(to_ms).execute(write.sql()).await?;
+                Ok(())
+            })
+        })
+        .await
+    }
+
+    /// When a living process gave its last sign of life \[ms since 1970\]. A later time is from a clock that was ahead.
+    fn time_of_living(&self) -> (i64, i64) {
+        let (now_ms, life_ms) = (self.now_ms(), LIFE.as_millis() as i64);
+        (now_ms - life_ms, now_ms + life_ms)
+    }
+}
+
+fn process_of(row: &Row) -> Result<Process, StoreError> {
+    Ok(Process {
+        id: row.try_get("id")?,
+        kind: from_word("process.kind", row.try_get("kind")?)?,
+        name: row.try_get("name")?,
+        version: row.try_get("version")?,
+        abilities: Abilities {
+            labels: from_json("process.labels", &row.try_get::<String>("labels")?)?,
+            memory_bytes: row.try_get::<i64>("memory_bytes")?.unsigned_abs(),
+        },
+        workers: row.try_get("workers")?,
+        start_time_ms: row.try_get("start_time_ms")?,
+        seen_time_ms: row.try_get("seen_time_ms")?,
+    })
+}
