@@ -19,6 +19,13 @@ $$;
 create function refuse() returns trigger language plpgsql as $$
 begin raise exception '%', tg_argv[0]; end $$;
 
+-- Which programs can work on these tables. A program that does not know all migrations works on them if each of the others
+-- has a row here, and the program knows `known_min` migrations at least.
+create table older_programs (
+    migration bigint not null primary key,
+    known_min bigint not null check (known_min between 1 and migration - 1)
+);
+
 -- Displays. Holograms are made for them, and kernels are learned from them.
 create table display (
     id                 text collate "C" not null primary key check (length(id) between 1 and 63),

@@ -1,3 +1,10 @@
+-- Which programs can work on these tables. A program that does not know all migrations works on them if each of the others
+-- has a row here, and the program knows `known_min` migrations at least.
+create table older_programs (
+    migration integer not null primary key,
+    known_min integer not null check (known_min between 1 and migration - 1)
+) strict;
+
 -- Displays. Holograms are made for them, and kernels are learned from them.
 create table display (
     id             text    not null primary key check (length(id) between 1 and 63),

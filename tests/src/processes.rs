@@ -141,7 +141,7 @@ async fn worker_has_health_and_metrics_and_needs_what_it_shares() {
     };
     tokio::time::timeout(SOON, started).await.expect("the worker works");
     let metrics = ask("/metrics").await;
-    assert!(metrics.contains("lightpath_queue_work_seconds{kind=\"optimize_hologram\"} 0"), "{metrics}");
+    assert!(metrics.contains("lightpath_queue_work_seconds{kind=\"optimize_hologram\",needs=\"\"} 0"), "{metrics}");
     cluster.members[SERVERS].database.set(Fault::Cut);
     assert_ne!(ask("/healthz").await, "working\n");
 }

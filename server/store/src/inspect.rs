@@ -1,7 +1,7 @@
 //! Read access to a database that a server may be using, for checks and backups.
 
 use super::datasets::with_pairs;
-use super::open::{MIGRATIONS, connect_once, connect_options, create_private};
+use super::open::{MIGRATIONS, connect_once, connect_options, create_private, has_table, require_suitable};
 use super::rows::{from_json, from_json_option, to_json};
 use super::sql::{Connection, query, query_as, scalar};
 use super::transfer::marked_source;
@@ -134,8 +134,7 @@ impl Inspection {
 
     /// Whether a server has ever used this database of PostgreSQL.
     async fn has_tables(&mut self) -> Result<bool, StoreError> {
-        let sql = "select to_regclass('_sqlx_migrations') is not null";
-        Ok(scalar(sql).fetch_one(&mut self.connection).await?)
+        has_table(&mut self.connection, "_sqlx_migrations").await
     }
 
     /// Copies the present state of the database to `to`, which must not exist. A server can work on the database
@@ -157,18 +156,11 @@ impl Inspection {
     ///
     /// # Errors
     ///
-    /// [`StoreError::NewerDatabase`] if this version does not know one of the migrations.
-    pub async fn steps(&mut self) -> Result<Vec<&'static str>, StoreError> {
-        let applied: Vec<i64> = scalar("select version from _sqlx_migrations where success order by version")
-            .fetch_all(&mut self.connection)
-            .await?;
-        applied
-            .into_iter()
-            .map(|version| {
-                let known = usize::try_from(version - 1).ok().and_then(|index| MIGRATIONS.get(index));
-                known.map(|step| step.name).ok_or(StoreError::NewerDatabase { step: version })
-            })
-            .collect()
+    /// [`StoreError::NewerDatabase`] if a newer version has migrated the database so that this one cannot work on it.
+    pub async fn steps(&mut self) -> Result<Vec<String>, StoreError> {
+        require_suitable(&mut self.connection).await?;
+        let sql = "select description from _sqlx_migrations where success order by version";
+        Ok(scalar(sql).fetch_all(&mut self.connection).await?)
     }
 
     /// Errors that SQLite finds in pages, indexes, constraints and references between rows. PostgreSQL has programs of

@@ -36,6 +36,8 @@ pub struct Claimant {
     pub lease_id: String,
     /// What its process offers to jobs. It gets no others.
     pub abilities: Abilities,
+    /// What computes there, for people: the event of the start names it.
+    pub computer: Option<String>,
 }
 
 impl Claimant {
@@ -43,7 +45,7 @@ impl Claimant {
     #[must_use]
     pub fn named(worker: &str) -> Self {
         let lease_id = Uuid::now_v7().to_string();
-        Self { worker: worker.to_owned(), process: None, lease_id, abilities: Abilities::default() }
+        Self { worker: worker.to_owned(), process: None, lease_id, abilities: Abilities::default(), computer: None }
     }
 }
 
@@ -264,7 +266,8 @@ async fn claim(
         .await?;
     let Some(row) = row else { return Ok(None) };
     let job = job_of(&row)?;
-    append_event(write, &job, now_ms, format!("attempt {} started by {}", job.attempt, claimant.worker)).await?;
+    let on = claimant.computer.as_ref().map_or_else(String::new, |computer| format!(" on {computer}"));
+    append_event(write, &job, now_ms, format!("attempt {} started by {}{on}", job.attempt, claimant.worker)).await?;
     let lease = Lease { job: job.id.clone(), attempt: job.attempt, lease_id, until_ms: now_ms + lease_ms };
     Ok(Some((job, lease)))
 }

@@ -4,7 +4,7 @@ use super::StoreError;
 use super::changes::Changes;
 use super::database_time::DatabaseTime;
 use super::processes::Living;
-use super::sql::Pool;
+use super::sql::{Connection, Pool, scalar};
 use super::transfer::marked_source;
 use sqlx::migrate::{MigrateError, Migration, MigrationType, Migrator};
 use sqlx::postgres::{PgConnectOptions, PgConnection, PgListener, PgPoolOptions};
@@ -68,7 +68,8 @@ macro_rules! steps {
 }
 
 /// Migrations in order, one file each for each database. The first [`STEPS_OF_0_1_0`] make a database of version 0.1.0,
-/// each for one subject. Changes of later versions are in files of their own. A released migration never changes.
+/// each for one subject. Changes of later versions are in files of their own. A released migration never changes. One that
+/// programs of the version before can live with says so in `older_programs`, so that they need not stop.
 pub(super) const MIGRATIONS: &[Step] = steps!(
     "0001_displays",
     "0002_artifacts",
@@ -120,7 +121,7 @@ impl Store {
         let options = connect_options(path);
         let writer = pool(1).connect_with(options.clone()).await?;
         check_version(&writer).await?;
-        migrator(MIGRATIONS.len(), |step| step.sqlite).run(&writer).await.map_err(migration_error)?;
+        bring_up_to_date(&Pool::Sqlite(writer.clone())).await?;
         let readers = pool(READERS).connect_with(options.create_if_missing(false).pragma("query_only", "on")).await?;
         let (writers, readers) = (Pool::Sqlite(writer), Pool::Sqlite(readers));
         require_finished(&readers).await?;
@@ -140,8 +141,7 @@ impl Store {
         connect_once(&options).await?.close().await?;
         let pool = |connections| PgPoolOptions::new().max_connections(connections).acquire_timeout(ACQUIRE_TIMEOUT);
         let writers = pool(POSTGRES_WRITERS).test_before_acquire(false).connect_with(options.clone()).await?;
-        // The migrator takes an advisory lock of its own.
-        migrator(MIGRATIONS.len(), |step| step.postgres).run(&writers).await.map_err(migration_error)?;
+        bring_up_to_date(&Pool::Postgres(writers.clone())).await?;
         let read_only = options.options([("default_transaction_read_only", "on")]);
         let readers = pool(POSTGRES_READERS).connect_with(read_only).await?;
         let listener = PgListener::connect_with(&readers).await?;
@@ -170,6 +170,45 @@ impl Store {
     pub(super) fn readers(&self) -> &Pool {
         &self.inner.readers
     }
+}
+
+/// Applies the migrations that are new to the database. One that a newer program has migrated stays as it is, if this
+/// program can work on it.
+async fn bring_up_to_date(writers: &Pool) -> Result<(), StoreError> {
+    require_suitable(&mut writers.acquire().await?).await?;
+    let migrator = |text| {
+        let mut migrator = migrator(MIGRATIONS.len(), text);
+        migrator.set_ignore_missing(true);
+        migrator
+    };
+    // In PostgreSQL the migrator takes an advisory lock of its own.
+    let done = match writers {
+        Pool::Sqlite(writers) => migrator(|step| step.sqlite).run(writers).await,
+        Pool::Postgres(writers) => migrator(|step| step.postgres).run(writers).await,
+    };
+    done.map_err(migration_error)
+}
+
+/// Refuses a database that a newer program has migrated so that this one cannot work on it.
+pub(super) async fn require_suitable(connection: &mut Connection) -> Result<(), StoreError> {
+    // The first migration makes this table.
+    if !has_table(connection, "older_programs").await? {
+        return Ok(());
+    }
+    let sql = "select min(version) from _sqlx_migrations where version > $1 and not exists \
+               (select 1 from older_programs where migration = version and known_min <= $1)";
+    let known = i64::try_from(MIGRATIONS.len()).unwrap_or(i64::MAX);
+    let unsuitable: Option<i64> = scalar(sql).bind(known).fetch_one(connection).await?;
+    unsuitable.map_or(Ok(()), |step| Err(StoreError::NewerDatabase { step }))
+}
+
+/// Whether the database has this table.
+pub(super) async fn has_table(connection: &mut Connection, name: &str) -> Result<bool, StoreError> {
+    let sql = match connection.is_postgres() {
+        true => "select to_regclass($1) is not null",
+        false => "select exists (select 1 from sqlite_master where type = 'table' and name = $1)",
+    };
+    Ok(scalar(sql).bind(name).fetch_one(connection).await?)
 }
 
 /// Refuses the target of an unfinished transfer.

@@ -336,7 +336,7 @@ impl JobContext {
 pub(super) async fn saved_state(artifacts: &Artifacts, job: &Job) -> Result<Option<Vec<u8>>, TaskError> {
     let Some(digest) = job.checkpoint.as_deref() else { return Ok(None) };
     match artifacts.read_checkpoint(digest).await {
-        Ok(bytes) => Ok(checkpoint::unseal(job, bytes)),
+        Ok(bytes) => Ok(checkpoint::unseal(&job.id, bytes)),
         Err(error @ ArtifactError::Remote { .. }) => Err(error.into()),
         Err(error) => {
             let error: &dyn std::error::Error = &error;

@@ -16,7 +16,7 @@
 //!
 //! - `attempt`: one job from claim to end. `context`: interface of a task to the server. `stop`: the shared stop flag.
 //! - `job_memory`: the memory that running jobs share. `speed`: the speed of this machine.
-//! - `checkpoint`: the envelope of saved states. `backoff`: pauses before retries. `clock`: the time of day.
+//! - `checkpoint`: the envelope of saved states. `computer`: what may resume them. `backoff`: pauses before retries. `clock`: the time of day.
 //! - `optics_task`: runs each kind of job by its own function, in `optimize`, `learn`, `simulate`, `evaluate`,
 //!   `prepare` and `report`. They share `display_setup` (a display at a wavelength and distance), `pairs`, `losses` and
 //!   `state_bytes`. `live_picture`: what `optimize` shows while it runs. `hologram_setup` reads the input of
@@ -28,6 +28,7 @@ mod backoff;
 mod captured;
 mod checkpoint;
 mod clock;
+mod computer;
 mod context;
 mod display_setup;
 mod evaluate;
@@ -59,6 +60,7 @@ pub use optics_task::OpticsTask;
 pub use speed::measured_work_per_s;
 pub use stop::StopReason;
 
+use computer::computer;
 use job_memory::JobMemory;
 use lightpath_artifacts::{ArtifactError, Artifacts};
 use lightpath_domain::ability::{Abilities, Labels};
@@ -357,7 +359,8 @@ impl Worker {
                 unsure = None;
             }
             let (process, abilities) = (self.config.process.clone(), abilities.clone());
-            let claimant = Claimant { process, abilities, ..Claimant::named(&worker) };
+            let computer = Some(computer());
+            let claimant = Claimant { process, abilities, computer, ..Claimant::named(&worker) };
             match self.store.claim_within(self.config.limits, now_ms, self.lease_ms(), &claimant).await {
                 Ok(Some((job, lease))) => {
                     // More jobs may be ready: wake another idle worker.

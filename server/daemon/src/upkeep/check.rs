@@ -106,7 +106,7 @@ pub async fn check_with(
     let mut inspection = database.inspect().await?;
     let place = Place::open(data_dir, bucket).await?;
     place.require(&mut inspection).await?;
-    let schema = inspection.steps().await?.last().copied().unwrap_or("none").to_owned();
+    let schema = inspection.steps().await?.pop().unwrap_or_else(|| "none".to_owned());
     let Counts { jobs, kernel_versions, .. } = inspection.counts().await?;
     let mut problems = database_problems(&mut inspection, database.name()).await?;
     let mut blobs = place.blobs().await?;

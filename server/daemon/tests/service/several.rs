@@ -88,7 +88,9 @@ async fn worker_of(serving: &Serving, job: &v1::Job) -> String {
     let request = v1::ListJobEventsRequest { name: job.name.clone(), ..Default::default() };
     let events = serving.jobs().list_job_events(request).await.unwrap().into_inner().events;
     let started = events.iter().find_map(|event| event.message.split_once(" started by ")).unwrap().1;
-    started.rsplit_once('-').unwrap().0.to_owned()
+    let (worker, computer) = started.split_once(" on ").expect("the event names what computes");
+    assert!(computer.starts_with(concat!("lightpath ", env!("CARGO_PKG_VERSION"), ", ")), "{computer}");
+    worker.rsplit_once('-').unwrap().0.to_owned()
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

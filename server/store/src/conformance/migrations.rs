@@ -92,6 +92,8 @@ const ROWS: &[(usize, &str)] = &[(
 
     insert into process values ('0193f0a0-0000-7000-8000-000000000000', 'both', 'lab', '0.1.0', '["gpu"]', 7, 1, 1, 2);
 
+    insert into older_programs values (9, 8);
+
     insert into pause values ('', 14, 'the laser is off');
     insert into token values ('ada', printf('%064x', 1), 'submitter', '[]', 1, null, null)"#,
 )];
@@ -220,21 +222,54 @@ async fn assert_jobs_kept(store: &Store) {
     }
 }
 
+/// A program of the version before works on a database that a newer one has migrated only if each new migration says so.
 #[tokio::test]
-async fn newer_database_is_refused() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("lightpath.db");
-    Store::open(&path).await.unwrap().close().await;
-    let mut connection = connect_options(&path).connect().await.unwrap();
-    let newer = MIGRATIONS.len() as i64 + 1;
-    sqlx::query("insert into _sqlx_migrations values (?, 'from the future', 0, true, x'00', 1)")
-        .bind(newer)
-        .execute(&mut connection)
-        .await
-        .unwrap();
-    connection.close().await.unwrap();
-    for refused in [Store::open(&path).await.map(drop), Inspection::open(&path).await.map(drop)] {
-        assert!(matches!(refused, Err(StoreError::NewerDatabase { step }) if step == newer), "{refused:?}");
+async fn older_program_works_where_newer_migrations_allow_it() {
+    let place = Place::new().await;
+    let old = place.open().await;
+    prepare(&old).await;
+    let known = MIGRATIONS.len() as i64;
+    let bytes = if place.url.is_some() { "bytea" } else { "blob" };
+    let migrate = async |version: i64, allows: Option<i64>| {
+        let insert = "insert into _sqlx_migrations (version, description, success, checksum, execution_time)";
+        place.change(&format!("{insert} values ({version}, '00{version}_later', true, cast('x' as {bytes}), 1)")).await;
+        if let Some(known_min) = allows {
+            place.change(&format!("insert into older_programs values ({version}, {known_min})")).await;
+        }
+    };
+    migrate(known + 1, Some(known)).await;
+    // One that was open before goes on, and one of the same version starts.
+    submit(&old, "before", 2).await;
+    let again = place.open().await;
+    assert!(again.claim(3, LEASE_MS, "w").await.unwrap().is_some());
+    let mut inspection = place.inspect().await;
+    assert_eq!(inspection.steps().await.unwrap().last().unwrap(), &format!("00{}_later", known + 1));
+    inspection.close().await.unwrap();
+    again.close().await;
+
+    // The second one demands a program that knows the first one.
+    migrate(known + 2, Some(known + 1)).await;
+    assert_newer(&place, known + 2).await;
+    place.change(&format!("delete from older_programs where migration = {}", known + 1)).await;
+    assert_newer(&place, known + 1).await;
+}
+
+/// Checks that the database is refused because of this migration, and stays as it is.
+async fn assert_newer(place: &Place, step: i64) {
+    let (opened, shared, inspected) = match &place.url {
+        None => (
+            Store::open(&place.file()).await.map(drop),
+            Store::open_shared(&place.file()).await.map(drop),
+            Inspection::open(&place.file()).await.map(drop),
+        ),
+        Some(url) => (
+            Store::connect(url).await.map(drop),
+            Store::connect_shared(url).await.map(drop),
+            Inspection::connect(url).await.map(drop),
+        ),
+    };
+    for refused in [opened, shared, inspected] {
+        assert!(matches!(refused, Err(StoreError::NewerDatabase { step: found }) if found == step), "{refused:?}");
     }
 }
 

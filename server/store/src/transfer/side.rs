@@ -3,12 +3,13 @@
 use super::{Side, Table, TransferError};
 use crate::StoreError;
 use crate::inspect::Inspection;
-use crate::open::{MIGRATIONS, connect_once, connect_options, create_private, migration_error, migrator};
+use crate::open::{MIGRATIONS, connect_once, connect_options, create_private, has_table, migration_error, migrator};
 use crate::rows::{from_json, to_json};
 use crate::sql::{Builder, Connection, query, run_all, scalar};
 use crate::write::turn;
 use sqlx::postgres::PgConnectOptions;
 use sqlx::{ConnectOptions as _, PgConnection, SqliteConnection};
+use std::cmp::Ordering;
 use std::path::Path;
 use std::str::FromStr as _;
 
@@ -24,8 +25,10 @@ impl Side {
         };
         let steps = inspection.steps().await?.len();
         inspection.close().await?;
-        if steps < MIGRATIONS.len() {
-            return Err(StoreError::OlderDatabase.into());
+        match steps.cmp(&MIGRATIONS.len()) {
+            Ordering::Less => return Err(StoreError::OlderDatabase.into()),
+            Ordering::Equal => {}
+            Ordering::Greater => return Err(StoreError::NewerDatabase { step: MIGRATIONS.len() as i64 + 1 }.into()),
         }
         match self {
             Self::File(path) => Ok(Connection::SqliteFile(connect_file(path).await?)),
@@ -76,12 +79,7 @@ async fn connect_alone(url: &str) -> Result<PgConnection, TransferError> {
 
 /// The source of an unfinished transfer into this database; `None`: there is none.
 pub(crate) async fn marked_source(connection: &mut Connection) -> Result<Option<String>, StoreError> {
-    let exists = match connection.is_postgres() {
-        true => "select to_regclass($1) is not null",
-        false => "select exists (select 1 from sqlite_master where type = 'table' and name = $1)",
-    };
-    let exists: bool = scalar(exists).bind(MARKER).fetch_one(&mut *connection).await?;
-    if !exists {
+    if !has_table(connection, MARKER).await? {
         return Ok(None);
     }
     Ok(Some(scalar("select source from unfinished_transfer").fetch_one(connection).await?))

@@ -5,7 +5,7 @@ use crate::sql::{Builder, Connection, Place, Row, Value, query};
 use sha2::{Digest as _, Sha256};
 
 /// The tables that are copied, each behind those to which it refers. `artifact_place` is none of them: where the artifacts
-/// are is set anew. Nor is `process`: no process lives during a move.
+/// are is set anew. Nor is `process`: no process lives during a move. Nor is `older_programs`: migrations fill it.
 pub(crate) const TABLES: &[&str] = &[
     "display",
     "artifact",
