@@ -58,7 +58,9 @@ impl Life {
                 () = stopping.cancelled() => break,
                 _ = ticks.tick() => {}
             }
-            let Some(signed) = stopping.run_until_cancelled(self.store.sign_of_life(&self.process)).await else { break };
+            let Some(signed) = stopping.run_until_cancelled(self.store.sign_of_life(&self.process)).await else {
+                break;
+            };
             if let Err(error) = signed {
                 let error: &dyn std::error::Error = &error;
                 tracing::warn!(error, "other processes could not be told that this one lives");
