@@ -44,8 +44,8 @@ create table job (
     -- memory and time of an attempt, estimated at the submit; 0: not estimated
     estimated_bytes  bigint           not null default 0 check (estimated_bytes >= 0),
     estimated_ms     bigint           not null default 0 check (estimated_ms >= 0),
-    -- the estimated memory rounded down, so that jobs of about the same memory are in one lane
-    memory_class     bigint           not null default 0 check (memory_class between 0 and estimated_bytes),
+    -- the estimated memory rounded up, so that jobs of about the same memory are in one lane
+    counted_bytes    bigint           not null default 0 check (counted_bytes >= 0),
     -- failed attempts since the last checkpoint
     failures         bigint           not null default 0 check (failures >= 0),
     -- deaths of the server during attempts, since the last checkpoint
@@ -163,26 +163,25 @@ create trigger job_names_what_it_made after update of result on job for each row
 when (new.result is not null)
 execute function job_names_what_it_made();
 
--- A lane is a priority, an owner, a display, a set of needs and a class of memory. The job of a lane that has been due
--- longest runs first. So a claim looks at one job of every lane, no matter how many jobs wait. Only in the class of its
--- own limit a process may find jobs that are too large for it.
-create index job_to_claim on job (priority, owner, display, needs, memory_class, run_time_ms, id, estimated_bytes)
+-- A lane is a priority, an owner, a display, a set of needs and a rounded memory. The job of a lane that has been due
+-- longest runs first. So a claim looks at one job of every lane, no matter how many jobs wait.
+create index job_to_claim on job (priority, owner, display, needs, counted_bytes, run_time_ms, id)
 where state = 'queued' and waiting_for = 0;
 
 create table lane (
-    priority     bigint           not null,
-    owner        text collate "C" not null,
-    display      text collate "C" not null,
-    needs        text collate "C" not null,
-    memory_class bigint           not null,
-    ready        bigint           not null check (ready >= 0),
-    primary key (priority, owner, display, needs, memory_class)
+    priority      bigint           not null,
+    owner         text collate "C" not null,
+    display       text collate "C" not null,
+    needs         text collate "C" not null,
+    counted_bytes bigint           not null,
+    ready         bigint           not null check (ready >= 0),
+    primary key (priority, owner, display, needs, counted_bytes)
 );
 
 create function job_enters_its_lane() returns trigger language plpgsql as $$
 begin
-    insert into lane values (new.priority, new.owner, new.display, new.needs, new.memory_class, 1)
-    on conflict (priority, owner, display, needs, memory_class) do update set ready = lane.ready + 1;
+    insert into lane values (new.priority, new.owner, new.display, new.needs, new.counted_bytes, 1)
+    on conflict (priority, owner, display, needs, counted_bytes) do update set ready = lane.ready + 1;
     return null;
 end $$;
 
@@ -192,8 +191,8 @@ execute function job_enters_its_lane();
 
 create function job_gets_ready() returns trigger language plpgsql as $$
 begin
-    insert into lane values (new.priority, new.owner, new.display, new.needs, new.memory_class, 1)
-    on conflict (priority, owner, display, needs, memory_class) do update set ready = lane.ready + 1;
+    insert into lane values (new.priority, new.owner, new.display, new.needs, new.counted_bytes, 1)
+    on conflict (priority, owner, display, needs, counted_bytes) do update set ready = lane.ready + 1;
     return null;
 end $$;
 
@@ -204,9 +203,9 @@ execute function job_gets_ready();
 create function job_leaves_its_lane() returns trigger language plpgsql as $$
 begin
     update lane set ready = ready - 1 where priority = old.priority and owner = old.owner and display = old.display
-    and needs = old.needs and memory_class = old.memory_class;
+    and needs = old.needs and counted_bytes = old.counted_bytes;
     delete from lane where priority = old.priority and owner = old.owner and display = old.display
-    and needs = old.needs and memory_class = old.memory_class and ready = 0;
+    and needs = old.needs and counted_bytes = old.counted_bytes and ready = 0;
     return null;
 end $$;
 
@@ -217,9 +216,9 @@ execute function job_leaves_its_lane();
 create function job_leaves_its_lane_for_good() returns trigger language plpgsql as $$
 begin
     update lane set ready = ready - 1 where priority = old.priority and owner = old.owner and display = old.display
-    and needs = old.needs and memory_class = old.memory_class;
+    and needs = old.needs and counted_bytes = old.counted_bytes;
     delete from lane where priority = old.priority and owner = old.owner and display = old.display
-    and needs = old.needs and memory_class = old.memory_class and ready = 0;
+    and needs = old.needs and counted_bytes = old.counted_bytes and ready = 0;
     return null;
 end $$;
 

@@ -44,8 +44,8 @@ create table job (
     -- memory and time of an attempt, estimated at the submit; 0: not estimated
     estimated_bytes  integer not null default 0 check (estimated_bytes >= 0),
     estimated_ms     integer not null default 0 check (estimated_ms >= 0),
-    -- the estimated memory rounded down, so that jobs of about the same memory are in one lane
-    memory_class     integer not null default 0 check (memory_class between 0 and estimated_bytes),
+    -- the estimated memory rounded up, so that jobs of about the same memory are in one lane
+    counted_bytes    integer not null default 0 check (counted_bytes >= 0),
     -- failed attempts since the last checkpoint
     failures         integer not null default 0 check (failures >= 0),
     -- deaths of the server during attempts, since the last checkpoint
@@ -154,33 +154,32 @@ begin
     where type = 'text' and value glob 'sha256-*' and length(value) = 71 and key is not 'dataset_digest';
 end;
 
--- A lane is a priority, an owner, a display, a set of needs and a class of memory. The job of a lane that has been due
--- longest runs first. So a claim looks at one job of every lane, no matter how many jobs wait. Only in the class of its
--- own limit a process may find jobs that are too large for it.
-create index job_to_claim on job (priority, owner, display, needs, memory_class, run_time_ms, id, estimated_bytes)
+-- A lane is a priority, an owner, a display, a set of needs and a rounded memory. The job of a lane that has been due
+-- longest runs first. So a claim looks at one job of every lane, no matter how many jobs wait.
+create index job_to_claim on job (priority, owner, display, needs, counted_bytes, run_time_ms, id)
 where state = 'queued' and waiting_for = 0;
 
 create table lane (
-    priority     integer not null,
-    owner        text    not null,
-    display      text    not null,
-    needs        text    not null,
-    memory_class integer not null,
-    ready        integer not null check (ready >= 0),
-    primary key (priority, owner, display, needs, memory_class)
+    priority      integer not null,
+    owner         text    not null,
+    display       text    not null,
+    needs         text    not null,
+    counted_bytes integer not null,
+    ready         integer not null check (ready >= 0),
+    primary key (priority, owner, display, needs, counted_bytes)
 ) strict, without rowid;
 
 create trigger job_enters_its_lane after insert on job
 when new.state = 'queued' and new.waiting_for = 0
 begin
-    insert into lane values (new.priority, new.owner, new.display, new.needs, new.memory_class, 1)
+    insert into lane values (new.priority, new.owner, new.display, new.needs, new.counted_bytes, 1)
     on conflict do update set ready = ready + 1;
 end;
 
 create trigger job_gets_ready after update of state, waiting_for on job
 when new.state = 'queued' and new.waiting_for = 0 and (old.state <> 'queued' or old.waiting_for > 0)
 begin
-    insert into lane values (new.priority, new.owner, new.display, new.needs, new.memory_class, 1)
+    insert into lane values (new.priority, new.owner, new.display, new.needs, new.counted_bytes, 1)
     on conflict do update set ready = ready + 1;
 end;
 
@@ -188,18 +187,18 @@ create trigger job_leaves_its_lane after update of state, waiting_for on job
 when old.state = 'queued' and old.waiting_for = 0 and (new.state <> 'queued' or new.waiting_for > 0)
 begin
     update lane set ready = ready - 1 where priority = old.priority and owner = old.owner and display = old.display
-    and needs = old.needs and memory_class = old.memory_class;
+    and needs = old.needs and counted_bytes = old.counted_bytes;
     delete from lane where priority = old.priority and owner = old.owner and display = old.display
-    and needs = old.needs and memory_class = old.memory_class and ready = 0;
+    and needs = old.needs and counted_bytes = old.counted_bytes and ready = 0;
 end;
 
 create trigger job_leaves_its_lane_for_good after delete on job
 when old.state = 'queued' and old.waiting_for = 0
 begin
     update lane set ready = ready - 1 where priority = old.priority and owner = old.owner and display = old.display
-    and needs = old.needs and memory_class = old.memory_class;
+    and needs = old.needs and counted_bytes = old.counted_bytes;
     delete from lane where priority = old.priority and owner = old.owner and display = old.display
-    and needs = old.needs and memory_class = old.memory_class and ready = 0;
+    and needs = old.needs and counted_bytes = old.counted_bytes and ready = 0;
 end;
 
 -- The sets of needs that lanes have, but for the empty one. A claim compares these with the labels of its process.

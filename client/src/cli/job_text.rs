@@ -89,6 +89,20 @@ pub(crate) fn check_success(jobs: &[Job]) -> Result<(), Failure> {
     if endings.is_empty() { Ok(()) } else { Err(Failure::Jobs(endings)) }
 }
 
+/// Adds what concerns the place of a job in the queue.
+fn queue_facts(job: &Job, facts: &mut Facts) {
+    facts.add("attempt", format!("{} (the job fails after {} failed attempts)", job.attempt, job.attempts_max));
+    facts.add("priority", job.priority.to_string());
+    if !job.needs.is_empty() {
+        facts.add("needs", show::plain(&job.needs.join(", ")));
+    }
+    if job.estimated_memory_bytes > 0 {
+        let memory = show::bytes(job.estimated_memory_bytes);
+        facts.add("estimate", format!("{memory} of memory, {}", show::duration(job.estimated_time_s)));
+    }
+    facts.add("request id", &job.request_id);
+}
+
 /// Text with all facts about a job.
 pub(crate) fn facts(job: &Job) -> String {
     let mut facts = Facts::default();
@@ -106,16 +120,7 @@ pub(crate) fn facts(job: &Job) -> String {
         let left = progress.eta_s.map(|eta_s| format!(", {} left", show::duration(eta_s))).unwrap_or_default();
         facts.add("progress", format!("{} {}/{}{left}", progress.stage, progress.step, progress.steps_total));
     }
-    facts.add("attempt", format!("{} (the job fails after {} failed attempts)", job.attempt, job.attempts_max));
-    facts.add("priority", job.priority.to_string());
-    if !job.needs.is_empty() {
-        facts.add("needs", show::plain(&job.needs.join(", ")));
-    }
-    if job.estimated_memory_bytes > 0 {
-        let memory = show::bytes(job.estimated_memory_bytes);
-        facts.add("estimate", format!("{memory} of memory, {}", show::duration(job.estimated_time_s)));
-    }
-    facts.add("request id", &job.request_id);
+    queue_facts(job, &mut facts);
     facts.add_some("created", job.create_time.as_ref().map(show::time));
     facts.add_some("started", job.start_time.as_ref().map(show::time));
     facts.add_some("ended", job.finish_time.as_ref().map(show::time));

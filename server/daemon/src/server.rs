@@ -129,8 +129,7 @@ pub async fn run_and_announce(
     let tls = tls.map(Tls::open).transpose()?.map(Arc::new);
     let audit = Arc::new(Audit::open(&config.data_dir).map_err(ServeError::Audit)?);
     artifacts.space().set_stored_bytes(store.artifact_totals().await?.1);
-    let kind = if config.no_worker { ProcessKind::Server } else { ProcessKind::Both };
-    let life = Life::begin(&store, &artifacts, &config, kind).await?;
+    let life = Life::begin(&store, &artifacts, &config, kind(&config)).await?;
     announce(address).map_err(ServeError::Announcement)?;
     let stopping = CancellationToken::new();
     let upkeep = tokio::spawn(upkeep_loop(store.clone(), artifacts.clone(), retention, stopping.clone()));
@@ -149,9 +148,7 @@ pub async fn run_and_announce(
     };
     let ended_tokens = EndedTokens::default();
     loops.spawn(token_loop(api.store().clone(), ended_tokens.clone(), stopping.clone()));
-    let rate = Arc::new(Rate::new(config.calls_per_s_max));
-    let shared_rate = Arc::clone(&rate);
-    loops.spawn(life.go_on(stopping.clone(), move |servers| shared_rate.share_among(servers)));
+    let rate = shared_rate(&config, life, &mut loops, &stopping);
     let gate = Gate { api, tokens_required, hosts, audit: Arc::clone(&audit), rate, ended_tokens };
     let budget = Arc::new(MemoryBudget::new(config.under_way_bytes_max()));
     let app = http::router(gate, budget, grpc);
@@ -181,6 +178,18 @@ pub async fn run_and_announce(
     workers_ended??;
     tracing::info!("stopped");
     Ok(())
+}
+
+fn kind(config: &Config) -> ProcessKind {
+    if config.no_worker { ProcessKind::Server } else { ProcessKind::Both }
+}
+
+/// The limit on calls, of which this server takes its part as the others come and go.
+fn shared_rate(config: &Config, life: Life, loops: &mut JoinSet<()>, stopping: &CancellationToken) -> Arc<Rate> {
+    let rate = Arc::new(Rate::new(config.calls_per_s_max));
+    let shared = Arc::clone(&rate);
+    loops.spawn(life.go_on(stopping.clone(), move |servers| shared.share_among(servers)));
+    rate
 }
 
 /// Opens the data folder, and the bucket behind it if there is one.

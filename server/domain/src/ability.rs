@@ -1,6 +1,5 @@
 //! What a process can run: labels that jobs need, and memory.
 
-use crate::job::Job;
 use serde::{Deserialize, Serialize};
 use std::fmt::{self, Display};
 
@@ -98,7 +97,7 @@ fn is_label(text: &str) -> bool {
 pub struct Abilities {
     /// Labels of the process.
     pub labels: Labels,
-    /// Largest estimated memory of a job that it starts \[bytes\].
+    /// Largest memory of a job that it starts, by [`counted_memory`] \[bytes\].
     pub memory_bytes: u64,
 }
 
@@ -110,11 +109,25 @@ impl Default for Abilities {
 }
 
 impl Abilities {
-    /// Whether the process can run the job.
+    /// Whether the process starts a job with this estimate of memory \[bytes\].
     #[must_use]
-    pub fn suffice_for(&self, job: &Job) -> bool {
-        self.labels.contain(&job.scheduling.needs) && job.estimate.memory_bytes <= self.memory_bytes
+    pub fn give(&self, memory_bytes: u64) -> bool {
+        counted_memory(memory_bytes) <= self.memory_bytes
     }
+}
+
+/// Memory for which a job with this estimate counts when processes choose among jobs \[bytes\]: rounded up to one of 16
+/// steps between a number and its double; 0 up to 32 MiB, which every process has. So there are few different values, and
+/// thousands of jobs that are too large for a process are passed over at once.
+#[must_use]
+pub fn counted_memory(bytes: u64) -> u64 {
+    const SMALL: u64 = 32 << 20;
+    const BITS: u32 = 5;
+    if bytes <= SMALL {
+        return 0;
+    }
+    let step = 1_u64 << (u64::BITS - bytes.leading_zeros() - BITS);
+    bytes.checked_next_multiple_of(step).unwrap_or(u64::MAX)
 }
 
 #[cfg(test)]
@@ -133,6 +146,18 @@ mod tests {
         let nine: Vec<String> = (0..9).map(|n| n.to_string()).collect();
         assert_eq!(Labels::new(&nine, NEEDS_MAX), Err(LabelError::Count(9, 8)));
         assert!(Labels::new(nine[..8].iter().chain(&nine[..8]), NEEDS_MAX).is_ok(), "doubles do not count");
+    }
+
+    #[test]
+    fn memory_is_rounded_up_by_a_sixteenth_at_most() {
+        for bytes in [(32 << 20) + 1, (64 << 20) - 1, 1_000_000_007, 40 << 30, (1 << 50) - 1] {
+            let counted = counted_memory(bytes);
+            assert!(counted >= bytes && (counted - bytes) * 16 < bytes, "{bytes}: {counted}");
+            assert_eq!(counted_memory(counted), counted, "{bytes}");
+            let offers = |memory_bytes| Abilities { memory_bytes, ..Abilities::default() }.give(bytes);
+            assert!(offers(counted) && !offers(counted - 1), "{bytes}");
+        }
+        assert_eq!((counted_memory(0), counted_memory(32 << 20), counted_memory(u64::MAX)), (0, 0, u64::MAX));
     }
 
     #[test]

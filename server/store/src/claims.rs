@@ -1,18 +1,5 @@
 //! The choice of the job that a claim starts.
 
-/// Rounds the estimated memory of a job down, to one of 16 classes between a number and its double; below 32 MiB to 0.
-/// Jobs of a class share a lane. So a process passes over thousands of jobs that are too large for it at once, unless they
-/// are of the class of its own limit.
-pub(super) fn memory_class(bytes: u64) -> i64 {
-    const SMALL: u64 = 32 << 20;
-    const BITS: u32 = 5;
-    if bytes < SMALL {
-        return 0;
-    }
-    let shift = (u64::BITS - bytes.leading_zeros()) - BITS;
-    i64::try_from(bytes >> shift << shift).unwrap_or(i64::MAX)
-}
-
 /// The sets of needs that a process has all labels for, which are in `$8`, as JSON.
 macro_rules! met_needs {
     ($labels:literal) => {
@@ -29,19 +16,16 @@ macro_rules! met_needs {
 /// The lanes whose jobs may be for a process, by the needs that it meets and the memory that it gives a job.
 macro_rules! suitable_lane {
     ($memory:literal) => {
-        concat!("(lane.needs = '[]' or lane.needs in (select needs from met)) and lane.memory_class <= ", $memory)
+        concat!("(lane.needs = '[]' or lane.needs in (select needs from met)) and lane.counted_bytes <= ", $memory)
     };
 }
 
-/// The jobs of a lane that wait and fit into the memory of a process.
+/// The jobs of a lane that wait.
 macro_rules! ready_in_lane {
-    ($memory:literal) => {
-        concat!(
-            "from job where state = 'queued' and waiting_for = 0 \
-             and priority = lane.priority and owner = lane.owner and display = lane.display and needs = lane.needs \
-             and memory_class = lane.memory_class and estimated_bytes <= ",
-            $memory
-        )
+    () => {
+        "from job where state = 'queued' and waiting_for = 0 \
+         and priority = lane.priority and owner = lane.owner and display = lane.display and needs = lane.needs \
+         and counted_bytes = lane.counted_bytes"
     };
 }
 
@@ -59,7 +43,7 @@ macro_rules! open_lane {
 /// The jobs of a lane that are due.
 macro_rules! due_in_lane {
     () => {
-        concat!(ready_in_lane!("$9"), " and run_time_ms <= $4")
+        concat!(ready_in_lane!(), " and run_time_ms <= $4")
     };
 }
 
@@ -111,23 +95,7 @@ pub(super) const NEXT_RUN_TIME: &str = concat!(
     "with ",
     met_needs!("$2"),
     " select min((select min(run_time_ms) ",
-    ready_in_lane!("$3"),
+    ready_in_lane!(),
     " and run_time_ms > $1)) from lane where ",
     suitable_lane!("$3")
 );
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn class_of_a_memory_is_below_it_by_a_sixteenth_at_most() {
-        for bytes in [32 << 20, (32 << 20) + 1, (64 << 20) - 1, 1_000_000_007, 40 << 30, (1 << 50) - 1] {
-            let class = memory_class(bytes).unsigned_abs();
-            assert!(class <= bytes && (bytes - class) * 16 < bytes, "{bytes}: {class}");
-            assert_eq!(memory_class(class), memory_class(bytes), "{bytes}");
-        }
-        assert_eq!((memory_class(0), memory_class((32 << 20) - 1)), (0, 0));
-        assert_eq!(memory_class(u64::MAX), i64::MAX);
-    }
-}

@@ -1,13 +1,13 @@
 //! Submitting, reading and counting jobs.
 
 use super::changes::Change;
-use super::claims::memory_class;
 use super::events::append_event;
 use super::job_rows::job_of;
 use super::rows::{from_word, to_json};
 use super::sql::{Connection, query, query_as, scalar};
 use super::write::Write;
 use super::{Store, StoreError, dependencies};
+use lightpath_domain::ability::counted_memory;
 use lightpath_domain::job::{Job, JobSpec, JobState, NewJob, Scheduling};
 use uuid::Uuid;
 
@@ -151,7 +151,7 @@ async fn submit(
     let row = query(
         "insert into job (id, request_id, display, dataset, spec, state, priority, attempts_max, create_time_ms, \
          run_time_ms, owner, batch, unique_key, not_before_ms, timeout_ms, after, waiting_for, \
-         estimated_bytes, estimated_ms, kind, words, label, needs, memory_class) \
+         estimated_bytes, estimated_ms, kind, words, label, needs, counted_bytes) \
          values ($1, $2, $3, $4, $5, 'queued', $6, $7, $8, max($8, coalesce($12, $8)), $9, $10, $11, $12, $13, $14, $15, \
          $16, $17, $18, $20, $19, $21, $22) \
          returning *",
@@ -177,7 +177,7 @@ async fn submit(
     .bind(label)
     .bind(words)
     .bind(to_json("job.needs", needs)?)
-    .bind(memory_class(new.estimate.memory_bytes))
+    .bind(i64::try_from(counted_memory(new.estimate.memory_bytes)).unwrap_or(i64::MAX))
     .fetch_one(write.sql())
     .await?;
     let job = job_of(&row)?;

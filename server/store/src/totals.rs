@@ -87,13 +87,14 @@ impl Store {
                        where state = 'queued' and waiting_for = 0 and kind = $1 and run_time_ms <= $2 \
                        group by needs order by needs";
             let rows: Vec<(String, i64)> = query_as(sql).bind(kind).bind(now_ms).fetch_all(self.readers()).await?;
+            let without_needs = all.len();
             all.push(WaitingWork { kind, needs: Labels::default(), time: Duration::ZERO });
             for (needs, time_ms) in rows {
                 let needs: Labels = from_json("job.needs", &needs)?;
                 let time = Duration::from_millis(time_ms.unsigned_abs());
-                match all.last_mut() {
-                    Some(last) if needs.is_empty() => last.time = time,
-                    _ => all.push(WaitingWork { kind, needs, time }),
+                match needs.is_empty() {
+                    true => all[without_needs].time = time,
+                    false => all.push(WaitingWork { kind, needs, time }),
                 }
             }
         }

@@ -4,6 +4,7 @@ use crate::api::Api;
 use crate::call::Call;
 use crate::error::ApiError;
 use crate::field::Field;
+use lightpath_domain::ability::counted_memory;
 use lightpath_domain::dataset::Dataset;
 use lightpath_domain::display::Display;
 use lightpath_domain::job::estimate::{
@@ -64,12 +65,15 @@ impl Api {
             JobSpec::SuggestHolograms(spec) => self.suggestion_need(spec).await?,
         };
         let estimate = need.on(self.job_limits.work_per_s);
-        if estimate.memory_bytes > self.largest_memory_bytes() {
+        // A server alone runs whatever is within its limit.
+        let counted =
+            if self.store.is_shared() { counted_memory(estimate.memory_bytes) } else { estimate.memory_bytes };
+        if counted > self.largest_memory_bytes() {
             // A larger process may have come in the last seconds.
             self.store.read_living().await?;
         }
         let limits = JobLimits { memory_bytes: self.largest_memory_bytes(), ..self.job_limits };
-        require_within(&estimate, &limits, spec)?;
+        require_within(&Estimate { memory_bytes: counted, ..estimate }, &limits, spec)?;
         Ok(estimate)
     }
 

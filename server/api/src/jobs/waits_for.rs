@@ -40,7 +40,7 @@ fn missing(living: &[Process], needs: &Labels, memory_bytes: u64) -> Option<Stri
             false => format!("no living process that runs jobs has {named}"),
         });
     }
-    if labelled.any(|process| memory_bytes <= process.abilities.memory_bytes) {
+    if labelled.any(|process| process.abilities.give(memory_bytes)) {
         return None;
     }
     let with = if named.is_empty() { String::new() } else { format!(" with {named}") };

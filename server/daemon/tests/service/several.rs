@@ -101,7 +101,7 @@ async fn jobs_run_where_their_labels_are() {
     assert_eq!(lonely.waits_for, "no living process runs jobs");
     let gpu = submit(&serving, request(&target, &["gpu"])).await;
     assert_eq!(
-        (gpu.waits_for.as_str(), gpu.needs),
+        (gpu.waits_for.as_str(), gpu.needs.clone()),
         ("no living process that runs jobs has the label gpu", vec!["gpu".into()])
     );
     let both = v1::SubmitJobRequest { priority: -9, ..request(&target, &["gpu", "bench-2"]) };

@@ -74,9 +74,9 @@ const ROWS: &[(usize, &str)] = &[(
     ('d', 'failed', 3, 12, 13, null, null, null, '{"reason":"IO","message":"no","retryable":false}', null, null),
     ('e', 'cancelled', 1, 12, 13, null, null, null, null, null, null));
     insert into job (id, request_id, display, kind, words, spec, state, owner, priority, attempts_max, create_time_ms,
-    run_time_ms, needs, estimated_bytes, memory_class)
+    run_time_ms, needs, estimated_bytes, counted_bytes)
     select 'f', 'request-f', display, kind, words, spec, 'queued', owner, priority, attempts_max, 11, 11, '["bench-2","gpu"]',
-    33554433, 33554432 from job where id = 'a';
+    33554433, 35651584 from job where id = 'a';
     insert into job_event (job, time_ms, attempt, message)
     select id, 11, 0, 'queued' from job union all select 'c', 13, 1, 'succeeded';
 

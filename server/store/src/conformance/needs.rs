@@ -110,7 +110,7 @@ async fn limits_count_the_jobs_of_all_processes() {
 #[tokio::test]
 async fn job_runs_only_where_its_memory_is() {
     let (store, _place) = store().await;
-    // The first three are of one class of memory.
+    // The second and third count for 104 MiB.
     for bytes in [100 * MIB, 100 * MIB + 1, 101 * MIB, 200 * MIB, 0] {
         submit_new(&store, &needy_job(&format!("r {bytes}"), "", bytes)).await;
     }
@@ -120,6 +120,7 @@ async fn job_runs_only_where_its_memory_is() {
     };
     assert_eq!(sizes(100 * MIB).await, [100 * MIB, 0]);
     assert_eq!(sizes(100 * MIB).await, [0; 0]);
-    assert_eq!(sizes(101 * MIB - 1).await, [100 * MIB + 1]);
-    assert_eq!(sizes(u64::MAX).await, [101 * MIB, 200 * MIB]);
+    assert_eq!(sizes(104 * MIB - 1).await, [0; 0]);
+    assert_eq!(sizes(104 * MIB).await, [100 * MIB + 1, 101 * MIB]);
+    assert_eq!(sizes(u64::MAX).await, [200 * MIB]);
 }

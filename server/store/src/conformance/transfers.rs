@@ -152,7 +152,7 @@ async fn a_killed_move_continues() {
             Side::File(path) => Store::open(path).await,
             Side::Server(url) => Store::connect(url).await,
         };
-        assert_eq!(opened.unwrap().jobs(&Default::default(), None, 9).await.unwrap().len(), 5);
+        assert_eq!(opened.unwrap().jobs(&Default::default(), None, 9).await.unwrap().len(), 6);
     }
 }
 

@@ -27,9 +27,10 @@ const OWNERS: [&str; 3] = ["", "ada", "bob"];
 const DISPLAYS: [&str; 2] = ["lab", "other"];
 /// Sets of needs, and of labels of processes.
 const LABELS: [&str; 4] = ["", "a", "b", "a,b"];
-/// Memory of jobs, and limits of processes \[bytes\]. The second and third job are of the class of the second limit.
+/// Memory of jobs, what it counts for, and limits of processes \[bytes\].
 const MEMORY: [u64; 4] = [0, 33 << 20, (33 << 20) + 1, 90 << 20];
-const LIMITS: [u64; 4] = [u64::MAX, 33 << 20, 64 << 20, 32 << 20];
+const COUNTED: [u64; 4] = [0, 34 << 20, 34 << 20, 92 << 20];
+const LIMITS: [u64; 4] = [u64::MAX, 34 << 20, 64 << 20, (34 << 20) - 1];
 const KEYS: [&str; 2] = ["k", "l"];
 const QUEUE: QueueLimits = QueueLimits { queued: 12, queued_per_owner: 6, stored_bytes_per_owner: 0 };
 
@@ -59,7 +60,7 @@ proptest! {
             let found: i64 = scalar(more_events).fetch_one(&mut connection).await.unwrap();
             assert_eq!(found, 0);
             // Lanes and their needs are those of the jobs that are ready.
-            let lanes = "select count(*) from (select priority, owner, display, needs, memory_class, count(*) as ready \
+            let lanes = "select count(*) from (select priority, owner, display, needs, counted_bytes, count(*) as ready \
                          from job where state = 'queued' and waiting_for = 0 group by 1, 2, 3, 4, 5) counted \
                          natural full join lane where coalesce(counted.ready, 0) <> coalesce(lane.ready, 0)";
             let found: i64 = scalar(lanes).fetch_one(&mut connection).await.unwrap();

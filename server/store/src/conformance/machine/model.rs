@@ -26,7 +26,8 @@ pub(super) struct ModelJob {
 impl ModelJob {
     pub(super) fn is_suitable(&self, abilities: &Abilities) -> bool {
         let has = |need: &str| abilities.labels.iter().any(|label| label == need);
-        self.new.scheduling.needs.iter().all(has) && self.new.estimate.memory_bytes <= abilities.memory_bytes
+        let number = MEMORY.iter().position(|bytes| *bytes == self.new.estimate.memory_bytes).unwrap();
+        self.new.scheduling.needs.iter().all(has) && COUNTED[number] <= abilities.memory_bytes
     }
 }
 
