@@ -35,6 +35,8 @@ pub enum Block {
     Crosstalk,
     /// A phase response that [varies over the SLM](crate::ResponseVariation).
     UnevenResponse,
+    /// A [blur of the light](crate::LightBlur), by the camera or by a source with an extent.
+    LightBlur,
     /// Light of several modes that do not interfere: [partial coherence](crate::PartialCoherence).
     PartialCoherence,
     /// A kernel that [varies over the SLM](crate::SpatialVariation).
@@ -47,10 +49,11 @@ pub enum Block {
 
 impl Block {
     /// All blocks.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::FineSource,
         Self::Crosstalk,
         Self::UnevenResponse,
+        Self::LightBlur,
         Self::PartialCoherence,
         Self::Varying,
         Self::Ghost,
@@ -64,6 +67,7 @@ impl Block {
             Self::FineSource => "fine_source",
             Self::Crosstalk => "crosstalk",
             Self::UnevenResponse => "uneven_response",
+            Self::LightBlur => "light_blur",
             Self::PartialCoherence => "partial_coherence",
             Self::Varying => "varying",
             Self::Ghost => "ghost",
@@ -74,7 +78,7 @@ impl Block {
     /// Least relative decrease of the validation loss by which the block is kept.
     pub(super) fn gain_min(self) -> f64 {
         match self {
-            Self::FineSource | Self::Crosstalk | Self::UnevenResponse | Self::Varying => GAIN_MIN,
+            Self::FineSource | Self::Crosstalk | Self::UnevenResponse | Self::LightBlur | Self::Varying => GAIN_MIN,
             Self::PartialCoherence => COHERENCE_GAIN_MIN,
             Self::Ghost => GHOST_GAIN_MIN,
             Self::Dust => DUST_GAIN_MIN,
@@ -100,6 +104,8 @@ pub struct BlockStrengths {
     pub crosstalk_px: Option<[f64; 2]>,
     /// Root mean square of the relative change of the phase response over the SLM.
     pub response_variation_rms: Option<f64>,
+    /// Standard deviation of the blur of the light along x and along y \[px\].
+    pub light_blur_px: Option<[f64; 2]>,
     /// Standard deviation of the places of the images of modes that do not interfere, along x and along y \[px\].
     pub image_spread_px: Option<[f64; 2]>,
     /// Whether the kernel varies over the SLM.
@@ -119,6 +125,7 @@ impl BlockStrengths {
             surface_rms_rad: blocks.fine_source.then(|| surface_rms_rad(&model.source)),
             crosstalk_px: blocks.crosstalk.then(|| model.crosstalk.sigma_px()),
             response_variation_rms: blocks.uneven_response.then(|| model.response_variation.rms()),
+            light_blur_px: blocks.light_blur.then(|| model.light_blur.sigma_px()),
             image_spread_px: blocks.partial_coherence.then(|| model.coherence.spread_px()),
             kernel_varies: blocks.varying,
             ghost_share: blocks.ghost.then(|| model.ghost.share()),
@@ -160,6 +167,8 @@ pub struct Blocks {
     pub crosstalk: bool,
     /// [`Block::UnevenResponse`]
     pub uneven_response: bool,
+    /// [`Block::LightBlur`]
+    pub light_blur: bool,
     /// [`Block::PartialCoherence`]
     pub partial_coherence: bool,
     /// [`Block::Varying`]
@@ -176,6 +185,7 @@ impl Blocks {
         fine_source: false,
         crosstalk: false,
         uneven_response: false,
+        light_blur: false,
         partial_coherence: false,
         varying: false,
         ghost: false,
@@ -187,6 +197,7 @@ impl Blocks {
         fine_source: true,
         crosstalk: true,
         uneven_response: true,
+        light_blur: true,
         partial_coherence: true,
         varying: true,
         ghost: true,
@@ -200,6 +211,7 @@ impl Blocks {
             fine_source: model.source.order > SOURCE_ORDER,
             crosstalk: !model.crosstalk.is_none(),
             uneven_response: !model.response_variation.is_none(),
+            light_blur: !model.light_blur.is_none(),
             partial_coherence: !model.coherence.is_none(),
             varying: !model.variation.is_none(),
             ghost: !model.ghost.is_none(),
@@ -237,6 +249,7 @@ impl Blocks {
             Block::FineSource => &mut self.fine_source,
             Block::Crosstalk => &mut self.crosstalk,
             Block::UnevenResponse => &mut self.uneven_response,
+            Block::LightBlur => &mut self.light_blur,
             Block::PartialCoherence => &mut self.partial_coherence,
             Block::Varying => &mut self.varying,
             Block::Ghost => &mut self.ghost,

@@ -123,6 +123,11 @@ impl ParametricLearner {
         let with = self.state.best.take().filter(|with| with.loss <= round.bound());
         let both = round.winner.take().into_iter().chain(with);
         round.winner = both.min_by(|a, b| a.loss.total_cmp(&b.loss));
+        if round.change == Change::Add && round.winner.is_some() {
+            // Modes are as dear as three holograms, and describe a part of what the winner describes. They wait until no
+            // other block helps.
+            round.untried.retain(|block| *block != Block::PartialCoherence);
+        }
         if !round.untried.is_empty() {
             let block = round.untried.remove(0);
             return self.start_trial(Round { block, steps: 0, ..round });

@@ -223,7 +223,7 @@ mod tests {
     use super::super::{KernelFormat, export, import};
     use super::*;
     use lightpath_optics::{
-        ConvolutionMethod, Crosstalk, Dust, FurtherMode, Ghost, Grid, PartialCoherence, ResponseVariation, SmoothField,
+        ConvolutionMethod, Crosstalk, Dust, FurtherMode, Ghost, Grid, LightBlur, PartialCoherence, ResponseVariation, SmoothField,
     };
 
     /// A series with many digits.
@@ -255,6 +255,7 @@ mod tests {
         let display = model(KernelShape::Smooth(field(4, 1.0)));
         let variation = SpatialVariation::new([1.0, 2.0, 3.0, 4.0, 5.0].map(|size| field(2, 0.1 * size)));
         let crosstalk = Crosstalk { ratio_x: 0.1 / 3.0, ratio_y: 0.02 };
+        let light_blur = LightBlur { ratio_x: 0.1 / 3.0, ratio_y: 0.0 };
         let response_variation = ResponseVariation { order: 1, coefficients: vec![0.1 / 3.0, 0.0, -0.07] };
         let ghost = Ghost::of_numbers([0.1 / 3.0, -0.02, 11.3, -7.0 / 3.0, 4.5]);
         let dust = Dust::new(Plane::from_fn(12, 16, |y, x| [y as i16 - 3, -7 * x as i16]));
@@ -263,7 +264,7 @@ mod tests {
         vec![
             (plain, KernelModel::Smooth),
             (display.clone(), KernelModel::Display),
-            (DisplayModel { crosstalk, response_variation, ..display.clone() }, KernelModel::Display),
+            (DisplayModel { crosstalk, light_blur, response_variation, ..display.clone() }, KernelModel::Display),
             (DisplayModel { dust, ghost, coherence, ..display.clone() }, KernelModel::Display),
             (DisplayModel { variation, ..display }, KernelModel::Varying),
             (bins(24, 32), KernelModel::Dense),
@@ -356,7 +357,7 @@ mod tests {
         let foreign = without("lightpath.npy").unwrap();
         assert_eq!((foreign.kind, &foreign.model.response), (KernelModel::Dense, &model.response));
         let lost =
-            [Loss::Source, Loss::Dust, Loss::Coherence, Loss::ResponseVariation, Loss::Crosstalk, Loss::Variation];
+            [Loss::Source, Loss::Dust, Loss::Coherence, Loss::ResponseVariation, Loss::Crosstalk, Loss::LightBlur, Loss::Variation];
         assert_eq!(foreign.absent, lost);
     }
 }

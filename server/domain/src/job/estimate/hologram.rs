@@ -114,6 +114,7 @@ fn widest(kernels: &[KernelSize]) -> EngineSize {
         kernels_per_side: widest.kernels_per_side.max(kernel.engine.kernels_per_side),
         has_source: widest.has_source || kernel.engine.has_source,
         wraps_phase: widest.wraps_phase || kernel.engine.wraps_phase,
+        blurs_light: widest.blurs_light || kernel.engine.blurs_light,
         ..widest
     })
 }
