@@ -397,7 +397,8 @@ mod tests {
             let example = Example::new(&Pair { phase, photo }, &fit.engine, RegionOfInterest::middle(&grid)).unwrap();
             let mut theta: Vec<f64> = (0..fit.layout.len()).map(|i| 0.1 * (i as f64 * 1.3 + 0.5).sin()).collect();
             theta[layout.crosstalk()..layout.response_variation()].iter_mut().for_each(|q| *q = 0.1 + q.abs());
-            theta[layout.light_blur()..layout.variation(0)].iter_mut().for_each(|q| *q = 0.2 + q.abs());
+            // With much of a blur the light would not correlate with the photograph.
+            theta[layout.light_blur()..layout.variation(0)].iter_mut().for_each(|q| *q = 0.02 + 0.2 * q.abs());
             let mut exponents: Vec<f32> = (0..2 * 12 * 17).map(|i| 0.3 * (i as f32 * 1.9).sin()).collect();
             let mut evaluate = |exponents: &[f32], gradient: &mut [f64]| {
                 fit.set_dust(Some(exponents));

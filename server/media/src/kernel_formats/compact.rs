@@ -44,8 +44,8 @@ use super::error::KernelFormatError;
 use lightpath_optics::KernelModel;
 use lightpath_optics::chebyshev::ChebyshevBasis;
 use lightpath_optics::{
-    ConvolutionMethod, Crosstalk, DisplayModel, Dust, Ghost, Grid, KernelShape, LightBlur, OpticalSetup, PartialCoherence,
-    ResponseVariation, SmoothField, SpatialVariation,
+    ConvolutionMethod, Crosstalk, DisplayModel, Dust, Ghost, Grid, KernelShape, LightBlur, OpticalSetup,
+    PartialCoherence, ResponseVariation, SmoothField, SpatialVariation,
 };
 use num_complex::Complex64;
 

@@ -223,7 +223,8 @@ mod tests {
     use super::super::{KernelFormat, export, import};
     use super::*;
     use lightpath_optics::{
-        ConvolutionMethod, Crosstalk, Dust, FurtherMode, Ghost, Grid, LightBlur, PartialCoherence, ResponseVariation, SmoothField,
+        ConvolutionMethod, Crosstalk, Dust, FurtherMode, Ghost, Grid, LightBlur, PartialCoherence, ResponseVariation,
+        SmoothField,
     };
 
     /// A series with many digits.
@@ -356,8 +357,15 @@ mod tests {
         }
         let foreign = without("lightpath.npy").unwrap();
         assert_eq!((foreign.kind, &foreign.model.response), (KernelModel::Dense, &model.response));
-        let lost =
-            [Loss::Source, Loss::Dust, Loss::Coherence, Loss::ResponseVariation, Loss::Crosstalk, Loss::LightBlur, Loss::Variation];
+        let lost = [
+            Loss::Source,
+            Loss::Dust,
+            Loss::Coherence,
+            Loss::ResponseVariation,
+            Loss::Crosstalk,
+            Loss::LightBlur,
+            Loss::Variation,
+        ];
         assert_eq!(foreign.absent, lost);
     }
 }
