@@ -2,11 +2,12 @@
 
 use super::{BestModel, ParametricLearner};
 use crate::chebyshev::ChebyshevBasis;
+use crate::gaussian_blur::sigma_px_of_ratio;
 use crate::learning::ghost::GhostSearch;
 use crate::learning::layout::Layout;
 use crate::learning::{Block, Blocks, PairSource, pair::BoxError};
 use serde::{Deserialize, Serialize};
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::{PI, SQRT_2, TAU};
 
 /// Validation loss, relative to the largest with which it passes, above which a trial without a block ends after one
 /// step.
@@ -14,7 +15,7 @@ const HOPELESS: f64 = 2.0;
 /// Least part of the decrease with which it passes that a trial of modes of light must have reached after one step. Its
 /// steps take three times as long as those of other trials.
 const HOPEFUL: f64 = 1.0 / 3.0;
-/// Distance of each mode's image from the image so far, at the start of a trial \[px\].
+/// Least distance of each mode's image from the image so far, at the start of a trial \[px\].
 const MODE_RADIUS_PX: f64 = 0.5;
 /// Direction of the first mode's image, so that none lies on an axis \[turns\].
 const MODE_TURN: f64 = 0.04;
@@ -148,7 +149,8 @@ impl ParametricLearner {
     }
 
     /// Gives the modes of light a start if partially coherent light is about to be tried: three images of the same
-    /// light around the image so far, at slightly different distances.
+    /// light around the image so far, at slightly different distances. If the light blurs, the images are as far apart as
+    /// the blur is wide, and the blur starts anew, because the modes may describe better what it describes.
     pub(super) fn separate_modes(&mut self) {
         let is_start = self.state.refinement.is_none();
         let wanted = |round: &Round| (round.block, round.change) == (Block::PartialCoherence, Change::Add);
@@ -156,9 +158,16 @@ impl ParametricLearner {
             return;
         }
         let layout = self.joint.layout;
+        let blur = layout.blocks.light_blur.then_some(layout.light_blur());
+        let radii_px = blur.map_or([MODE_RADIUS_PX; 2], |start| {
+            let theta = self.joint.plane_parameters(0, &self.state.parameters);
+            (0..2).for_each(|axis| self.joint.set_shared(&mut self.state.parameters, start + axis, 0.0));
+            // Three places on a circle have half the square of its radius as their variance along each axis.
+            [0, 1].map(|axis| (SQRT_2 * sigma_px_of_ratio(theta[start + axis])).max(MODE_RADIUS_PX))
+        });
         let place_px = |mode: usize| {
             let angle = TAU * (mode as f64 / (layout.modes + 1) as f64 + MODE_TURN);
-            [MODE_RADIUS_PX * angle.cos(), MODE_RADIUS_PX * angle.sin()]
+            [radii_px[0] * angle.cos(), radii_px[1] * angle.sin()]
         };
         let mut add = |start: usize, basis: ChebyshevBasis, degrees: (usize, usize), by: f64| {
             if let Some(term) = basis.degrees().position(|of_term| of_term == degrees) {
