@@ -7,9 +7,9 @@
 //! z₁ is the nearest and z_n the farthest of the n photographed distances, T_k are Chebyshev polynomials; the degree is
 //! n − 1, but at most two. Propagation is exact at each z: only the errors of the optics are polynomials of z. Source,
 //! phase response and zero order belong to the modulator and are the same at all z. The blur of the light is the same,
-//! too, as that of a camera is, although that of a source with an extent grows with the distance. The tilts of ψ, which move the
-//! image, are not polynomials: the camera was set up anew at each distance, so each distance has its own tilts. Between
-//! neighbouring distances the tilts are interpolated linearly.
+//! too, as that of a camera is, although that of a source with an extent grows with the distance. The tilts of ψ, which
+//! move the image, are not polynomials: the camera was set up anew at each distance, so each distance has its own
+//! tilts. Between neighbouring distances the tilts are interpolated linearly.
 
 use super::layout::{Layout, Part};
 use crate::chebyshev::polynomials;
