@@ -140,8 +140,8 @@ impl<T: Number, const TAPS: usize> GaussianBlur<T, TAPS> {
         );
     }
 
-    /// Adds what blurs into a part of one row to `out`: the values at the columns `columns`. `near(y)` has the values of
-    /// row `y` of `size_px` rows and columns, from the column `first` on.
+    /// Adds what blurs into a part of one row to `out`: the values at the columns `columns`. `near(y)` has the values
+    /// of row `y` of `size_px` rows and columns, from the column `first` on.
     pub(crate) fn add_part<'a>(
         &self,
         [height_px, width_px]: [usize; 2],

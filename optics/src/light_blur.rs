@@ -4,9 +4,9 @@
 //! b(y, x) = Σ_k Σ_l K_k(q_y) K_l(q_x) p(y + k, x + l),   K_k(q) = q^{k²} / Σ_j q^{j²},   j, k, l = −6 … 6
 //! ```
 //!
-//! p is the light of a pixel, or of one place in each pixel if the [detector](crate::Detector) keeps several: each place
-//! blurs with the same place of its neighbours. K samples a Gaussian of standard deviation σ = 1/√(−2 ln q) \[px\].
-//! Light outside the frame is not known, so beyond its edge the light of the edge continues.
+//! p is the light of a pixel, or of one place in each pixel if the [detector](crate::Detector) keeps several: each
+//! place blurs with the same place of its neighbours. K samples a Gaussian of standard deviation σ = 1/√(−2 ln q)
+//! \[px\]. Light outside the frame is not known, so beyond its edge the light of the edge continues.
 //!
 //! The lens of a camera blurs the light, and so does a source with an extent: each of its directions moves the image by
 //! direction times distance, and the images do not interfere. Photographs of one distance cannot tell the two apart.

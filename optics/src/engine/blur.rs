@@ -36,8 +36,8 @@ impl<T: Real> EngineCore<T> {
         blur.blur(rows, fill, out);
     }
 
-    /// Makes slopes by the blurred light slopes by the light before it. The previous values are in `spare` afterwards, if
-    /// the display has a blur.
+    /// Makes slopes by the blurred light slopes by the light before it. The previous values are in `spare` afterwards,
+    /// if the display has a blur.
     pub(crate) fn spread_slopes(&self, slopes: &mut Vec<T>, spare: &mut Vec<T>) {
         let Some(blur) = &self.blur else { return };
         spare.resize(slopes.len(), T::zero());

@@ -12,8 +12,8 @@ use num_complex::Complex64;
 const SIZES: [(usize, usize); 3] = [(16, 24), (17, 13), (11, 30)];
 
 /// Display with all flaws of the display model. Its kernel varies across the image if `varies` is true. With `blurs`
-/// its pixels have cross-talk and its light blurs, and with `uneven` its response varies, and there are dust, a ghost and three modes of
-/// light.
+/// its pixels have cross-talk and its light blurs, and with `uneven` its response varies, and there are dust, a ghost
+/// and three modes of light.
 fn flawed(setup: OpticalSetup, varies: bool, [blurs, uneven]: [bool; 2]) -> DisplayModel {
     let smooth = |order, scale: f64| {
         let mut field = SmoothField::flat(order);

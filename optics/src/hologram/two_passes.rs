@@ -68,8 +68,8 @@ impl<T: Real> ProblemCore<T> {
     /// Aᴴ[ Bᵀ( w · ( 1 − W√t / (s√p) ) ) · u ]
     /// ```
     ///
-    /// Without a blur B of the light this is the change when each image amplitude is replaced by its target amplitude. `wanted` holds W√t of each
-    /// plane. If `weighted` is true, W is updated first.
+    /// Without a blur B of the light this is the change when each image amplitude is replaced by its target amplitude.
+    /// `wanted` holds W√t of each plane. If `weighted` is true, W is updated first.
     pub(super) fn excess(
         &mut self,
         phase: &[T],

@@ -2,9 +2,9 @@
 //!
 //! θ holds, in this order: α and ψ of the kernel, log amplitude and phase of the source, [a_k, b_k] of the phase
 //! response, the zero order's real and imaginary part, q of the cross-talk along x and y, the series v of the
-//! response's variation, the numbers of the ghost, q of the blur of the light along x and y, α_m and ψ_m of the kernel's
-//! variation over the SLM, and for each further mode of light ln(w_m/w_0), α_m and ψ_m. The model `smooth` has the
-//! kernel only. Gain and offset are not in θ: each photograph has its own.
+//! response's variation, the numbers of the ghost, q of the blur of the light along x and y, α_m and ψ_m of the
+//! kernel's variation over the SLM, and for each further mode of light ln(w_m/w_0), α_m and ψ_m. The model `smooth` has
+//! the kernel only. Gain and offset are not in θ: each photograph has its own.
 
 use super::{Blocks, KernelModel, ModelPart};
 use crate::chebyshev::ChebyshevBasis;

@@ -234,8 +234,8 @@ impl Scatter<'_> {
         [0, 1].map(|axis| self.deviation(&[(start + axis, 1.0)]))
     }
 
-    /// Standard deviation of the σ of a blur along x and along y \[px\], whose `ratios` q begin at a position of θ: half
-    /// the distance between the σ of the limits of q, because σ changes infinitely fast at q = 0.
+    /// Standard deviation of the σ of a blur along x and along y \[px\], whose `ratios` q begin at a position of θ:
+    /// half the distance between the σ of the limits of q, because σ changes infinitely fast at q = 0.
     fn sigma_px(&self, start: usize, ratios: [f64; 2]) -> [f64; 2] {
         let deviations = self.ratios(start);
         let moved = |by: f64| sigma_px(std::array::from_fn(|axis| ratios[axis] + by * deviations[axis]));

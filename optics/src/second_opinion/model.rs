@@ -11,8 +11,9 @@
 //! n = 0 and P = 1, or what its filter passes; one that shows all orders has every order that reaches the image. w_x
 //! and w_y are the sides of a pixel's bright area in pixel pitches, E the errors of a learned kernel, E_l those of mode
 //! l of the light relative to it, w_l the mode's part of the light, a the source profile with its dust, r the phase
-//! response, z₀ undiffracted light, λ wavelength \[m\], z distance \[m\], Δ pixel pitch \[m\], g the Gaussians of the blur
-//! of the light. Kernels that vary over the SLM, and those with a value for each frequency, are in [`super::kernels`].
+//! response, z₀ undiffracted light, λ wavelength \[m\], z distance \[m\], Δ pixel pitch \[m\], g the Gaussians of the
+//! blur of the light. Kernels that vary over the SLM, and those with a value for each frequency, are in
+//! [`super::kernels`].
 //!
 //! The integral along x is summed node by node of its panels, so that the whole spectrum is never held.
 

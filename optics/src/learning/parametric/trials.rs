@@ -54,8 +54,8 @@ impl Round {
     /// Largest validation loss with which a trial passes.
     pub(super) fn bound(&self) -> f64 {
         match self.change {
-            Change::Add => self.before.loss * (1.0 - self.block.gain_min()),
-            Change::Remove => self.before.loss / (1.0 - self.block.gain_min()),
+            Change::Add => self.before.loss * (1.0 - self.block.trial_gain_min()),
+            Change::Remove => self.before.loss / (1.0 - self.block.trial_gain_min()),
         }
     }
 
@@ -125,8 +125,8 @@ impl ParametricLearner {
         let both = round.winner.take().into_iter().chain(with);
         round.winner = both.min_by(|a, b| a.loss.total_cmp(&b.loss));
         if round.change == Change::Add && round.winner.is_some() {
-            // Modes are as dear as three holograms, and describe a part of what the winner describes. They wait until no
-            // other block helps.
+            // Modes are as dear as three holograms, and describe a part of what the winner describes. They wait until
+            // no other block helps.
             round.untried.retain(|block| *block != Block::PartialCoherence);
         }
         if !round.untried.is_empty() {
@@ -149,8 +149,8 @@ impl ParametricLearner {
     }
 
     /// Gives the modes of light a start if partially coherent light is about to be tried: three images of the same
-    /// light around the image so far, at slightly different distances. If the light blurs, the images are as far apart as
-    /// the blur is wide, and the blur starts anew, because the modes may describe better what it describes.
+    /// light around the image so far, at slightly different distances. If the light blurs, the images are as far apart
+    /// as the blur is wide, and the blur starts anew, because the modes may describe better what it describes.
     pub(super) fn separate_modes(&mut self) {
         let is_start = self.state.refinement.is_none();
         let wanted = |round: &Round| (round.block, round.change) == (Block::PartialCoherence, Change::Add);

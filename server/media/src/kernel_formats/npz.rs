@@ -11,13 +11,14 @@
 //! | `kernel.bins_shape` | float64, \[2\] | rows and columns of the middle part of `transfer` that is the kernel (`paper`, `dense`) |
 //! | `source.log_amplitude`, `source.phase` | float64, \[terms\] | the source profile |
 //! | `variation.log_amplitude`, `variation.phase` | float64, \[5, terms\] | factors of x, y, x², xy and y² (`varying`) |
+//! | `crosstalk`, `response_variation`, `light_blur` | float64 | as in the native form (where the display has them) |
 //! | `mode.light`, `mode.log_amplitude`, `mode.phase` | float64 | the further modes of the light, as in the native form (partially coherent light); `transfer` is H of the first mode |
 //! | `ghost` | float64, \[5\] | real and imaginary part of the ghost's amplitude, its shift along x and y \[px\], its defocus \[rad\] (with a ghost) |
 //! | `dust` | int16, \[rows, columns, 2\] | A and B of each pixel's factor exp(10⁻⁴ (A + iB)) of the source (with dust) |
 //! | `lightpath` | text | model, method, orders and optics: the JSON object of [`crate::kernel_file`] |
 //! | `transfer.digest`, `source.digest` | text | SHA-256 of the numbers of `transfer` and `source` |
 //!
-//! The last twelve give the model exactly. `transfer` and `source` are for readers that only want numbers, and follow
+//! The arrays from `response_harmonics` on give the model exactly. `transfer` and `source` are for readers that only want numbers, and follow
 //! from them. If `transfer` was changed, its digest does not match. Then H is what `transfer` holds: the imported model
 //! is dense, and the series of the kernel and its variation do not count. A changed `source` cannot be imported,
 //! because a model has the source as a series. The import says both. An archive without `lightpath` is one of another

@@ -7,7 +7,8 @@ use lightpath_optics::hologram::{HologramMethod, InitialPhase};
 use lightpath_optics::memory::{EngineSize, HologramSize};
 use lightpath_optics::second_opinion::Effort;
 
-/// Memory of the tables for many rows in a thorough opinion on light that does not blur, for each frequency along y \[bytes\].
+/// Memory of the tables for many rows in a thorough opinion on light that does not blur, for each frequency along y
+/// \[bytes\].
 const THOROUGH_BYTES_PER_VALUE_ALONG_Y: u64 = 128 * 4 * 16;
 
 /// What a hologram job needs, besides its specification.
