@@ -173,16 +173,30 @@ fn weight_between<T: Number, const TAPS: usize>(weights: &[T; TAPS], from: usize
     (0..TAPS).filter(|&k| reached(k) == to).fold(T::zero(), |sum, k| sum + weights[k])
 }
 
+/// Number of values that are summed together, in vector registers.
+const LANES: usize = 32;
+
 /// `out` = Σ_k weight_k · values(k).
 #[inline(always)]
-fn sum_taps<'a, T: Number, const TAPS: usize>(weights: &[T; TAPS], values: impl Fn(usize) -> &'a [T], out: &mut [T]) {
+fn sum_taps<'a, T: Number, const TAPS: usize>(weights: &[T; TAPS], values: impl Fn(usize) -> &'a [T], out: &mut [T])
+where
+    T: 'a,
+{
     let taps: [&[T]; TAPS] = std::array::from_fn(|k| &values(k)[..out.len()]);
-    for (i, out) in out.iter_mut().enumerate() {
-        let mut sum = weights[0] * taps[0][i];
-        for k in 1..TAPS {
-            sum = sum + weights[k] * taps[k][i];
+    let (blocks, rest) = out.as_chunks_mut::<LANES>();
+    let first_of_rest = blocks.len() * LANES;
+    for (block, out) in blocks.iter_mut().enumerate() {
+        let mut sums = [T::zero(); LANES];
+        for (&weight, tap) in weights.iter().zip(&taps) {
+            let Some(values) = tap[block * LANES..].first_chunk::<LANES>() else { continue };
+            for lane in 0..LANES {
+                sums[lane] = sums[lane] + weight * values[lane];
+            }
         }
-        *out = sum;
+        *out = sums;
+    }
+    for (i, out) in (first_of_rest..).zip(rest) {
+        *out = weights.iter().zip(&taps).fold(T::zero(), |sum, (&weight, tap)| sum + weight * tap[i]);
     }
 }
 
