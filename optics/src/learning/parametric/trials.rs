@@ -15,6 +15,9 @@ const HOPELESS: f64 = 2.0;
 /// Least part of the decrease with which it passes that a trial of modes of light must have reached after one step. Its
 /// steps take three times as long as those of other trials.
 const HOPEFUL: f64 = 1.0 / 3.0;
+/// Validation loss, relative to that before the trial, above which a trial of modes of light that starts without the blur
+/// so far ends after one step.
+const HOPELESS_WITHOUT_BLUR: f64 = 1.25;
 /// Least distance of each mode's image from the image so far, at the start of a trial \[px\].
 const MODE_RADIUS_PX: f64 = 0.5;
 /// Direction of the first mode's image, so that none lies on an axis \[turns\].
@@ -62,6 +65,9 @@ impl Round {
     /// Whether a trial with this validation loss after its first step is not worth another one.
     pub(super) fn is_hopeless(&self, loss: f64) -> bool {
         match (self.change, self.block) {
+            (Change::Add, Block::PartialCoherence) if self.before.blocks.light_blur => {
+                loss > HOPELESS_WITHOUT_BLUR * self.before.loss
+            }
             (Change::Add, Block::PartialCoherence) => {
                 loss > self.before.loss - HOPEFUL * (self.before.loss - self.bound())
             }
