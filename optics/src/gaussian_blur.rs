@@ -178,10 +178,11 @@ const LANES: usize = 32;
 
 /// `out` = Σ_k weight_k · values(k).
 #[inline(always)]
-fn sum_taps<'a, T: Number, const TAPS: usize>(weights: &[T; TAPS], values: impl Fn(usize) -> &'a [T], out: &mut [T])
-where
-    T: 'a,
-{
+fn sum_taps<'a, T: Number + 'a, const TAPS: usize>(
+    weights: &[T; TAPS],
+    values: impl Fn(usize) -> &'a [T],
+    out: &mut [T],
+) {
     let taps: [&[T]; TAPS] = std::array::from_fn(|k| &values(k)[..out.len()]);
     let (blocks, rest) = out.as_chunks_mut::<LANES>();
     let first_of_rest = blocks.len() * LANES;
