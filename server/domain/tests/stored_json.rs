@@ -320,10 +320,10 @@ fn learning_results_are_stored_as_before() {
                 image_spread_px: None,
                 kernel_varies: false,
             },
-            certainty: StrengthUncertainty {
+            certainty: Box::new(StrengthUncertainty {
                 deviations: BlockStrengths { crosstalk_px: Some([0.01, 0.02]), ..BlockStrengths::default() },
                 hidden: BlockStrengths { response_variation_rms: Some(0.004), ..BlockStrengths::default() },
-            },
+            }),
         }),
     );
 }
