@@ -18,7 +18,7 @@ use lightpath_optics::learning::{KernelModel, LearnOptions, Learner, LearningPai
 use lightpath_optics::passes::{Pass, Passes};
 use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{
-    Crosstalk, Detector, DisplayModel, Dust, Engine, FurtherMode, Ghost, Grid, HologramProblem, KernelShape,
+    Crosstalk, Detector, DisplayModel, Dust, Engine, FurtherMode, Ghost, Grid, HologramProblem, KernelShape, LightBlur,
     OpticalSetup, Optimization, PartialCoherence, Plane, RegionOfInterest, ResponseVariation, SmoothField,
 };
 use num_complex::Complex64;
@@ -102,8 +102,8 @@ fn whole_iterations(criterion: &mut Criterion, size: &str, job: &Job, detector: 
     group.finish();
 }
 
-/// Benchmark of an evaluation of the default method through displays with nothing, with every part in one mode of
-/// light, and with three modes besides.
+/// Benchmark of an evaluation of the default method through displays with nothing, with a blur of the light, with every
+/// part in one mode of light, and with three modes besides.
 fn display_models(criterion: &mut Criterion) {
     for (size, height_px, width_px) in &SIZES[..2] {
         let job = Job::new(*height_px, *width_px);
@@ -112,8 +112,10 @@ fn display_models(criterion: &mut Criterion) {
         let partly_coherent = DisplayModel { coherence: PartialCoherence::new(modes), ..whole.clone() };
         let mut group = criterion.benchmark_group("evaluate_fitted");
         group.throughput(Throughput::Elements(job.phase.values().len() as u64));
+        let ideal = DisplayModel::ideal(job.setup);
+        let blurred = DisplayModel { light_blur: LightBlur::of_sigma_px([0.5, 0.5]), ..ideal.clone() };
         for (name, model) in
-            [("ideal", DisplayModel::ideal(job.setup)), ("whole", whole), ("whole-3-modes", partly_coherent)]
+            [("ideal", ideal), ("blurred", blurred), ("whole", whole), ("whole-3-modes", partly_coherent)]
         {
             let engine = Engine::new(&model, Detector::Pixel, None).unwrap();
             let mut problem = HologramProblem::new(engine, job.target.clone(), job.region).unwrap();
@@ -137,6 +139,7 @@ fn whole_model(setup: OpticalSetup) -> DisplayModel {
         response: vec![[0.1, -0.05], [0.03, 0.02], [0.01, 0.0]],
         response_variation: ResponseVariation { order: 3, coefficients: vec![0.02; 10] },
         crosstalk: Crosstalk { ratio_x: 0.08, ratio_y: 0.05 },
+        light_blur: LightBlur { ratio_x: 0.13, ratio_y: 0.2 },
         zero_order: Complex64::new(0.05, 0.02),
         ..DisplayModel::ideal(setup)
     }

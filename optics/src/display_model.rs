@@ -1,21 +1,21 @@
 //! Display model: the parameters of a display's light transport, which are learned from photographs.
 //!
 //! ```text
-//! photograph ≈ gain · D( Σ_m w_m | H_m ∗ ( a d · ( e^{i r(ψ)} + z₀ ) ) |² ) + offset
+//! photograph ≈ gain · B( D( Σ_m w_m | H_m ∗ ( a d · ( e^{i r(ψ)} + z₀ ) ) |² ) ) + offset
 //! ```
 //!
 //! H₀ is the kernel, a transfer function that may [vary over the SLM](crate::SpatialVariation) and have a [`Ghost`];
 //! the H_m of further modes make the light [partially coherent](PartialCoherence). a is the source profile with the
 //! SLM's uneven surface, d the [`Dust`], ψ the hologram's phase after [`Crosstalk`], r the SLM's phase response, which
-//! may [vary](ResponseVariation), z₀ undiffracted light, and D the [`Detector`](crate::Detector). Smooth parts are
-//! [Chebyshev series](crate::chebyshev): of fx and fy over the band [−1/2Δ, 1/2Δ] for the kernel, of x and y over the
-//! SLM for the source.
+//! may [vary](ResponseVariation), z₀ undiffracted light, D the [`Detector`](crate::Detector), and B the [`LightBlur`].
+//! Smooth parts are [Chebyshev series](crate::chebyshev): of fx and fy over the band [−1/2Δ, 1/2Δ] for the kernel, of x
+//! and y over the SLM for the source.
 
 use crate::ghost::TransferErrors;
 use crate::smooth_field::{SmoothField, expect_finite, out_of_range};
 use crate::spatial_variation::local_kernels;
 use crate::{
-    ConvolutionMethod, Crosstalk, Dust, Error, FurtherMode, Ghost, OpticalSetup, PartialCoherence, Plane,
+    ConvolutionMethod, Crosstalk, Dust, Error, FurtherMode, Ghost, LightBlur, OpticalSetup, PartialCoherence, Plane,
     ResponseVariation, Result, SpatialVariation,
 };
 use num_complex::{Complex32, Complex64};
@@ -45,6 +45,8 @@ pub struct DisplayModel {
     pub response_variation: ResponseVariation,
     /// Cross-talk between neighbouring pixels of the SLM.
     pub crosstalk: Crosstalk,
+    /// Blur of the light in the image.
+    pub light_blur: LightBlur,
     /// Undiffracted light z₀, as a complex amplitude relative to the modulated light.
     pub zero_order: Complex64,
     /// Value of the photograph per unit of light.
@@ -83,6 +85,7 @@ impl DisplayModel {
             response: Vec::new(),
             response_variation: ResponseVariation::none(),
             crosstalk: Crosstalk::NONE,
+            light_blur: LightBlur::NONE,
             zero_order: Complex64::ZERO,
             gain: 1.0,
             offset: 0.0,
@@ -123,6 +126,7 @@ impl DisplayModel {
         expect_finite("response", self.response.as_flattened())?;
         self.response_variation.validate()?;
         self.crosstalk.validate()?;
+        self.light_blur.validate()?;
         expect_finite("model parameter", &[self.zero_order.re, self.zero_order.im, self.gain, self.offset])?;
         match &self.kernel {
             KernelShape::Ideal | KernelShape::Smooth(_) => Ok(()),

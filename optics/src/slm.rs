@@ -9,8 +9,10 @@
 //! grating, and k = ±1 is the grating's sign, so that c is the field relative to the direction in which the image
 //! leaves. Without [cross-talk](crate::Crosstalk) and variation, ψ is the displayed phase φ.
 
+use crate::buffers::zeros;
 use crate::carrier::Carrier;
 use crate::crosstalk::{Blur, Crosstalk};
+use crate::gaussian_blur::Rows;
 use crate::interrupt;
 use crate::real::Number;
 use num_complex::Complex;
@@ -90,7 +92,7 @@ impl<T: Number> Slm<T> {
     pub(crate) fn shown<'a>(&self, phase: &'a [T]) -> Shown<'a, T> {
         let width_px = self.width_px;
         let phase = match (&self.crosstalk, self.wraps()) {
-            (Some(crosstalk), _) => Cow::Owned(self.blurred(&Blur::new(crosstalk), phase)),
+            (Some(crosstalk), _) => Cow::Owned(self.blurred(&Blur::new(crosstalk.ratios()), phase)),
             (None, true) => {
                 let mut wrapped = phase.to_vec();
                 wrapped.par_chunks_mut(width_px).enumerate().for_each(|(y, row)| {
@@ -107,13 +109,15 @@ impl<T: Number> Slm<T> {
     /// The derivatives of the shown phases by q of the cross-talk along x and along y.
     pub(crate) fn shown_slopes(&self, phase: &[T]) -> Option<[Vec<T>; 2]> {
         let crosstalk = self.crosstalk.as_ref()?;
-        Some(Blur::slopes(crosstalk).map(|blur| self.blurred(&blur, phase)))
+        Some(Blur::slopes(crosstalk.ratios()).map(|blur| self.blurred(&blur, phase)))
     }
 
     fn blurred(&self, blur: &Blur<T>, phase: &[T]) -> Vec<T> {
         let width_px = self.width_px;
-        let fill = |y: usize, row: &mut [T]| self.wrap_row(y, &phase[y * width_px..][..width_px], row);
-        blur.blurred(width_px, phase.len() / width_px, fill)
+        let fill = |y: usize, _, row: &mut [T]| self.wrap_row(y, &phase[y * width_px..][..width_px], row);
+        let mut blurred = zeros(phase.len());
+        blur.blur(Rows { width_px, planes: 1 }, fill, &mut blurred);
+        blurred
     }
 
     /// A row as it is displayed; `None` if the shown phases differ from the displayed ones.
@@ -132,8 +136,8 @@ impl<T: Number> Slm<T> {
 
     /// Computes ∂L/∂φ from ∂L/∂ψ, the gradient by the shown phases, and adds it to `gradient` or overwrites it.
     pub(crate) fn gradient_of_displayed(&self, by_shown: &[T], add: bool, gradient: &mut [T]) {
-        let blur = Blur::new(&self.crosstalk.unwrap_or_default());
-        blur.spread(self.width_px, by_shown, add, gradient);
+        let blur = Blur::new(self.crosstalk.unwrap_or_default().ratios());
+        blur.spread(Rows { width_px: self.width_px, planes: 1 }, by_shown, add, gradient);
     }
 
     /// Computes the field c along row `y`.

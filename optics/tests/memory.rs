@@ -14,7 +14,7 @@ use lightpath_optics::simulated_display::SimulatedDisplay;
 use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{
     Crosstalk, Detector, DisplayModel, Dust, Engine, EngineCache, FurtherMode, Ghost, Grid, HologramProblem,
-    KernelShape, OpticalSetup, Optimization, OrderFilter, Orders, PartialCoherence, Plane, RegionOfInterest,
+    KernelShape, LightBlur, OpticalSetup, Optimization, OrderFilter, Orders, PartialCoherence, Plane, RegionOfInterest,
     ResponseVariation, SimulatedBench, SmoothField, SpatialVariation,
 };
 use num_complex::{Complex32, Complex64};
@@ -161,6 +161,7 @@ fn check_learning(pool: &ThreadPool, model: KernelModel, distances: usize) {
         kernel: KernelShape::Smooth(SmoothField::flat(5)),
         source: SmoothField::flat(10),
         crosstalk: Crosstalk { ratio_x: 0.05, ratio_y: 0.05 },
+        light_blur: LightBlur { ratio_x: 0.1, ratio_y: 0.1 },
         response_variation: ResponseVariation { order: 3, coefficients: vec![0.01; 10] },
         dust: Dust::new(Plane::filled(height_px, width_px, [0, 0])),
         ghost: Ghost { amplitude: Complex64::new(0.1, 0.0), shift_px: [4.0, 3.0], defocus_rad: 1.0 },

@@ -20,6 +20,9 @@ pub(super) fn add(result: &LearnResult, facts: &mut Facts) {
     facts.add_some("fine source", surface.map(|rms| format!("surface of {rms} rad RMS")));
     let crosstalk = along(crosstalk_x_px, crosstalk_y_px, deviations.crosstalk_x_px, deviations.crosstalk_y_px);
     facts.add_some("cross-talk", crosstalk);
+    let BlockStrengths { light_blur_x_px, light_blur_y_px, .. } = blocks;
+    let blur = along(light_blur_x_px, light_blur_y_px, deviations.light_blur_x_px, deviations.light_blur_y_px);
+    facts.add_some("blur of the light", blur);
     let uneven = percent(blocks.response_variation_rms, deviations.response_variation_rms);
     facts.add_some("uneven response", uneven.map(|rms| format!("{rms} % RMS")));
     let ghost = percent(blocks.ghost_share, deviations.ghost_share);
@@ -63,6 +66,8 @@ mod tests {
             crosstalk_x_px: Some(0.45),
             crosstalk_y_px: Some(0.3),
             dust_contrast: Some(0.1),
+            light_blur_x_px: Some(0.5),
+            light_blur_y_px: Some(0.52),
             ..Default::default()
         };
         let deviations =
@@ -78,6 +83,7 @@ mod tests {
         add(&result, &mut facts);
         let text = facts.text();
         assert!(text.contains("σ 0.45 ± 0.01 px along x, 0.300 ± 0.002 px along y"), "{text}");
+        assert!(text.contains("blur of the light") && text.contains("σ 0.50 px along x, 0.52 px along y"), "{text}");
         assert!(text.contains("contrast of 10.0 %") && text.contains("an uneven response up to 0.4 % RMS"), "{text}");
         assert!(!text.contains("ghost") && !text.contains("fine source"), "{text}");
     }

@@ -33,7 +33,7 @@ mod photographed;
 use evaluation::{ModelEvaluation, ModelScore};
 use lab::Lab;
 use lightpath_optics::learning::{
-    Blocks, KernelModel, LearnOptions, LearnStage, Learner, LearningPairs, PairSource as _,
+    BlockStrengths, Blocks, KernelModel, LearnOptions, LearnStage, Learner, LearningPairs, PairSource as _,
 };
 use lightpath_optics::{DisplayModel, KernelShape};
 use options::{Failure, Options};
@@ -123,7 +123,10 @@ fn learn(
     let (kept, order) = (learner.kept_pairs(training.len()).len(), order(&learner.model()));
     let total_s = began.elapsed().as_secs_f64();
     let memory = memory::peak_mb().map_or_else(String::new, |mb| format!("{mb:5.0}"));
-    let blocks: String = Blocks::of(&learner.model()).iter().map(|block| format!(", {}", block.name())).collect();
+    let mut blocks: String = Blocks::of(&learner.model()).iter().map(|block| format!(", {}", block.name())).collect();
+    if let Some([x, y]) = BlockStrengths::of(&learner.model()).light_blur_px {
+        blocks.push_str(&format!(", σ of the blur {x:.2} and {y:.2} px"));
+    }
     let how = format!("({adam_s:.1} s of Adam, order {order}{blocks}, {kept} pairs)");
     Ok((learner.model(), format!("{total_s:7.1} {memory}  {how}")))
 }

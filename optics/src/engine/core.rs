@@ -14,7 +14,9 @@ use crate::propagation::passes::{has_sample_transfers, sample_transfers};
 use crate::slm::{Shown, Slm};
 use crate::smooth_field::SmoothField;
 use crate::spatial_variation::local_kernels;
-use crate::{ConvolutionMethod, Detector, DisplayModel, Dust, OpticalSetup, Plane, ResponseVariation, Result};
+use crate::{
+    ConvolutionMethod, Detector, DisplayModel, Dust, LightBlur, OpticalSetup, Plane, ResponseVariation, Result,
+};
 use num_complex::{Complex, Complex64};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -32,6 +34,8 @@ pub struct EngineCore<T> {
     pub(crate) share: f64,
     /// The display's further modes of light.
     pub(crate) further: Vec<Mode<T>>,
+    /// Blur of the light of all modes; `None`: none.
+    pub(crate) blur: Option<LightBlur>,
 }
 
 /// What distinguishes a mode of a display's light from the others.
@@ -97,7 +101,8 @@ impl<T: Real> EngineCore<T> {
         let Mode { share, kernels, transmission } =
             modes.next().unwrap_or_else(|| unreachable!("every display has a first mode"));
         let further = modes.collect();
-        Self { convolver, kernels, slm, detector, transmission, setup: model.setup, share, further }
+        let blur = (!model.light_blur.is_none()).then_some(model.light_blur);
+        Self { convolver, kernels, slm, detector, transmission, setup: model.setup, share, further, blur }
     }
 
     /// Whether all light of the display interferes.
@@ -105,7 +110,7 @@ impl<T: Real> EngineCore<T> {
         self.further.is_empty()
     }
 
-    /// Engines of the display with each mode of its light alone. They share all large data.
+    /// Engines of the display with each mode of its light alone, before its blur. They share all large data.
     pub(crate) fn modes(&self) -> impl Iterator<Item = Self> + '_ {
         let (share, kernels, transmission) = (self.share, Arc::clone(&self.kernels), self.transmission.clone());
         let first = Mode { share, kernels, transmission };
@@ -118,6 +123,7 @@ impl<T: Real> EngineCore<T> {
             setup: self.setup,
             share,
             further: Vec::new(),
+            blur: None,
         })
     }
 
@@ -202,16 +208,16 @@ impl<T: Real> EngineCore<T> {
     /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for a phase of another size.
     pub fn light(&self, phase: &Plane<T>) -> Result<Plane<T>> {
         phase.expect_size("phase", self.height_px(), self.width_px())?;
-        Ok(self.sum_over_modes(|mode| {
+        Ok(self.blurred(self.sum_over_modes(|mode| {
             let mut fields = Fields::for_light(mode);
             mode.send(phase.values(), &mut fields);
             let mut light = Plane::filled(mode.height_px(), mode.width_px(), T::zero());
             mode.convolver.light(&fields.tiles, light.values_mut());
             light
-        }))
+        })))
     }
 
-    /// Sum of the light of all modes, where `light` computes that of a mode for all of the light.
+    /// Sum of the light of all modes before its blur, where `light` computes that of a mode for all of the light.
     pub(super) fn sum_over_modes(&self, light: impl Fn(&Self) -> Plane<T>) -> Plane<T> {
         if self.is_coherent() {
             return light(self);

@@ -36,7 +36,7 @@ impl<T: Real> EngineCore<T> {
                 out.iter_mut().skip(right).step_by(2).zip(light).for_each(|(out, &light)| *out = *out + light);
             });
         })?;
-        Ok(Some(samples))
+        Ok(Some(samples.into_iter().map(|light| self.blurred(light)).collect()))
     }
 
     /// Light at the pixels' centres: for each set of phases their mean. `None`: the engine has no exact transfer
@@ -80,7 +80,7 @@ impl<T: Real> EngineCore<T> {
             let weight = T::of(places[place].1);
             sums[set].values_mut().par_iter_mut().zip(light).for_each(|(sum, &light)| *sum = *sum + light * weight);
         })?;
-        Ok(sums)
+        Ok(sums.into_iter().map(|light| self.blurred(light)).collect())
     }
 
     /// Calls `add_light(place, set, light)` with the mean light of each set of phases at each of the places, for each

@@ -20,7 +20,7 @@ impl<T: Real> EngineCore<T> {
         if self.detector == Detector::Pixel {
             return self.with_detector(Detector::Supersampled).samples(phase);
         }
-        Ok(self.sum_over_modes(|mode| mode.samples_of_mode(phase)))
+        Ok(self.blurred(self.sum_over_modes(|mode| mode.samples_of_mode(phase))))
     }
 
     fn samples_of_mode(&self, phase: &Plane<T>) -> Plane<T> {

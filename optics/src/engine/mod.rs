@@ -3,6 +3,7 @@
 //! [`Engine`] computes in f32. The module `core` contains the computations for f32 and f64; the engine in f64 serves as
 //! a [reference](crate::reference::EngineCore).
 
+mod blur;
 mod cache;
 mod core;
 mod exact_light;

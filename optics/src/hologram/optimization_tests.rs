@@ -5,7 +5,7 @@ use super::*;
 use crate::hologram::{ImagePlane, InitialPhase, Loss, light_of_frames, quality};
 use crate::phase_response::PhaseResponse;
 use crate::test_cards::TestCard;
-use crate::{Carrier, Detector, DisplayModel, Engine, Grid, OpticalSetup, RegionOfInterest};
+use crate::{Carrier, Detector, DisplayModel, Engine, Grid, LightBlur, OpticalSetup, RegionOfInterest};
 use rayon::ThreadPoolBuilder;
 
 const HEIGHT_PX: usize = 90;
@@ -77,6 +77,32 @@ fn lbfgs_beats_adam_with_every_detector() {
     for detector in Detector::ALL {
         let (adam, lbfgs) = (psnr_db(ADAM, detector, 60), psnr_db(HologramMethod::Lbfgs, detector, 60));
         assert!(lbfgs > adam, "{detector:?}: adam {adam} dB, lbfgs {lbfgs} dB");
+    }
+}
+
+#[test]
+fn holograms_through_a_blur_are_sharper_and_do_not_depend_on_threads() {
+    let (target, region) =
+        (TestCard::Spheres.render(HEIGHT_PX, WIDTH_PX, 3).unwrap(), RegionOfInterest::middle(&grid()));
+    let sharp = DisplayModel::ideal(setup(12e-3));
+    let blurred = DisplayModel { light_blur: LightBlur::of_sigma_px([0.9, 0.6]), ..sharp.clone() };
+    let [sharp, blurred] = [sharp, blurred].map(|model| Engine::new(&model, Detector::Pixel, None).unwrap());
+    let run = |engine: &Engine, method: HologramMethod, threads: usize| {
+        let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let problem = HologramProblem::new(engine.clone(), target.clone(), region).unwrap();
+            let (_, optimization) = finished(start(problem, HologramOptions::new(method, 60)));
+            Plane::try_from_vec(HEIGHT_PX, WIDTH_PX, optimization.phases().to_vec()).unwrap()
+        })
+    };
+    let photographed_db = |phase: &Plane<f32>| quality(&blurred, phase, &target, region).unwrap().pixel.psnr_db;
+    for method in
+        [ADAM, HologramMethod::Lbfgs, HologramMethod::GerchbergSaxton, HologramMethod::WeightedGerchbergSaxton]
+    {
+        let through = run(&blurred, method, 2);
+        let (with, without) = (photographed_db(&through), photographed_db(&run(&sharp, method, 2)));
+        assert!(with > without + 0.5, "{method:?}: {with} dB through the blur, {without} dB without it");
+        assert_eq!(through, run(&blurred, method, 8), "{method:?}");
     }
 }
 

@@ -171,9 +171,9 @@ impl<T: Real> ProblemCore<T> {
         self.frames * self.frame_len()
     }
 
-    /// Whether the light of several fields must be added up before it is compared, or kept to be compared with itself.
+    /// Whether the light must be added up or blurred before it is compared, or kept to be compared with itself.
     fn needs_two_passes(&self) -> bool {
-        self.frames > 1 || self.loss.has_roughness() || self.planes.iter().any(|plane| !plane.engine.is_coherent())
+        self.frames > 1 || self.loss.has_roughness() || self.planes.iter().any(|plane| plane.engine.needs_all_light())
     }
 
     pub(super) fn frame_len(&self) -> usize {

@@ -4,16 +4,16 @@
 use super::*;
 use crate::hologram::initial::random;
 use crate::{
-    Carrier, Crosstalk, Detector, DisplayModel, Dust, FurtherMode, Ghost, Grid, KernelShape, OpticalSetup, Orders,
-    PartialCoherence, ResponseVariation, SmoothField, SpatialVariation,
+    Carrier, Crosstalk, Detector, DisplayModel, Dust, FurtherMode, Ghost, Grid, KernelShape, LightBlur, OpticalSetup,
+    Orders, PartialCoherence, ResponseVariation, SmoothField, SpatialVariation,
 };
 use num_complex::Complex64;
 
 const SIZES: [(usize, usize); 3] = [(16, 24), (17, 13), (11, 30)];
 
 /// Display with all flaws of the display model. Its kernel varies across the image if `varies` is true. With `blurs`
-/// its pixels have cross-talk, and with `uneven` its response varies, and there are dust, a ghost and three modes of
-/// light.
+/// its pixels have cross-talk and its light blurs, and with `uneven` its response varies, and there are dust, a ghost
+/// and three modes of light.
 fn flawed(setup: OpticalSetup, varies: bool, [blurs, uneven]: [bool; 2]) -> DisplayModel {
     let smooth = |order, scale: f64| {
         let mut field = SmoothField::flat(order);
@@ -51,6 +51,7 @@ fn flawed(setup: OpticalSetup, varies: bool, [blurs, uneven]: [bool; 2]) -> Disp
         response: vec![[0.15, -0.05], [0.02, 0.04]],
         zero_order: Complex64::new(0.03, -0.02),
         crosstalk: if blurs { Crosstalk { ratio_x: 0.1, ratio_y: 0.04 } } else { Crosstalk::NONE },
+        light_blur: if blurs { LightBlur { ratio_x: 0.3, ratio_y: 0.5 } } else { LightBlur::NONE },
         response_variation: match uneven {
             true => ResponseVariation { order: 1, coefficients: vec![0.05, -0.1, 0.08] },
             false => ResponseVariation::none(),

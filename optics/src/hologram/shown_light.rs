@@ -41,17 +41,21 @@ impl ShownLight {
     }
 
     pub(super) fn of_core<T: Real>(engine: &EngineCore<T>, sets: &[&[Plane<T>]]) -> Result<Vec<Self>> {
+        let blurred = |light: Vec<Plane<T>>| -> Vec<Plane<f32>> {
+            light.into_iter().map(|light| narrowed(&engine.blurred(light))).collect()
+        };
+        // The pixels' light is integrated before it blurs.
+        let engine = &engine.without_blur();
         if sets.iter().any(|phases| phases.is_empty()) {
             return Err(NO_FRAMES);
         }
-        let of_detector = |detector| -> Result<Vec<Plane<f32>>> {
+        let of_detector = |detector| -> Result<Vec<Plane<T>>> {
             let engine = engine.with_detector(detector);
             let light_of = |phase: &Plane<T>| match detector {
                 Detector::Pixel => engine.light(phase),
                 Detector::Point | Detector::Supersampled => engine.samples(phase),
             };
-            let light = |phases: &&[Plane<T>]| Ok(narrowed(&mean_light(phases, light_of)?));
-            sets.iter().map(light).collect()
+            sets.iter().map(|phases| mean_light(phases, light_of)).collect()
         };
         let passed = |phases: &&[Plane<T>]| -> Result<f64> {
             let sum: f64 = phases.iter().map(|phase| engine.light_passed(phase)).sum::<Result<f64>>()?;
@@ -59,20 +63,21 @@ impl ShownLight {
         };
         let passed: Vec<f64> = sets.iter().map(passed).collect::<Result<_>>()?;
         let at_points = match engine.exact_points(sets)? {
-            Some(points) => points.into_iter().map(|light| narrowed(&light)).collect(),
+            Some(points) => points,
             None => of_detector(Detector::Point)?,
         };
-        let samples: Vec<Plane<f32>> = match engine.exact_samples(sets)? {
-            Some(samples) => samples.into_iter().map(|samples| narrowed(&samples)).collect(),
+        let samples = match engine.exact_samples(sets)? {
+            Some(samples) => samples,
             None => of_detector(Detector::Supersampled)?,
         };
-        let integrated: Vec<Plane<f32>> = match (engine.light_over_pixels(sets)?, engine.camera_fill_factor() < 1.0) {
-            (Some(lights), _) => lights.into_iter().map(|light| narrowed(&light)).collect(),
+        let integrated = match (engine.light_over_pixels(sets)?, engine.camera_fill_factor() < 1.0) {
+            (Some(lights), _) => lights,
             (None, true) => of_detector(Detector::Pixel)?,
             (None, false) => {
                 samples.iter().map(|samples| integrated(samples, engine.height_px(), engine.width_px())).collect()
             }
         };
+        let [at_points, integrated, samples] = [at_points, integrated, samples].map(blurred);
         let lights = at_points.into_iter().zip(integrated).zip(samples).zip(passed);
         let shown =
             lights.map(|(((at_points, integrated), samples), passed)| Self { at_points, integrated, samples, passed });
@@ -139,27 +144,29 @@ fn narrowed<T: Real>(plane: &Plane<T>) -> Plane<f32> {
 /// Weights of the integral over a pixel on samples at ±1/4, ±3/4, ±5/4 and ±7/4 px. The samples hold all of the
 /// intensity of a field without details finer than two pixels, up to one cycle per pixel. The weights fit the integral
 /// of such details, sin(πν)/πν at ν cycles per pixel, to 0.5 %, and flat light exactly.
-const PIXEL_WEIGHTS: [f32; 4] = [0.948_33, 0.058_50, -0.008_86, 0.002_03];
+const PIXEL_WEIGHTS: [f64; 4] = [0.948_33, 0.058_50, -0.008_86, 0.002_03];
 
 /// Light integrated over each pixel, from two samples per pixel along each axis. Beyond the sides of the image the
 /// outermost samples count again.
-fn integrated(samples: &Plane<f32>, height_px: usize, width_px: usize) -> Plane<f32> {
-    let mut light = Plane::filled(height_px, width_px, 0.0);
+fn integrated<T: Real>(samples: &Plane<T>, height_px: usize, width_px: usize) -> Plane<T> {
+    let mut light = Plane::filled(height_px, width_px, T::zero());
+    let weights = PIXEL_WEIGHTS.map(|weight| T::of(0.5 * weight));
     // The samples at `2i − reach` and `2i + 1 + reach` lie on both sides of pixel i.
     let pair = |i: usize, reach: usize, side: usize| [(2 * i).saturating_sub(reach), (2 * i + 1 + reach).min(side - 1)];
     light.values_mut().par_chunks_mut(width_px).enumerate().for_each_init(
-        || vec![0.0; samples.width_px()],
+        || vec![T::zero(); samples.width_px()],
         |along_y, (y, out)| {
             interrupt::check();
-            along_y.fill(0.0);
-            for (reach, weight) in PIXEL_WEIGHTS.iter().enumerate() {
+            along_y.fill(T::zero());
+            for (reach, &weight) in weights.iter().enumerate() {
                 for row in pair(y, reach, samples.height_px()).map(|row| samples.row(row)) {
-                    along_y.iter_mut().zip(row).for_each(|(sum, sample)| *sum += 0.5 * weight * sample);
+                    along_y.iter_mut().zip(row).for_each(|(sum, &sample)| *sum = *sum + weight * sample);
                 }
             }
             for (x, light) in out.iter_mut().enumerate() {
-                for (reach, weight) in PIXEL_WEIGHTS.iter().enumerate() {
-                    *light += 0.5 * weight * pair(x, reach, along_y.len()).map(|i| along_y[i]).iter().sum::<f32>();
+                for (reach, &weight) in weights.iter().enumerate() {
+                    let [left, right] = pair(x, reach, along_y.len()).map(|i| along_y[i]);
+                    *light = *light + weight * (left + right);
                 }
             }
         },

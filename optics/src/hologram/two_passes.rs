@@ -1,5 +1,6 @@
 //! Evaluations in two passes: the first computes all of the light, the second its gradient. They serve the gain that
-//! fits best, several frames, several modes of light, roughness, and the projections of Gerchberg–Saxton.
+//! fits best, several frames, several modes of light, blurred light, roughness, and the projections of
+//! Gerchberg–Saxton.
 
 use super::loss::{TargetPlane, weighted_sums};
 use super::problem::{Evaluation, ProblemCore, Sink, compare_with, send_back};
@@ -24,6 +25,8 @@ pub(super) struct Buffers<T> {
     lights: Vec<Vec<T>>,
     /// Slopes ∂L/∂p of one image plane.
     slopes: Vec<T>,
+    /// Light before its blur, or slopes behind it; empty without a blur.
+    spare: Vec<T>,
 }
 
 /// Largest size of the kept samples of several fields \[bytes\]. Above this size the samples are computed
@@ -32,7 +35,7 @@ pub(crate) const SAMPLES_BYTES_MAX: usize = 256 << 20;
 
 impl<T> Buffers<T> {
     pub(super) fn empty() -> Self {
-        Self { samples: Vec::new(), lights: Vec::new(), slopes: Vec::new() }
+        Self { samples: Vec::new(), lights: Vec::new(), slopes: Vec::new(), spare: Vec::new() }
     }
 }
 
@@ -50,6 +53,7 @@ impl<T: Real> ProblemCore<T> {
             let Buffers { lights, slopes, .. } = &mut self.buffers;
             let sums = plane.engine.convolver.slopes(&comparison, &lights[p], slopes);
             roughness += self.roughness(p);
+            self.spread_slopes(p);
             self.weigh_and_send_back(p, phase, Sink::Gradient(&mut *gradient));
             (sums, share)
         });
@@ -61,11 +65,11 @@ impl<T: Real> ProblemCore<T> {
     /// the planes of
     ///
     /// ```text
-    /// Aᴴ[ w · ( 1 − W√t / (s√p) ) · u ]
+    /// Aᴴ[ Bᵀ( w · ( 1 − W√t / (s√p) ) ) · u ]
     /// ```
     ///
-    /// This is the change when each image amplitude is replaced by its target amplitude. `wanted` holds W√t of each
-    /// plane. If `weighted` is true, W is updated first.
+    /// Without a blur B of the light this is the change when each image amplitude is replaced by its target amplitude.
+    /// `wanted` holds W√t of each plane. If `weighted` is true, W is updated first.
     pub(super) fn excess(
         &mut self,
         phase: &[T],
@@ -92,6 +96,7 @@ impl<T: Real> ProblemCore<T> {
                 ..compare_with(plane, Quantity::Amplitude, self.region, gain)
             };
             plane.engine.convolver.slopes(&comparison, &self.buffers.lights[p], &mut self.buffers.slopes);
+            self.spread_slopes(p);
             self.weigh_and_send_back(p, phase, Sink::Field(&mut *field));
         }
         self.stopwatch.stop(begin);
@@ -138,7 +143,7 @@ impl<T: Real> ProblemCore<T> {
         field
     }
 
-    /// Computes the light of all planes: the sum over the modes, and the mean over the frames.
+    /// Computes the light of all planes: the sum over the modes, and the mean over the frames, with its blur.
     pub(super) fn compute_light(&mut self, phase: &[T]) {
         self.allocate_buffers();
         let (frame_len, frames) = (self.frame_len(), self.frames);
@@ -157,7 +162,14 @@ impl<T: Real> ProblemCore<T> {
                 mode.convolver.add_light(&self.fields.tiles, share, i == 0, stored, lights);
                 field += 1;
             }
+            plane.engine.blur_lights(&mut self.buffers.lights[p], &mut self.buffers.spare);
         }
+    }
+
+    /// Makes the slopes by a plane's light slopes by the light before its blur.
+    fn spread_slopes(&mut self, p: usize) {
+        let Buffers { slopes, spare, .. } = &mut self.buffers;
+        self.planes[p].engine.spread_slopes(slopes, spare);
     }
 
     /// Light planes of the first image plane at the latest evaluation; `None` if no evaluation kept any.

@@ -6,9 +6,10 @@
 //!
 //! z₁ is the nearest and z_n the farthest of the n photographed distances, T_k are Chebyshev polynomials; the degree is
 //! n − 1, but at most two. Propagation is exact at each z: only the errors of the optics are polynomials of z. Source,
-//! phase response and zero order belong to the modulator and are the same at all z. The tilts of ψ, which move the
-//! image, are not polynomials: the camera was set up anew at each distance, so each distance has its own tilts. Between
-//! neighbouring distances the tilts are interpolated linearly.
+//! phase response and zero order belong to the modulator and are the same at all z. The blur of the light is the same,
+//! too, as that of a camera is, although that of a source with an extent grows with the distance. The tilts of ψ, which
+//! move the image, are not polynomials: the camera was set up anew at each distance, so each distance has its own
+//! tilts. Between neighbouring distances the tilts are interpolated linearly.
 
 use super::layout::{Layout, Part};
 use crate::chebyshev::polynomials;
@@ -235,7 +236,7 @@ fn kernels_of_joint_fit<'a>(models: &[&'a DisplayModel], setup: &OpticalSetup) -
         };
         if modulator(model) != modulator(before) {
             return Err(Error::IncompatibleDistances {
-                reason: "the source, dust, phase response, cross-talk, zero order and variations must be the same at all distances",
+                reason: "the source, dust, phase response, cross-talk, blur, zero order and variations must be the same at all distances",
             });
         }
     }
@@ -264,7 +265,7 @@ fn lagrange(points: &[f64], nodes: &[usize], at: f64) -> Vec<f64> {
 mod tests {
     use super::*;
     use crate::Grid;
-    use crate::learning::{Blocks, KernelModel};
+    use crate::learning::{Block, Blocks, KernelModel};
 
     const DISTANCES_M: [f64; 4] = [4e-3, 5e-3, 7e-3, 8e-3];
 
@@ -344,7 +345,8 @@ mod tests {
 
     #[test]
     fn interpolated_kernel_is_fitted_polynomial() {
-        let joint = joint(&DISTANCES_M, 3);
+        let blocks = Blocks::NONE.with(Block::LightBlur);
+        let joint = JointLayout::new(Layout::of(KernelModel::Display, 3, blocks), &DISTANCES_M);
         let theta = wave(joint.len());
         let models = models(&joint, &theta);
         for (model, z_m) in models.iter().zip(DISTANCES_M) {
@@ -352,6 +354,7 @@ mod tests {
             let (KernelShape::Smooth(a), KernelShape::Smooth(b)) = (&model.kernel, &again.kernel) else { panic!() };
             assert!((a.value(0.4, -0.7) - b.value(0.4, -0.7)).norm() < 1e-12);
             assert_eq!((&model.source, &model.response), (&again.source, &again.response));
+            assert!(!again.light_blur.is_none() && again.light_blur == model.light_blur);
         }
         // One more plane in the same range: the polynomials stay the same, and its tilts are set to the interpolated
         // ones.

@@ -130,6 +130,11 @@ impl<T: Real> Fit<T> {
         if (self.engine.kernels.transfers.len(), self.engine.further.len() + 1) != (local[0].len(), local.len()) {
             self.allocate_kernels(local[0].len(), local.len());
         }
+        let blur = self.layout.blocks.light_blur.then_some(model.light_blur);
+        let had_blur = std::mem::replace(&mut self.engine.blur, blur).is_some();
+        if had_blur != blur.is_some() {
+            self.modes = ModeBuffers::of(&self.engine);
+        }
         self.for_each_mode(|fit, m| {
             fit.engine.share = shares[m];
             let transfers = &mut Arc::make_mut(&mut fit.engine.kernels).transfers;
@@ -161,12 +166,12 @@ impl<T: Real> Fit<T> {
     /// display. If the light does not correlate with the photograph, the gain is 0 and nothing is learned from the
     /// pair.
     pub(super) fn propagate_and_fit_exposure(&mut self, example: &Example<T>) {
-        let sums = if self.engine.is_coherent() {
+        let sums = if self.engine.needs_all_light() {
+            self.measure_modes(example)
+        } else {
             let Self { engine, out, .. } = self;
             engine.send(example.phase.values(), out);
             engine.convolver.measure(&out.tiles, &example.comparison(engine, 1.0, 0.0))
-        } else {
-            self.measure_modes(example)
         };
         let (gain, offset) = sums.best_gain_and_offset();
         (self.gain, self.offset) = if gain > 0.0 { (gain, offset) } else { (0.0, sums.t / sums.w) };
@@ -186,7 +191,7 @@ impl<T: Real> Fit<T> {
 
     /// A loss of the light of one pair, and its gradient with respect to θ. `loss(light, slopes)` writes its derivative
     /// by the light at each pixel. The light must be coherent, the detector have one light plane, and the display no
-    /// ghost.
+    /// ghost and no blur.
     pub(super) fn evaluate_light(
         &mut self,
         example: &Example<T>,
@@ -224,6 +229,9 @@ impl<T: Real> Fit<T> {
             let of_ghost = ghost_gradient(&ghost, columns.iter().map(|(_, of_ghost)| of_ghost));
             gradient[self.layout.ghost()..][..of_ghost.len()].copy_from_slice(&of_ghost);
         }
+        if self.layout.blocks.light_blur {
+            gradient[self.layout.light_blur()..][..2].copy_from_slice(&self.modes.by_blur);
+        }
         if self.layout.has_slm() {
             let slm = self.slm_gradient(example);
             gradient[self.layout.source()..][..slm.len()].copy_from_slice(&slm);
@@ -241,7 +249,7 @@ impl<T: Real> Fit<T> {
     ) -> (Sums, Vec<R>) {
         self.propagate_and_fit_exposure(example);
         let comparison = example.comparison(&self.engine, self.gain, self.offset);
-        if self.engine.is_coherent() {
+        if !self.engine.needs_all_light() {
             let sums = self.engine.convolver.compare(&self.out.tiles, &comparison, &mut self.back);
             return (sums, self.correlate_mode(&visit));
         }
@@ -275,7 +283,7 @@ impl<T: Real> Fit<T> {
     pub(super) fn evaluate_dust(&mut self, example: &Example<T>, share: f64, gradient: &mut [T]) -> Sums {
         self.propagate_and_fit_exposure(example);
         let comparison = example.comparison(&self.engine, self.gain, self.offset);
-        if self.engine.is_coherent() {
+        if !self.engine.needs_all_light() {
             let Fields { spectrum, tiles } = &mut self.out;
             let sums = self.engine.convolver.compare(tiles, &comparison, spectrum);
             self.return_to_dust(example, share, gradient);
@@ -337,6 +345,7 @@ mod tests {
             (KernelModel::Display, 2, Blocks::NONE, Some(Carrier::HalfOrderX), Detector::Pixel),
             (KernelModel::Varying, 5, Blocks::NONE.with(Block::Varying), Some(Carrier::HalfOrderX), Detector::Pixel),
             (KernelModel::Display, 2, ALL, None, Detector::Point),
+            (KernelModel::Display, 2, Blocks::NONE.with(Block::LightBlur), None, Detector::Pixel),
             (KernelModel::Display, 2, ALL, Some(Carrier::HalfOrderX), Detector::Pixel),
             (KernelModel::Display, 2, ALL, Some(Carrier::HalfOrderY), Detector::Supersampled),
         ] {
@@ -349,6 +358,7 @@ mod tests {
             let example = Example::new(&Pair { phase, photo }, &fit.engine, RegionOfInterest::middle(&grid)).unwrap();
             let mut theta: Vec<f64> = (0..fit.layout.len()).map(|i| 0.1 * (i as f64 * 1.3 + 0.5).sin()).collect();
             theta[layout.crosstalk()..layout.response_variation()].iter_mut().for_each(|q| *q = 0.1 + q.abs());
+            theta[layout.light_blur()..layout.variation(0)].iter_mut().for_each(|q| *q = 0.2 + q.abs());
             fit.set(0, &theta);
             let (_, gradient) = fit.evaluate(&example);
             let scale = gradient.iter().fold(0.0_f64, |largest, g| largest.max(g.abs()));
@@ -387,6 +397,8 @@ mod tests {
             let example = Example::new(&Pair { phase, photo }, &fit.engine, RegionOfInterest::middle(&grid)).unwrap();
             let mut theta: Vec<f64> = (0..fit.layout.len()).map(|i| 0.1 * (i as f64 * 1.3 + 0.5).sin()).collect();
             theta[layout.crosstalk()..layout.response_variation()].iter_mut().for_each(|q| *q = 0.1 + q.abs());
+            // With much of a blur the light would not correlate with the photograph.
+            theta[layout.light_blur()..layout.variation(0)].iter_mut().for_each(|q| *q = 0.02 + 0.2 * q.abs());
             let mut exponents: Vec<f32> = (0..2 * 12 * 17).map(|i| 0.3 * (i as f32 * 1.9).sin()).collect();
             let mut evaluate = |exponents: &[f32], gradient: &mut [f64]| {
                 fit.set_dust(Some(exponents));

@@ -12,20 +12,25 @@
 //! the kernel, ∂u = F⁻¹[ T_i(fx) T_j(fy) H F c ]: the transforms along columns are done once for each j, those along
 //! rows for each term, and for some rows only. For a term of the kernel's variation over the SLM, ∂u is the sum of the
 //! light of the local kernels, each multiplied by the power of its position.
+//!
+//! Light that [blurs](crate::LightBlur) is sampled at the pixels around the rows, too, and ∂e is blurred like it.
 
 use super::fit::{Fit, tabulate, variation_degrees};
 use super::pair::Example;
 use super::products::Products;
-use crate::SpatialVariation;
 use crate::buffers::zeros;
 use crate::chebyshev::ChebyshevBasis;
 use crate::convolution::Real;
 use crate::engine::EngineCore;
+use crate::gaussian_blur::reached;
 use crate::interrupt;
+use crate::light_blur::{Blur, TAPS};
 use crate::slm::{BLOCK, BlockResponse, Shown, ShownRow, Slm};
+use crate::{LightBlur, SpatialVariation};
 use num_complex::Complex;
 use pulp::Arch;
 use rayon::prelude::*;
+use std::collections::BTreeSet;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -42,14 +47,20 @@ pub(super) struct Curvature {
 struct Jacobian<T> {
     rows: Vec<usize>,
     columns: Range<usize>,
+    /// The rows and columns at which the light is sampled: these, and those that blur into them.
+    sampled: (Vec<usize>, Range<usize>),
+    size_px: [usize; 2],
+    blur: Option<LightBlur>,
     parameters: usize,
     samples: usize,
-    /// The field u of a mode, indexed \[row\]\[sub-sample\]\[x\].
+    /// The field u of a mode, indexed \[sampled row\]\[sub-sample\]\[x\].
     field: Vec<Complex<T>>,
     /// The derivatives ∂e/∂θ, indexed \[row\]\[θ\]\[x\].
     values: Vec<T>,
-    /// The light of all modes, indexed \[row\]\[x\].
+    /// The light of all modes before its blur, indexed \[sampled row\]\[x\].
     light: Vec<T>,
+    /// Two derivatives before the blur, indexed \[derivative\]\[sampled row\]\[x\].
+    derivatives: [Vec<T>; 2],
 }
 
 impl<T: Real> Fit<T> {
@@ -253,14 +264,33 @@ fn times_source<T: Real>(slm: &Slm<T>, y: usize, row: &mut [Complex<T>]) {
 
 impl<T: Real> Jacobian<T> {
     fn new(fit: &Fit<T>, example: &Example<T>, first: usize, stride: usize) -> Self {
-        let in_region = (0..fit.engine.height_px()).filter(|&y| example.region.columns(y).is_some());
+        let (height_px, width_px) = (fit.engine.height_px(), fit.engine.width_px());
+        let in_region = (0..height_px).filter(|&y| example.region.columns(y).is_some());
         let rows: Vec<usize> = in_region.skip(first).step_by(stride).collect();
         let columns = rows.first().and_then(|&y| example.region.columns(y)).unwrap_or_default();
+        let sampled = match fit.engine.blur {
+            None => (rows.clone(), columns.clone()),
+            Some(_) => {
+                let near = rows.iter().flat_map(|&y| reached::<TAPS>(&(y..y + 1), height_px));
+                (near.collect::<BTreeSet<_>>().into_iter().collect(), reached::<TAPS>(&columns, width_px))
+            }
+        };
         // Gain and offset follow after θ.
         let (parameters, samples) = (fit.layout.len() + 2, fit.engine.samples_per_pixel());
-        let pixels = rows.len() * columns.len();
-        let field = zeros(pixels * samples);
-        Self { rows, columns, parameters, samples, field, values: zeros(pixels * parameters), light: zeros(pixels) }
+        let (pixels, sampled_px) = (rows.len() * columns.len(), sampled.0.len() * sampled.1.len());
+        Self {
+            rows,
+            columns,
+            sampled,
+            size_px: [height_px, width_px],
+            blur: fit.engine.blur,
+            parameters,
+            samples,
+            field: zeros(sampled_px * samples),
+            values: zeros(pixels * parameters),
+            light: zeros(sampled_px),
+            derivatives: [zeros(sampled_px), zeros(sampled_px)],
+        }
     }
 
     /// Stores u, the field that the fit has just propagated, and adds its light. Writes ∂e by the logarithm of the
@@ -268,87 +298,122 @@ impl<T: Real> Jacobian<T> {
     /// compensates.
     fn store_field(&mut self, fit: &Fit<T>, light_slot: Option<usize>) {
         let convolver = &fit.engine.convolver;
-        let (width_px, columns, arch) = (convolver.width_px, self.columns.clone(), Arch::new());
-        let per_row = self.samples * columns.len();
-        self.field.par_chunks_mut(per_row).zip(&self.rows).for_each_init(
+        let ((rows, columns), samples) = (&self.sampled, self.samples);
+        let (width_px, width, arch) = (convolver.width_px, columns.len(), Arch::new());
+        let (gain, share) = (T::of(fit.gain), T::of(fit.engine.share / samples as f64));
+        let light = self.light.par_chunks_mut(width).zip(self.derivatives[0].par_chunks_mut(width));
+        self.field.par_chunks_mut(samples * width).zip(light).zip(rows).for_each_init(
             || convolver.scratch.take(),
-            |scratch, (field, &y)| {
+            |scratch, ((field, (light, by_share)), &y)| {
                 convolver.sample_row(arch, &fit.out.tiles, y, scratch);
-                let samples = scratch.samples.chunks_exact(width_px);
-                for (stored, row) in field.chunks_exact_mut(columns.len()).zip(samples) {
+                for (stored, row) in field.chunks_exact_mut(width).zip(scratch.samples.chunks_exact(width_px)) {
                     stored.copy_from_slice(&row[columns.clone()]);
+                }
+                for x in 0..width {
+                    let of_mode = (0..samples).fold(T::zero(), |sum, s| sum + field[s * width + x].norm_sqr()) * share;
+                    light[x] = light[x] + of_mode;
+                    by_share[x] = gain * of_mode;
                 }
             },
         );
-        let (samples, width, gain) = (self.samples, columns.len(), T::of(fit.gain));
-        let share = T::of(fit.engine.share / samples as f64);
-        let values = self.values.par_chunks_mut(self.parameters * width);
-        let rows = values.zip(self.light.par_chunks_mut(width)).zip(self.field.par_chunks(per_row));
-        rows.for_each(|((values, light), field)| {
-            for x in 0..width {
-                let of_mode = (0..samples).fold(T::zero(), |sum, s| sum + field[s * width + x].norm_sqr()) * share;
-                light[x] = light[x] + of_mode;
-                if let Some(slot) = light_slot {
-                    values[slot * width + x] = gain * of_mode;
-                }
-            }
-        });
+        if let Some(slot) = light_slot {
+            self.add_blurred(slot, 0);
+        }
     }
 
     /// Writes ∂e for the field that the fit has just propagated, with its spectrum weighted by columns: to the slot
     /// `real` for the field itself, and to the slot `imaginary` for i times the field.
     fn add_derivatives(&mut self, fit: &Fit<T>, weights: Option<&[T]>, real: Option<usize>, imaginary: Option<usize>) {
         let convolver = &fit.engine.convolver;
-        let (width_px, columns, arch) = (convolver.width_px, self.columns.clone(), Arch::new());
-        let width = columns.len();
-        let factor = T::of(2.0 * fit.gain * fit.engine.share / self.samples as f64);
-        let field = self.field.par_chunks(self.samples * width);
-        self.values.par_chunks_mut(self.parameters * width).zip(field).zip(&self.rows).for_each_init(
+        let ((rows, columns), samples) = (&self.sampled, self.samples);
+        let (width_px, width, arch) = (convolver.width_px, columns.len(), Arch::new());
+        let factor = T::of(2.0 * fit.gain * fit.engine.share / samples as f64);
+        let [of_real, of_imaginary] = &mut self.derivatives;
+        let out = of_real.par_chunks_mut(width).zip(of_imaginary.par_chunks_mut(width));
+        out.zip(self.field.par_chunks(samples * width)).zip(rows).for_each_init(
             || convolver.scratch.take(),
-            |scratch, ((values, field), &y)| {
+            |scratch, (((of_real, of_imaginary), field), &y)| {
                 convolver.sample_weighed_row(arch, &fit.out.tiles, y, weights, scratch);
+                of_real.fill(T::zero());
+                of_imaginary.fill(T::zero());
                 for (u, d) in field.chunks_exact(width).zip(scratch.samples.chunks_exact(width_px)) {
                     let d = &d[columns.clone()];
-                    if let Some(slot) = real {
-                        let out = &mut values[slot * width..][..width];
-                        for ((out, u), d) in out.iter_mut().zip(u).zip(d) {
+                    if real.is_some() {
+                        for ((out, u), d) in of_real.iter_mut().zip(u).zip(d) {
                             *out = *out + factor * (u.re * d.re + u.im * d.im);
                         }
                     }
-                    if let Some(slot) = imaginary {
-                        let out = &mut values[slot * width..][..width];
-                        for ((out, u), d) in out.iter_mut().zip(u).zip(d) {
+                    if imaginary.is_some() {
+                        for ((out, u), d) in of_imaginary.iter_mut().zip(u).zip(d) {
                             *out = *out + factor * (u.im * d.re - u.re * d.im);
                         }
                     }
                 }
             },
         );
+        for (derivative, slot) in [real, imaginary].into_iter().enumerate() {
+            if let Some(slot) = slot {
+                self.add_blurred(slot, derivative);
+            }
+        }
+    }
+
+    /// Adds one of the derivatives, blurred as the light is, to a slot.
+    fn add_blurred(&mut self, slot: usize, derivative: usize) {
+        let blur = self.blur.map(|blur| Blur::new(blur.ratios()));
+        self.add(slot, derivative, blur.as_ref());
+    }
+
+    /// Adds one of the derivatives to a slot, behind a blur.
+    fn add(&mut self, slot: usize, derivative: usize, blur: Option<&Blur<T>>) {
+        let (width, (sampled_rows, sampled_columns)) = (self.columns.len(), &self.sampled);
+        let (size_px, columns) = (self.size_px, &self.columns);
+        let near = |i: usize| &self.derivatives[derivative][i * sampled_columns.len()..][..sampled_columns.len()];
+        let rows = self.values.par_chunks_mut(self.parameters * width).zip(&self.rows).enumerate();
+        rows.for_each(|(i, (values, &y))| {
+            let out = &mut values[slot * width..][..width];
+            match blur {
+                None => out.iter_mut().zip(near(i)).for_each(|(out, &value)| *out = *out + value),
+                Some(blur) => {
+                    let near = |y: usize| near(sampled_rows.partition_point(|&sampled| sampled < y));
+                    blur.add_part(size_px, (y, columns.clone()), (sampled_columns.start, near), out);
+                }
+            }
+        });
+    }
+
+    /// Writes ∂e by the gain, times the gain, to its slot, and ∂e by the two q of the blur.
+    fn add_light(&mut self, fit: &Fit<T>) {
+        let gain = T::of(fit.gain);
+        self.derivatives[0].iter_mut().zip(&self.light).for_each(|(out, &light)| *out = gain * light);
+        self.add_blurred(fit.layout.len(), 0);
+        let slopes = self.blur.map(|blur| Blur::slopes(blur.ratios()));
+        for (axis, slope) in slopes.iter().flatten().enumerate() {
+            self.add(fit.layout.light_blur() + axis, 0, Some(slope));
+        }
     }
 
     /// Computes the matrix 2 Σ w ∂e ∂e′ / Σ w and the gradient 2 Σ w e ∂e / Σ w.
     fn curvature(mut self, fit: &Fit<T>, example: &Example<T>) -> Curvature {
         let (parameters, width, arch) = (self.parameters, self.columns.len(), Arch::new());
-        let (gain_slot, gain, offset) = (fit.layout.len(), T::of(fit.gain), T::of(fit.offset));
-        let light = self.light.par_chunks(width);
+        let (gain_slot, offset) = (fit.layout.len(), T::of(fit.offset));
+        self.add_light(fit);
         let columns = self.columns.clone();
-        let rows =
-            self.values.par_chunks_mut(parameters * width).zip(light).zip(&self.rows).map(|((values, light), &y)| {
-                interrupt::check();
-                let (photo, weight) = (&example.photo.row(y)[columns.clone()], &example.weight.row(y)[columns.clone()]);
-                let mut error = vec![T::zero(); width];
-                for x in 0..width {
-                    values[gain_slot * width + x] = gain * light[x];
-                    values[(gain_slot + 1) * width + x] = T::one();
-                    error[x] = gain * light[x] + offset - photo[x];
-                }
-                for row in values.chunks_exact_mut(width) {
-                    row.iter_mut().zip(weight).for_each(|(value, &weight)| *value = *value * weight);
-                }
-                let counted = weight.iter().map(|weight| weight.wide()).sum::<f64>();
-                let (products, gradient) = arch.dispatch(Products { values, error: &error, parameters, width });
-                (counted, products, gradient)
-            });
+        let rows = self.values.par_chunks_mut(parameters * width).zip(&self.rows).map(|(values, &y)| {
+            interrupt::check();
+            let (photo, weight) = (&example.photo.row(y)[columns.clone()], &example.weight.row(y)[columns.clone()]);
+            let mut error = vec![T::zero(); width];
+            for x in 0..width {
+                values[(gain_slot + 1) * width + x] = T::one();
+                error[x] = values[gain_slot * width + x] + offset - photo[x];
+            }
+            for row in values.chunks_exact_mut(width) {
+                row.iter_mut().zip(weight).for_each(|(value, &weight)| *value = *value * weight);
+            }
+            let counted = weight.iter().map(|weight| weight.wide()).sum::<f64>();
+            let (products, gradient) = arch.dispatch(Products { values, error: &error, parameters, width });
+            (counted, products, gradient)
+        });
         let rows: Vec<_> = rows.collect();
         let mut curvature = Curvature { matrix: vec![0.0; parameters * parameters], gradient: vec![0.0; parameters] };
         let counted: f64 = rows.iter().map(|(counted, ..)| counted).sum();
@@ -421,15 +486,17 @@ mod tests {
         let example = Example::new(&pair, &fit.engine, RegionOfInterest::middle(&grid)).unwrap();
         let mut theta: Vec<f64> = (0..fit.layout.len()).map(|i| 0.1 * (i as f64 * 1.3 + 0.5).sin()).collect();
         theta[layout.crosstalk()..layout.response_variation()].iter_mut().for_each(|q| *q = 0.1 + q.abs());
+        theta[layout.light_blur()..layout.variation(0)].iter_mut().for_each(|q| *q = 0.2 + q.abs());
         fit.set(0, &theta);
         (fit, example, theta)
     }
 
-    const MODELS: [(KernelModel, usize, Blocks, Option<Carrier>); 5] = [
+    const MODELS: [(KernelModel, usize, Blocks, Option<Carrier>); 6] = [
         (KernelModel::Smooth, 3, Blocks::NONE, None),
         (KernelModel::Display, 4, Blocks::NONE, None),
         (KernelModel::Display, 2, Blocks::NONE, Some(Carrier::HalfOrderX)),
         (KernelModel::Varying, 5, Blocks { varying: true, ..Blocks::NONE }, Some(Carrier::HalfOrderX)),
+        (KernelModel::Display, 2, Blocks { light_blur: true, ..Blocks::NONE }, None),
         (KernelModel::Display, 2, Blocks { varying: false, ..Blocks::ALL }, Some(Carrier::HalfOrderX)),
     ];
 

@@ -2,17 +2,17 @@
 //!
 //! θ holds, in this order: α and ψ of the kernel, log amplitude and phase of the source, [a_k, b_k] of the phase
 //! response, the zero order's real and imaginary part, q of the cross-talk along x and y, the series v of the
-//! response's variation, the numbers of the ghost, α_m and ψ_m of the kernel's variation over the SLM, and for each
-//! further mode of light ln(w_m/w_0), α_m and ψ_m. The model `smooth` has the kernel only. Gain and offset are not in
-//! θ: each photograph has its own.
+//! response's variation, the numbers of the ghost, q of the blur of the light along x and y, α_m and ψ_m of the
+//! kernel's variation over the SLM, and for each further mode of light ln(w_m/w_0), α_m and ψ_m. The model `smooth` has
+//! the kernel only. Gain and offset are not in θ: each photograph has its own.
 
 use super::{Blocks, KernelModel, ModelPart};
 use crate::chebyshev::ChebyshevBasis;
 use crate::convolution::Real;
 use crate::spatial_variation::local_kernels;
 use crate::{
-    Crosstalk, DisplayModel, Dust, FurtherMode, Ghost, KernelShape, OpticalSetup, PartialCoherence, ResponseVariation,
-    SmoothField, SpatialVariation,
+    Crosstalk, DisplayModel, Dust, FurtherMode, Ghost, KernelShape, LightBlur, OpticalSetup, PartialCoherence,
+    ResponseVariation, SmoothField, SpatialVariation,
 };
 use num_complex::Complex64;
 use std::ops::Range;
@@ -49,6 +49,8 @@ pub(super) struct Layout {
     pub(super) response_variation: usize,
     /// Numbers of the ghost: 5, or 0 without one.
     ghost: usize,
+    /// 2 with a blur of the light, otherwise 0.
+    light_blur: usize,
     /// Basis of the variation over the SLM; of order 0 when the kernel is the same everywhere.
     pub(super) variation: ChebyshevBasis,
     /// Number of further modes of the light.
@@ -66,8 +68,8 @@ pub(super) enum Part {
     Tilt,
     /// A term of the kernel other than these tilts.
     Kernel,
-    /// A parameter of the source, the phase response, the zero order, the variation over the SLM, or the modes of
-    /// light.
+    /// A parameter of the source, the phase response, the zero order, the blur of the light, the variation over the
+    /// SLM, or the modes of light.
     Slm,
 }
 
@@ -88,6 +90,7 @@ impl Layout {
         let response_variation =
             if blocks.uneven_response { ResponseVariation::terms(RESPONSE_VARIATION_ORDER) } else { 0 };
         let ghost = if blocks.ghost { Ghost::NONE.numbers().len() } else { 0 };
+        let light_blur = if blocks.light_blur { 2 } else { 0 };
         Self {
             kernel,
             source,
@@ -96,6 +99,7 @@ impl Layout {
             crosstalk,
             response_variation,
             ghost,
+            light_blur,
             variation,
             modes,
             mode,
@@ -136,9 +140,13 @@ impl Layout {
         self.response_variation() + self.response_variation
     }
 
+    pub(super) fn light_blur(&self) -> usize {
+        self.ghost() + self.ghost
+    }
+
     /// Start of the coefficients of one power of the position on the SLM.
     pub(super) fn variation(&self, power: usize) -> usize {
-        self.ghost() + self.ghost + 2 * self.variation.terms() * power
+        self.light_blur() + self.light_blur + 2 * self.variation.terms() * power
     }
 
     /// Position of the logarithm of the light of further mode `m`, which comes before its errors.
@@ -160,7 +168,8 @@ impl Layout {
             (ModelPart::ZeroOrder, self.zero_order()..self.crosstalk()),
             (ModelPart::Crosstalk, self.crosstalk()..self.response_variation()),
             (ModelPart::UnevenResponse, self.response_variation()..self.ghost()),
-            (ModelPart::Ghost, self.ghost()..self.variation(0)),
+            (ModelPart::Ghost, self.ghost()..self.light_blur()),
+            (ModelPart::LightBlur, self.light_blur()..self.variation(0)),
             (ModelPart::VaryingTransferFunction, self.variation(0)..self.mode_light(0)),
             (ModelPart::PartialCoherence, self.mode_light(0)..self.len()),
         ];
@@ -173,8 +182,9 @@ impl Layout {
             _ if (self.crosstalk()..self.response_variation()).contains(&position) => {
                 value.clamp(0.0, Crosstalk::RATIO_MAX)
             }
+            _ if (self.light_blur()..self.variation(0)).contains(&position) => value.clamp(0.0, LightBlur::RATIO_MAX),
             // Both parts of the amplitude, so that it stays within its limit.
-            _ if (self.ghost()..self.variation(0)).contains(&position) && position < self.ghost() + 2 => {
+            _ if (self.ghost()..self.light_blur()).contains(&position) && position < self.ghost() + 2 => {
                 let limit = Ghost::AMPLITUDE_MAX / std::f64::consts::SQRT_2;
                 value.clamp(-limit, limit)
             }
@@ -265,9 +275,13 @@ impl Layout {
             [ratio_x, ratio_y] => Crosstalk { ratio_x, ratio_y },
             _ => Crosstalk::NONE,
         };
-        let ghost = match parameters[self.ghost()..self.variation(0)] {
+        let ghost = match parameters[self.ghost()..self.light_blur()] {
             [re, im, x, y, defocus_rad] => Ghost::of_numbers([re, im, x, y, defocus_rad]),
             _ => Ghost::NONE,
+        };
+        let light_blur = match parameters[self.light_blur()..self.variation(0)] {
+            [ratio_x, ratio_y] => LightBlur { ratio_x, ratio_y },
+            _ => LightBlur::NONE,
         };
         let response_variation = match &parameters[self.response_variation()..self.ghost()] {
             [] => ResponseVariation::none(),
@@ -293,6 +307,7 @@ impl Layout {
             response: parameters[self.response()..self.zero_order()].as_chunks().0.to_vec(),
             response_variation,
             crosstalk,
+            light_blur,
             zero_order: zero_order.first_chunk().map_or(Complex64::ZERO, |&[re, im]| Complex64::new(re, im)),
             gain,
             offset,
@@ -323,7 +338,8 @@ impl Layout {
         move_numbers(self.response()..self.crosstalk(), to.response()..to.crosstalk());
         move_numbers(self.crosstalk()..self.response_variation(), to.crosstalk()..to.response_variation());
         move_numbers(self.response_variation()..self.ghost(), to.response_variation()..to.ghost());
-        move_numbers(self.ghost()..self.variation(0), to.ghost()..to.variation(0));
+        move_numbers(self.ghost()..self.light_blur(), to.ghost()..to.light_blur());
+        move_numbers(self.light_blur()..self.variation(0), to.light_blur()..to.variation(0));
         move_numbers(self.mode_light(0)..self.len(), to.mode_light(0)..to.len());
         converted
     }
@@ -347,6 +363,7 @@ impl Layout {
             parameters.extend(coefficients(to, from, rest));
         }
         parameters.extend(model.ghost.numbers().iter().take(self.ghost));
+        parameters.extend(model.light_blur.ratios().iter().take(self.light_blur));
         for power in 0..SpatialVariation::POWERS {
             push_field(&mut parameters, self.variation, model.variation.fields().get(power));
         }

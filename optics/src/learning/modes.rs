@@ -1,41 +1,47 @@
-//! Fits of light with several modes that do not interfere.
+//! Fits of light with several modes that do not interfere, or with a blur.
 //!
-//! The light of all modes is added up first. Then each mode is propagated again, multiplied by the slope of the loss
-//! and propagated back, and what arrives at the SLM is added up.
+//! The light of all modes is added up and blurred first. Then each mode is propagated again, multiplied by the slope of
+//! the loss and propagated back, and what arrives at the SLM is added up.
 
 use super::fit::Fit;
 use super::pair::Example;
 use crate::buffers::zeros;
 use crate::convolution::Real;
 use crate::engine::{EngineCore, Fields};
+use crate::light_blur::Blur;
 use crate::photometry::{Comparison, Sums};
 use num_complex::Complex;
 use rayon::prelude::*;
 
-/// Light of all modes, and its gradient. Empty while a display has a single mode.
+/// Light of all modes, and its gradient. Empty while a display has a single mode and no blur.
 #[derive(Debug)]
 pub(super) struct ModeBuffers<T> {
     /// Light planes.
     lights: Vec<T>,
+    /// Light planes before the blur; empty without one.
+    sharp: Vec<T>,
     /// Slopes of the loss by the light.
     slopes: Vec<T>,
-    /// Sum of what arrives at the SLM.
+    /// Sum of what arrives at the SLM; empty with a single mode.
     returned: Vec<Complex<T>>,
+    /// Slopes of the loss by the two q of the blur.
+    pub(super) by_blur: [f64; 2],
 }
 
 impl<T: Real> ModeBuffers<T> {
     pub(super) fn empty() -> Self {
-        Self { lights: Vec::new(), slopes: Vec::new(), returned: Vec::new() }
+        let (lights, sharp, slopes) = (Vec::new(), Vec::new(), Vec::new());
+        Self { lights, sharp, slopes, returned: Vec::new(), by_blur: [0.0; 2] }
     }
 
     /// Buffers for an engine with its kernels.
     pub(super) fn of(engine: &EngineCore<T>) -> Self {
-        if engine.is_coherent() {
+        if !engine.needs_all_light() {
             return Self::empty();
         }
         let light_len = engine.detector.light_planes() * engine.height_px() * engine.width_px();
-        let returned_len = engine.kernels.half_spectrum_len(&engine.convolver);
-        Self { lights: zeros(light_len), slopes: zeros(light_len), returned: zeros(returned_len) }
+        let returned_len = if engine.is_coherent() { 0 } else { engine.kernels.half_spectrum_len(&engine.convolver) };
+        Self { lights: zeros(light_len), slopes: zeros(light_len), returned: zeros(returned_len), ..Self::empty() }
     }
 }
 
@@ -59,7 +65,7 @@ impl<T: Real> Fit<T> {
     }
 
     /// Propagates a hologram in all modes, and returns the sums of their light at gain 1 and offset 0. The hologram's
-    /// spectrum stays in `out`.
+    /// spectrum stays in `out`, and so does the field of the last mode.
     pub(super) fn measure_modes(&mut self, example: &Example<T>) -> Sums {
         self.for_each_mode(|fit, m| {
             match m {
@@ -69,19 +75,31 @@ impl<T: Real> Fit<T> {
             let Self { engine, out, modes, .. } = fit;
             engine.convolver.add_light(&out.tiles, engine.share, m == 0, None, &mut modes.lights);
         });
+        let Self { engine, modes: ModeBuffers { lights, sharp, .. }, .. } = self;
+        engine.blur_lights(lights, sharp);
         let comparison = example.comparison(&self.engine, 1.0, 0.0);
         self.engine.convolver.measure_lights(&comparison, &self.modes.lights)
     }
 
     /// Compares the light of all modes with a photograph, for [`Self::weigh_mode`].
     pub(super) fn compare_modes(&mut self, comparison: &Comparison<'_, T>) -> Sums {
-        let Self { engine, modes: ModeBuffers { lights, slopes, .. }, .. } = self;
-        engine.convolver.slopes(comparison, lights, slopes)
+        let Self { engine, modes: ModeBuffers { lights, sharp, slopes, by_blur, .. }, .. } = self;
+        let sums = engine.convolver.slopes(comparison, lights, slopes);
+        if let Some(blur) = &engine.blur {
+            *by_blur = Blur::slopes(blur.ratios()).map(|slope| {
+                engine.apply_to_lights(&slope, sharp, lights);
+                product(lights, slopes) / engine.detector.light_planes() as f64
+            });
+            engine.spread_slopes(slopes, lights);
+        }
+        sums
     }
 
     /// Writes the half-transformed gradient of the mode whose engine the fit has now to `back`.
     pub(super) fn weigh_mode(&mut self) {
-        self.propagate_spectrum();
+        if !self.engine.is_coherent() {
+            self.propagate_spectrum();
+        }
         let Self { engine, out, back, modes, .. } = self;
         let factor = engine.share / engine.samples_per_pixel() as f64;
         engine.convolver.weigh_sampled_tiles(&out.tiles, &modes.slopes, factor, back);
@@ -105,4 +123,13 @@ impl<T: Real> Fit<T> {
         }
         returned.copy_from_slice(tiles);
     }
+}
+
+/// Σ a b, added up in a fixed order.
+fn product<T: Real>(a: &[T], b: &[T]) -> f64 {
+    /// Values that are added up one after the other.
+    const PART: usize = 4096;
+    let part = |(a, b): (&[T], &[T])| a.iter().zip(b).map(|(&a, &b)| (a * b).wide()).sum::<f64>();
+    let parts: Vec<f64> = a.par_chunks(PART).zip(b.par_chunks(PART)).map(part).collect();
+    parts.iter().sum()
 }

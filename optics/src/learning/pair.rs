@@ -124,7 +124,7 @@ pub(super) fn measure<T: Real>(
 ) -> Result<Sums, Error> {
     let example = Example::new(pair, engine, region)?;
     let comparison = example.comparison(engine, 1.0, 0.0);
-    if engine.is_coherent() {
+    if !engine.needs_all_light() {
         engine.send(example.phase.values(), fields);
         return Ok(engine.convolver.measure(&fields.tiles, &comparison));
     }
@@ -133,6 +133,7 @@ pub(super) fn measure<T: Real>(
         mode.send(example.phase.values(), fields);
         mode.convolver.add_light(&fields.tiles, mode.share, m == 0, None, &mut lights);
     }
+    engine.blur_lights(&mut lights, &mut Vec::new());
     Ok(engine.convolver.measure_lights(&comparison, &lights))
 }
 

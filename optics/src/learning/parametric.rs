@@ -7,9 +7,10 @@
 //! choose the [blocks](super::Block): those of the SLM after the lowest order of the kernel, a varying kernel and a
 //! ghost after the highest. In a round each block is tried alone for some steps, starting from the best model so far.
 //! The one that gains most is kept if it gains enough, and is refined. Then the others are tried in another round,
-//! because blocks can help only together. After the highest order each block that was kept is left out for some steps,
-//! and stays away if the validation loss hardly rises: a kernel of low order can make a block look useful. The last
-//! block is dust, which has two numbers for each pixel and is fitted by L-BFGS, with all other parameters as they are.
+//! because blocks can help only together. Modes of light are tried if no other block of a round has helped. After the
+//! highest order each block that was kept is left out for some steps, and stays away if the validation loss hardly
+//! rises: a kernel of low order can make a block look useful. The last block is dust, which has two numbers for each
+//! pixel and is fitted by L-BFGS, with all other parameters as they are.
 //! Pairs of several distances are fitted together, by one model whose kernel depends on the distance.
 
 use super::along_z::JointLayout;

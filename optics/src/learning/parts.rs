@@ -1,6 +1,8 @@
 //! Parts of a learned display, and what the model loses without each of them.
 
-use crate::{Crosstalk, DisplayModel, Dust, Ghost, KernelShape, ResponseVariation, SmoothField, SpatialVariation};
+use crate::{
+    Crosstalk, DisplayModel, Dust, Ghost, KernelShape, LightBlur, ResponseVariation, SmoothField, SpatialVariation,
+};
 use num_complex::Complex64;
 use serde::{Deserialize, Serialize};
 
@@ -26,6 +28,8 @@ pub enum ModelPart {
     UnevenResponse,
     /// Cross-talk between neighbouring pixels.
     Crosstalk,
+    /// Blur of the light, by the camera or by a source with an extent.
+    LightBlur,
     /// Undiffracted light.
     ZeroOrder,
 }
@@ -94,6 +98,7 @@ pub fn without_each_part(model: &DisplayModel) -> Vec<(ModelPart, DisplayModel)>
         model.response_variation = ResponseVariation::none();
     });
     add(ModelPart::Crosstalk, !model.crosstalk.is_none(), |model| model.crosstalk = Crosstalk::NONE);
+    add(ModelPart::LightBlur, !model.light_blur.is_none(), |model| model.light_blur = LightBlur::NONE);
     add(ModelPart::ZeroOrder, model.zero_order != Complex64::ZERO, |model| model.zero_order = Complex64::ZERO);
     parts
 }
@@ -118,12 +123,13 @@ mod tests {
             response: vec![[0.1, 0.0]],
             response_variation: ResponseVariation { order: 0, coefficients: vec![0.1] },
             crosstalk: Crosstalk { ratio_x: 0.1, ratio_y: 0.0 },
+            light_blur: LightBlur { ratio_x: 0.0, ratio_y: 0.1 },
             zero_order: Complex64::new(0.1, 0.0),
             ghost: Ghost { amplitude: Complex64::new(0.1, 0.0), ..Ghost::NONE },
             ..ideal.clone()
         };
         let parts = without_each_part(&all);
-        assert_eq!(parts.len(), 10);
+        assert_eq!(parts.len(), 11);
         for (part, without) in &parts {
             without.validate().unwrap();
             let left: Vec<ModelPart> = without_each_part(without).into_iter().map(|(part, _)| part).collect();

@@ -20,8 +20,9 @@ use super::{Block, BlockStrengths, Blocks, KernelModel};
 use crate::carrier::Carrier;
 use crate::chebyshev::position;
 use crate::cholesky::Cholesky;
+use crate::gaussian_blur::sigma_px_of_ratio;
 use crate::optimizer::damped::FLOOR;
-use crate::{Crosstalk, Detector, DisplayModel, Error, KernelShape, RegionOfInterest, ResponseVariation};
+use crate::{Detector, DisplayModel, Error, KernelShape, LightBlur, RegionOfInterest, ResponseVariation};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
@@ -139,10 +140,11 @@ impl ModelUncertainty {
         let deviations = BlockStrengths {
             surface_rms_rad: self
                 .deviation(&scatter, all.source()..all.response(), |strengths| strengths.surface_rms_rad),
-            crosstalk_px: has.crosstalk.then(|| scatter.crosstalk_px(&all, &self.model.crosstalk)),
+            crosstalk_px: has.crosstalk.then(|| scatter.sigma_px(all.crosstalk(), self.model.crosstalk.ratios())),
+            light_blur_px: has.light_blur.then(|| scatter.sigma_px(all.light_blur(), self.model.light_blur.ratios())),
             response_variation_rms: has.uneven_response.then(|| variation(&scatter)),
             image_spread_px: of_light(0).zip(of_light(1)).map(|(x, y)| [x, y]),
-            ghost_share: self.deviation(&scatter, all.ghost()..all.variation(0), |strengths| strengths.ghost_share),
+            ghost_share: self.deviation(&scatter, all.ghost()..all.light_blur(), |strengths| strengths.ghost_share),
             ..BlockStrengths::default()
         };
         let with = |range: Range<usize>| self.scatter(range);
@@ -227,15 +229,15 @@ impl Scatter<'_> {
         self.covariance(&changes, &changes).sqrt()
     }
 
-    /// Standard deviation of the cross-talk's q along x and along y.
-    fn crosstalk_ratios(&self, layout: &Layout) -> [f64; 2] {
-        [0, 1].map(|axis| self.deviation(&[(layout.crosstalk() + axis, 1.0)]))
+    /// Standard deviation of the q of a blur along x and along y, which begin at a position of θ.
+    fn ratios(&self, start: usize) -> [f64; 2] {
+        [0, 1].map(|axis| self.deviation(&[(start + axis, 1.0)]))
     }
 
-    /// Standard deviation of the cross-talk's σ along x and along y \[px\]: half the distance between the σ of the
-    /// limits of q, because σ changes infinitely fast at q = 0.
-    fn crosstalk_px(&self, layout: &Layout, crosstalk: &Crosstalk) -> [f64; 2] {
-        let (ratios, deviations) = (crosstalk.ratios(), self.crosstalk_ratios(layout));
+    /// Standard deviation of the σ of a blur along x and along y \[px\], whose `ratios` q begin at a position of θ:
+    /// half the distance between the σ of the limits of q, because σ changes infinitely fast at q = 0.
+    fn sigma_px(&self, start: usize, ratios: [f64; 2]) -> [f64; 2] {
+        let deviations = self.ratios(start);
         let moved = |by: f64| sigma_px(std::array::from_fn(|axis| ratios[axis] + by * deviations[axis]));
         let (most, least) = (moved(1.0), moved(-1.0));
         std::array::from_fn(|axis| (most[axis] - least[axis]) / 2.0)
@@ -243,7 +245,7 @@ impl Scatter<'_> {
 
     /// σ of the most cross-talk that could be hidden along x and along y \[px\].
     fn hidden_crosstalk_px(&self, layout: &Layout) -> [f64; 2] {
-        sigma_px(self.crosstalk_ratios(layout).map(|deviation| HIDDEN_DEVIATIONS * deviation))
+        sigma_px(self.ratios(layout.crosstalk()).map(|deviation| HIDDEN_DEVIATIONS * deviation))
     }
 
     /// Root mean square over the SLM of the standard deviation of the response's variation v.
@@ -265,10 +267,9 @@ impl Scatter<'_> {
     }
 }
 
-/// σ along x and along y \[px\] of cross-talk with these q, moved into their limits.
+/// σ along x and along y \[px\] of a blur with these q, moved into the limits of a blur of the light.
 fn sigma_px(ratios: [f64; 2]) -> [f64; 2] {
-    let [ratio_x, ratio_y] = ratios.map(|q| q.clamp(0.0, Crosstalk::RATIO_MAX));
-    Crosstalk { ratio_x, ratio_y }.sigma_px()
+    ratios.map(|q| sigma_px_of_ratio(q.clamp(0.0, LightBlur::RATIO_MAX)))
 }
 
 /// The layout of a learned model with a phase response; `None` for a model of another shape.

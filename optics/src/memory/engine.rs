@@ -53,6 +53,8 @@ pub struct EngineSize {
     /// Whether the phases that the display shows differ from those it is given: by cross-talk, or by a response that
     /// varies over the SLM.
     pub wraps_phase: bool,
+    /// Whether the light blurs.
+    pub blurs_light: bool,
     /// Whether the display shows all orders of its pixels, so that each sub-sample has a transfer function.
     pub all_orders: bool,
     /// Setup of a display that shows all orders, on which the size of its simulated bench depends. `None`: the size
@@ -88,6 +90,7 @@ impl EngineSize {
             modes: 1,
             has_source: false,
             wraps_phase: false,
+            blurs_light: false,
             all_orders: false,
             orders_setup: None,
             is_filtered: false,
@@ -129,10 +132,17 @@ impl EngineSize {
             modes: model.coherence.shares().len(),
             has_source: !model.source.is_flat() || !model.dust.is_none(),
             wraps_phase: !model.crosstalk.is_none() || !model.response_variation.is_none(),
+            blurs_light: !model.light_blur.is_none(),
             ..Self::ideal(grid.height_px(), grid.width_px(), detector, threads)
         };
         let has_errors = matches!(model.kernel, KernelShape::Smooth(_));
-        size.sampled_behind(&model.setup, matches!(model.kernel, KernelShape::Bins(_)), has_errors)
+        let size = size.sampled_behind(&model.setup, matches!(model.kernel, KernelShape::Bins(_)), has_errors);
+        Self { opinion: size.opinion.map(|opinion| opinion.blurred_as(model)), ..size }
+    }
+
+    /// Memory of a copy of the light that is compared: its values before the blur, if the light blurs.
+    pub(super) fn sharp_bytes(&self) -> u64 {
+        if self.blurs_light { self.detector.light_planes() as u64 * self.pixels() * REAL } else { 0 }
     }
 
     /// The same size with another detector.
@@ -260,7 +270,9 @@ impl EngineSize {
         };
         // The light of both, a copy of the samples, the halved pictures and the flat pixels.
         let measured = SETS * (samples + n * REAL) + samples + samples / 2 + n;
-        points + propagated.max(measured)
+        // All of the light before its blur is the image's and that of single places.
+        let blurred = if self.blurs_light { samples } else { 0 };
+        points + propagated.max(measured) + blurred
     }
 
     /// Work of [`Self::quality_bytes`]: light and metrics for this number of frames.
@@ -279,6 +291,8 @@ impl EngineSize {
     /// detectors.
     #[must_use]
     pub fn opinion_work(&self, frames: usize, rows: usize, detectors: &[Detector]) -> f64 {
+        let (values, rows) =
+            self.opinion.map_or((0, rows), |opinion| (opinion.values, rows * opinion.rows_for_each as usize));
         let of = |detector: &Detector| {
             let places = match detector {
                 Detector::Point => 1,
@@ -287,7 +301,6 @@ impl EngineSize {
             };
             OPINION_STAGES + OPINION_ROW_STAGES * (rows * places) as f64
         };
-        let values = self.opinion.map_or(0, |opinion| opinion.values);
         values as f64 * frames as f64 * detectors.iter().map(of).sum::<f64>()
     }
 

@@ -62,7 +62,7 @@ impl HologramSize {
             return 0;
         }
         let light = self.engine.detector.light_planes() as u64 * self.engine.pixels() * REAL;
-        (self.planes as u64 + 1) * light + self.samples_bytes().unwrap_or(0)
+        (self.planes as u64 + 1) * light + self.engine.sharp_bytes() + self.samples_bytes().unwrap_or(0)
     }
 
     /// The kept samples; `None` if they would be too large.
@@ -81,7 +81,7 @@ impl HologramSize {
         match self.method {
             HologramMethod::Lbfgs | HologramMethod::GerchbergSaxton | HologramMethod::WeightedGerchbergSaxton => true,
             HologramMethod::Adam { .. } | HologramMethod::DoublePhase => {
-                self.frames * self.engine.modes > 1 || self.rough
+                self.frames * self.engine.modes > 1 || self.rough || self.engine.blurs_light
             }
         }
     }

@@ -1,7 +1,6 @@
 //! Memory and work of a fit of a display model.
 
 use super::{COMPLEX, COMPLEX_F64, EngineSize, REAL};
-use crate::SpatialVariation;
 use crate::chebyshev::ChebyshevBasis;
 use crate::convolution::tile_columns;
 use crate::learning::sizes::{
@@ -10,6 +9,7 @@ use crate::learning::sizes::{
 };
 use crate::learning::{Blocks, KernelModel};
 use crate::optimizer::limited_memory::HISTORY;
+use crate::{SpatialVariation, light_blur};
 
 /// Size of a fit of a display model to photographs.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,6 +44,7 @@ impl LearningSize {
             },
             has_source: has_slm,
             wraps_phase: has_slm,
+            blurs_light: has_slm && self.blocks.light_blur,
             ..self.engine
         }
     }
@@ -76,8 +77,9 @@ impl LearningSize {
         let back = engine.half_spectrum_bytes(engine.lanes());
         // Light, its slopes, and what returns to the SLM.
         let light = 2 * engine.detector.light_planes() as u64 * n * REAL;
-        let modes = if engine.modes > 1 { light + engine.half_spectrum_bytes(1) } else { 0 };
-        buffers + back + modes + example
+        let light = if engine.modes > 1 || engine.blurs_light { light + engine.sharp_bytes() } else { 0 };
+        let returned = if engine.modes > 1 { engine.half_spectrum_bytes(1) } else { 0 };
+        buffers + back + light + returned + example
     }
 
     /// What a smooth model needs in addition: ideal transfer functions and spectra.
@@ -125,7 +127,14 @@ impl LearningSize {
         let stride = (rows * columns / CURVATURE_PX as u64).max(1);
         let (rows, parameters) = (rows.div_ceil(stride), self.parameters());
         let samples = self.engine.samples();
-        let derivatives = rows * columns * ((parameters + 1) * REAL + samples * COMPLEX);
+        // The light is sampled at all pixels that blur into these.
+        let sampled = match self.engine().blurs_light {
+            true => {
+                (rows * light_blur::TAPS as u64).min(self.engine.height_px as u64) * (columns + light_blur::TAPS as u64)
+            }
+            false => rows * columns,
+        };
+        let derivatives = rows * columns * parameters * REAL + sampled * (3 * REAL + samples * COMPLEX);
         let joint = self.joint_parameters();
         derivatives + rows * parameters * parameters / 2 * 8 + 4 * parameters * parameters * 8 + 6 * joint * joint * 8
     }
@@ -139,7 +148,7 @@ impl LearningSize {
         let variation_of_response = some(uneven_response, terms(RESPONSE_VARIATION_ORDER) + 1);
         let modes = some(partial_coherence, FURTHER_MODES * (1 + 2 * terms(MODE_ORDER)));
         let source = if fine_source { FINE_SOURCE_ORDER } else { SOURCE_ORDER };
-        let slm = 2 * terms(source) + 2 * HARMONICS + 2 + 2 + variation_of_response + modes;
+        let slm = 2 * terms(source) + 2 * HARMONICS + 2 + 2 + 2 + variation_of_response + modes;
         let variation = SpatialVariation::POWERS * 2 * terms(VARIATION_ORDER);
         let all = match self.model {
             KernelModel::Display => kernel + slm,

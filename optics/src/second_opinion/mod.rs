@@ -123,6 +123,8 @@ pub struct OpinionSize {
     pub along_axis: u64,
     /// Memory for the kernel \[bytes\].
     kernel_bytes: u64,
+    /// Rows whose light blurs into that of one row.
+    pub rows_for_each: u64,
 }
 
 impl OpinionSize {
@@ -137,12 +139,23 @@ impl OpinionSize {
             false => (windows * windows, (windows - 1) * COMPLEX_BYTES * PANELS as u64 * height),
         };
         let values = frequencies.values();
-        Some(Self { values: values * modes as u64 * spectra, along_axis: values.isqrt(), kernel_bytes })
+        Some(Self {
+            values: values * modes as u64 * spectra,
+            along_axis: values.isqrt(),
+            kernel_bytes,
+            rows_for_each: 1,
+        })
+    }
+
+    /// The same size for a display whose light blurs as that of `model`.
+    pub(crate) fn blurred_as(self, model: &DisplayModel) -> Self {
+        Self { rows_for_each: model::rows_for_each(model) as u64, ..self }
     }
 
     /// Memory of a second opinion with [`Effort::CHEAP`] on a display of this many rows and columns \[bytes\].
     pub(crate) fn bytes(&self, [height_px, width_px]: [usize; 2]) -> u64 {
-        let (height, width, rows) = (height_px as u64, width_px as u64, Effort::CHEAP.rows_max as u64);
+        let (height, width) = (height_px as u64, width_px as u64);
+        let rows = height.min(Effort::CHEAP.rows_max as u64 * self.rows_for_each);
         // The tables along y; the field, spectra of rows, and the lines of the image.
         let places = 4;
         let along_y = self.along_axis * (rows * places + 2 * places * places);

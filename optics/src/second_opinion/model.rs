@@ -1,7 +1,7 @@
 //! The independent model: light on rows of the image, from the definition of the angular spectrum.
 //!
 //! ```text
-//! light = Σ_l w_l |u_l(x, y)|²
+//! light = Σ_x′ Σ_y′ g_x(x′ − x) g_y(y′ − y) Σ_l w_l |u_l(x′, y′)|²
 //! u_l(x, y) = ∫∫ A(ν) E(ν) E_l(ν) Σ_m Σ_n P(f) H(f) e^{i2π(f_x·x + f_y·y)} dν_x dν_y,   f = (ν_x + m, ν_y + n)
 //! A(ν) = Σ_x Σ_y k(x, y) a(x, y) (e^{ir(ψ)} + z₀) e^{−i2π(ν_x·x + ν_y·y)},   ψ = K wrap(φ + grating)
 //! H(f) = e^{i2πz(√(1/λ² − f²/Δ²) − 1/λ)},   P(f) = sinc(w_x f_x) sinc(w_y f_y)
@@ -11,8 +11,9 @@
 //! n = 0 and P = 1, or what its filter passes; one that shows all orders has every order that reaches the image. w_x
 //! and w_y are the sides of a pixel's bright area in pixel pitches, E the errors of a learned kernel, E_l those of mode
 //! l of the light relative to it, w_l the mode's part of the light, a the source profile with its dust, r the phase
-//! response, z₀ undiffracted light, λ wavelength \[m\], z distance \[m\], Δ pixel pitch \[m\]. Kernels that vary over
-//! the SLM, and those with a value for each frequency, are in [`super::kernels`].
+//! response, z₀ undiffracted light, λ wavelength \[m\], z distance \[m\], Δ pixel pitch \[m\], g the Gaussians of the
+//! blur of the light. Kernels that vary over the SLM, and those with a value for each frequency, are in
+//! [`super::kernels`].
 //!
 //! The integral along x is summed node by node of its panels, so that the whole spectrum is never held.
 
@@ -25,6 +26,7 @@ use crate::{Carrier, DisplayModel, OpticalSetup, Plane, RegionOfInterest, Smooth
 use num_complex::Complex64;
 use rayon::prelude::*;
 use rustfft::{Fft, FftPlanner};
+use std::collections::BTreeSet;
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 
@@ -54,6 +56,59 @@ pub(super) fn rows(region: RegionOfInterest, rows_max: usize) -> Vec<usize> {
 
 /// Mean over `phases` of the light on the rows: for each place, ordered by y, then by x, a plane of the rows.
 pub(super) fn light(
+    display: (&DisplayModel, Option<Carrier>),
+    phases: &[Plane<f32>],
+    places: &Places,
+    rows: &[usize],
+    frequencies: &Frequencies,
+) -> Vec<Plane<f64>> {
+    let [along_x, along_y] = display.0.light_blur.sigma_px().map(gaussian);
+    let reach = along_y.len() as i64 - 1;
+    let last_y = display.0.setup.grid().height_px() as i64 - 1;
+    let on_frame = |y: usize, away: i64| (y as i64 + away).clamp(0, last_y) as usize;
+    let near: BTreeSet<usize> =
+        rows.iter().flat_map(|&y| (-reach..=reach).map(move |away| on_frame(y, away))).collect();
+    let near: Vec<usize> = near.into_iter().collect();
+    let blurred = |sharp: Plane<f64>| {
+        let last_x = sharp.width_px() as i64 - 1;
+        let of_row = |y: usize| near.binary_search(&y).unwrap_or_else(|_| unreachable!("all rows nearby are there"));
+        Plane::from_fn(rows.len(), sharp.width_px(), |row, x| {
+            let column = |x: i64| {
+                let rows = (-reach..=reach).map(|away| (away, of_row(on_frame(rows[row], away))));
+                rows.map(|(away, y)| along_y[away.unsigned_abs() as usize] * sharp.at(y, x as usize)).sum::<f64>()
+            };
+            let reach = along_x.len() as i64 - 1;
+            (-reach..=reach)
+                .map(|away| along_x[away.unsigned_abs() as usize] * column((x as i64 + away).clamp(0, last_x)))
+                .sum()
+        })
+    };
+    let sharp = sharp_light(display, phases, places, &near, frequencies);
+    if display.0.light_blur.is_none() { sharp } else { sharp.into_iter().map(blurred).collect() }
+}
+
+/// Rows whose light blurs into that of one row.
+pub(super) fn rows_for_each(model: &DisplayModel) -> usize {
+    let [_, along_y] = model.light_blur.sigma_px().map(gaussian);
+    2 * along_y.len() - 1
+}
+
+/// Weights of a Gaussian of standard deviation `sigma_px` at its middle and at the pixels on one side, as far as they
+/// count: at most six.
+fn gaussian(sigma_px: f64) -> Vec<f64> {
+    /// Weight relative to the middle's, below which a pixel does not count.
+    const LEAST: f64 = 1e-9;
+    let weight = |away: i32| match away {
+        0 => 1.0,
+        _ => (-0.5 * (f64::from(away) / sigma_px).powi(2)).exp(),
+    };
+    let side: Vec<f64> = (0..=6).map(weight).take_while(|&weight| weight > LEAST).collect();
+    let total = side[0] + 2.0 * side[1..].iter().sum::<f64>();
+    side.into_iter().map(|weight| weight / total).collect()
+}
+
+/// [`light`] before its blur.
+fn sharp_light(
     (model, carrier): (&DisplayModel, Option<Carrier>),
     phases: &[Plane<f32>],
     places: &Places,

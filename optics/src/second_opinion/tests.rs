@@ -4,8 +4,8 @@ use crate::propagation::{ImageWindow, WarningCode};
 use crate::reference::{first_order_onto, rayleigh_sommerfeld_onto};
 use crate::test_cards::TestCard;
 use crate::{
-    ConvolutionMethod, Crosstalk, Dust, Engine, FilterShape, FurtherMode, Ghost, Grid, HologramProblem, OpticalSetup,
-    Optimization, OrderFilter, PartialCoherence, ResponseVariation, SmoothField,
+    ConvolutionMethod, Crosstalk, Dust, Engine, FilterShape, FurtherMode, Ghost, Grid, HologramProblem, LightBlur,
+    OpticalSetup, Optimization, OrderFilter, PartialCoherence, ResponseVariation, SmoothField,
 };
 use crate::{Error, SpatialVariation};
 use num_complex::{Complex32, Complex64};
@@ -129,6 +129,7 @@ fn flawed(setup: OpticalSetup) -> DisplayModel {
         zero_order: Complex64::new(0.1, -0.05),
         response_variation: ResponseVariation { order: 1, coefficients: vec![0.05, -0.03, 0.08] },
         crosstalk: Crosstalk::of_sigma_px([0.45, 0.3]),
+        light_blur: LightBlur::of_sigma_px([0.8, 0.5]),
         ..DisplayModel::ideal(setup)
     }
 }

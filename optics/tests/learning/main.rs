@@ -8,7 +8,8 @@ use lightpath_optics::learning::{
 };
 use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::{
-    Detector, DisplayModel, Engine, Error, Grid, KernelShape, OpticalSetup, Orders, RegionOfInterest, SmoothField,
+    Detector, DisplayModel, Engine, Error, Grid, KernelShape, LightBlur, OpticalSetup, Orders, RegionOfInterest,
+    SmoothField,
 };
 use rayon::ThreadPoolBuilder;
 use std::f64::consts::TAU;
@@ -160,6 +161,18 @@ fn crosstalk_is_found_and_its_width_recovered() {
     let [x, y] = model.crosstalk.sigma_px();
     assert!((x / 0.45 - 1.0).abs() < 0.1 && (y / 0.35 - 1.0).abs() < 0.1, "σ {x} and {y} px");
     assert_eq!(Blocks::of(&model).without(Block::FineSource), Blocks::NONE.with(Block::Crosstalk));
+}
+
+#[test]
+fn blur_of_the_camera_is_found_and_its_width_recovered() {
+    let bench = simulated_display(6e-3, SimulatedBench { seed: 5, blur_px: 0.5, ..SimulatedBench::FAIR });
+    let model = learned_with_validation(&bench);
+    let [x, y] = model.light_blur.sigma_px();
+    assert!((x / 0.5 - 1.0).abs() < 0.1 && (y / 0.5 - 1.0).abs() < 0.1, "σ {x} and {y} px");
+    assert_eq!(Blocks::of(&model).without(Block::FineSource), Blocks::NONE.with(Block::LightBlur));
+    let without = DisplayModel { light_blur: LightBlur::NONE, ..model.clone() };
+    let (with, without) = (held_out_loss(&bench, &model), held_out_loss(&bench, &without));
+    assert!(with < 0.2 * without, "{with} with the blur, {without} without it");
 }
 
 #[test]
@@ -340,7 +353,10 @@ fn warm_start_needs_few_steps() {
 fn learning_does_not_depend_on_threads_or_pauses() {
     let flaws =
         SimulatedBench { crosstalk_px: 0.4, surface_waves: 1.0, response_variation: 0.1, ..SimulatedBench::FAIR };
-    let bench = simulated_display(6e-3, SimulatedBench { seed: 10, dust_contrast: 0.2, ghost_share: 0.04, ..flaws });
+    let bench = simulated_display(
+        6e-3,
+        SimulatedBench { seed: 10, dust_contrast: 0.2, ghost_share: 0.04, blur_px: 0.6, ..flaws },
+    );
     let (training, validation) = (pairs(&bench, 5, 100), pairs(&bench, 2, 400));
     let learning_pairs = LearningPairs { training: &training, validation: &validation };
     let short = |model, refinement_evaluations| LearnOptions {

@@ -74,10 +74,10 @@ convert_by_name! {
     JobState = v1::job::State { Queued Running Succeeded Failed Cancelled }
     KernelFormat = v1::KernelFormat { Safetensors Compact Pt Npy Npz Complex64 F16 Bundle }
     Loss = v1::KernelLoss {
-        Source Dust Ghost Coherence PhaseResponse ResponseVariation Crosstalk ZeroOrder GainAndOffset Variation OuterSpectrum Parameters Interpolation Precision
+        Source Dust Ghost Coherence PhaseResponse ResponseVariation Crosstalk LightBlur ZeroOrder GainAndOffset Variation OuterSpectrum Parameters Interpolation Precision
     }
     ModelPart = v1::ModelPart {
-        TransferFunction VaryingTransferFunction PartialCoherence Ghost Source Dust PhaseResponse UnevenResponse Crosstalk ZeroOrder
+        TransferFunction VaryingTransferFunction PartialCoherence Ghost Source Dust PhaseResponse UnevenResponse Crosstalk LightBlur ZeroOrder
     }
     AlignmentMethod = v1::alignment::Method { Points Dots Pairs }
     FindingKind = v1::finding::Kind {

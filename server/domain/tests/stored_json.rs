@@ -316,13 +316,14 @@ fn learning_results_are_stored_as_before() {
                 response_variation_rms: None,
                 ghost_share: None,
                 dust_contrast: Some(0.08),
+                light_blur_px: Some([0.5, 0.75]),
                 image_spread_px: None,
                 kernel_varies: false,
             },
-            certainty: StrengthUncertainty {
+            certainty: Box::new(StrengthUncertainty {
                 deviations: BlockStrengths { crosstalk_px: Some([0.01, 0.02]), ..BlockStrengths::default() },
                 hidden: BlockStrengths { response_variation_rms: Some(0.004), ..BlockStrengths::default() },
-            },
+            }),
         }),
     );
 }

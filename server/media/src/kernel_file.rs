@@ -13,6 +13,7 @@
 //! | `variation_order` | highest total degree of the kernel's variation over the SLM; missing: 0 |
 //! | `response_variation_order` | highest total degree of the response's variation over the SLM; missing: the response is the same everywhere |
 //! | `has_crosstalk` | whether neighbouring pixels have cross-talk; missing: no |
+//! | `has_light_blur` | whether the light blurs; missing: no |
 //! | `has_ghost` | whether the kernel has a ghost; missing: no |
 //! | `mode_orders` | highest total degree of each further mode's transfer function relative to the kernel; missing: the light is coherent |
 //! | `has_dust` | whether there is dust in the light on the SLM; missing: no |
@@ -31,6 +32,7 @@
 //! | `response` | f64, \[harmonics, 2\] | r(ψ) = (1 + v) ψ + Σ a_k sin kψ + b_k cos kψ \[rad\] (`display`, `varying`) |
 //! | `response_variation` | f64, \[1 + terms\] | v: its constant, then its series (where the response varies) |
 //! | `crosstalk` | f64, \[2\] | q along x and along y (with cross-talk) |
+//! | `light_blur` | f64, \[2\] | q of the blur of the light along x and along y (with such a blur) |
 //! | `ghost` | f64, \[5\] | real and imaginary part of the amplitude, shift along x and y \[px\], defocus \[rad\] (with a ghost) |
 //! | `mode.light` | f64, \[modes\] | light of each further mode relative to the first one (partially coherent light) |
 //! | `mode.log_amplitude`, `mode.phase` | f64, \[terms of all modes\] | α_m and ψ_m of each further mode's transfer function H · exp(α_m + iψ_m), mode after mode (partially coherent light) |
@@ -45,7 +47,7 @@ mod parts;
 pub(crate) use header::Header;
 
 use lightpath_optics::{
-    Crosstalk, DisplayModel, Dust, Ghost, KernelModel, KernelShape, Plane, ResponseVariation, SmoothField,
+    Crosstalk, DisplayModel, Dust, Ghost, KernelModel, KernelShape, LightBlur, Plane, ResponseVariation, SmoothField,
     SpatialVariation,
 };
 use num_complex::{Complex32, Complex64};
@@ -154,6 +156,7 @@ pub(crate) fn header_text(model: &DisplayModel, kind: KernelModel, origin: &Orig
         variation_order: model.variation.order(),
         response_variation_order: (!model.response_variation.is_none()).then_some(model.response_variation.order),
         has_crosstalk: !model.crosstalk.is_none(),
+        has_light_blur: !model.light_blur.is_none(),
         has_ghost: !model.ghost.is_none(),
         mode_orders: model.coherence.modes().iter().map(|mode| mode.errors.order).collect(),
         has_dust: !model.dust.is_none(),
@@ -210,6 +213,9 @@ pub(crate) fn series(model: &DisplayModel) -> Vec<Tensor> {
     }
     if !model.crosstalk.is_none() {
         add("crosstalk", vec![2], &model.crosstalk.ratios());
+    }
+    if !model.light_blur.is_none() {
+        add("light_blur", vec![2], &model.light_blur.ratios());
     }
     if !model.ghost.is_none() {
         add("ghost", vec![5], &model.ghost.numbers());
@@ -287,6 +293,10 @@ pub(crate) fn assemble<E: From<KernelFileError>>(
         crosstalk: match header.has_crosstalk {
             true => parts::crosstalk(&floats("crosstalk")?)?,
             false => Crosstalk::NONE,
+        },
+        light_blur: match header.has_light_blur {
+            true => parts::light_blur(&floats("light_blur")?)?,
+            false => LightBlur::NONE,
         },
         zero_order: Complex64::new(re, im),
         gain,
@@ -392,6 +402,7 @@ mod tests {
             }
             if kind == KernelModel::Display {
                 model.crosstalk = Crosstalk { ratio_x: 1.0 / 12.0, ratio_y: 0.0 };
+                model.light_blur = LightBlur { ratio_x: 0.0, ratio_y: 1.0 / 7.0 };
                 model.response_variation = ResponseVariation { order: 1, coefficients: vec![0.1 / 3.0, 0.0, -0.07] };
                 let (height_px, width_px) = (model.setup.grid().height_px(), model.setup.grid().width_px());
                 model.ghost = Ghost::of_numbers([0.1 / 3.0, -0.02, 11.3, -7.0 / 3.0, 4.5]);

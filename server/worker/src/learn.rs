@@ -70,7 +70,7 @@ pub(super) fn run(context: &JobContext, job: &Job, spec: &LearnKernel) -> Result
         KernelShape::Ideal | KernelShape::Bins(_) => 0,
     };
     Ok(TaskOutput {
-        result: JobResult::Learn(LearnResult { kernels, loss_history, order, blocks, certainty }),
+        result: JobResult::Learn(LearnResult { kernels, loss_history, order, blocks, certainty: Box::new(certainty) }),
         effect: JobEffect::Kernels(learned),
     })
 }

@@ -2,11 +2,12 @@
 
 use super::{BestModel, ParametricLearner};
 use crate::chebyshev::ChebyshevBasis;
+use crate::gaussian_blur::sigma_px_of_ratio;
 use crate::learning::ghost::GhostSearch;
 use crate::learning::layout::Layout;
 use crate::learning::{Block, Blocks, PairSource, pair::BoxError};
 use serde::{Deserialize, Serialize};
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::{PI, SQRT_2, TAU};
 
 /// Validation loss, relative to the largest with which it passes, above which a trial without a block ends after one
 /// step.
@@ -14,7 +15,10 @@ const HOPELESS: f64 = 2.0;
 /// Least part of the decrease with which it passes that a trial of modes of light must have reached after one step. Its
 /// steps take three times as long as those of other trials.
 const HOPEFUL: f64 = 1.0 / 3.0;
-/// Distance of each mode's image from the image so far, at the start of a trial \[px\].
+/// Validation loss, relative to that before the trial, above which a trial of modes of light that starts without the blur
+/// so far ends after one step.
+const HOPELESS_WITHOUT_BLUR: f64 = 1.25;
+/// Least distance of each mode's image from the image so far, at the start of a trial \[px\].
 const MODE_RADIUS_PX: f64 = 0.5;
 /// Direction of the first mode's image, so that none lies on an axis \[turns\].
 const MODE_TURN: f64 = 0.04;
@@ -53,14 +57,17 @@ impl Round {
     /// Largest validation loss with which a trial passes.
     pub(super) fn bound(&self) -> f64 {
         match self.change {
-            Change::Add => self.before.loss * (1.0 - self.block.gain_min()),
-            Change::Remove => self.before.loss / (1.0 - self.block.gain_min()),
+            Change::Add => self.before.loss * (1.0 - self.block.trial_gain_min()),
+            Change::Remove => self.before.loss / (1.0 - self.block.trial_gain_min()),
         }
     }
 
     /// Whether a trial with this validation loss after its first step is not worth another one.
     pub(super) fn is_hopeless(&self, loss: f64) -> bool {
         match (self.change, self.block) {
+            (Change::Add, Block::PartialCoherence) if self.before.blocks.light_blur => {
+                loss > HOPELESS_WITHOUT_BLUR * self.before.loss
+            }
             (Change::Add, Block::PartialCoherence) => {
                 loss > self.before.loss - HOPEFUL * (self.before.loss - self.bound())
             }
@@ -123,6 +130,11 @@ impl ParametricLearner {
         let with = self.state.best.take().filter(|with| with.loss <= round.bound());
         let both = round.winner.take().into_iter().chain(with);
         round.winner = both.min_by(|a, b| a.loss.total_cmp(&b.loss));
+        if round.change == Change::Add && round.winner.is_some() {
+            // Modes are as dear as three holograms, and describe a part of what the winner describes. They wait until
+            // no other block helps.
+            round.untried.retain(|block| *block != Block::PartialCoherence);
+        }
         if !round.untried.is_empty() {
             let block = round.untried.remove(0);
             return self.start_trial(Round { block, steps: 0, ..round });
@@ -143,7 +155,8 @@ impl ParametricLearner {
     }
 
     /// Gives the modes of light a start if partially coherent light is about to be tried: three images of the same
-    /// light around the image so far, at slightly different distances.
+    /// light around the image so far, at slightly different distances. If the light blurs, the images are as far apart
+    /// as the blur is wide, and the blur starts anew, because the modes may describe better what it describes.
     pub(super) fn separate_modes(&mut self) {
         let is_start = self.state.refinement.is_none();
         let wanted = |round: &Round| (round.block, round.change) == (Block::PartialCoherence, Change::Add);
@@ -151,9 +164,16 @@ impl ParametricLearner {
             return;
         }
         let layout = self.joint.layout;
+        let blur = layout.blocks.light_blur.then_some(layout.light_blur());
+        let radii_px = blur.map_or([MODE_RADIUS_PX; 2], |start| {
+            let theta = self.joint.plane_parameters(0, &self.state.parameters);
+            (0..2).for_each(|axis| self.joint.set_shared(&mut self.state.parameters, start + axis, 0.0));
+            // Three places on a circle have half the square of its radius as their variance along each axis.
+            [0, 1].map(|axis| (SQRT_2 * sigma_px_of_ratio(theta[start + axis])).max(MODE_RADIUS_PX))
+        });
         let place_px = |mode: usize| {
             let angle = TAU * (mode as f64 / (layout.modes + 1) as f64 + MODE_TURN);
-            [MODE_RADIUS_PX * angle.cos(), MODE_RADIUS_PX * angle.sin()]
+            [radii_px[0] * angle.cos(), radii_px[1] * angle.sin()]
         };
         let mut add = |start: usize, basis: ChebyshevBasis, degrees: (usize, usize), by: f64| {
             if let Some(term) = basis.degrees().position(|of_term| of_term == degrees) {

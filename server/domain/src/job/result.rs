@@ -45,7 +45,7 @@ pub struct LearnResult {
     /// Parts of the model that this display needed, with their strengths.
     pub blocks: BlockStrengths,
     /// How certain these strengths are, and what the photographs could hide.
-    pub certainty: StrengthUncertainty,
+    pub certainty: Box<StrengthUncertainty>,
 }
 
 /// Kernel learned for the distance of one dataset.

@@ -25,6 +25,8 @@ pub(crate) struct Header {
     #[serde(default, skip_serializing_if = "is_false")]
     pub(super) has_crosstalk: bool,
     #[serde(default, skip_serializing_if = "is_false")]
+    pub(super) has_light_blur: bool,
+    #[serde(default, skip_serializing_if = "is_false")]
     pub(super) has_ghost: bool,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub(super) mode_orders: Vec<usize>,

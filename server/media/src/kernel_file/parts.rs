@@ -2,12 +2,19 @@
 
 use super::KernelFileError;
 use lightpath_optics::chebyshev::ChebyshevBasis;
-use lightpath_optics::{Crosstalk, FurtherMode, Ghost, PartialCoherence, SmoothField, SpatialVariation};
+use lightpath_optics::{Crosstalk, FurtherMode, Ghost, LightBlur, PartialCoherence, SmoothField, SpatialVariation};
 
 pub(super) fn crosstalk(ratios: &[f64]) -> Result<Crosstalk, KernelFileError> {
     match *ratios {
         [ratio_x, ratio_y] => Ok(Crosstalk { ratio_x, ratio_y }),
         _ => Err(KernelFileError::Tensor { name: "crosstalk", expected: "two f64" }),
+    }
+}
+
+pub(super) fn light_blur(ratios: &[f64]) -> Result<LightBlur, KernelFileError> {
+    match *ratios {
+        [ratio_x, ratio_y] => Ok(LightBlur { ratio_x, ratio_y }),
+        _ => Err(KernelFileError::Tensor { name: "light_blur", expected: "two f64" }),
     }
 }
 

@@ -34,8 +34,8 @@
 //! H(fx, fy; x, y) = H(fx, fy) · exp( Σ_m P_m(x, y) (α_m + iψ_m) )   for the light from (x, y) on the SLM
 //! ```
 //!
-//! T_i Chebyshev polynomials, Δ the pixel pitch. The form leaves out ghosts, further modes of the light, and dust in
-//! the light on the SLM, which has two numbers for each pixel. Methods: 0 band-limited, 1 angular spectrum, 2 band
+//! T_i Chebyshev polynomials, Δ the pixel pitch. The form leaves out ghosts, further modes of the light, the blur of
+//! the light, and dust in the light on the SLM, which has two numbers for each pixel. Methods: 0 band-limited, 1 angular spectrum, 2 band
 //! response, 3 Rayleigh–Sommerfeld, 4 Fresnel transfer function, 5 Fresnel impulse response. `docs/compact-kernel.md`
 //! describes the form for authors of other decoders; [`decode`] is the reference.
 
@@ -44,8 +44,8 @@ use super::error::KernelFormatError;
 use lightpath_optics::KernelModel;
 use lightpath_optics::chebyshev::ChebyshevBasis;
 use lightpath_optics::{
-    ConvolutionMethod, Crosstalk, DisplayModel, Dust, Ghost, Grid, KernelShape, OpticalSetup, PartialCoherence,
-    ResponseVariation, SmoothField, SpatialVariation,
+    ConvolutionMethod, Crosstalk, DisplayModel, Dust, Ghost, Grid, KernelShape, LightBlur, OpticalSetup,
+    PartialCoherence, ResponseVariation, SmoothField, SpatialVariation,
 };
 use num_complex::Complex64;
 
@@ -202,6 +202,7 @@ pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFormatE
         response,
         response_variation,
         crosstalk,
+        light_blur: LightBlur::NONE,
         zero_order: Complex64::new(photometry[2], photometry[3]),
         gain: photometry[0],
         offset: photometry[1],

@@ -179,6 +179,7 @@ pub(super) fn of_array(array: &Array, setup: &OpticalSetup, form: &'static str) 
         Loss::PhaseResponse,
         Loss::ResponseVariation,
         Loss::Crosstalk,
+        Loss::LightBlur,
         Loss::ZeroOrder,
         Loss::GainAndOffset,
         Loss::Variation,

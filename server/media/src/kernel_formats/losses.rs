@@ -25,6 +25,8 @@ pub enum Loss {
     ResponseVariation,
     /// Cross-talk between neighbouring pixels of the SLM.
     Crosstalk,
+    /// The blur of the light.
+    LightBlur,
     /// The undiffracted light.
     ZeroOrder,
     /// Gain and offset of the camera.
@@ -52,6 +54,7 @@ impl fmt::Display for Loss {
             Self::PhaseResponse => "phase response",
             Self::ResponseVariation => "variation of the phase response",
             Self::Crosstalk => "cross-talk",
+            Self::LightBlur => "blur of the light",
             Self::ZeroOrder => "zero order",
             Self::GainAndOffset => "gain and offset",
             Self::Variation => "variation over the SLM",
@@ -75,6 +78,7 @@ pub(super) fn losses(model: &DisplayModel, back: &Imported, relative_error: f64)
     let response_lost = !is_linear(model) && is_linear(read);
     let variation_lost = !model.response_variation.is_none() && read.response_variation.is_none();
     let crosstalk_lost = !model.crosstalk.is_none() && read.crosstalk.is_none();
+    let light_blur_lost = !model.light_blur.is_none() && read.light_blur.is_none();
     let zero_order_lost = model.zero_order.norm_sqr() > 0.0 && read.zero_order.norm_sqr() == 0.0;
     let camera = |model: &DisplayModel| [model.gain, model.offset];
     let camera_lost = camera(model) != [1.0, 0.0] && camera(read) == [1.0, 0.0];
@@ -86,6 +90,7 @@ pub(super) fn losses(model: &DisplayModel, back: &Imported, relative_error: f64)
         || !response_lost && read.response != model.response
         || !variation_lost && read.response_variation != model.response_variation
         || !crosstalk_lost && read.crosstalk != model.crosstalk
+        || !light_blur_lost && read.light_blur != model.light_blur
         || !zero_order_lost && read.zero_order != model.zero_order
         || !camera_lost && camera(read) != camera(model);
     let is_smooth = |model: &DisplayModel| !matches!(model.kernel, KernelShape::Bins(_));
@@ -98,6 +103,7 @@ pub(super) fn losses(model: &DisplayModel, back: &Imported, relative_error: f64)
         (Loss::PhaseResponse, response_lost),
         (Loss::ResponseVariation, variation_lost),
         (Loss::Crosstalk, crosstalk_lost),
+        (Loss::LightBlur, light_blur_lost),
         (Loss::ZeroOrder, zero_order_lost),
         (Loss::GainAndOffset, camera_lost),
         (Loss::Variation, !model.variation.is_none() && read.variation.is_none()),
@@ -137,6 +143,20 @@ mod tests {
         SmoothField { order: 1, log_amplitude: vec![0.1, 0.2], phase: vec![0.3, -0.1] }
     }
 
+    /// What a form loses that holds the first mode's H only.
+    const PARTS: [Loss; 10] = [
+        Source,
+        Dust,
+        Coherence,
+        PhaseResponse,
+        ResponseVariation,
+        Crosstalk,
+        LightBlur,
+        ZeroOrder,
+        GainAndOffset,
+        Variation,
+    ];
+
     /// A model that has everything that a form can lose.
     fn varying() -> DisplayModel {
         DisplayModel {
@@ -149,6 +169,7 @@ mod tests {
             response: vec![[0.1, 0.0]],
             response_variation: lightpath_optics::ResponseVariation { order: 0, coefficients: vec![0.1] },
             crosstalk: lightpath_optics::Crosstalk { ratio_x: 0.1, ratio_y: 0.02 },
+            light_blur: lightpath_optics::LightBlur { ratio_x: 0.1 / 3.0, ratio_y: 0.2 },
             zero_order: Complex64::new(0.03, 0.0),
             gain: 0.7,
             ..DisplayModel::ideal(setup())
@@ -158,13 +179,11 @@ mod tests {
     #[test]
     fn each_form_names_what_it_lost() {
         let lost = |model: &DisplayModel, kind, format| export(model, kind, format).unwrap().losses;
-        let parts =
-            [Source, Dust, Coherence, PhaseResponse, ResponseVariation, Crosstalk, ZeroOrder, GainAndOffset, Variation];
-        let array = [&parts[..], &[Parameters, Precision]].concat();
-        let published = [&parts[..], &[OuterSpectrum, Parameters, Precision]].concat();
+        let array = [&PARTS[..], &[Parameters, Precision]].concat();
+        let published = [&PARTS[..], &[OuterSpectrum, Parameters, Precision]].concat();
         for (format, losses) in [
             (KernelFormat::Safetensors, vec![]),
-            (KernelFormat::Compact, vec![Dust, Ghost, Coherence, Precision]),
+            (KernelFormat::Compact, vec![Dust, Ghost, Coherence, LightBlur, Precision]),
             (KernelFormat::Npz, vec![]),
             (KernelFormat::Complex64, array.clone()),
             (KernelFormat::F16, array),
@@ -214,17 +233,15 @@ mod tests {
             let back = import(&exported.bytes, &setup()).unwrap();
             assert_eq!((back.origin, back.model), (Origin { record, ..origin.clone() }, varying()), "{format:?}");
         }
-        assert_eq!(export(KernelFormat::Compact).losses, [Dust, Ghost, Coherence, Interpolation, Precision]);
+        assert_eq!(export(KernelFormat::Compact).losses, [Dust, Ghost, Coherence, LightBlur, Interpolation, Precision]);
     }
 
     #[test]
     fn imports_say_what_their_file_did_not_hold() {
         let (model, kind) = (varying(), KernelModel::Varying);
         let absent = |format| import(&export(&model, kind, format).unwrap().bytes, &setup()).unwrap().absent;
-        let parts =
-            [Source, Dust, Coherence, PhaseResponse, ResponseVariation, Crosstalk, ZeroOrder, GainAndOffset, Variation];
-        assert_eq!(absent(KernelFormat::Complex64), parts);
-        assert_eq!(absent(KernelFormat::Pt), [&parts[..], &[OuterSpectrum]].concat());
+        assert_eq!(absent(KernelFormat::Complex64), PARTS);
+        assert_eq!(absent(KernelFormat::Pt), [&PARTS[..], &[OuterSpectrum]].concat());
         for format in [KernelFormat::Safetensors, KernelFormat::Compact, KernelFormat::Npz] {
             assert_eq!(absent(format), []);
         }

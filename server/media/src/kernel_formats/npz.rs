@@ -11,13 +11,14 @@
 //! | `kernel.bins_shape` | float64, \[2\] | rows and columns of the middle part of `transfer` that is the kernel (`paper`, `dense`) |
 //! | `source.log_amplitude`, `source.phase` | float64, \[terms\] | the source profile |
 //! | `variation.log_amplitude`, `variation.phase` | float64, \[5, terms\] | factors of x, y, x², xy and y² (`varying`) |
+//! | `crosstalk`, `response_variation`, `light_blur` | float64 | as in the native form (where the display has them) |
 //! | `mode.light`, `mode.log_amplitude`, `mode.phase` | float64 | the further modes of the light, as in the native form (partially coherent light); `transfer` is H of the first mode |
 //! | `ghost` | float64, \[5\] | real and imaginary part of the ghost's amplitude, its shift along x and y \[px\], its defocus \[rad\] (with a ghost) |
 //! | `dust` | int16, \[rows, columns, 2\] | A and B of each pixel's factor exp(10⁻⁴ (A + iB)) of the source (with dust) |
 //! | `lightpath` | text | model, method, orders and optics: the JSON object of [`crate::kernel_file`] |
 //! | `transfer.digest`, `source.digest` | text | SHA-256 of the numbers of `transfer` and `source` |
 //!
-//! The last twelve give the model exactly. `transfer` and `source` are for readers that only want numbers, and follow
+//! The arrays from `response_harmonics` on give the model exactly. `transfer` and `source` are for readers that only want numbers, and follow
 //! from them. If `transfer` was changed, its digest does not match. Then H is what `transfer` holds: the imported model
 //! is dense, and the series of the kernel and its variation do not count. A changed `source` cannot be imported,
 //! because a model has the source as a series. The import says both. An archive without `lightpath` is one of another
@@ -223,7 +224,8 @@ mod tests {
     use super::super::{KernelFormat, export, import};
     use super::*;
     use lightpath_optics::{
-        ConvolutionMethod, Crosstalk, Dust, FurtherMode, Ghost, Grid, PartialCoherence, ResponseVariation, SmoothField,
+        ConvolutionMethod, Crosstalk, Dust, FurtherMode, Ghost, Grid, LightBlur, PartialCoherence, ResponseVariation,
+        SmoothField,
     };
 
     /// A series with many digits.
@@ -255,6 +257,7 @@ mod tests {
         let display = model(KernelShape::Smooth(field(4, 1.0)));
         let variation = SpatialVariation::new([1.0, 2.0, 3.0, 4.0, 5.0].map(|size| field(2, 0.1 * size)));
         let crosstalk = Crosstalk { ratio_x: 0.1 / 3.0, ratio_y: 0.02 };
+        let light_blur = LightBlur { ratio_x: 0.1 / 3.0, ratio_y: 0.0 };
         let response_variation = ResponseVariation { order: 1, coefficients: vec![0.1 / 3.0, 0.0, -0.07] };
         let ghost = Ghost::of_numbers([0.1 / 3.0, -0.02, 11.3, -7.0 / 3.0, 4.5]);
         let dust = Dust::new(Plane::from_fn(12, 16, |y, x| [y as i16 - 3, -7 * x as i16]));
@@ -263,7 +266,7 @@ mod tests {
         vec![
             (plain, KernelModel::Smooth),
             (display.clone(), KernelModel::Display),
-            (DisplayModel { crosstalk, response_variation, ..display.clone() }, KernelModel::Display),
+            (DisplayModel { crosstalk, light_blur, response_variation, ..display.clone() }, KernelModel::Display),
             (DisplayModel { dust, ghost, coherence, ..display.clone() }, KernelModel::Display),
             (DisplayModel { variation, ..display }, KernelModel::Varying),
             (bins(24, 32), KernelModel::Dense),
@@ -355,8 +358,15 @@ mod tests {
         }
         let foreign = without("lightpath.npy").unwrap();
         assert_eq!((foreign.kind, &foreign.model.response), (KernelModel::Dense, &model.response));
-        let lost =
-            [Loss::Source, Loss::Dust, Loss::Coherence, Loss::ResponseVariation, Loss::Crosstalk, Loss::Variation];
+        let lost = [
+            Loss::Source,
+            Loss::Dust,
+            Loss::Coherence,
+            Loss::ResponseVariation,
+            Loss::Crosstalk,
+            Loss::LightBlur,
+            Loss::Variation,
+        ];
         assert_eq!(foreign.absent, lost);
     }
 }

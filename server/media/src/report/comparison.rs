@@ -147,6 +147,7 @@ fn parameters(models: [&DisplayModel; 2]) -> Vec<(&'static str, [Option<String>;
         ),
         ("surface, rms [rad]", of_blocks(&|blocks| blocks.surface_rms_rad.map(number))),
         ("cross-talk along x, y, σ [px]", of_blocks(&|blocks| blocks.crosstalk_px.map(pair))),
+        ("blur of the light along x, y, σ [px]", of_blocks(&|blocks| blocks.light_blur_px.map(pair))),
         ("uneven response, rms [%]", of_blocks(&|blocks| blocks.response_variation_rms.map(percent))),
         ("ghost, share of the light [%]", of_blocks(&|blocks| blocks.ghost_share.map(percent))),
         ("dust, contrast [%]", of_blocks(&|blocks| blocks.dust_contrast.map(percent))),

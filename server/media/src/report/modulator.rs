@@ -83,6 +83,13 @@ fn parts(model: &DisplayModel, certainty: Option<&StrengthUncertainty>) -> Strin
              x and {y} px along y."
         ));
     }
+    if let Some(sigma) = blocks.light_blur_px {
+        let [x, y] = pair(sigma, deviations.light_blur_px);
+        say(format!(
+            "The light blurs with a standard deviation of {x} px along x and {y} px along y. The lens of a camera does \
+             this, and so does a source with an extent; photographs at one distance cannot tell which."
+        ));
+    }
     if let Some(rms) = blocks.response_variation_rms {
         let rms = with(rms, deviations.response_variation_rms, 100.0, 1);
         say(format!("The phase response varies over the modulator by {rms} % RMS."));
@@ -107,8 +114,8 @@ fn parts(model: &DisplayModel, certainty: Option<&StrengthUncertainty>) -> Strin
     }
     if text.is_empty() {
         text.push_str(
-            "<p>The model has no uneven surface, no cross-talk, no variation of the phase response, no ghost, no dust \
-             and no further modes of light: the photographs did not need them, or the model does not know them.</p>",
+            "<p>The model has no uneven surface, no cross-talk, no variation of the phase response, no blur of the \
+             light, no ghost, no dust and no further modes of light: the photographs did not need them, or the model does not know them.</p>",
         );
     }
     text + &hidden(&certainty.hidden)

@@ -125,6 +125,7 @@ fn part_name(part: ModelPart) -> &'static str {
         ModelPart::PhaseResponse => "bend of the phase response",
         ModelPart::UnevenResponse => "change of the phase response over the modulator",
         ModelPart::Crosstalk => "cross-talk between neighbouring pixels",
+        ModelPart::LightBlur => "blur of the light, by the camera or an extended source",
         ModelPart::ZeroOrder => "undiffracted light",
     }
 }

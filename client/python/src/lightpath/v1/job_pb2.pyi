@@ -1412,6 +1412,8 @@ class LearnResult(_message.Message):
         GHOST_SHARE_FIELD_NUMBER: _builtins.int
         IMAGE_SPREAD_X_PX_FIELD_NUMBER: _builtins.int
         IMAGE_SPREAD_Y_PX_FIELD_NUMBER: _builtins.int
+        LIGHT_BLUR_X_PX_FIELD_NUMBER: _builtins.int
+        LIGHT_BLUR_Y_PX_FIELD_NUMBER: _builtins.int
         surface_rms_rad: _builtins.float
         """Uneven surface of the modulator: root mean square of its phase, without mean and tilt."""
         crosstalk_x_px: _builtins.float
@@ -1432,6 +1434,10 @@ class LearnResult(_message.Message):
         """Partially coherent light: standard deviation of the places of its modes' images along x."""
         image_spread_y_px: _builtins.float
         """The same along y."""
+        light_blur_x_px: _builtins.float
+        """Blur of the light, by the camera or by a source with an extent: its standard deviation along x."""
+        light_blur_y_px: _builtins.float
+        """The same along y."""
         def __init__(
             self,
             *,
@@ -1444,10 +1450,12 @@ class LearnResult(_message.Message):
             ghost_share: _builtins.float | None = ...,
             image_spread_x_px: _builtins.float | None = ...,
             image_spread_y_px: _builtins.float | None = ...,
+            light_blur_x_px: _builtins.float | None = ...,
+            light_blur_y_px: _builtins.float | None = ...,
         ) -> None: ...
-        _HasFieldArgType: _TypeAlias = _typing.Literal["_crosstalk_x_px", b"_crosstalk_x_px", "_crosstalk_y_px", b"_crosstalk_y_px", "_dust_contrast", b"_dust_contrast", "_ghost_share", b"_ghost_share", "_image_spread_x_px", b"_image_spread_x_px", "_image_spread_y_px", b"_image_spread_y_px", "_response_variation_rms", b"_response_variation_rms", "_surface_rms_rad", b"_surface_rms_rad", "crosstalk_x_px", b"crosstalk_x_px", "crosstalk_y_px", b"crosstalk_y_px", "dust_contrast", b"dust_contrast", "ghost_share", b"ghost_share", "image_spread_x_px", b"image_spread_x_px", "image_spread_y_px", b"image_spread_y_px", "response_variation_rms", b"response_variation_rms", "surface_rms_rad", b"surface_rms_rad"]  # noqa: Y015
+        _HasFieldArgType: _TypeAlias = _typing.Literal["_crosstalk_x_px", b"_crosstalk_x_px", "_crosstalk_y_px", b"_crosstalk_y_px", "_dust_contrast", b"_dust_contrast", "_ghost_share", b"_ghost_share", "_image_spread_x_px", b"_image_spread_x_px", "_image_spread_y_px", b"_image_spread_y_px", "_light_blur_x_px", b"_light_blur_x_px", "_light_blur_y_px", b"_light_blur_y_px", "_response_variation_rms", b"_response_variation_rms", "_surface_rms_rad", b"_surface_rms_rad", "crosstalk_x_px", b"crosstalk_x_px", "crosstalk_y_px", b"crosstalk_y_px", "dust_contrast", b"dust_contrast", "ghost_share", b"ghost_share", "image_spread_x_px", b"image_spread_x_px", "image_spread_y_px", b"image_spread_y_px", "light_blur_x_px", b"light_blur_x_px", "light_blur_y_px", b"light_blur_y_px", "response_variation_rms", b"response_variation_rms", "surface_rms_rad", b"surface_rms_rad"]  # noqa: Y015
         def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-        _ClearFieldArgType: _TypeAlias = _typing.Literal["_crosstalk_x_px", b"_crosstalk_x_px", "_crosstalk_y_px", b"_crosstalk_y_px", "_dust_contrast", b"_dust_contrast", "_ghost_share", b"_ghost_share", "_image_spread_x_px", b"_image_spread_x_px", "_image_spread_y_px", b"_image_spread_y_px", "_response_variation_rms", b"_response_variation_rms", "_surface_rms_rad", b"_surface_rms_rad", "crosstalk_x_px", b"crosstalk_x_px", "crosstalk_y_px", b"crosstalk_y_px", "dust_contrast", b"dust_contrast", "ghost_share", b"ghost_share", "image_spread_x_px", b"image_spread_x_px", "image_spread_y_px", b"image_spread_y_px", "kernel_varies", b"kernel_varies", "response_variation_rms", b"response_variation_rms", "surface_rms_rad", b"surface_rms_rad"]  # noqa: Y015
+        _ClearFieldArgType: _TypeAlias = _typing.Literal["_crosstalk_x_px", b"_crosstalk_x_px", "_crosstalk_y_px", b"_crosstalk_y_px", "_dust_contrast", b"_dust_contrast", "_ghost_share", b"_ghost_share", "_image_spread_x_px", b"_image_spread_x_px", "_image_spread_y_px", b"_image_spread_y_px", "_light_blur_x_px", b"_light_blur_x_px", "_light_blur_y_px", b"_light_blur_y_px", "_response_variation_rms", b"_response_variation_rms", "_surface_rms_rad", b"_surface_rms_rad", "crosstalk_x_px", b"crosstalk_x_px", "crosstalk_y_px", b"crosstalk_y_px", "dust_contrast", b"dust_contrast", "ghost_share", b"ghost_share", "image_spread_x_px", b"image_spread_x_px", "image_spread_y_px", b"image_spread_y_px", "kernel_varies", b"kernel_varies", "light_blur_x_px", b"light_blur_x_px", "light_blur_y_px", b"light_blur_y_px", "response_variation_rms", b"response_variation_rms", "surface_rms_rad", b"surface_rms_rad"]  # noqa: Y015
         def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
         _WhichOneofReturnType__crosstalk_x_px: _TypeAlias = _typing.Literal["crosstalk_x_px"]  # noqa: Y015
         _WhichOneofArgType__crosstalk_x_px: _TypeAlias = _typing.Literal["_crosstalk_x_px", b"_crosstalk_x_px"]  # noqa: Y015
@@ -1461,6 +1469,10 @@ class LearnResult(_message.Message):
         _WhichOneofArgType__image_spread_x_px: _TypeAlias = _typing.Literal["_image_spread_x_px", b"_image_spread_x_px"]  # noqa: Y015
         _WhichOneofReturnType__image_spread_y_px: _TypeAlias = _typing.Literal["image_spread_y_px"]  # noqa: Y015
         _WhichOneofArgType__image_spread_y_px: _TypeAlias = _typing.Literal["_image_spread_y_px", b"_image_spread_y_px"]  # noqa: Y015
+        _WhichOneofReturnType__light_blur_x_px: _TypeAlias = _typing.Literal["light_blur_x_px"]  # noqa: Y015
+        _WhichOneofArgType__light_blur_x_px: _TypeAlias = _typing.Literal["_light_blur_x_px", b"_light_blur_x_px"]  # noqa: Y015
+        _WhichOneofReturnType__light_blur_y_px: _TypeAlias = _typing.Literal["light_blur_y_px"]  # noqa: Y015
+        _WhichOneofArgType__light_blur_y_px: _TypeAlias = _typing.Literal["_light_blur_y_px", b"_light_blur_y_px"]  # noqa: Y015
         _WhichOneofReturnType__response_variation_rms: _TypeAlias = _typing.Literal["response_variation_rms"]  # noqa: Y015
         _WhichOneofArgType__response_variation_rms: _TypeAlias = _typing.Literal["_response_variation_rms", b"_response_variation_rms"]  # noqa: Y015
         _WhichOneofReturnType__surface_rms_rad: _TypeAlias = _typing.Literal["surface_rms_rad"]  # noqa: Y015
@@ -1477,6 +1489,10 @@ class LearnResult(_message.Message):
         def WhichOneof(self, oneof_group: _WhichOneofArgType__image_spread_x_px) -> _WhichOneofReturnType__image_spread_x_px | None: ...
         @_typing.overload
         def WhichOneof(self, oneof_group: _WhichOneofArgType__image_spread_y_px) -> _WhichOneofReturnType__image_spread_y_px | None: ...
+        @_typing.overload
+        def WhichOneof(self, oneof_group: _WhichOneofArgType__light_blur_x_px) -> _WhichOneofReturnType__light_blur_x_px | None: ...
+        @_typing.overload
+        def WhichOneof(self, oneof_group: _WhichOneofArgType__light_blur_y_px) -> _WhichOneofReturnType__light_blur_y_px | None: ...
         @_typing.overload
         def WhichOneof(self, oneof_group: _WhichOneofArgType__response_variation_rms) -> _WhichOneofReturnType__response_variation_rms | None: ...
         @_typing.overload

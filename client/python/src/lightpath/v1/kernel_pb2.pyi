@@ -87,6 +87,8 @@ class _ModelPartEnumTypeWrapper(_enum_type_wrapper._EnumTypeWrapper[_ModelPart.V
     """A second image, shifted and defocused."""
     MODEL_PART_PARTIAL_COHERENCE: _ModelPart.ValueType  # 10
     """Light of further modes, which does not interfere with that of the first one."""
+    MODEL_PART_LIGHT_BLUR: _ModelPart.ValueType  # 11
+    """Blur of the light, by the camera or by a source with an extent."""
 
 class ModelPart(_ModelPart, metaclass=_ModelPartEnumTypeWrapper):
     """A part of a display that changes its light."""
@@ -112,6 +114,8 @@ MODEL_PART_GHOST: ModelPart.ValueType  # 9
 """A second image, shifted and defocused."""
 MODEL_PART_PARTIAL_COHERENCE: ModelPart.ValueType  # 10
 """Light of further modes, which does not interfere with that of the first one."""
+MODEL_PART_LIGHT_BLUR: ModelPart.ValueType  # 11
+"""Blur of the light, by the camera or by a source with an extent."""
 Global___ModelPart: _TypeAlias = ModelPart  # noqa: Y015
 
 class _KernelFormat:
@@ -213,6 +217,8 @@ class _KernelLossEnumTypeWrapper(_enum_type_wrapper._EnumTypeWrapper[_KernelLoss
     """A ghost: a second image, shifted and defocused. For a form with H at each frequency it is part of H."""
     KERNEL_LOSS_COHERENCE: _KernelLoss.ValueType  # 14
     """The further modes of partially coherent light. All light is in one mode between them."""
+    KERNEL_LOSS_LIGHT_BLUR: _KernelLoss.ValueType  # 15
+    """The blur of the light."""
 
 class KernelLoss(_KernelLoss, metaclass=_KernelLossEnumTypeWrapper):
     """Parts of a kernel that a file does not hold. A kernel that is imported from the file is without them."""
@@ -248,6 +254,8 @@ KERNEL_LOSS_GHOST: KernelLoss.ValueType  # 13
 """A ghost: a second image, shifted and defocused. For a form with H at each frequency it is part of H."""
 KERNEL_LOSS_COHERENCE: KernelLoss.ValueType  # 14
 """The further modes of partially coherent light. All light is in one mode between them."""
+KERNEL_LOSS_LIGHT_BLUR: KernelLoss.ValueType  # 15
+"""The blur of the light."""
 Global___KernelLoss: _TypeAlias = KernelLoss  # noqa: Y015
 
 @_typing.final

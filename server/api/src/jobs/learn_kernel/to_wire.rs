@@ -46,6 +46,8 @@ fn blocks(blocks: &BlockStrengths) -> v1::learn_result::BlockStrengths {
         ghost_share: blocks.ghost_share,
         image_spread_x_px: blocks.image_spread_px.map(|[x, _]| x),
         image_spread_y_px: blocks.image_spread_px.map(|[_, y]| y),
+        light_blur_x_px: blocks.light_blur_px.map(|[x, _]| x),
+        light_blur_y_px: blocks.light_blur_px.map(|[_, y]| y),
     }
 }
 

@@ -7,7 +7,8 @@ use lightpath_optics::hologram::{HologramMethod, InitialPhase};
 use lightpath_optics::memory::{EngineSize, HologramSize};
 use lightpath_optics::second_opinion::Effort;
 
-/// Memory of the tables for many rows in a thorough opinion, for each frequency along y \[bytes\].
+/// Memory of the tables for many rows in a thorough opinion on light that does not blur, for each frequency along y
+/// \[bytes\].
 const THOROUGH_BYTES_PER_VALUE_ALONG_Y: u64 = 128 * 4 * 16;
 
 /// What a hologram job needs, besides its specification.
@@ -95,7 +96,8 @@ pub fn verify_hologram(verified: &OptimizeHologram, kernels: &[Vec<KernelSize>])
         let engines: u64 = kernels.iter().map(|kernel| kernel.engine.engine_bytes()).sum();
         let reading = kernels.iter().map(KernelSize::reading_bytes).max().unwrap_or(0);
         let pictures = (frames + kernels.len()) as u64 * REAL * n;
-        let thorough = THOROUGH_BYTES_PER_VALUE_ALONG_Y * engine.opinion.map_or(0, |opinion| opinion.along_axis);
+        let thorough = THOROUGH_BYTES_PER_VALUE_ALONG_Y
+            * engine.opinion.map_or(0, |opinion| opinion.along_axis * opinion.rows_for_each);
         let memory = engines + pictures + reading.max(judging_bytes(&engine, frames) + thorough);
         let work = kernels.iter().map(|kernel| {
             let opinions = kernel.engine.opinion_work(frames, Effort::THOROUGH.rows_max, &Detector::ALL);
@@ -114,6 +116,7 @@ fn widest(kernels: &[KernelSize]) -> EngineSize {
         kernels_per_side: widest.kernels_per_side.max(kernel.engine.kernels_per_side),
         has_source: widest.has_source || kernel.engine.has_source,
         wraps_phase: widest.wraps_phase || kernel.engine.wraps_phase,
+        blurs_light: widest.blurs_light || kernel.engine.blurs_light,
         ..widest
     })
 }
