@@ -105,6 +105,7 @@ mod least_squares;
 pub mod memory;
 pub mod metrics;
 pub mod optimizer;
+mod order_errors;
 mod order_filter;
 mod orders;
 mod partial_coherence;

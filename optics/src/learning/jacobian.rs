@@ -14,6 +14,7 @@
 //! light of the local kernels, each multiplied by the power of its position.
 
 use super::fit::{Fit, tabulate, variation_degrees};
+use super::order_fit::OrderFit;
 use super::pair::Example;
 use super::products::Products;
 use crate::SpatialVariation;
@@ -71,7 +72,13 @@ impl<T: Real> Fit<T> {
     fn derivatives_in_mode(&mut self, m: usize, example: &Example<T>, jacobian: &mut Jacobian<T>) {
         let (layout, engine, further) = (self.layout, self.engine.clone(), m.checked_sub(1));
         jacobian.store_field(self, further.map(|further| layout.mode_light(further)));
-        self.kernel_derivatives(&engine, (None, layout.kernel, 0), jacobian);
+        match self.orders.take() {
+            None => self.kernel_derivatives(&engine, (None, layout.kernel, 0), jacobian),
+            Some(orders) => {
+                self.order_derivatives(&engine, &orders, jacobian);
+                self.orders = Some(orders);
+            }
+        }
         if let Some(further) = further {
             self.kernel_derivatives(&engine, (None, layout.mode, layout.mode_errors(further)), jacobian);
         }
@@ -114,6 +121,44 @@ impl<T: Real> Fit<T> {
                     Some(start + basis.terms() + slot),
                 );
             }
+        }
+    }
+
+    /// Adds the derivatives by the errors of a kernel that differ from order to order: in the band, where those of the
+    /// orders beside the first are the values at its ends, and beyond it.
+    fn order_derivatives(&mut self, engine: &EngineCore<T>, orders: &OrderFit<T>, jacobian: &mut Jacobian<T>) {
+        let (convolver, kernels, layout) = (&engine.convolver, &engine.kernels, self.layout);
+        let field = &self.out.spectrum[..kernels.half_spectrum_len(convolver)];
+        convolver.weigh_spectra(field, kernels, &vec![T::one(); kernels.transfers.len()], &mut self.spectra);
+        let polynomials_x = self.smooth.polynomials_x();
+        for group in (-1..=1).flat_map(|y| (-1..=1).map(move |x| [x, y])).filter(|group| orders.has(*group)) {
+            let selected = orders.convolver(&orders.group(group));
+            let at_end = |end: i32, degree: usize| if end < 0 && degree % 2 == 1 { -1.0 } else { 1.0 };
+            // In the band along y, a transform for each T_j; at its ends T_j is a number.
+            let lines = if group[1] == 0 { layout.kernel.order() } else { 0 };
+            for line in 0..=lines {
+                let tiles = &mut self.out.tiles[..engine.image_len()];
+                selected.return_weighed(&self.spectra, self.smooth.polynomial_y(line), tiles);
+                let columns = if group[0] == 0 { layout.kernel.order() } else { 0 };
+                for column in 0..=columns {
+                    let of = |(slot, (i, j)): (usize, (usize, usize))| {
+                        let is_here = (group[0] != 0 || i == column) && (group[1] != 0 || j == line);
+                        let sign = if group[0] == 0 { 1.0 } else { at_end(group[0], i) }
+                            * if group[1] == 0 { 1.0 } else { at_end(group[1], j) };
+                        is_here.then_some(([Some(slot), Some(layout.kernel.terms() + slot)], T::of(sign)))
+                    };
+                    let slots: Vec<_> = layout.kernel.degrees().enumerate().filter_map(of).collect();
+                    let weights = (group[0] == 0).then(|| polynomials_x[column].as_slice());
+                    jacobian.add_to_slots(self, weights, &slots);
+                }
+            }
+        }
+        for (slot, degrees) in layout.beyond.degrees().enumerate() {
+            let selected = orders.convolver(&orders.beyond(degrees));
+            let tiles = &mut self.out.tiles[..engine.image_len()];
+            selected.return_weighed(&self.spectra, self.smooth.polynomial_y(0), tiles);
+            let real = layout.beyond() + slot;
+            jacobian.add_derivatives(self, None, Some(real), Some(real + layout.beyond.terms()));
         }
     }
 
@@ -298,6 +343,11 @@ impl<T: Real> Jacobian<T> {
     /// Writes ∂e for the field that the fit has just propagated, with its spectrum weighted by columns: to the slot
     /// `real` for the field itself, and to the slot `imaginary` for i times the field.
     fn add_derivatives(&mut self, fit: &Fit<T>, weights: Option<&[T]>, real: Option<usize>, imaginary: Option<usize>) {
+        self.add_to_slots(fit, weights, &[([real, imaginary], T::one())]);
+    }
+
+    /// [`Self::add_derivatives`] for several pairs of slots, each with a factor.
+    fn add_to_slots(&mut self, fit: &Fit<T>, weights: Option<&[T]>, slots: &[([Option<usize>; 2], T)]) {
         let convolver = &fit.engine.convolver;
         let (width_px, columns, arch) = (convolver.width_px, self.columns.clone(), Arch::new());
         let width = columns.len();
@@ -309,16 +359,19 @@ impl<T: Real> Jacobian<T> {
                 convolver.sample_weighed_row(arch, &fit.out.tiles, y, weights, scratch);
                 for (u, d) in field.chunks_exact(width).zip(scratch.samples.chunks_exact(width_px)) {
                     let d = &d[columns.clone()];
-                    if let Some(slot) = real {
-                        let out = &mut values[slot * width..][..width];
-                        for ((out, u), d) in out.iter_mut().zip(u).zip(d) {
-                            *out = *out + factor * (u.re * d.re + u.im * d.im);
+                    for &([real, imaginary], sign) in slots {
+                        let factor = factor * sign;
+                        if let Some(slot) = real {
+                            let out = &mut values[slot * width..][..width];
+                            for ((out, u), d) in out.iter_mut().zip(u).zip(d) {
+                                *out = *out + factor * (u.re * d.re + u.im * d.im);
+                            }
                         }
-                    }
-                    if let Some(slot) = imaginary {
-                        let out = &mut values[slot * width..][..width];
-                        for ((out, u), d) in out.iter_mut().zip(u).zip(d) {
-                            *out = *out + factor * (u.im * d.re - u.re * d.im);
+                        if let Some(slot) = imaginary {
+                            let out = &mut values[slot * width..][..width];
+                            for ((out, u), d) in out.iter_mut().zip(u).zip(d) {
+                                *out = *out + factor * (u.im * d.re - u.re * d.im);
+                            }
                         }
                     }
                 }
@@ -405,15 +458,15 @@ mod tests {
     use crate::hologram::initial_phase;
     use crate::learning::layout::Layout;
     use crate::learning::{Blocks, KernelModel, Pair};
-    use crate::{Carrier, Detector, Grid, OpticalSetup, Plane, RegionOfInterest};
+    use crate::{Carrier, Detector, Grid, OpticalSetup, Orders, Plane, RegionOfInterest};
+
+    type Case = (KernelModel, usize, Blocks, Option<Carrier>, Orders);
 
     /// A fit away from any optimum, its example and its parameters.
-    fn fit_away_from_optimum(
-        (model, order, blocks, carrier): (KernelModel, usize, Blocks, Option<Carrier>),
-    ) -> (Fit<f64>, Example<f64>, Vec<f64>) {
+    fn fit_away_from_optimum((model, order, blocks, carrier, orders): Case) -> (Fit<f64>, Example<f64>, Vec<f64>) {
         let grid = Grid::try_new(18, 23, 8e-6).unwrap();
-        let setup = OpticalSetup::try_new(grid, 515e-9, 2e-3).unwrap();
-        let layout = Layout::of(model, order, blocks);
+        let setup = OpticalSetup::try_new(grid, 515e-9, 2e-3).unwrap().with_orders(orders).unwrap();
+        let layout = Layout::of(model, order, blocks).on(&setup);
         let mut fit = Fit::<f64>::new(vec![setup], layout, Detector::Pixel, carrier).unwrap();
         // Some pixels are saturated.
         let photo = Plane::from_fn(18, 23, |y, x| (0.6 + 0.5 * ((y * 2 + x * 3) as f32).sin()).min(1.0));
@@ -425,23 +478,29 @@ mod tests {
         (fit, example, theta)
     }
 
-    const MODELS: [(KernelModel, usize, Blocks, Option<Carrier>); 5] = [
-        (KernelModel::Smooth, 3, Blocks::NONE, None),
-        (KernelModel::Display, 4, Blocks::NONE, None),
-        (KernelModel::Display, 2, Blocks::NONE, Some(Carrier::HalfOrderX)),
-        (KernelModel::Varying, 5, Blocks { varying: true, ..Blocks::NONE }, Some(Carrier::HalfOrderX)),
-        (KernelModel::Display, 2, Blocks { varying: false, ..Blocks::ALL }, Some(Carrier::HalfOrderX)),
+    const ALL_ORDERS: Orders = Orders::All { fill_factor_x: 0.9, fill_factor_y: 0.7 };
+    const MODELS: [Case; 7] = [
+        (KernelModel::Smooth, 3, Blocks::NONE, None, Orders::First),
+        (KernelModel::Display, 4, Blocks::NONE, None, Orders::First),
+        (KernelModel::Display, 2, Blocks::NONE, Some(Carrier::HalfOrderX), Orders::First),
+        (KernelModel::Varying, 5, Blocks { varying: true, ..Blocks::NONE }, Some(Carrier::HalfOrderX), Orders::First),
+        (KernelModel::Display, 2, Blocks { varying: false, ..Blocks::ALL }, Some(Carrier::HalfOrderX), Orders::First),
+        (KernelModel::Varying, 3, Blocks { varying: true, ..Blocks::NONE }, None, ALL_ORDERS),
+        (KernelModel::Display, 2, Blocks { varying: false, ..Blocks::ALL }, None, ALL_ORDERS),
     ];
 
     #[test]
     fn light_derivatives_match_back_propagated_gradient() {
-        for case @ (model, ..) in MODELS {
+        for case @ (model, .., orders) in MODELS {
             let (mut fit, example, _) = fit_away_from_optimum(case);
             let (_, backward) = fit.evaluate(&example);
             let forward = fit.curvature(&example, 0, 1).gradient;
             let scale = backward.iter().fold(0.0_f64, |largest, g| largest.max(g.abs()));
             for (i, (forward, backward)) in forward.iter().zip(&backward).enumerate() {
-                assert!((forward - backward).abs() < 1e-10 * scale, "{model:?}, {i}: {forward} against {backward}");
+                assert!(
+                    (forward - backward).abs() < 1e-10 * scale,
+                    "{model:?}, {orders}, {i}: {forward} against {backward}"
+                );
             }
         }
     }
@@ -464,7 +523,7 @@ mod tests {
 
     #[test]
     fn curvature_matches_central_differences() {
-        for case @ (model, ..) in MODELS {
+        for case @ (model, .., orders) in MODELS {
             let (mut fit, example, theta) = fit_away_from_optimum(case);
             let curvature = fit.curvature(&example, 1, 3);
             let (gain, h) = (fit.gain, 1e-5);
@@ -493,7 +552,10 @@ mod tests {
                 for b in 0..theta.len() {
                     let difference = 2.0 / counted * product(&differences[a], &differences[b]);
                     let exact = curvature.matrix[a * theta.len() + b];
-                    assert!((exact - difference).abs() < 1e-6 * scale, "{model:?}, {a} and {b}: {exact}, {difference}");
+                    assert!(
+                        (exact - difference).abs() < 1e-6 * scale,
+                        "{model:?}, {orders}, {a} and {b}: {exact}, {difference}"
+                    );
                 }
             }
         }
