@@ -30,8 +30,9 @@ pub struct DisplayModel {
     pub setup: OpticalSetup,
     /// Transfer function. If it varies over the SLM, this is its value on the axis.
     pub kernel: KernelShape,
-    /// What the errors of a smooth kernel are beyond the band of the first order, on a display that shows all orders: a
-    /// series of what a frequency exceeds the band by, in four half bands. Flat for other displays.
+    /// What the errors of a smooth kernel are beyond the band of the first order, on a display that shows all orders,
+    /// relative to those of the nearest frequency of the band and to the kernel's tilts, which go on: a series of what a
+    /// frequency exceeds the band by, in four half bands. Flat for other displays.
     pub beyond: SmoothField,
     /// Second image, by a factor of the transfer function. Only smooth kernels have one.
     pub ghost: Ghost,
@@ -166,9 +167,16 @@ impl DisplayModel {
     pub(crate) fn order_errors(&self) -> Option<OrderErrors> {
         match &self.kernel {
             KernelShape::Smooth(smooth) if self.setup.orders().are_all() => {
-                Some(OrderErrors { smooth: smooth.clone(), beyond: self.beyond.clone() })
+                Some(OrderErrors::new(smooth, &self.beyond))
             }
             _ => None,
+        }
+    }
+
+    fn kernel_order(&self) -> usize {
+        match &self.kernel {
+            KernelShape::Smooth(kernel) => kernel.order,
+            KernelShape::Ideal | KernelShape::Bins(_) => 0,
         }
     }
 
@@ -177,9 +185,9 @@ impl DisplayModel {
     pub(crate) fn on_spectrum(&self) -> Cow<'_, Self> {
         match self.order_errors() {
             None => Cow::Borrowed(self),
-            Some(errors) => Cow::Owned(Self {
+            Some(_) => Cow::Owned(Self {
                 // The order of the kernel, which its variation and the modes do not exceed.
-                kernel: KernelShape::Smooth(SmoothField::flat(errors.smooth.order)),
+                kernel: KernelShape::Smooth(SmoothField::flat(self.kernel_order())),
                 ghost: self.ghost,
                 variation: self.variation.clone(),
                 coherence: self.coherence.clone(),

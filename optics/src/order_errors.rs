@@ -1,31 +1,44 @@
 //! Errors of the optics of a display that shows all orders of its pixels.
 //!
 //! ```text
-//! E(ν) = S(x, y) · B(u, v),   x = 2ν_x limited to [−1, 1],   u = (2ν_x − x)/4,   y and v likewise
+//! E(ν) = S(x, y) · B(u, v) · e^{4i(τ_x u + τ_y v)},   x = 2ν_x limited to [−1, 1],   u = (2ν_x − x)/4,   y and v likewise
 //! ```
 //!
 //! ν is the frequency of the light \[cycles per pixel\], which does not repeat from order to order. S are the smooth
 //! errors in the band of the first order. Beyond the band they keep the value of the nearest frequency of it, because a
-//! series would grow without bound there, and B is a short series of what the frequency exceeds the band by, which is 1
-//! within the band but for a constant. A shift of the image, for example, is a phase that goes on beyond the band.
+//! series would grow without bound there. The tilts τ_x and τ_y of the phase of S, its terms T_1(x) and T_1(y), go on,
+//! because what moves the image moves all of its orders. B is a short series of what the frequency exceeds the band by,
+//! and constant in the band.
 
 use crate::SmoothField;
 use crate::engine::SeriesAlongY;
 use num_complex::Complex64;
 
 /// What a frequency exceeds the band by at u = 1, in half bands.
-const REACH: f64 = 4.0;
+pub(crate) const REACH: f64 = 4.0;
 
 /// Errors at the frequencies of all orders.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct OrderErrors {
-    /// In the band.
-    pub(crate) smooth: SmoothField,
-    /// Beyond it.
-    pub(crate) beyond: SmoothField,
+    smooth: SmoothField,
+    /// B with the tilts.
+    beyond: SmoothField,
 }
 
 impl OrderErrors {
+    /// Errors in the band, and beyond it.
+    pub(crate) fn new(smooth: &SmoothField, beyond: &SmoothField) -> Self {
+        let mut with_tilts = SmoothField::flat(beyond.order.max(1));
+        with_tilts.add(1.0, beyond);
+        for degrees in [(1, 0), (0, 1)] {
+            let term = |field: &SmoothField| field.basis().degrees().position(|of_term| of_term == degrees);
+            if let (Some(to), Some(from)) = (term(&with_tilts), term(smooth)) {
+                with_tilts.phase[to] += REACH * smooth.phase[from];
+            }
+        }
+        Self { smooth: smooth.clone(), beyond: with_tilts }
+    }
+
     /// The errors at all frequencies along y with one along x [cycles per pixel].
     pub(crate) fn along_y(&self, nu_x: f64) -> OrderErrorsAlongY {
         let (x, u) = place(nu_x);

@@ -14,13 +14,13 @@
 //! Light that moves by more than the display's side never reaches the image. Its frequencies fade out around the one
 //! that moves by this side, so that what the padded frame would bring back falls outside the image's middle.
 
-use crate::OpticalSetup;
 use crate::buffers::zeros;
 use crate::convolution::{Real, Transfer, frequencies, frequency_per_px, split_bin};
 use crate::interrupt;
 use crate::order_errors::OrderErrors;
 use crate::real::unit_of;
 use crate::transfer_function::angular_spectrum;
+use crate::{OpticalSetup, SmoothField};
 use num_complex::{Complex, Complex64};
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
@@ -109,7 +109,7 @@ impl<T: Real> OrderProducts<T> {
 
     /// 1 in the first order and −A in the others, which [fold](Self::fold) with T_o to the light of the first order.
     pub(crate) fn taken_away(setup: &OpticalSetup) -> Self {
-        let flat = OrderErrors { smooth: crate::SmoothField::flat(0), beyond: crate::SmoothField::flat(0) };
+        let flat = OrderErrors::new(&SmoothField::flat(0), &SmoothField::flat(0));
         Self::of(setup, &flat, |free, _| -free)
     }
 
@@ -238,4 +238,134 @@ pub(crate) fn passed(setup: &OpticalSetup, errors: &OrderErrors, column: usize, 
         }
     }
     passed.iter_mut().zip(total).for_each(|(passed, total)| *passed /= total);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::engine::EngineCore;
+    use crate::hologram::initial_phase;
+    use crate::{Detector, DisplayModel, Grid, KernelShape, Orders, Plane};
+
+    const SIDES_PX: [usize; 2] = [36, 24];
+
+    fn setup(distance_m: f64) -> OpticalSetup {
+        let grid = Grid::try_new(SIDES_PX[1], SIDES_PX[0], 8e-6).unwrap();
+        let setup = OpticalSetup::try_new(grid, 515e-9, distance_m).unwrap();
+        setup.with_orders(Orders::All { fill_factor_x: 0.9, fill_factor_y: 0.7 }).unwrap()
+    }
+
+    fn wavy(order: usize, size: f64) -> SmoothField {
+        let mut field = SmoothField::flat(order);
+        field.log_amplitude.iter_mut().enumerate().for_each(|(i, c)| *c = 0.3 * size * (1.7 * i as f64).sin());
+        field.phase.iter_mut().enumerate().for_each(|(i, c)| *c = size * (1.3 * i as f64).cos());
+        field
+    }
+
+    fn display(distance_m: f64) -> DisplayModel {
+        let (kernel, beyond) = (KernelShape::Smooth(wavy(4, 0.4)), wavy(2, 0.8));
+        DisplayModel { kernel, beyond, ..DisplayModel::ideal(setup(distance_m)) }
+    }
+
+    /// E from its definition.
+    fn errors(model: &DisplayModel, nu: [f64; 2]) -> Complex64 {
+        let KernelShape::Smooth(kernel) = &model.kernel else { panic!("smooth by construction") };
+        let [x, y] = nu.map(|nu| (2.0 * nu).clamp(-1.0, 1.0));
+        let [u, v] = [(2.0 * nu[0] - x) / 4.0, (2.0 * nu[1] - y) / 4.0];
+        let tilt = |wanted| kernel.phase[kernel.basis().degrees().position(|degrees| degrees == wanted).unwrap()];
+        let shifted = Complex64::cis(4.0 * (tilt((1, 0)) * u + tilt((0, 1)) * v));
+        kernel.value(x, y) * model.beyond.value(u, v) * shifted
+    }
+
+    /// The field at the pixels' centres: a sum over all orders on a frame that is so large that nothing comes back.
+    fn summed(model: &DisplayModel, field: &Plane<Complex64>) -> Plane<Complex64> {
+        const BINS: usize = 400;
+        const ORDERS: usize = 11;
+        let (wavelength_m, distance_m) = (model.setup.wavelength_m(), model.setup.distance_m());
+        let [fill_x, fill_y] = model.setup.fill_factor();
+        let nu = |fine: usize| (fine as f64 + 0.5) / BINS as f64 - 0.5 * ORDERS as f64;
+        let turns = |nu: f64, side_px: usize| -> Vec<Complex64> {
+            (0..side_px).map(|x| Complex64::cis(TAU * nu * x as f64)).collect()
+        };
+        let sinc = |x: f64| (PI * x).sin() / (PI * x);
+        // Light beyond 4 cycles per pixel moves by more than twice the display's side.
+        let share = |nu: f64| 0.5 + 0.5 * (PI * (nu.abs() - 4.0).clamp(0.0, 1.5) / 1.5).cos();
+        let [width_px, height_px] = SIDES_PX;
+        let along_y: Vec<Vec<Complex64>> = (0..ORDERS * BINS).map(|fine| turns(nu(fine), height_px)).collect();
+        let columns: Vec<Vec<Complex64>> = (0..ORDERS * BINS)
+            .into_par_iter()
+            .map(|fine_x| {
+                let (nu_x, mut column) = (nu(fine_x), vec![Complex64::ZERO; height_px]);
+                let turns_x = turns(nu_x, width_px);
+                let row = |y: usize| field.row(y).iter().zip(&turns_x).map(|(c, t)| c * t.conj()).sum::<Complex64>();
+                let rows: Vec<Complex64> = (0..height_px).map(row).collect();
+                for (fine_y, turns_y) in along_y.iter().enumerate() {
+                    let nu_y = nu(fine_y);
+                    let spectrum: Complex64 = rows.iter().zip(turns_y).map(|(c, t)| c * t.conj()).sum();
+                    let free = angular_spectrum(nu_x / 8e-6, nu_y / 8e-6, wavelength_m, distance_m);
+                    let pixel = share(nu_x) * share(nu_y) * sinc(fill_x * nu_x) * sinc(fill_y * nu_y);
+                    let value = spectrum * free * errors(model, [nu_x, nu_y]) * (pixel * (fill_x * fill_y).sqrt());
+                    column.iter_mut().zip(turns_y).for_each(|(sum, turn)| *sum += value * turn);
+                }
+                column
+            })
+            .collect();
+        let along_x: Vec<Vec<Complex64>> = (0..ORDERS * BINS).map(|fine| turns(nu(fine), width_px)).collect();
+        Plane::from_fn(height_px, width_px, |y, x| {
+            let sum: Complex64 = columns.iter().zip(&along_x).map(|(column, turns)| column[y] * turns[x]).sum();
+            sum / (BINS * BINS) as f64
+        })
+    }
+
+    #[test]
+    fn field_behind_errors_of_each_order_is_a_sum_over_all_orders() {
+        // The display's side of 36 px is that of light of 2.2 and 0.7 cycles per pixel.
+        for (distance_m, within) in [(2e-3, 2e-2), (6e-3, 2e-2)] {
+            let model = display(distance_m);
+            let field =
+                initial_phase(SIDES_PX[1], SIDES_PX[0], 6.0, 3).unwrap().map(|phase| Complex64::cis(phase.into()));
+            let engine = EngineCore::<f64>::new(&model, Detector::Point, None).unwrap();
+            let (found, expected) = (engine.propagate(&field).unwrap(), summed(&model, &field));
+            let sum = |of: &dyn Fn(usize, usize) -> f64| {
+                (3..21).flat_map(|y| (4..32).map(move |x| (y, x))).map(|(y, x)| of(y, x)).sum::<f64>()
+            };
+            let wrong = sum(&|y, x| (found.at(y, x) - expected.at(y, x)).norm_sqr());
+            let difference = (wrong / sum(&|y, x| expected.at(y, x).norm_sqr())).sqrt();
+            assert!(difference < within, "{distance_m} m: {difference:e}");
+        }
+    }
+
+    #[test]
+    fn without_errors_the_transfer_functions_are_exact() {
+        let phase = initial_phase(SIDES_PX[1], SIDES_PX[0], 6.0, 3).unwrap();
+        let ideal = DisplayModel::ideal(setup(2e-3));
+        let flat = DisplayModel { kernel: KernelShape::Smooth(SmoothField::flat(3)), ..ideal.clone() };
+        let [ideal, flat] = [ideal, flat].map(|model| EngineCore::<f32>::new(&model, Detector::Pixel, None).unwrap());
+        assert_eq!(ideal.light(&phase).unwrap(), flat.light(&phase).unwrap());
+        let passed = [ideal, flat].map(|engine| engine.light_passed(&phase).unwrap());
+        assert!((passed[1] / passed[0] - 1.0).abs() < 1e-6, "{passed:?}");
+    }
+
+    #[test]
+    fn light_that_one_order_loses_has_passed_less() {
+        let phase = initial_phase(SIDES_PX[1], SIDES_PX[0], 6.0, 3).unwrap();
+        let passed = |model: &DisplayModel| {
+            EngineCore::<f64>::new(model, Detector::Point, None).unwrap().light_passed(&phase.map(f64::from)).unwrap()
+        };
+        let mut model = DisplayModel { kernel: KernelShape::Smooth(SmoothField::flat(1)), ..display(2e-3) };
+        model.beyond = SmoothField::flat(2);
+        let all = passed(&model);
+        // T_2(v) is −1 in the band.
+        model.beyond.log_amplitude[1] = -4.0;
+        let less = passed(&model) * (-8.0_f64).exp();
+        assert!(less < 0.99 * all && less > 0.5 * all, "{less} of {all}");
+    }
+
+    #[test]
+    fn errors_beyond_the_band_need_orders_beyond_it() {
+        let model = display(2e-3);
+        assert!(model.validate().is_ok());
+        let first = OpticalSetup::try_new(model.setup.grid(), 515e-9, 2e-3).unwrap();
+        assert!(DisplayModel { setup: first, ..model }.validate().is_err());
+    }
 }

@@ -14,7 +14,6 @@
 //! light of the local kernels, each multiplied by the power of its position.
 
 use super::fit::{Fit, tabulate, variation_degrees};
-use super::order_fit::OrderFit;
 use super::pair::Example;
 use super::products::Products;
 use crate::SpatialVariation;
@@ -40,7 +39,7 @@ pub(super) struct Curvature {
 }
 
 /// ∂e/∂θ of some rows of an image.
-struct Jacobian<T> {
+pub(super) struct Jacobian<T> {
     rows: Vec<usize>,
     columns: Range<usize>,
     parameters: usize,
@@ -121,44 +120,6 @@ impl<T: Real> Fit<T> {
                     Some(start + basis.terms() + slot),
                 );
             }
-        }
-    }
-
-    /// Adds the derivatives by the errors of a kernel that differ from order to order: in the band, where those of the
-    /// orders beside the first are the values at its ends, and beyond it.
-    fn order_derivatives(&mut self, engine: &EngineCore<T>, orders: &OrderFit<T>, jacobian: &mut Jacobian<T>) {
-        let (convolver, kernels, layout) = (&engine.convolver, &engine.kernels, self.layout);
-        let field = &self.out.spectrum[..kernels.half_spectrum_len(convolver)];
-        convolver.weigh_spectra(field, kernels, &vec![T::one(); kernels.transfers.len()], &mut self.spectra);
-        let polynomials_x = self.smooth.polynomials_x();
-        for group in (-1..=1).flat_map(|y| (-1..=1).map(move |x| [x, y])).filter(|group| orders.has(*group)) {
-            let selected = orders.convolver(&orders.group(group));
-            let at_end = |end: i32, degree: usize| if end < 0 && degree % 2 == 1 { -1.0 } else { 1.0 };
-            // In the band along y, a transform for each T_j; at its ends T_j is a number.
-            let lines = if group[1] == 0 { layout.kernel.order() } else { 0 };
-            for line in 0..=lines {
-                let tiles = &mut self.out.tiles[..engine.image_len()];
-                selected.return_weighed(&self.spectra, self.smooth.polynomial_y(line), tiles);
-                let columns = if group[0] == 0 { layout.kernel.order() } else { 0 };
-                for column in 0..=columns {
-                    let of = |(slot, (i, j)): (usize, (usize, usize))| {
-                        let is_here = (group[0] != 0 || i == column) && (group[1] != 0 || j == line);
-                        let sign = if group[0] == 0 { 1.0 } else { at_end(group[0], i) }
-                            * if group[1] == 0 { 1.0 } else { at_end(group[1], j) };
-                        is_here.then_some(([Some(slot), Some(layout.kernel.terms() + slot)], T::of(sign)))
-                    };
-                    let slots: Vec<_> = layout.kernel.degrees().enumerate().filter_map(of).collect();
-                    let weights = (group[0] == 0).then(|| polynomials_x[column].as_slice());
-                    jacobian.add_to_slots(self, weights, &slots);
-                }
-            }
-        }
-        for (slot, degrees) in layout.beyond.degrees().enumerate() {
-            let selected = orders.convolver(&orders.beyond(degrees));
-            let tiles = &mut self.out.tiles[..engine.image_len()];
-            selected.return_weighed(&self.spectra, self.smooth.polynomial_y(0), tiles);
-            let real = layout.beyond() + slot;
-            jacobian.add_derivatives(self, None, Some(real), Some(real + layout.beyond.terms()));
         }
     }
 
@@ -347,7 +308,7 @@ impl<T: Real> Jacobian<T> {
     }
 
     /// [`Self::add_derivatives`] for several pairs of slots, each with a factor.
-    fn add_to_slots(&mut self, fit: &Fit<T>, weights: Option<&[T]>, slots: &[([Option<usize>; 2], T)]) {
+    pub(super) fn add_to_slots(&mut self, fit: &Fit<T>, weights: Option<&[T]>, slots: &[([Option<usize>; 2], T)]) {
         let convolver = &fit.engine.convolver;
         let (width_px, columns, arch) = (convolver.width_px, self.columns.clone(), Arch::new());
         let width = columns.len();

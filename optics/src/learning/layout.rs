@@ -126,6 +126,16 @@ impl Layout {
         2 * self.kernel.terms()
     }
 
+    /// Positions of the kernel's tilts, each with that of the same tilt beyond the band; none for a display that shows
+    /// one order.
+    pub(super) fn tilts(&self) -> impl Iterator<Item = [usize; 2]> + use<> {
+        let (kernel, beyond, start) = (self.kernel, self.beyond, self.beyond());
+        [(1, 0), (0, 1)].into_iter().filter_map(move |degrees| {
+            let phase = |basis: ChebyshevBasis| Some(basis.terms() + basis.degrees().position(|of| of == degrees)?);
+            Some([phase(kernel)?, start + phase(beyond)?])
+        })
+    }
+
     pub(super) fn source(&self) -> usize {
         self.beyond() + 2 * self.beyond.terms()
     }

@@ -26,6 +26,7 @@ mod jacobian;
 mod layout;
 mod modes;
 mod order_fit;
+mod order_jacobian;
 mod pair;
 pub mod parametric;
 mod parts;

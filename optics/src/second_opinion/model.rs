@@ -151,6 +151,12 @@ fn turn(cycles: f64) -> Complex64 {
     Complex64::cis(TAU * (cycles - cycles.round()))
 }
 
+fn tilts(model: &DisplayModel) -> [f64; 2] {
+    let KernelShape::Smooth(kernel) = &model.kernel else { return [0.0; 2] };
+    let term = |wanted| kernel.basis().degrees().zip(&kernel.phase).find(|(degrees, _)| *degrees == wanted);
+    [(1, 0), (0, 1)].map(|wanted| term(wanted).map_or(0.0, |(_, phase)| *phase))
+}
+
 /// The nearest place in the band to a frequency [cycles per pixel], in half bands, and how far beyond it is, in four half
 /// bands.
 fn in_band_and_beyond(frequency: f64) -> (f64, f64) {
@@ -182,6 +188,8 @@ struct Work<'a> {
     mode: Option<&'a SmoothField>,
     /// Parts of the modulator, each with errors of its own.
     parts: Parts,
+    /// Terms T_1 along x and y of the kernel's phase.
+    tilts: [f64; 2],
     /// What a kernel with a value for each frequency adds to free space.
     residual: Option<Residual>,
     places: &'a Places,
@@ -216,6 +224,7 @@ impl<'a> Work<'a> {
             model,
             mode: None,
             parts: Parts::of(model),
+            tilts: tilts(model),
             residual,
             places,
             x,
@@ -360,6 +369,7 @@ impl<'a> Work<'a> {
                     if let Some([kernel, beyond]) = errors.as_ref().filter(|_| h != Complex64::ZERO) {
                         let (y, v) = in_band_and_beyond(along_y + order_y);
                         h *= kernel.at(y) * beyond.at(v);
+                        h *= self.shift_beyond(along_x + order_x, along_y + order_y);
                     }
                     for (sums, turn_y) in transfers.chunks_exact_mut(across).zip(turns_y) {
                         sums.iter_mut().zip(turns_x).for_each(|(sum, turn_x)| *sum += h * turn_y * turn_x);
@@ -379,6 +389,12 @@ impl<'a> Work<'a> {
         let KernelShape::Smooth(kernel) = &self.model.kernel else { return None };
         let (x, u) = in_band_and_beyond(fx);
         Some([SeriesAlongY::new(kernel, x), SeriesAlongY::new(&self.model.beyond, u)])
+    }
+
+    /// What the kernel's terms T_1(x) and T_1(y), which move the image, add beyond the band.
+    fn shift_beyond(&self, fx: f64, fy: f64) -> Complex64 {
+        let outside = |frequency: f64| 4.0 * in_band_and_beyond(frequency).1;
+        Complex64::cis(self.tilts[0] * outside(fx) + self.tilts[1] * outside(fy))
     }
 
     /// P·H at a frequency [cycles per pixel] of any order.
