@@ -12,7 +12,6 @@ use crate::chebyshev::{ChebyshevBasis, polynomials, position};
 use crate::convolution::Real;
 use crate::convolution::{Kernels, Transfer};
 use crate::engine::{EngineCore, Fields, Mode, kernel_grid, tabulate_gain, tabulate_source};
-use crate::order_errors::REACH;
 use crate::photometry::Sums;
 use crate::{Detector, DisplayModel, Dust, Error, Ghost, KernelShape, OpticalSetup};
 use num_complex::{Complex, Complex64};
@@ -236,14 +235,14 @@ impl<T: Real> Fit<T> {
         }
         if let Some(orders) = &self.orders {
             let (kernel, beyond) = (self.layout.kernel, self.layout.beyond);
-            let parts = orders.gradient(kernel, beyond, &self.order_sums);
+            let (parts, of_tilts) = orders.gradient(kernel, beyond, &self.order_sums);
             for (start, (alpha, psi)) in [0, self.layout.beyond()].into_iter().zip(parts) {
                 gradient[start..][..alpha.len()].copy_from_slice(&alpha);
                 gradient[start + alpha.len()..][..psi.len()].copy_from_slice(&psi);
             }
             // The tilts go on beyond the band.
-            for [tilt, beyond] in self.layout.tilts() {
-                gradient[tilt] += REACH * gradient[beyond];
+            for (tilt, beyond) in self.layout.tilts().zip(of_tilts) {
+                gradient[tilt] += beyond;
             }
         }
         if let Some(ghost) = ghost {

@@ -303,7 +303,13 @@ impl<T: Real> Jacobian<T> {
 
     /// Writes ∂e for the field that the fit has just propagated, with its spectrum weighted by columns: to the slot
     /// `real` for the field itself, and to the slot `imaginary` for i times the field.
-    fn add_derivatives(&mut self, fit: &Fit<T>, weights: Option<&[T]>, real: Option<usize>, imaginary: Option<usize>) {
+    pub(super) fn add_derivatives(
+        &mut self,
+        fit: &Fit<T>,
+        weights: Option<&[T]>,
+        real: Option<usize>,
+        imaginary: Option<usize>,
+    ) {
         self.add_to_slots(fit, weights, &[([real, imaginary], T::one())]);
     }
 

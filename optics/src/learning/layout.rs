@@ -126,14 +126,11 @@ impl Layout {
         2 * self.kernel.terms()
     }
 
-    /// Positions of the kernel's tilts, each with that of the same tilt beyond the band; none for a display that shows
-    /// one order.
-    pub(super) fn tilts(&self) -> impl Iterator<Item = [usize; 2]> + use<> {
-        let (kernel, beyond, start) = (self.kernel, self.beyond, self.beyond());
-        [(1, 0), (0, 1)].into_iter().filter_map(move |degrees| {
-            let phase = |basis: ChebyshevBasis| Some(basis.terms() + basis.degrees().position(|of| of == degrees)?);
-            Some([phase(kernel)?, start + phase(beyond)?])
-        })
+    /// Positions of the kernel's tilts along x and y.
+    pub(super) fn tilts(&self) -> impl Iterator<Item = usize> + use<> {
+        let kernel = self.kernel;
+        let term = move |wanted| kernel.degrees().position(|degrees| degrees == wanted);
+        [(1, 0), (0, 1)].into_iter().filter_map(term).map(move |term| kernel.terms() + term)
     }
 
     pub(super) fn source(&self) -> usize {

@@ -23,8 +23,10 @@ pub(crate) const BEYOND_ORDER: usize = 2;
 
 /// Terms along an axis.
 const TERMS: usize = ChebyshevBasis::ORDER_MAX + 1;
-/// Terms along an axis of the errors beyond the band.
-const TERMS_BEYOND: usize = BEYOND_ORDER + 1;
+/// Terms along an axis of the errors beyond the band, and the tilt of the image there.
+const TERMS_BEYOND: usize = BEYOND_ORDER + 2;
+/// Position of the tilt.
+const TILT: usize = BEYOND_ORDER + 1;
 
 /// Errors of all orders at the planes of a fit.
 #[derive(Debug)]
@@ -125,9 +127,14 @@ impl<T: Real> OrderFit<T> {
         self.products.axes.iter().zip(group).all(|(axis, sign)| axis.orders().any(|order| order.signum() == sign))
     }
 
+    /// Weights of the derivative by the kernel's tilt along x or y, beyond the band.
+    pub(super) fn tilt(&self, axis: usize) -> OrderWeights<T> {
+        self.beyond(if axis == 0 { (TILT, 0) } else { (0, TILT) })
+    }
+
     /// Weights T_p(u) along x and T_q(v) along y of a term of the errors beyond the band.
     pub(super) fn beyond(&self, (p, q): (usize, usize)) -> OrderWeights<T> {
-        self.weights(|axis, _, nu| polynomials(BEYOND_ORDER, place(nu).1)[[p, q][axis]])
+        self.weights(|axis, _, nu| beyond_terms(nu)[[p, q][axis]])
     }
 
     /// `weight(axis, order, frequency)`
@@ -158,7 +165,7 @@ impl<T: Real> OrderFit<T> {
             gradients.chunks_exact(rows).flat_map(|g| v.iter().zip(g).map(|(v, g)| *v * g.conj())).collect();
         let (mut order, mut first): (Vec<Complex<T>>, Vec<Complex<T>>) = (zeros(rows), zeros(rows));
         for (i, mx) in x.orders().enumerate() {
-            let u = polynomials(BEYOND_ORDER, place(x.frequency(column, mx)).1);
+            let u = beyond_terms(x.frequency(column, mx));
             let band = &mut sums.band[(mx.signum() + 1) as usize];
             for (j, my) in y.orders().enumerate() {
                 order.fill(zero);
@@ -207,20 +214,20 @@ impl<T: Real> OrderFit<T> {
         let y = &self.products.axes[1];
         let rows = 2 * self.setups[self.plane].grid().height_px();
         let of_order = |order| {
-            let at: Vec<Vec<f64>> =
-                (0..rows).map(|k| polynomials(BEYOND_ORDER, place(y.frequency(k, order)).1)).collect();
+            let at: Vec<_> = (0..rows).map(|k| beyond_terms(y.frequency(k, order))).collect();
             (0..TERMS_BEYOND).map(|q| at.iter().map(|t| T::of(t[q])).collect()).collect()
         };
         y.orders().map(of_order).collect()
     }
 
-    /// ∂L/∂α and ∂L/∂ψ of each coefficient of the errors in the band, and of those beyond it.
+    /// ∂L/∂α and ∂L/∂ψ of each coefficient of the errors in the band, and of those beyond it; and what the kernel's tilts
+    /// along x and y add to the gradient by going on beyond the band.
     pub(super) fn gradient(
         &self,
         basis: ChebyshevBasis,
         beyond: ChebyshevBasis,
         columns: &[OrderSums],
-    ) -> [(Vec<f64>, Vec<f64>); 2] {
+    ) -> ([(Vec<f64>, Vec<f64>); 2], [f64; 2]) {
         let x = &self.products.axes[0];
         let mut band = vec![[Complex64::ZERO; TERMS]; basis.order() + 1];
         let mut outside = [[Complex64::ZERO; TERMS_BEYOND]; TERMS_BEYOND];
@@ -236,9 +243,18 @@ impl<T: Real> OrderFit<T> {
             }
         }
         let parts = |sum: Complex64| (2.0 * sum.re, -2.0 * sum.im);
-        [
+        let series = [
             basis.degrees().map(|(i, j)| parts(band[i][j])).unzip(),
             beyond.degrees().map(|(p, q)| parts(outside[p][q])).unzip(),
-        ]
+        ];
+        (series, [parts(outside[TILT][0]).1, parts(outside[0][TILT]).1])
     }
+}
+
+/// T_0(u) … of a frequency along an axis [cycles per pixel], and what a tilt of 1 adds to the phase beyond the band.
+fn beyond_terms(nu: f64) -> [f64; TERMS_BEYOND] {
+    let [_, s, u] = place(nu);
+    let mut terms = [s; TERMS_BEYOND];
+    terms.iter_mut().zip(polynomials(BEYOND_ORDER, u)).for_each(|(term, t)| *term = t);
+    terms
 }

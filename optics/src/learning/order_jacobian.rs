@@ -2,14 +2,13 @@
 //!
 //! Below, at and above the first order along an axis, T_i is (−1)^i, T_i(2f) and 1. So the orders make three groups along
 //! each axis, and a group takes a transform along y for each T_j in the band, and one at its ends. A term of the errors
-//! beyond the band takes one transform.
+//! beyond the band takes one transform, and so does each tilt, which goes on there.
 
 use super::fit::Fit;
 use super::jacobian::Jacobian;
 use super::order_fit::OrderFit;
 use crate::convolution::Real;
 use crate::engine::EngineCore;
-use crate::order_errors::REACH;
 
 impl<T: Real> Fit<T> {
     /// Adds the derivatives by the errors of a kernel that differ from order to order: in the band, where those of the
@@ -32,8 +31,8 @@ impl<T: Real> Fit<T> {
             for line in 0..=lines {
                 let tiles = &mut self.out.tiles[..engine.image_len()];
                 selected.return_weighed(&self.spectra, self.smooth.polynomial_y(line), tiles);
-                let columns = if group[0] == 0 { layout.kernel.order() } else { 0 };
-                for column in 0..=columns {
+                let columns = if group[0] == 0 { &polynomials_x } else { &polynomials_x[..1] };
+                for (column, along_x) in columns.iter().enumerate() {
                     let of = |(slot, (i, j)): (usize, (usize, usize))| {
                         let is_here = (group[0] != 0 || i == column) && (group[1] != 0 || j == line);
                         let sign = if group[0] == 0 { 1.0 } else { at_end(group[0], i) }
@@ -44,7 +43,7 @@ impl<T: Real> Fit<T> {
                     if slots.is_empty() {
                         continue;
                     }
-                    let weights = (group[0] == 0).then(|| polynomials_x[column].as_slice());
+                    let weights = (group[0] == 0).then_some(along_x.as_slice());
                     jacobian.add_to_slots(self, weights, &slots);
                 }
             }
@@ -54,12 +53,13 @@ impl<T: Real> Fit<T> {
             let tiles = &mut self.out.tiles[..engine.image_len()];
             selected.return_weighed(&self.spectra, self.smooth.polynomial_y(0), tiles);
             let real = layout.beyond() + slot;
-            let phase = real + layout.beyond.terms();
-            let mut slots = vec![([Some(real), Some(phase)], T::one())];
-            // The tilts of the kernel go on beyond the band.
-            let tilt = layout.tilts().find(|[_, beyond]| *beyond == phase);
-            slots.extend(tilt.map(|[tilt, _]| ([None, Some(tilt)], T::of(REACH))));
-            jacobian.add_to_slots(self, None, &slots);
+            jacobian.add_derivatives(self, None, Some(real), Some(real + layout.beyond.terms()));
+        }
+        for (axis, tilt) in layout.tilts().enumerate() {
+            let selected = orders.convolver(&orders.tilt(axis));
+            let tiles = &mut self.out.tiles[..engine.image_len()];
+            selected.return_weighed(&self.spectra, self.smooth.polynomial_y(0), tiles);
+            jacobian.add_derivatives(self, None, None, Some(tilt));
         }
     }
 }

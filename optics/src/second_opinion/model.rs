@@ -157,12 +157,12 @@ fn tilts(model: &DisplayModel) -> [f64; 2] {
     [(1, 0), (0, 1)].map(|wanted| term(wanted).map_or(0.0, |(_, phase)| *phase))
 }
 
-/// The nearest place in the band to a frequency [cycles per pixel], in half bands, and how far beyond it is, in four half
+/// The nearest place in the band to a frequency [cycles per pixel], and how far beyond it the frequency is, in half
 /// bands.
 fn in_band_and_beyond(frequency: f64) -> (f64, f64) {
     match 2.0 * frequency {
-        below if below < -1.0 => (-1.0, (below + 1.0) / 4.0),
-        above if above > 1.0 => (1.0, (above - 1.0) / 4.0),
+        below if below < -1.0 => (-1.0, below + 1.0),
+        above if above > 1.0 => (1.0, above - 1.0),
         within => (within, 0.0),
     }
 }
@@ -367,8 +367,8 @@ impl<'a> Work<'a> {
                 for ((order_x, turns_x), errors) in orders_x.iter().zip(&errors_x) {
                     let mut h = self.transfer(along_x + order_x, along_y + order_y);
                     if let Some([kernel, beyond]) = errors.as_ref().filter(|_| h != Complex64::ZERO) {
-                        let (y, v) = in_band_and_beyond(along_y + order_y);
-                        h *= kernel.at(y) * beyond.at(v);
+                        let (y, beside) = in_band_and_beyond(along_y + order_y);
+                        h *= kernel.at(y) * beyond.at((beside / 4.0).clamp(-1.0, 1.0));
                         h *= self.shift_beyond(along_x + order_x, along_y + order_y);
                     }
                     for (sums, turn_y) in transfers.chunks_exact_mut(across).zip(turns_y) {
@@ -387,14 +387,14 @@ impl<'a> Work<'a> {
     /// Errors along y of a kernel of a display that shows all orders: at frequencies of the band, and of what exceeds it.
     fn errors_of_orders(&self, fx: f64) -> Option<[SeriesAlongY; 2]> {
         let KernelShape::Smooth(kernel) = &self.model.kernel else { return None };
-        let (x, u) = in_band_and_beyond(fx);
+        let (x, beside) = in_band_and_beyond(fx);
+        let u = (beside / 4.0).clamp(-1.0, 1.0);
         Some([SeriesAlongY::new(kernel, x), SeriesAlongY::new(&self.model.beyond, u)])
     }
 
     /// What the kernel's terms T_1(x) and T_1(y), which move the image, add beyond the band.
     fn shift_beyond(&self, fx: f64, fy: f64) -> Complex64 {
-        let outside = |frequency: f64| 4.0 * in_band_and_beyond(frequency).1;
-        Complex64::cis(self.tilts[0] * outside(fx) + self.tilts[1] * outside(fy))
+        Complex64::cis(self.tilts[0] * in_band_and_beyond(fx).1 + self.tilts[1] * in_band_and_beyond(fy).1)
     }
 
     /// P·H at a frequency [cycles per pixel] of any order.
