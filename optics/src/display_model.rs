@@ -12,6 +12,7 @@
 //! and y over the SLM for the source.
 
 use crate::ghost::TransferErrors;
+use crate::order_errors::OrderErrors;
 use crate::smooth_field::{SmoothField, expect_finite, out_of_range};
 use crate::spatial_variation::local_kernels;
 use crate::{
@@ -29,6 +30,10 @@ pub struct DisplayModel {
     pub setup: OpticalSetup,
     /// Transfer function. If it varies over the SLM, this is its value on the axis.
     pub kernel: KernelShape,
+    /// What the errors of a smooth kernel are beyond the band of the first order, on a display that shows all orders,
+    /// relative to those of the nearest frequency of the band and to the kernel's tilts, which go on: a series of what a
+    /// frequency exceeds the band by, in four half bands. Flat for other displays.
+    pub beyond: SmoothField,
     /// Second image, by a factor of the transfer function. Only smooth kernels have one.
     pub ghost: Ghost,
     /// Variation of the transfer function over the SLM.
@@ -77,6 +82,7 @@ impl DisplayModel {
         Self {
             setup,
             kernel: KernelShape::Ideal,
+            beyond: SmoothField::flat(0),
             ghost: Ghost::NONE,
             variation: SpatialVariation::none(),
             coherence: PartialCoherence::none(),
@@ -108,6 +114,11 @@ impl DisplayModel {
         if !self.variation.is_none() && !matches!(self.kernel, KernelShape::Smooth(_)) {
             let fields = self.variation.fields().len() as f64;
             return Err(out_of_range("fields of spatial variation", fields, "0 for a kernel that is not smooth"));
+        }
+        self.beyond.validate()?;
+        if !self.beyond.is_flat() && self.order_errors().is_none() {
+            let reason = "only a smooth kernel of a display that shows all orders has errors beyond the band";
+            return Err(Error::Incompatible { name: "beyond", reason });
         }
         self.ghost.validate()?;
         if !self.ghost.is_none() && !matches!(self.kernel, KernelShape::Smooth(_)) {
@@ -153,6 +164,40 @@ impl DisplayModel {
             return Err(Error::Incompatible { name: "kernel", reason: "it is zero everywhere, so no light passes" });
         }
         Ok(())
+    }
+
+    /// Errors of a smooth kernel that differ from order to order, on a display that shows all orders; `None` for other
+    /// kernels and displays.
+    pub(crate) fn order_errors(&self) -> Option<OrderErrors> {
+        match &self.kernel {
+            KernelShape::Smooth(smooth) if self.setup.orders().are_all() => {
+                Some(OrderErrors::new(smooth, &self.beyond))
+            }
+            _ => None,
+        }
+    }
+
+    fn kernel_order(&self) -> usize {
+        match &self.kernel {
+            KernelShape::Smooth(kernel) => kernel.order,
+            KernelShape::Ideal | KernelShape::Bins(_) => 0,
+        }
+    }
+
+    /// Model of what multiplies the pixels' spectrum. On a display that shows all orders, these are errors that repeat
+    /// in every order: all but those of the kernel itself.
+    pub(crate) fn on_spectrum(&self) -> Cow<'_, Self> {
+        match self.order_errors() {
+            None => Cow::Borrowed(self),
+            Some(_) => Cow::Owned(Self {
+                // The order of the kernel, which its variation and the modes do not exceed.
+                kernel: KernelShape::Smooth(SmoothField::flat(self.kernel_order())),
+                ghost: self.ghost,
+                variation: self.variation.clone(),
+                coherence: self.coherence.clone(),
+                ..Self::ideal(self.setup)
+            }),
+        }
     }
 
     /// Errors of a smooth kernel with its ghost; `None` for other kernels.

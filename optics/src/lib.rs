@@ -107,6 +107,7 @@ pub mod light_blur;
 pub mod memory;
 pub mod metrics;
 pub mod optimizer;
+mod order_errors;
 mod order_filter;
 mod orders;
 mod partial_coherence;

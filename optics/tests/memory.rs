@@ -146,13 +146,15 @@ fn check_other_orders(pool: &ThreadPool, orders: Orders) {
     check(&format!("other orders than {orders:?}"), estimate, peak_bytes(pool, work), 1.3);
 }
 
-fn check_learning(pool: &ThreadPool, model: KernelModel, distances: usize) {
+fn check_learning(pool: &ThreadPool, model: KernelModel, distances: usize, orders: Orders) {
     let (height_px, width_px) = (90, 120);
     let region = RegionOfInterest::middle(&Grid::try_new(height_px, width_px, 8e-6).unwrap());
-    let setups: Vec<_> = (0..distances).map(|i| setup(height_px, width_px, 0.01 + 0.005 * i as f64)).collect();
+    let at = |i: usize| setup(height_px, width_px, 0.01 + 0.005 * i as f64).with_orders(orders).unwrap();
+    let setups: Vec<_> = (0..distances).map(at).collect();
     let pairs: Vec<_> = (0..distances).map(|i| Planes(i, photographed(&setups[i]))).collect();
     let pairs = Joint(pairs);
     let engine = EngineSize::ideal(height_px, width_px, Detector::Pixel, 2);
+    let engine = if orders.are_all() { engine.sampled_with(&setups[0], false) } else { engine };
     let region_px = [region.height_px(), region.width_px()];
     let size = LearningSize { engine, model, order: 5, distances, region_px, blocks: Blocks::ALL };
     // The estimate is that of a display that needs all blocks. They come from the start, but for the variation of the
@@ -188,7 +190,8 @@ fn check_learning(pool: &ThreadPool, model: KernelModel, distances: usize) {
     // A varying kernel may need the largest grid, but this one needs the smallest. The threads need their memory at the
     // same time in some runs, and one after the other in others.
     let factor = if model == KernelModel::Varying { 3.0 } else { 1.5 };
-    check(&format!("{model:?} at {distances} distances"), size.fit_bytes(), peak_bytes(pool, work), factor);
+    let name = format!("{model:?} at {distances} distances, {orders}");
+    check(&name, size.fit_bytes(), peak_bytes(pool, work), factor);
 }
 
 struct Planes(usize, Vec<Pair>);
@@ -286,8 +289,10 @@ fn counted_memory_is_that_of_the_functions() {
     check_quality(&pool, 3, ideal);
     let modes = vec![FurtherMode { light: 1.0, errors: SmoothField::flat(2) }; 2];
     check_quality(&pool, 1, DisplayModel { coherence: PartialCoherence::new(modes), ..learned.clone() });
-    check_quality(&pool, 1, learned);
-    check_quality(&pool, 1, DisplayModel::ideal(first.with_orders(Orders::SQUARE).unwrap()));
+    check_quality(&pool, 1, learned.clone());
+    let all_orders = DisplayModel::ideal(first.with_orders(Orders::SQUARE).unwrap());
+    check_quality(&pool, 1, all_orders.clone());
+    check_quality(&pool, 1, DisplayModel { kernel: learned.kernel, ..all_orders });
     let filtered = Orders::Filtered(OrderFilter::rectangle(0.5, 1.0));
     check_quality(&pool, 1, DisplayModel::ideal(first.with_orders(filtered).unwrap()));
     for orders in [Orders::First, filtered, Orders::SQUARE] {
@@ -302,9 +307,12 @@ fn counted_memory_is_that_of_the_functions() {
         model.variation = SpatialVariation::new(std::array::from_fn(|_| SmoothField::flat(2)));
     });
     for model in KernelModel::ALL {
-        check_learning(&pool, model, 1);
+        check_learning(&pool, model, 1, Orders::First);
     }
-    check_learning(&pool, KernelModel::Display, 3);
+    check_learning(&pool, KernelModel::Display, 3, Orders::First);
+    for (model, distances) in [(KernelModel::Smooth, 1), (KernelModel::Display, 2)] {
+        check_learning(&pool, model, distances, Orders::SQUARE);
+    }
     check_simulations(&pool);
     let wrong = WRONG.lock().unwrap();
     assert!(wrong.is_empty(), "{wrong:#?}");

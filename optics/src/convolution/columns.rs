@@ -73,6 +73,42 @@ impl<T: Real> Convolver<T> {
         answers.collect::<Vec<_>>().into_iter().flatten().collect()
     }
 
+    /// Visits the spectra of the field v in front of the sub-samples' transfer functions H_o and of each sub-sample's
+    /// gradient g_o, from which ∂L/∂H_o* = v*·g_o follows. `visit(column, v, g)` receives the spectra of each column, g
+    /// those of all sub-samples one after the other. The results are ordered by column.
+    pub(crate) fn correlate_samples<R: Send>(
+        &self,
+        field: &[Complex<T>],
+        gradient: &[Complex<T>],
+        kernels: &Kernels<T>,
+        visit: impl Fn(usize, &[Complex<T>], &[Complex<T>]) -> R + Sync,
+    ) -> Vec<R> {
+        let (len, lanes, rows) = (self.tile_len(), self.lanes(), 2 * self.height_px);
+        let zeros = |len| vec![Complex::new(T::zero(), T::zero()); len];
+        let ones = vec![T::one(); kernels.transfers.len()];
+        let tiles = (2 * self.width_px).div_ceil(self.tile_columns);
+        let answers = (0..tiles).into_par_iter().map_init(
+            || (self.scratch.take(), zeros((1 + lanes) * 2 * len), [zeros(rows), zeros(lanes * rows)]),
+            |(scratch, spectra, [v_column, g_column]), tile| {
+                let (v, g) = spectra.split_at_mut(2 * len);
+                self.pass(kernels, tile, &mut scratch.tile, Operation::Weigh(field, &ones, v));
+                for (lane, g) in g.chunks_exact_mut(2 * len).enumerate() {
+                    self.pass(kernels, tile, &mut scratch.tile, Operation::SampleSpectra(lane, gradient, g));
+                }
+                let columns = self.tile_columns.min(2 * self.width_px - tile * self.tile_columns);
+                let answer = |column: usize| {
+                    read_column(v, self.tile_columns, column, v_column);
+                    for (g, out) in g.chunks_exact(2 * len).zip(g_column.chunks_exact_mut(rows)) {
+                        read_column(g, self.tile_columns, column, out);
+                    }
+                    visit(tile * self.tile_columns + column, v_column, g_column)
+                };
+                (0..columns).map(answer).collect::<Vec<R>>()
+            },
+        );
+        answers.collect::<Vec<_>>().into_iter().flatten().collect()
+    }
+
     /// Σ weight·|U|² over the padded bins of a half-transformed field. `weigh(column, weights)` writes the weights of
     /// all bins of a column.
     pub(crate) fn weighted_power(&self, spectrum: &[Complex<T>], weigh: impl Fn(usize, &mut [f64]) + Sync) -> f64 {

@@ -32,6 +32,8 @@ pub(super) enum Operation<'a, T> {
     FieldSpectra(usize, &'a [Complex<T>], &'a mut [Complex<T>]),
     /// Transforms the gradient and writes its spectra before conj(H) is applied; the scratch keeps them.
     GradientSpectra(&'a [Complex<T>], &'a mut [Complex<T>]),
+    /// Transforms the gradient of one sub-sample and writes its spectra before any factor is applied.
+    SampleSpectra(usize, &'a [Complex<T>], &'a mut [Complex<T>]),
     /// Applies conj(H) to the spectra that [`Operation::GradientSpectra`] left in the scratch and transforms them back.
     ReturnSpectra(&'a mut [Complex<T>]),
     /// Transforms, multiplies by H and by a weight for each kernel, and writes the sum of the spectra.
@@ -95,6 +97,11 @@ impl<T: Real> WithSimd for TilePass<'_, T> {
             }
             Operation::GradientSpectra(spectrum, out) => {
                 pass.sum_lanes(spectrum, scratch, None);
+                pass.write_spectra(&scratch.spectra, out);
+            }
+            Operation::SampleSpectra(lane, spectrum, out) => {
+                let TileScratch { spectra, spare, .. } = scratch;
+                pass.transform(spectrum, (convolver.lanes(), lane), None, spectra, spare, None);
                 pass.write_spectra(&scratch.spectra, out);
             }
             Operation::ReturnSpectra(out) => pass.return_windows(scratch, out),

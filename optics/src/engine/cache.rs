@@ -60,7 +60,7 @@ impl EngineCache {
 
     fn plans(&self, model: &DisplayModel, detector: Detector) -> Arc<Convolver<f32>> {
         if model.setup.method() == ConvolutionMethod::AllOrders {
-            return Arc::new(convolver(&model.setup, detector));
+            return Arc::new(convolver(&model.setup, detector, model.order_errors().as_ref()));
         }
         let (height_px, width_px) = (model.setup.grid().height_px(), model.setup.grid().width_px());
         let offsets_px = offsets_px(&model.setup, detector);
@@ -70,7 +70,7 @@ impl EngineCache {
         let mut parts = self.lock();
         let plans = match parts.plans.iter().position(fits) {
             Some(at) => parts.plans.remove(at),
-            None => Arc::new(convolver(&model.setup, detector)),
+            None => Arc::new(convolver(&model.setup, detector, None)),
         };
         parts.plans.push(Arc::clone(&plans));
         if parts.plans.len() > PLANS_MAX {

@@ -1,5 +1,6 @@
 //! Computations of an engine, in f32 or f64.
 
+use super::order_products::OrderProducts;
 use super::sub_samples::{offsets_px, sub_samples};
 use crate::buffers::zeros;
 use crate::carrier::Carrier;
@@ -10,6 +11,7 @@ use crate::convolution::{Convolver, Kernels, Transfer};
 use crate::display_model::KernelShape;
 use crate::ghost::TransferErrors;
 use crate::interrupt;
+use crate::order_errors::OrderErrors;
 use crate::propagation::passes::{has_sample_transfers, sample_transfers};
 use crate::slm::{Shown, Slm};
 use crate::smooth_field::SmoothField;
@@ -30,6 +32,8 @@ pub struct EngineCore<T> {
     pub(crate) detector: Detector,
     pub(super) transmission: Transmission,
     pub(super) setup: OpticalSetup,
+    /// Errors that differ from order to order, which the transfer functions to the sub-samples have.
+    pub(crate) order_errors: Option<Arc<OrderErrors>>,
     /// Part of the light that this mode has.
     pub(crate) share: f64,
     /// The display's further modes of light.
@@ -72,7 +76,7 @@ impl<T: Real> EngineCore<T> {
     /// The errors of [`DisplayModel::validate`].
     pub fn new(model: &DisplayModel, detector: Detector, carrier: Option<Carrier>) -> Result<Self> {
         model.validate()?;
-        let convolver = Arc::new(convolver(&model.setup, detector));
+        let convolver = Arc::new(convolver(&model.setup, detector, model.order_errors().as_ref()));
         Ok(Self::of_parts(model, detector, (convolver, |mode| Arc::new(sample_kernels(mode))), carrier))
     }
 
@@ -97,12 +101,14 @@ impl<T: Real> EngineCore<T> {
     ) -> Self {
         let slm = Arc::new(tabulate_slm(model, carrier));
         let shares = model.coherence.shares();
-        let mut modes = model.modes().zip(shares).map(|(mode, share)| Mode::of(&mode, kernels_of(&mode), share));
+        let on_spectrum = model.on_spectrum();
+        let mut modes = on_spectrum.modes().zip(shares).map(|(mode, share)| Mode::of(&mode, kernels_of(&mode), share));
         let Mode { share, kernels, transmission } =
             modes.next().unwrap_or_else(|| unreachable!("every display has a first mode"));
         let further = modes.collect();
+        let order_errors = model.order_errors().map(Arc::new);
         let blur = (!model.light_blur.is_none()).then_some(model.light_blur);
-        Self { convolver, kernels, slm, detector, transmission, setup: model.setup, share, further, blur }
+        Self { convolver, kernels, slm, detector, transmission, setup: model.setup, order_errors, share, further, blur }
     }
 
     /// Whether all light of the display interferes.
@@ -121,6 +127,7 @@ impl<T: Real> EngineCore<T> {
             detector: self.detector,
             transmission,
             setup: self.setup,
+            order_errors: self.order_errors.clone(),
             share,
             further: Vec::new(),
             blur: None,
@@ -153,7 +160,8 @@ impl<T: Real> EngineCore<T> {
     /// Engine of the same display with another detector. Both engines share the transfer functions.
     #[must_use]
     pub fn with_detector(&self, detector: Detector) -> Self {
-        Self { convolver: Arc::new(convolver(&self.setup, detector)), detector, ..self.clone() }
+        let convolver = convolver(&self.setup, detector, self.order_errors.as_deref());
+        Self { convolver: Arc::new(convolver), detector, ..self.clone() }
     }
 
     /// Detector that measures the light of a pixel.
@@ -325,15 +333,25 @@ impl<T: Real> Fields<T> {
 }
 
 /// Plans of convolutions with the transfer functions of a setup that a detector measures.
-pub(crate) fn convolver<T: Real>(setup: &OpticalSetup, detector: Detector) -> Convolver<T> {
+pub(crate) fn convolver<T: Real>(
+    setup: &OpticalSetup,
+    detector: Detector,
+    errors: Option<&OrderErrors>,
+) -> Convolver<T> {
     let (height_px, width_px) = (setup.grid().height_px(), setup.grid().width_px());
     match setup.method() {
         ConvolutionMethod::AllOrders => {
             let (places, weights): (Vec<_>, Vec<_>) = sub_samples(setup, detector).into_iter().unzip();
             // The light of a pixel is the mean over its sub-samples.
             let factor = |weight: f64| T::of((weight * places.len() as f64).sqrt());
-            let transfers = sample_transfers(setup, &places).into_iter().zip(&weights);
-            let weighted = transfers.map(|(transfer, &weight)| transfer.times(factor(weight)));
+            let exact = sample_transfers(setup, &places);
+            let products = errors.map(|errors| OrderProducts::beside_exact(setup, errors));
+            let behind = |exact: Transfer<T>, place: [f64; 2]| match &products {
+                Some(products) => products.fold(&exact, (place, 1.0), &products.ones()),
+                None => exact,
+            };
+            let transfers = exact.into_iter().zip(&places).zip(&weights);
+            let weighted = transfers.map(|((exact, &place), &weight)| behind(exact, place).times(factor(weight)));
             Convolver::with_transfers(height_px, width_px, weighted.collect())
         }
         _ => Convolver::new(height_px, width_px, &offsets_px(setup, detector)),

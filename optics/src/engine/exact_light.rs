@@ -7,6 +7,7 @@
 //! The field of all orders has details finer than a pixel, which is integrated at [more places](super::sub_samples).
 
 use super::core::{EngineCore, Fields, Transmission};
+use super::order_products::OrderProducts;
 use super::sub_samples::{WeightedPlace, reported_places};
 use crate::convolution::Real;
 use crate::propagation::passes::for_each_sample_transfer;
@@ -110,7 +111,12 @@ impl<T: Real> EngineCore<T> {
             Transmission::Smooth(errors) if !self.shows_all_orders() => Some(&**errors),
             _ => None,
         };
-        for_each_sample_transfer(&self.setup, errors, places_px, |place, transfer| {
+        let products = self.order_errors.as_ref().map(|errors| OrderProducts::beside_exact(&self.setup, errors));
+        for_each_sample_transfer(&self.setup, errors, places_px, |place, exact| {
+            let transfer = match &products {
+                Some(products) => products.fold(&exact, (places_px[place], 1.0), &products.ones()),
+                None => exact,
+            };
             let engine = self.at_place(transfer);
             let mut fields = Fields::for_light(&engine);
             for (set, phases) in sets.iter().enumerate() {

@@ -1,6 +1,7 @@
 //! Light that a hologram sends, and intensities at the sub-samples of the image.
 
 use super::core::{EngineCore, Fields, Transmission, clenshaw};
+use super::order_products::passed;
 use crate::buffers::zeros;
 use crate::convolution::{Real, frequency_per_px, split_bin};
 use crate::interrupt;
@@ -81,6 +82,13 @@ impl<T: Real> EngineCore<T> {
         };
         // A kernel with a value for each frequency holds what the filter passes.
         let filter = filter.filter(|_| !matches!(self.transmission, Transmission::Bins));
+        let transmitted = |column: usize, weights: &mut [f64]| {
+            transmitted(column, weights);
+            let Some(errors) = &self.order_errors else { return };
+            let mut of_orders = vec![0.0; weights.len()];
+            passed(&self.setup, errors, column, &mut of_orders);
+            weights.iter_mut().zip(&of_orders).for_each(|(weight, part)| *weight *= part);
+        };
         let passed = |column: usize, weights: &mut [f64]| {
             transmitted(column, weights);
             let Some(filter) = filter else { return };

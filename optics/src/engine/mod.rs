@@ -8,11 +8,13 @@ mod cache;
 mod core;
 mod exact_light;
 mod light;
+mod order_products;
 mod sub_samples;
 
 pub use cache::EngineCache;
 pub use core::EngineCore;
 pub(crate) use core::{Fields, Mode, SeriesAlongY, kernel_grid, tabulate_gain, tabulate_source};
+pub(crate) use order_products::{OrderProducts, OrderWeights, order_products, turns};
 pub(crate) use sub_samples::{reported_nodes, sub_samples};
 
 use crate::carrier::Carrier;

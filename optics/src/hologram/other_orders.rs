@@ -4,7 +4,7 @@
 use super::shown_light::light_of_frames;
 use crate::engine::{EngineCore, sub_samples};
 use crate::metrics::{Gain, psnr_db};
-use crate::{Detector, DisplayModel, Engine, KernelShape, Orders, Plane, RegionOfInterest, Result};
+use crate::{Detector, DisplayModel, Engine, KernelShape, Orders, Plane, RegionOfInterest, Result, SmoothField};
 
 /// Limit on the pixels of a display for which the other kind is computed. Its transfer functions would take more memory
 /// than the hologram on larger displays.
@@ -21,7 +21,8 @@ pub fn with_other_orders(model: &DisplayModel) -> Option<DisplayModel> {
     }
     let orders = if model.setup.orders().are_all() { Orders::First } else { Orders::SQUARE };
     let (setup, _) = model.setup.with_orders(orders).ok()?.planned().ok()?;
-    Some(DisplayModel { setup, ..model.clone() })
+    // The first order has no frequencies beyond its band.
+    Some(DisplayModel { setup, beyond: SmoothField::flat(0), ..model.clone() })
 }
 
 /// PSNR \[dB\] of the light of `phases`, shown one after the other and integrated over the pixels by the sub-samples of

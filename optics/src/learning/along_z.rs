@@ -196,19 +196,24 @@ pub fn interpolated(models: &[DisplayModel], setup: OpticalSetup) -> Result<Disp
     let above = distances_m.partition_point(|&distance_m| distance_m <= z_m).clamp(1, models.len() - 1);
     let along_line = lagrange(&distances_m, &[above - 1, above], z_m);
 
-    let mut kernel = SmoothField::flat(kernels[0].order);
-    for (i, degrees) in kernel.basis().degrees().enumerate() {
-        let sum = |weights: &[f64], of: fn(&SmoothField) -> &[f64]| -> f64 {
-            kernels.iter().zip(weights).map(|(kernel, weight)| weight * of(kernel)[i]).sum()
-        };
-        let tilt = matches!(degrees, (0, 1) | (1, 0));
-        kernel.log_amplitude[i] = sum(&along_z, |kernel| &kernel.log_amplitude);
-        kernel.phase[i] = sum(if tilt { &along_line } else { &along_z }, |kernel| &kernel.phase);
-    }
+    let along_z_and_line = |fields: &[&SmoothField]| {
+        let mut field = SmoothField::flat(fields[0].order);
+        for (i, degrees) in field.basis().degrees().enumerate() {
+            let sum = |weights: &[f64], of: fn(&SmoothField) -> &[f64]| -> f64 {
+                fields.iter().zip(weights).map(|(field, weight)| weight * of(field)[i]).sum()
+            };
+            let tilt = matches!(degrees, (0, 1) | (1, 0));
+            field.log_amplitude[i] = sum(&along_z, |field| &field.log_amplitude);
+            field.phase[i] = sum(if tilt { &along_line } else { &along_z }, |field| &field.phase);
+        }
+        field
+    };
+    let beyond: Vec<&SmoothField> = models.iter().map(|model| &model.beyond).collect();
+    let (kernel, beyond) = (along_z_and_line(&kernels), along_z_and_line(&beyond));
     let sum =
         |of: fn(&DisplayModel) -> f64| models.iter().zip(&along_line).map(|(model, weight)| weight * of(model)).sum();
     let (gain, offset) = (sum(|model| model.gain), sum(|model| model.offset));
-    Ok(DisplayModel { setup, kernel: KernelShape::Smooth(kernel), gain, offset, ..models[0].clone() })
+    Ok(DisplayModel { setup, kernel: KernelShape::Smooth(kernel), beyond, gain, offset, ..models[0].clone() })
 }
 
 /// The kernels of `models`, which are sorted by distance, after a check that they can come from one joint fit.
@@ -230,6 +235,7 @@ fn kernels_of_joint_fit<'a>(models: &[&'a DisplayModel], setup: &OpticalSetup) -
         let modulator = |model: &DisplayModel| DisplayModel {
             setup: *setup,
             kernel: KernelShape::Ideal,
+            beyond: SmoothField::flat(0),
             gain: 1.0,
             offset: 0.0,
             ..model.clone()
@@ -240,7 +246,8 @@ fn kernels_of_joint_fit<'a>(models: &[&'a DisplayModel], setup: &OpticalSetup) -
             });
         }
     }
-    if kernels.iter().any(|kernel| kernel.order != kernels[0].order) {
+    let orders = |model: &DisplayModel, kernel: &SmoothField| (kernel.order, model.beyond.order);
+    if models.iter().zip(&kernels).any(|(model, kernel)| orders(model, kernel) != orders(models[0], kernels[0])) {
         return Err(Error::IncompatibleDistances { reason: "all kernels must have the same order" });
     }
     let optics = |setup: &OpticalSetup| (setup.grid(), setup.wavelength_m());

@@ -3,6 +3,7 @@
 use super::ghost::{GhostSums, NO_GHOST_SUMS, ghost_gradient};
 use super::layout::{Layout, RESPONSE_VARIATION_ORDER};
 use super::modes::ModeBuffers;
+use super::order_fit::{OrderFit, OrderSums};
 use super::pair::Example;
 use super::smooth_transfer::{ColumnSums, SmoothTransfer};
 use crate::buffers::zeros;
@@ -25,6 +26,10 @@ pub(super) struct Fit<T> {
     pub(super) layout: Layout,
     pub(super) engine: EngineCore<T>,
     pub(super) smooth: SmoothTransfer<T>,
+    /// Errors that differ from order to order, on a display that shows all orders.
+    pub(super) orders: Option<OrderFit<T>>,
+    /// Sums for the gradient by them, over all modes.
+    order_sums: Vec<OrderSums>,
     /// Gain and offset that fit the latest photograph best.
     pub(super) gain: f64,
     pub(super) offset: f64,
@@ -55,6 +60,8 @@ impl<T: Real> Fit<T> {
         let (back, spectra) = (zeros(engine.image_len()), zeros(engine.convolver.half_spectrum_len(2)));
         Ok(Self {
             smooth: SmoothTransfer::new(&setups, layout.kernel.order()),
+            orders: OrderFit::new(&setups, detector),
+            order_sums: Vec::new(),
             setups,
             layout,
             engine,
@@ -125,8 +132,13 @@ impl<T: Real> Fit<T> {
     pub(super) fn set(&mut self, plane: usize, parameters: &[f64]) {
         let model = self.layout.model(&self.setups[plane], (1.0, 0.0), parameters);
         let shares = model.coherence.shares();
+        if let (Some(orders), Some(errors)) = (&mut self.orders, model.order_errors()) {
+            orders.set(plane, &errors);
+            self.engine.convolver = Arc::new(orders.convolver(&orders.ones()));
+        }
+        let on_spectrum = model.on_spectrum();
         let local: Vec<Vec<DisplayModel>> =
-            model.modes().map(|mode| mode.local_kernels().unwrap_or_else(|| vec![mode.into_owned()])).collect();
+            on_spectrum.modes().map(|mode| mode.local_kernels().unwrap_or_else(|| vec![mode.into_owned()])).collect();
         if (self.engine.kernels.transfers.len(), self.engine.further.len() + 1) != (local[0].len(), local.len()) {
             self.allocate_kernels(local[0].len(), local.len());
         }
@@ -205,6 +217,7 @@ impl<T: Real> Fit<T> {
         let loss = loss(&light, &mut slopes);
         let factor = 1.0 / engine.samples_per_pixel() as f64;
         engine.convolver.weigh_sampled_tiles(&out.tiles, &slopes, factor, back);
+        self.order_sums.clear();
         let columns = self.correlate_mode(&|smooth, _, [h, u, g]| (smooth.column_sums(h, u, g), NO_GHOST_SUMS));
         let gradient = self.gradient(example, None, &columns);
         (loss, gradient)
@@ -223,6 +236,18 @@ impl<T: Real> Fit<T> {
                 // The share of the light is the square of an amplitude, and the gain compensates what the other modes
                 // lose.
                 gradient[self.layout.mode_light(further)] = columns.iter().map(|(smooth, _)| smooth[0].re).sum();
+            }
+        }
+        if let Some(orders) = &self.orders {
+            let (kernel, beyond) = (self.layout.kernel, self.layout.beyond);
+            let (parts, of_tilts) = orders.gradient(kernel, beyond, &self.order_sums);
+            for (start, (alpha, psi)) in [0, self.layout.beyond()].into_iter().zip(parts) {
+                gradient[start..][..alpha.len()].copy_from_slice(&alpha);
+                gradient[start + alpha.len()..][..psi.len()].copy_from_slice(&psi);
+            }
+            // The tilts go on beyond the band.
+            for (tilt, beyond) in self.layout.tilts().zip(of_tilts) {
+                gradient[tilt] += beyond;
             }
         }
         if let Some(ghost) = ghost {
@@ -249,6 +274,7 @@ impl<T: Real> Fit<T> {
     ) -> (Sums, Vec<R>) {
         self.propagate_and_fit_exposure(example);
         let comparison = example.comparison(&self.engine, self.gain, self.offset);
+        self.order_sums.clear();
         if !self.engine.needs_all_light() {
             let sums = self.engine.convolver.compare(&self.out.tiles, &comparison, &mut self.back);
             return (sums, self.correlate_mode(&visit));
@@ -262,11 +288,29 @@ impl<T: Real> Fit<T> {
         (sums, columns)
     }
 
+    /// Adds the sums of the mode whose engine the fit has now, for the gradient by errors that differ from order to
+    /// order.
+    fn add_order_sums(&mut self) {
+        let Self { engine, smooth, orders, order_sums, out, back, .. } = self;
+        let Some(orders) = orders else { return };
+        let (convolver, kernels) = (&engine.convolver, &engine.kernels);
+        let field = &out.spectrum[..kernels.half_spectrum_len(convolver)];
+        let beyond_y = orders.beyond_y();
+        let of_mode = convolver.correlate_samples(field, back, kernels, |column, v, gradients| {
+            orders.sums(column, [v, gradients], smooth.polynomials_y(), &beyond_y)
+        });
+        match order_sums.is_empty() {
+            true => *order_sums = of_mode,
+            false => order_sums.iter_mut().zip(&of_mode).for_each(|(sums, more)| sums.add(more)),
+        }
+    }
+
     /// [`Self::correlate`] for the mode whose engine the fit has now.
     fn correlate_mode<R: Send>(
         &mut self,
         visit: &(impl Fn(&SmoothTransfer<T>, usize, [&[Complex<T>]; 3]) -> R + Sync),
     ) -> Vec<R> {
+        self.add_order_sums();
         let Self { engine, smooth, out, back, .. } = self;
         let (convolver, kernels) = (&engine.convolver, &engine.kernels);
         let (field, tiles) = (&out.spectrum[..kernels.half_spectrum_len(convolver)], &mut out.tiles);
@@ -332,14 +376,25 @@ mod tests {
     use super::*;
     use crate::hologram::initial_phase;
     use crate::learning::{Block, Blocks, KernelModel, Pair};
-    use crate::{Grid, Plane, RegionOfInterest};
+    use crate::{Grid, Orders, Plane, RegionOfInterest};
+
+    const ALL_ORDERS: Orders = Orders::All { fill_factor_x: 0.9, fill_factor_y: 0.7 };
 
     /// All blocks but the varying kernel.
     const ALL: Blocks = Blocks { varying: false, ..Blocks::ALL };
 
     #[test]
     fn gradient_of_every_parameter_matches_central_differences() {
-        for (model, order, blocks, carrier, detector) in [
+        let first =
+            |(model, order, blocks, carrier, detector)| (model, order, blocks, carrier, detector, Orders::First);
+        let all = |(model, order, blocks, detector)| (model, order, blocks, None, detector, ALL_ORDERS);
+        let of_all_orders = [
+            (KernelModel::Smooth, 3, Blocks::NONE, Detector::Point),
+            (KernelModel::Display, 4, Blocks::NONE, Detector::Supersampled),
+            (KernelModel::Varying, 4, Blocks::NONE.with(Block::Varying), Detector::Pixel),
+            (KernelModel::Display, 3, ALL, Detector::Pixel),
+        ];
+        let of_first = [
             (KernelModel::Smooth, 3, Blocks::NONE, None, Detector::Pixel),
             (KernelModel::Display, 4, Blocks::NONE, None, Detector::Pixel),
             (KernelModel::Display, 2, Blocks::NONE, Some(Carrier::HalfOrderX), Detector::Pixel),
@@ -348,10 +403,12 @@ mod tests {
             (KernelModel::Display, 2, Blocks::NONE.with(Block::LightBlur), None, Detector::Pixel),
             (KernelModel::Display, 2, ALL, Some(Carrier::HalfOrderX), Detector::Pixel),
             (KernelModel::Display, 2, ALL, Some(Carrier::HalfOrderY), Detector::Supersampled),
-        ] {
+        ];
+        let cases = of_first.into_iter().map(first).chain(of_all_orders.into_iter().map(all));
+        for (model, order, blocks, carrier, detector, orders) in cases {
             let grid = Grid::try_new(18, 23, 8e-6).unwrap();
-            let setup = OpticalSetup::try_new(grid, 515e-9, 2e-3).unwrap();
-            let layout = Layout::of(model, order, blocks);
+            let setup = OpticalSetup::try_new(grid, 515e-9, 2e-3).unwrap().with_orders(orders).unwrap();
+            let layout = Layout::of(model, order, blocks).on(&setup);
             let mut fit = Fit::<f64>::new(vec![setup], layout, detector, carrier).unwrap();
             let photo = Plane::from_fn(18, 23, |y, x| 0.5 + 0.5 * ((y * 2 + x * 3) as f32).sin());
             let phase = initial_phase(18, 23, 6.0, 3).unwrap();
@@ -373,7 +430,7 @@ mod tests {
                 let difference = (at(h) - at(-h)) / (2.0 * h);
                 assert!(
                     (gradient[i] - difference).abs() < 1e-6 * scale,
-                    "{model:?}, {blocks:?}, parameter {i} of {}: {} against {difference}",
+                    "{model:?}, {orders}, {blocks:?}, parameter {i} of {}: {} against {difference}",
                     theta.len(),
                     gradient[i]
                 );

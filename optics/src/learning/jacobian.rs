@@ -44,7 +44,7 @@ pub(super) struct Curvature {
 }
 
 /// ∂e/∂θ of some rows of an image.
-struct Jacobian<T> {
+pub(super) struct Jacobian<T> {
     rows: Vec<usize>,
     columns: Range<usize>,
     /// The rows and columns at which the light is sampled: these, and those that blur into them.
@@ -82,7 +82,13 @@ impl<T: Real> Fit<T> {
     fn derivatives_in_mode(&mut self, m: usize, example: &Example<T>, jacobian: &mut Jacobian<T>) {
         let (layout, engine, further) = (self.layout, self.engine.clone(), m.checked_sub(1));
         jacobian.store_field(self, further.map(|further| layout.mode_light(further)));
-        self.kernel_derivatives(&engine, (None, layout.kernel, 0), jacobian);
+        match self.orders.take() {
+            None => self.kernel_derivatives(&engine, (None, layout.kernel, 0), jacobian),
+            Some(orders) => {
+                self.order_derivatives(&engine, &orders, jacobian);
+                self.orders = Some(orders);
+            }
+        }
         if let Some(further) = further {
             self.kernel_derivatives(&engine, (None, layout.mode, layout.mode_errors(further)), jacobian);
         }
@@ -317,17 +323,29 @@ impl<T: Real> Jacobian<T> {
             },
         );
         if let Some(slot) = light_slot {
-            self.add_blurred(slot, 0);
+            self.add_blurred(&[(slot, T::one())], 0);
         }
     }
 
     /// Writes ∂e for the field that the fit has just propagated, with its spectrum weighted by columns: to the slot
     /// `real` for the field itself, and to the slot `imaginary` for i times the field.
-    fn add_derivatives(&mut self, fit: &Fit<T>, weights: Option<&[T]>, real: Option<usize>, imaginary: Option<usize>) {
+    pub(super) fn add_derivatives(
+        &mut self,
+        fit: &Fit<T>,
+        weights: Option<&[T]>,
+        real: Option<usize>,
+        imaginary: Option<usize>,
+    ) {
+        self.add_to_slots(fit, weights, &[([real, imaginary], T::one())]);
+    }
+
+    /// [`Self::add_derivatives`] for several pairs of slots, each with a factor.
+    pub(super) fn add_to_slots(&mut self, fit: &Fit<T>, weights: Option<&[T]>, slots: &[([Option<usize>; 2], T)]) {
         let convolver = &fit.engine.convolver;
         let ((rows, columns), samples) = (&self.sampled, self.samples);
         let (width_px, width, arch) = (convolver.width_px, columns.len(), Arch::new());
         let factor = T::of(2.0 * fit.gain * fit.engine.share / samples as f64);
+        let [has_real, has_imaginary] = [0, 1].map(|i| slots.iter().any(|(pair, _)| pair[i].is_some()));
         let [of_real, of_imaginary] = &mut self.derivatives;
         let out = of_real.par_chunks_mut(width).zip(of_imaginary.par_chunks_mut(width));
         out.zip(self.field.par_chunks(samples * width)).zip(rows).for_each_init(
@@ -338,12 +356,12 @@ impl<T: Real> Jacobian<T> {
                 of_imaginary.fill(T::zero());
                 for (u, d) in field.chunks_exact(width).zip(scratch.samples.chunks_exact(width_px)) {
                     let d = &d[columns.clone()];
-                    if real.is_some() {
+                    if has_real {
                         for ((out, u), d) in of_real.iter_mut().zip(u).zip(d) {
                             *out = *out + factor * (u.re * d.re + u.im * d.im);
                         }
                     }
-                    if imaginary.is_some() {
+                    if has_imaginary {
                         for ((out, u), d) in of_imaginary.iter_mut().zip(u).zip(d) {
                             *out = *out + factor * (u.im * d.re - u.re * d.im);
                         }
@@ -351,33 +369,39 @@ impl<T: Real> Jacobian<T> {
                 }
             },
         );
-        for (derivative, slot) in [real, imaginary].into_iter().enumerate() {
-            if let Some(slot) = slot {
-                self.add_blurred(slot, derivative);
-            }
+        for derivative in 0..2 {
+            let slot = |&(pair, sign): &([Option<usize>; 2], T)| pair[derivative].map(|slot| (slot, sign));
+            let slots: Vec<(usize, T)> = slots.iter().filter_map(slot).collect();
+            self.add_blurred(&slots, derivative);
         }
     }
 
-    /// Adds one of the derivatives, blurred as the light is, to a slot.
-    fn add_blurred(&mut self, slot: usize, derivative: usize) {
+    /// Adds one of the derivatives, blurred as the light is, to some slots, each with a factor.
+    fn add_blurred(&mut self, slots: &[(usize, T)], derivative: usize) {
         let blur = self.blur.map(|blur| Blur::new(blur.ratios()));
-        self.add(slot, derivative, blur.as_ref());
+        self.add(slots, derivative, blur.as_ref());
     }
 
-    /// Adds one of the derivatives to a slot, behind a blur.
-    fn add(&mut self, slot: usize, derivative: usize, blur: Option<&Blur<T>>) {
+    /// Adds one of the derivatives, behind a blur, to some slots, each with a factor.
+    fn add(&mut self, slots: &[(usize, T)], derivative: usize, blur: Option<&Blur<T>>) {
+        if slots.is_empty() {
+            return;
+        }
         let (width, (sampled_rows, sampled_columns)) = (self.columns.len(), &self.sampled);
         let (size_px, columns) = (self.size_px, &self.columns);
         let near = |i: usize| &self.derivatives[derivative][i * sampled_columns.len()..][..sampled_columns.len()];
         let rows = self.values.par_chunks_mut(self.parameters * width).zip(&self.rows).enumerate();
         rows.for_each(|(i, (values, &y))| {
-            let out = &mut values[slot * width..][..width];
-            match blur {
-                None => out.iter_mut().zip(near(i)).for_each(|(out, &value)| *out = *out + value),
-                Some(blur) => {
-                    let near = |y: usize| near(sampled_rows.partition_point(|&sampled| sampled < y));
-                    blur.add_part(size_px, (y, columns.clone()), (sampled_columns.start, near), out);
-                }
+            let blurred = blur.map(|blur| {
+                let near = |y: usize| near(sampled_rows.partition_point(|&sampled| sampled < y));
+                let mut part = vec![T::zero(); width];
+                blur.add_part(size_px, (y, columns.clone()), (sampled_columns.start, near), &mut part);
+                part
+            });
+            let part = blurred.as_deref().unwrap_or_else(|| near(i));
+            for &(slot, factor) in slots {
+                let out = &mut values[slot * width..][..width];
+                out.iter_mut().zip(part).for_each(|(out, &value)| *out = *out + factor * value);
             }
         });
     }
@@ -386,10 +410,10 @@ impl<T: Real> Jacobian<T> {
     fn add_light(&mut self, fit: &Fit<T>) {
         let gain = T::of(fit.gain);
         self.derivatives[0].iter_mut().zip(&self.light).for_each(|(out, &light)| *out = gain * light);
-        self.add_blurred(fit.layout.len(), 0);
+        self.add_blurred(&[(fit.layout.len(), T::one())], 0);
         let slopes = self.blur.map(|blur| Blur::slopes(blur.ratios()));
         for (axis, slope) in slopes.iter().flatten().enumerate() {
-            self.add(fit.layout.light_blur() + axis, 0, Some(slope));
+            self.add(&[(fit.layout.light_blur() + axis, T::one())], 0, Some(slope));
         }
     }
 
@@ -470,15 +494,15 @@ mod tests {
     use crate::hologram::initial_phase;
     use crate::learning::layout::Layout;
     use crate::learning::{Blocks, KernelModel, Pair};
-    use crate::{Carrier, Detector, Grid, OpticalSetup, Plane, RegionOfInterest};
+    use crate::{Carrier, Detector, Grid, OpticalSetup, Orders, Plane, RegionOfInterest};
+
+    type Case = (KernelModel, usize, Blocks, Option<Carrier>, Orders);
 
     /// A fit away from any optimum, its example and its parameters.
-    fn fit_away_from_optimum(
-        (model, order, blocks, carrier): (KernelModel, usize, Blocks, Option<Carrier>),
-    ) -> (Fit<f64>, Example<f64>, Vec<f64>) {
+    fn fit_away_from_optimum((model, order, blocks, carrier, orders): Case) -> (Fit<f64>, Example<f64>, Vec<f64>) {
         let grid = Grid::try_new(18, 23, 8e-6).unwrap();
-        let setup = OpticalSetup::try_new(grid, 515e-9, 2e-3).unwrap();
-        let layout = Layout::of(model, order, blocks);
+        let setup = OpticalSetup::try_new(grid, 515e-9, 2e-3).unwrap().with_orders(orders).unwrap();
+        let layout = Layout::of(model, order, blocks).on(&setup);
         let mut fit = Fit::<f64>::new(vec![setup], layout, Detector::Pixel, carrier).unwrap();
         // Some pixels are saturated.
         let photo = Plane::from_fn(18, 23, |y, x| (0.6 + 0.5 * ((y * 2 + x * 3) as f32).sin()).min(1.0));
@@ -491,24 +515,30 @@ mod tests {
         (fit, example, theta)
     }
 
-    const MODELS: [(KernelModel, usize, Blocks, Option<Carrier>); 6] = [
-        (KernelModel::Smooth, 3, Blocks::NONE, None),
-        (KernelModel::Display, 4, Blocks::NONE, None),
-        (KernelModel::Display, 2, Blocks::NONE, Some(Carrier::HalfOrderX)),
-        (KernelModel::Varying, 5, Blocks { varying: true, ..Blocks::NONE }, Some(Carrier::HalfOrderX)),
-        (KernelModel::Display, 2, Blocks { light_blur: true, ..Blocks::NONE }, None),
-        (KernelModel::Display, 2, Blocks { varying: false, ..Blocks::ALL }, Some(Carrier::HalfOrderX)),
+    const ALL_ORDERS: Orders = Orders::All { fill_factor_x: 0.9, fill_factor_y: 0.7 };
+    const MODELS: [Case; 8] = [
+        (KernelModel::Smooth, 3, Blocks::NONE, None, Orders::First),
+        (KernelModel::Display, 4, Blocks::NONE, None, Orders::First),
+        (KernelModel::Display, 2, Blocks::NONE, Some(Carrier::HalfOrderX), Orders::First),
+        (KernelModel::Varying, 5, Blocks { varying: true, ..Blocks::NONE }, Some(Carrier::HalfOrderX), Orders::First),
+        (KernelModel::Display, 2, Blocks { light_blur: true, ..Blocks::NONE }, None, Orders::First),
+        (KernelModel::Display, 2, Blocks { varying: false, ..Blocks::ALL }, Some(Carrier::HalfOrderX), Orders::First),
+        (KernelModel::Varying, 3, Blocks { varying: true, ..Blocks::NONE }, None, ALL_ORDERS),
+        (KernelModel::Display, 2, Blocks { varying: false, ..Blocks::ALL }, None, ALL_ORDERS),
     ];
 
     #[test]
     fn light_derivatives_match_back_propagated_gradient() {
-        for case @ (model, ..) in MODELS {
+        for case @ (model, .., orders) in MODELS {
             let (mut fit, example, _) = fit_away_from_optimum(case);
             let (_, backward) = fit.evaluate(&example);
             let forward = fit.curvature(&example, 0, 1).gradient;
             let scale = backward.iter().fold(0.0_f64, |largest, g| largest.max(g.abs()));
             for (i, (forward, backward)) in forward.iter().zip(&backward).enumerate() {
-                assert!((forward - backward).abs() < 1e-10 * scale, "{model:?}, {i}: {forward} against {backward}");
+                assert!(
+                    (forward - backward).abs() < 1e-10 * scale,
+                    "{model:?}, {orders}, {i}: {forward} against {backward}"
+                );
             }
         }
     }
@@ -531,7 +561,7 @@ mod tests {
 
     #[test]
     fn curvature_matches_central_differences() {
-        for case @ (model, ..) in MODELS {
+        for case @ (model, .., orders) in MODELS {
             let (mut fit, example, theta) = fit_away_from_optimum(case);
             let curvature = fit.curvature(&example, 1, 3);
             let (gain, h) = (fit.gain, 1e-5);
@@ -560,7 +590,10 @@ mod tests {
                 for b in 0..theta.len() {
                     let difference = 2.0 / counted * product(&differences[a], &differences[b]);
                     let exact = curvature.matrix[a * theta.len() + b];
-                    assert!((exact - difference).abs() < 1e-6 * scale, "{model:?}, {a} and {b}: {exact}, {difference}");
+                    assert!(
+                        (exact - difference).abs() < 1e-6 * scale,
+                        "{model:?}, {orders}, {a} and {b}: {exact}, {difference}"
+                    );
                 }
             }
         }

@@ -1,11 +1,12 @@
 //! Positions of a model's parameters in θ.
 //!
-//! θ holds, in this order: α and ψ of the kernel, log amplitude and phase of the source, [a_k, b_k] of the phase
+//! θ holds, in this order: α and ψ of the kernel, those beyond the band of a display that shows all orders, log amplitude and phase of the source, [a_k, b_k] of the phase
 //! response, the zero order's real and imaginary part, q of the cross-talk along x and y, the series v of the
 //! response's variation, the numbers of the ghost, q of the blur of the light along x and y, α_m and ψ_m of the
 //! kernel's variation over the SLM, and for each further mode of light ln(w_m/w_0), α_m and ψ_m. The model `smooth` has
 //! the kernel only. Gain and offset are not in θ: each photograph has its own.
 
+use super::order_fit::BEYOND_ORDER;
 use super::{Blocks, KernelModel, ModelPart};
 use crate::chebyshev::ChebyshevBasis;
 use crate::convolution::Real;
@@ -40,6 +41,8 @@ const LOG_LIGHT: (f64, f64) = (-7.0, 3.0);
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Layout {
     pub(super) kernel: ChebyshevBasis,
+    /// Basis of the errors beyond the band; of order 0 for displays that show one order.
+    pub(super) beyond: ChebyshevBasis,
     pub(super) source: ChebyshevBasis,
     pub(super) harmonics: usize,
     zero_order: usize,
@@ -64,7 +67,7 @@ pub(super) struct Layout {
 /// The part of the display that a parameter describes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Part {
-    /// The terms T_1(fx) and T_1(fy) of the kernel's phase, which move the image.
+    /// The terms T_1(fx) and T_1(fy) of the kernel's phase, in the band and beyond it, which move the image.
     Tilt,
     /// A term of the kernel other than these tilts.
     Kernel,
@@ -93,6 +96,7 @@ impl Layout {
         let light_blur = if blocks.light_blur { 2 } else { 0 };
         Self {
             kernel,
+            beyond: ChebyshevBasis::new(0),
             source,
             harmonics,
             zero_order,
@@ -107,6 +111,12 @@ impl Layout {
         }
     }
 
+    /// The same layout for a display of this setup.
+    pub(super) fn on(self, setup: &OpticalSetup) -> Self {
+        let order = if setup.orders().are_all() { BEYOND_ORDER } else { 0 };
+        Self { beyond: ChebyshevBasis::new(order), ..self }
+    }
+
     /// Whether the kernel varies over the SLM.
     pub(super) fn varies(&self) -> bool {
         self.variation.order() > 0
@@ -116,8 +126,19 @@ impl Layout {
         self.mode_light(self.modes)
     }
 
-    pub(super) fn source(&self) -> usize {
+    pub(super) fn beyond(&self) -> usize {
         2 * self.kernel.terms()
+    }
+
+    /// Positions of the kernel's tilts along x and y.
+    pub(super) fn tilts(&self) -> impl Iterator<Item = usize> + use<> {
+        let kernel = self.kernel;
+        let term = move |wanted| kernel.degrees().position(|degrees| degrees == wanted);
+        [(1, 0), (0, 1)].into_iter().filter_map(term).map(move |term| kernel.terms() + term)
+    }
+
+    pub(super) fn source(&self) -> usize {
+        self.beyond() + 2 * self.beyond.terms()
     }
 
     pub(super) fn response(&self) -> usize {
@@ -202,8 +223,10 @@ impl Layout {
         if position >= self.source() {
             return Part::Slm;
         }
-        let degrees = position.checked_sub(self.kernel.terms()).and_then(|term| self.kernel.degrees().nth(term));
-        match degrees {
+        let phase = |start: usize, basis: ChebyshevBasis| {
+            position.checked_sub(start + basis.terms()).and_then(|term| basis.degrees().nth(term))
+        };
+        match phase(0, self.kernel).or_else(|| phase(self.beyond(), self.beyond)) {
             Some((0, 1) | (1, 0)) => Part::Tilt,
             _ => Part::Kernel,
         }
@@ -299,6 +322,7 @@ impl Layout {
         DisplayModel {
             setup: *setup,
             kernel: KernelShape::Smooth(smooth(self.kernel, 0)),
+            beyond: smooth(self.beyond, self.beyond()),
             ghost,
             variation,
             coherence: PartialCoherence::new((0..self.modes).map(mode).collect()),
@@ -326,6 +350,7 @@ impl Layout {
             }
         };
         move_series((self.kernel, 0), (to.kernel, 0));
+        move_series((self.beyond, self.beyond()), (to.beyond, to.beyond()));
         move_series((self.source, self.source()), (to.source, to.source()));
         for power in 0..SpatialVariation::POWERS {
             move_series((self.variation, self.variation(power)), (to.variation, to.variation(power)));
@@ -349,6 +374,7 @@ impl Layout {
         let mut parameters = Vec::with_capacity(self.len());
         let KernelShape::Smooth(kernel) = &model.kernel else { return vec![0.0; self.len()] };
         push_field(&mut parameters, self.kernel, Some(kernel));
+        push_field(&mut parameters, self.beyond, Some(&model.beyond));
         push_field(&mut parameters, self.source, Some(&model.source));
         for harmonic in 0..self.harmonics {
             parameters.extend(model.response.get(harmonic).copied().unwrap_or_default());

@@ -25,6 +25,8 @@ mod ghost;
 mod jacobian;
 mod layout;
 mod modes;
+mod order_fit;
+mod order_jacobian;
 mod pair;
 pub mod parametric;
 mod parts;
@@ -42,6 +44,7 @@ pub(crate) mod sizes {
         FINE_SOURCE_ORDER, FURTHER_MODES, HARMONICS, MODE_ORDER, RESPONSE_VARIATION_ORDER, SOURCE_ORDER,
         VARIATION_ORDER,
     };
+    pub(crate) use super::order_fit::BEYOND_ORDER;
     pub(crate) use super::parametric::CURVATURE_PX;
 }
 

@@ -97,7 +97,7 @@ impl ParametricLearner {
         state: ParametricState,
     ) -> Result<Self, Error> {
         let kernel_orders = kernel_orders(&options);
-        let layout = Layout::of(options.model, state.order as usize, state.blocks);
+        let layout = Layout::of(options.model, state.order as usize, state.blocks).on(&setups[0]);
         let distances_m: Vec<f64> = setups.iter().map(OpticalSetup::distance_m).collect();
         let joint = JointLayout::new(layout, &distances_m);
         let theta = state.refinement.as_ref().map_or(&state.parameters, |refinement| &refinement.parameters);
@@ -136,6 +136,11 @@ impl ParametricLearner {
         self.fit.setups.iter().enumerate().map(model).collect()
     }
 
+    /// Layout of the model with a kernel of another order and other blocks.
+    fn layout_of(&self, order: usize, blocks: Blocks) -> Layout {
+        Layout::of(self.options.model, order, blocks).on(&self.fit.setups[0])
+    }
+
     /// The best θ so far, and its layout.
     fn best(&self) -> (JointLayout, &[f64]) {
         let state = &self.state;
@@ -143,7 +148,7 @@ impl ParametricLearner {
         let validated = state.best.iter().chain(of_round);
         match (validated.min_by(|a, b| a.loss.total_cmp(&b.loss)), &state.refinement) {
             (Some(best), _) => {
-                let layout = Layout::of(self.options.model, best.order as usize, best.blocks);
+                let layout = self.layout_of(best.order as usize, best.blocks);
                 (self.joint.with_layout(layout), &best.parameters)
             }
             (None, Some(refinement)) => (self.joint.clone(), &refinement.parameters),
@@ -275,7 +280,7 @@ impl ParametricLearner {
                 let (joint, theta) = self.best();
                 let theta = theta.to_vec();
                 self.state.order_index += 1;
-                return self.start_layout(Layout::of(self.options.model, order, joint.layout.blocks), &joint, &theta);
+                return self.start_layout(self.layout_of(order, joint.layout.blocks), &joint, &theta);
             }
             self.state.orders_done = true;
             if self.start_round() {

@@ -83,6 +83,7 @@ pub fn without_each_part(model: &DisplayModel) -> Vec<(ModelPart, DisplayModel)>
     };
     add(ModelPart::TransferFunction, !errors.is_flat(), |model| {
         (model.kernel, model.variation) = (KernelShape::Smooth(SmoothField::flat(0)), SpatialVariation::none());
+        model.beyond = SmoothField::flat(0);
     });
     add(ModelPart::VaryingTransferFunction, !model.variation.is_none(), |model| {
         model.variation = SpatialVariation::none()

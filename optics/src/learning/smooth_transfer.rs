@@ -57,6 +57,11 @@ impl<T: Real> SmoothTransfer<T> {
         tabulate(self.basis.order(), &self.columns)
     }
 
+    /// T_0 … T_order at the fy of each bin.
+    pub(super) fn polynomials_y(&self) -> &[Vec<T>] {
+        &self.polynomials
+    }
+
     /// T_j at the fy of each bin.
     pub(super) fn polynomial_y(&self, j: usize) -> &[T] {
         &self.polynomials[j]

@@ -90,7 +90,7 @@ impl ModelUncertainty {
         model.validate()?;
         let Some(layout) = layout_of(model) else { return Ok(None) };
         let blocks = layout.blocks.with(Block::Crosstalk).with(Block::UnevenResponse);
-        let extended = Layout::of(KernelModel::Display, layout.kernel.order(), blocks);
+        let extended = Layout::of(KernelModel::Display, layout.kernel.order(), blocks).on(&model.setup);
         let fit = Fit::of_model(model, extended, detector, carrier)?;
         let curvature = vec![0.0; extended.len() * extended.len()];
         Ok(Some(Self { model: model.clone(), layout, fit, region, curvature, gradients: Vec::new() }))
@@ -275,7 +275,7 @@ fn sigma_px(ratios: [f64; 2]) -> [f64; 2] {
 /// The layout of a learned model with a phase response; `None` for a model of another shape.
 pub(super) fn layout_of(model: &DisplayModel) -> Option<Layout> {
     let KernelShape::Smooth(kernel) = &model.kernel else { return None };
-    let layout = Layout::of(KernelModel::Display, kernel.order, Blocks::of(model));
+    let layout = Layout::of(KernelModel::Display, kernel.order, Blocks::of(model)).on(&model.setup);
     let is_of_layout = (model.source.order, model.response.len()) == (layout.source.order(), layout.harmonics)
         && [0, layout.response_variation].contains(&model.response_variation.coefficients.len())
         && model.coherence.modes().len() == layout.modes

@@ -3,13 +3,13 @@
 use super::sampling::{ExactSize, RESPONSE_STAGES, quadrant, sampling_bytes, sampling_work};
 use super::{COMPLEX, COMPLEX_F64, REAL};
 use crate::convolution::{padded_columns, rows::ROWS, tile_columns};
-use crate::engine::sub_samples;
+use crate::engine::{order_products, sub_samples};
 use crate::hologram::OTHER_ORDERS_PIXELS_MAX;
 use crate::propagation::passes::has_sample_transfers;
 use crate::second_opinion::OpinionSize;
 use crate::simulated_display::{AxisSize, POSITIONS, SimulatedBench, all_orders_sizes};
 use crate::spatial_variation::local_kernels;
-use crate::{ConvolutionMethod, Detector, DisplayModel, KernelShape, OpticalSetup};
+use crate::{ConvolutionMethod, Detector, DisplayModel, KernelShape, OpticalSetup, Orders};
 
 /// Memory of a simulated bench while it exists, for each pixel of its display \[bytes\]: source, speckle, and tables of
 /// free space.
@@ -24,6 +24,10 @@ const EXPOSURE_BYTES_PER_PX: u64 = 324;
 const FIELD_BYTES_PER_PX: u64 = 48;
 /// Time of a value of the transfer function of all orders, in radix-2 stages of a value.
 const TRANSFER_STAGES: f64 = 8.0;
+/// Time of a product of an order: its part of free space, and its errors.
+pub(super) const ORDER_STAGES: f64 = 300.0;
+/// Time of a product's part in the transfer function to a sub-sample.
+pub(super) const FOLD_STAGES: f64 = 20.0;
 /// Time of all metrics of a hologram, as optimized and as quantized, for a pixel, in radix-2 stages.
 const METRICS_STAGES: f64 = 600.0;
 /// Time of a value of a second opinion, in radix-2 stages: its transfer function, and its part of the spectra.
@@ -60,6 +64,10 @@ pub struct EngineSize {
     /// Setup of a display that shows all orders, on which the size of its simulated bench depends. `None`: the size
     /// depends on the number of pixels alone.
     pub orders_setup: Option<OpticalSetup>,
+    /// Whether the display's kernel has errors that differ from order to order.
+    pub has_order_errors: bool,
+    /// Number of products of the orders of the same display with the other kind of optics.
+    pub other_order_products: u64,
     /// Whether a filter passes a part of the first order.
     pub is_filtered: bool,
     /// The exact transfer functions with which the quality of holograms is measured; `None`: it is measured without
@@ -93,6 +101,8 @@ impl EngineSize {
             blurs_light: false,
             all_orders: false,
             orders_setup: None,
+            has_order_errors: false,
+            other_order_products: 0,
             is_filtered: false,
             exact: None,
             opinion: None,
@@ -109,10 +119,13 @@ impl EngineSize {
     }
 
     fn sampled_behind(self, setup: &OpticalSetup, kernel_has_bins: bool, has_errors: bool) -> Self {
+        let all = setup.with_orders(Orders::SQUARE).ok().filter(|_| has_errors && !setup.orders().are_all());
         let has_samples = has_sample_transfers(setup) && !kernel_has_bins && self.kernels_per_side == 1;
         Self {
             all_orders: setup.method() == ConvolutionMethod::AllOrders,
             orders_setup: setup.orders().are_all().then_some(*setup),
+            has_order_errors: setup.orders().are_all() && has_errors,
+            other_order_products: all.as_ref().map_or(0, order_products),
             is_filtered: setup.orders().filter().is_some(),
             exact: has_samples.then(|| ExactSize::of(setup, has_errors)),
             opinion: OpinionSize::of(setup, kernel_has_bins, self.kernels_per_side, self.modes),
@@ -120,6 +133,31 @@ impl EngineSize {
             sampling_work: sampling_work(setup),
             ..self
         }
+        .with_order_errors()
+    }
+
+    /// Adds the making of transfer functions behind errors that differ from order to order.
+    fn with_order_errors(self) -> Self {
+        if !self.has_order_errors {
+            return self;
+        }
+        let products = self.orders_setup.as_ref().map_or(0, order_products);
+        let work = |places: u64| (products as f64 * (ORDER_STAGES + FOLD_STAGES * places as f64)) as u64;
+        Self {
+            sampling_bytes: self.sampling_bytes.max(self.order_products_bytes() + self.transfer_bytes()),
+            sampling_work: self.sampling_work + work(self.samples()),
+            exact: self.exact.map(|exact| ExactSize {
+                bytes: exact.bytes + self.order_products_bytes() + self.transfer_bytes(),
+                work: exact.work + work(exact.places),
+                ..exact
+            }),
+            ..self
+        }
+    }
+
+    /// The products of all orders from which transfer functions behind errors of each order are made.
+    pub(super) fn order_products_bytes(&self) -> u64 {
+        self.orders_setup.as_ref().map_or(0, order_products) * COMPLEX
     }
 
     /// Size of the engine of a display model.
@@ -318,7 +356,9 @@ impl EngineSize {
             return 0;
         }
         let other = Self { detector: Detector::Point, all_orders: !self.all_orders, ..*self };
-        let sampled = 4 * self.pixels() * COMPLEX;
+        let products = self.other_order_products * COMPLEX
+            + if self.other_order_products > 0 { other.transfer_bytes() } else { 0 };
+        let sampled = 4 * self.pixels() * COMPLEX + products;
         other.engine_bytes() + sampled + other.light_bytes() + other.scratch_bytes() + 3 * self.pixels() * REAL
     }
 
@@ -329,7 +369,10 @@ impl EngineSize {
             return 0.0;
         }
         let point = Self { detector: Detector::Point, ..*self };
-        4.0 * (frames * self.modes) as f64 * point.light_work() + (4 * self.pixels() * RESPONSE_STAGES) as f64
+        let products = self.other_order_products as f64 * (ORDER_STAGES + 4.0 * FOLD_STAGES);
+        4.0 * (frames * self.modes) as f64 * point.light_work()
+            + (4 * self.pixels() * RESPONSE_STAGES) as f64
+            + products
     }
 
     /// Work of one propagation to the image and its detection, in values times radix-2 stages.

@@ -1,11 +1,12 @@
 //! Memory and work of a fit of a display model.
 
+use super::engine::{FOLD_STAGES, ORDER_STAGES};
 use super::{COMPLEX, COMPLEX_F64, EngineSize, REAL};
 use crate::chebyshev::ChebyshevBasis;
 use crate::convolution::tile_columns;
 use crate::learning::sizes::{
-    CURVATURE_PX, FINE_SOURCE_ORDER, FURTHER_MODES, HARMONICS, MODE_ORDER, RESPONSE_VARIATION_ORDER, SOURCE_ORDER,
-    VARIATION_ORDER,
+    BEYOND_ORDER, CURVATURE_PX, FINE_SOURCE_ORDER, FURTHER_MODES, HARMONICS, MODE_ORDER, RESPONSE_VARIATION_ORDER,
+    SOURCE_ORDER, VARIATION_ORDER,
 };
 use crate::learning::{Blocks, KernelModel};
 use crate::optimizer::limited_memory::HISTORY;
@@ -85,11 +86,29 @@ impl LearningSize {
     /// What a smooth model needs in addition: ideal transfer functions and spectra.
     fn smooth_bytes(&self) -> u64 {
         let (engine, n) = (self.engine(), self.engine.pixels());
-        let ideal = self.distances as u64 * engine.transfer_bytes();
+        let ideal = self.distances as u64 * engine.transfer_bytes() + self.order_bytes();
         let spectra = engine.half_spectrum_bytes(2);
         // Also the slopes of the shown phases by the two numbers of the cross-talk.
         let source = if engine.has_source { COMPLEX * n + 2 * REAL * n } else { 0 };
         ideal + spectra + source + engine.sampling_bytes
+    }
+
+    /// Of a display that shows all orders: the first order of each sub-sample at each distance, the products of the
+    /// orders, and transfer functions to the sub-samples while others are in use.
+    fn order_bytes(&self) -> u64 {
+        let engine = self.engine();
+        match engine.all_orders {
+            true => {
+                let to_samples = engine.lanes() * engine.transfer_bytes();
+                // The products of the point before are freed when the next ones are there.
+                (self.distances as u64 + 1) * to_samples + engine.transfer_bytes() + 2 * engine.order_products_bytes()
+            }
+            false => 0,
+        }
+    }
+
+    fn order_products(&self) -> f64 {
+        (self.engine.order_products_bytes() / COMPLEX) as f64
     }
 
     /// Columns of the spectra of the field and of the gradient, and their sums.
@@ -142,7 +161,8 @@ impl LearningSize {
     /// Number of parameters of the model at one distance.
     fn parameters(&self) -> u64 {
         let terms = |order: usize| ChebyshevBasis::new(order).terms();
-        let kernel = 2 * terms(self.order);
+        let beyond = if self.engine.all_orders { terms(BEYOND_ORDER) } else { 0 };
+        let kernel = 2 * (terms(self.order) + beyond);
         let some = |has: bool, count: usize| if has { count } else { 0 };
         let Blocks { fine_source, uneven_response, partial_coherence, .. } = self.blocks;
         let variation_of_response = some(uneven_response, terms(RESPONSE_VARIATION_ORDER) + 1);
@@ -161,8 +181,10 @@ impl LearningSize {
     fn joint_parameters(&self) -> u64 {
         // The kernel is a polynomial of the distance of degree 2 at most, and each distance has its own tilts. The
         // modulator is the same at all distances.
-        let kernel = 2 * ChebyshevBasis::new(self.order).terms() as u64;
-        self.parameters() + kernel * (self.distances.min(3) as u64 - 1) + 2 * self.distances as u64
+        let terms = |order: usize| ChebyshevBasis::new(order).terms() as u64;
+        let (beyond, tilts) = if self.engine.all_orders { (terms(BEYOND_ORDER), 4) } else { (0, 2) };
+        let kernel = 2 * (terms(self.order) + beyond);
+        self.parameters() + kernel * (self.distances.min(3) as u64 - 1) + tilts * self.distances as u64
     }
 
     /// What a model of bins needs in addition: its state, and the gradient of every bin.
@@ -200,7 +222,8 @@ impl LearningSize {
     pub fn step_work(&self) -> f64 {
         let engine = self.engine();
         let gradient = engine.pixels() as f64 * 4.0 * engine.kernels() as f64 * (self.order + 2) as f64;
-        engine.evaluation_work() + engine.light_work() + gradient
+        let orders = self.order_products() * (ORDER_STAGES + 2.0 * FOLD_STAGES * engine.samples() as f64);
+        engine.evaluation_work() + engine.light_work() + gradient + orders
     }
 
     /// Work of the curvature of one pair.
@@ -212,6 +235,15 @@ impl LearningSize {
         let propagations = self.order + 1 + if engine.has_source { source + 2 * HARMONICS + 1 + 12 } else { 0 };
         let [rows, columns] = self.region_px.map(|side| side as f64);
         let products = (rows * columns).min(2.0 * CURVATURE_PX as f64) * (self.parameters() as f64).powi(2) / 8.0;
-        propagations as f64 * engine.light_work() + products
+        // Transforms along y for the orders at, below and above the first along each axis.
+        let (groups, beyond) = ((2 * (self.order + 1) + 6) as f64, ChebyshevBasis::new(BEYOND_ORDER).terms() as f64);
+        let orders = match engine.all_orders {
+            true => {
+                (groups + beyond) * engine.light_work()
+                    + (1.0 + beyond) * self.order_products() * FOLD_STAGES * engine.samples() as f64
+            }
+            false => 0.0,
+        };
+        propagations as f64 * engine.light_work() + products + orders
     }
 }

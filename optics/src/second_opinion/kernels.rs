@@ -27,33 +27,35 @@ use crate::{DisplayModel, KernelShape, Plane, SmoothField, interrupt};
 use num_complex::Complex64;
 use rayon::prelude::*;
 use rustfft::FftPlanner;
-use std::borrow::Cow;
 use std::f64::consts::PI;
 
 /// Points along an axis besides those of the engine.
 const MORE_POINTS: usize = 2;
 
 /// Parts of the SLM with their errors. A uniform kernel has one part, the whole SLM.
-pub(super) struct Parts<'a> {
+pub(super) struct Parts {
     /// Windows along each axis: a factor for each pixel; `None`: 1 everywhere.
     pub(super) along_x: Vec<Option<Vec<f64>>>,
     pub(super) along_y: Vec<Option<Vec<f64>>>,
     /// For each window along y those of all windows along x; empty: no errors.
-    errors: Vec<Cow<'a, SmoothField>>,
+    errors: Vec<SmoothField>,
 }
 
-impl<'a> Parts<'a> {
-    pub(super) fn of(model: &'a DisplayModel) -> Self {
+impl Parts {
+    pub(super) fn of(model: &DisplayModel) -> Self {
         let KernelShape::Smooth(kernel) = &model.kernel else {
             return Self { along_x: vec![None], along_y: vec![None], errors: Vec::new() };
         };
+        // With all orders, the kernel's own errors differ from order to order.
+        let flat = SmoothField::flat(kernel.order);
+        let kernel = if model.setup.orders().are_all() { &flat } else { kernel };
         if model.variation.is_none() {
-            return Self { along_x: vec![None], along_y: vec![None], errors: vec![Cow::Borrowed(kernel)] };
+            return Self { along_x: vec![None], along_y: vec![None], errors: vec![kernel.clone()] };
         }
         let per_side = windows_per_side(local_kernels::per_side(&model.variation));
         let points: Vec<f64> = (0..per_side).map(|i| -(PI * i as f64 / (per_side - 1) as f64).cos()).collect();
         let windows = |side_px| (0..per_side).map(|i| Some(window(&points, i, side_px))).collect();
-        let local = |i| Cow::Owned(model.variation.local_kernel(kernel, points[i % per_side], points[i / per_side]));
+        let local = |i| model.variation.local_kernel(kernel, points[i % per_side], points[i / per_side]);
         let grid = model.setup.grid();
         Self {
             along_x: windows(grid.width_px()),
@@ -63,7 +65,7 @@ impl<'a> Parts<'a> {
     }
 
     pub(super) fn errors(&self, part_x: usize, part_y: usize) -> Option<&SmoothField> {
-        self.errors.get(part_y * self.along_x.len() + part_x).map(Cow::as_ref)
+        self.errors.get(part_y * self.along_x.len() + part_x)
     }
 }
 

@@ -8,7 +8,8 @@
 //! ```
 //!
 //! Places x, y in pixels, frequencies in cycles per pixel, ν from −½ to ½. A display that shows the first order has m =
-//! n = 0 and P = 1, or what its filter passes; one that shows all orders has every order that reaches the image. w_x
+//! n = 0 and P = 1, or what its filter passes; one that shows all orders has every order that reaches the image, and E of a
+//! smooth kernel at f: in the band, and beyond it that of the nearest frequency of the band times a series. w_x
 //! and w_y are the sides of a pixel's bright area in pixel pitches, E the errors of a learned kernel, E_l those of mode
 //! l of the light relative to it, w_l the mode's part of the light, a the source profile with its dust, r the phase
 //! response, z₀ undiffracted light, λ wavelength \[m\], z distance \[m\], Δ pixel pitch \[m\], g the Gaussians of the
@@ -22,7 +23,7 @@ use super::kernels::{Parts, Residual};
 use crate::buffers::zeros;
 use crate::chebyshev::position;
 use crate::engine::SeriesAlongY;
-use crate::{Carrier, DisplayModel, OpticalSetup, Plane, RegionOfInterest, SmoothField, interrupt};
+use crate::{Carrier, DisplayModel, KernelShape, OpticalSetup, Plane, RegionOfInterest, SmoothField, interrupt};
 use num_complex::Complex64;
 use rayon::prelude::*;
 use rustfft::{Fft, FftPlanner};
@@ -205,6 +206,22 @@ fn turn(cycles: f64) -> Complex64 {
     Complex64::cis(TAU * (cycles - cycles.round()))
 }
 
+fn tilts(model: &DisplayModel) -> [f64; 2] {
+    let KernelShape::Smooth(kernel) = &model.kernel else { return [0.0; 2] };
+    let term = |wanted| kernel.basis().degrees().zip(&kernel.phase).find(|(degrees, _)| *degrees == wanted);
+    [(1, 0), (0, 1)].map(|wanted| term(wanted).map_or(0.0, |(_, phase)| *phase))
+}
+
+/// The nearest place in the band to a frequency [cycles per pixel], and how far beyond it the frequency is, in half
+/// bands.
+fn in_band_and_beyond(frequency: f64) -> (f64, f64) {
+    match 2.0 * frequency {
+        below if below < -1.0 => (-1.0, below + 1.0),
+        above if above > 1.0 => (1.0, above - 1.0),
+        within => (within, 0.0),
+    }
+}
+
 fn sinc(x: f64) -> f64 {
     if x == 0.0 { 1.0 } else { (PI * x).sin() / (PI * x) }
 }
@@ -225,7 +242,9 @@ struct Work<'a> {
     /// Errors of the mode of light relative to the kernel; `None`: the first mode.
     mode: Option<&'a SmoothField>,
     /// Parts of the modulator, each with errors of its own.
-    parts: Parts<'a>,
+    parts: Parts,
+    /// Terms T_1 along x and y of the kernel's phase.
+    tilts: [f64; 2],
     /// What a kernel with a value for each frequency adds to free space.
     residual: Option<Residual>,
     places: &'a Places,
@@ -260,6 +279,7 @@ impl<'a> Work<'a> {
             model,
             mode: None,
             parts: Parts::of(model),
+            tilts: tilts(model),
             residual,
             places,
             x,
@@ -394,12 +414,18 @@ impl<'a> Work<'a> {
             (-axis.orders..=axis.orders).map(|order| (f64::from(order), turns(order, places))).collect()
         };
         let (orders_x, orders_y) = (orders(self.x, &self.places.along_x), orders(self.y, &self.places.along_y));
+        let errors_x: Vec<_> = orders_x.iter().map(|(order_x, _)| self.errors_of_orders(along_x + order_x)).collect();
         let mut transfers = vec![Complex64::ZERO; self.places.count()];
         for (l, (u, &(along_y, _))) in spectrum.iter().zip(&self.frequencies_y).enumerate() {
             transfers.fill(Complex64::ZERO);
             for (order_y, turns_y) in &orders_y {
-                for (order_x, turns_x) in &orders_x {
-                    let h = self.transfer(along_x + order_x, along_y + order_y);
+                for ((order_x, turns_x), errors) in orders_x.iter().zip(&errors_x) {
+                    let mut h = self.transfer(along_x + order_x, along_y + order_y);
+                    if let Some([kernel, beyond]) = errors.as_ref().filter(|_| h != Complex64::ZERO) {
+                        let (y, beside) = in_band_and_beyond(along_y + order_y);
+                        h *= kernel.at(y) * beyond.at((beside / 4.0).clamp(-1.0, 1.0));
+                        h *= self.shift_beyond(along_x + order_x, along_y + order_y);
+                    }
                     for (sums, turn_y) in transfers.chunks_exact_mut(across).zip(turns_y) {
                         sums.iter_mut().zip(turns_x).for_each(|(sum, turn_x)| *sum += h * turn_y * turn_x);
                     }
@@ -411,6 +437,19 @@ impl<'a> Work<'a> {
         let of_row_and_place = waves
             .flat_map(|(i, wave)| behind[i % down * across..][..across].iter().map(move |behind| dot(behind, wave)));
         of_row_and_place.collect()
+    }
+
+    /// Errors along y of a kernel of a display that shows all orders: at frequencies of the band, and of what exceeds it.
+    fn errors_of_orders(&self, fx: f64) -> Option<[SeriesAlongY; 2]> {
+        let KernelShape::Smooth(kernel) = &self.model.kernel else { return None };
+        let (x, beside) = in_band_and_beyond(fx);
+        let u = (beside / 4.0).clamp(-1.0, 1.0);
+        Some([SeriesAlongY::new(kernel, x), SeriesAlongY::new(&self.model.beyond, u)])
+    }
+
+    /// What the kernel's terms T_1(x) and T_1(y), which move the image, add beyond the band.
+    fn shift_beyond(&self, fx: f64, fy: f64) -> Complex64 {
+        Complex64::cis(self.tilts[0] * in_band_and_beyond(fx).1 + self.tilts[1] * in_band_and_beyond(fy).1)
     }
 
     /// P·H at a frequency [cycles per pixel] of any order.

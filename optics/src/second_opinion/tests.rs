@@ -118,6 +118,7 @@ fn flawed(setup: OpticalSetup) -> DisplayModel {
     };
     DisplayModel {
         kernel: KernelShape::Smooth(wavy(4, 0.1)),
+        beyond: if setup.orders().are_all() { wavy(2, 0.2) } else { SmoothField::flat(0) },
         ghost: Ghost { amplitude: Complex64::new(0.1, -0.07), shift_px: [4.3, -2.2], defocus_rad: 3.0 },
         coherence: PartialCoherence::new(vec![
             FurtherMode { light: 0.7, errors: wavy(2, 0.1) },
@@ -145,6 +146,8 @@ fn learned_display_matches_the_engine() {
         // The engine samples the errors on a padded frame, in which a little light comes back. Here hardly any leaves
         // it.
         (Orders::SQUARE, 0.2e-3, None, 2e-2),
+        // What comes back of the orders' differences falls on the image's rim.
+        (Orders::SQUARE, 1e-3, None, 0.1),
     ] {
         let (setup, _) = setup(30, 40, distance_m).with_orders(orders).unwrap().planned().unwrap();
         let model = flawed(setup);

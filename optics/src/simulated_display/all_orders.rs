@@ -16,9 +16,8 @@
 //!
 //! E are the errors of the optics. They are drawn over the band of the first order, up to ½ cycle per pixel along each
 //! axis. Beyond it they keep the value of the nearest frequency of the band, ν̂: their polynomials would grow without
-//! bound there. A shift of the camera and a ghost are not held, because a shift is a shift at every frequency. Errors
-//! of a learned model repeat in every order, as A does. So a learned model of such a display is exact without errors,
-//! and nearly so where they are small.
+//! bound there. A shift of the camera and a ghost are not held, because a shift is a shift at every frequency. A
+//! learned model's errors [beyond the band](crate::DisplayModel::beyond) may change there.
 
 mod axis;
 

@@ -10,6 +10,7 @@
 //! | `model` | `paper`, `dense`, `smooth`, `display` or `varying` |
 //! | `height_px`, `width_px`, `pixel_pitch_m`, `wavelength_m`, `distance_m` | the optical setup of the kernel |
 //! | `kernel_order`, `source_order` | highest total degrees of the Chebyshev series |
+//! | `beyond_order` | highest total degree of the errors beyond the band, on a display that shows all orders; missing: 0 |
 //! | `variation_order` | highest total degree of the kernel's variation over the SLM; missing: 0 |
 //! | `response_variation_order` | highest total degree of the response's variation over the SLM; missing: the response is the same everywhere |
 //! | `has_crosstalk` | whether neighbouring pixels have cross-talk; missing: no |
@@ -25,7 +26,8 @@
 //!
 //! | tensor | type, shape | meaning |
 //! |---|---|---|
-//! | `kernel.log_amplitude`, `kernel.phase` | f64, \[terms\] | α and ψ of H = H_ideal · exp(α + iψ) (`smooth`, `display`, `varying`) |
+//! | `kernel.log_amplitude`, `kernel.phase` | f64, \[terms\] | α and ψ of H = H_ideal · exp(α + iψ) (`smooth`, `display`, `varying`); of a display that shows all orders, f is the frequency of the light, limited to the band of the first order |
+//! | `beyond.log_amplitude`, `beyond.phase` | f64, \[terms\] | the errors beyond the band, series of what a frequency exceeds it by (`smooth`, `display` and `varying` of all orders) |
 //! | `variation.log_amplitude`, `variation.phase` | f64, \[5, terms\] | α_m and ψ_m, factors of x, y, x², xy and y² (`varying`) |
 //! | `kernel.bins` | f32, \[rows, columns, 2\] | H, real and imaginary, zero frequency in the middle (`paper`, `dense`) |
 //! | `source.log_amplitude`, `source.phase` | f64, \[terms\] | the source profile (`display`, `varying`) |
@@ -153,6 +155,7 @@ pub(crate) fn header_text(model: &DisplayModel, kind: KernelModel, origin: &Orig
         distance_m: model.setup.distance_m(),
         kernel_order: if let KernelShape::Smooth(errors) = &model.kernel { errors.order } else { 0 },
         source_order: model.source.order,
+        beyond_order: model.beyond.order,
         variation_order: model.variation.order(),
         response_variation_order: (!model.response_variation.is_none()).then_some(model.response_variation.order),
         has_crosstalk: !model.crosstalk.is_none(),
@@ -195,6 +198,10 @@ pub(crate) fn series(model: &DisplayModel) -> Vec<Tensor> {
     if let Some(errors) = kernel {
         add("kernel.log_amplitude", vec![errors.log_amplitude.len()], &errors.log_amplitude);
         add("kernel.phase", vec![errors.phase.len()], &errors.phase);
+    }
+    if model.beyond.order > 0 {
+        add("beyond.log_amplitude", vec![model.beyond.log_amplitude.len()], &model.beyond.log_amplitude);
+        add("beyond.phase", vec![model.beyond.phase.len()], &model.beyond.phase);
     }
     add("source.log_amplitude", vec![model.source.log_amplitude.len()], &model.source.log_amplitude);
     add("source.phase", vec![model.source.phase.len()], &model.source.phase);
@@ -272,6 +279,12 @@ pub(crate) fn assemble<E: From<KernelFileError>>(
                 log_amplitude: floats("kernel.log_amplitude")?,
                 phase: floats("kernel.phase")?,
             }),
+        },
+        beyond: match header.beyond_order {
+            0 => SmoothField::flat(0),
+            order => {
+                SmoothField { order, log_amplitude: floats("beyond.log_amplitude")?, phase: floats("beyond.phase")? }
+            }
         },
         ghost: match header.has_ghost {
             true => parts::ghost(&floats("ghost")?)?,
@@ -417,6 +430,8 @@ mod tests {
             if kind == KernelModel::Varying {
                 let gaps = Orders::All { fill_factor_x: 0.93, fill_factor_y: 0.9 };
                 model.setup = model.setup.with_orders(gaps).unwrap();
+                model.beyond = SmoothField::flat(2);
+                (model.beyond.log_amplitude[0], model.beyond.phase[4]) = (-0.1 / 3.0, 7.1);
             }
             if kind == KernelModel::Dense {
                 let half = OrderFilter { centre_y: 0.2, ..OrderFilter::rectangle(0.9, 0.5) };

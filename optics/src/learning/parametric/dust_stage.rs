@@ -3,7 +3,6 @@
 use super::{BestModel, ParametricLearner};
 use crate::Dust;
 use crate::learning::dust::DustFit;
-use crate::learning::layout::Layout;
 use crate::learning::{Block, LearnStage, LearnStep, LearningPairs, PairSource, pair::BoxError};
 
 impl ParametricLearner {
@@ -59,7 +58,7 @@ impl ParametricLearner {
     fn leave_out_chance_ghost(&mut self, validation: &dyn PairSource) -> Result<(), BoxError> {
         let Some(with) = self.state.best.clone().filter(|best| best.blocks.ghost) else { return Ok(()) };
         let blocks = with.blocks.without(Block::Ghost);
-        let (from, layout) = (self.joint.clone(), Layout::of(self.options.model, with.order as usize, blocks));
+        let (from, layout) = (self.joint.clone(), self.layout_of(with.order as usize, blocks));
         self.start_layout(layout, &from, &with.parameters);
         let parameters = self.state.parameters.clone();
         let loss = self.validation_loss(validation, &parameters)?;

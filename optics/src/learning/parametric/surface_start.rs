@@ -20,7 +20,6 @@ use super::ParametricLearner;
 use crate::RegionOfInterest;
 use crate::alignment::Tiles;
 use crate::chebyshev::{ChebyshevBasis, polynomials, position};
-use crate::learning::layout::Layout;
 use crate::learning::pair::SATURATION;
 use crate::learning::{Block, PairSource, pair::BoxError};
 use crate::least_squares::NormalEquations;
@@ -60,7 +59,7 @@ impl ParametricLearner {
         }
         let coarse = self.joint.clone();
         let blocks = coarse.layout.blocks.with(Block::FineSource);
-        let fine = coarse.with_layout(Layout::of(self.options.model, coarse.layout.kernel.order(), blocks));
+        let fine = coarse.with_layout(self.layout_of(coarse.layout.kernel.order(), blocks));
         self.change_layout(fine.clone());
         let mut best = coarse.converted(parameters, &fine);
         let before = self.start_loss(pairs, &best)?;

@@ -4,7 +4,6 @@ use super::{BestModel, ParametricLearner};
 use crate::chebyshev::ChebyshevBasis;
 use crate::gaussian_blur::sigma_px_of_ratio;
 use crate::learning::ghost::GhostSearch;
-use crate::learning::layout::Layout;
 use crate::learning::{Block, Blocks, PairSource, pair::BoxError};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, SQRT_2, TAU};
@@ -118,7 +117,7 @@ impl ParametricLearner {
     /// Starts to fit the best model so far with one more or one less block.
     pub(super) fn start_trial(&mut self, round: Round) {
         let BestModel { order, blocks, parameters, .. } = &round.before;
-        let of = |blocks| Layout::of(self.options.model, *order as usize, blocks);
+        let of = |blocks| self.layout_of(*order as usize, blocks);
         let (from, layout) = (self.joint.with_layout(of(*blocks)), of(round.blocks()));
         self.start_layout(layout, &from, parameters);
         (self.state.best, self.state.round) = (None, Some(round));
@@ -148,7 +147,7 @@ impl ParametricLearner {
             }
             return;
         };
-        let layout = Layout::of(self.options.model, winner.order as usize, winner.blocks);
+        let layout = self.layout_of(winner.order as usize, winner.blocks);
         self.start_layout(layout, &self.joint.with_layout(layout), &winner.parameters);
         self.state.adopted = true;
         self.state.best = Some(winner);

@@ -19,6 +19,8 @@ pub(crate) struct Header {
     pub(super) kernel_order: usize,
     pub(super) source_order: usize,
     #[serde(default, skip_serializing_if = "is_zero")]
+    pub(super) beyond_order: usize,
+    #[serde(default, skip_serializing_if = "is_zero")]
     pub(super) variation_order: usize,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(super) response_variation_order: Option<usize>,

@@ -194,6 +194,7 @@ pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFormatE
     let model = DisplayModel {
         setup: setup_of(content)?.with_method_regardless(method),
         kernel: KernelShape::Smooth(kernel),
+        beyond: SmoothField::flat(0),
         ghost: Ghost::NONE,
         variation,
         coherence: PartialCoherence::none(),
