@@ -51,6 +51,9 @@ pub(super) struct OrderSums {
     beyond: [[Complex64; TERMS_BEYOND]; TERMS_BEYOND],
 }
 
+/// ∂L/∂α and ∂L/∂ψ of each coefficient.
+type SeriesGradient = (Vec<f64>, Vec<f64>);
+
 impl OrderSums {
     const NONE: Self =
         Self { band: [[Complex64::ZERO; TERMS]; 3], beyond: [[Complex64::ZERO; TERMS_BEYOND]; TERMS_BEYOND] };
@@ -227,7 +230,7 @@ impl<T: Real> OrderFit<T> {
         basis: ChebyshevBasis,
         beyond: ChebyshevBasis,
         columns: &[OrderSums],
-    ) -> ([(Vec<f64>, Vec<f64>); 2], [f64; 2]) {
+    ) -> ([SeriesGradient; 2], [f64; 2]) {
         let x = &self.products.axes[0];
         let mut band = vec![[Complex64::ZERO; TERMS]; basis.order() + 1];
         let mut outside = [[Complex64::ZERO; TERMS_BEYOND]; TERMS_BEYOND];

@@ -128,8 +128,8 @@ fn display_with_all_orders_is_learned() {
         let engine = Engine::new(model, Detector::Pixel, None).unwrap();
         test.iter().map(|pair| compare(&engine, pair, region).unwrap().fitted_loss()).sum::<f64>()
     };
-    let repeating = DisplayModel { beyond: SmoothField::flat(0), ..learned.clone() };
-    assert!(loss(&repeating) > 1.5 * loss(&learned), "the errors beyond the band are a part of the model");
+    let within = DisplayModel { beyond: SmoothField::flat(0), ..learned.clone() };
+    assert!(loss(&within) > 1.5 * loss(&learned), "the errors beyond the band are a part of the model");
     let (learned, ideal) = (loss(&learned), loss(&DisplayModel::ideal(setup)));
     assert!(learned < 0.01 * ideal, "{learned} against {ideal}");
 }
