@@ -16,8 +16,7 @@ const DUST_GAIN_MIN: f64 = 0.3;
 /// [`GAIN_MIN`] of [`Block::PartialCoherence`], which makes every hologram three times as expensive.
 const COHERENCE_GAIN_MIN: f64 = 0.3;
 /// [`GAIN_MIN`] of [`Block::LightBlur`]. The sub-samples of a pixel stand for its integral to 2 % of the light's
-/// variation, and a blur of a quarter of a pixel mends some of that: on a display without a flaw it lowers the loss by
-/// a fifth.
+/// variation, and a small blur mends some of that: on a display without a flaw it lowers the loss by a fifth.
 const LIGHT_BLUR_GAIN_MIN: f64 = 0.3;
 /// [`GAIN_MIN`] of [`Block::Ghost`]. What other parts leave may resemble a ghost by chance. This counts when the dust is
 /// fitted, whose errors hide those of a ghost.
