@@ -1,7 +1,7 @@
 use crate::material::{declare, hologram, request, target};
 use crate::process::{Daemon, lightpathd};
 use crate::processes::place;
-use lightpath::v1::{HologramResult, job::State};
+use lightpath::v1::{HologramResult, Job, WatchJobRequest, job::State};
 use lightpath::{Client, JobChange, hologram_result};
 use lightpath_fixtures::postgres_database;
 use rand::{Rng as _, SeedableRng as _};
@@ -42,19 +42,8 @@ async fn client_notices_only_the_pause_of_a_move() {
 
     let long = submit(LONG, LONG_SEED).await;
     let behind = submit(3, 0).await;
-    let waiting = tokio::spawn({
-        let (client, long) = (client.clone(), long.clone());
-        async move {
-            let mut noticed = Vec::new();
-            let job = client.wait(&long, |change| match change {
-                JobChange::ConnectionLost(_) => noticed.push("lost"),
-                JobChange::Reconnected => noticed.push("reconnected"),
-                _ => {}
-            });
-            (job.await.unwrap(), noticed)
-        }
-    });
-    let mut watch = client.watch_job(lightpath::v1::WatchJobRequest { name: long.clone() }).await.unwrap();
+    let waiting = tokio::spawn(wait(client.clone(), long.clone()));
+    let mut watch = client.watch_job(WatchJobRequest { name: long.clone() }).await.unwrap();
     while watch.message().await.unwrap().unwrap().progress.is_none_or(|progress| progress.step < LONG / 10) {}
     daemon.stop().await;
 
@@ -90,6 +79,17 @@ async fn client_notices_only_the_pause_of_a_move() {
     daemon.stop().await;
     let check = ["check", "--data-dir", folder].into_iter().chain(settings.into_iter().take(11));
     lightpathd(&check.collect::<Vec<_>>()).await.ok();
+}
+
+/// Waits for a job. Returns it with what happened to the connection meanwhile.
+async fn wait(client: Client, job: String) -> (Job, Vec<&'static str>) {
+    let mut noticed = Vec::new();
+    let job = client.wait(&job, |change| match change {
+        JobChange::ConnectionLost(_) => noticed.push("lost"),
+        JobChange::Reconnected => noticed.push("reconnected"),
+        _ => {}
+    });
+    (job.await.unwrap(), noticed)
 }
 
 /// Uploads this number of random mebibytes, and returns their digests.
