@@ -158,7 +158,8 @@ async fn tables_fit_the_terminal_and_are_whole_in_a_pipe() {
         assert!(ids(&jobs).iter().all(|id| list.contains(id)), "{list}");
     }
     let piped = cli.text("job list").await;
-    let titles = ["JOB", "TARGET", "STATE", "PSNR", "OWNER", "KIND", "ON", "PROGRESS", "ATTEMPT", "CREATED", "AGE"];
+    let titles =
+        ["JOB", "TARGET", "STATE", "PSNR", "OWNER", "KIND", "ON", "PROGRESS", "ATTEMPT", "CREATED", "AGE", "NEEDS"];
     assert_eq!(piped.lines().next().unwrap().split_whitespace().collect::<Vec<_>>(), titles);
     cli.server.stop().await;
 }

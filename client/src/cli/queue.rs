@@ -80,7 +80,7 @@ fn text(queue: &v1::Queue) -> String {
 /// The living processes as a table.
 fn processes(queue: &v1::Queue) -> String {
     let mut table =
-        Table::new(&["process", "does", "labels~", ">memory", ">jobs?", "version??", "seen???", "started????"]);
+        Table::new(&["process~", "does", "labels~", ">memory", ">jobs?", "version??", "seen???", "started????"]);
     for process in &queue.processes {
         let does = match process.kind() {
             Kind::Both => "serves and works",
