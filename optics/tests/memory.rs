@@ -111,6 +111,20 @@ fn check_quality(pool: &ThreadPool, frames: usize, model: DisplayModel) {
     check(&name, sampled.max(measured), peak_bytes(pool, work), 1.3);
 }
 
+fn check_qualities(pool: &ThreadPool) {
+    let first = setup(300, 400, 0.01);
+    let ideal = DisplayModel::ideal(first.planned().unwrap().0);
+    let learned = DisplayModel { kernel: KernelShape::Smooth(SmoothField::flat(3)), ..ideal.clone() };
+    check_quality(pool, 1, DisplayModel::ideal(first));
+    check_quality(pool, 3, ideal);
+    let modes = vec![FurtherMode { light: 1.0, errors: SmoothField::flat(2) }; 2];
+    check_quality(pool, 1, DisplayModel { coherence: PartialCoherence::new(modes), ..learned.clone() });
+    check_quality(pool, 1, learned.clone());
+    let all_orders = DisplayModel::ideal(first.with_orders(Orders::SQUARE).unwrap());
+    check_quality(pool, 1, all_orders.clone());
+    check_quality(pool, 1, DisplayModel { kernel: learned.kernel, ..all_orders });
+}
+
 fn check_opinion(pool: &ThreadPool, orders: Orders, flaw: impl Fn(&mut DisplayModel)) {
     let (setup, _) = setup(300, 400, 0.06).with_orders(orders).unwrap().planned().unwrap();
     let mut model = DisplayModel::ideal(setup);
@@ -282,19 +296,9 @@ fn counted_memory_is_that_of_the_functions() {
     let rough = HologramSize { rough: true, ..HologramSize::new(engine, methods[0], 12) };
     check_hologram(&pool, rough, &random);
     check_hologram(&pool, HologramSize::new(engine, HologramMethod::Lbfgs, 3), &random);
-    let first = setup(300, 400, 0.01);
-    let ideal = DisplayModel::ideal(first.planned().unwrap().0);
-    let learned = DisplayModel { kernel: KernelShape::Smooth(SmoothField::flat(3)), ..ideal.clone() };
-    check_quality(&pool, 1, DisplayModel::ideal(first));
-    check_quality(&pool, 3, ideal);
-    let modes = vec![FurtherMode { light: 1.0, errors: SmoothField::flat(2) }; 2];
-    check_quality(&pool, 1, DisplayModel { coherence: PartialCoherence::new(modes), ..learned.clone() });
-    check_quality(&pool, 1, learned.clone());
-    let all_orders = DisplayModel::ideal(first.with_orders(Orders::SQUARE).unwrap());
-    check_quality(&pool, 1, all_orders.clone());
-    check_quality(&pool, 1, DisplayModel { kernel: learned.kernel, ..all_orders });
+    check_qualities(&pool);
     let filtered = Orders::Filtered(OrderFilter::rectangle(0.5, 1.0));
-    check_quality(&pool, 1, DisplayModel::ideal(first.with_orders(filtered).unwrap()));
+    check_quality(&pool, 1, DisplayModel::ideal(setup(300, 400, 0.01).with_orders(filtered).unwrap()));
     for orders in [Orders::First, filtered, Orders::SQUARE] {
         check_other_orders(&pool, orders);
         check_opinion(&pool, orders, |_| ());

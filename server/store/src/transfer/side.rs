@@ -12,9 +12,14 @@ use sqlx::{ConnectOptions as _, PgConnection, SqliteConnection};
 use std::cmp::Ordering;
 use std::path::Path;
 use std::str::FromStr as _;
+use std::time::Duration;
 
 /// Table of an unfinished target, with the name of the source.
 const MARKER: &str = "unfinished_transfer";
+
+/// Number of looks for connections of a server, and time between two.
+const CLOSING_CHECKS: u32 = 10;
+const CLOSING_PAUSE: Duration = Duration::from_millis(200);
 
 impl Side {
     /// Opens the database from which rows are copied.
@@ -68,13 +73,19 @@ async fn connect_alone(url: &str) -> Result<PgConnection, TransferError> {
     let mut connection = connect_once(&options).await?;
     let turn = concat!("select pg_try_advisory_lock(", turn!(), ")");
     let alone: bool = sqlx::query_scalar(turn).fetch_one(&mut connection).await?;
-    let served = "select exists (select 1 from pg_stat_activity where datname = current_database() \
-                  and application_name = 'lightpath')";
-    let served: bool = sqlx::query_scalar(served).fetch_one(&mut connection).await?;
-    if served || !alone {
+    if !alone {
         return Err(TransferError::Served);
     }
-    Ok(connection)
+    let served = "select exists (select 1 from pg_stat_activity where datname = current_database() \
+                  and application_name = 'lightpath')";
+    // The connections of a program that has just ended take a moment to close.
+    for _ in 0..CLOSING_CHECKS {
+        if !sqlx::query_scalar::<_, bool>(served).fetch_one(&mut connection).await? {
+            return Ok(connection);
+        }
+        tokio::time::sleep(CLOSING_PAUSE).await;
+    }
+    Err(TransferError::Served)
 }
 
 /// The source of an unfinished transfer into this database; `None`: there is none.
