@@ -208,6 +208,16 @@ fn check_learning(pool: &ThreadPool, model: KernelModel, distances: usize, order
     check(&name, size.fit_bytes(), peak_bytes(pool, work), factor);
 }
 
+fn check_all_learning(pool: &ThreadPool) {
+    for model in KernelModel::ALL {
+        check_learning(pool, model, 1, Orders::First);
+    }
+    check_learning(pool, KernelModel::Display, 3, Orders::First);
+    for (model, distances) in [(KernelModel::Smooth, 1), (KernelModel::Display, 2)] {
+        check_learning(pool, model, distances, Orders::SQUARE);
+    }
+}
+
 struct Planes(usize, Vec<Pair>);
 struct Joint(Vec<Planes>);
 
@@ -310,13 +320,7 @@ fn counted_memory_is_that_of_the_functions() {
         model.kernel = KernelShape::Smooth(SmoothField::flat(3));
         model.variation = SpatialVariation::new(std::array::from_fn(|_| SmoothField::flat(2)));
     });
-    for model in KernelModel::ALL {
-        check_learning(&pool, model, 1, Orders::First);
-    }
-    check_learning(&pool, KernelModel::Display, 3, Orders::First);
-    for (model, distances) in [(KernelModel::Smooth, 1), (KernelModel::Display, 2)] {
-        check_learning(&pool, model, distances, Orders::SQUARE);
-    }
+    check_all_learning(&pool);
     check_simulations(&pool);
     let wrong = WRONG.lock().unwrap();
     assert!(wrong.is_empty(), "{wrong:#?}");
