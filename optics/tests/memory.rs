@@ -26,7 +26,7 @@ use std::sync::Mutex;
 static ALLOCATOR: PeakAlloc = PeakAlloc;
 
 /// Allocations that no function counts: those of threads, tables and small vectors \[bytes\].
-const SMALL_BYTES: u64 = 600_000;
+const SMALL_BYTES: u64 = 1_000_000;
 
 /// The wrong estimates.
 static WRONG: Mutex<Vec<String>> = Mutex::new(Vec::new());

@@ -204,7 +204,8 @@ pub struct LearnStep {
     pub steps_total: u32,
     /// Loss of this step: in Adam that of one pair, in the refinement the mean over all pairs.
     pub loss: f64,
-    /// Lowest loss on the validation pairs so far. `None` without validation pairs, or before their first evaluation.
+    /// Lowest loss on the validation pairs so far; after the last step that of the final model, from which a part that
+    /// explained too little was left out. `None` without validation pairs, or before their first evaluation.
     pub validation_loss: Option<f64>,
     /// Order of the kernel; 0 for models of bins.
     pub order: u32,
