@@ -9,8 +9,8 @@ use std::path::Path;
 use std::time::Duration;
 use tempfile::TempDir;
 
-/// Largest ratio of an estimate to the measured memory.
-const RATIO_MAX: f64 = 1.5;
+/// Largest ratio of an estimate to the measured memory. Learning is estimated for a display that needs every block.
+const RATIO_MAX: f64 = 1.6;
 /// Estimates below this are mostly what every job is assumed to take \[MiB\].
 const SMALL_MIB: f64 = 48.0;
 /// Time for an idle server to settle before its memory is measured.
