@@ -5,7 +5,7 @@
 //! The work of a job has the unit of the engine, values times radix-2 stages. The speed of the machine turns it into a
 //! time.
 //!
-//! An estimate must not be below the real memory, and should be at most half as much again. `docs/estimates.md`
+//! An estimate must not be below the real memory, and should be at most six tenths above it. `docs/estimates.md`
 //! compares estimates with measurements. `hologram`, `dataset` and `kernel` have the jobs on each of these.
 
 mod dataset;
