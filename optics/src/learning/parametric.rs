@@ -328,8 +328,11 @@ impl ParametricLearner {
         let evaluations = self.state.evaluations + self.state.trial_evaluations + spent + of_dust;
         let step = (self.state.adam_steps + evaluations * kept).min(steps_total);
         let step = if self.state.converged { steps_total } else { step };
-        let of_round = self.state.round.iter().flat_map(|round| round.winner.iter().chain([&round.before]));
-        let validation_loss = self.state.best.iter().chain(of_round).map(|best| best.loss).reduce(f64::min);
+        // What a trial has found counts only when it is kept.
+        let validation_loss = match &self.state.round {
+            Some(round) => round.winner.iter().chain([&round.before]).map(|best| best.loss).reduce(f64::min),
+            None => self.state.best.as_ref().map(|best| best.loss),
+        };
         let (order, blocks) = (self.state.order, Blocks { dust: self.state.dust.is_some(), ..self.state.blocks });
         let of_dust = self.state.dust_fit.as_ref().map(|_| Block::Dust);
         let trial = self.state.round.as_ref().map(|round| round.block).or(of_dust);
