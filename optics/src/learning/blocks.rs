@@ -18,11 +18,9 @@ const COHERENCE_GAIN_MIN: f64 = 0.3;
 /// [`GAIN_MIN`] of [`Block::LightBlur`]. The sub-samples of a pixel stand for its integral to 2 % of the light's
 /// variation, and a small blur mends some of that: on a display without a flaw it lowers the loss by a fifth.
 const LIGHT_BLUR_GAIN_MIN: f64 = 0.3;
-/// [`GAIN_MIN`] of [`Block::Ghost`]. What other parts leave may resemble a ghost by chance. This counts when the dust is
-/// fitted, whose errors hide those of a ghost.
+/// [`GAIN_MIN`] of [`Block::Ghost`]. What other parts leave may resemble a ghost by chance. A ghost is tried before the
+/// dust is fitted, and must still explain as much afterwards.
 const GHOST_GAIN_MIN: f64 = 0.3;
-/// The same before the dust is fitted.
-const GHOST_GAIN_BEFORE_DUST_MIN: f64 = 0.1;
 
 /// Most fits of `refinement_evaluations` evaluations that learning takes: one over all orders, and for each block its
 /// refinement and its trials.
@@ -89,11 +87,6 @@ impl Block {
             Self::Ghost => GHOST_GAIN_MIN,
             Self::Dust => DUST_GAIN_MIN,
         }
-    }
-
-    /// [`Self::gain_min`] in a trial, before the dust is fitted.
-    pub(super) fn trial_gain_min(self) -> f64 {
-        if self == Self::Ghost { GHOST_GAIN_BEFORE_DUST_MIN } else { self.gain_min() }
     }
 
     /// Whether validation pairs may choose the block in a fit of `model`.

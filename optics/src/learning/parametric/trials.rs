@@ -56,8 +56,8 @@ impl Round {
     /// Largest validation loss with which a trial passes.
     pub(super) fn bound(&self) -> f64 {
         match self.change {
-            Change::Add => self.before.loss * (1.0 - self.block.trial_gain_min()),
-            Change::Remove => self.before.loss / (1.0 - self.block.trial_gain_min()),
+            Change::Add => self.before.loss * (1.0 - self.block.gain_min()),
+            Change::Remove => self.before.loss / (1.0 - self.block.gain_min()),
         }
     }
 
