@@ -16,7 +16,8 @@
 //!
 //! - `attempt`: one job from claim to end. `context`: interface of a task to the server. `stop`: the shared stop flag.
 //! - `job_memory`: the memory that running jobs share. `speed`: the speed of this machine.
-//! - `checkpoint`: the envelope of saved states. `computer`: what may resume them. `backoff`: pauses before retries. `clock`: the time of day.
+//! - `config`: the settings. `checkpoint`: the envelope of saved states. `computer`: what may resume them. `backoff`: pauses
+//!   before retries. `clock`: the time of day.
 //! - `optics_task`: runs each kind of job by its own function, in `optimize`, `learn`, `simulate`, `evaluate`,
 //!   `prepare` and `report`. They share `display_setup` (a display at a wavelength and distance), `pairs`, `losses` and
 //!   `state_bytes`. `live_picture`: what `optimize` shows while it runs. `hologram_setup` reads the input of
@@ -29,6 +30,7 @@ mod captured;
 mod checkpoint;
 mod clock;
 mod computer;
+mod config;
 mod context;
 mod display_setup;
 mod evaluate;
@@ -54,6 +56,7 @@ mod verify;
 
 pub use backoff::Backoff;
 pub use clock::Clock;
+pub use config::{Timeouts, WorkerConfig};
 pub use context::{JobContext, TaskError, TaskOutput};
 pub use job_memory::{cache_bytes_max, jobs_bytes_max};
 pub use optics_task::OpticsTask;
@@ -63,12 +66,12 @@ pub use stop::StopReason;
 use computer::computer;
 use job_memory::JobMemory;
 use lightpath_artifacts::{ArtifactError, Artifacts};
-use lightpath_domain::ability::{Abilities, Labels};
-use lightpath_domain::job::{Job, JobSpec};
+use lightpath_domain::ability::Abilities;
+use lightpath_domain::job::Job;
 use lightpath_media::live_pictures::LivePictures;
 use lightpath_metrics::{self as metrics, LeaseLoss};
 use lightpath_optics::EngineCache;
-use lightpath_store::{ClaimLimits, Claimant, Store, StoreError};
+use lightpath_store::{Claimant, Store, StoreError};
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -110,103 +113,6 @@ where
 {
     fn run(&self, job: &Job, context: &JobContext) -> Result<TaskOutput, TaskError> {
         self(job, context)
-    }
-}
-
-/// Settings of the workers.
-#[derive(Clone, Debug, PartialEq)]
-pub struct WorkerConfig {
-    /// Number of jobs that run at once.
-    pub workers: usize,
-    /// Compute threads for each job; 0: as many as there are cores.
-    pub compute_threads: usize,
-    /// Time without a heartbeat after which a job goes to another worker.
-    pub lease: Duration,
-    /// Time between two checkpoints of a job.
-    pub checkpoint_interval: Duration,
-    /// Pauses before failed attempts are repeated.
-    pub backoff: Backoff,
-    /// Limits on the numbers of running jobs for each owner and each display.
-    pub limits: ClaimLimits,
-    /// Time limits of attempts, for jobs that do not set one.
-    pub timeouts: Timeouts,
-    /// Limit on the estimated memory of all running jobs, and of what is kept from job to job \[bytes\].
-    pub memory_bytes: u64,
-    /// Name of the workers in the events of jobs.
-    pub name: String,
-    /// Id of this process, if several share the database. No two living processes have the same.
-    pub process: Option<String>,
-    /// Labels of this process: it also runs jobs that need them.
-    pub labels: Labels,
-}
-
-impl WorkerConfig {
-    /// What this process offers to jobs. If no other process shares the database, it takes jobs of every size: those above
-    /// its limit, because that was lowered, run alone.
-    #[must_use]
-    pub fn abilities(&self) -> Abilities {
-        let memory_bytes = match self.process {
-            Some(_) => jobs_bytes_max(self.memory_bytes),
-            None => u64::MAX,
-        };
-        Abilities { labels: self.labels.clone(), memory_bytes }
-    }
-}
-
-impl Default for WorkerConfig {
-    fn default() -> Self {
-        Self {
-            workers: 1,
-            compute_threads: 0,
-            lease: Duration::from_secs(30),
-            checkpoint_interval: Duration::from_secs(10),
-            backoff: Backoff::default(),
-            limits: ClaimLimits::default(),
-            timeouts: Timeouts::default(),
-            memory_bytes: 4 << 30,
-            name: "worker".to_owned(),
-            process: None,
-            labels: Labels::default(),
-        }
-    }
-}
-
-/// Time limits of attempts for each kind of job; `None`: no limit.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Timeouts {
-    /// Time limit for optimizing holograms.
-    pub optimize: Option<Duration>,
-    /// Time limit for learning kernels.
-    pub learn: Option<Duration>,
-    /// Time limit for simulating captures.
-    pub simulate: Option<Duration>,
-    /// Time limit for evaluating kernels.
-    pub evaluate: Option<Duration>,
-    /// Time limit for aligning and finalizing datasets.
-    pub prepare: Option<Duration>,
-    /// Time limit for making reports of kernels.
-    pub report: Option<Duration>,
-    /// Time limit for suggesting holograms.
-    pub suggest: Option<Duration>,
-    /// Time limit for verifying holograms.
-    pub verify: Option<Duration>,
-}
-
-impl Timeouts {
-    /// Time limit of an attempt at this job.
-    #[must_use]
-    pub fn of(&self, job: &Job) -> Option<Duration> {
-        let requested = job.scheduling.timeout_ms.map(|ms| Duration::from_millis(ms.unsigned_abs()));
-        requested.or(match job.spec {
-            JobSpec::OptimizeHologram(_) => self.optimize,
-            JobSpec::LearnKernel(_) => self.learn,
-            JobSpec::SimulateCapture(_) => self.simulate,
-            JobSpec::EvaluateKernel(_) => self.evaluate,
-            JobSpec::PrepareDataset(_) => self.prepare,
-            JobSpec::ReportKernel(_) => self.report,
-            JobSpec::SuggestHolograms(_) => self.suggest,
-            JobSpec::VerifyHologram(_) => self.verify,
-        })
     }
 }
 

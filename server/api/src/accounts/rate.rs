@@ -4,8 +4,8 @@
 //! a call at time t is accepted if  A ≤ t + τ,   and then  A ← max(A, t) + T
 //! ```
 //!
-//! T = 1/rate is the time between calls, times the number of servers that share the limit; τ = burst · T is how far a caller may be ahead; A is the theoretical arrival
-//! time of the next call.
+//! T = 1/rate is the time between calls, times the number of servers that share the limit; τ = burst · T is how far a
+//! caller may be ahead; A is the theoretical arrival time of the next call.
 
 use super::client::Client;
 use std::collections::HashMap;
