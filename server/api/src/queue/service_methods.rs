@@ -39,8 +39,8 @@ impl Api {
         self.queue(call).await
     }
 
-    /// The queue and its processes as the caller may see it. A caller whose token is for some displays sees the pauses of these displays,
-    /// but not the turns of owners, whose jobs may be about any display.
+    /// The queue and its processes as the caller may see it. A caller whose token is for some displays sees the pauses of
+    /// these displays, but not the turns of owners, whose jobs may be about any display.
     async fn queue(&self, call: &Call) -> Result<v1::Queue, ApiError> {
         let pauses = self.store.pauses().await?;
         if call.caller.displays.is_empty() {
