@@ -10,7 +10,7 @@
 
 use crate::interrupt;
 use crate::real::Number;
-use pulp::Arch;
+use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -81,7 +81,7 @@ impl<T: Number, const TAPS: usize> GaussianBlur<T, TAPS> {
 
     /// Blurs values, which `fill(y, plane, row)` writes, into `out`.
     pub(crate) fn blur(&self, rows: Rows, fill: impl Fn(usize, usize, &mut [T]) + Sync, out: &mut [T]) {
-        let (arch, width_px, row_len) = (Arch::new(), rows.width_px, rows.len());
+        let (width_px, row_len) = (rows.width_px, rows.len());
         let height_px = out.len() / row_len;
         out.par_chunks_mut(ROWS * row_len).enumerate().for_each_init(
             || (vec![T::zero(); width_px + 2 * Self::REACH], vec![T::zero(); (ROWS + 2 * Self::REACH) * row_len]),
@@ -96,11 +96,11 @@ impl<T: Number, const TAPS: usize> GaussianBlur<T, TAPS> {
                         let (left, right) = (padded[Self::REACH], padded[Self::REACH + width_px - 1]);
                         padded[..Self::REACH].fill(left);
                         padded[Self::REACH + width_px..].fill(right);
-                        arch.dispatch(|| sum_taps(&self.along_x, |k| &padded[k..], row));
+                        sum_taps(&self.along_x, |k| &padded[k..], row);
                     }
                 }
                 for (i, out) in out.chunks_exact_mut(row_len).enumerate() {
-                    arch.dispatch(|| sum_taps(&self.along_y, |k| &along_x[(i + k) * row_len..], out));
+                    sum_taps(&self.along_y, |k| &along_x[(i + k) * row_len..], out);
                 }
             },
         );
@@ -108,7 +108,7 @@ impl<T: Number, const TAPS: usize> GaussianBlur<T, TAPS> {
 
     /// Applies the adjoint of [`Self::blur`] to `values`, and adds the result to `out`, or overwrites it.
     pub(crate) fn spread(&self, rows: Rows, values: &[T], add: bool, out: &mut [T]) {
-        let (arch, width_px, row_len) = (Arch::new(), rows.width_px, rows.len());
+        let (width_px, row_len) = (rows.width_px, rows.len());
         let height_px = values.len() / row_len;
         out.par_chunks_mut(row_len).enumerate().for_each_init(
             || (vec![T::zero(); width_px + 2 * Self::REACH], vec![T::zero(); width_px]),
@@ -122,8 +122,8 @@ impl<T: Number, const TAPS: usize> GaussianBlur<T, TAPS> {
                 let from = |k: usize| (y + k).saturating_sub(Self::REACH).min(height_px - 1) * row_len;
                 for (_, plane) in rows.of_planes() {
                     let summed = &mut padded[Self::REACH..Self::REACH + width_px];
-                    arch.dispatch(|| sum_taps(&weights_y, |k| &values[from(k) + plane.start..], summed));
-                    arch.dispatch(|| sum_taps(&self.along_x, |k| &padded[k..], row));
+                    sum_taps(&weights_y, |k| &values[from(k) + plane.start..], summed);
+                    sum_taps(&self.along_x, |k| &padded[k..], row);
                     let summed = &padded[Self::REACH..Self::REACH + width_px];
                     for x in [0, width_px - 1] {
                         let near = x.saturating_sub(Self::REACH)..(x + Self::REACH + 1).min(width_px);
@@ -154,7 +154,7 @@ impl<T: Number, const TAPS: usize> GaussianBlur<T, TAPS> {
         let reached = |i: usize, k: usize, n: usize| (i + k).saturating_sub(Self::REACH).min(n - 1);
         let rows: [&[T]; TAPS] = std::array::from_fn(|k| near(reached(y, k, height_px)));
         let mut along_y = vec![T::zero(); rows[0].len()];
-        Arch::new().dispatch(|| sum_taps(&self.along_y, |k| rows[k], &mut along_y));
+        sum_taps(&self.along_y, |k| rows[k], &mut along_y);
         for (x, out) in columns.zip(out) {
             let weighed = (0..TAPS).map(|k| self.along_x[k] * along_y[reached(x, k, width_px) - first]);
             *out = weighed.fold(*out, |sum, value| sum + value);
@@ -177,27 +177,39 @@ fn weight_between<T: Number, const TAPS: usize>(weights: &[T; TAPS], from: usize
 const LANES: usize = 32;
 
 /// `out` = Σ_k weight_k · values(k).
-#[inline(always)]
-fn sum_taps<'a, T: Number + 'a, const TAPS: usize>(
-    weights: &[T; TAPS],
-    values: impl Fn(usize) -> &'a [T],
-    out: &mut [T],
-) {
+fn sum_taps<'a, T: Number, const TAPS: usize>(weights: &[T; TAPS], values: impl Fn(usize) -> &'a [T], out: &mut [T]) {
     let taps: [&[T]; TAPS] = std::array::from_fn(|k| &values(k)[..out.len()]);
-    let (blocks, rest) = out.as_chunks_mut::<LANES>();
-    let first_of_rest = blocks.len() * LANES;
-    for (block, out) in blocks.iter_mut().enumerate() {
-        let mut sums = [T::zero(); LANES];
-        for (&weight, tap) in weights.iter().zip(&taps) {
-            let Some(values) = tap[block * LANES..].first_chunk::<LANES>() else { continue };
-            for lane in 0..LANES {
-                sums[lane] = sums[lane] + weight * values[lane];
+    Arch::new().dispatch(Taps { weights, taps: &taps, out });
+}
+
+/// A sum of any number of taps, so that its code is compiled once for all blurs.
+struct Taps<'a, T> {
+    weights: &'a [T],
+    taps: &'a [&'a [T]],
+    out: &'a mut [T],
+}
+
+impl<T: Number> WithSimd for Taps<'_, T> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self { weights, taps, out } = self;
+        let (blocks, rest) = out.as_chunks_mut::<LANES>();
+        let first_of_rest = blocks.len() * LANES;
+        for (block, out) in blocks.iter_mut().enumerate() {
+            let mut sums = [T::zero(); LANES];
+            for (&weight, tap) in weights.iter().zip(taps) {
+                let Some(values) = tap[block * LANES..].first_chunk::<LANES>() else { continue };
+                for lane in 0..LANES {
+                    sums[lane] = sums[lane] + weight * values[lane];
+                }
             }
+            *out = sums;
         }
-        *out = sums;
-    }
-    for (i, out) in (first_of_rest..).zip(rest) {
-        *out = weights.iter().zip(&taps).fold(T::zero(), |sum, (&weight, tap)| sum + weight * tap[i]);
+        for (i, out) in (first_of_rest..).zip(rest) {
+            *out = weights.iter().zip(taps).fold(T::zero(), |sum, (&weight, tap)| sum + weight * tap[i]);
+        }
     }
 }
 

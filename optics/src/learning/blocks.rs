@@ -11,16 +11,19 @@ use serde::{Deserialize, Serialize};
 /// Least relative decrease of the validation loss by which a block is kept. Each block makes learning or every hologram
 /// more expensive.
 const GAIN_MIN: f64 = 0.1;
+/// [`GAIN_MIN`] before all blocks have been tried.
+const FIRST_GAIN_MIN: f64 = 0.05;
 /// [`GAIN_MIN`] of [`Block::Dust`], which makes a kernel of some kilobytes one of megabytes.
-const DUST_GAIN_MIN: f64 = 0.3;
+const DUST_GAIN_MIN: f64 = 0.2;
 /// [`GAIN_MIN`] of [`Block::PartialCoherence`], which makes every hologram three times as expensive.
 const COHERENCE_GAIN_MIN: f64 = 0.3;
 /// [`GAIN_MIN`] of [`Block::LightBlur`]. The sub-samples of a pixel stand for its integral to 2 % of the light's
 /// variation, and a small blur mends some of that: on a display without a flaw it lowers the loss by a fifth.
 const LIGHT_BLUR_GAIN_MIN: f64 = 0.3;
-/// [`GAIN_MIN`] of [`Block::Ghost`]. What other parts leave may resemble a ghost by chance. A ghost is tried before the
-/// dust is fitted, and must still explain as much afterwards.
+/// [`GAIN_MIN`] of [`Block::Ghost`]. What other parts leave may resemble a ghost by chance.
 const GHOST_GAIN_MIN: f64 = 0.3;
+/// [`FIRST_GAIN_MIN`] of [`Block::Ghost`].
+const FIRST_GHOST_GAIN_MIN: f64 = 0.1;
 
 /// Most fits of `refinement_evaluations` evaluations that learning takes: one over all orders, and for each block its
 /// refinement and its trials.
@@ -86,6 +89,15 @@ impl Block {
             Self::PartialCoherence => COHERENCE_GAIN_MIN,
             Self::Ghost => GHOST_GAIN_MIN,
             Self::Dust => DUST_GAIN_MIN,
+        }
+    }
+
+    /// [`Self::gain_min`] before all blocks have been tried.
+    pub(super) fn first_gain_min(self) -> f64 {
+        match self {
+            Self::FineSource | Self::Crosstalk | Self::UnevenResponse => FIRST_GAIN_MIN,
+            Self::Ghost => FIRST_GHOST_GAIN_MIN,
+            Self::LightBlur | Self::PartialCoherence | Self::Varying | Self::Dust => self.gain_min(),
         }
     }
 

@@ -8,7 +8,6 @@
 //! The second term holds pixels near 1 whose light the photographs hardly show. The loss on the validation pairs
 //! decides when the fit ends and whether the dust is kept.
 
-use super::blocks::Block;
 use crate::optimizer::limited_memory::{LimitedMemory, Workspace};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -82,10 +81,10 @@ impl DustFit {
         self.without_gain < WITHOUT_GAIN_MAX && !self.search.counts.converged
     }
 
-    /// The best exponents and their validation loss, if they are enough better than the start.
-    pub(super) fn kept(self) -> Option<(Vec<f32>, f64)> {
+    /// The best exponents and their validation loss, if the loss is less than that of the start by this part.
+    pub(super) fn kept(self, gain_min: f64) -> Option<(Vec<f32>, f64)> {
         let (_, before) = self.before?;
-        self.best.filter(|(_, loss)| *loss <= before * (1.0 - Block::Dust.gain_min()))
+        self.best.filter(|(_, loss)| *loss <= before * (1.0 - gain_min))
     }
 }
 

@@ -9,8 +9,9 @@
 //! The one that gains most is kept if it gains enough, and is refined. Then the others are tried in another round,
 //! because blocks can help only together. Modes of light are tried if no other block of a round has helped. After the
 //! highest order each block that was kept is left out for some steps, and stays away if the validation loss hardly
-//! rises: a kernel of low order can make a block look useful. The last block is dust, which has two numbers for each
-//! pixel and is fitted by L-BFGS, with all other parameters as they are.
+//! rises: a kernel of low order can make a block look useful. Dust has two numbers for each pixel and is fitted by
+//! L-BFGS, with all other parameters as they are. If it is kept, the blocks that the model lacks are tried again. At
+//! the end the blocks that gain too little are left out.
 //! Pairs of several distances are fitted together, by one model whose kernel depends on the distance.
 
 use super::along_z::JointLayout;
@@ -34,7 +35,7 @@ mod surface_start;
 mod trials;
 
 pub use state::{BestModel, LastScreening, ParametricState};
-pub use trials::{Change, Round};
+pub use trials::{Round, TrialStage};
 
 /// Orders of the kernel that are fitted one after the other, up to the requested order.
 const ORDERS: [usize; 3] = [5, 8, 12];
@@ -261,36 +262,50 @@ impl ParametricLearner {
         }
     }
 
-    /// Goes on to the next order, then to a varying kernel, or ends learning.
+    /// Goes on to the next order, or to the next stage of trials, or ends learning.
     fn next_order(&mut self) {
-        if !self.state.orders_done {
-            let validation_chooses_order = self.validation_chooses_order();
-            let gained = match (&mut self.state.best, validation_chooses_order) {
-                (Some(best), true) => {
-                    let gained = best.loss < best.loss_before * (1.0 - VALIDATION_GAIN_MIN);
-                    best.loss_before = best.loss;
-                    gained
-                }
-                (None, true) => self.fit.layout.kernel.order() < ORDER_DEFAULT,
-                (_, false) => true,
-            };
-            let exhausted = self.state.evaluations >= self.options.refinement_evaluations;
-            let next = self.kernel_orders.get(self.state.order_index as usize + 1).copied();
-            if let Some(order) = next.filter(|_| gained && !exhausted) {
-                let (joint, theta) = self.best();
-                let theta = theta.to_vec();
-                self.state.order_index += 1;
-                return self.start_layout(self.layout_of(order, joint.layout.blocks), &joint, &theta);
+        if self.state.trials == TrialStage::First {
+            if self.start_next_order() {
+                return;
             }
-            self.state.orders_done = true;
+            self.state.trials = TrialStage::Pruning;
             if self.start_round() {
                 return;
             }
         }
-        match self.state.last_screening {
-            LastScreening::Done => self.state.converged = !self.start_dust(),
-            LastScreening::Pending | LastScreening::Due => self.state.last_screening = LastScreening::Due,
+        match (self.state.last_screening, self.state.trials) {
+            (LastScreening::Pending | LastScreening::Due, _) => self.state.last_screening = LastScreening::Due,
+            (LastScreening::Done, TrialStage::FinalPruning) => self.state.converged = true,
+            (LastScreening::Done, _) => self.state.converged = !self.start_dust() && !self.start_final_pruning(),
         }
+    }
+
+    /// Starts the next order of the kernel, unless the one before gained too little.
+    fn start_next_order(&mut self) -> bool {
+        let validation_chooses_order = self.validation_chooses_order();
+        let gained = match (&mut self.state.best, validation_chooses_order) {
+            (Some(best), true) => {
+                let gained = best.loss < best.loss_before * (1.0 - VALIDATION_GAIN_MIN);
+                best.loss_before = best.loss;
+                gained
+            }
+            (None, true) => self.fit.layout.kernel.order() < ORDER_DEFAULT,
+            (_, false) => true,
+        };
+        let exhausted = self.state.evaluations >= self.options.refinement_evaluations;
+        let next = self.kernel_orders.get(self.state.order_index as usize + 1).copied();
+        let Some(order) = next.filter(|_| gained && !exhausted) else { return false };
+        let (joint, theta) = self.best();
+        let theta = theta.to_vec();
+        self.state.order_index += 1;
+        self.start_layout(self.layout_of(order, joint.layout.blocks), &joint, &theta);
+        true
+    }
+
+    /// Starts to leave out what gains too little beside all that was found. False if the model has no such block.
+    fn start_final_pruning(&mut self) -> bool {
+        self.state.trials = TrialStage::FinalPruning;
+        self.start_round()
     }
 
     /// Starts another layout from the θ of the previous one.

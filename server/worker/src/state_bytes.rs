@@ -82,7 +82,7 @@ mod tests {
     use lightpath_domain::units::Wavelength;
     use lightpath_optics::hologram::{HologramMethod, HologramOptions, OptimizationState};
     use lightpath_optics::learning::bins::BinsState;
-    use lightpath_optics::learning::parametric::{BestModel, Change, LastScreening, ParametricState, Round};
+    use lightpath_optics::learning::parametric::{BestModel, LastScreening, ParametricState, Round, TrialStage};
     use lightpath_optics::learning::{Block, Blocks, LearnState};
     use lightpath_optics::optimizer::damped::DampedState;
     use lightpath_optics::{
@@ -160,7 +160,7 @@ mod tests {
             refinement: Some(refinement),
             best: Some(best(8)),
             round: Some(Round {
-                change: Change::Remove,
+                stage: TrialStage::Pruning,
                 before: best(5),
                 block: Block::FineSource,
                 steps: 2,
@@ -170,7 +170,7 @@ mod tests {
             adopted: true,
             blocks: Blocks::ALL,
             order: 8,
-            orders_done: true,
+            trials: TrialStage::Last,
             kept: vec![0, 2, 3],
             curvature: vec![4.0],
             last_screening: LastScreening::Due,

@@ -1,14 +1,18 @@
-//! The last stage: the fit of [`Dust`], with all other parameters as they are.
+//! The last stages: the fit of [`Dust`], with all other parameters as they are, then trials of the blocks that the model
+//! lacks, and, if one of them was kept, another fit of the dust. Dust can leave so much of the loss that it hides what
+//! other blocks gain.
 
-use super::{BestModel, ParametricLearner};
+use super::{ParametricLearner, TrialStage};
 use crate::Dust;
 use crate::learning::dust::DustFit;
-use crate::learning::{Block, LearnStage, LearnStep, LearningPairs, PairSource, pair::BoxError};
+use crate::learning::{Block, LearnStage, LearnStep, LearningPairs, pair::BoxError};
 
 impl ParametricLearner {
-    /// Starts to fit the dust on the best model. False for models without dust, and without validation pairs.
+    /// Starts to fit the dust on the best model. False for models without dust, without validation pairs, and if it has
+    /// been fitted with the same blocks.
     pub(super) fn start_dust(&mut self) -> bool {
-        if self.state.best.is_none() || !Block::Dust.belongs_to(self.options.model) {
+        let Some(best) = &self.state.best else { return false };
+        if !Block::Dust.belongs_to(self.options.model) || self.state.blocks_beside_dust == Some(best.blocks) {
             return false;
         }
         self.take_best();
@@ -18,7 +22,7 @@ impl ParametricLearner {
         true
     }
 
-    /// Takes a step of the fit of the dust. After the last one learning has ended.
+    /// Takes a step of the fit of the dust. After the last one, trials of blocks follow, or learning ends.
     pub(super) fn dust_step(
         &mut self,
         mut dust: DustFit,
@@ -42,31 +46,28 @@ impl ParametricLearner {
             return Ok(self.progress(LearnStage::Refinement, loss));
         }
         self.state.trial_evaluations += dust.evaluations();
-        if let Some((exponents, validation_loss)) = dust.kept() {
+        let is_first = self.state.blocks_beside_dust.is_none();
+        let gain_min = if is_first { Block::Dust.gain_min() } else { 0.0 };
+        if let Some((exponents, validation_loss)) = dust.kept(gain_min) {
             let kept = Dust::nearest(self.fit.engine.height_px(), self.fit.engine.width_px(), &exponents)?;
             self.state.dust = kept.steps().cloned();
             self.state.best.iter_mut().for_each(|best| best.loss = validation_loss);
         }
         self.use_dust();
-        self.leave_out_chance_ghost(learning_pairs.validation)?;
-        self.state.converged = true;
-        self.fit_final_exposure(learning_pairs.training)?;
+        self.state.blocks_beside_dust = self.state.best.as_ref().map(|best| best.blocks);
+        if !(is_first && self.start_behind_dust() || self.start_final_pruning()) {
+            self.state.converged = true;
+            self.fit_final_exposure(learning_pairs.training)?;
+        }
         Ok(self.progress(LearnStage::Refinement, loss))
     }
 
-    /// Leaves a ghost out again that explains too little now that the dust is fitted.
-    fn leave_out_chance_ghost(&mut self, validation: &dyn PairSource) -> Result<(), BoxError> {
-        let Some(with) = self.state.best.clone().filter(|best| best.blocks.ghost) else { return Ok(()) };
-        let blocks = with.blocks.without(Block::Ghost);
-        let (from, layout) = (self.joint.clone(), self.layout_of(with.order as usize, blocks));
-        self.start_layout(layout, &from, &with.parameters);
-        let parameters = self.state.parameters.clone();
-        let loss = self.validation_loss(validation, &parameters)?;
-        match with.loss <= loss * (1.0 - Block::Ghost.gain_min()) {
-            true => self.take_best(),
-            false => self.state.best = Some(BestModel { blocks, parameters, loss, ..with }),
+    /// Starts to add blocks beside the dust. False if none was kept, or the model has all blocks.
+    fn start_behind_dust(&mut self) -> bool {
+        if self.state.dust.is_some() {
+            self.state.trials = TrialStage::BehindDust;
         }
-        Ok(())
+        self.state.dust.is_some() && self.start_round()
     }
 
     /// Lets the fit use the dust of the state.

@@ -25,7 +25,7 @@ impl ParametricLearner {
         if self.in_use(pairs) != before {
             self.state.curvature.clear();
             (self.state.restarted, self.state.adopted, self.state.steps_without_gain) = (false, true, 0);
-        } else if !self.start_dust() {
+        } else if !self.start_dust() && !self.start_final_pruning() {
             self.state.converged = true;
             self.fit_final_exposure(pairs)?;
         }

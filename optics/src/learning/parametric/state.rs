@@ -1,6 +1,6 @@
 //! What a fit has reached, and all that its next step depends on.
 
-use super::Round;
+use super::{Round, TrialStage};
 use crate::Plane;
 use crate::learning::Blocks;
 use crate::learning::dust::DustFit;
@@ -40,10 +40,8 @@ pub struct ParametricState {
     pub round: Option<Round>,
     /// Whether a block has just been kept and is being refined.
     pub adopted: bool,
-    /// Whether all orders of the kernel have been fitted.
-    pub orders_done: bool,
-    /// Whether all blocks that the model has are needed.
-    pub pruned: bool,
+    /// Which blocks are being tried, or will be next.
+    pub trials: TrialStage,
     /// Refinement of the current order; `None` before Adam has ended.
     pub refinement: Option<DampedState>,
     /// Running mean of the curvature, row after row; empty when the curvature is computed from all pairs.
@@ -62,6 +60,8 @@ pub struct ParametricState {
     pub dust: Option<Plane<[i16; 2]>>,
     /// Fit of the dust in progress.
     pub dust_fit: Option<DustFit>,
+    /// The other blocks with which the dust was fitted last.
+    pub blocks_beside_dust: Option<Blocks>,
     /// Whether learning has ended.
     pub converged: bool,
     /// Mean training loss of each epoch, then of each refinement step.

@@ -25,11 +25,57 @@ const MODE_TURN: f64 = 0.04;
 /// \[rad\].
 const MODE_DEFOCUS_RAD: f64 = 0.3;
 
+/// Which blocks are tried. The stages follow one another.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum TrialStage {
+    /// At the lowest order of the kernel, blocks of the SLM and of the light are added.
+    #[default]
+    First,
+    /// At the highest order, blocks are left out that the model does not need: a kernel of low order can make a block
+    /// look useful.
+    Pruning,
+    /// A varying kernel or a ghost is added. Their light is little beside what the others change.
+    Last,
+    /// After a fit of the dust, any block is added that the model lacks.
+    BehindDust,
+    /// Blocks are left out that gain too little beside all others.
+    FinalPruning,
+}
+
+impl TrialStage {
+    /// Whether the trials of this stage add a block, or leave one out.
+    fn adds(self) -> bool {
+        matches!(self, Self::First | Self::Last | Self::BehindDust)
+    }
+
+    /// Least relative difference that `block` makes to the validation loss if it is kept in this stage. Mechanisms hide
+    /// each other: beside what others leave, a block seems to gain little. Therefore the first stages demand less.
+    fn gain_min(self, block: Block) -> f64 {
+        match self {
+            Self::First | Self::Pruning | Self::Last => block.first_gain_min(),
+            Self::BehindDust | Self::FinalPruning => block.gain_min(),
+        }
+    }
+
+    /// Whether `block` is tried in this stage, if the model lacks it or has it.
+    fn tries(self, block: Block) -> bool {
+        match self {
+            // Dust has a fit of its own.
+            _ if block == Block::Dust => false,
+            Self::First => !matches!(block, Block::Varying | Block::Ghost),
+            Self::Last => matches!(block, Block::Varying | Block::Ghost),
+            Self::Pruning | Self::BehindDust => true,
+            Self::FinalPruning => block.first_gain_min() < block.gain_min(),
+        }
+    }
+}
+
 /// A round of trials, each with one block more or one block less.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Round {
-    /// Whether blocks are added or left out.
-    pub change: Change,
+    /// The stage that the round belongs to.
+    pub stage: TrialStage,
     /// Best model on the validation pairs before the round.
     pub before: BestModel,
     /// The block that is being tried.
@@ -42,76 +88,73 @@ pub struct Round {
     pub winner: Option<BestModel>,
 }
 
-/// What a trial does with a block.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Change {
-    /// It adds the block to the model.
-    Add,
-    /// It leaves the block out.
-    Remove,
-}
-
 impl Round {
     /// Largest validation loss with which a trial passes.
     pub(super) fn bound(&self) -> f64 {
-        match self.change {
-            Change::Add => self.before.loss * (1.0 - self.block.gain_min()),
-            Change::Remove => self.before.loss / (1.0 - self.block.gain_min()),
+        let gain_min = self.stage.gain_min(self.block);
+        match self.stage.adds() {
+            true => self.before.loss * (1.0 - gain_min),
+            false => self.before.loss / (1.0 - gain_min),
         }
     }
 
     /// Whether a trial with this validation loss after its first step is not worth another one.
     pub(super) fn is_hopeless(&self, loss: f64) -> bool {
-        match (self.change, self.block) {
-            (Change::Add, Block::PartialCoherence) if self.before.blocks.light_blur => {
+        match (self.stage.adds(), self.block) {
+            (true, Block::PartialCoherence) if self.before.blocks.light_blur => {
                 loss > HOPELESS_WITHOUT_BLUR * self.before.loss
             }
-            (Change::Add, Block::PartialCoherence) => {
-                loss > self.before.loss - HOPEFUL * (self.before.loss - self.bound())
-            }
-            (Change::Add, _) => false,
-            (Change::Remove, _) => loss > HOPELESS * self.bound(),
+            (true, Block::PartialCoherence) => loss > self.before.loss - HOPEFUL * (self.before.loss - self.bound()),
+            (true, _) => false,
+            (false, _) => loss > HOPELESS * self.bound(),
         }
     }
 
     /// Blocks of the model that is being tried.
     fn blocks(&self) -> Blocks {
-        match self.change {
-            Change::Add => self.before.blocks.with(self.block),
-            Change::Remove => self.before.blocks.without(self.block),
+        match self.stage.adds() {
+            true => self.before.blocks.with(self.block),
+            false => self.before.blocks.without(self.block),
         }
+    }
+
+    fn adds(&self, block: Block) -> bool {
+        self.stage.adds() && self.block == block
     }
 }
 
 impl ParametricLearner {
-    /// Starts a round: blocks of the SLM are added at the first order; after the last one, blocks that the model does
-    /// not need are left out, and then a varying kernel or a ghost is added. False if there is nothing to try, or no
-    /// validation pairs to choose by.
+    /// Starts a round of the current [stage](TrialStage), or of those that follow it at once. False if there is nothing
+    /// to try, or no validation pairs to choose by.
     pub(super) fn start_round(&mut self) -> bool {
         let Some(before) = self.state.best.clone() else { return false };
-        let has = |block: &Block| before.blocks.contains(*block);
-        // A kernel that varies and several modes together take too many transfer functions.
-        let excluded = |block: &Block| *block == Block::Varying && before.blocks.partial_coherence;
-        let lacks = |block: &Block| block.belongs_to(self.options.model) && !has(block) && !excluded(block);
-        // Light of a ghost or of a varying kernel is little beside what the others change. Dust has a fit of its own.
-        let is_last = |block: &Block| matches!(block, Block::Varying | Block::Ghost);
-        let all = || Block::ALL.into_iter().filter(|block| *block != Block::Dust);
-        let (change, mut untried): (Change, Vec<Block>) = match (self.state.orders_done, self.state.pruned) {
-            (false, _) if self.state.order_index > 0 => return false,
-            (false, _) => (Change::Add, all().filter(|block| !is_last(block) && lacks(block)).collect()),
-            (true, false) => (Change::Remove, all().filter(has).collect()),
-            (true, true) => (Change::Add, all().filter(|block| is_last(block) && lacks(block)).collect()),
-        };
+        if self.state.trials == TrialStage::First && self.state.order_index > 0 {
+            return false;
+        }
+        let mut untried = self.candidates(&before);
+        if untried.is_empty() && self.state.trials == TrialStage::Pruning {
+            self.state.trials = TrialStage::Last;
+            untried = self.candidates(&before);
+        }
         if untried.is_empty() {
-            return match (self.state.orders_done, std::mem::replace(&mut self.state.pruned, self.state.orders_done)) {
-                (true, false) => self.start_round(),
-                _ => false,
-            };
+            return false;
         }
         let block = untried.remove(0);
-        self.start_trial(Round { change, before, block, steps: 0, untried, winner: None });
+        self.start_trial(Round { stage: self.state.trials, before, block, steps: 0, untried, winner: None });
         true
+    }
+
+    /// The blocks that the current stage tries on a model.
+    fn candidates(&self, model: &BestModel) -> Vec<Block> {
+        let stage = self.state.trials;
+        // A kernel that varies and several modes together take too many transfer functions.
+        let excluded = |block| block == Block::Varying && model.blocks.partial_coherence;
+        let lacks = |block: Block| block.belongs_to(self.options.model) && !model.blocks.contains(block);
+        let changes = |block| match stage.adds() {
+            true => lacks(block) && !excluded(block),
+            false => model.blocks.contains(block),
+        };
+        Block::ALL.into_iter().filter(|&block| stage.tries(block) && changes(block)).collect()
     }
 
     /// Starts to fit the best model so far with one more or one less block.
@@ -129,7 +172,7 @@ impl ParametricLearner {
         let with = self.state.best.take().filter(|with| with.loss <= round.bound());
         let both = round.winner.take().into_iter().chain(with);
         round.winner = both.min_by(|a, b| a.loss.total_cmp(&b.loss));
-        if round.change == Change::Add && round.winner.is_some() {
+        if round.stage.adds() && round.winner.is_some() {
             // Modes are as dear as three holograms, and describe a part of what the winner describes. They wait until
             // no other block helps.
             round.untried.retain(|block| *block != Block::PartialCoherence);
@@ -140,12 +183,13 @@ impl ParametricLearner {
         }
         let Some(winner) = round.winner else {
             self.state.best = Some(round.before);
-            self.state.pruned |= round.change == Change::Remove;
-            // After a round of removals a varying kernel or a ghost is due.
-            if round.change == Change::Add || !self.start_round() {
-                self.next_order();
+            if round.stage == TrialStage::Pruning {
+                self.state.trials = TrialStage::Last;
+                if self.start_round() {
+                    return;
+                }
             }
-            return;
+            return self.next_order();
         };
         let layout = self.layout_of(winner.order as usize, winner.blocks);
         self.start_layout(layout, &self.joint.with_layout(layout), &winner.parameters);
@@ -158,8 +202,7 @@ impl ParametricLearner {
     /// as the blur is wide, and the blur starts anew, because the modes may describe better what it describes.
     pub(super) fn separate_modes(&mut self) {
         let is_start = self.state.refinement.is_none();
-        let wanted = |round: &Round| (round.block, round.change) == (Block::PartialCoherence, Change::Add);
-        if !is_start || !self.state.round.as_ref().is_some_and(wanted) {
+        if !is_start || !self.state.round.as_ref().is_some_and(|round| round.adds(Block::PartialCoherence)) {
             return;
         }
         let layout = self.joint.layout;
@@ -198,8 +241,7 @@ impl ParametricLearner {
     /// seen.
     pub(super) fn lacks_ghost(&mut self, pairs: &dyn PairSource) -> Result<bool, BoxError> {
         let is_start = self.state.refinement.is_none();
-        let seeks = |round: &Round| (round.block, round.change) == (Block::Ghost, Change::Add);
-        if !is_start || !self.state.round.as_ref().is_some_and(seeks) {
+        if !is_start || !self.state.round.as_ref().is_some_and(|round| round.adds(Block::Ghost)) {
             return Ok(false);
         }
         let mut search = GhostSearch::new(self.fit.engine.height_px(), self.fit.engine.width_px());
