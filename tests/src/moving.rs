@@ -2,7 +2,7 @@ use crate::material::{declare, hologram, request, target};
 use crate::process::{Daemon, lightpathd};
 use crate::processes::place;
 use futures::{StreamExt as _, stream};
-use lightpath::v1::{HologramResult, Job, WatchJobRequest, job::State};
+use lightpath::v1::{GetBatchRequest, HologramResult, Job, SubmitJobRequest, WatchJobRequest, job::State};
 use lightpath::{Client, JobChange, hologram_result};
 use lightpath_fixtures::postgres_database;
 use rand::{Rng as _, SeedableRng as _};
@@ -12,11 +12,15 @@ use std::io::Write as _;
 use std::time::Instant;
 use tempfile::TempDir;
 
-/// Jobs that have ended before the move, and uploads of a mebibyte, unless `LIGHTPATH_MOVED_JOBS` and
+/// Jobs beside those that the test watches, and uploads of a mebibyte, unless `LIGHTPATH_MOVED_JOBS` and
 /// `LIGHTPATH_MOVED_MIB` set other numbers.
 const JOBS: u64 = 12;
 const UPLOADS: u64 = 3;
-/// Different results of these jobs.
+/// Half of the jobs, and no more than this number, have ended before the move. The others wait for a process with a label.
+const ENDED_MAX: u64 = 500;
+/// Batch of those that wait.
+const LATER: &str = "later";
+/// Different results of the jobs.
 const SEEDS: u64 = 100;
 /// Calls at the same time.
 const AT_ONCE: usize = 16;
@@ -37,12 +41,18 @@ async fn client_notices_only_the_pause_of_a_move() {
     let daemon = Daemon::start(data.path(), &SETTINGS).await;
     let (client, address) = (daemon.client.clone(), daemon.url.strip_prefix("http://").unwrap().to_owned());
     declare(&client, "lab", 128, 96).await;
+    declare(&client, "small", 32, 24).await;
     let picture = client.upload_bytes(target(128, 96, 0)).await.unwrap();
     let submit = async |iterations, seed| {
         client.submit(request(hologram("lab", &picture, iterations, seed), "")).await.unwrap().name
     };
     let uploads = upload(&client, number("LIGHTPATH_MOVED_MIB", UPLOADS)).await;
-    let ended = ended_jobs(&client, number("LIGHTPATH_MOVED_JOBS", JOBS)).await;
+    let jobs = number("LIGHTPATH_MOVED_JOBS", JOBS);
+    let ended_count = (jobs / 2).min(ENDED_MAX);
+    let later = submit_small(&client, jobs - ended_count, LATER, &["camera"]).await;
+    let ended = submit_small(&client, ended_count, "", &[]).await;
+    // They run in the order in which they were submitted.
+    assert_eq!(client.wait(ended.last().expect("a job"), |_| ()).await.unwrap().state(), State::Succeeded);
 
     let long = submit(LONG, LONG_SEED).await;
     let behind = submit(3, 0).await;
@@ -83,6 +93,8 @@ async fn client_notices_only_the_pause_of_a_move() {
         assert_eq!(job.state(), State::Succeeded, "{job:?}");
         phases.insert(phase(hologram_result(&job).unwrap()));
     }
+    let batch = client.get_batch(GetBatchRequest { batch: LATER.into() }).await.unwrap();
+    assert_eq!(batch.queued, later.len() as u64);
     let mut files = stream::iter(uploads.iter().chain(&phases)).map(|digest| client.download(digest)).buffered(AT_ONCE);
     while let Some(bytes) = files.next().await {
         bytes.unwrap();
@@ -115,16 +127,16 @@ async fn upload(client: &Client, count: u64) -> Vec<String> {
     uploads.map(Result::unwrap).collect().await
 }
 
-/// Submits this number of small jobs, waits until they have ended, and returns their names.
-async fn ended_jobs(client: &Client, count: u64) -> Vec<String> {
-    declare(client, "small", 32, 24).await;
+/// Submits this number of small jobs, and returns their names.
+async fn submit_small(client: &Client, count: u64, batch: &str, needs: &[&str]) -> Vec<String> {
     let picture = client.upload_bytes(target(32, 24, 0)).await.unwrap();
-    let job = |n| client.submit(request(hologram("small", &picture, 1, n % SEEDS), ""));
+    let job = |n| {
+        let (batch, needs) = (batch.to_owned(), needs.iter().copied().map(Into::into).collect());
+        let job = request(hologram("small", &picture, 1, n % SEEDS), "");
+        client.submit(SubmitJobRequest { batch, needs, ..job })
+    };
     let jobs = stream::iter(0..count).map(job).buffered(AT_ONCE);
-    let names: Vec<String> = jobs.map(|job| job.unwrap().name).collect().await;
-    // They run in the order in which they were submitted.
-    assert_eq!(client.wait(names.last().expect("a job"), |_| ()).await.unwrap().state(), State::Succeeded);
-    names
+    jobs.map(|job| job.unwrap().name).collect().await
 }
 
 /// Digest of the phase of the only frame.
