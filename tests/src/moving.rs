@@ -86,8 +86,16 @@ async fn client_notices_only_the_pause_of_a_move() {
         phase(hologram_result(&again).unwrap()),
         "the job ended as without a move"
     );
-    let mut jobs = stream::iter(&ended).map(|name| client.wait(name, |_| ())).buffered(AT_ONCE);
-    let mut phases = BTreeSet::from([picture.clone()]);
+    assert_kept(&client, &ended, &later, [uploads, vec![picture.clone()]].concat()).await;
+    daemon.stop().await;
+    let check = ["check", "--data-dir", folder].into_iter().chain(settings.into_iter().take(11));
+    lightpathd(&check.collect::<Vec<_>>()).await.ok();
+}
+
+/// Checks that these jobs have ended, that the others wait, and that all files are there.
+async fn assert_kept(client: &Client, ended: &[String], later: &[String], files: Vec<String>) {
+    let mut jobs = stream::iter(ended).map(|name| client.wait(name, |_| ())).buffered(AT_ONCE);
+    let mut phases = BTreeSet::new();
     while let Some(job) = jobs.next().await {
         let job = job.unwrap();
         assert_eq!(job.state(), State::Succeeded, "{job:?}");
@@ -95,13 +103,10 @@ async fn client_notices_only_the_pause_of_a_move() {
     }
     let batch = client.get_batch(GetBatchRequest { batch: LATER.into() }).await.unwrap();
     assert_eq!(batch.queued, later.len() as u64);
-    let mut files = stream::iter(uploads.iter().chain(&phases)).map(|digest| client.download(digest)).buffered(AT_ONCE);
+    let mut files = stream::iter(files.iter().chain(&phases)).map(|digest| client.download(digest)).buffered(AT_ONCE);
     while let Some(bytes) = files.next().await {
         bytes.unwrap();
     }
-    daemon.stop().await;
-    let check = ["check", "--data-dir", folder].into_iter().chain(settings.into_iter().take(11));
-    lightpathd(&check.collect::<Vec<_>>()).await.ok();
 }
 
 /// Waits for a job. Returns it with what happened to the connection meanwhile.

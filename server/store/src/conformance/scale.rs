@@ -206,6 +206,19 @@ async fn many_jobs_for_others_delay_no_claim() {
     }
 }
 
+/// Times in which a claim is made and ended.
+async fn claims(store: &Store) -> Times {
+    let limits = ClaimLimits { per_owner: 50, per_display: 0 };
+    // Each claim has a time of its own, so that owners do not tie for their turns.
+    times(async |n| {
+        let now_ms = CLAIM_MS + i64::from(n);
+        let (_, lease) =
+            store.claim_within(limits, now_ms, LEASE_MS, &crate::Claimant::named("w")).await.unwrap().unwrap();
+        store.finish(&lease, result(), JobEffect::None, now_ms + 1).await.unwrap();
+    })
+    .await
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn many_jobs_keep_queries_fast() {
     let requested_jobs = std::env::var("LIGHTPATH_SCALE_JOBS").ok().map(|jobs| jobs.parse().unwrap());
@@ -220,15 +233,7 @@ async fn many_jobs_keep_queries_fast() {
     let counts = store.queue_counts().await.unwrap();
     assert_eq!((counts.succeeded, counts.queued), (u64::from(finished), u64::from(waiting)));
 
-    let limits = ClaimLimits { per_owner: 50, per_display: 0 };
-    // Each claim has a time of its own, so that owners do not tie for their turns.
-    let claim = times(async |n| {
-        let now_ms = CLAIM_MS + i64::from(n);
-        let (_, lease) =
-            store.claim_within(limits, now_ms, LEASE_MS, &crate::Claimant::named("w")).await.unwrap().unwrap();
-        store.finish(&lease, result(), JobEffect::None, now_ms + 1).await.unwrap();
-    })
-    .await;
+    let claim = claims(store).await;
     claim.print("claim and finish");
     let submit = times(async |n| {
         let mut new = new_job(&format!("new {n}"), 1);
