@@ -55,6 +55,8 @@ create table job (
     worker           text collate "C",
     -- process of the worker, where several share the database
     process          text collate "C",
+    -- what computes, or computed, the latest attempt, for people: version of the program and kind of processor
+    computer         text collate "C",
     cancel_requested bigint           not null default 0 check (cancel_requested in (0, 1)),
 
     create_time_ms   bigint           not null,

@@ -133,18 +133,18 @@ impl Ledger {
     pub(crate) async fn settle(&mut self, client: &Client, material: &Material) {
         let mut attempts = 0;
         for (request_id, answered) in &mut self.asked {
-            let name = match answered {
-                Some(name) => name.clone(),
-                None => client.submit(submission(&material.target, request_id)).await.unwrap().name,
-            };
-            let job = client.wait(&name, |_| ()).await.unwrap();
-            assert_eq!(job.state(), State::Succeeded, "{job:?} {:#?}", events(client, &name).await);
-            assert_succeeded_once(client, &name).await;
+            if answered.is_none() {
+                *answered = Some(client.submit(submission(&material.target, request_id)).await.unwrap().name);
+            }
+        }
+        for (request_id, name) in self.asked.iter().filter_map(|(id, name)| Some((id, name.as_ref()?))) {
+            let job = client.wait(name, |_| ()).await.unwrap();
+            assert_eq!(job.state(), State::Succeeded, "{job:?} {:#?}", events(client, name).await);
+            assert_succeeded_once(client, name).await;
             attempts += job.attempt;
             let result = hologram_result(&job).unwrap();
             let first = self.results.entry(seed_of(request_id)).or_insert_with(|| result.clone());
             assert_same_bytes(first, result);
-            *answered = Some(name);
         }
         let names: BTreeSet<_> = self.asked.values().flatten().collect();
         assert_eq!(names.len(), self.asked.len(), "each request created one job");

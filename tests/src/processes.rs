@@ -1,10 +1,10 @@
 use crate::crash::import_two_versions;
 use crate::disk::{Filler, TinyDisk};
 use crate::fault_proxy::{Fault, FaultProxy, Upstream};
-use crate::ledger::Ledger;
-use crate::material::{declare, target};
+use crate::ledger::{Ledger, assert_same_bytes};
+use crate::material::{declare, events, hologram, request, target};
 use crate::process::{Daemon, lightpathd, lightpathd_command};
-use lightpath::{Client, v1};
+use lightpath::{Client, hologram_result, v1};
 use lightpath_fixtures::postgres_database;
 use rand::seq::IndexedRandom as _;
 use rand::{RngExt as _, SeedableRng as _};
@@ -29,6 +29,10 @@ const FAULT_MS_MAX: u64 = 3000;
 const BETWEEN_MS_MAX: u64 = 700;
 /// Faults after which everything is mended and checked.
 const FAULTS_PER_CHECK: u64 = 10;
+/// A batch with this number of jobs, so many that each worker gets some, and the iterations of each.
+const BATCH: &str = "video";
+const FRAMES: u64 = 18;
+const FRAME_ITERATIONS: u32 = 60;
 /// Longest wait for a process that was mended.
 const SOON: Duration = Duration::from_secs(60);
 /// Settings of all processes: a checkpoint about every third iteration, and a short lease.
@@ -146,6 +150,58 @@ async fn worker_has_health_and_metrics_and_needs_what_it_shares() {
     assert_ne!(ask("/healthz").await, "working\n");
 }
 
+/// Each worker computes a part of a batch, and the results are those of one machine.
+#[tokio::test(flavor = "multi_thread")]
+async fn a_batch_spreads_over_workers() {
+    let Some(mut cluster) = Cluster::new().await else { return };
+    lightpathd(&["--version"]).await.ok();
+    cluster.mend().await;
+    let client = cluster.members[0].client();
+    declare(&client, "lab", 128, 96).await;
+    let digest = client.upload_bytes(target(128, 96, 1)).await.unwrap();
+    // The workers begin together, when all live and the whole batch waits.
+    client.pause_queue(v1::PauseQueueRequest::default()).await.unwrap();
+    let frames = submit_frames(&client, &digest).await;
+    let all_live = async {
+        let is_worker = |process: &v1::queue::Process| process.name.starts_with("worker");
+        let living = async || client.get_queue(v1::GetQueueRequest {}).await.unwrap().processes;
+        while living().await.iter().filter(|process| is_worker(process)).count() < WORKERS {
+            tokio::time::sleep(Duration::from_millis(100)).await;
+        }
+    };
+    tokio::time::timeout(SOON, all_live).await.expect("all workers live");
+    client.resume_queue(v1::ResumeQueueRequest::default()).await.unwrap();
+
+    let data = TempDir::new().unwrap();
+    let alone = Daemon::start(data.path(), &["--compute-threads", "1"]).await;
+    declare(&alone.client, "lab", 128, 96).await;
+    assert_eq!(alone.client.upload_bytes(target(128, 96, 1)).await.unwrap(), digest);
+    let mut workers = std::collections::BTreeSet::new();
+    for (frame, here) in frames.iter().zip(submit_frames(&alone.client, &digest).await) {
+        let (frame, here) =
+            (client.wait(frame, |_| ()).await.unwrap(), alone.client.wait(&here, |_| ()).await.unwrap());
+        assert_same_bytes(hologram_result(&frame).unwrap(), hologram_result(&here).unwrap());
+        assert_eq!(frame.computer, here.computer);
+        let events = events(&client, &frame.name).await;
+        let started = events.iter().find_map(|event| event.strip_prefix("attempt 1 started by ")).unwrap();
+        workers.insert(started.split('-').next().unwrap().to_owned());
+    }
+    assert_eq!(workers.len(), WORKERS, "{workers:?}");
+    let batch = client.get_batch(v1::GetBatchRequest { batch: BATCH.into() }).await.unwrap();
+    assert_eq!((batch.succeeded, batch.done), (FRAMES, 1.0));
+}
+
+/// Submits a batch, and returns the names of its jobs.
+async fn submit_frames(client: &Client, target: &str) -> Vec<String> {
+    let mut names = Vec::new();
+    for seed in 0..FRAMES {
+        let frame = request(hologram("lab", target, FRAME_ITERATIONS, seed), "");
+        let frame = v1::SubmitJobRequest { batch: BATCH.into(), ..frame };
+        names.push(client.submit(frame).await.unwrap().name);
+    }
+    names
+}
+
 /// `LIGHTPATH_FAULTS` faults strike two servers and three workers, often several at a time. No accepted request is lost,
 /// no job ends twice, and the results are those of one machine.
 #[tokio::test(flavor = "multi_thread")]
@@ -219,7 +275,12 @@ impl Cluster {
             let address = (index < SERVERS).then(free_address);
             let mut arguments = match &address {
                 Some(address) => ["serve", "--no-worker", "--listen", address].map(str::to_owned).to_vec(),
-                None => ["worker", "--workers", "2", "--disk-reserve-mib", "4"].map(str::to_owned).to_vec(),
+                None => {
+                    let name = format!("worker{index}");
+                    ["worker", "--workers", "2", "--disk-reserve-mib", "4", "--worker-name", &name]
+                        .map(str::to_owned)
+                        .to_vec()
+                }
             };
             let database = format!("postgres://lightpath@127.0.0.1:{}/{name}?sslmode=disable", to_database.port);
             let endpoint = format!("http://127.0.0.1:{}", to_bucket.port);

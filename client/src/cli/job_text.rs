@@ -100,6 +100,9 @@ fn queue_facts(job: &Job, facts: &mut Facts) {
         let memory = show::bytes(job.estimated_memory_bytes);
         facts.add("estimate", format!("{memory} of memory, {}", show::duration(job.estimated_time_s)));
     }
+    if !job.computer.is_empty() {
+        facts.add("computed by", show::plain(&job.computer));
+    }
     facts.add("request id", &job.request_id);
 }
 

@@ -51,6 +51,7 @@ pub use error::ArtifactError;
 pub use inventory::{BlobKind, Inventory, digest_of_file};
 pub use lock::{FolderLock, LOCK};
 pub use private::{create_private_folder, make_private, private_file};
+pub use publish::Content;
 pub use read::{ArtifactReader, CHUNK_BYTES};
 pub use remote::RemoteObject;
 pub use remote::inventory::BucketInventory;
@@ -256,7 +257,7 @@ impl Artifacts {
     }
 
     /// Stores `bytes` and returns their digest. When this returns they are on disk, and nothing records them: see
-    /// [`Self::publish_bytes`].
+    /// [`Self::publish`].
     ///
     /// # Errors
     ///

@@ -4,49 +4,41 @@ use crate::error::ArtifactError;
 use crate::inventory::BlobKind;
 use crate::{Artifacts, UploadWriter};
 
+/// What is to be published.
+#[derive(Debug)]
+pub enum Content {
+    /// Bytes in memory.
+    Bytes(Vec<u8>),
+    /// The bytes of an upload.
+    Upload(UploadWriter),
+}
+
+impl From<Vec<u8>> for Content {
+    fn from(bytes: Vec<u8>) -> Self {
+        Self::Bytes(bytes)
+    }
+}
+
+impl From<UploadWriter> for Content {
+    fn from(upload: UploadWriter) -> Self {
+        Self::Upload(upload)
+    }
+}
+
 impl Artifacts {
-    /// Stores `bytes` and records them with `record`, which gets their digest, and the mark of a removal that it may end.
+    /// Stores the content and records it with `record`, which gets its digest, and the mark of a removal that it may end.
     /// While the blob is being removed, `record` records nothing and returns the mark of the removal as the inner error;
     /// then it is called again, after another copy was stored. When this returns, the blob is on disk, in the bucket if
-    /// there is one, and recorded.
+    /// there is one, recorded, and no removal has taken it in the meantime: the second and the third rule in
+    /// `remote_calls`.
     ///
     /// # Errors
     ///
-    /// [`ArtifactError::DiskFull`], [`ArtifactError::Io`], [`ArtifactError::Remote`]; the errors of `record`.
-    pub async fn publish_bytes<T, E, R>(
+    /// [`ArtifactError::DiskFull`], [`ArtifactError::Io`], [`ArtifactError::Remote`]; of an upload also
+    /// [`ArtifactError::WrongSize`], [`ArtifactError::WrongDigest`]; the errors of `record`.
+    pub async fn publish<T, E, R>(
         &self,
-        bytes: Vec<u8>,
-        record: impl Fn(String, Option<String>) -> R,
-    ) -> Result<T, E>
-    where
-        E: From<ArtifactError>,
-        R: Future<Output = Result<Result<T, String>, E>>,
-    {
-        self.publish(self.put_bytes(bytes), record).await
-    }
-
-    /// Does the same as [`Self::publish_bytes`] with the bytes of an upload.
-    ///
-    /// # Errors
-    ///
-    /// The errors of [`Self::publish_bytes`]; [`ArtifactError::WrongSize`], [`ArtifactError::WrongDigest`].
-    pub async fn publish_upload<T, E, R>(
-        &self,
-        upload: UploadWriter,
-        record: impl Fn(String, Option<String>) -> R,
-    ) -> Result<T, E>
-    where
-        E: From<ArtifactError>,
-        R: Future<Output = Result<Result<T, String>, E>>,
-    {
-        self.publish(upload.finish(), record).await
-    }
-
-    /// Stores a blob with `store`, records it, and makes sure that no removal has taken it in the meantime: the second
-    /// and the third rule in `remote_calls`.
-    async fn publish<T, E, R>(
-        &self,
-        store: impl Future<Output = Result<String, ArtifactError>>,
+        content: impl Into<Content>,
         record: impl Fn(String, Option<String>) -> R,
     ) -> Result<T, E>
     where
@@ -54,7 +46,11 @@ impl Artifacts {
         R: Future<Output = Result<Result<T, String>, E>>,
     {
         let _publishing = self.publishing().await;
-        let (digest, mut seen) = (store.await?, None);
+        let digest = match content.into() {
+            Content::Bytes(bytes) => self.put_bytes(bytes).await?,
+            Content::Upload(upload) => upload.finish().await?,
+        };
+        let mut seen = None;
         loop {
             match record(digest.clone(), seen).await? {
                 Ok(recorded) => {

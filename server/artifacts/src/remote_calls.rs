@@ -11,7 +11,7 @@
 //!    ([`Artifacts::store_anew`]) and records again, which clears the mark if it is still the one it has seen.
 //! 3. A publisher calls [`Artifacts::ensure_stored`] after it has recorded the blob and before it answers.
 //!
-//! [`Artifacts::publish_bytes`] and [`Artifacts::publish_upload`] keep the second and the third rule.
+//! [`Artifacts::publish`] keeps the second and the third rule.
 //!
 //! Without a remote, the functions find and change nothing.
 

@@ -284,7 +284,8 @@ async fn token_loop(store: Store, ended_tokens: EndedTokens, stopping: Cancellat
             () = stopping.cancelled() => return,
             _ = ticks.tick() => {}
         }
-        if let Err(error) = ended_tokens.update(&store, store.now_ms()).await {
+        let updated = ended_tokens.update(&store, store.now_ms());
+        if let Some(Err(error)) = stopping.run_until_cancelled(updated).await {
             tracing::error!(
                 error = &error as &dyn std::error::Error,
                 "the check for revoked and expired tokens failed"
@@ -331,7 +332,7 @@ async fn health_loop(api: Api, health: HealthReporter, stopping: CancellationTok
             () = stopping.cancelled() => return,
             _ = ticks.tick() => {}
         }
-        let found = api.is_serving().await;
+        let Some(found) = stopping.run_until_cancelled(api.is_serving()).await else { return };
         api.set_health(found.as_ref().map_err(ToString::to_string).copied());
         if found.is_ok() == is_healthy {
             continue;

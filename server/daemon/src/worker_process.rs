@@ -73,9 +73,10 @@ async fn count_loop(store: Store, artifacts: Artifacts, stopping: CancellationTo
             _ = count.tick() => {}
         }
         metrics::summarize();
-        match store.artifact_totals().await {
-            Ok((_, bytes)) => artifacts.space().set_stored_bytes(bytes),
-            Err(error) => {
+        match stopping.run_until_cancelled(store.artifact_totals()).await {
+            None => return,
+            Some(Ok((_, bytes))) => artifacts.space().set_stored_bytes(bytes),
+            Some(Err(error)) => {
                 let error: &dyn std::error::Error = &error;
                 tracing::error!(error, "the stored bytes could not be counted");
             }

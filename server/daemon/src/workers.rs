@@ -12,6 +12,9 @@ use tokio::task::{JoinError, JoinHandle};
 use tokio::time::timeout;
 use tokio_util::sync::CancellationToken;
 
+/// Longest time for returning the jobs to the queue that did not stop in time, while the database may be away.
+const RELEASE_MAX: Duration = Duration::from_secs(2);
+
 /// The running workers of this process.
 #[derive(Debug)]
 pub(crate) struct Workers {
@@ -57,17 +60,16 @@ impl Workers {
 /// Returns the jobs to the queue that did not stop in time. Without this, the next start would take the stop for a
 /// death of the server. The computations still run, but can write nothing more.
 async fn release_unfinished(store: &Store, process: Option<&str>) {
-    match store.release_all(process, store.now_ms()).await {
-        Ok(jobs) => {
+    match timeout(RELEASE_MAX, store.release_all(process, store.now_ms())).await {
+        Ok(Ok(jobs)) => {
             for job in jobs {
                 tracing::warn!(job = job.id, "the job did not stop in time; it continues from its last saved state");
             }
         }
-        Err(error) => {
-            tracing::error!(
-                error = &error as &dyn std::error::Error,
-                "jobs that did not stop in time could not be returned to the queue"
-            );
+        Ok(Err(error)) => {
+            let error: &dyn std::error::Error = &error;
+            tracing::error!(error, "jobs that did not stop in time could not be returned to the queue");
         }
+        Err(_) => tracing::error!("the database did not take back the jobs that did not stop in time"),
     }
 }

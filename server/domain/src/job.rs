@@ -110,6 +110,8 @@ pub struct Job {
     pub finish_time_ms: Option<i64>,
     /// Earliest time at which the job, if queued, may start \[ms since 1970\].
     pub run_time_ms: i64,
+    /// What computes, or computed, the latest attempt: version of the program and kind of processor.
+    pub computer: Option<String>,
     /// Progress of the latest attempt.
     pub progress: Option<Progress>,
     /// Error that ended the latest attempt.

@@ -49,7 +49,7 @@ macro_rules! due_in_lane {
 
 /// Starts the next job: `$1` its lease, `$2` the end of the lease, `$3` the worker, `$4` now \[ms since 1970\], `$5` limit
 /// on the running jobs of an owner, `$6` limit on those for a display (0: no limit), `$7` the worker's process, `$8` its
-/// labels as JSON, `$9` the memory that it gives a job \[bytes\].
+/// labels as JSON, `$9` the memory that it gives a job \[bytes\], `$10` what computes there.
 ///
 /// It looks for the lowest priority with a due job, ranks the owners there, and looks at the lanes of the first of them
 /// that has a due job. With a thousand lanes it so reads few jobs. The order of `turn` is a hint: PostgreSQL then looks at
@@ -74,7 +74,7 @@ pub(super) const CLAIM: &str = concat!(
     ") order by lane.priority limit 1)) here \
         left join busy on busy.owner = here.owner) \
      update job set state = 'running', attempt = attempt + 1, lease_id = $1, lease_until_ms = $2, worker = $3, \
-     process = $7, start_time_ms = $4, progress = null, error = null, revision = revision + 1 \
+     process = $7, computer = $10, start_time_ms = $4, progress = null, error = null, revision = revision + 1 \
      where id = ( \
         select next.id from (select * from turn order by running, start_ms nulls first) turn \
         join job next on next.id = ( \

@@ -19,6 +19,7 @@ pub(super) fn job_of(row: &Row) -> Result<Job, StoreError> {
         start_time_ms: row.try_get("start_time_ms")?,
         finish_time_ms: row.try_get("finish_time_ms")?,
         run_time_ms: row.try_get("run_time_ms")?,
+        computer: row.try_get("computer")?,
         progress: from_json_option("job.progress", row.try_get("progress")?)?,
         error: from_json_option("job.error", row.try_get("error")?)?,
         result: from_json_option("job.result", row.try_get("result")?)?,

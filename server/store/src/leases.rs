@@ -36,7 +36,7 @@ pub struct Claimant {
     pub lease_id: String,
     /// What its process offers to jobs. It gets no others.
     pub abilities: Abilities,
-    /// What computes there, for people: the event of the start names it.
+    /// What computes there, for people: the job and the event of its start name it.
     pub computer: Option<String>,
 }
 
@@ -262,6 +262,7 @@ async fn claim(
         .bind(&claimant.process)
         .bind(labels)
         .bind(memory_bytes)
+        .bind(&claimant.computer)
         .fetch_optional(write.sql())
         .await?;
     let Some(row) = row else { return Ok(None) };

@@ -7,11 +7,10 @@ use super::{Store, StoreError};
 use lightpath_domain::job::Progress;
 use lightpath_domain::reason::PreconditionReason;
 
-/// Numbers of the jobs of a batch in each state.
-pub(super) const BATCH: &str = "select state, count(*) from job where batch = $1 group by state";
-
-/// Progress of the running jobs of a batch. Only it must be read from their rows; the others are counted in the index.
-pub(super) const BATCH_PROGRESS: &str = "select progress from job where batch = $1 and state = 'running'";
+/// Numbers of the jobs of a batch in each state, and the progress of each running job in a row without a state. Only the
+/// progress must be read from the rows of the jobs; they are counted in the index.
+pub(super) const BATCH: &str = "select state, count(*), null from job where batch = $1 group by state \
+     union all select null, 0, progress from job where batch = $1 and state = 'running'";
 
 /// A pause of the queue or of one display.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -150,12 +149,16 @@ impl Store {
     ///
     /// [`StoreError::NotFound`] if the batch has no jobs.
     pub async fn batch(&self, name: &str) -> Result<BatchProgress, StoreError> {
-        let mut read = self.readers().begin().await?;
-        let rows: Vec<(String, i64)> = query_as(BATCH).bind(name).fetch_all(&mut read).await?;
-        let running: Vec<Option<String>> = scalar(BATCH_PROGRESS).bind(name).fetch_all(&mut read).await?;
+        let rows: Vec<(Option<String>, i64, Option<String>)> =
+            query_as(BATCH).bind(name).fetch_all(self.readers()).await?;
         let mut progress = BatchProgress::default();
-        let mut jobs = 0;
-        for (state, count) in rows {
+        let (mut jobs, mut done) = (0, 0.0);
+        for (state, count, running) in rows {
+            let Some(state) = state else {
+                let running: Option<Progress> = from_json_option("job.progress", running)?;
+                done += running.map_or(0.0, |running| running.fraction());
+                continue;
+            };
             let slot = match super::rows::from_word("job.state", state)? {
                 lightpath_domain::job::JobState::Queued => &mut progress.queued,
                 lightpath_domain::job::JobState::Running => &mut progress.running,
@@ -169,11 +172,7 @@ impl Store {
         if jobs == 0 {
             return Err(StoreError::not_found(format!("batch {name:?}")));
         }
-        let mut done = (progress.succeeded + progress.failed + progress.cancelled) as f64;
-        for text in running {
-            let job: Option<Progress> = from_json_option("job.progress", text)?;
-            done += job.map_or(0.0, |job| job.fraction());
-        }
+        done += (progress.succeeded + progress.failed + progress.cancelled) as f64;
         progress.done = done / jobs as f64;
         Ok(progress)
     }

@@ -124,8 +124,10 @@ impl Store {
         self.write_row(move |write| {
             Box::pin(async move {
                 let sql = "update webhook set teller = $2, teller_until_ms = $3 where id = $1 \
-                           and (teller is null or teller = $2 or teller_until_ms <= $4 or teller_until_ms > $3)";
+                           and (teller is null or teller = $2 or teller_until_ms <= $4 or teller_until_ms > $5)";
                 let held = query(sql).bind(id).bind(process).bind(now_ms + hold_ms).bind(now_ms);
+                // The clocks of two processes may differ a little. A hold much longer than any is from a clock that was ahead.
+                let held = held.bind(now_ms + 2 * hold_ms);
                 Ok(held.execute(write.sql()).await? == 1)
             })
         })

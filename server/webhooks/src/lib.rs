@@ -21,7 +21,7 @@ use std::collections::HashSet;
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::task::JoinSet;
-use tokio::time::sleep;
+use tokio::time::{sleep, timeout};
 use tokio_util::sync::CancellationToken;
 
 /// Least time between two searches for what is due, so that many events at once are one search.
@@ -30,14 +30,19 @@ const SEARCH_INTERVAL: Duration = Duration::from_millis(50);
 const SEARCH_INTERVAL_MAX: Duration = Duration::from_secs(30);
 /// Time for which other processes do not tell a webhook that this one tells \[ms\]: longer than an attempt takes.
 const HOLD_MS: i64 = 30_000;
+/// Longest time for letting go of the webhooks at the end.
+const RELEASE_MAX: Duration = Duration::from_secs(5);
 /// Pause after an error of the database, or while another process tells a webhook.
 const PAUSE_AFTER_ERROR: Duration = Duration::from_secs(5);
 
 /// Sends what webhooks are to learn until `stopping` is cancelled. A slow receiver delays its own webhook only. Of
-/// the processes that share a database, one at a time tells a webhook.
+/// the processes that share a database, one at a time tells a webhook; at the end this one lets go of those it tells.
 pub async fn run(store: Store, origins: Origins, stopping: CancellationToken) {
     let deliverer = Arc::new(Deliverer { store, origins, sender: Sender::new() });
-    stopping.run_until_cancelled(deliver(deliverer)).await;
+    let mut busy = HashSet::new();
+    stopping.run_until_cancelled(deliver(&deliverer, &mut busy)).await;
+    // Without the database, the holds end by themselves.
+    drop(timeout(RELEASE_MAX, deliverer.release(busy)).await);
 }
 
 #[derive(Debug)]
@@ -47,10 +52,11 @@ struct Deliverer {
     sender: Sender,
 }
 
-async fn deliver(deliverer: Arc<Deliverer>) {
+/// Starts a task for each webhook that something is due for. `busy` has those that have one.
+async fn deliver(deliverer: &Arc<Deliverer>, busy: &mut HashSet<String>) {
     let news = deliverer.store.deliverable();
     // Each task tells one webhook everything that is due.
-    let (mut tasks, mut busy) = (JoinSet::<String>::new(), HashSet::new());
+    let mut tasks = JoinSet::<String>::new();
     loop {
         while let Some(ended) = tasks.try_join_next() {
             // A task that panicked keeps its webhook busy, which stops a loop of panics until the next start.
@@ -62,7 +68,7 @@ async fn deliver(deliverer: Arc<Deliverer>) {
             Ok(due) => {
                 for id in due {
                     if busy.insert(id.clone()) {
-                        tasks.spawn(tell(Arc::clone(&deliverer), id));
+                        tasks.spawn(tell(Arc::clone(deliverer), id));
                     }
                 }
                 deliverer.until_next().await
@@ -100,6 +106,16 @@ async fn tell(deliverer: Arc<Deliverer>, webhook: String) -> String {
 }
 
 impl Deliverer {
+    /// Lets go of webhooks whose tasks have been ended, so that another process need not wait until the holds end.
+    async fn release(&self, webhooks: HashSet<String>) {
+        for id in webhooks {
+            if let Err(error) = self.store.release_webhook(&id).await {
+                let error: &dyn std::error::Error = &error;
+                tracing::warn!(error, webhook = id, "the webhook is told by others only after {HOLD_MS} ms");
+            }
+        }
+    }
+
     async fn until_next(&self) -> Duration {
         match self.store.next_attempt_ms().await {
             Ok(Some(next_ms)) => {

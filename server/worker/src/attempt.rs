@@ -4,7 +4,7 @@ use super::context::saved_state;
 use super::live_picture::LivePicture;
 use super::stop::{StopFlag, StopReason};
 use super::{Clock, JobContext, PAUSE, Task, TaskError, TaskOutput, Worker};
-use lightpath_domain::job::{FailureReason, Job, JobError, Lease, Progress};
+use lightpath_domain::job::{FailureReason, Job, JobError, JobState, Lease, Progress};
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_metrics as metrics;
 use lightpath_store::{AbortReason, Store, StoreError};
@@ -106,53 +106,95 @@ impl Worker {
 
     /// Records in the store how the attempt ended.
     async fn end_and_log(&self, lease: &Lease, outcome: Outcome, stop: &StopFlag, last_report: Option<Progress>) {
+        // Whether an answer was lost, so that the end may be stored already.
+        let mut unsure = false;
+        // Saved state of the job before its end, which refers to none any more.
+        let mut checkpoint = None;
         loop {
-            let Err(error) = self.end(lease, outcome.clone(), stop.reason(), last_report.clone()).await else { return };
-            if !matches!(error, StoreError::Unreachable(_) | StoreError::Busy) {
-                // The lease will expire, and the job then returns to the queue.
-                let error: &dyn std::error::Error = &error;
-                tracing::error!(job = lease.job, error, "the end of the attempt could not be stored");
-                return;
+            let ended = async {
+                checkpoint = self.store.job(&lease.job).await?.checkpoint.or(checkpoint.take());
+                self.end(lease, outcome.clone(), stop.reason(), last_report.clone()).await
+            };
+            let error = match ended.await {
+                Ok(job) => return self.note_end(lease, &job, checkpoint).await,
+                Err(error) => error,
+            };
+            match error {
+                // The work is done. If the lease is lost meanwhile, it is not valid when the database is back.
+                StoreError::Unreachable(_) | StoreError::Busy => {
+                    let error: &dyn std::error::Error = &error;
+                    tracing::warn!(job = lease.job, error, "the end of the attempt is not stored yet; trying again");
+                }
+                StoreError::LeaseLost if unsure => match self.stored_end(lease).await {
+                    Ok(Some(job)) => return self.note_end(lease, &job, checkpoint).await,
+                    Ok(None) => {
+                        tracing::warn!(
+                            job = lease.job,
+                            "the lease is not valid any more: the end of the attempt was stored and the answer lost, or the \
+                             lease was taken back before"
+                        );
+                        return;
+                    }
+                    Err(_) => {}
+                },
+                _ => {
+                    // The lease will expire, and the job then returns to the queue.
+                    let error: &dyn std::error::Error = &error;
+                    tracing::error!(job = lease.job, error, "the end of the attempt could not be stored");
+                    return;
+                }
             }
-            // The work is done. If the lease is lost meanwhile, or the answer to a stored end was lost, the lease is not
-            // valid when the database is back.
-            tracing::warn!(
-                job = lease.job,
-                error = &error as &dyn std::error::Error,
-                "the end of the attempt is not stored yet; trying again"
-            );
-            drop(error);
+            unsure = true;
             sleep(PAUSE).await;
         }
     }
 
+    /// The job, if it has succeeded with this lease: nobody else can have stored that.
+    async fn stored_end(&self, lease: &Lease) -> Result<Option<Job>, StoreError> {
+        let job = self.store.job(&lease.job).await?;
+        Ok(Some(job).filter(|job| job.state == JobState::Succeeded && job.attempt == lease.attempt))
+    }
+
+    /// Logs and counts an end that is stored, and removes the job's last saved state.
+    async fn note_end(&self, lease: &Lease, job: &Job, checkpoint: Option<String>) {
+        tracing::info!(job = job.id, attempt = lease.attempt, state = job.state.as_str(), "attempt ended");
+        if job.state.has_ended() {
+            metrics::job_ended(job);
+        }
+        if job.checkpoint.is_none()
+            && let Some(digest) = checkpoint
+            && let Err(error) = self.artifacts.delete_checkpoint(&digest).await
+        {
+            // The file does no harm: no job refers to it, and the next start removes it.
+            tracing::warn!(error = &error as &dyn std::error::Error, "a checkpoint could not be removed");
+        }
+    }
+
+    /// Stores the end of the attempt.
     async fn end(
         &self,
         lease: &Lease,
         outcome: Outcome,
         stop: Option<StopReason>,
         last_report: Option<Progress>,
-    ) -> Result<(), StoreError> {
-        let checkpoint = self.store.job(&lease.job).await?.checkpoint;
-        let job = match (outcome, stop) {
+    ) -> Result<Job, StoreError> {
+        match (outcome, stop) {
             (Ok(output), _) => {
                 if let Some(progress) = last_report {
                     self.store.progress(lease, &progress).await?;
                 }
-                self.finish(lease, output).await?
+                self.finish(lease, output).await
             }
             (Err(TaskError::Stopped), Some(StopReason::Cancel)) => {
-                self.store.end_cancelled(lease, self.clock.now_ms()).await?
+                self.store.end_cancelled(lease, self.clock.now_ms()).await
             }
-            (Err(TaskError::Stopped), Some(StopReason::Drain)) => {
-                self.store.release(lease, self.clock.now_ms()).await?
-            }
+            (Err(TaskError::Stopped), Some(StopReason::Drain)) => self.store.release(lease, self.clock.now_ms()).await,
             (Err(TaskError::Stopped), Some(StopReason::Timeout)) => {
                 let message = "the attempt exceeded its time limit; raise the job's timeout".to_owned();
                 let error = JobError { reason: FailureReason::Timeout, message, retryable: false };
-                self.store.fail(lease, error, None, self.clock.now_ms()).await?
+                self.store.fail(lease, error, None, self.clock.now_ms()).await
             }
-            (Err(TaskError::Stopped), Some(StopReason::LeaseLost) | None) => return Err(StoreError::LeaseLost),
+            (Err(TaskError::Stopped), Some(StopReason::LeaseLost) | None) => Err(StoreError::LeaseLost),
             (Err(TaskError::Failed(error)), _) => {
                 tracing::warn!(
                     job = lease.job,
@@ -163,25 +205,13 @@ impl Worker {
                 let now_ms = self.clock.now_ms();
                 let delay = self.config.backoff.delay(error.reason, lease.attempt).as_millis() as i64;
                 if error.is_of_the_storage() {
-                    self.store.postpone(lease, error, now_ms + delay, now_ms).await?
+                    self.store.postpone(lease, error, now_ms + delay, now_ms).await
                 } else {
                     let retry_at_ms = error.retryable.then_some(now_ms + delay);
-                    self.store.fail(lease, error, retry_at_ms, now_ms).await?
+                    self.store.fail(lease, error, retry_at_ms, now_ms).await
                 }
             }
-        };
-        tracing::info!(job = job.id, attempt = lease.attempt, state = job.state.as_str(), "attempt ended");
-        if job.state.has_ended() {
-            metrics::job_ended(&job);
         }
-        if job.checkpoint.is_none()
-            && let Some(digest) = checkpoint
-            && let Err(error) = self.artifacts.delete_checkpoint(&digest).await
-        {
-            // The file does no harm: no job refers to it, and the next start removes it.
-            tracing::warn!(error = &error as &dyn std::error::Error, "a checkpoint could not be removed");
-        }
-        Ok(())
     }
 }
 

@@ -18,7 +18,7 @@ struct Envelope {
 
 /// Puts `state` into its envelope.
 pub(super) fn seal(lease: &Lease, mut state: Vec<u8>) -> Result<Vec<u8>, serde_json::Error> {
-    let envelope = Envelope { job: lease.job.clone(), lease: lease.lease_id.clone(), computer: computer() };
+    let envelope = Envelope { job: lease.job.clone(), lease: lease.lease_id.clone(), computer: computer().to_owned() };
     state.push(b'\n');
     state.extend_from_slice(&serde_json::to_vec(&envelope)?);
     Ok(state)

@@ -4,12 +4,16 @@
 //! variant for each set of instructions, which round differently.
 
 use std::env::consts::ARCH;
+use std::sync::LazyLock;
 
 /// Version of the program and kind of processor, such as `lightpath 0.1.0, x86_64 with AVX, FMA`.
-pub(super) fn computer() -> String {
-    let instructions = instructions();
-    let with = if instructions.is_empty() { String::new() } else { format!(" with {}", instructions.join(", ")) };
-    format!("lightpath {}, {ARCH}{with}", env!("CARGO_PKG_VERSION"))
+pub(super) fn computer() -> &'static str {
+    static COMPUTER: LazyLock<String> = LazyLock::new(|| {
+        let instructions = instructions();
+        let with = if instructions.is_empty() { String::new() } else { format!(" with {}", instructions.join(", ")) };
+        format!("lightpath {}, {ARCH}{with}", env!("CARGO_PKG_VERSION"))
+    });
+    &COMPUTER
 }
 
 /// The instructions by which variants are chosen.

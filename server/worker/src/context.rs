@@ -214,7 +214,7 @@ impl JobContext {
                     Ok(recorded.map(|record| record.digest))
                 }
             };
-            artifacts.publish_bytes(bytes, record).await
+            artifacts.publish(bytes, record).await
         });
         self.wait(self.stop.unless_interrupted(put))
             .ok_or(TaskError::Stopped)?

@@ -265,7 +265,7 @@ impl Worker {
                 unsure = None;
             }
             let (process, abilities) = (self.config.process.clone(), abilities.clone());
-            let computer = Some(computer());
+            let computer = Some(computer().to_owned());
             let claimant = Claimant { process, abilities, computer, ..Claimant::named(&worker) };
             match self.store.claim_within(self.config.limits, now_ms, self.lease_ms(), &claimant).await {
                 Ok(Some((job, lease))) => {

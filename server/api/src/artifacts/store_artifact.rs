@@ -14,7 +14,7 @@ impl Api {
         }
         let size_bytes = bytes.len() as u64;
         let record = async |digest: String, seen| self.record(call, &digest, size_bytes, seen).await;
-        Ok(self.artifacts.publish_bytes(bytes, record).await?.digest)
+        Ok(self.artifacts.publish(bytes, record).await?.digest)
     }
 
     /// Records an artifact of the caller that is stored; the inner error is the mark of a removal.

@@ -104,7 +104,7 @@ impl Api {
     /// Ends an upload, and records the artifact.
     async fn publish(&self, call: &Call, upload: UploadWriter, size_bytes: u64) -> Result<v1::Artifact, ApiError> {
         let record = async |digest: String, seen| self.record(call, &digest, size_bytes, seen).await;
-        Ok(to_wire::artifact(self.artifacts.publish_upload(upload, record).await?))
+        Ok(to_wire::artifact(self.artifacts.publish(upload, record).await?))
     }
 
     /// Waits while another call of the caller uploads the same artifact, until that artifact is stored or the other

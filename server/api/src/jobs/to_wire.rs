@@ -48,6 +48,7 @@ pub(crate) fn job(store: &Store, job: Job) -> v1::Job {
         label: scheduling.label.unwrap_or_default(),
         needs: scheduling.needs.iter().map(str::to_owned).collect(),
         waits_for,
+        computer: job.computer.unwrap_or_default(),
     }
 }
 

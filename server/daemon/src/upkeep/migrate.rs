@@ -9,7 +9,7 @@ use super::check::blob_problem;
 use super::{DATABASE, Finding, FindingKind, UpkeepError};
 use crate::config::Config;
 use lightpath_artifacts::{ArtifactError, Artifacts, BlobKind, Inventory};
-use lightpath_store::{ComparedTable, Side, Transfer};
+use lightpath_store::{ComparedTable, Inspection, Side, Transfer};
 use serde::Serialize;
 use std::path::Path;
 
@@ -79,10 +79,10 @@ impl Migration {
         let identity = artifacts.identity().await?;
         let (folder, server) = (Side::File(file), Side::Server(self.url.clone()));
         let (from, to) = if self.to_server { (folder, server) } else { (server, folder) };
-        let mut transfer = Transfer::begin(&from, &to, &identity).await?;
-        if let Some(recorded) = transfer.artifact_place().await?.filter(|place| !self.to_server && *place != identity) {
-            return Err(UpkeepError::OtherArtifacts { recorded, found: identity });
+        if !self.to_server {
+            self.require_artifacts(&identity).await?;
         }
+        let mut transfer = Transfer::begin(&from, &to, &identity).await?;
         transfer.copy(|done, all| progress("copying rows", done, all)).await?;
         let tables = transfer.verify(|done, all| progress("comparing rows", done, all)).await?;
         let blobs = match self.config.bucket()? {
@@ -93,6 +93,17 @@ impl Migration {
         let rows = tables.iter().map(|table| table.rows).sum();
         let moved = |ComparedTable { name, rows, digest }| MovedTable { name, rows, digest };
         Ok(Moved { rows, tables: tables.into_iter().map(moved).collect(), blobs })
+    }
+
+    /// Refuses a database on the server that names other artifacts than these, before the target has anything.
+    async fn require_artifacts(&self, identity: &str) -> Result<(), UpkeepError> {
+        let mut inspection = Inspection::connect(&self.url).await?;
+        let recorded = inspection.artifact_place().await?;
+        inspection.close().await?;
+        match recorded.filter(|recorded| recorded != identity) {
+            Some(recorded) => Err(UpkeepError::OtherArtifacts { recorded, found: identity.to_owned() }),
+            None => Ok(()),
+        }
     }
 
     /// Locks the data folder. With a bucket, this stores the files of the folder there, which can take long.

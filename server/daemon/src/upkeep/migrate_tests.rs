@@ -52,6 +52,7 @@ async fn a_server_moves_to_postgresql_and_back() {
     let other = tempfile::tempdir().unwrap();
     let refused = run(&migration(other.path(), &url, false, &[])).await;
     assert!(matches!(refused, Err(UpkeepError::OtherArtifacts { .. })), "{refused:?}");
+    assert!(!other.path().join(DATABASE).exists(), "a refused move leaves nothing behind");
     fs::rename(path.join(DATABASE), path.join("old.db")).unwrap();
     run(&back).await.unwrap();
     assert_eq!(check(&path).await.unwrap().problems, []);

@@ -206,7 +206,7 @@ mod tests {
 
         async fn publish(&self, artifacts: &Artifacts, bytes: &[u8], now_ms: i64) {
             let record = async |digest: String, seen: Option<String>| self.record(digest, seen, now_ms).await;
-            artifacts.publish_bytes(bytes.to_vec(), record).await.unwrap();
+            artifacts.publish(bytes.to_vec(), record).await.unwrap();
         }
 
         async fn record(
@@ -301,7 +301,7 @@ mod tests {
                 advance(schedule[after]).await;
                 recorded
             };
-            pair.here.publish_bytes(bytes.clone(), record).await.unwrap();
+            pair.here.publish(bytes.clone(), record).await.unwrap();
             pair.assert_kept(&bytes, schedule).await;
             removed += usize::from(pair.here.objects_of(BlobKind::Artifact, &digest).await.unwrap().len() == 1);
             advance(4).await;

@@ -74,7 +74,7 @@ impl Server {
         let record = async |digest: String, seen: Option<String>| {
             Ok(store.record_artifact(&digest, size_bytes, "ada", seen.as_deref(), now_ms()).await?)
         };
-        self.artifacts.publish_upload(upload, record).await.map(drop)
+        self.artifacts.publish(upload, record).await.map(drop)
     }
 
     /// Runs the waiting jobs that have no start time, until all of them have ended.

@@ -3,11 +3,15 @@
 
 use crate::bucket::{settings, start};
 use crate::serving::Serving;
+use lightpath_domain::origin::Origins;
+use lightpath_domain::webhook::{Webhook, WebhookSecret, WebhookUrl};
 use lightpath_proto::v1::{self, job_spec};
 use lightpath_server::config::Config;
 use lightpath_server::worker_process;
+use lightpath_store::Store;
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
+use tokio::net::TcpListener;
 use tokio::task::JoinHandle;
 use tokio_util::sync::CancellationToken;
 
@@ -89,6 +93,7 @@ async fn worker_of(serving: &Serving, job: &v1::Job) -> String {
     let events = serving.jobs().list_job_events(request).await.unwrap().into_inner().events;
     let started = events.iter().find_map(|event| event.message.split_once(" started by ")).unwrap().1;
     let (worker, computer) = started.split_once(" on ").expect("the event names what computes");
+    assert_eq!(ended.computer, computer);
     assert!(computer.starts_with(concat!("lightpath ", env!("CARGO_PKG_VERSION"), ", ")), "{computer}");
     worker.rsplit_once('-').unwrap().0.to_owned()
 }
@@ -175,4 +180,32 @@ async fn jobs_run_where_their_memory_is() {
     let retried = submit(&serving, request(&target, &[])).await;
     assert_eq!(worker_of(&serving, &retried).await, "small");
     small.stop().await;
+}
+
+/// A server that stops while a receiver does not answer lets go of the webhook, so that another one tells it at once.
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_server_that_stops_lets_go_of_its_webhooks() {
+    const HOLD_MS: i64 = 30_000;
+    let Some(settings) = settings().await else { return };
+    let url = settings.database_url.as_ref().unwrap().reveal();
+    let (one, other) = (Store::connect(url).await.unwrap(), Store::connect(url).await.unwrap());
+    let receiver = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let origin = format!("http://{}", receiver.local_addr().unwrap());
+    let webhook = Webhook {
+        id: "ci".to_owned(),
+        url: WebhookUrl::parse(&format!("{origin}/hook")).unwrap(),
+        events: Vec::new(),
+        display: None,
+        caller: "ada".to_owned(),
+        create_time_ms: 1,
+    };
+    one.create_webhook(&webhook, &WebhookSecret::generate().unwrap()).await.unwrap();
+    one.test_webhook("ci", "ada", one.now_ms()).await.unwrap();
+    let stopping = CancellationToken::new();
+    let telling = tokio::spawn(lightpath_webhooks::run(one, Origins::parse(&origin).unwrap(), stopping.clone()));
+    let (_connection, _) = receiver.accept().await.unwrap();
+    assert!(!other.hold_webhook("ci", other.now_ms(), HOLD_MS).await.unwrap(), "the first server tells it");
+    stopping.cancel();
+    telling.await.unwrap();
+    assert!(other.hold_webhook("ci", other.now_ms(), HOLD_MS).await.unwrap());
 }

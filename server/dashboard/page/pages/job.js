@@ -109,6 +109,7 @@ export function jobPage(root, [id]) {
       ["Attempt", `${job.attempt} of ${job.attemptsMax}`],
       ["Needs", job.needs.join(", ")],
       ["Waits for", job.after.map((after) => h("a", { href: `#/${after}` }, idOf(after), " "))],
+      ["Computed by", job.computer || null],
       ["Estimate", job.estimatedTimeS ? `${duration(job.estimatedTimeS)}, ${bytes(Number(job.estimatedMemoryBytes))} of memory` : null],
       ["Kernel versions", job.kernelVersions.length ? job.kernelVersions.map((version) => version || "ideal").join(", ") : null],
     ];

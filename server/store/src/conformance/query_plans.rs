@@ -3,7 +3,7 @@
 use super::*;
 use crate::JobFilter;
 use crate::job_lists::list_query;
-use crate::queue::{BATCH, BATCH_PROGRESS};
+use crate::queue::BATCH;
 use crate::sql::Builder;
 use lightpath_domain::job::JobState;
 
@@ -72,5 +72,5 @@ async fn jobs_of_a_batch_are_counted_in_an_index() {
     assert!(steps.iter().any(|step| step == counting), "{steps:?}");
     assert!(!steps.iter().any(|step| step.contains("TEMP B-TREE")), "{steps:?}");
     let reading = "SEARCH job USING INDEX job_by_batch_state (batch=? AND state=?)";
-    assert_eq!(plan(&store, BATCH_PROGRESS).await, [reading]);
+    assert!(steps.iter().any(|step| step == reading), "{steps:?}");
 }

@@ -16,8 +16,17 @@ use std::time::{Duration, Instant};
 
 const FINISHED: u32 = 10_000;
 const SAMPLES: u32 = 300;
+/// Time within which 99 % of the claims must have been made and ended in SQLite.
+///
+/// In PostgreSQL each of the two transactions sends several messages and waits for a flush by a server that has other work,
+/// too. What counts there is how many of them all processes make together, [`CLAIMS_PER_S_MIN`]; the time is only printed.
 const CLAIM_MAX: Duration = Duration::from_millis(20);
+/// What 16 callers must reach together in PostgreSQL, with 100,000 waiting jobs in 1000 lanes.
+const CLAIMS_PER_S_MIN: f64 = 100.0;
+const SUBMITS_PER_S_MIN: f64 = 300.0;
 const LIST_MAX: Duration = Duration::from_millis(50);
+/// Time of the first claim.
+const CLAIM_MS: i64 = i64::MAX / 4;
 
 /// Sorted durations of an operation that was repeated.
 struct Times(Vec<Duration>);
@@ -53,8 +62,12 @@ fn owners() -> u32 {
     std::env::var("LIGHTPATH_SCALE_OWNERS").map_or(20, |owners| owners.parse().unwrap())
 }
 
-/// Runs `work` by 16 callers at once and prints how many calls a second they made.
-async fn rate<F: Future<Output = ()> + Send>(operation: &str, calls: u32, work: impl Fn(u32) -> F + Send + Sync) {
+/// Runs `work` by 16 callers at once. Prints and returns how many calls a second they made.
+async fn rate<F: Future<Output = ()> + Send>(
+    operation: &str,
+    calls: u32,
+    work: impl Fn(u32) -> F + Send + Sync,
+) -> f64 {
     let started = Instant::now();
     let (next, work) = (AtomicU32::new(0), &work);
     let callers = (0..16).map(|_| async {
@@ -69,6 +82,7 @@ async fn rate<F: Future<Output = ()> + Send>(operation: &str, calls: u32, work: 
     futures::future::join_all(callers).await;
     let rate = f64::from(calls) / started.elapsed().as_secs_f64();
     writeln!(std::io::stderr(), "{operation}: {rate:.0} a second").unwrap();
+    rate
 }
 
 /// Fills the database with jobs as after months of use: the waiting jobs have 20 batches, 5 displays and 3 priorities.
@@ -192,6 +206,19 @@ async fn many_jobs_for_others_delay_no_claim() {
     }
 }
 
+/// Times in which a claim is made and ended.
+async fn claims(store: &Store) -> Times {
+    let limits = ClaimLimits { per_owner: 50, per_display: 0 };
+    // Each claim has a time of its own, so that owners do not tie for their turns.
+    times(async |n| {
+        let now_ms = CLAIM_MS + i64::from(n);
+        let (_, lease) =
+            store.claim_within(limits, now_ms, LEASE_MS, &crate::Claimant::named("w")).await.unwrap().unwrap();
+        store.finish(&lease, result(), JobEffect::None, now_ms + 1).await.unwrap();
+    })
+    .await
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn many_jobs_keep_queries_fast() {
     let requested_jobs = std::env::var("LIGHTPATH_SCALE_JOBS").ok().map(|jobs| jobs.parse().unwrap());
@@ -206,13 +233,7 @@ async fn many_jobs_keep_queries_fast() {
     let counts = store.queue_counts().await.unwrap();
     assert_eq!((counts.succeeded, counts.queued), (u64::from(finished), u64::from(waiting)));
 
-    let limits = ClaimLimits { per_owner: 50, per_display: 0 };
-    let claim = times(async |_| {
-        let (_, lease) =
-            store.claim_within(limits, i64::MAX / 4, LEASE_MS, &crate::Claimant::named("w")).await.unwrap().unwrap();
-        store.finish(&lease, result(), JobEffect::None, i64::MAX / 4 + 1).await.unwrap();
-    })
-    .await;
+    let claim = claims(store).await;
     claim.print("claim and finish");
     let submit = times(async |n| {
         let mut new = new_job(&format!("new {n}"), 1);
@@ -221,15 +242,16 @@ async fn many_jobs_keep_queries_fast() {
     })
     .await;
     submit.print("submit");
-    rate("submit by 16 callers", SAMPLES * 4, |n| async move {
+    let submits_per_s = rate("submit by 16 callers", SAMPLES * 4, |n| async move {
         let mut new = new_job(&format!("rate {n}"), 1);
         new.scheduling.owner = format!("owner {}", n % 20);
         store.submit(&new, 1, u32::MAX).await.unwrap();
     })
     .await;
-    rate("claim by 16 callers", SAMPLES * 4, |_| async move {
+    let claims_per_s = rate("claim by 16 callers", SAMPLES * 4, |n| async move {
+        let now_ms = CLAIM_MS + i64::from(SAMPLES + n);
         store
-            .claim_within(ClaimLimits::default(), i64::MAX / 4, LEASE_MS, &crate::Claimant::named("w"))
+            .claim_within(ClaimLimits::default(), now_ms, LEASE_MS, &crate::Claimant::named("w"))
             .await
             .unwrap()
             .unwrap();
@@ -247,7 +269,10 @@ async fn many_jobs_keep_queries_fast() {
     let counts = store.queue_counts().await.unwrap();
     assert_eq!((counts.succeeded, counts.queued), (u64::from(finished + SAMPLES), u64::from(waiting + SAMPLES * 4)));
     if requested_jobs.is_some() {
-        assert!(claim.p99() < CLAIM_MAX, "{:?}", claim.p99());
+        match place.url {
+            None => assert!(claim.p99() < CLAIM_MAX, "{:?}", claim.p99()),
+            Some(_) => assert!(claims_per_s >= CLAIMS_PER_S_MIN && submits_per_s >= SUBMITS_PER_S_MIN),
+        }
         assert!(list.p99() < LIST_MAX, "{:?}", list.p99());
         assert!(batch.p99() < LIST_MAX, "{:?}", batch.p99());
     }

@@ -202,15 +202,6 @@ impl Transfer {
         Ok((artifacts, checkpoints.fetch_all(&mut self.from).await?))
     }
 
-    /// The place of the artifacts that the source records.
-    ///
-    /// # Errors
-    ///
-    /// [`TransferError::Store`].
-    pub async fn artifact_place(&mut self) -> Result<Option<String>, TransferError> {
-        Ok(scalar("select identity from artifact_place").fetch_optional(&mut self.from).await?)
-    }
-
     /// Turns the triggers on, records where the artifacts are, and removes the marker: servers accept the target then.
     ///
     /// # Errors

@@ -193,6 +193,7 @@ class Job(_message.Message):
     LABEL_FIELD_NUMBER: _builtins.int
     NEEDS_FIELD_NUMBER: _builtins.int
     WAITS_FOR_FIELD_NUMBER: _builtins.int
+    COMPUTER_FIELD_NUMBER: _builtins.int
     name: _builtins.str
     """Resource name, `jobs/{id}`."""
     request_id: _builtins.str
@@ -227,6 +228,11 @@ class Job(_message.Message):
     waits_for: _builtins.str
     """Why a queued job cannot start now: no living process has the labels that it needs and the memory. It starts when such a
     process comes. Empty: nothing is known that is in its way, or the job is not queued.
+    """
+    computer: _builtins.str
+    """What computes, or computed, the latest attempt: version of the program and kind of processor, such as `lightpath 0.1.0,
+    x86_64 with AVX2, FMA`. A saved state is resumed only where this is the same, so it holds for the whole result. Empty:
+    no attempt has started.
     """
     @_builtins.property
     def spec(self) -> Global___JobSpec:
@@ -302,10 +308,11 @@ class Job(_message.Message):
         label: _builtins.str = ...,
         needs: _abc.Iterable[_builtins.str] | None = ...,
         waits_for: _builtins.str = ...,
+        computer: _builtins.str = ...,
     ) -> None: ...
     _HasFieldArgType: _TypeAlias = _typing.Literal["create_time", b"create_time", "error", b"error", "finish_time", b"finish_time", "progress", b"progress", "result", b"result", "run_time", b"run_time", "spec", b"spec", "start_time", b"start_time"]  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["after", b"after", "attempt", b"attempt", "attempts_max", b"attempts_max", "batch", b"batch", "cancel_requested", b"cancel_requested", "create_time", b"create_time", "error", b"error", "estimated_memory_bytes", b"estimated_memory_bytes", "estimated_time_s", b"estimated_time_s", "finish_time", b"finish_time", "kernel_versions", b"kernel_versions", "label", b"label", "name", b"name", "needs", b"needs", "owner", b"owner", "priority", b"priority", "progress", b"progress", "request_id", b"request_id", "result", b"result", "revision", b"revision", "run_time", b"run_time", "spec", b"spec", "start_time", b"start_time", "state", b"state", "timeout_s", b"timeout_s", "unique_key", b"unique_key", "waiting_for", b"waiting_for", "waits_for", b"waits_for"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["after", b"after", "attempt", b"attempt", "attempts_max", b"attempts_max", "batch", b"batch", "cancel_requested", b"cancel_requested", "computer", b"computer", "create_time", b"create_time", "error", b"error", "estimated_memory_bytes", b"estimated_memory_bytes", "estimated_time_s", b"estimated_time_s", "finish_time", b"finish_time", "kernel_versions", b"kernel_versions", "label", b"label", "name", b"name", "needs", b"needs", "owner", b"owner", "priority", b"priority", "progress", b"progress", "request_id", b"request_id", "result", b"result", "revision", b"revision", "run_time", b"run_time", "spec", b"spec", "start_time", b"start_time", "state", b"state", "timeout_s", b"timeout_s", "unique_key", b"unique_key", "waiting_for", b"waiting_for", "waits_for", b"waits_for"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     def WhichOneof(self, oneof_group: _Never) -> None: ...
 
