@@ -48,26 +48,26 @@ impl ParametricLearner {
         self.state.trial_evaluations += dust.evaluations();
         let is_first = self.state.blocks_beside_dust.is_none();
         let gain_min = if is_first { Block::Dust.gain_min() } else { 0.0 };
-        if let Some((exponents, validation_loss)) = dust.kept(gain_min) {
-            let kept = Dust::nearest(self.fit.engine.height_px(), self.fit.engine.width_px(), &exponents)?;
-            self.state.dust = kept.steps().cloned();
+        let kept = dust.kept(gain_min);
+        let may_have_hidden = is_first && kept.is_some();
+        if let Some((exponents, validation_loss)) = kept {
+            let nearest = Dust::nearest(self.fit.engine.height_px(), self.fit.engine.width_px(), &exponents)?;
+            self.state.dust = nearest.steps().cloned();
             self.state.best.iter_mut().for_each(|best| best.loss = validation_loss);
         }
         self.use_dust();
         self.state.blocks_beside_dust = self.state.best.as_ref().map(|best| best.blocks);
-        if !(is_first && self.start_behind_dust() || self.start_final_pruning()) {
+        if !(may_have_hidden && self.start_behind_dust() || self.start_final_pruning()) {
             self.state.converged = true;
             self.fit_final_exposure(learning_pairs.training)?;
         }
         Ok(self.progress(LearnStage::Refinement, loss))
     }
 
-    /// Starts to add blocks beside the dust. False if none was kept, or the model has all blocks.
+    /// Starts to add blocks beside the dust. False if the model has all blocks.
     fn start_behind_dust(&mut self) -> bool {
-        if self.state.dust.is_some() {
-            self.state.trials = TrialStage::BehindDust;
-        }
-        self.state.dust.is_some() && self.start_round()
+        self.state.trials = TrialStage::BehindDust;
+        self.start_round()
     }
 
     /// Lets the fit use the dust of the state.
