@@ -165,14 +165,13 @@ fn check_learning(pool: &ThreadPool, model: KernelModel, distances: usize, order
     let region = RegionOfInterest::middle(&Grid::try_new(height_px, width_px, 8e-6).unwrap());
     let at = |i: usize| setup(height_px, width_px, 0.01 + 0.005 * i as f64).with_orders(orders).unwrap();
     let setups: Vec<_> = (0..distances).map(at).collect();
-    let pairs: Vec<_> = (0..distances).map(|i| Planes(i, photographed(&setups[i]))).collect();
-    let pairs = Joint(pairs);
     let engine = EngineSize::ideal(height_px, width_px, Detector::Pixel, 2);
     let engine = if orders.are_all() { engine.sampled_with(&setups[0], false) } else { engine };
     let region_px = [region.height_px(), region.width_px()];
     let size = LearningSize { engine, model, order: 5, distances, region_px, blocks: Blocks::ALL };
     // The estimate is that of a display that needs all blocks. They come from the start, but for the variation of the
-    // kernel, which is tried because there are validation pairs. No display has both it and several modes.
+    // kernel, which is tried because there are validation pairs. No display has both it and several modes. The
+    // photographs are of this display, so that each trial without one of the blocks ends soon.
     let needs_blocks = DisplayModel {
         kernel: KernelShape::Smooth(SmoothField::flat(5)),
         source: SmoothField::flat(10),
@@ -188,6 +187,11 @@ fn check_learning(pool: &ThreadPool, model: KernelModel, distances: usize, order
         ..DisplayModel::ideal(setups[0])
     };
     let has_slm = matches!(model, KernelModel::Display | KernelModel::Varying);
+    let photographs = |setup: &OpticalSetup| match has_slm {
+        true => photographed(&DisplayModel { setup: *setup, ..needs_blocks.clone() }),
+        false => photographed(&DisplayModel::ideal(*setup)),
+    };
+    let pairs = Joint(setups.iter().enumerate().map(|(i, setup)| Planes(i, photographs(setup))).collect());
     let work = || {
         let options = LearnOptions {
             warm_start: has_slm.then(|| needs_blocks.clone()),
@@ -235,9 +239,9 @@ impl lightpath_optics::learning::PairSource for Joint {
     }
 }
 
-fn photographed(setup: &OpticalSetup) -> Vec<Pair> {
-    let (height_px, width_px) = (setup.grid().height_px(), setup.grid().width_px());
-    let engine = Engine::new(&DisplayModel::ideal(*setup), Detector::Pixel, None).unwrap();
+fn photographed(model: &DisplayModel) -> Vec<Pair> {
+    let (height_px, width_px) = (model.setup.grid().height_px(), model.setup.grid().width_px());
+    let engine = Engine::new(model, Detector::Pixel, None).unwrap();
     let pair = |seed| {
         let phase = initial_phase(height_px, width_px, 6.0, seed).unwrap();
         let photo = engine.light(&phase).unwrap().map(|light| 0.1 * light);

@@ -31,7 +31,7 @@ const SEARCH_INTERVAL_MAX: Duration = Duration::from_secs(30);
 /// Time for which other processes do not tell a webhook that this one tells \[ms\]: longer than an attempt takes.
 const HOLD_MS: i64 = 30_000;
 /// Longest time for letting go of the webhooks at the end.
-const RELEASE_MAX: Duration = Duration::from_secs(5);
+const RELEASE_MAX: Duration = Duration::from_secs(2);
 /// Pause after an error of the database, or while another process tells a webhook.
 const PAUSE_AFTER_ERROR: Duration = Duration::from_secs(5);
 
