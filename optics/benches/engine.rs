@@ -110,19 +110,21 @@ fn display_models(criterion: &mut Criterion) {
         let whole = whole_model(job.setup);
         let modes = vec![FurtherMode { light: 1.0, errors: wavy(2) }; 2];
         let partly_coherent = DisplayModel { coherence: PartialCoherence::new(modes), ..whole.clone() };
-        let mut group = criterion.benchmark_group("evaluate_fitted");
-        group.throughput(Throughput::Elements(job.phase.values().len() as u64));
         let ideal = DisplayModel::ideal(job.setup);
         let blurred = DisplayModel { light_blur: LightBlur::of_sigma_px([0.5, 0.5]), ..ideal.clone() };
-        for (name, model) in
-            [("ideal", ideal), ("blurred", blurred), ("whole", whole), ("whole-3-modes", partly_coherent)]
-        {
-            let engine = Engine::new(&model, Detector::Pixel, None).unwrap();
-            let mut problem = HologramProblem::new(engine, job.target.clone(), job.region).unwrap();
-            let mut gradient = job.phase.values().to_vec();
-            group.bench_function(BenchmarkId::new(name, size), |bencher| {
-                bencher.iter(|| problem.evaluate_fitted(job.phase.values(), &mut gradient));
-            });
+        let models = [("ideal", ideal), ("blurred", blurred), ("whole", whole), ("whole-3-modes", partly_coherent)];
+        let mut group = criterion.benchmark_group("evaluate_fitted");
+        group.throughput(Throughput::Elements(job.phase.values().len() as u64));
+        for detector in [Detector::Pixel, Detector::Supersampled] {
+            for (model_name, model) in &models {
+                let engine = Engine::new(model, detector, None).unwrap();
+                let mut problem = HologramProblem::new(engine, job.target.clone(), job.region).unwrap();
+                let mut gradient = job.phase.values().to_vec();
+                let id = BenchmarkId::new(format!("{}/{model_name}", name(detector)), size);
+                group.bench_function(id, |bencher| {
+                    bencher.iter(|| problem.evaluate_fitted(job.phase.values(), &mut gradient));
+                });
+            }
         }
         group.finish();
     }

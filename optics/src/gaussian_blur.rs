@@ -57,25 +57,57 @@ impl Rows {
     }
 }
 
-/// A blur along both axes with `TAPS` weights, in the precision of an engine.
+/// Weights along one axis. Those that cannot change a sum in this precision are 0.
+#[derive(Clone, Copy, Debug)]
+struct Taps<T, const TAPS: usize> {
+    weights: [T; TAPS],
+    /// Distance of the farthest neighbour whose weight is not 0.
+    reach: usize,
+}
+
+impl<T: Number, const TAPS: usize> Taps<T, TAPS> {
+    fn new(weights: [f64; TAPS]) -> Self {
+        let largest = weights.iter().fold(0.0_f64, |largest, weight| largest.max(weight.abs()));
+        let negligible = T::epsilon().wide() / 64.0 * largest;
+        let reach = (0..=TAPS / 2).rfind(|by| weights[TAPS / 2 + by].abs() > negligible).unwrap_or(0);
+        let used = Self::near(reach);
+        Self { weights: std::array::from_fn(|k| T::of(if used.contains(&k) { weights[k] } else { 0.0 })), reach }
+    }
+
+    /// The taps within a distance of the middle one.
+    fn near(reach: usize) -> Range<usize> {
+        TAPS / 2 - reach..TAPS / 2 + reach + 1
+    }
+
+    /// Weight with which the value of pixel `to` blurs into pixel `from`, one of `n` along the axis.
+    fn between(&self, from: usize, to: usize, n: usize) -> T {
+        let reached = |k: usize| (from + k).saturating_sub(TAPS / 2).min(n - 1);
+        (0..TAPS).filter(|&k| reached(k) == to).fold(T::zero(), |sum, k| sum + self.weights[k])
+    }
+
+    /// The weights that are not 0, all within [`Self::reach`].
+    fn used(&self) -> &[T] {
+        &self.weights[Self::near(self.reach)]
+    }
+}
+
+/// A blur along both axes with at most `TAPS` weights, in the precision of an engine.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct GaussianBlur<T, const TAPS: usize> {
-    along_x: [T; TAPS],
-    along_y: [T; TAPS],
+    along_x: Taps<T, TAPS>,
+    along_y: Taps<T, TAPS>,
 }
 
 impl<T: Number, const TAPS: usize> GaussianBlur<T, TAPS> {
-    const REACH: usize = TAPS / 2;
-
     /// The blur with q along x and along y.
     pub(crate) fn new(ratios: [f64; 2]) -> Self {
         let [[along_x, _], [along_y, _]] = ratios.map(weights);
-        Self { along_x: along_x.map(T::of), along_y: along_y.map(T::of) }
+        Self { along_x: Taps::new(along_x), along_y: Taps::new(along_y) }
     }
 
     /// The derivatives of the blur by q along x and along y.
     pub(crate) fn slopes(ratios: [f64; 2]) -> [Self; 2] {
-        let [[along_x, slope_x], [along_y, slope_y]] = ratios.map(weights).map(|both| both.map(|w| w.map(T::of)));
+        let [[along_x, slope_x], [along_y, slope_y]] = ratios.map(weights).map(|both| both.map(Taps::new));
         [Self { along_x: slope_x, along_y }, Self { along_x, along_y: slope_y }]
     }
 
@@ -83,24 +115,25 @@ impl<T: Number, const TAPS: usize> GaussianBlur<T, TAPS> {
     pub(crate) fn blur(&self, rows: Rows, fill: impl Fn(usize, usize, &mut [T]) + Sync, out: &mut [T]) {
         let (width_px, row_len) = (rows.width_px, rows.len());
         let height_px = out.len() / row_len;
+        let [reach_x, reach_y] = [self.along_x.reach, self.along_y.reach];
         out.par_chunks_mut(ROWS * row_len).enumerate().for_each_init(
-            || (vec![T::zero(); width_px + 2 * Self::REACH], vec![T::zero(); (ROWS + 2 * Self::REACH) * row_len]),
+            || (vec![T::zero(); width_px + 2 * reach_x], vec![T::zero(); (ROWS + 2 * reach_y) * row_len]),
             |(padded, along_x), (group, out)| {
                 interrupt::check();
                 let first = group * ROWS;
                 let count = out.len() / row_len;
-                for (i, row) in along_x.chunks_exact_mut(row_len).take(count + 2 * Self::REACH).enumerate() {
-                    let y = (first + i).saturating_sub(Self::REACH).min(height_px - 1);
+                for (i, row) in along_x.chunks_exact_mut(row_len).take(count + 2 * reach_y).enumerate() {
+                    let y = (first + i).saturating_sub(reach_y).min(height_px - 1);
                     for (plane, row) in row.chunks_exact_mut(width_px).enumerate() {
-                        fill(y, plane, &mut padded[Self::REACH..Self::REACH + width_px]);
-                        let (left, right) = (padded[Self::REACH], padded[Self::REACH + width_px - 1]);
-                        padded[..Self::REACH].fill(left);
-                        padded[Self::REACH + width_px..].fill(right);
-                        sum_taps(&self.along_x, |k| &padded[k..], row);
+                        fill(y, plane, &mut padded[reach_x..reach_x + width_px]);
+                        let (left, right) = (padded[reach_x], padded[reach_x + width_px - 1]);
+                        padded[..reach_x].fill(left);
+                        padded[reach_x + width_px..].fill(right);
+                        sum_taps::<T, TAPS>(self.along_x.used(), |k| &padded[k..], row);
                     }
                 }
                 for (i, out) in out.chunks_exact_mut(row_len).enumerate() {
-                    sum_taps(&self.along_y, |k| &along_x[(i + k) * row_len..], out);
+                    sum_taps::<T, TAPS>(self.along_y.used(), |k| &along_x[(i + k) * row_len..], out);
                 }
             },
         );
@@ -110,24 +143,25 @@ impl<T: Number, const TAPS: usize> GaussianBlur<T, TAPS> {
     pub(crate) fn spread(&self, rows: Rows, values: &[T], add: bool, out: &mut [T]) {
         let (width_px, row_len) = (rows.width_px, rows.len());
         let height_px = values.len() / row_len;
+        let [reach_x, reach_y] = [self.along_x.reach, self.along_y.reach];
         out.par_chunks_mut(row_len).enumerate().for_each_init(
-            || (vec![T::zero(); width_px + 2 * Self::REACH], vec![T::zero(); width_px]),
+            || (vec![T::zero(); width_px + 2 * reach_x], vec![T::zero(); width_px]),
             |(padded, row), (y, out)| {
                 interrupt::check();
-                let weights_y: [T; TAPS] = std::array::from_fn(|k| match (y + k).checked_sub(Self::REACH) {
-                    Some(from) if from < height_px => weight_between(&self.along_y, from, y, height_px),
+                let weights_y: [T; TAPS] = std::array::from_fn(|k| match (y + k).checked_sub(reach_y) {
+                    Some(from) if k <= 2 * reach_y && from < height_px => self.along_y.between(from, y, height_px),
                     _ => T::zero(),
                 });
                 // Rows beyond the edge have the weight 0.
-                let from = |k: usize| (y + k).saturating_sub(Self::REACH).min(height_px - 1) * row_len;
+                let from = |k: usize| (y + k).saturating_sub(reach_y).min(height_px - 1) * row_len;
                 for (_, plane) in rows.of_planes() {
-                    let summed = &mut padded[Self::REACH..Self::REACH + width_px];
-                    sum_taps(&weights_y, |k| &values[from(k) + plane.start..], summed);
-                    sum_taps(&self.along_x, |k| &padded[k..], row);
-                    let summed = &padded[Self::REACH..Self::REACH + width_px];
+                    let summed = &mut padded[reach_x..reach_x + width_px];
+                    sum_taps::<T, TAPS>(&weights_y[..=2 * reach_y], |k| &values[from(k) + plane.start..], summed);
+                    sum_taps::<T, TAPS>(self.along_x.used(), |k| &padded[k..], row);
+                    let summed = &padded[reach_x..reach_x + width_px];
                     for x in [0, width_px - 1] {
-                        let near = x.saturating_sub(Self::REACH)..(x + Self::REACH + 1).min(width_px);
-                        let weighed = near.map(|from| weight_between(&self.along_x, from, x, width_px) * summed[from]);
+                        let near = x.saturating_sub(reach_x)..(x + reach_x + 1).min(width_px);
+                        let weighed = near.map(|from| self.along_x.between(from, x, width_px) * summed[from]);
                         row[x] = weighed.fold(T::zero(), |sum, value| sum + value);
                     }
                     let out = &mut out[plane];
@@ -151,12 +185,12 @@ impl<T: Number, const TAPS: usize> GaussianBlur<T, TAPS> {
     ) where
         T: 'a,
     {
-        let reached = |i: usize, k: usize, n: usize| (i + k).saturating_sub(Self::REACH).min(n - 1);
+        let reached = |i: usize, k: usize, n: usize| (i + k).saturating_sub(TAPS / 2).min(n - 1);
         let rows: [&[T]; TAPS] = std::array::from_fn(|k| near(reached(y, k, height_px)));
         let mut along_y = vec![T::zero(); rows[0].len()];
-        sum_taps(&self.along_y, |k| rows[k], &mut along_y);
+        sum_taps::<T, TAPS>(&self.along_y.weights, |k| rows[k], &mut along_y);
         for (x, out) in columns.zip(out) {
-            let weighed = (0..TAPS).map(|k| self.along_x[k] * along_y[reached(x, k, width_px) - first]);
+            let weighed = (0..TAPS).map(|k| self.along_x.weights[k] * along_y[reached(x, k, width_px) - first]);
             *out = weighed.fold(*out, |sum, value| sum + value);
         }
     }
@@ -167,29 +201,23 @@ pub(crate) fn reached<const TAPS: usize>(range: &Range<usize>, n: usize) -> Rang
     range.start.saturating_sub(TAPS / 2)..(range.end + TAPS / 2).min(n)
 }
 
-/// Weight with which the value of pixel `to` blurs into pixel `from`, one of `n` along an axis.
-fn weight_between<T: Number, const TAPS: usize>(weights: &[T; TAPS], from: usize, to: usize, n: usize) -> T {
-    let reached = |k: usize| (from + k).saturating_sub(TAPS / 2).min(n - 1);
-    (0..TAPS).filter(|&k| reached(k) == to).fold(T::zero(), |sum, k| sum + weights[k])
-}
-
 /// Number of values that are summed together, in vector registers.
 const LANES: usize = 32;
 
-/// `out` = Σ_k weight_k · values(k).
-fn sum_taps<'a, T: Number, const TAPS: usize>(weights: &[T; TAPS], values: impl Fn(usize) -> &'a [T], out: &mut [T]) {
-    let taps: [&[T]; TAPS] = std::array::from_fn(|k| &values(k)[..out.len()]);
-    Arch::new().dispatch(Taps { weights, taps: &taps, out });
+/// `out` = Σ_k weight_k · values(k), of at most `TAPS` weights.
+fn sum_taps<'a, T: Number, const TAPS: usize>(weights: &[T], values: impl Fn(usize) -> &'a [T], out: &mut [T]) {
+    let taps: [&[T]; TAPS] = std::array::from_fn(|k| if k < weights.len() { &values(k)[..out.len()] } else { &[] });
+    Arch::new().dispatch(TapSum { weights, taps: &taps[..weights.len()], out });
 }
 
 /// A sum of any number of taps, so that its code is compiled once for all blurs.
-struct Taps<'a, T> {
+struct TapSum<'a, T> {
     weights: &'a [T],
     taps: &'a [&'a [T]],
     out: &'a mut [T],
 }
 
-impl<T: Number> WithSimd for Taps<'_, T> {
+impl<T: Number> WithSimd for TapSum<'_, T> {
     type Output = ();
 
     #[inline(always)]
