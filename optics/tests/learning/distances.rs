@@ -93,17 +93,16 @@ fn joint_learning_does_not_depend_on_threads_or_pauses() {
     let learning_pairs = LearningPairs { training: &training, validation: &validation };
     let setups = RAIL_M.map(|distance_m| bench_on_a_rail(distance_m).setup());
     let short = || LearnOptions { refinement_evaluations: 6, epochs: 1, ..options(&bench_on_a_rail(6e-3), None) };
-    let on = |threads: usize| {
-        let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| learned_on_rail(short(), learning_pairs))
-    };
-    let one = on(1);
-    assert_eq!(one, on(3));
-    let mut learner = Learner::start_joint(&setups, short(), &training).unwrap();
-    while learner.step(learning_pairs).unwrap().is_some() {
-        learner = Learner::resume_joint(&setups, short(), learner.state().into_owned()).unwrap();
-    }
-    assert_eq!(one, learner.models());
+    let pool = |threads: usize| ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    let one = pool(1).install(|| learned_on_rail(short(), learning_pairs));
+    let paused = pool(3).install(|| {
+        let mut learner = Learner::start_joint(&setups, short(), &training).unwrap();
+        while learner.step(learning_pairs).unwrap().is_some() {
+            learner = Learner::resume_joint(&setups, short(), learner.state().into_owned()).unwrap();
+        }
+        learner.models()
+    });
+    assert_eq!(one, paused);
 }
 
 #[test]
