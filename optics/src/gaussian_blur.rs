@@ -174,6 +174,13 @@ impl<T: Number, const TAPS: usize> GaussianBlur<T, TAPS> {
         );
     }
 
+    /// How many pixels away, along x and along y, a value can be that changes the blur with these q, or a derivative of
+    /// it by one of them.
+    pub(crate) fn reach(ratios: [f64; 2]) -> [usize; 2] {
+        let [by_x, by_y] = Self::slopes(ratios);
+        [by_x.along_x.reach.max(by_y.along_x.reach), by_x.along_y.reach.max(by_y.along_y.reach)]
+    }
+
     /// Adds what blurs into a part of one row to `out`: the values at the columns `columns`. `near(y)` has the values
     /// of row `y` of `size_px` rows and columns, from the column `first` on.
     pub(crate) fn add_part<'a>(
@@ -185,20 +192,22 @@ impl<T: Number, const TAPS: usize> GaussianBlur<T, TAPS> {
     ) where
         T: 'a,
     {
-        let reached = |i: usize, k: usize, n: usize| (i + k).saturating_sub(TAPS / 2).min(n - 1);
-        let rows: [&[T]; TAPS] = std::array::from_fn(|k| near(reached(y, k, height_px)));
-        let mut along_y = vec![T::zero(); rows[0].len()];
-        sum_taps::<T, TAPS>(&self.along_y.weights, |k| rows[k], &mut along_y);
+        let reached = |i: usize, k: usize, reach: usize, n: usize| (i + k).saturating_sub(reach).min(n - 1);
+        let [of_x, of_y] = [&self.along_x, &self.along_y].map(Taps::used);
+        let [reach_x, reach_y] = [self.along_x.reach, self.along_y.reach];
+        let mut along_y = vec![T::zero(); near(y).len()];
+        sum_taps::<T, TAPS>(of_y, |k| near(reached(y, k, reach_y, height_px)), &mut along_y);
         for (x, out) in columns.zip(out) {
-            let weighed = (0..TAPS).map(|k| self.along_x.weights[k] * along_y[reached(x, k, width_px) - first]);
+            let weighed = of_x.iter().enumerate();
+            let weighed = weighed.map(|(k, &weight)| weight * along_y[reached(x, k, reach_x, width_px) - first]);
             *out = weighed.fold(*out, |sum, value| sum + value);
         }
     }
 }
 
-/// The places along an axis of `n` values that blur into those of a range.
-pub(crate) fn reached<const TAPS: usize>(range: &Range<usize>, n: usize) -> Range<usize> {
-    range.start.saturating_sub(TAPS / 2)..(range.end + TAPS / 2).min(n)
+/// The places along an axis of `n` values from which a range can be reached.
+pub(crate) fn reached(range: &Range<usize>, reach: usize, n: usize) -> Range<usize> {
+    range.start.saturating_sub(reach)..(range.end + reach).min(n)
 }
 
 /// Number of values that are summed together, in vector registers.
@@ -296,7 +305,7 @@ mod tests {
             let (found, expected) = (of_plane(&found), by_definition::<TAPS>(&of_plane(&a), ratios));
             assert!(found.values().iter().zip(expected.values()).all(|(a, b)| (a - b).abs() < 1e-13), "{shape:?}");
             let part = width_px / 3..width_px - width_px / 4;
-            let seen = reached::<TAPS>(&part, width_px);
+            let seen = reached(&part, blur.along_x.reach, width_px);
             for y in 0..height_px {
                 let (plane, mut out) = (of_plane(&a), vec![0.5; part.len()]);
                 let near = |y: usize| &plane.row(y)[seen.clone()];

@@ -176,7 +176,8 @@ fn check_learning(pool: &ThreadPool, model: KernelModel, distances: usize, order
         kernel: KernelShape::Smooth(SmoothField::flat(5)),
         source: SmoothField::flat(10),
         crosstalk: Crosstalk { ratio_x: 0.05, ratio_y: 0.05 },
-        light_blur: LightBlur { ratio_x: 0.1, ratio_y: 0.1 },
+        // A blur needs most memory with its largest reach.
+        light_blur: LightBlur { ratio_x: LightBlur::RATIO_MAX, ratio_y: LightBlur::RATIO_MAX },
         response_variation: ResponseVariation { order: 3, coefficients: vec![0.01; 10] },
         dust: Dust::new(Plane::filled(height_px, width_px, [0, 0])),
         ghost: Ghost { amplitude: Complex64::new(0.1, 0.0), shift_px: [4.0, 3.0], defocus_rad: 1.0 },

@@ -24,7 +24,7 @@ use crate::convolution::Real;
 use crate::engine::EngineCore;
 use crate::gaussian_blur::reached;
 use crate::interrupt;
-use crate::light_blur::{Blur, TAPS};
+use crate::light_blur::Blur;
 use crate::slm::{BLOCK, BlockResponse, Shown, ShownRow, Slm};
 use crate::{LightBlur, SpatialVariation};
 use num_complex::Complex;
@@ -274,13 +274,9 @@ impl<T: Real> Jacobian<T> {
         let in_region = (0..height_px).filter(|&y| example.region.columns(y).is_some());
         let rows: Vec<usize> = in_region.skip(first).step_by(stride).collect();
         let columns = rows.first().and_then(|&y| example.region.columns(y)).unwrap_or_default();
-        let sampled = match fit.engine.blur {
-            None => (rows.clone(), columns.clone()),
-            Some(_) => {
-                let near = rows.iter().flat_map(|&y| reached::<TAPS>(&(y..y + 1), height_px));
-                (near.collect::<BTreeSet<_>>().into_iter().collect(), reached::<TAPS>(&columns, width_px))
-            }
-        };
+        let [reach_x, reach_y] = fit.engine.blur.map_or([0, 0], |blur| Blur::<T>::reach(blur.ratios()));
+        let near: BTreeSet<usize> = rows.iter().flat_map(|&y| reached(&(y..y + 1), reach_y, height_px)).collect();
+        let sampled = (near.into_iter().collect::<Vec<_>>(), reached(&columns, reach_x, width_px));
         // Gain and offset follow after θ.
         let (parameters, samples) = (fit.layout.len() + 2, fit.engine.samples_per_pixel());
         let (pixels, sampled_px) = (rows.len() * columns.len(), sampled.0.len() * sampled.1.len());

@@ -3,7 +3,7 @@
 
 use lightpath_optics::hologram::initial_phase;
 use lightpath_optics::learning::{
-    Block, KernelModel, LearnOptions, LearnStage, LearnState, Learner, LearningPairs, Pair, compare,
+    KernelModel, LearnOptions, LearnStage, LearnState, Learner, LearningPairs, Pair, compare,
 };
 use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::{Detector, DisplayModel, Engine, Error, Grid, OpticalSetup, RegionOfInterest};

@@ -9,7 +9,7 @@ use lightpath_optics::{
 };
 
 /// A simulated display that shows all orders of its pixels, at two thirds of the critical distance along x.
-pub fn bench_of_all_orders(seed: u64) -> SimulatedDisplay {
+pub(crate) fn bench_of_all_orders(seed: u64) -> SimulatedDisplay {
     let setup = simulated_display(6e-3, SimulatedBench::FAIR).setup();
     let setup = setup.with_orders(Orders::All { fill_factor_x: 0.9, fill_factor_y: 0.8 }).unwrap();
     let bench = SimulatedBench { seed, misalignment_px: 0.5, ..SimulatedBench::FAIR };
