@@ -102,8 +102,8 @@ fn whole_iterations(criterion: &mut Criterion, size: &str, job: &Job, detector: 
     group.finish();
 }
 
-/// Benchmark of an evaluation of the default method through displays with nothing, with a blur of the light, with every
-/// part in one mode of light, and with three modes besides.
+/// Benchmark of an evaluation of the default method, with two detectors, through displays with nothing, with a blur of
+/// the light, with every part in one mode of light, and with three modes besides.
 fn display_models(criterion: &mut Criterion) {
     for (size, height_px, width_px) in &SIZES[..2] {
         let job = Job::new(*height_px, *width_px);
