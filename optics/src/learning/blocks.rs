@@ -20,10 +20,6 @@ const COHERENCE_GAIN_MIN: f64 = 0.3;
 /// [`GAIN_MIN`] of [`Block::LightBlur`]. The sub-samples of a pixel stand for its integral to 2 % of the light's
 /// variation, and a small blur mends some of that: on a display without a flaw it lowers the loss by a fifth.
 const LIGHT_BLUR_GAIN_MIN: f64 = 0.3;
-/// [`GAIN_MIN`] of [`Block::Ghost`]. What other parts leave may resemble a ghost by chance.
-const GHOST_GAIN_MIN: f64 = 0.3;
-/// [`FIRST_GAIN_MIN`] of [`Block::Ghost`].
-const FIRST_GHOST_GAIN_MIN: f64 = 0.1;
 
 /// Most fits of `refinement_evaluations` evaluations that learning takes: one over all orders, and for each block its
 /// refinement and its trials.
@@ -84,10 +80,9 @@ impl Block {
     /// Least relative decrease of the validation loss by which the block is kept.
     pub(super) fn gain_min(self) -> f64 {
         match self {
-            Self::FineSource | Self::Crosstalk | Self::UnevenResponse | Self::Varying => GAIN_MIN,
+            Self::FineSource | Self::Crosstalk | Self::UnevenResponse | Self::Varying | Self::Ghost => GAIN_MIN,
             Self::LightBlur => LIGHT_BLUR_GAIN_MIN,
             Self::PartialCoherence => COHERENCE_GAIN_MIN,
-            Self::Ghost => GHOST_GAIN_MIN,
             Self::Dust => DUST_GAIN_MIN,
         }
     }
@@ -96,8 +91,7 @@ impl Block {
     pub(super) fn first_gain_min(self) -> f64 {
         match self {
             Self::FineSource | Self::Crosstalk | Self::UnevenResponse => FIRST_GAIN_MIN,
-            Self::Ghost => FIRST_GHOST_GAIN_MIN,
-            Self::LightBlur | Self::PartialCoherence | Self::Varying | Self::Dust => self.gain_min(),
+            Self::LightBlur | Self::PartialCoherence | Self::Varying | Self::Ghost | Self::Dust => self.gain_min(),
         }
     }
 
