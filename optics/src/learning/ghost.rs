@@ -91,8 +91,9 @@ fn beside_image(ghost: &Ghost, x: f64, y: f64) -> Complex64 {
 const CELLS: usize = 256;
 /// Largest shift of a ghost that is searched \[px\].
 const SHIFT_PX_MAX: i64 = 64;
-/// Smallest shift: that of a closer ghost is a smooth error of the transfer function.
-const SHIFT_PX_MIN: i64 = 2;
+/// Smallest shift: that of a closer ghost is a smooth error of the transfer function. A shift of s px needs polynomials
+/// up to an order of πs, and the kernel has up to 12.
+const SHIFT_PX_MIN: i64 = 4;
 /// Defocus that is searched, to either side \[rad\], and its step.
 const DEFOCUS_RAD: (f64, f64) = (18.0, 1.5);
 /// Least height of the largest value, in root mean squares of all others.

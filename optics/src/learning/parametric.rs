@@ -43,10 +43,10 @@ const ORDERS: [usize; 3] = [5, 8, 12];
 const ORDER_DEFAULT: usize = 8;
 /// Number of pairs of a plane from which the curvature of all its pairs is estimated.
 pub(super) const CURVATURE_PAIRS: usize = 4;
-/// Least number of pairs of a plane that are in use before the fitted model has screened all.
-const FEW_PAIRS: usize = 5;
-/// Number of pixels of the photographs of a plane that are in use before the fitted model has screened all, as far as
-/// there are: some ten thousand for each parameter.
+/// Least number of pairs of a plane that are in use in trials and before the fitted model has screened all.
+const FEW_PAIRS: usize = 4;
+/// Number of pixels of the photographs of a plane that are in use then, as far as there are: some ten thousand for each
+/// parameter.
 const FEW_PAIRS_PX: usize = 4_000_000;
 /// Number of pixels of a pair from which its curvature is estimated: several hundred for each parameter.
 pub(crate) const CURVATURE_PX: usize = 40_000;
@@ -212,17 +212,25 @@ impl ParametricLearner {
         self.change_layout(joint);
     }
 
-    /// The pairs of each plane in use. Of large photographs some suffice until the fitted model has screened all.
+    /// The pairs of each plane in use. Of large photographs some suffice in trials, and until the fitted model has
+    /// screened all.
     fn in_use(&self, pairs: &dyn PairSource) -> Vec<Vec<usize>> {
+        let kept = self.kept(pairs).into_iter();
+        match (self.state.last_screening, &self.state.round) {
+            (LastScreening::Done, None) => kept.collect(),
+            _ => kept.map(|of_plane| few_of(of_plane, self.options.region, self.options.seed)).collect(),
+        }
+    }
+
+    /// The pairs of each plane that are not left out.
+    fn kept(&self, pairs: &dyn PairSource) -> Vec<Vec<usize>> {
         let kept = || self.state.kept.iter().map(|&index| index as usize);
-        let of_plane = |plane| {
-            let all: Vec<usize> = kept().filter(|&index| pairs.plane(index) == plane).collect();
-            match self.state.last_screening {
-                LastScreening::Pending | LastScreening::Due => few_of(all, self.options.region, self.options.seed),
-                LastScreening::Done => all,
-            }
-        };
-        (0..self.joint.planes()).map(of_plane).collect()
+        (0..self.joint.planes()).map(|plane| kept().filter(|&index| pairs.plane(index) == plane).collect()).collect()
+    }
+
+    /// Whether the photographs of a plane are so large that some of them suffice in trials.
+    fn few_suffice(&self, pairs: &dyn PairSource) -> bool {
+        self.kept(pairs).iter().any(|of_plane| of_plane.len() > few(self.options.region))
     }
 
     /// Sum of what `evaluate(fit, plane, example, share)` returns for each pair in use, where the shares add up to 1.
@@ -355,11 +363,15 @@ impl ParametricLearner {
     }
 }
 
+/// Number of pairs of a plane that have enough pixels in the region.
+fn few(region: RegionOfInterest) -> usize {
+    FEW_PAIRS_PX.div_ceil(region.pixels().max(1)).max(FEW_PAIRS)
+}
+
 /// Some of a plane's pairs, drawn at random in their order: as many as have enough pixels in the region.
 fn few_of(all: Vec<usize>, region: RegionOfInterest, seed: u64) -> Vec<usize> {
-    let count = FEW_PAIRS_PX.div_ceil(region.pixels().max(1)).max(FEW_PAIRS);
     let mut drawn = shuffled(all.len(), 0, seed);
-    drawn.truncate(count);
+    drawn.truncate(few(region));
     drawn.sort_unstable();
     drawn.into_iter().map(|position| all[position]).collect()
 }
@@ -397,8 +409,8 @@ mod tests {
             few_of((0..pairs).map(|index| 3 * index).collect(), region, 7)
         };
         assert_eq!(few(640, 360, 16), (0..16).map(|index| 3 * index).collect::<Vec<_>>());
-        assert_eq!((few(1280, 720, 16).len(), few(3840, 2160, 16).len(), few(3840, 2160, 3).len()), (7, 5, 3));
+        assert_eq!((few(1280, 720, 16).len(), few(3840, 2160, 16).len(), few(3840, 2160, 3).len()), (7, 4, 3));
         let drawn = few(1920, 1080, 16);
-        assert!(drawn.len() == 5 && drawn.is_sorted_by(|a, b| a < b) && drawn.iter().all(|index| index % 3 == 0));
+        assert!(drawn.len() == 4 && drawn.is_sorted_by(|a, b| a < b) && drawn.iter().all(|index| index % 3 == 0));
     }
 }

@@ -82,7 +82,7 @@ impl ParametricLearner {
     /// θ after all stages.
     fn fitted_coarse_to_fine(&mut self, pairs: &dyn PairSource, theta: &[f64]) -> Result<Vec<f64>, BoxError> {
         let region = self.options.region;
-        let compared = Compared::with_enough_px(pairs, region);
+        let compared = Compared::of(pairs, region);
         let setups = vec![self.fit.setups[0]];
         let mut fit = Fit::<f32>::new(setups, self.joint.layout, Detector::Point, self.options.carrier)?;
         let examples: Vec<Example<f32>> = (0..compared.len())

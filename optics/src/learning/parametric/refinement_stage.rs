@@ -17,8 +17,10 @@ const TRIAL_STEP_GAIN_MIN: f64 = 5e-2;
 const STEPS_WITHOUT_GAIN_MAX: u32 = 6;
 /// [`CURVATURE_PAIRS`] with a fine source, whose terms take one propagation each.
 const CURVATURE_PAIRS_FINE: usize = 2;
-/// [`CURVATURE_PAIRS_FINE`] as long as only some of the pairs are in use.
+/// [`CURVATURE_PAIRS_FINE`] where [few pairs](ParametricLearner::few_suffice) suffice.
 const CURVATURE_PAIRS_FINE_OF_FEW: usize = 1;
+/// Number of steps that use the same curvature where few pairs suffice. There it takes as long as several evaluations.
+const STEPS_OF_CURVATURE: u32 = 3;
 
 impl ParametricLearner {
     /// Takes a step of Levenberg and Marquardt's method, validates the result, and changes the order when the step was
@@ -37,8 +39,7 @@ impl ParametricLearner {
                 true
             }
             Some(mut refinement) => {
-                let curvature =
-                    self.curvature(learning_pairs.training, &refinement.parameters, refinement.evaluations)?;
+                let curvature = self.curvature(learning_pairs.training, &refinement)?;
                 let joint = self.joint.clone();
                 let improved = refinement.step_within(
                     &curvature,
@@ -118,14 +119,23 @@ impl ParametricLearner {
         Ok((loss, gradient))
     }
 
+    /// The curvature for the next step. Where few pairs suffice, some steps use the same one, as long as it predicts
+    /// well how much they gain.
+    fn curvature(&mut self, pairs: &dyn PairSource, refinement: &DampedState) -> Result<Vec<f64>, BoxError> {
+        let few_suffice = self.few_suffice(pairs);
+        let state = &mut self.state;
+        let is_recent = refinement.trusted && state.curvature_steps < STEPS_OF_CURVATURE;
+        if few_suffice && is_recent && !state.curvature.is_empty() {
+            state.curvature_steps += 1;
+            return Ok(state.curvature.clone());
+        }
+        state.curvature_steps = 1;
+        self.sampled_curvature(pairs, &refinement.parameters, refinement.evaluations)
+    }
+
     /// The curvature of some pairs and rows of each plane; each round takes other pairs and rows.
-    pub(super) fn curvature(
-        &mut self,
-        pairs: &dyn PairSource,
-        theta: &[f64],
-        round: u32,
-    ) -> Result<Vec<f64>, BoxError> {
-        let in_use = self.in_use(pairs);
+    fn sampled_curvature(&mut self, pairs: &dyn PairSource, theta: &[f64], round: u32) -> Result<Vec<f64>, BoxError> {
+        let (in_use, few_suffice) = (self.in_use(pairs), self.few_suffice(pairs));
         let used: usize = in_use.iter().map(Vec::len).sum();
         let Self { fit, joint, options, state, .. } = self;
         let stride = (options.region.pixels() / CURVATURE_PX).max(1);
@@ -135,7 +145,7 @@ impl ParametricLearner {
             let order = shuffled(indices.len(), 1000 + round, options.seed);
             let pairs_max = match joint.layout.blocks.fine_source {
                 false => CURVATURE_PAIRS,
-                true if used < state.kept.len() => CURVATURE_PAIRS_FINE_OF_FEW,
+                true if few_suffice => CURVATURE_PAIRS_FINE_OF_FEW,
                 true => CURVATURE_PAIRS_FINE,
             };
             let chosen = pairs_max.min(indices.len());

@@ -40,12 +40,16 @@ pub struct ParametricState {
     pub round: Option<Round>,
     /// Whether a block has just been kept and is being refined.
     pub adopted: bool,
+    /// Blocks without which the model was hopeless at the highest order of the kernel.
+    pub needed: Blocks,
     /// Which blocks are being tried, or will be next.
     pub trials: TrialStage,
     /// Refinement of the current order; `None` before Adam has ended.
     pub refinement: Option<DampedState>,
     /// Running mean of the curvature, row after row; empty when the curvature is computed from all pairs.
     pub curvature: Vec<f64>,
+    /// Number of steps that have used this curvature.
+    pub curvature_steps: u32,
     /// Whether the last step failed and the curvature starts anew.
     pub restarted: bool,
     /// Evaluations of all pairs that previous orders have taken.

@@ -16,7 +16,7 @@
 //!
 //! Tiles see details of low frequencies best, which holograms of a narrow range of phases have.
 
-use super::ParametricLearner;
+use super::{ParametricLearner, few};
 use crate::RegionOfInterest;
 use crate::alignment::Tiles;
 use crate::chebyshev::{ChebyshevBasis, polynomials, position};
@@ -41,10 +41,6 @@ const DAMPING: f64 = 1e-2;
 const GAIN_MIN: f64 = 0.03;
 /// Least relative decrease of the loss by which the fine terms of a start are kept.
 const FINE_GAIN_MIN: f64 = 0.1;
-/// Number of pixels of the photographs that are enough for a fit from coarse to fine details.
-const ENOUGH_PX: usize = 4_000_000;
-/// Least number of pairs for such a fit, as far as there are.
-const FEW_PAIRS: usize = 5;
 
 impl ParametricLearner {
     /// Finds a start for the surface of the modulator and the shift of the picture, and writes it to the `parameters`,
@@ -100,7 +96,7 @@ impl ParametricLearner {
 
     /// Mean of the losses of the pairs that are compared.
     pub(super) fn start_loss(&mut self, pairs: &dyn PairSource, theta: &[f64]) -> Result<f64, BoxError> {
-        let compared = Compared::of(pairs);
+        let compared = Compared::of(pairs, self.options.region);
         let each = self.measure_each(&compared, theta)?;
         Ok(each.iter().map(crate::photometry::Sums::fitted_loss).sum::<f64>() / each.len() as f64)
     }
@@ -108,7 +104,7 @@ impl ParametricLearner {
     /// Compares tiles of the photographs with what the display θ shows. `None` where the region is too small for tiles.
     pub(super) fn compared_tiles(&mut self, pairs: &dyn PairSource, theta: &[f64]) -> Result<Option<Tiles>, BoxError> {
         let Some(mut tiles) = Tiles::cover(self.options.region) else { return Ok(None) };
-        let compared = Compared::of(pairs);
+        let compared = Compared::of(pairs, self.options.region);
         self.fit.set(0, &self.joint.plane_parameters(0, theta));
         for index in 0..compared.len() {
             let pair = compared.pair(index)?;
@@ -204,23 +200,16 @@ fn robust_fit(equations: &[([f64; TERMS], f64)]) -> Option<[f64; TERMS]> {
     Some(found)
 }
 
-/// The first pairs of the first distance.
+/// The first pairs of the first distance. Of large photographs some suffice.
 pub(super) struct Compared<'a> {
     pairs: &'a dyn PairSource,
     len: usize,
 }
 
 impl<'a> Compared<'a> {
-    pub(super) fn of(pairs: &'a dyn PairSource) -> Self {
+    pub(super) fn of(pairs: &'a dyn PairSource, region: RegionOfInterest) -> Self {
         let of_first = (0..pairs.len()).take_while(|&index| pairs.plane(index) == 0).count();
-        Self { pairs, len: of_first.min(PAIRS_MAX) }
-    }
-
-    /// As many of these as have enough pixels in the region.
-    pub(super) fn with_enough_px(pairs: &'a dyn PairSource, region: RegionOfInterest) -> Self {
-        let enough = ENOUGH_PX.div_ceil(region.pixels().max(1)).max(FEW_PAIRS);
-        let all = Self::of(pairs);
-        Self { len: all.len.min(enough), ..all }
+        Self { pairs, len: of_first.min(PAIRS_MAX).min(few(region)) }
     }
 }
 

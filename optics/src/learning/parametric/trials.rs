@@ -152,7 +152,7 @@ impl ParametricLearner {
         let lacks = |block: Block| block.belongs_to(self.options.model) && !model.blocks.contains(block);
         let changes = |block| match stage.adds() {
             true => lacks(block) && !excluded(block),
-            false => model.blocks.contains(block),
+            false => model.blocks.contains(block) && !self.state.needed.contains(block),
         };
         Block::ALL.into_iter().filter(|&block| stage.tries(block) && changes(block)).collect()
     }
@@ -169,7 +169,11 @@ impl ParametricLearner {
     /// Goes on to the next block of the round. After the last one keeps the model of the best trial that passed, or
     /// returns to the model before the round.
     pub(super) fn end_trial(&mut self, mut round: Round) {
-        let with = self.state.best.take().filter(|with| with.loss <= round.bound());
+        let tried = self.state.best.take();
+        if !round.stage.adds() && tried.as_ref().is_some_and(|without| round.is_hopeless(without.loss)) {
+            self.state.needed = self.state.needed.with(round.block);
+        }
+        let with = tried.filter(|with| with.loss <= round.bound());
         let both = round.winner.take().into_iter().chain(with);
         round.winner = both.min_by(|a, b| a.loss.total_cmp(&b.loss));
         if round.stage.adds() && round.winner.is_some() {
