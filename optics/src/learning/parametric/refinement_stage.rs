@@ -120,7 +120,7 @@ impl ParametricLearner {
     }
 
     /// The curvature for the next step. Where few pairs suffice, some steps use the same one, as long as it predicts
-    /// well how much they gain.
+    /// how much they gain and comes from a part of the pairs in use.
     fn curvature(&mut self, pairs: &dyn PairSource, refinement: &DampedState) -> Result<Vec<f64>, BoxError> {
         let few_suffice = self.few_suffice(pairs);
         let state = &mut self.state;
