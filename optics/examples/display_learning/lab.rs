@@ -3,6 +3,7 @@
 use super::camera_mistakes::{overexposed, rotated_and_shifted};
 use super::options::{Failure, Options};
 use super::photographed::{PhotographedPairs, phase};
+use lightpath_optics::alignment::{CameraMap, DotGrid, warp};
 use lightpath_optics::hologram::{HologramMethod, HologramOptions, initial_phase};
 use lightpath_optics::phase_response::PhaseResponse;
 use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
@@ -28,7 +29,12 @@ pub(crate) struct Lab {
     saturated: f64,
     rotation_deg: f64,
     jitter_px: f64,
+    /// The camera's map, if it was measured. Photographs are corrected by it.
+    camera: Option<CameraMap>,
 }
+
+/// Level from which a pixel of a photograph counts as saturated.
+const SATURATION: f32 = 254.5 / 255.0;
 
 impl Lab {
     pub(crate) fn draw(options: &Options, seed: u64) -> Result<Self, Failure> {
@@ -38,7 +44,7 @@ impl Lab {
         let critical_m = 2.0 * width_px.min(height_px) as f64 * pitch_m * pitch_m / wavelength_m;
         let distance_m = if options.distance_m > 0.0 { options.distance_m } else { 0.6 * critical_m };
         let setup = OpticalSetup::try_new(grid, wavelength_m, distance_m)?.with_orders(options.orders)?.planned()?.0;
-        Ok(Self {
+        let mut lab = Self {
             bench: SimulatedDisplay::draw(setup, None, SimulatedBench { seed, ..options.bench })?,
             region: RegionOfInterest::middle(&grid),
             iterations: options.training_iterations,
@@ -47,7 +53,35 @@ impl Lab {
             saturated: options.saturated,
             rotation_deg: options.rotation_deg,
             jitter_px: options.jitter_px,
-        })
+            camera: None,
+        };
+        if options.calibrates {
+            lab.camera = Some(lab.calibrated()?);
+        }
+        Ok(lab)
+    }
+
+    /// The camera's map, fitted to the photograph of a grid of dots that is displayed through the ideal kernel.
+    fn calibrated(&self) -> Result<CameraMap, Failure> {
+        let grid = self.setup().grid();
+        let dots = DotGrid::of_display(grid.height_px(), grid.width_px())?;
+        let engine = Engine::new(&DisplayModel::ideal(self.setup()), Detector::Pixel, None)?;
+        let seed = self.seed * 1000 + 800;
+        let levels = self.hologram(&engine, &dots.target(), TAU, seed, self.iterations)?;
+        let photo = self.bench.capture(&phase(&levels)?, seed)?.map(|level| f32::from(level) / 255.0);
+        let size_px = [grid.height_px(), grid.width_px()];
+        let fit = CameraMap::from_points(&dots.find(&photo)?.dots, size_px, size_px)?;
+        eprintln!("camera: {} dots, {:.3} px off, distortion {:?}", fit.inliers, fit.residual_px, fit.map.distortion());
+        Ok(fit.map)
+    }
+
+    /// A photograph on the display's pixels, if the camera's map was measured, or else as it is.
+    pub(crate) fn corrected(&self, photo: Plane<f32>) -> Plane<f32> {
+        let (height_px, width_px) = (photo.height_px(), photo.width_px());
+        match &self.camera {
+            Some(map) => warp(&photo, map, height_px, width_px, SATURATION, 1.0),
+            None => photo,
+        }
     }
 
     /// The same bench, without mistakes in the photographs.
@@ -96,7 +130,11 @@ impl Lab {
             let target = self.card(cards[(i + set as usize * 5) % cards.len()], seed)?;
             let range_rad = if i % 2 == 0 { TAU } else { 1.0 };
             let levels = self.hologram(&engine, &target, range_rad, seed, self.iterations)?;
-            photographed.photos.push(self.photograph_with_mistakes(&self.bench.light(&phase(&levels)?)?, i, seed)?);
+            let photo = self.photograph_with_mistakes(&self.bench.light(&phase(&levels)?)?, i, seed)?;
+            photographed.photos.push(match &self.camera {
+                Some(_) => self.corrected(photo.map(|level| f32::from(level) / 255.0)).map(to_level),
+                None => photo,
+            });
             photographed.levels.push(levels);
         }
         for i in 0..self.wrong.min(pairs / 2) {
@@ -161,4 +199,9 @@ impl Lab {
         let exposed = if self.saturated > 0.0 { overexposed(&moved, self.region, self.saturated) } else { moved };
         Ok(self.bench.expose(&exposed, seed))
     }
+}
+
+/// The level of a camera of 8 bits, for a value at full scale 1.
+fn to_level(value: f32) -> u8 {
+    (value.clamp(0.0, 1.0) * 255.0).round() as u8
 }

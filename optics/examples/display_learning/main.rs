@@ -17,7 +17,9 @@
 //! are holograms that are optimized through the bench itself, from a random phase of that range \[rad\]: no model can
 //! be better. With `--judge light`, the PSNR is that of the light on the camera instead of that of its photograph; the
 //! camera's response bends photographs only. With `--align yes`, a second line has the PSNR after the affine move that
-//! aligns each photograph with its target: what moves, turns or stretches the image costs nothing there.
+//! aligns each photograph with its target: what moves, turns or stretches the image costs nothing there. With
+//! `--calibrate yes`, a photograph of a grid of dots tells the camera's map with its lens's distortion, and all
+//! photographs of models are corrected by it before they are learned from or judged.
 //!
 //! With `--orders all`, the displays show all orders of their pixels. No single transfer function describes them, so
 //! the line of the true one is left out.

@@ -33,6 +33,8 @@ pub(crate) struct Options {
     pub(crate) judges_light: bool,
     /// Whether the photographs are judged again after alignment with their targets.
     pub(crate) aligns: bool,
+    /// Whether a photograph of a grid of dots tells the camera's map, by which all photographs are corrected.
+    pub(crate) calibrates: bool,
     /// Number of training pairs whose photograph belongs to another hologram.
     pub(crate) wrong: usize,
     /// Part of the training photographs' pixels that is overexposed, 0 to 1.
@@ -76,6 +78,7 @@ impl Options {
             yardstick: text("yardstick", "no") == "yes",
             judges_light: text("judge", "photograph") == "light",
             aligns: text("align", "no") == "yes",
+            calibrates: text("calibrate", "no") == "yes",
             wrong: number("wrong", &text("wrong", "0"))?,
             saturated: number("saturated", &text("saturated", "0"))?,
             rotation_deg: number("rotation-deg", &text("rotation-deg", "0"))?,

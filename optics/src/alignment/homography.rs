@@ -151,15 +151,9 @@ impl Homography {
         }
         let homography = to.homography().inverse().after(&Self::of(&parameters)).after(&from.homography());
         let homography = Self::try_new(homography.0).map_err(|_| AlignmentError::Degenerate)?;
-        let centre = from.centre;
-        let back = homography.magnification(centre);
-        let mut distances: Vec<f64> =
-            pairs.iter().map(|pair| distance(homography.apply(pair.display), pair.camera)).collect();
-        distances.sort_by(f64::total_cmp);
-        let limit = OUTLIER_DEVIATIONS * typical(&distances) + 1e-9;
-        let inliers = distances.iter().filter(|&&distance| distance <= limit).count().max(1);
-        let squares: f64 = distances.iter().take(inliers).map(|distance| distance * distance).sum();
-        Ok(PointFit { homography, residual_px: (squares / inliers as f64).sqrt() / back, inliers })
+        let back = homography.magnification(from.centre);
+        let (inliers, residual) = inliers(pairs, |point| homography.apply(point));
+        Ok(PointFit { homography, residual_px: residual / back, inliers })
     }
 
     fn of(parameters: &[f64; 8]) -> Self {
@@ -217,18 +211,33 @@ fn direct_linear_transform(points: &[(Point, Point)]) -> Option<[f64; 8]> {
 fn gauss_newton_step(parameters: &[f64; 8], points: &[(Point, Point)]) -> Option<[f64; 8]> {
     let map = Homography::of(parameters);
     let distances: Vec<f64> = points.iter().map(|&(from, to)| distance(map.apply(from), to)).collect();
-    let mut sorted = distances.clone();
-    sorted.sort_by(f64::total_cmp);
-    let threshold = HUBER_DEVIATIONS * typical(&sorted);
     let mut equations = NormalEquations::<8>::new();
-    for (&([x, y], to), &distance) in points.iter().zip(&distances) {
+    for (&([x, y], to), weight) in points.iter().zip(huber_weights(&distances)) {
         let [u, v] = map.apply([x, y]);
         let w = 1.0 / (parameters[6] * x + parameters[7] * y + 1.0);
-        let weight = if distance > threshold && threshold > 0.0 { threshold / distance } else { 1.0 };
         equations.add(&[x * w, y * w, w, 0.0, 0.0, 0.0, -u * x * w, -u * y * w], to[0] - u, weight);
         equations.add(&[0.0, 0.0, 0.0, x * w, y * w, w, -v * x * w, -v * y * w], to[1] - v, weight);
     }
     equations.solve()
+}
+
+/// Number of inliers of a map, and their root mean square distance from it \[px of the camera\].
+pub(super) fn inliers(pairs: &[PointPair], map: impl Fn(Point) -> Point) -> (usize, f64) {
+    let mut distances: Vec<f64> = pairs.iter().map(|pair| distance(map(pair.display), pair.camera)).collect();
+    distances.sort_by(f64::total_cmp);
+    let limit = OUTLIER_DEVIATIONS * typical(&distances) + 1e-9;
+    let inliers = distances.iter().filter(|&&distance| distance <= limit).count().max(1);
+    let squares: f64 = distances.iter().take(inliers).map(|distance| distance * distance).sum();
+    (inliers, (squares / inliers as f64).sqrt())
+}
+
+/// Huber's weight of each distance: 1, and less beyond [`HUBER_DEVIATIONS`] typical distances.
+pub(super) fn huber_weights(distances: &[f64]) -> Vec<f64> {
+    let mut sorted = distances.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let threshold = HUBER_DEVIATIONS * typical(&sorted);
+    let weight = |&distance: &f64| if distance > threshold && threshold > 0.0 { threshold / distance } else { 1.0 };
+    distances.iter().map(weight).collect()
 }
 
 /// The standard deviation along one axis of normally distributed errors with this median distance.

@@ -2,12 +2,14 @@
 //!
 //! A [`Homography`] maps a point of the image plane, in pixels of the display, to the camera's pixels. It is fitted to
 //! given points, to the photograph of a displayed [`DotGrid`], or to pairs of simulated and photographed images
-//! ([`registration`]). [`find_target`] finds a picture anywhere in a photograph, by a [`CameraMap`], which has the
-//! lens's distortion, too. [`warp`](fn@warp) resamples photographs with either map. In all coordinates x points right,
+//! ([`registration`]). A [`CameraMap`] has the lens's distortion, too. [`CameraMap::from_points`] fits it to many points,
+//! such as dots, and [`find_target`] finds a picture anywhere in a photograph by it. [`warp`](fn@warp) resamples photographs with either map. In all coordinates x points right,
 //! y points down, and pixel centres lie at whole numbers.
 
 mod blobs;
 mod box_blur;
+mod camera_fit;
+mod camera_map;
 mod camera_turn;
 mod dot_grid;
 mod homography;
@@ -17,11 +19,13 @@ mod target_search;
 mod tiles;
 mod warp;
 
+pub use camera_fit::CameraFit;
+pub use camera_map::CameraMap;
 pub use dot_grid::{DotGrid, DotGridMatch};
 pub use homography::{Homography, Point, PointFit, PointPair};
 pub use registration::Registration;
 pub use target_search::{
-    BlockDisplacement, CORRELATION_MIN, CameraMap, FoundTarget, TARGET_SIDE_MIN, block_displacements, find_target,
+    BlockDisplacement, CORRELATION_MIN, FoundTarget, TARGET_SIDE_MIN, block_displacements, find_target,
 };
 pub use tiles::Tiles;
 pub use warp::{MapToCamera, warp};

@@ -8,11 +8,11 @@
 //! computed for all shifts d at once by Fourier transforms (D. Padfield, IEEE Trans. Image Processing 21, 2706 (2012)).
 //! z compares places with different overlaps: for unrelated pictures it does not depend on N (R. Fisher 1915).
 
-use super::camera_map::{CameraMap, Frame};
 use super::pyramid::Pyramid;
 use crate::Plane;
 use crate::alignment::Point;
 use crate::alignment::box_blur::box_blur;
+use crate::alignment::camera_map::{CameraMap, Frame};
 use crate::reference::{Direction, fft2};
 use num_complex::Complex64;
 use rayon::prelude::*;

@@ -8,7 +8,6 @@
 //! The target may cover a part of the photograph, or the photograph most of the target.
 
 mod blocks;
-mod camera_map;
 mod coarse;
 mod pyramid;
 mod refinement;
@@ -16,9 +15,8 @@ mod refinement;
 mod tests;
 
 pub use blocks::{BlockDisplacement, block_displacements};
-pub use camera_map::CameraMap;
 
-use super::AlignmentError;
+use super::{AlignmentError, CameraMap};
 use crate::Plane;
 use pyramid::Pyramid;
 use rayon::prelude::*;

@@ -18,8 +18,8 @@
 //! c is the correlation, n the number of values, of which C neighbours count as one because speckle covers several. σ_i
 //! is the usual size of a parameter of the perspective or the distortion.
 
-use super::camera_map::{CameraMap, PARAMETERS};
 use super::pyramid::{DETAILS_REACH, Details};
+use crate::alignment::camera_map::{CameraMap, PARAMETERS};
 use crate::interrupt;
 use crate::least_squares::NormalEquations;
 use rayon::prelude::*;

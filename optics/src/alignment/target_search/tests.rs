@@ -1,7 +1,7 @@
 //! Generated photographs with a known place of the target.
 
-use super::camera_map::{Frame, PARAMETERS};
 use super::*;
+use crate::alignment::camera_map::{Frame, PARAMETERS};
 use crate::alignment::{Point, warp};
 use crate::test_cards::TestCard;
 use crate::{Grid, RegionOfInterest};

@@ -34,7 +34,11 @@ pub(super) struct Frame {
 
 impl Frame {
     pub(super) fn of(plane: &Plane<f32>) -> Self {
-        let (width, height) = (plane.width_px() as f64, plane.height_px() as f64);
+        Self::of_size(plane.height_px(), plane.width_px())
+    }
+
+    pub(super) fn of_size(height_px: usize, width_px: usize) -> Self {
+        let (width, height) = (width_px as f64, height_px as f64);
         Self { centre: [(width - 1.0) / 2.0, (height - 1.0) / 2.0], half_px: width.hypot(height) / 2.0 }
     }
 }
@@ -48,6 +52,17 @@ impl CameraMap {
         let mut parameters = [0.0; PARAMETERS];
         parameters[..6].copy_from_slice(&[start[0], xx * ratio, xy * ratio, start[1], yx * ratio, yy * ratio]);
         Self { parameters, target, camera }
+    }
+
+    /// The map of a homography, without distortion.
+    pub(super) fn of_homography(target: Frame, camera: Frame, homography: &Homography) -> Self {
+        let place = |frame: Frame| {
+            let [x, y] = frame.centre;
+            Homography::similarity([0.0; 2], 0.0, 1.0 / frame.half_px, [-x / frame.half_px, -y / frame.half_px])
+        };
+        let [a1, a2, a0, b1, b2, b0, g, h, _] =
+            place(camera).after(homography).after(&place(target).inverse()).entries();
+        Self { parameters: [a0, a1, a2, b0, b1, b2, g, h, 0.0, 0.0, 0.0, 0.0], target, camera }
     }
 
     /// Place of a point of the target in the photograph \[px\]. NaN for a point that the perspective sends to infinity.
