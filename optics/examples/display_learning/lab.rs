@@ -3,7 +3,7 @@
 use super::camera_mistakes::{overexposed, rotated_and_shifted};
 use super::options::{Failure, Options};
 use super::photographed::{PhotographedPairs, phase};
-use lightpath_optics::alignment::{CameraMap, DotGrid, warp};
+use lightpath_optics::alignment::{CameraMap, DotGrid, Tiles, warp};
 use lightpath_optics::hologram::{HologramMethod, HologramOptions, initial_phase};
 use lightpath_optics::phase_response::PhaseResponse;
 use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
@@ -57,6 +57,10 @@ impl Lab {
         };
         if options.calibrates {
             lab.camera = Some(lab.calibrated()?);
+            let ideal = DisplayModel::ideal(lab.setup());
+            let taken = lab.uncorrected().photograph(8, 3)?;
+            lab.refine_camera(&ideal, &taken)?;
+            lab.refine_camera(&ideal, &taken)?;
         }
         Ok(lab)
     }
@@ -75,6 +79,28 @@ impl Lab {
         Ok(fit.map)
     }
 
+    /// Fits the camera's map again, to the places of tiles of photographs that a model expects elsewhere.
+    pub(crate) fn refine_camera(&mut self, model: &DisplayModel, taken: &PhotographedPairs) -> Result<(), Failure> {
+        let Some(map) = self.camera else { return Ok(()) };
+        let mut tiles = Tiles::cover(self.region).ok_or("--calibrate needs a larger display")?;
+        let engine = Engine::new(model, Detector::Pixel, None)?;
+        let grid = self.setup().grid();
+        let size_px = [grid.height_px(), grid.width_px()];
+        for (levels, photo) in taken.levels.iter().zip(&taken.photos) {
+            let photo = self.corrected(photo.map(|level| f32::from(level) / 255.0));
+            tiles.add(&engine.light(&phase(levels)?)?, &photo, SATURATION);
+        }
+        let fit = CameraMap::from_points(&tiles.points(&map), size_px, size_px)?;
+        eprintln!(
+            "camera: {} tiles, {:.3} px off, distortion {:?}",
+            fit.inliers,
+            fit.residual_px,
+            fit.map.distortion()
+        );
+        self.camera = Some(fit.map);
+        Ok(())
+    }
+
     /// A photograph on the display's pixels, if the camera's map was measured, or else as it is.
     pub(crate) fn corrected(&self, photo: Plane<f32>) -> Plane<f32> {
         let (height_px, width_px) = (photo.height_px(), photo.width_px());
@@ -87,6 +113,11 @@ impl Lab {
     /// The same bench, without mistakes in the photographs.
     pub(crate) fn clean(&self) -> Self {
         Self { wrong: 0, saturated: 0.0, rotation_deg: 0.0, jitter_px: 0.0, ..self.clone() }
+    }
+
+    /// The same bench, whose photographs are not corrected.
+    pub(crate) fn uncorrected(&self) -> Self {
+        Self { camera: None, ..self.clone() }
     }
 
     pub(crate) fn setup(&self) -> OpticalSetup {
