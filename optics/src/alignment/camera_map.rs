@@ -11,7 +11,7 @@
 //! that are tilted or off their axis.
 
 use crate::Plane;
-use crate::alignment::{Homography, Point};
+use crate::alignment::{AlignmentError, Homography, Point};
 
 /// Number of parameters: six of an affine map, two of the perspective, four of the distortion.
 pub(super) const PARAMETERS: usize = 12;
@@ -63,6 +63,35 @@ impl CameraMap {
         let [a1, a2, a0, b1, b2, b0, g, h, _] =
             place(camera).after(homography).after(&place(target).inverse()).entries();
         Self { parameters: [a0, a1, a2, b0, b1, b2, g, h, 0.0, 0.0, 0.0, 0.0], target, camera }
+    }
+
+    /// Creates the map of a homography, followed by the distortion k₁, k₂, p₁ and p₂. `target_px` and `photo_px` are the
+    /// rows and columns of the target and of the photograph.
+    ///
+    /// # Errors
+    ///
+    /// [`AlignmentError::Impossible`] for a distortion that is not finite.
+    pub fn try_new(
+        homography: &Homography,
+        distortion: [f64; 4],
+        target_px: [usize; 2],
+        photo_px: [usize; 2],
+    ) -> Result<Self, AlignmentError> {
+        if distortion.iter().any(|value| !value.is_finite()) {
+            return Err(AlignmentError::Impossible("a lens's distortion must be finite numbers".to_owned()));
+        }
+        let frame = |[height_px, width_px]: [usize; 2]| Frame::of_size(height_px, width_px);
+        let mut map = Self::of_homography(frame(target_px), frame(photo_px), homography);
+        map.parameters[8..].copy_from_slice(&distortion);
+        Ok(map)
+    }
+
+    /// The composition that applies `first` to a point of the target, then this map.
+    #[must_use]
+    pub fn after(&self, first: &Homography) -> Self {
+        let mut map = Self::of_homography(self.target, self.camera, &self.homography().after(first));
+        map.parameters[8..].copy_from_slice(&self.distortion());
+        map
     }
 
     /// Place of a point of the target in the photograph \[px\]. NaN for a point that the perspective sends to infinity.
@@ -219,6 +248,15 @@ mod tests {
             assert!((a[0] - b[0]).abs() < 1e-9 && (a[1] - b[1]).abs() < 1e-9, "{a:?} {b:?}");
         }
         assert_eq!(example().distortion(), [0.05, -0.02, 0.01, -0.015]);
+        let again = CameraMap::try_new(&homography, example().distortion(), [90, 160], [100, 200]).unwrap();
+        let shift = Homography::similarity([0.0; 2], 0.0, 1.0, [3.0, -2.0]);
+        for (a, b) in [
+            (again.apply([20.0, 70.0]), example().apply([20.0, 70.0])),
+            (again.after(&shift).apply([20.0, 70.0]), example().apply([23.0, 68.0])),
+        ] {
+            assert!((a[0] - b[0]).abs() < 1e-9 && (a[1] - b[1]).abs() < 1e-9, "{a:?} {b:?}");
+        }
+        assert!(CameraMap::try_new(&homography, [0.0, f64::NAN, 0.0, 0.0], [90, 160], [100, 200]).is_err());
         assert!(!example().is_mirrored() && (example().magnification([80.0, 45.0]) - 0.9).abs() < 0.05);
     }
 }

@@ -4,7 +4,7 @@ mod alignment;
 mod checks;
 mod prepared;
 
-pub use alignment::{Alignment, AlignmentMethod};
+pub use alignment::{Alignment, AlignmentMethod, CameraMap};
 pub use checks::{Finding, FindingKind, PairChecks};
 pub use prepared::{Finalization, PreparedDataset, Splits};
 
@@ -84,10 +84,10 @@ impl Dataset {
         }
     }
 
-    /// The map of the dataset's alignment, row by row.
+    /// The map of the dataset's alignment.
     #[must_use]
-    pub fn homography(&self) -> Option<[f64; 9]> {
-        self.alignment.as_ref().map(|alignment| alignment.homography)
+    pub fn camera_map(&self) -> Option<CameraMap> {
+        self.alignment.as_ref().map(|alignment| alignment.map)
     }
 }
 
@@ -122,8 +122,8 @@ pub struct Pair {
 impl Pair {
     /// Whether the pair was measured with this map of an alignment.
     #[must_use]
-    pub fn is_measured_with(&self, homography: Option<[f64; 9]>) -> bool {
-        self.checks.as_ref().is_some_and(|checks| checks.homography == homography)
+    pub fn is_measured_with(&self, map: Option<CameraMap>) -> bool {
+        self.checks.as_ref().is_some_and(|checks| checks.map == map)
     }
 }
 
@@ -237,6 +237,8 @@ pub fn digest(dataset: &Dataset) -> String {
         photo_bit_depth: u32,
         #[serde(skip_serializing_if = "Option::is_none")]
         alignment: Option<([f64; 9], u32, u32)>,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        distortion: Option<[f64; 4]>,
         #[serde(skip_serializing_if = "Vec::is_empty")]
         exposures: Vec<Exposure>,
     }
@@ -260,7 +262,8 @@ pub fn digest(dataset: &Dataset) -> String {
         photo_encoding: dataset.photo_encoding,
         pairs,
         photo_bit_depth: dataset.photo_bit_depth,
-        alignment: dataset.alignment.as_ref().map(|a| (a.homography, a.photo_height_px, a.photo_width_px)),
+        alignment: dataset.alignment.as_ref().map(|a| (a.map.homography, a.photo_height_px, a.photo_width_px)),
+        distortion: dataset.camera_map().map(|map| map.distortion).filter(|distortion| *distortion != [0.0; 4]),
         exposures,
     };
     // JSON of this private struct is stable; its debug output could change with the code.
@@ -286,6 +289,23 @@ mod tests {
 
     fn count(splits: &[(String, Split)], split: Split) -> usize {
         splits.iter().filter(|(_, s)| *s == split).count()
+    }
+
+    fn aligned(distortion: [f64; 4]) -> Alignment {
+        Alignment {
+            method: AlignmentMethod::Points,
+            map: CameraMap { homography: [1.0, 0.0, 2.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0], distortion },
+            photo_height_px: 9,
+            photo_width_px: 9,
+            points: 4,
+            residual_px: 0.0,
+            corrected_px: 0.0,
+            left_px: 0.0,
+            explanation: String::new(),
+            photo: String::new(),
+            before: String::new(),
+            after: String::new(),
+        }
     }
 
     #[test]
@@ -353,27 +373,13 @@ mod tests {
         for change in [
             (|d: &mut Dataset| d.photo_bit_depth = 12) as fn(&mut Dataset),
             |d| d.pairs[1].exposure.exposure_s = 0.1,
-            |d| {
-                let homography = [1.0, 0.0, 2.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
-                d.alignment = Some(Alignment {
-                    method: AlignmentMethod::Points,
-                    homography,
-                    photo_height_px: 9,
-                    photo_width_px: 9,
-                    points: 4,
-                    residual_px: 0.0,
-                    corrected_px: 0.0,
-                    left_px: 0.0,
-                    explanation: String::new(),
-                    photo: String::new(),
-                    before: String::new(),
-                    after: String::new(),
-                });
-            },
+            |d| d.alignment = Some(aligned([0.0; 4])),
         ] {
             let mut other = dataset.clone();
             change(&mut other);
             assert_ne!(digest(&other), first);
         }
+        let with = |distortion| digest(&Dataset { alignment: Some(aligned(distortion)), ..dataset.clone() });
+        assert_ne!(with([0.01, 0.0, 0.0, 0.0]), with([0.0; 4]));
     }
 }

@@ -4,7 +4,7 @@
 #![allow(clippy::unwrap_used)]
 
 use lightpath_domain::dataset::{
-    Alignment, AlignmentMethod, Encoding, Finalization, Finding, FindingKind, PairChecks, Split,
+    Alignment, AlignmentMethod, CameraMap, Encoding, Finalization, Finding, FindingKind, PairChecks, Split,
 };
 use lightpath_domain::display::Display;
 use lightpath_domain::job::{
@@ -191,7 +191,7 @@ fn finalization() -> Finalization {
 fn alignment() -> Alignment {
     Alignment {
         method: AlignmentMethod::Dots,
-        homography: [1.0, 0.0, 2.5, 0.0, 1.0, -1.5, 0.0, 0.0, 1.0],
+        map: CameraMap { homography: [1.0, 0.0, 2.5, 0.0, 1.0, -1.5, 0.0, 0.0, 1.0], distortion: [0.0; 4] },
         photo_height_px: 3000,
         photo_width_px: 4096,
         points: 24,
@@ -213,6 +213,8 @@ fn finding() -> Finding {
 #[test]
 fn datasets_are_stored_as_before() {
     check_stored("alignment", &alignment());
+    let map = CameraMap { distortion: [0.0625, -0.125, 0.0, 0.25], ..alignment().map };
+    check_stored("alignment_of_lens", &Alignment { map, ..alignment() });
     check_stored("finding", &finding());
     check_stored("finalization", &finalization());
     let checks = PairChecks {
@@ -220,7 +222,7 @@ fn datasets_are_stored_as_before() {
         correlation: Some(0.5),
         turn_px: Some(-0.25),
         photo_px: [64, 48],
-        homography: Some(alignment().homography),
+        map: Some(alignment().map),
         ..PairChecks::default()
     };
     check_stored("pair_checks", &checks);

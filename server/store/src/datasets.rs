@@ -225,7 +225,7 @@ fn require_pair_allowed(dataset: &Dataset, pair: &Pair) -> Result<(), StoreError
         let message = format!("datasets/{id} has {PAIRS_MAX} pairs, which is the limit; create another dataset");
         return Err(StoreError::precondition(PreconditionReason::DatasetFull, message));
     }
-    if pair.checks.as_ref().is_some_and(|checks| checks.homography != dataset.homography()) {
+    if pair.checks.as_ref().is_some_and(|checks| checks.map != dataset.camera_map()) {
         let message = format!("datasets/{id} was aligned while pair \"{}\" was checked; add the pair again", pair.id);
         return Err(StoreError::Aborted { reason: AbortReason::DatasetChanged, message });
     }

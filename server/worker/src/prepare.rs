@@ -154,9 +154,9 @@ impl<'a> Work<'a> {
 
     /// Measures all pairs that were never measured, or were measured with another alignment.
     fn update_checks(&mut self) -> Result<(), TaskError> {
-        let homography = self.dataset.homography();
+        let map = self.dataset.camera_map();
         let captures = Captures::of(&self.display, &self.dataset)?;
-        let is_current = |pair: &Pair| pair.is_measured_with(homography);
+        let is_current = |pair: &Pair| pair.is_measured_with(map);
         let stale: Vec<usize> =
             (0..self.dataset.pairs.len()).filter(|&index| !is_current(&self.dataset.pairs[index])).collect();
         for (done, &index) in stale.iter().enumerate() {
@@ -173,7 +173,11 @@ impl<'a> Work<'a> {
 
     /// Computes the alignment from given points.
     fn align_by_points(&self, points: &[PointPair], photo_px: [u32; 2]) -> Result<Alignment, TaskError> {
-        let found = captures::from_points(&Captures::of(&self.display, &self.dataset)?, points)?;
+        let found = captures::from_points(
+            &Captures::of(&self.display, &self.dataset)?,
+            points,
+            [photo_px[1] as usize, photo_px[0] as usize],
+        )?;
         self.store_alignment(AlignmentMethod::Points, found, photo_px, String::new())
     }
 
@@ -239,7 +243,7 @@ impl<'a> Work<'a> {
         };
         Ok(Alignment {
             method,
-            homography: found.homography.entries(),
+            map: captures::stored_map(&found.map),
             photo_height_px,
             photo_width_px,
             points: found.points as u32,

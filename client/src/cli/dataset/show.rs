@@ -64,8 +64,13 @@ pub(crate) fn alignment(alignment: &v1::Alignment) -> String {
         v1::alignment::Method::Pairs => ("from the pairs", "tiles"),
         v1::alignment::Method::Points | v1::alignment::Method::Unspecified => ("from points", "points"),
     };
+    let lens = match [alignment.k1, alignment.k2, alignment.p1, alignment.p2] {
+        [0.0, 0.0, 0.0, 0.0] => String::new(),
+        // The displacement of a corner, at r = 1.
+        [k1, k2, ..] => format!("; the lens moves the corners by {:+.1} % of their distance", 100.0 * (k1 + k2)),
+    };
     format!(
-        "{origin}: corrects {:.2} px, residual {:.3} px over {} {unit}; photographs of {}×{} px",
+        "{origin}: corrects {:.2} px, residual {:.3} px over {} {unit}; photographs of {}×{} px{lens}",
         alignment.corrected_px,
         alignment.residual_px,
         alignment.points,

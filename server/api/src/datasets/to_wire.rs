@@ -69,9 +69,14 @@ pub(crate) fn finding(finding: Finding) -> v1::Finding {
 }
 
 pub(crate) fn alignment(alignment: Alignment) -> v1::Alignment {
+    let [k1, k2, p1, p2] = alignment.map.distortion;
     v1::Alignment {
         method: alignment.method.to_wire(),
-        homography: alignment.homography.to_vec(),
+        homography: alignment.map.homography.to_vec(),
+        k1,
+        k2,
+        p1,
+        p2,
         photo_width_px: alignment.photo_width_px,
         photo_height_px: alignment.photo_height_px,
         points: alignment.points,

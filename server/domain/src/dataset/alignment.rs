@@ -7,8 +7,9 @@ use serde::{Deserialize, Serialize};
 pub struct Alignment {
     /// Method by which the alignment was found.
     pub method: AlignmentMethod,
-    /// Homography H, row by row: camera = H · display, x right, y down, pixel centres at whole numbers.
-    pub homography: [f64; 9],
+    /// Map from pixels of the display to pixels of the photographs.
+    #[serde(flatten)]
+    pub map: CameraMap,
     /// Rows of the photographs \[px\].
     pub photo_height_px: u32,
     /// Columns of the photographs \[px\].
@@ -31,6 +32,20 @@ pub struct Alignment {
     pub before: String,
     /// Digest of a picture of the same photograph after the alignment; empty if there is none.
     pub after: String,
+}
+
+/// The map of a camera: perspective, then the distortion of its lens.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CameraMap {
+    /// Homography H, row by row: camera = H · display, x right, y down, pixel centres at whole numbers.
+    pub homography: [f64; 9],
+    /// Distortion k₁, k₂, p₁ and p₂ after D. C. Brown (1971), for a radius of 1 in the photograph's corners.
+    #[serde(default, skip_serializing_if = "is_straight")]
+    pub distortion: [f64; 4],
+}
+
+fn is_straight(distortion: &[f64; 4]) -> bool {
+    *distortion == [0.0; 4]
 }
 
 /// Method of finding an alignment.

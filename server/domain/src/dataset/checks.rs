@@ -1,5 +1,6 @@
 //! Measurements of pairs, and findings about them.
 
+use super::CameraMap;
 use serde::{Deserialize, Serialize};
 
 /// Measurements of a pair, made when it was added or when the alignment of the dataset changed.
@@ -42,8 +43,9 @@ pub struct PairChecks {
     pub seen: String,
     /// The reconstruction at very low resolution, as hexadecimal digits.
     pub expected: String,
-    /// Homography with which the pair was measured; `None`: one camera pixel for each pixel of the display.
-    pub homography: Option<[f64; 9]>,
+    /// Map with which the pair was measured; `None`: one camera pixel for each pixel of the display.
+    #[serde(flatten)]
+    pub map: Option<CameraMap>,
 }
 
 /// A problem of a dataset or pair that the user should know about.

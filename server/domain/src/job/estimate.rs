@@ -156,7 +156,7 @@ impl PairsSize {
         Self {
             splits: [Split::Train, Split::Validation, Split::Test].map(used),
             all: dataset.pairs.len(),
-            is_stale: dataset.pairs.iter().any(|pair| !pair.is_measured_with(dataset.homography())),
+            is_stale: dataset.pairs.iter().any(|pair| !pair.is_measured_with(dataset.camera_map())),
             photo_px,
             decoding_bytes: Self::DECODING_BYTES_PER_PX * photo_px,
         }

@@ -13,7 +13,7 @@ mod findings;
 mod fingerprint;
 mod reading;
 
-pub use calibration::{Correction, FoundAlignment, ROUNDS_MAX, from_dots, from_pairs, from_points, target};
+pub use calibration::{Correction, FoundAlignment, ROUNDS_MAX, from_dots, from_pairs, from_points, stored_map, target};
 pub use checks::{Reconstructor, check};
 pub use findings::{findings, findings_with, needs_alignment, refusal};
 pub use reading::{CaptureError, Captures};

@@ -14,7 +14,7 @@ use lightpath_domain::dataset::{Dataset, Encoding, Pair};
 use lightpath_domain::display::Display;
 use lightpath_domain::planning;
 use lightpath_domain::slm;
-use lightpath_optics::alignment::{AlignmentError, Homography, warp};
+use lightpath_optics::alignment::{AlignmentError, CameraMap, Homography, warp};
 use lightpath_optics::phase_response::PhaseResponse;
 use lightpath_optics::{Carrier, OpticalSetup, Plane};
 
@@ -63,7 +63,7 @@ pub struct Captures {
 
 #[derive(Clone, Copy, Debug)]
 struct Alignment {
-    homography: Homography,
+    map: CameraMap,
     height_px: usize,
     width_px: usize,
 }
@@ -77,11 +77,13 @@ impl Captures {
     pub fn of(display: &Display, dataset: &Dataset) -> Result<Self, CaptureError> {
         let alignment = match &dataset.alignment {
             None => None,
-            Some(alignment) => Some(Alignment {
-                homography: Homography::try_new(alignment.homography)?,
-                height_px: alignment.photo_height_px as usize,
-                width_px: alignment.photo_width_px as usize,
-            }),
+            Some(alignment) => {
+                let [height_px, width_px] = [alignment.photo_height_px as usize, alignment.photo_width_px as usize];
+                let display_px = [display.height_px as usize, display.width_px as usize];
+                let homography = Homography::try_new(alignment.map.homography)?;
+                let map = CameraMap::try_new(&homography, alignment.map.distortion, display_px, [height_px, width_px])?;
+                Some(Alignment { map, height_px, width_px })
+            }
         };
         let sensitivities = dataset.pairs.iter().map(|pair| pair.exposure.sensitivity());
         let sensitivity_min = sensitivities.fold(f64::INFINITY, f64::min);
@@ -123,14 +125,8 @@ impl Captures {
 
     /// Map from pixels of the display to pixels of the photographs; `None`: they are the same.
     #[must_use]
-    pub fn homography(&self) -> Option<Homography> {
-        self.alignment.map(|alignment| alignment.homography)
-    }
-
-    /// A copy with another alignment of the same photographs.
-    #[must_use]
-    pub fn realigned(&self, homography: Homography, height_px: usize, width_px: usize) -> Self {
-        Self { alignment: Some(Alignment { homography, height_px, width_px }), ..self.clone() }
+    pub fn map(&self) -> Option<CameraMap> {
+        self.alignment.map(|alignment| alignment.map)
     }
 
     /// Reads the phase \[rad\] of a hologram, without the carrier. The file is a grey PNG of levels, which include the
@@ -201,11 +197,11 @@ impl Captures {
             let expected = (alignment.height_px, alignment.width_px);
             return Err(size_error(expected, actual, "the dataset was aligned with photographs of this size"));
         }
-        Ok(warp(&light, &alignment.homography, height_px, width_px, SATURATION, SATURATED))
+        Ok(warp(&light, &alignment.map, height_px, width_px, SATURATION, SATURATED))
     }
 }
 
-fn size_error(expected: (usize, usize), actual: (usize, usize), why: &'static str) -> CaptureError {
+pub(super) fn size_error(expected: (usize, usize), actual: (usize, usize), why: &'static str) -> CaptureError {
     CaptureError::Size {
         width_px: expected.1,
         height_px: expected.0,

@@ -4,8 +4,8 @@ use super::*;
 use crate::AbortReason;
 use crate::sql::query;
 use lightpath_domain::dataset::{
-    Alignment, AlignmentMethod, Finalization, Finding, FindingKind, PairChecks, PreparedDataset, Split, Splits,
-    digest as dataset_digest, draw_split,
+    Alignment, AlignmentMethod, CameraMap, Finalization, Finding, FindingKind, PairChecks, PreparedDataset, Split,
+    Splits, digest as dataset_digest, draw_split,
 };
 use lightpath_domain::job::{AlignBy, Job, Lease, PrepareDataset, PrepareResult, PrepareStep};
 use lightpath_domain::reason::PreconditionReason;
@@ -56,7 +56,7 @@ fn finalized(dataset: &Dataset) -> PreparedDataset {
 fn alignment(shift_px: f64) -> Alignment {
     Alignment {
         method: AlignmentMethod::Points,
-        homography: [1.0, 0.0, shift_px, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        map: CameraMap { homography: [1.0, 0.0, shift_px, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0], distortion: [0.0; 4] },
         photo_height_px: 48,
         photo_width_px: 64,
         points: 4,
@@ -96,7 +96,7 @@ async fn finished_job_stores_alignment_checks_findings_and_digest() {
     let (store, place) = store().await;
     let open = open_dataset(&store, "d").await;
     let lease = start_job(&store, "align", "d").await;
-    let checks = PairChecks { contrast: 0.5, homography: Some(alignment(2.0).homography), ..PairChecks::default() };
+    let checks = PairChecks { contrast: 0.5, map: Some(alignment(2.0).map), ..PairChecks::default() };
     let finding = |pair: &str, kind| Finding { pair: pair.into(), kind, excludes: false, message: "check it".into() };
     let findings = vec![finding("p1", FindingKind::Saturated), finding("", FindingKind::Misaligned)];
     let prepared = PreparedDataset {
@@ -273,13 +273,13 @@ async fn pair_measured_with_another_alignment_is_refused() {
     let open = open_dataset(&store, "d").await;
     let aligned = PreparedDataset { alignment: Some(alignment(2.0)), ..unchanged(&open) };
     finish(&store, &start_job(&store, "align", "d").await, aligned).await.unwrap();
-    let measured = |homography| {
-        let checks = PairChecks { homography, ..PairChecks::default() };
+    let measured = |map| {
+        let checks = PairChecks { map, ..PairChecks::default() };
         Pair { checks: Some(checks), ..pair(5) }
     };
     let refused = store.add_pair("d", &measured(None), &[]).await;
     assert!(matches!(refused, Err(StoreError::Aborted { reason: AbortReason::DatasetChanged, .. })), "{refused:?}");
-    store.add_pair("d", &measured(Some(alignment(2.0).homography)), &[]).await.unwrap();
+    store.add_pair("d", &measured(Some(alignment(2.0).map)), &[]).await.unwrap();
 }
 
 #[tokio::test]

@@ -471,6 +471,10 @@ class Alignment(_message.Message):
     AFTER_FIELD_NUMBER: _builtins.int
     LEFT_PX_FIELD_NUMBER: _builtins.int
     EXPLANATION_FIELD_NUMBER: _builtins.int
+    K1_FIELD_NUMBER: _builtins.int
+    K2_FIELD_NUMBER: _builtins.int
+    P1_FIELD_NUMBER: _builtins.int
+    P2_FIELD_NUMBER: _builtins.int
     method: Global___Alignment.Method.ValueType
     photo_width_px: _builtins.int
     """Size of the photographs [px]."""
@@ -496,10 +500,18 @@ class Alignment(_message.Message):
     """
     explanation: _builtins.str
     """Text for people: what the alignment corrects, what it leaves and why. Empty for points and dots."""
+    k1: _builtins.float
+    """Radial distortion of the lens: a point at the distance r from the photograph's centre, in halves of its diagonal,
+    lies at r (1 + k1 r² + k2 r⁴) instead. All four are 0 if a homography describes the points as well.
+    """
+    k2: _builtins.float
+    p1: _builtins.float
+    """Decentring distortion of the lens, as D. C. Brown (1971) defines it, in the same unit."""
+    p2: _builtins.float
     @_builtins.property
     def homography(self) -> _containers.RepeatedScalarFieldContainer[_builtins.float]:
-        """Homography, nine entries row by row. It maps (x, y, 1) in pixels of the display to w·(x', y', 1) in pixels of the
-        photograph; x right, y down, pixel centres at whole numbers.
+        """Homography, nine entries row by row, without the distortion. It maps (x, y, 1) in pixels of the display to
+        w·(x', y', 1) in pixels of the photograph; x right, y down, pixel centres at whole numbers.
         """
 
     def __init__(
@@ -517,10 +529,14 @@ class Alignment(_message.Message):
         after: _builtins.str = ...,
         left_px: _builtins.float = ...,
         explanation: _builtins.str = ...,
+        k1: _builtins.float = ...,
+        k2: _builtins.float = ...,
+        p1: _builtins.float = ...,
+        p2: _builtins.float = ...,
     ) -> None: ...
     _HasFieldArgType: _TypeAlias = _Never  # noqa: Y015
     def HasField(self, field_name: _HasFieldArgType) -> _builtins.bool: ...
-    _ClearFieldArgType: _TypeAlias = _typing.Literal["after", b"after", "before", b"before", "corrected_px", b"corrected_px", "explanation", b"explanation", "homography", b"homography", "left_px", b"left_px", "method", b"method", "photo", b"photo", "photo_height_px", b"photo_height_px", "photo_width_px", b"photo_width_px", "points", b"points", "residual_px", b"residual_px"]  # noqa: Y015
+    _ClearFieldArgType: _TypeAlias = _typing.Literal["after", b"after", "before", b"before", "corrected_px", b"corrected_px", "explanation", b"explanation", "homography", b"homography", "k1", b"k1", "k2", b"k2", "left_px", b"left_px", "method", b"method", "p1", b"p1", "p2", b"p2", "photo", b"photo", "photo_height_px", b"photo_height_px", "photo_width_px", b"photo_width_px", "points", b"points", "residual_px", b"residual_px"]  # noqa: Y015
     def ClearField(self, field_name: _ClearFieldArgType) -> None: ...
     def WhichOneof(self, oneof_group: _Never) -> None: ...
 
