@@ -11,6 +11,10 @@
 //! exceeds [`F_MIN`]. S₀ and S₁ are the sums of the squared distances without and with the four parameters of the
 //! distortion, and n is the number of points. If the distances were nothing but noise, F would have Fisher's
 //! distribution with 4 and 2n − 12 degrees of freedom.
+//!
+//! Displayed dots are not only displaced by noise: the display's own aberrations displace neighbours alike, a little as a
+//! lens does. So S₁ must also be at most half of S₀. A lens that moves the points less than that is not worth a
+//! correction.
 
 use super::camera_map::{CameraMap, Frame, PARAMETERS};
 use super::homography::{distance, huber_weights, inliers};
@@ -33,6 +37,8 @@ const DISTORTED_POINTS_MIN: usize = 12;
 /// Least F of a distortion that is kept. By noise alone it is exceeded in less than one of 1000 fits to 12 points, and
 /// in less than one of a million fits to 100.
 const F_MIN: f64 = 12.0;
+/// Largest part of the squares that a distortion which is kept leaves.
+const SHARE_LEFT_MAX: f64 = 0.5;
 /// Largest distance whose square counts fully in F, in root mean square distances of the inliers without distortion.
 const WRONG: f64 = 4.0;
 const ITERATIONS_MAX: usize = 60;
@@ -80,8 +86,8 @@ fn with_distortion(straight: &CameraMap, pairs: &[PointPair]) -> Option<CameraMa
     let (without, with) = (squares(straight), squares(&map));
     let freedom = (2 * pairs.len() - PARAMETERS) as f64;
     // A NaN is no improvement. Distances of 1e-6 px are rounding errors.
-    let rounding = 1e-12 * pairs.len() as f64;
-    ((without - with) / 4.0 > F_MIN * (with + rounding) / freedom).then_some(map)
+    let with = with + 1e-12 * pairs.len() as f64;
+    ((without - with) / 4.0 > F_MIN * with / freedom && with < SHARE_LEFT_MAX * without).then_some(map)
 }
 
 fn gauss_newton_step(map: &CameraMap, pairs: &[PointPair]) -> Option<[f64; PARAMETERS]> {

@@ -397,6 +397,7 @@ mod tests {
             after: String::new(),
         });
         let captures = Captures::of(&lab(), &dataset).unwrap();
+        assert_eq!(captures.stored_map(), dataset.camera_map());
         let pairs: Vec<_> = (0..4)
             .map(|n| {
                 let card =

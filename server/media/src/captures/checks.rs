@@ -1,6 +1,5 @@
 //! Measurements of a pair.
 
-use super::calibration::stored_map;
 use super::fingerprint;
 use super::reading::{CaptureError, Captures};
 use crate::pictures::SATURATION;
@@ -66,7 +65,7 @@ pub fn check(
         phase_values: values_digest(&phase),
         photo_values,
         seen: fingerprint::of(&photo, region),
-        map: captures.map().as_ref().map(stored_map),
+        map: captures.stored_map(),
         ..statistics(&photo, region, floor)
     };
     let Some(reconstructor) = reconstructor else { return Ok(checks) };

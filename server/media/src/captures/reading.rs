@@ -10,7 +10,7 @@
 
 use crate::npy;
 use crate::pictures::{self, PhotoReading, PictureError, SATURATED, SATURATION};
-use lightpath_domain::dataset::{Dataset, Encoding, Pair};
+use lightpath_domain::dataset::{self, Dataset, Encoding, Pair};
 use lightpath_domain::display::Display;
 use lightpath_domain::planning;
 use lightpath_domain::slm;
@@ -64,6 +64,8 @@ pub struct Captures {
 #[derive(Clone, Copy, Debug)]
 struct Alignment {
     map: CameraMap,
+    /// The map as the dataset has it, bit by bit.
+    stored: dataset::CameraMap,
     height_px: usize,
     width_px: usize,
 }
@@ -82,7 +84,7 @@ impl Captures {
                 let display_px = [display.height_px as usize, display.width_px as usize];
                 let homography = Homography::try_new(alignment.map.homography)?;
                 let map = CameraMap::try_new(&homography, alignment.map.distortion, display_px, [height_px, width_px])?;
-                Some(Alignment { map, height_px, width_px })
+                Some(Alignment { map, stored: alignment.map, height_px, width_px })
             }
         };
         let sensitivities = dataset.pairs.iter().map(|pair| pair.exposure.sensitivity());
@@ -127,6 +129,12 @@ impl Captures {
     #[must_use]
     pub fn map(&self) -> Option<CameraMap> {
         self.alignment.map(|alignment| alignment.map)
+    }
+
+    /// The same map as the dataset has it.
+    #[must_use]
+    pub fn stored_map(&self) -> Option<dataset::CameraMap> {
+        self.alignment.map(|alignment| alignment.stored)
     }
 
     /// Reads the phase \[rad\] of a hologram, without the carrier. The file is a grey PNG of levels, which include the
