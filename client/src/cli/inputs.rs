@@ -2,6 +2,7 @@
 
 use super::failure::Failure;
 use super::session::print_note;
+use super::show;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -20,11 +21,11 @@ pub(crate) fn expanded(given: &[PathBuf], extensions: &[&str]) -> Result<Vec<Pat
             continue;
         }
         let found = in_folder(path, extensions)?;
-        let (folder, count) = (path.display(), found.len());
+        let folder = path.display();
         if found.is_empty() {
             return Err(Failure::Usage(format!("{folder} has no files of the kinds {}", extensions.join(", "))));
         }
-        print_note(&format!("{folder}: {count} {}", if count == 1 { "picture" } else { "pictures" }));
+        print_note(&format!("{folder}: {}", show::counted(found.len(), "picture")));
         files.extend(found);
     }
     Ok(files)

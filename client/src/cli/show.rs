@@ -23,6 +23,15 @@ pub(crate) fn age_or_dash(some: Option<&pbjson_types::Timestamp>) -> String {
     some.map_or_else(|| "–".to_owned(), age)
 }
 
+/// A number with its word, such as `1 problem` or `no warnings`.
+pub(crate) fn counted(count: usize, word: &str) -> String {
+    match count {
+        0 => format!("no {word}s"),
+        1 => format!("1 {word}"),
+        many => format!("{many} {word}s"),
+    }
+}
+
 /// A text of somebody else without control characters, which could change what the terminal shows.
 pub(crate) fn plain(text: &str) -> String {
     text.replace(char::is_control, "\u{fffd}")

@@ -57,10 +57,10 @@ impl Lab {
         };
         if options.calibrates {
             lab.camera = Some(lab.calibrated()?);
-            let ideal = DisplayModel::ideal(lab.setup());
-            let taken = lab.uncorrected().photograph(8, 3)?;
-            lab.refine_camera(&ideal, &taken)?;
-            lab.refine_camera(&ideal, &taken)?;
+            let taken = Self { camera: None, ..lab.clone() }.photograph(8, 3)?;
+            for _ in 0..2 {
+                lab.refine_camera(&taken)?;
+            }
         }
         Ok(lab)
     }
@@ -79,25 +79,18 @@ impl Lab {
         Ok(fit.map)
     }
 
-    /// Fits the camera's map again, to the places of tiles of photographs that a model expects elsewhere.
-    pub(crate) fn refine_camera(&mut self, model: &DisplayModel, taken: &PhotographedPairs) -> Result<(), Failure> {
+    /// Moves the camera's map affinely to where tiles of photographs are expected with the ideal kernel.
+    fn refine_camera(&mut self, taken: &PhotographedPairs) -> Result<(), Failure> {
         let Some(map) = self.camera else { return Ok(()) };
         let mut tiles = Tiles::cover(self.region).ok_or("--calibrate needs a larger display")?;
-        let engine = Engine::new(model, Detector::Pixel, None)?;
-        let grid = self.setup().grid();
-        let size_px = [grid.height_px(), grid.width_px()];
+        let engine = Engine::new(&DisplayModel::ideal(self.setup()), Detector::Pixel, None)?;
         for (levels, photo) in taken.levels.iter().zip(&taken.photos) {
             let photo = self.corrected(photo.map(|level| f32::from(level) / 255.0));
             tiles.add(&engine.light(&phase(levels)?)?, &photo, SATURATION);
         }
-        let fit = CameraMap::from_points(&tiles.points(&map), size_px, size_px)?;
-        eprintln!(
-            "camera: {} tiles, {:.3} px off, distortion {:?}",
-            fit.inliers,
-            fit.residual_px,
-            fit.map.distortion()
-        );
-        self.camera = Some(fit.map);
+        let found = tiles.register(self.region).ok_or("--calibrate: too few tiles show what they should")?;
+        eprintln!("camera: {} tiles, {:.3} px off", found.tiles, found.misalignment_px);
+        self.camera = Some(map.after(&found.correction));
         Ok(())
     }
 
@@ -113,11 +106,6 @@ impl Lab {
     /// The same bench, without mistakes in the photographs.
     pub(crate) fn clean(&self) -> Self {
         Self { wrong: 0, saturated: 0.0, rotation_deg: 0.0, jitter_px: 0.0, ..self.clone() }
-    }
-
-    /// The same bench, whose photographs are not corrected.
-    pub(crate) fn uncorrected(&self) -> Self {
-        Self { camera: None, ..self.clone() }
     }
 
     pub(crate) fn setup(&self) -> OpticalSetup {

@@ -18,8 +18,9 @@
 //! be better. With `--judge light`, the PSNR is that of the light on the camera instead of that of its photograph; the
 //! camera's response bends photographs only. With `--align yes`, a second line has the PSNR after the affine move that
 //! aligns each photograph with its target: what moves, turns or stretches the image costs nothing there. With
-//! `--calibrate yes`, a photograph of a grid of dots, and then tiles of eight more photographs, tell the camera's
-//! map with its lens's distortion. All photographs of models are corrected by it before they are learned from or judged.
+//! `--calibrate yes`, a photograph of a grid of dots tells the camera's map with its lens's distortion, and eight more
+//! photographs move it, as `lightpath dataset align` does. All photographs of models are corrected by it before they are
+//! learned from or judged.
 //!
 //! With `--orders all`, the displays show all orders of their pixels. No single transfer function describes them, so
 //! the line of the true one is left out.

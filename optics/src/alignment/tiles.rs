@@ -10,7 +10,7 @@
 //! every frequency. The correlations of all pairs are added before the search for the peak, so that each tile is judged
 //! by the pairs that have detail there.
 
-use super::{MapToCamera, Point, PointPair};
+use super::Point;
 use crate::interrupt;
 use crate::reference::{Direction, fft2};
 use crate::{Plane, RegionOfInterest};
@@ -77,15 +77,6 @@ impl Tiles {
                 }
             }
         });
-    }
-
-    /// For each tile with a clear peak its middle, and the place of its light in the photographs. They were resampled
-    /// with `map`.
-    #[must_use]
-    pub fn points(&self, map: &impl MapToCamera) -> Vec<PointPair> {
-        let found =
-            |([x, y], [dx, dy]): (Point, Point)| PointPair { display: [x, y], camera: map.apply([x + dx, y + dy]) };
-        self.displacements().into_iter().map(found).collect()
     }
 
     /// Number of tiles, with a clear peak or without.

@@ -2,10 +2,12 @@
 
 import { h, show } from "./dom.js";
 
-export function errorNote(error) {
+/** Says what went wrong, and what to do. `retries`: the page tries again by itself. */
+export function errorNote(error, retries = false) {
   const advice =
     error.status === 403 ? "Sign in with a token whose role allows this, or ask an admin for one." :
-    error.status === 0 ? "The page tries again by itself." : null;
+    error.status !== 0 ? null :
+    retries ? "The page tries again by itself." : "Try again when the server can be reached.";
   return h("div", { class: "note bad", role: "alert" }, h("p", {}, error.message), advice && h("p", {}, advice));
 }
 
@@ -38,7 +40,7 @@ export function refresher(root, work, spacing = SPACING) {
       try {
         await work();
       } catch (error) {
-        if (error.name !== "AbortError" && root.isConnected && (runs === 0 || error.status !== 0)) show(root, errorNote(error));
+        if (error.name !== "AbortError" && root.isConnected && (runs === 0 || error.status !== 0)) show(root, errorNote(error, true));
       }
       runs += 1;
     } while (again);

@@ -4,6 +4,7 @@ use super::manifest::{self, Entry};
 use crate::cli::destination::name_of;
 use crate::cli::failure::Failure;
 use crate::cli::session::{Output, Session, print_note};
+use crate::cli::show;
 use crate::cli::words::WordParser;
 use clap::Args;
 use lightpath::{names, v1};
@@ -151,7 +152,8 @@ pub(super) async fn add_pairs(session: &Session, dataset: &str, entries: Vec<Ent
         last = Some(dataset);
     }
     if !findings.is_empty() && count > 1 {
-        print_note(&format!("{} findings; list them: lightpath dataset show {dataset}", findings.len()));
+        let found = show::counted(findings.len(), "finding");
+        print_note(&format!("{found}; list them: lightpath dataset show {dataset}"));
     }
     match last {
         // One document: the dataset after the last pair, with the findings of all pairs.

@@ -49,6 +49,9 @@ pub(crate) struct Calibration {
 /// The positions come from the photograph of the displayed dots, from given points, or from correlating the dataset's
 /// photographs with what their holograms should show. From then on photographs may have any size and are resampled to
 /// the display's pixels.
+///
+/// Twelve points or more, such as the dots, tell the distortion of the camera's lens, too. It is corrected if it is
+/// clearly there. lightpath dataset show says how far it moves the corners.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
@@ -95,8 +98,8 @@ struct AlignmentSource {
     #[arg(long, value_name = "FILE.csv", requires = "photo_size")]
     points: Option<PathBuf>,
 
-    /// Refine the existing alignment with the dataset's own pairs; takes scale and shear for the camera's, even where
-    /// an uneven modulator makes them
+    /// Refine the existing alignment with the dataset's own pairs; keeps the distortion of the lens, and takes scale and
+    /// shear for the camera's, even where an uneven modulator makes them
     #[arg(long)]
     pairs: bool,
 

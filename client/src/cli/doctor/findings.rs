@@ -82,18 +82,11 @@ impl Findings {
         let warnings = self.checks.iter().filter(|finding| finding.state == State::Warning).count();
         let verdict = match (self.problems(), warnings) {
             (0, 0) => "all is well".to_owned(),
-            (problems, warnings) => format!("{}, {}", counted(problems, "problem"), counted(warnings, "warning")),
+            (problems, warnings) => {
+                format!("{}, {}", show::counted(problems, "problem"), show::counted(warnings, "warning"))
+            }
         };
         format!("{}\n{verdict}", facts.text())
-    }
-}
-
-/// A number with its word, such as `1 problem` or `no warnings`.
-fn counted(count: usize, word: &str) -> String {
-    match count {
-        0 => format!("no {word}s"),
-        1 => format!("1 {word}"),
-        many => format!("{many} {word}s"),
     }
 }
 
@@ -164,7 +157,7 @@ pub(super) fn disk(free_bytes: u64, reserve_bytes: u64) -> Finding {
 }
 
 pub(super) fn kernels(displays: usize, kernels: usize, active: usize) -> Finding {
-    let (declared, learned) = (counted(displays, "display"), counted(kernels, "kernel"));
+    let (declared, learned) = (show::counted(displays, "display"), show::counted(kernels, "kernel"));
     let text = if kernels == 0 {
         format!("{declared}, {learned}")
     } else {
