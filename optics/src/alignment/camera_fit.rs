@@ -33,7 +33,7 @@ pub struct CameraFit {
 const DISTORTED_POINTS_MIN: usize = 12;
 /// Least F of terms that are kept. Noise alone exceeds it in less than one of 10 000 fits to 12 points. But displayed
 /// dots are not only displaced by noise: the display's own aberrations displace neighbours alike, a little as a lens does.
-const F_MIN: f64 = 30.0;
+const F_MIN: f64 = 25.0;
 /// Largest distance whose square counts fully in F, in root mean square distances of the inliers without distortion.
 const WRONG: f64 = 4.0;
 const ITERATIONS_MAX: usize = 60;
