@@ -3,8 +3,8 @@
 //! A [`Homography`] maps a point of the image plane, in pixels of the display, to the camera's pixels. It is fitted to
 //! given points, to the photograph of a displayed [`DotGrid`], or to pairs of simulated and photographed images
 //! ([`registration`]). A [`CameraMap`] has the lens's distortion, too. [`CameraMap::from_points`] fits it to many points,
-//! such as dots, and [`find_target`] finds a picture anywhere in a photograph by it. [`warp`](fn@warp) resamples photographs with either map. In all coordinates x points right,
-//! y points down, and pixel centres lie at whole numbers.
+//! such as dots, and [`find_target`] finds a picture anywhere in a photograph by it. [`warp`](fn@warp) resamples
+//! photographs with either map. In all coordinates x points right, y points down, and pixel centres lie at whole numbers.
 
 mod blobs;
 mod box_blur;
