@@ -106,6 +106,17 @@ test("two chosen jobs are compared", async () => {
   assert.deepEqual(page.problems, []);
 });
 
+test("a page that could not reach the server tries again by itself", async () => {
+  const { summaries: [a, b] } = await server.get("jobs?view=basic&kind=optimize_hologram");
+  const page = await openPage(browser, server.url);
+  await page.route("**/v1/jobs/*", (route) => route.abort("connectionrefused"));
+  await page.goto(`${server.url}/#/compare?jobs=${[a, b].map(({ name }) => name.split("/").at(-1)).join(",")}`);
+  await page.getByText("The page tries again by itself.").waitFor();
+  await page.unroute("**/v1/jobs/*");
+  await page.getByText("Fields that differ").waitFor();
+  assert.deepEqual(page.problems.filter((problem) => !/ERR_CONNECTION/.test(problem)), []);
+});
+
 test("a running job is watched through a restart of the server, and cancelled", async () => {
   const { summaries: [{ name }] } = await server.get("jobs?view=basic&kind=optimize_hologram");
   const { spec } = await server.get(name);

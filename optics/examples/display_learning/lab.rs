@@ -56,11 +56,12 @@ impl Lab {
             camera: None,
         };
         if options.calibrates {
-            lab.camera = Some(lab.calibrated()?);
-            let taken = Self { camera: None, ..lab.clone() }.photograph(8, 3)?;
+            let taken = lab.photograph(8, 3)?;
+            let mut map = lab.calibrated()?;
             for _ in 0..2 {
-                lab.refine_camera(&taken)?;
+                map = lab.refined(map, &taken)?;
             }
+            lab.camera = Some(map);
         }
         Ok(lab)
     }
@@ -79,26 +80,23 @@ impl Lab {
         Ok(fit.map)
     }
 
-    /// Moves the camera's map affinely to where tiles of photographs are expected with the ideal kernel.
-    fn refine_camera(&mut self, taken: &PhotographedPairs) -> Result<(), Failure> {
-        let Some(map) = self.camera else { return Ok(()) };
+    /// The camera's map, moved affinely to where tiles of photographs are expected with the ideal kernel.
+    fn refined(&self, map: CameraMap, taken: &PhotographedPairs) -> Result<CameraMap, Failure> {
         let mut tiles = Tiles::cover(self.region).ok_or("--calibrate needs a larger display")?;
         let engine = Engine::new(&DisplayModel::ideal(self.setup()), Detector::Pixel, None)?;
         for (levels, photo) in taken.levels.iter().zip(&taken.photos) {
-            let photo = self.corrected(photo.map(|level| f32::from(level) / 255.0));
-            tiles.add(&engine.light(&phase(levels)?)?, &photo, SATURATION);
+            let photo = photo.map(|level| f32::from(level) / 255.0);
+            tiles.add(&engine.light(&phase(levels)?)?, &on_grid(&photo, &map), SATURATION);
         }
         let found = tiles.register(self.region).ok_or("--calibrate: too few tiles show what they should")?;
         eprintln!("camera: {} tiles, {:.3} px off", found.tiles, found.misalignment_px);
-        self.camera = Some(map.after(&found.correction));
-        Ok(())
+        Ok(map.after(&found.correction))
     }
 
     /// A photograph on the display's pixels, if the camera's map was measured, or else as it is.
     pub(crate) fn corrected(&self, photo: Plane<f32>) -> Plane<f32> {
-        let (height_px, width_px) = (photo.height_px(), photo.width_px());
         match &self.camera {
-            Some(map) => warp(&photo, map, height_px, width_px, SATURATION, 1.0),
+            Some(map) => on_grid(&photo, map),
             None => photo,
         }
     }
@@ -223,4 +221,9 @@ impl Lab {
 /// The level of a camera of 8 bits, for a value at full scale 1.
 fn to_level(value: f32) -> u8 {
     (value.clamp(0.0, 1.0) * 255.0).round() as u8
+}
+
+/// A photograph of the display's size, resampled to the display's pixels.
+fn on_grid(photo: &Plane<f32>, map: &CameraMap) -> Plane<f32> {
+    warp(photo, map, photo.height_px(), photo.width_px(), SATURATION, 1.0)
 }

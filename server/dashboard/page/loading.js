@@ -17,14 +17,18 @@ export function emptyNote(text, command) {
 
 /** Least time from one reading after an event to the next, so that many dashboards and busy queues cost little [ms]. */
 const SPACING = 1000;
+/** Time from a reading that did not reach the server to the next [ms]. */
+const RETRY_PAUSE = 3000;
 
 /**
  * Runs `work`, which fills `root`, now and whenever the returned function is called; calls during a run are one more
- * run. Its method `soon`, for events, runs it at once, or `spacing` [ms] after the run before.
+ * run. It tries again by itself when the server cannot be reached. Its method `soon`, for events, runs it at once, or
+ * `spacing` [ms] after the run before.
  */
 export function refresher(root, work, spacing = SPACING) {
   let runs = 0;
   let timer = 0;
+  let retry = 0;
   let lastStart = 0;
   let again = false;
   let active = false;
@@ -36,11 +40,15 @@ export function refresher(root, work, spacing = SPACING) {
     active = true;
     do {
       again = false;
+      clearTimeout(retry);
       lastStart = Date.now();
       try {
         await work();
       } catch (error) {
-        if (error.name !== "AbortError" && root.isConnected && (runs === 0 || error.status !== 0)) show(root, errorNote(error, true));
+        if (error.name !== "AbortError" && root.isConnected) {
+          if (runs === 0 || error.status !== 0) show(root, errorNote(error, true));
+          if (error.status === 0) retry = setTimeout(() => root.isConnected && void run(), RETRY_PAUSE);
+        }
       }
       runs += 1;
     } while (again);
