@@ -66,11 +66,11 @@
 //! | describe the optical setup | [`OpticalSetup`], [`Grid`], [`RegionOfInterest`], [`Plane`] |
 //! | say which diffraction orders the display shows | [`Orders`], [`OrderFilter`], [`OpticalSetup::with_orders`] |
 //! | propagate a field | [`propagate()`], [`Propagator`]; [`plan`] and [`propagation`]: the range of each method |
-//! | find a hologram | [`optimize()`], [`Optimization`], [`hologram`]; [`optimizer`]: general optimization methods |
-//! | choose how light is detected | [`Detector`], [`photometry`] |
+//! | find a hologram | [`optimize()`], [`Optimization`], [`hologram`]; [`numerics::optimizer`]: general optimization methods |
+//! | choose how light is detected | [`Detector`], [`engine::photometry`] |
 //! | measure the quality of a picture | [`metrics`], [`hologram::quality`]; of a photograph: [`photo_score`] |
-//! | convert phases to grey levels | [`phase_response`], [`Carrier`] |
-//! | describe a display | [`DisplayModel`], [`chebyshev`], [`spatial_variation`] |
+//! | convert phases to grey levels | [`display::phase_response`], [`Carrier`] |
+//! | describe a display | [`DisplayModel`], [`display::parts`], [`numerics::chebyshev`] |
 //! | simulate a display | [`Engine`], [`EngineCache`] |
 //! | learn a display from photographs | [`learning`]; [`alignment`] maps a camera's pixels to the display's |
 //! | inspect a learned display | [`diagnostics`]: aberrations, point spread, frequencies without light |
@@ -82,79 +82,32 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 pub mod alignment;
-mod batch_fft;
-mod buffers;
-pub mod carrier;
-pub mod chebyshev;
-mod cholesky;
-mod convolution;
-pub mod crosstalk;
-pub mod detector;
 pub mod diagnostics;
-pub mod display_model;
-mod dust;
-mod engine;
+pub mod display;
+pub mod engine;
 mod error;
-mod gaussian_blur;
-mod ghost;
-pub mod grid;
 pub mod hologram;
-mod image_window;
 pub mod interrupt;
 pub mod learning;
-mod least_squares;
-pub mod light_blur;
 pub mod memory;
 pub mod metrics;
-pub mod optimizer;
-mod order_errors;
-mod order_filter;
-mod orders;
-mod partial_coherence;
-#[doc(hidden)]
-pub mod passes;
-pub mod phase_response;
+pub mod numerics;
 pub mod photo_score;
-pub mod photometry;
-pub mod plane;
 pub mod propagation;
 mod propagation_method;
-mod propagator;
-mod real;
 pub mod reference;
-pub mod region;
-mod response_variation;
 pub mod second_opinion;
-pub mod setup;
 pub mod simulated_display;
-mod slm;
-mod slm_inverse;
-mod smooth_field;
-pub mod spatial_variation;
 pub mod test_cards;
-pub mod transfer_function;
 
-pub use carrier::Carrier;
-pub use crosstalk::Crosstalk;
-pub use detector::Detector;
-pub use display_model::{DisplayModel, KernelShape};
-pub use dust::Dust;
-pub use engine::{Engine, EngineCache};
+pub use display::{
+    Carrier, Crosstalk, DisplayModel, Dust, FilterShape, FurtherMode, Ghost, KernelShape, LightBlur, OpticalSetup,
+    OrderFilter, Orders, PartialCoherence, ResponseVariation, SpatialVariation,
+};
+pub use engine::{Detector, Engine, EngineCache, Propagated, Propagator, propagate};
 pub use error::{Error, Result};
-pub use ghost::Ghost;
-pub use grid::Grid;
 pub use hologram::{Evaluation, Hologram, HologramMethod, HologramProblem, InitialPhase, Optimization, optimize};
 pub use learning::KernelModel;
-pub use light_blur::LightBlur;
-pub use order_filter::{FilterShape, OrderFilter};
-pub use orders::Orders;
-pub use partial_coherence::{FurtherMode, PartialCoherence};
-pub use plane::Plane;
+pub use numerics::{Grid, Plane, RegionOfInterest, SmoothField};
 pub use propagation::{ConvolutionMethod, PropagationMethod, ValidityReport, plan, plan_onto};
-pub use propagator::{Propagated, Propagator, propagate};
-pub use region::RegionOfInterest;
-pub use response_variation::ResponseVariation;
-pub use setup::OpticalSetup;
 pub use simulated_display::SimulatedBench;
-pub use smooth_field::SmoothField;
-pub use spatial_variation::SpatialVariation;

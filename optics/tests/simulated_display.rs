@@ -1,7 +1,7 @@
 //! A simulated bench gives the same photographs every time, and its flaws degrade ideal holograms.
 #![allow(clippy::unwrap_used)]
 
-use lightpath_optics::carrier::Carrier;
+use lightpath_optics::Carrier;
 use lightpath_optics::hologram::initial_phase;
 use lightpath_optics::metrics::{Gain, psnr_db};
 use lightpath_optics::reference::propagate;
@@ -215,5 +215,5 @@ fn hologram(setup: &OpticalSetup, target: &Plane<f32>, transfer: Transfer<'_>) -
             *phase -= 0.1 * mean / (power.sqrt() + 1e-20);
         }
     }
-    phase.map(lightpath_optics::phase_response::wrap_f32)
+    phase.map(lightpath_optics::display::phase_response::wrap_f32)
 }

@@ -1,10 +1,10 @@
 //! The stored JSON form of specifications and results: its words, and that values survive writing and reading.
 #![allow(clippy::unwrap_used)] // tests may unwrap
 
+use lightpath_optics::engine::photometry::Quantity;
 use lightpath_optics::hologram::{DetectorQuality, HologramMethod, InitialPhase, Loss, Quality};
 use lightpath_optics::learning::KernelModel;
 use lightpath_optics::metrics::Gain;
-use lightpath_optics::photometry::Quantity;
 use lightpath_optics::propagation::{ConvolutionMethod, PropagationMethod, RefusalCode, WarningCode, plan};
 use lightpath_optics::{
     Carrier, Detector, FilterShape, Grid, OpticalSetup, OrderFilter, Orders, RegionOfInterest, SimulatedBench,

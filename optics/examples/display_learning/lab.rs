@@ -4,8 +4,8 @@ use super::camera_mistakes::{overexposed, rotated_and_shifted};
 use super::options::{Failure, Options};
 use super::photographed::{PhotographedPairs, phase};
 use lightpath_optics::alignment::{CameraMap, DotGrid, Tiles, warp};
+use lightpath_optics::display::phase_response::PhaseResponse;
 use lightpath_optics::hologram::{HologramMethod, HologramOptions, initial_phase};
-use lightpath_optics::phase_response::PhaseResponse;
 use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{

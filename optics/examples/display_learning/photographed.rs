@@ -1,8 +1,8 @@
 //! Pairs in the form of files: one byte for each pixel, decoded on use.
 
 use lightpath_optics::Plane;
+use lightpath_optics::display::phase_response::PhaseResponse;
 use lightpath_optics::learning::{BoxError, Pair, PairSource};
-use lightpath_optics::phase_response::PhaseResponse;
 
 /// Holograms as grey levels, with their photographs.
 #[derive(Clone, Debug)]

@@ -2,7 +2,7 @@
 
 use super::Point;
 use super::box_blur::box_blur;
-use crate::Plane;
+use crate::numerics::Plane;
 
 /// A bright spot.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -16,7 +16,7 @@
 use super::camera_map::{CameraMap, Frame, PARAMETERS};
 use super::homography::{distance, huber_weights, inliers};
 use super::{AlignmentError, Homography, PointPair};
-use crate::least_squares::NormalEquations;
+use crate::numerics::least_squares::NormalEquations;
 
 /// A camera's map that was fitted to points, and the quality of the fit.
 #[derive(Clone, Copy, Debug, PartialEq)]

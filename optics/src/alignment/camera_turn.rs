@@ -13,7 +13,7 @@
 use super::Point;
 use super::homography::distance;
 use super::registration::{HUBER_PX, OUTLIER_PX};
-use crate::least_squares::NormalEquations;
+use crate::numerics::least_squares::NormalEquations;
 
 /// A rotation that was found in displacements.
 #[derive(Clone, Copy, Debug, PartialEq)]

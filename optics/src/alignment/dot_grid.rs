@@ -12,7 +12,7 @@
 
 use super::blobs::{self, Blob};
 use super::{AlignmentError, Homography, Point, PointFit, PointPair, lattice};
-use crate::Plane;
+use crate::numerics::Plane;
 use std::collections::HashMap;
 
 /// The grid of dots for a display of a given size.

@@ -8,7 +8,7 @@
 //! (1997)). Gauss–Newton then minimizes the distances in the camera's plane, with Huber's weights against wrong points.
 
 use super::AlignmentError;
-use crate::least_squares::NormalEquations;
+use crate::numerics::least_squares::NormalEquations;
 
 /// A point: x and y \[px\].
 pub type Point = [f64; 2];

@@ -14,8 +14,8 @@
 use super::camera_turn::CameraTurn;
 use super::homography::distance;
 use super::{Homography, Point, Tiles};
-use crate::RegionOfInterest;
-use crate::least_squares::NormalEquations;
+use crate::numerics::RegionOfInterest;
+use crate::numerics::least_squares::NormalEquations;
 
 /// Result of the registration: an affine correction, its parts, and its quality.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -186,8 +186,8 @@ impl Frame {
 mod tests {
     use super::super::warp;
     use super::*;
+    use crate::numerics::{Grid, Plane};
     use crate::test_cards::TestCard;
-    use crate::{Grid, Plane};
 
     fn region(height_px: usize, width_px: usize) -> RegionOfInterest {
         RegionOfInterest::middle(&Grid::try_new(height_px, width_px, 8e-6).unwrap())

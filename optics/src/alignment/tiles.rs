@@ -12,8 +12,8 @@
 
 use super::Point;
 use crate::interrupt;
-use crate::reference::{Direction, fft2};
-use crate::{Plane, RegionOfInterest};
+use crate::numerics::fourier::{Direction, fft2};
+use crate::numerics::{Plane, RegionOfInterest};
 use num_complex::Complex64;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};

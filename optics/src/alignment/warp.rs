@@ -9,8 +9,8 @@
 //! weights scaled to the sum 1. K. Turkowski, Graphics Gems I, 147 (1990).
 
 use super::{CameraMap, Homography, Point};
-use crate::Plane;
 use crate::interrupt;
+use crate::numerics::Plane;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 

@@ -7,8 +7,9 @@
 //! A photograph has no information on the kernel at a frequency without light. There, a model interpolates from the
 //! frequencies around.
 
-use crate::reference::{Direction, fft2};
-use crate::{Error, Plane, Result};
+use crate::error::{Error, Result};
+use crate::numerics::Plane;
+use crate::numerics::fourier::{Direction, fft2};
 use num_complex::Complex64;
 
 /// Mean spectral power of a set of holograms, in cells of the frequency band.

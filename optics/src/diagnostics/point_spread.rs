@@ -8,8 +8,8 @@
 //! Without aberrations P = 1: a sinc² spot with an FWHM of 0.886 Δ, and MTF = 1 − |f|Δ along the axes. Light that is
 //! coherent over the image adds fields, not intensities; the MTF then gives the contrast averaged over phases.
 
-use crate::Plane;
-use crate::reference::{Direction, fft2};
+use crate::numerics::Plane;
+use crate::numerics::fourier::{Direction, fft2};
 use num_complex::Complex64;
 
 /// Number of samples of the band along an axis.

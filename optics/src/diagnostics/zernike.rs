@@ -9,7 +9,7 @@
 //! normalization follow R. Noll, J. Opt. Soc. Am. 66, 207 (1976): a_j is the root mean square of its term over the
 //! disc.
 
-use crate::least_squares::NormalEquations;
+use crate::numerics::least_squares::NormalEquations;
 
 /// Number of fitted terms: those up to the fifth radial order, piston included.
 pub const TERMS: usize = 21;

@@ -1,10 +1,10 @@
 //! Blur of the light that an engine's detector measures.
 
+use super::convolution::Real;
 use super::core::EngineCore;
-use crate::Plane;
-use crate::convolution::Real;
-use crate::gaussian_blur::Rows;
-use crate::light_blur::Blur;
+use crate::display::parts::light_blur::Blur;
+use crate::numerics::Plane;
+use crate::numerics::gaussian_blur::Rows;
 use rayon::prelude::*;
 
 impl<T: Real> EngineCore<T> {
@@ -56,7 +56,7 @@ impl<T: Real> EngineCore<T> {
             row.iter_mut().zip(places).for_each(|(out, &light)| *out = light);
         };
         let planes = per_side * per_side;
-        let mut planar = crate::buffers::zeros(height_px * planes * width_px);
+        let mut planar = crate::numerics::buffers::zeros(height_px * planes * width_px);
         Blur::new(blur.ratios()).blur(Rows { width_px, planes }, fill, &mut planar);
         if planes == 1 {
             light.values_mut().copy_from_slice(&planar);

@@ -1,11 +1,13 @@
 //! Cache of FFT plans and sampled transfer functions, which engines of several jobs share.
 
+use super::convolution::{Convolver, Kernels};
 use super::core::{EngineCore, convolver, sample_kernels};
+use super::detector::Detector;
 use super::sub_samples::offsets_px;
-use crate::carrier::Carrier;
-use crate::convolution::{Convolver, Kernels};
-use crate::display_model::KernelShape;
-use crate::{ConvolutionMethod, Detector, DisplayModel, Engine, Ghost, OpticalSetup, Result, SpatialVariation};
+use crate::display::{Carrier, DisplayModel, Ghost, KernelShape, OpticalSetup, SpatialVariation};
+use crate::engine::Engine;
+use crate::error::Result;
+use crate::propagation_method::ConvolutionMethod;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Largest number of FFT plans in the cache, one for each size and detector. A plan is much smaller than a transfer
@@ -130,7 +132,7 @@ impl CachedParts {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Grid, Plane, SmoothField};
+    use crate::numerics::{Grid, Plane, SmoothField};
 
     fn model(distance_m: f64) -> DisplayModel {
         let setup = OpticalSetup::try_new(Grid::try_new(12, 20, 8e-6).unwrap(), 515e-9, distance_m).unwrap();

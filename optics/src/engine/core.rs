@@ -1,24 +1,21 @@
 //! Computations of an engine, in f32 or f64.
 
+use super::convolution::{Convolver, Kernels, Real, Transfer};
+use super::detector::Detector;
 use super::order_products::OrderProducts;
+use super::slm::{Shown, Slm};
 use super::sub_samples::{offsets_px, sub_samples};
-use crate::buffers::zeros;
-use crate::carrier::Carrier;
-use crate::chebyshev::polynomials;
-use crate::chebyshev::position;
-use crate::convolution::Real;
-use crate::convolution::{Convolver, Kernels, Transfer};
-use crate::display_model::KernelShape;
-use crate::ghost::TransferErrors;
+use crate::display::parts::ghost::TransferErrors;
+use crate::display::parts::order_errors::OrderErrors;
+use crate::display::parts::spatial_variation::local_kernels;
+use crate::display::{Carrier, DisplayModel, Dust, KernelShape, LightBlur, OpticalSetup, ResponseVariation};
+use crate::error::Result;
 use crate::interrupt;
-use crate::order_errors::OrderErrors;
+use crate::numerics::buffers::zeros;
+use crate::numerics::chebyshev::{polynomials, position};
+use crate::numerics::{Plane, SmoothField};
 use crate::propagation::passes::{has_sample_transfers, sample_transfers};
-use crate::slm::{Shown, Slm};
-use crate::smooth_field::SmoothField;
-use crate::spatial_variation::local_kernels;
-use crate::{
-    ConvolutionMethod, Detector, DisplayModel, Dust, LightBlur, OpticalSetup, Plane, ResponseVariation, Result,
-};
+use crate::propagation_method::ConvolutionMethod;
 use num_complex::{Complex, Complex64};
 use rayon::prelude::*;
 use std::sync::Arc;

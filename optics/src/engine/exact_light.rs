@@ -6,12 +6,14 @@
 //!
 //! The field of all orders has details finer than a pixel, which is integrated at [more places](super::sub_samples).
 
+use super::convolution::Real;
 use super::core::{EngineCore, Fields, Transmission};
+use super::detector::Detector;
 use super::order_products::OrderProducts;
 use super::sub_samples::{WeightedPlace, reported_places};
-use crate::convolution::Real;
+use crate::error::Result;
+use crate::numerics::Plane;
 use crate::propagation::passes::for_each_sample_transfer;
-use crate::{Detector, Plane, Result};
 use rayon::prelude::*;
 
 impl<T: Real> EngineCore<T> {
@@ -136,8 +138,9 @@ impl<T: Real> EngineCore<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::display::{DisplayModel, OpticalSetup, Orders};
     use crate::hologram::initial_phase;
-    use crate::{DisplayModel, Grid, OpticalSetup, Orders};
+    use crate::numerics::Grid;
 
     #[test]
     fn pixel_light_matches_many_samples_of_each_pixel() {

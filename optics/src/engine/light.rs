@@ -1,11 +1,13 @@
 //! Light that a hologram sends, and intensities at the sub-samples of the image.
 
+use super::convolution::{Real, frequency_per_px, split_bin};
 use super::core::{EngineCore, Fields, Transmission, clenshaw};
+use super::detector::Detector;
 use super::order_products::passed;
-use crate::buffers::zeros;
-use crate::convolution::{Real, frequency_per_px, split_bin};
+use crate::error::Result;
 use crate::interrupt;
-use crate::{Detector, Plane, Result};
+use crate::numerics::Plane;
+use crate::numerics::buffers::zeros;
 use num_complex::Complex;
 use pulp::Arch;
 use rayon::prelude::*;
@@ -134,11 +136,11 @@ fn interleave<T: Real>(fields: &[Complex<T>], per_side: usize, out: &mut [T]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::display::{DisplayModel, FurtherMode, KernelShape, OpticalSetup, PartialCoherence};
     use crate::hologram::initial_phase;
-    use crate::{
-        ConvolutionMethod, DisplayModel, FurtherMode, Grid, KernelShape, OpticalSetup, PartialCoherence, SmoothField,
-        reference,
-    };
+    use crate::numerics::{Grid, SmoothField};
+    use crate::propagation_method::ConvolutionMethod;
+    use crate::reference;
     use num_complex::{Complex32, Complex64};
 
     const PITCH_M: f64 = 8e-6;

@@ -1,24 +1,36 @@
 //! Engines: display models prepared for computation, with sampled transfer functions, tables of the SLM, and FFT plans.
 //!
-//! [`Engine`] computes in f32. The module `core` contains the computations for f32 and f64; the engine in f64 serves as
-//! a [reference](crate::reference::EngineCore).
+//! [`Engine`] computes in f32. [`EngineCore`] contains the computations for f32 and f64; the engine in f64 shows which
+//! part of an error is rounding. A [`Propagator`] runs every propagation method, without a display model.
 
 mod blur;
 mod cache;
+pub(crate) mod convolution;
 mod core;
+pub mod detector;
 mod exact_light;
 mod light;
 mod order_products;
+#[doc(hidden)]
+pub mod passes;
+pub mod photometry;
+mod propagator;
+pub(crate) mod slm;
+mod slm_inverse;
 mod sub_samples;
 
 pub use cache::EngineCache;
+pub use convolution::Real;
 pub use core::EngineCore;
 pub(crate) use core::{Fields, Mode, SeriesAlongY, kernel_grid, tabulate_gain, tabulate_source};
+pub use detector::Detector;
 pub(crate) use order_products::{OrderProducts, OrderWeights, order_products, turns};
+pub use propagator::{Propagated, Propagator, PropagatorCore, propagate};
 pub(crate) use sub_samples::{reported_nodes, sub_samples};
 
-use crate::carrier::Carrier;
-use crate::{Detector, DisplayModel, Plane, Result};
+use crate::display::{Carrier, DisplayModel};
+use crate::error::Result;
+use crate::numerics::Plane;
 use num_complex::Complex32;
 
 /// A [`DisplayModel`] prepared for computation with one detector. Clones share all large data.

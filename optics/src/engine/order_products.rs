@@ -8,19 +8,20 @@
 //!
 //! f frequency of the padded frame \[cycles per pixel\], m the orders, o the place of the sub-sample \[px\], T_o its
 //! exact [transfer function](crate::propagation::passes::sample_transfers) without errors, H the angular spectrum of
-//! free space, a and b the sides of a pixel's bright area in pixel pitches, E the [errors](crate::order_errors). Without
+//! free space, a and b the sides of a pixel's bright area in pixel pitches, E the [errors](crate::display::parts::order_errors). Without
 //! errors H_o is T_o. The bracket is the light of the first order.
 //!
 //! Light that moves by more than the display's side never reaches the image. Its frequencies fade out around the one
 //! that moves by this side, so that what the padded frame would bring back falls outside the image's middle.
 
-use crate::buffers::zeros;
-use crate::convolution::{Real, Transfer, frequencies, frequency_per_px, split_bin};
+use super::convolution::{Real, Transfer, frequencies, frequency_per_px, split_bin};
+use crate::display::OpticalSetup;
+use crate::display::parts::order_errors::OrderErrors;
 use crate::interrupt;
-use crate::order_errors::OrderErrors;
-use crate::real::unit_of;
-use crate::transfer_function::angular_spectrum;
-use crate::{OpticalSetup, SmoothField};
+use crate::numerics::SmoothField;
+use crate::numerics::buffers::zeros;
+use crate::numerics::real::unit_of;
+use crate::propagation::transfer_function::angular_spectrum;
 use num_complex::{Complex, Complex64};
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
@@ -243,9 +244,11 @@ pub(crate) fn passed(setup: &OpticalSetup, errors: &OrderErrors, column: usize, 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::display::{DisplayModel, KernelShape, Orders};
     use crate::engine::EngineCore;
+    use crate::engine::detector::Detector;
     use crate::hologram::initial_phase;
-    use crate::{Detector, DisplayModel, Grid, KernelShape, Orders, Plane};
+    use crate::numerics::{Grid, Plane};
 
     const SIDES_PX: [usize; 2] = [36, 24];
 

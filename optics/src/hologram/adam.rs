@@ -1,13 +1,13 @@
-//! Hologram optimization with [Adam](crate::optimizer::adam): updates the phases and fits the gain.
+//! Hologram optimization with [Adam](crate::numerics::optimizer::adam): updates the phases and fits the gain.
 //!
 //! The loss is a mean over the region of interest, so its gradient shrinks as the number of pixels grows. The gradient
 //! is therefore multiplied by the number of phases. This does not change Adam's steps, but it keeps Adam's ε small
 //! beside the gradient.
 
+use super::problem::Evaluation;
 use super::problem::ProblemCore;
-use crate::Evaluation;
 use crate::interrupt;
-use crate::optimizer::adam::AdamStep;
+use crate::numerics::optimizer::adam::AdamStep;
 use pulp::Arch;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};

@@ -10,9 +10,9 @@
 //! Maimone, A. Georgiou and J. Kollin, ACM Transactions on Graphics 36, 85 (2017).
 
 use super::problem::ProblemCore;
-use crate::buffers::zeros;
-use crate::convolution::Real;
+use crate::engine::Real;
 use crate::interrupt;
+use crate::numerics::buffers::zeros;
 use num_complex::Complex;
 use rayon::prelude::*;
 use std::f64::consts::PI;
@@ -82,11 +82,13 @@ fn low_pass<T: Real>(field: &mut [Complex<T>], height_px: usize, width_px: usize
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::display::{DisplayModel, OpticalSetup};
+    use crate::engine::Detector;
     use crate::engine::EngineCore;
     use crate::hologram::loss::{Loss, PlaneInput};
     use crate::metrics::{Gain, fitted_intensity_scale, psnr_db};
+    use crate::numerics::{Grid, Plane, RegionOfInterest};
     use crate::test_cards::TestCard;
-    use crate::{Detector, DisplayModel, Grid, OpticalSetup, Plane, RegionOfInterest};
     use num_complex::Complex64;
 
     #[test]

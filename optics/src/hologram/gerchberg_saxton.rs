@@ -13,9 +13,10 @@
 //! where light is missing: R. Di Leonardo, F. Ianni and G. Ruocco, Optics Express 15, 1913 (2007). With cross-talk, φ
 //! changes by the difference between the phase that shows arg c′ and the shown phase.
 
+use super::problem::Evaluation;
 use super::problem::ProblemCore;
 use crate::interrupt;
-use crate::{Evaluation, Plane};
+use crate::numerics::Plane;
 use num_complex::Complex32;
 use rayon::prelude::*;
 

@@ -2,10 +2,12 @@
 
 use super::HologramMethod;
 use super::problem::{HologramProblem, ProblemCore};
-use crate::buffers::zeros;
-use crate::convolution::Real;
+use crate::display::OpticalSetup;
+use crate::engine::{Detector, Real};
+use crate::error::{Error, Result};
 use crate::interrupt;
-use crate::{Detector, Error, OpticalSetup, Plane, Result};
+use crate::numerics::Plane;
+use crate::numerics::buffers::zeros;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};

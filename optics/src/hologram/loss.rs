@@ -1,10 +1,11 @@
 //! Loss functions of hologram optimization and the image planes they compare.
 
 use super::roughness::{SpeckleBlocks, WeightedRegion};
-use crate::convolution::Real;
 use crate::engine::EngineCore;
-use crate::photometry::{Quantity, Sums};
-use crate::{Engine, Error, Plane, RegionOfInterest, Result};
+use crate::engine::photometry::{Quantity, Sums};
+use crate::engine::{Engine, Real};
+use crate::error::{Error, Result};
+use crate::numerics::{Plane, RegionOfInterest};
 use serde::{Deserialize, Serialize};
 
 /// Loss function of an optimization: the weighted mean over the planes of

@@ -3,12 +3,14 @@
 use super::adam::AdamState;
 use super::double_phase::double_phase;
 use super::gerchberg_saxton;
+use super::problem::Evaluation;
 use super::problem::HologramProblem;
 use super::rounded::Levels;
 use super::state::{OptimizationState, Run};
 use super::stopwatch::Clock;
-use crate::optimizer::limited_memory::{LimitedMemory, Workspace};
-use crate::{Error, Evaluation, Plane, Result};
+use crate::error::{Error, Result};
+use crate::numerics::Plane;
+use crate::numerics::optimizer::limited_memory::{LimitedMemory, Workspace};
 use num_complex::Complex32;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;

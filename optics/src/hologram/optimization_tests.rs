@@ -2,10 +2,12 @@
 //! threads and after any interruption.
 
 use super::*;
+use crate::display::phase_response::PhaseResponse;
+use crate::display::{Carrier, DisplayModel, LightBlur, OpticalSetup};
+use crate::engine::{Detector, Engine};
 use crate::hologram::{ImagePlane, InitialPhase, Loss, light_of_frames, quality};
-use crate::phase_response::PhaseResponse;
+use crate::numerics::{Grid, RegionOfInterest};
 use crate::test_cards::TestCard;
-use crate::{Carrier, Detector, DisplayModel, Engine, Grid, LightBlur, OpticalSetup, RegionOfInterest};
 use rayon::ThreadPoolBuilder;
 
 const HEIGHT_PX: usize = 90;

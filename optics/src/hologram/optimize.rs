@@ -1,9 +1,12 @@
 //! Optimization of a hologram for one target in one call.
 
 use super::{HologramMethod, HologramOptions, HologramProblem, InitialPhase, Optimization, Quality, quality};
-use crate::phase_response::wrap_f32;
+use crate::display::phase_response::wrap_f32;
+use crate::display::{DisplayModel, OpticalSetup};
+use crate::engine::{Detector, Engine};
+use crate::error::Result;
+use crate::numerics::{Plane, RegionOfInterest};
 use crate::propagation::ValidityReport;
-use crate::{Detector, DisplayModel, Engine, OpticalSetup, Plane, RegionOfInterest, Result};
 use num_complex::Complex32;
 
 /// Number of L-BFGS steps. More steps gain a few dB, which a photograph does not show.
@@ -67,10 +70,12 @@ pub fn optimize(target: &Plane<f32>, setup: &OpticalSetup) -> Result<Hologram> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::engine::propagate;
+    use crate::error::Error;
     use crate::metrics::{Gain, psnr_db};
+    use crate::numerics::Grid;
     use crate::propagation::PropagationMethod;
     use crate::test_cards::TestCard;
-    use crate::{Error, Grid, propagate};
 
     #[test]
     fn near_and_far_holograms_show_their_targets() {

@@ -2,9 +2,12 @@
 //! what a filter passes, or with the first instead of all.
 
 use super::shown_light::light_of_frames;
+use crate::display::{DisplayModel, KernelShape, Orders};
+use crate::engine::{Detector, Engine};
 use crate::engine::{EngineCore, sub_samples};
+use crate::error::Result;
 use crate::metrics::{Gain, psnr_db};
-use crate::{Detector, DisplayModel, Engine, KernelShape, Orders, Plane, RegionOfInterest, Result, SmoothField};
+use crate::numerics::{Plane, RegionOfInterest, SmoothField};
 
 /// Limit on the pixels of a display for which the other kind is computed. Its transfer functions would take more memory
 /// than the hologram on larger displays.
@@ -53,9 +56,12 @@ pub fn pixel_psnr_db(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::display::OpticalSetup;
+    use crate::hologram::optimization::Optimization;
+    use crate::hologram::problem::HologramProblem;
     use crate::hologram::{HologramMethod, HologramOptions, initial_phase, quality};
+    use crate::numerics::Grid;
     use crate::test_cards::TestCard;
-    use crate::{Grid, HologramProblem, OpticalSetup, Optimization};
 
     fn optimized(model: &DisplayModel, target: &Plane<f32>, region: RegionOfInterest) -> Plane<f32> {
         let (height_px, width_px) = (target.height_px(), target.width_px());

@@ -1,7 +1,7 @@
 //! A small picture of the light while a hologram is optimized.
 
 use super::optimization::Optimization;
-use crate::Plane;
+use crate::numerics::Plane;
 use rayon::prelude::*;
 
 impl Optimization {

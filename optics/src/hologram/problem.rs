@@ -3,10 +3,11 @@
 use super::loss::{ImagePlane, Loss, PlaneInput, TargetPlane, weighted_sums};
 use super::stopwatch::Stopwatch;
 use super::two_passes::Buffers;
-use crate::convolution::Real;
+use crate::engine::Real;
+use crate::engine::photometry::{Comparison, Quantity, Sums};
 use crate::engine::{Engine, EngineCore, Fields};
-use crate::photometry::{Comparison, Quantity, Sums};
-use crate::{Error, Plane, RegionOfInterest, Result};
+use crate::error::{Error, Result};
+use crate::numerics::{Plane, RegionOfInterest};
 use num_complex::Complex;
 
 /// Target pictures of a hologram and the display that shows them: one picture, or several at different distances. The

@@ -2,11 +2,13 @@
 //! frames and planes.
 
 use super::*;
-use crate::hologram::initial::random;
-use crate::{
-    Carrier, Crosstalk, Detector, DisplayModel, Dust, FurtherMode, Ghost, Grid, KernelShape, LightBlur, OpticalSetup,
-    Orders, PartialCoherence, ResponseVariation, SmoothField, SpatialVariation,
+use crate::display::{
+    Carrier, Crosstalk, DisplayModel, Dust, FurtherMode, Ghost, KernelShape, LightBlur, OpticalSetup, Orders,
+    PartialCoherence, ResponseVariation, SpatialVariation,
 };
+use crate::engine::Detector;
+use crate::hologram::initial::random;
+use crate::numerics::{Grid, SmoothField};
 use num_complex::Complex64;
 
 const SIZES: [(usize, usize); 3] = [(16, 24), (17, 13), (11, 30)];

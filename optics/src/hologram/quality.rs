@@ -1,8 +1,10 @@
 //! Quality of a hologram's picture, measured for each detector.
 
 use super::shown_light::ShownLight;
+use crate::engine::Engine;
+use crate::error::Result;
 use crate::metrics::{Gain, ImagePair, speckle_contrast, ssim_at_all_scales};
-use crate::{Engine, Plane, RegionOfInterest, Result};
+use crate::numerics::{Plane, RegionOfInterest};
 use serde::{Deserialize, Serialize};
 
 /// Quality of a hologram's picture for each detector.
@@ -98,11 +100,15 @@ pub(super) fn detector_quality(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::display::{DisplayModel, OpticalSetup};
+    use crate::engine::Detector;
     use crate::engine::EngineCore;
     use crate::hologram::initial_phase;
+    use crate::hologram::problem::HologramProblem;
     use crate::hologram::{HologramMethod, HologramOptions, Optimization};
     use crate::metrics::{diffraction_efficiency, frame_efficiency, ms_ssim, psnr_db, ssim};
-    use crate::{Detector, DisplayModel, Grid, HologramProblem, OpticalSetup, reference};
+    use crate::numerics::Grid;
+    use crate::reference;
     use num_complex::Complex64;
 
     fn setup(height_px: usize, width_px: usize, distance_m: f64) -> OpticalSetup {

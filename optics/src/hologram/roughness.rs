@@ -11,10 +11,9 @@
 //! do not depend on the gain. Sources: for total variation, L. Rudin, S. Osher and E. Fatemi, Physica D 60, 259 (1992).
 //! For the speckle contrast σ/m, J. Goodman, Speckle Phenomena in Optics (2007).
 
-use crate::convolution::Real;
+use crate::engine::Real;
 use crate::interrupt;
-use crate::plane::Plane;
-use crate::region::RegionOfInterest;
+use crate::numerics::{Plane, RegionOfInterest};
 use rayon::prelude::*;
 
 /// ε of both terms, relative to the mean light. Smaller differences count as noise.

@@ -16,10 +16,12 @@
 //! When f < ρ, they can compensate for f/ρ of it. The error that remains, relative to plain rounding, is
 //! ∫₀^ρ (1 − f/ρ) df = ρ/2. For the middle 80 % of each axis, ρ = 0.64, this is −4.9 dB.
 
+use super::problem::Evaluation;
 use super::problem::ProblemCore;
+use crate::display::Carrier;
+use crate::display::phase_response::PhaseResponse;
+use crate::error::Result;
 use crate::interrupt;
-use crate::phase_response::PhaseResponse;
-use crate::{Carrier, Evaluation, Result};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};

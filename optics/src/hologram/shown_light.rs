@@ -1,11 +1,12 @@
 //! Light of a hologram as each detector measures it.
 
 use super::quality::{Quality, detector_quality};
-use crate::convolution::Real;
 use crate::engine::EngineCore;
+use crate::engine::{Detector, Engine, Real};
+use crate::error::{Error, Result};
 use crate::interrupt;
 use crate::metrics::{diffraction_efficiency, frame_efficiency};
-use crate::{Detector, Engine, Error, Plane, RegionOfInterest, Result};
+use crate::numerics::{Plane, RegionOfInterest};
 use rayon::prelude::*;
 
 const NO_FRAMES: Error = Error::Empty { name: "phases", needed: "at least one frame is needed" };
@@ -177,9 +178,12 @@ fn integrated<T: Real>(samples: &Plane<T>, height_px: usize, width_px: usize) ->
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::display::{DisplayModel, OpticalSetup};
+    use crate::hologram::optimization::Optimization;
+    use crate::hologram::problem::HologramProblem;
     use crate::hologram::{HologramMethod, HologramOptions, initial_phase};
+    use crate::numerics::Grid;
     use crate::test_cards::TestCard;
-    use crate::{DisplayModel, Grid, HologramProblem, OpticalSetup, Optimization};
 
     #[test]
     fn holograms_are_optimized_for_what_the_camera_sees() {

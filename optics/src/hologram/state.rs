@@ -4,8 +4,9 @@ use super::adam::AdamState;
 use super::optimization::{HologramMethod, HologramOptions};
 use super::problem::ProblemCore;
 use super::rounded::Rounded;
-use crate::optimizer::limited_memory::LimitedMemory;
-use crate::{Error, Plane, Result};
+use crate::error::{Error, Result};
+use crate::numerics::Plane;
+use crate::numerics::optimizer::limited_memory::LimitedMemory;
 use serde::{Deserialize, Serialize};
 
 /// State that the next step depends on, in addition to the problem and the options.

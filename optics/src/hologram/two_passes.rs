@@ -5,13 +5,13 @@
 use super::loss::{TargetPlane, weighted_sums};
 use super::problem::{Evaluation, ProblemCore, Sink, compare_with, send_back};
 use super::roughness::{LightPlane, total_variation};
-use crate::buffers::zeros;
-use crate::convolution::Real;
 use crate::engine::Fields;
+use crate::engine::photometry::{Comparison, Quantity, Sums};
+use crate::engine::{Detector, Real};
 use crate::interrupt;
-use crate::photometry::{Comparison, Quantity, Sums};
-use crate::real::unit;
-use crate::{Detector, Plane};
+use crate::numerics::Plane;
+use crate::numerics::buffers::zeros;
+use crate::numerics::real::unit;
 use num_complex::Complex;
 use rayon::prelude::*;
 

@@ -12,8 +12,10 @@
 //! tilts. Between neighbouring distances the tilts are interpolated linearly.
 
 use super::layout::{Layout, Part};
-use crate::chebyshev::polynomials;
-use crate::{DisplayModel, Error, KernelShape, OpticalSetup, SmoothField};
+use crate::display::{DisplayModel, KernelShape, OpticalSetup};
+use crate::error::Error;
+use crate::numerics::SmoothField;
+use crate::numerics::chebyshev::polynomials;
 
 /// Highest degree in z. Over a photographed range, rails and lenses change along a line or a parabola; a higher degree
 /// would follow the noise.
@@ -271,8 +273,8 @@ fn lagrange(points: &[f64], nodes: &[usize], at: f64) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Grid;
     use crate::learning::{Block, Blocks, KernelModel};
+    use crate::numerics::Grid;
 
     const DISTANCES_M: [f64; 4] = [4e-3, 5e-3, 7e-3, 8e-3];
 

@@ -9,8 +9,9 @@
 //! band pass. s has its best value, so that its derivative is 0 and the gradient is exact.
 
 use super::pair::Example;
-use crate::convolution::Real;
-use crate::{RegionOfInterest, interrupt};
+use crate::engine::Real;
+use crate::interrupt;
+use crate::numerics::RegionOfInterest;
 use rayon::prelude::*;
 
 /// Standard deviation of the narrow Gaussian \[cells\].
@@ -186,11 +187,13 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::display::{DisplayModel, OpticalSetup};
+    use crate::engine::{Detector, Engine};
     use crate::hologram::initial_phase;
     use crate::learning::fit::Fit;
     use crate::learning::layout::Layout;
     use crate::learning::{Block, Blocks, KernelModel, Pair};
-    use crate::{Detector, DisplayModel, Engine, Grid, OpticalSetup, Plane};
+    use crate::numerics::{Grid, Plane};
 
     /// A pair with some saturated pixels and with uneven light, in a region whose sides are not whole cells.
     fn example(fit: &Fit<f64>, grid: &Grid) -> Example<f64> {

@@ -5,12 +5,14 @@
 
 use super::pair::{Example, measure_each, total};
 use super::{Blocks, KernelModel, LearnOptions, LearnStage, LearnStep, PairSource, pair::BoxError};
-use crate::buffers::zeros;
-use crate::convolution::{Kernels, Transfer, split_bin};
+use crate::display::{DisplayModel, KernelShape, OpticalSetup};
+use crate::engine::convolution::{Kernels, Transfer, split_bin};
 use crate::engine::{EngineCore, Fields};
+use crate::error::Error;
 use crate::interrupt;
-use crate::optimizer::adam::AdamStep;
-use crate::{DisplayModel, Error, KernelShape, OpticalSetup, Plane};
+use crate::numerics::Plane;
+use crate::numerics::buffers::zeros;
+use crate::numerics::optimizer::adam::AdamStep;
 use num_complex::Complex32;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

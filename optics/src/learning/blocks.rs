@@ -4,8 +4,9 @@
 
 use super::KernelModel;
 use super::layout::SOURCE_ORDER;
-use crate::chebyshev::position;
-use crate::{DisplayModel, SmoothField};
+use crate::display::DisplayModel;
+use crate::numerics::SmoothField;
+use crate::numerics::chebyshev::position;
 use serde::{Deserialize, Serialize};
 
 /// Least relative decrease of the validation loss by which a block is kept. Each block makes learning or every hologram

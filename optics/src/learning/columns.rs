@@ -1,6 +1,6 @@
 //! Projections of a complex sequence onto real polynomials.
 
-use crate::convolution::Real;
+use crate::engine::Real;
 use num_complex::{Complex, Complex64};
 
 /// Number of values that are summed in T before the sum is widened to f64.

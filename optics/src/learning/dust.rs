@@ -8,7 +8,7 @@
 //! The second term holds pixels near 1 whose light the photographs hardly show. The loss on the validation pairs
 //! decides when the fit ends and whether the dust is kept.
 
-use crate::optimizer::limited_memory::{LimitedMemory, Workspace};
+use crate::numerics::optimizer::limited_memory::{LimitedMemory, Workspace};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 

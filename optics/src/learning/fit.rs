@@ -6,14 +6,14 @@ use super::modes::ModeBuffers;
 use super::order_fit::{OrderFit, OrderSums};
 use super::pair::Example;
 use super::smooth_transfer::{ColumnSums, SmoothTransfer};
-use crate::buffers::zeros;
-use crate::carrier::Carrier;
-use crate::chebyshev::{ChebyshevBasis, polynomials, position};
-use crate::convolution::Real;
-use crate::convolution::{Kernels, Transfer};
+use crate::display::{Carrier, DisplayModel, Dust, Ghost, KernelShape, OpticalSetup};
+use crate::engine::convolution::{Kernels, Transfer};
+use crate::engine::photometry::Sums;
+use crate::engine::{Detector, Real};
 use crate::engine::{EngineCore, Fields, Mode, kernel_grid, tabulate_gain, tabulate_source};
-use crate::photometry::Sums;
-use crate::{Detector, DisplayModel, Dust, Error, Ghost, KernelShape, OpticalSetup};
+use crate::error::Error;
+use crate::numerics::buffers::zeros;
+use crate::numerics::chebyshev::{ChebyshevBasis, polynomials, position};
 use num_complex::{Complex, Complex64};
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -374,9 +374,10 @@ pub(super) fn tabulate<T: Real>(order: usize, n: usize) -> Vec<Vec<T>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::display::Orders;
     use crate::hologram::initial_phase;
     use crate::learning::{Block, Blocks, KernelModel, Pair};
-    use crate::{Grid, Orders, Plane, RegionOfInterest};
+    use crate::numerics::{Grid, Plane, RegionOfInterest};
 
     const ALL_ORDERS: Orders = Orders::All { fill_factor_x: 0.9, fill_factor_y: 0.7 };
 

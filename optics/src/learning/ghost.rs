@@ -13,9 +13,11 @@
 use super::fit::Fit;
 use super::pair::Example;
 use super::smooth_transfer::SmoothTransfer;
-use crate::convolution::{Real, Transfer};
-use crate::reference::{Direction, fft2};
-use crate::{Ghost, Plane};
+use crate::display::Ghost;
+use crate::engine::Real;
+use crate::engine::convolution::Transfer;
+use crate::numerics::Plane;
+use crate::numerics::fourier::{Direction, fft2};
 use num_complex::{Complex, Complex64};
 use std::f64::consts::{PI, TAU};
 

@@ -1,8 +1,10 @@
 use super::*;
+use crate::display::{Carrier, OpticalSetup, Orders};
+use crate::engine::Detector;
 use crate::hologram::initial_phase;
 use crate::learning::layout::Layout;
 use crate::learning::{Blocks, KernelModel, Pair};
-use crate::{Carrier, Detector, Grid, OpticalSetup, Orders, Plane, RegionOfInterest};
+use crate::numerics::{Grid, Plane, RegionOfInterest};
 
 type Case = (KernelModel, usize, Blocks, Option<Carrier>, Orders);
 

@@ -8,13 +8,14 @@
 
 use super::order_fit::BEYOND_ORDER;
 use super::{Blocks, KernelModel, ModelPart};
-use crate::chebyshev::ChebyshevBasis;
-use crate::convolution::Real;
-use crate::spatial_variation::local_kernels;
-use crate::{
+use crate::display::parts::spatial_variation::local_kernels;
+use crate::display::{
     Crosstalk, DisplayModel, Dust, FurtherMode, Ghost, KernelShape, LightBlur, OpticalSetup, PartialCoherence,
-    ResponseVariation, SmoothField, SpatialVariation,
+    ResponseVariation, SpatialVariation,
 };
+use crate::engine::Real;
+use crate::numerics::SmoothField;
+use crate::numerics::chebyshev::ChebyshevBasis;
 use num_complex::Complex64;
 use std::ops::Range;
 
@@ -422,7 +423,7 @@ fn coefficients(to: ChebyshevBasis, from: ChebyshevBasis, values: &[f64]) -> Vec
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Grid;
+    use crate::numerics::Grid;
 
     #[test]
     fn larger_basis_keeps_display_unchanged() {

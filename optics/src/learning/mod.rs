@@ -55,8 +55,10 @@ pub use parts::{ModelPart, PartCost, without_each_part};
 pub use suggestion::{HologramChoice, Suggestion};
 pub use uncertainty::{ModelUncertainty, ResponseCovariance, StrengthUncertainty};
 
-use crate::carrier::Carrier;
-use crate::{Detector, DisplayModel, Error, OpticalSetup, RegionOfInterest};
+use crate::display::{Carrier, DisplayModel, OpticalSetup};
+use crate::engine::Detector;
+use crate::error::Error;
+use crate::numerics::RegionOfInterest;
 use bins::{BinsLearner, BinsState};
 use parametric::{ParametricLearner, ParametricState};
 use serde::{Deserialize, Serialize};

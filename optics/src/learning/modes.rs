@@ -5,11 +5,11 @@
 
 use super::fit::Fit;
 use super::pair::Example;
-use crate::buffers::zeros;
-use crate::convolution::Real;
+use crate::display::parts::light_blur::Blur;
+use crate::engine::Real;
+use crate::engine::photometry::{Comparison, Sums};
 use crate::engine::{EngineCore, Fields};
-use crate::light_blur::Blur;
-use crate::photometry::{Comparison, Sums};
+use crate::numerics::buffers::zeros;
 use num_complex::Complex;
 use rayon::prelude::*;
 

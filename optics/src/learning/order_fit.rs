@@ -9,13 +9,14 @@
 //! functions, g_o the back-propagated gradient at the sub-sample o, c the coefficient of T_i T_j in the logarithm of E.
 
 use super::columns::project;
-use crate::buffers::zeros;
-use crate::chebyshev::{ChebyshevBasis, polynomials};
-use crate::convolution::{Convolver, Real, Transfer};
+use crate::display::OpticalSetup;
+use crate::display::parts::order_errors::{OrderErrors, place};
+use crate::engine::convolution::{Convolver, Transfer};
+use crate::engine::{Detector, Real};
 use crate::engine::{OrderProducts, OrderWeights, sub_samples, turns};
-use crate::order_errors::{OrderErrors, place};
+use crate::numerics::buffers::zeros;
+use crate::numerics::chebyshev::{ChebyshevBasis, polynomials};
 use crate::propagation::passes::sample_transfers;
-use crate::{Detector, OpticalSetup};
 use num_complex::{Complex, Complex64};
 
 /// Highest total degree of the errors beyond the band: a shift, a defocus, and light that is lost there.

@@ -1,10 +1,11 @@
 //! Pairs of a hologram and its photograph.
 
-use crate::buffers::zeros;
-use crate::convolution::Real;
+use crate::engine::Real;
+use crate::engine::photometry::{Comparison, Quantity, Sums};
 use crate::engine::{Engine, EngineCore, Fields};
-use crate::photometry::{Comparison, Quantity, Sums};
-use crate::{Error, Plane, RegionOfInterest};
+use crate::error::Error;
+use crate::numerics::buffers::zeros;
+use crate::numerics::{Plane, RegionOfInterest};
 
 /// Values of a photograph from which on a pixel counts as saturated: the camera's highest level 255, less a quarter
 /// level.
@@ -174,8 +175,10 @@ fn is_saturated(value: f32) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::display::{DisplayModel, OpticalSetup};
+    use crate::engine::Detector;
     use crate::hologram::initial_phase;
-    use crate::{Detector, DisplayModel, Grid, OpticalSetup};
+    use crate::numerics::Grid;
 
     fn engine() -> Engine {
         let setup = OpticalSetup::try_new(Grid::try_new(40, 56, 8e-6).unwrap(), 515e-9, 2e-3).unwrap();

@@ -23,8 +23,10 @@ use super::pair::Example;
 use super::schedule::{one_cycle, shuffled};
 use super::screening::Predictor;
 use super::{Block, Blocks, LearnOptions, LearnStage, LearnStep, LearningPairs, PairSource, pair::BoxError};
-use crate::optimizer::adam::AdamStep;
-use crate::{DisplayModel, Dust, Error, KernelShape, OpticalSetup, RegionOfInterest};
+use crate::display::{DisplayModel, Dust, KernelShape, OpticalSetup};
+use crate::error::Error;
+use crate::numerics::RegionOfInterest;
+use crate::numerics::optimizer::adam::AdamStep;
 
 mod coarse_to_fine;
 mod dust_stage;
@@ -400,7 +402,7 @@ fn kernel_orders(options: &LearnOptions) -> Vec<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Grid;
+    use crate::numerics::Grid;
 
     #[test]
     fn few_pairs_are_used_only_of_large_photographs() {

@@ -1,8 +1,9 @@
 //! Parts of a learned display, and what the model loses without each of them.
 
-use crate::{
-    Crosstalk, DisplayModel, Dust, Ghost, KernelShape, LightBlur, ResponseVariation, SmoothField, SpatialVariation,
+use crate::display::{
+    Crosstalk, DisplayModel, Dust, Ghost, KernelShape, LightBlur, ResponseVariation, SpatialVariation,
 };
+use crate::numerics::SmoothField;
 use num_complex::Complex64;
 use serde::{Deserialize, Serialize};
 
@@ -107,7 +108,8 @@ pub fn without_each_part(model: &DisplayModel) -> Vec<(ModelPart, DisplayModel)>
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{FurtherMode, Grid, OpticalSetup, PartialCoherence, Plane};
+    use crate::display::{FurtherMode, OpticalSetup, PartialCoherence};
+    use crate::numerics::{Grid, Plane};
 
     #[test]
     fn each_part_that_a_model_has_is_left_out_alone() {

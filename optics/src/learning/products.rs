@@ -1,6 +1,6 @@
 //! Products of the derivatives of a row's light, from which a curvature is summed.
 
-use crate::convolution::Real;
+use crate::engine::Real;
 use pulp::{Simd, WithSimd};
 
 /// All products of the derivatives along a row: of each with itself and the later ones, and of each with the error.

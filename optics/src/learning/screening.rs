@@ -4,7 +4,7 @@
 //! is far below that of the other pairs, which are predicted about equally well. Every pixel is compared, with the best
 //! model available. This is the last check of the pairs, after any checks made when they were collected.
 
-use crate::Error;
+use crate::error::Error;
 
 /// Fewest pairs among which an outlier can be recognized; fewer pairs are all kept.
 const PAIRS_MIN: usize = 4;

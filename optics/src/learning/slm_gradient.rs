@@ -4,9 +4,9 @@ use super::columns::project;
 use super::fit::{Fit, variation_degrees};
 use super::layout::{FINE_SOURCE_ORDER, HARMONICS, RESPONSE_VARIATION_ORDER};
 use super::pair::Example;
-use crate::chebyshev::{polynomials, position};
-use crate::convolution::Real;
-use crate::slm::{BLOCK, BlockResponse, ShownRow, Slm};
+use crate::engine::Real;
+use crate::engine::slm::{BLOCK, BlockResponse, ShownRow, Slm};
+use crate::numerics::chebyshev::{polynomials, position};
 use num_complex::{Complex, Complex64};
 use pulp::Arch;
 

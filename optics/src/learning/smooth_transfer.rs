@@ -1,10 +1,11 @@
 //! Evaluation of H = H_ideal · exp(α + iψ) for changing α and ψ, and the gradient of a loss with respect to them.
 
-use crate::chebyshev::{ChebyshevBasis, polynomials};
-use crate::convolution::Real;
-use crate::convolution::{Transfer, frequencies};
-use crate::real::unit;
-use crate::{OpticalSetup, SmoothField};
+use crate::display::OpticalSetup;
+use crate::engine::Real;
+use crate::engine::convolution::{Transfer, frequencies};
+use crate::numerics::SmoothField;
+use crate::numerics::chebyshev::{ChebyshevBasis, polynomials};
+use crate::numerics::real::unit;
 use num_complex::{Complex, Complex64};
 use pulp::{Arch, Simd, WithSimd};
 

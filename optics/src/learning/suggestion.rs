@@ -15,10 +15,12 @@ use super::layout::Layout;
 use super::pair::{Example, Pair};
 use super::parametric::CURVATURE_PX;
 use super::uncertainty::layout_of;
-use crate::carrier::Carrier;
-use crate::cholesky::Cholesky;
-use crate::optimizer::damped::FLOOR;
-use crate::{Detector, DisplayModel, Error, Plane, RegionOfInterest};
+use crate::display::{Carrier, DisplayModel};
+use crate::engine::Detector;
+use crate::error::Error;
+use crate::numerics::cholesky::Cholesky;
+use crate::numerics::optimizer::damped::FLOOR;
+use crate::numerics::{Plane, RegionOfInterest};
 use std::ops::Range;
 
 /// Value of the brightest pixel of a photograph, as it is usually exposed.

@@ -2,14 +2,17 @@
 
 use super::sampling::{ExactSize, RESPONSE_STAGES, quadrant, sampling_bytes, sampling_work};
 use super::{COMPLEX, COMPLEX_F64, REAL};
-use crate::convolution::{padded_columns, rows::ROWS, tile_columns};
+use crate::display::parts::spatial_variation::local_kernels;
+use crate::display::{DisplayModel, KernelShape, OpticalSetup, Orders};
+use crate::engine::Detector;
+use crate::engine::convolution::rows::ROWS;
+use crate::engine::convolution::{padded_columns, tile_columns};
 use crate::engine::{order_products, sub_samples};
 use crate::hologram::OTHER_ORDERS_PIXELS_MAX;
 use crate::propagation::passes::has_sample_transfers;
+use crate::propagation_method::ConvolutionMethod;
 use crate::second_opinion::OpinionSize;
 use crate::simulated_display::{AxisSize, POSITIONS, SimulatedBench, all_orders_sizes};
-use crate::spatial_variation::local_kernels;
-use crate::{ConvolutionMethod, Detector, DisplayModel, KernelShape, OpticalSetup, Orders};
 
 /// Memory of a simulated bench while it exists, for each pixel of its display \[bytes\]: source, speckle, and tables of
 /// free space.

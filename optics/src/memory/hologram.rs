@@ -1,9 +1,9 @@
 //! Memory and work of the optimization of a hologram.
 
 use super::{COMPLEX, EngineSize, REAL};
-use crate::Detector;
+use crate::engine::Detector;
 use crate::hologram::{HologramMethod, SAMPLES_BYTES_MAX};
-use crate::optimizer::limited_memory::HISTORY;
+use crate::numerics::optimizer::limited_memory::HISTORY;
 
 /// Size of the optimization of a hologram for one wavelength.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -2,15 +2,16 @@
 
 use super::engine::{FOLD_STAGES, ORDER_STAGES};
 use super::{COMPLEX, COMPLEX_F64, EngineSize, REAL};
-use crate::chebyshev::ChebyshevBasis;
-use crate::convolution::tile_columns;
+use crate::display::SpatialVariation;
+use crate::display::parts::light_blur;
+use crate::engine::convolution::tile_columns;
 use crate::learning::sizes::{
     BEYOND_ORDER, CURVATURE_PX, FINE_SOURCE_ORDER, FURTHER_MODES, HARMONICS, MODE_ORDER, RESPONSE_VARIATION_ORDER,
     SOURCE_ORDER, VARIATION_ORDER,
 };
 use crate::learning::{Blocks, KernelModel};
-use crate::optimizer::limited_memory::HISTORY;
-use crate::{SpatialVariation, light_blur};
+use crate::numerics::chebyshev::ChebyshevBasis;
+use crate::numerics::optimizer::limited_memory::HISTORY;
 
 /// Size of a fit of a display model to photographs.
 #[derive(Clone, Copy, Debug, PartialEq)]

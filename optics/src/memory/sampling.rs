@@ -1,9 +1,11 @@
 //! Memory and work of sampling a transfer function.
 
 use super::{COMPLEX, COMPLEX_F64};
+use crate::display::OpticalSetup;
+use crate::engine::Detector;
 use crate::engine::{reported_nodes, sub_samples};
 use crate::propagation::passes::{band_samples, frequencies, is_even, peak_values};
-use crate::{ConvolutionMethod, Detector, OpticalSetup};
+use crate::propagation_method::ConvolutionMethod;
 
 /// Time of sampling the response of a pixel at one lag and of the transforms of four sub-samples, in radix-2 stages of
 /// a value.

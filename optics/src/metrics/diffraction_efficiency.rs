@@ -10,7 +10,7 @@
 //! a learned transmission has an unknown factor. It is in both sums, and η stays a part of the light. The rest falls
 //! elsewhere in the image plane. Over the full frame, the same ratio is the part of the light that falls on the image.
 
-use crate::{Plane, RegionOfInterest};
+use crate::numerics::{Plane, RegionOfInterest};
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -55,7 +55,7 @@ fn sum(light: &Plane<f32>, columns: impl Fn(usize) -> Range<usize> + Sync) -> f6
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Grid;
+    use crate::numerics::Grid;
 
     #[test]
     fn only_light_inside_region_counts() {

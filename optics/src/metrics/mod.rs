@@ -36,7 +36,7 @@ pub(crate) use pair::ImagePair;
 /// Test images that a few lines of any language can reproduce, with values that are exact in f32.
 #[cfg(test)]
 mod test_images {
-    use crate::Plane;
+    use crate::numerics::Plane;
 
     /// The mean of four triangle waves with periods of 64, 128, 256 and 32 px.
     pub(super) fn card(height_px: usize, width_px: usize) -> Plane<f32> {

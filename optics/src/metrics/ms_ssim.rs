@@ -14,8 +14,9 @@
 
 use super::ssim::{SSIM_SIDE_MIN, Similarity, similarity};
 use super::{Gain, ImagePair};
+use crate::error::{Error, Result};
 use crate::interrupt;
-use crate::{Error, Plane, RegionOfInterest, Result};
+use crate::numerics::{Plane, RegionOfInterest};
 use rayon::prelude::*;
 
 const WEIGHTS: [f64; 5] = [0.0448, 0.2856, 0.3001, 0.2363, 0.1333];
@@ -97,9 +98,9 @@ fn mean_of_squares(upper: &[f64], lower: &[f64], out: &mut [f32]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Grid;
     use crate::metrics::ssim;
     use crate::metrics::test_images::{card, noisy_card};
+    use crate::numerics::Grid;
 
     fn whole(plane: &Plane<f32>) -> RegionOfInterest {
         RegionOfInterest::full(&Grid::try_new(plane.height_px(), plane.width_px(), 8e-6).unwrap())

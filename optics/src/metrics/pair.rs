@@ -1,8 +1,9 @@
 //! A reconstruction together with its target.
 
 use super::Gain;
+use crate::error::{Error, Result};
 use crate::interrupt;
-use crate::{Error, Plane, RegionOfInterest, Result};
+use crate::numerics::{Plane, RegionOfInterest};
 use rayon::prelude::*;
 use std::ops::Range;
 

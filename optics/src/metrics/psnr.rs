@@ -8,7 +8,8 @@
 //! interest. s is the gain with the smallest MSE, because the brightness of a display is a matter of exposure.
 
 use super::ImagePair;
-use crate::{Plane, RegionOfInterest, Result};
+use crate::error::Result;
+use crate::numerics::{Plane, RegionOfInterest};
 use serde::{Deserialize, Serialize};
 
 /// Gain that a reconstruction is multiplied by before the comparison.
@@ -73,7 +74,8 @@ pub fn fitted_intensity_scale(reconstruction: &Plane<f32>, target: &Plane<f32>, 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Error, Grid};
+    use crate::error::Error;
+    use crate::numerics::Grid;
 
     fn ramp() -> Plane<f32> {
         Plane::from_fn(10, 20, |y, x| (y * 20 + x) as f32 / 200.0)

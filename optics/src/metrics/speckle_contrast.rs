@@ -13,8 +13,9 @@
 //! change it.
 
 use super::{Gain, ImagePair};
+use crate::error::Result;
 use crate::interrupt;
-use crate::{Plane, RegionOfInterest, Result};
+use crate::numerics::{Plane, RegionOfInterest};
 use rayon::prelude::*;
 
 /// Fewest flat pixels for a contrast. The relative uncertainty from n independent samples is about 1/√2n, here 7 %.
@@ -100,7 +101,7 @@ fn flat_pixels(target: &Plane<f32>, roi: RegionOfInterest) -> Vec<bool> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Grid;
+    use crate::numerics::Grid;
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 

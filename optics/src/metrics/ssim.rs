@@ -14,8 +14,9 @@
 //! the sum of the two variances is needed, so four filtered images are enough.
 
 use super::{Gain, ImagePair};
+use crate::error::{Error, Result};
 use crate::interrupt;
-use crate::{Error, Plane, RegionOfInterest, Result};
+use crate::numerics::{Plane, RegionOfInterest};
 use pulp::Arch;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -179,8 +180,8 @@ fn sum_of_windows(moments: &[Vec<f64>; 4]) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Grid;
     use crate::metrics::test_images::{card, noisy_card};
+    use crate::numerics::Grid;
 
     fn whole(plane: &Plane<f32>) -> RegionOfInterest {
         RegionOfInterest::full(&Grid::try_new(plane.height_px(), plane.width_px(), 8e-6).unwrap())

@@ -12,8 +12,8 @@
 //! lower it. Frequencies below 0.02 do not count: uneven light, not resolution, decides there.
 
 use crate::interrupt;
-use crate::reference::{Direction, fft2};
-use crate::{Plane, RegionOfInterest};
+use crate::numerics::fourier::{Direction, fft2};
+use crate::numerics::{Plane, RegionOfInterest};
 use num_complex::Complex64;
 use std::f64::consts::PI;
 
@@ -105,7 +105,7 @@ fn windowed(plane: &Plane<f32>, region: RegionOfInterest) -> Plane<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Grid;
+    use crate::numerics::Grid;
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 

@@ -7,13 +7,13 @@
 //! λ wavelength \[m\], z distance \[m\], N padded pixels along an axis. The method uses as many frequencies as the
 //! padded spectrum has, but spreads them over another band: the widest band in which the phase of the transfer function
 //! changes by at most half a cycle from sample to sample. Beyond the critical distance z_c this band is wider than the
-//! [band limit](crate::transfer_function::band_limit) by the factor √(z/z_c). Up to z_c it is the pixels' whole band. A
+//! [band limit](crate::propagation::transfer_function::band_limit) by the factor √(z/z_c). Up to z_c it is the pixels' whole band. A
 //! [chirp-z transform](super::chirp_z) computes the spectrum at these frequencies exactly.
 //! Source: W. Zhang, H. Zhang and G. Jin, Optics Letters 45, 1543 (2020); they use the paraxial form and a non-uniform
 //! Fourier transform.
 
 use super::frequency_window::FrequencyAxis;
-use crate::OpticalSetup;
+use crate::display::OpticalSetup;
 
 /// The frequencies of the band-extended method along x and y.
 pub(crate) fn band_extended_axes(setup: &OpticalSetup) -> [FrequencyAxis; 2] {
@@ -38,7 +38,7 @@ fn extended_limit(samples: f64, wavelength_m: f64, distance_m: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Grid;
+    use crate::numerics::Grid;
 
     #[test]
     fn phase_changes_by_half_cycle_at_extended_limit() {

@@ -26,10 +26,10 @@
 use super::chirp_z::fast_length;
 use super::even::{EvenSequences, even_transform};
 use super::scaled::spread_m;
-use crate::OpticalSetup;
+use super::transfer_function::angular_spectrum;
+use crate::display::OpticalSetup;
 use crate::interrupt;
-use crate::real::Number;
-use crate::transfer_function::angular_spectrum;
+use crate::numerics::real::Number;
 use num_complex::Complex64;
 use pulp::Arch;
 use rayon::prelude::*;

@@ -18,11 +18,12 @@
 //! not quite those of the optics.
 
 use super::band_response::{BandEnds, bins};
-use crate::buffers::zeros;
-use crate::ghost::TransferErrors;
+use super::transfer_function::angular_spectrum;
+use crate::display::OpticalSetup;
+use crate::display::parts::ghost::TransferErrors;
 use crate::interrupt;
-use crate::transfer_function::angular_spectrum;
-use crate::{ConvolutionMethod, OpticalSetup};
+use crate::numerics::buffers::zeros;
+use crate::propagation_method::ConvolutionMethod;
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 use rustfft::{Fft, FftPlanner};

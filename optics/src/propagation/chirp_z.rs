@@ -12,8 +12,8 @@
 //! Sources: L. Bluestein, IEEE Trans. Audio Electroacoust. 18, 451 (1970); L. Rabiner, R. Schafer and C. Rader, ibid.
 //! 17, 86 (1969).
 
-use crate::real::Number;
-use crate::transfer_function::phasor;
+use super::transfer_function::phasor;
+use crate::numerics::real::Number;
 use num_complex::{Complex, Complex64};
 use rustfft::{Fft, FftPlanner};
 use std::{fmt, sync::Arc};

@@ -1,7 +1,7 @@
 //! Fourier transforms of even sequences, and the transfer function of an even impulse response.
 
-use crate::buffers::zeros;
 use crate::interrupt;
+use crate::numerics::buffers::zeros;
 use num_complex::Complex64;
 use rayon::prelude::*;
 use rustfft::FftPlanner;
@@ -123,8 +123,9 @@ mod tests {
     use super::super::band_response::band_response;
     use super::super::impulse_response::sampled_response;
     use super::*;
-    use crate::grid::frequency;
-    use crate::{Grid, OpticalSetup};
+    use crate::display::OpticalSetup;
+    use crate::numerics::Grid;
+    use crate::numerics::grid::frequency;
 
     #[test]
     fn fast_spectrum_matches_definition() {

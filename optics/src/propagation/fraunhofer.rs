@@ -12,10 +12,11 @@
 
 use super::ImageWindow;
 use super::rows::{transform_rows, transposed};
-use crate::image_window::from_middle;
-use crate::real::Number;
-use crate::transfer_function::phasor;
-use crate::{OpticalSetup, Plane};
+use super::transfer_function::phasor;
+use crate::display::OpticalSetup;
+use crate::display::image_window::from_middle;
+use crate::numerics::Plane;
+use crate::numerics::real::Number;
 use num_complex::{Complex, Complex64};
 use rustfft::{Fft, FftPlanner};
 use std::{fmt, sync::Arc};

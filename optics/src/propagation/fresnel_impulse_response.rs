@@ -10,7 +10,7 @@
 //! For z ≥ z_c this is at most half a cycle, which avoids aliasing. Source: D. Voelz and M. Roggemann, Applied Optics
 //! 48, 6132 (2009).
 
-use crate::transfer_function::phasor;
+use super::transfer_function::phasor;
 use num_complex::Complex64;
 use rustfft::FftPlanner;
 use std::f64::consts::{FRAC_PI_4, TAU};
@@ -73,7 +73,7 @@ pub(crate) fn fresnel_impulse_spectrum(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::grid::frequency;
+    use crate::numerics::grid::frequency;
 
     #[test]
     fn fast_spectrum_matches_definition() {

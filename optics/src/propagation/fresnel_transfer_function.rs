@@ -5,18 +5,18 @@
 //! ```
 //!
 //! λ wavelength \[m\], z distance \[m\], fx, fy spatial frequency \[1/m\]; the piston e^{ikz} is left out. The phase of
-//! H is the first term of the phase of the [angular spectrum](crate::transfer_function) in powers of λ²f². The largest
+//! H is the first term of the phase of the [angular spectrum](crate::propagation::transfer_function) in powers of λ²f². The largest
 //! neglected term is 2πz·λ³f⁴/8. The samples of H alias beyond z_c, as those of the angular spectrum do.
 //! Source: J. Goodman, Introduction to Fourier Optics, section 4.2.
 
-use crate::transfer_function::phasor;
+use super::transfer_function::phasor;
 use num_complex::Complex64;
 
 /// The paraxial transfer function of free space, without the piston. fx, fy in 1/m, wavelength and distance in m.
 ///
 /// ```
 /// use lightpath_optics::propagation::fresnel_transfer_function;
-/// use lightpath_optics::transfer_function::angular_spectrum;
+/// use lightpath_optics::propagation::transfer_function::angular_spectrum;
 /// let paraxial = fresnel_transfer_function(2e4, 0.0, 515e-9, 0.1);
 /// assert!((paraxial - angular_spectrum(2e4, 0.0, 515e-9, 0.1)).norm() < 2e-3);
 /// ```
@@ -35,7 +35,7 @@ pub(super) fn neglected_phase_rad(f: f64, wavelength_m: f64, distance_m: f64) ->
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::transfer_function::angular_spectrum;
+    use crate::propagation::transfer_function::angular_spectrum;
 
     #[test]
     fn error_against_angular_spectrum_is_neglected_phase() {

@@ -13,8 +13,8 @@
 //! therefore complete beyond z_c and limited nearer; the band-limited transfer function is complete up to z_c and
 //! limited beyond.
 
-use crate::OpticalSetup;
-use crate::transfer_function::phasor;
+use super::transfer_function::phasor;
+use crate::display::OpticalSetup;
 use num_complex::Complex64;
 use std::f64::consts::{FRAC_PI_2, TAU};
 
@@ -71,7 +71,7 @@ pub(super) fn sampled_response(setup: &OpticalSetup) -> impl Fn(usize, usize) ->
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Grid;
+    use crate::numerics::Grid;
 
     #[test]
     fn steep_ends_fade_below_critical_distance() {

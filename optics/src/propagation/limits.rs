@@ -8,7 +8,8 @@ use super::scaled::{scaled_axes, spread_m};
 use super::scaled_fresnel::farthest_m;
 use super::{ConvolutionMethod, ImageWindow, PropagationMethod, RefusalCode};
 use super::{band_response, pixel_response};
-use crate::{Error, OpticalSetup, Orders, Result};
+use crate::display::{OpticalSetup, Orders};
+use crate::error::{Error, Result};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Fewest resolved points along a side of a window. With fewer, the window shows only a part of one speckle.

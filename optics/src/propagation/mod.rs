@@ -51,8 +51,9 @@ mod scaled;
 mod scaled_fresnel;
 mod shifted;
 mod transfer;
+pub mod transfer_function;
 
-pub use crate::image_window::ImageWindow;
+pub use crate::display::ImageWindow;
 pub use crate::propagation_method::{ConvolutionMethod, PropagationMethod, RefusalCode};
 pub use fraunhofer::fraunhofer_window;
 pub use fresnel_impulse_response::fresnel_impulse_response;

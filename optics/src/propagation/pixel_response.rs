@@ -27,8 +27,8 @@
 //! j_k are the spherical Bessel functions. Unfiltered displays are described by M. Gopakumar et al., Optics Letters 46,
 //! 5822 (2021).
 
-use crate::OpticalSetup;
-use crate::transfer_function::phasor;
+use super::transfer_function::phasor;
+use crate::display::OpticalSetup;
 use num_complex::Complex64;
 use std::f64::consts::{FRAC_1_PI, PI, TAU};
 
@@ -219,7 +219,8 @@ fn spherical_bessel(x: f64, count: usize) -> [f64; NODES_MAX] {
 mod tests {
     use super::super::impulse_response;
     use super::*;
-    use crate::{Grid, Orders};
+    use crate::display::Orders;
+    use crate::numerics::Grid;
 
     /// Midpoint sums over 400×400 points of a pixel.
     fn summed(setup: &OpticalSetup, x_m: f64, y_m: f64) -> Complex64 {

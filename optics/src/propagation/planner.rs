@@ -37,7 +37,8 @@ use super::band_response;
 use super::quantity::{digits, length};
 use super::report::{ValidityReport, neglected_phase_rad};
 use super::{ConvolutionMethod, ImageWindow, PropagationMethod, limits};
-use crate::{OpticalSetup, Orders, Result};
+use crate::display::{OpticalSetup, Orders};
+use crate::error::Result;
 
 /// Smallest distance at which the impulse response is better than the band limit, as a part of the geometric mean of
 /// the two critical distances.

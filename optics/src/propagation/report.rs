@@ -5,7 +5,7 @@ use super::scaled::spread_m;
 use super::scaled_fresnel::farthest_m;
 use super::shifted::{frequency_landing_at, landing_m};
 use super::{ImageWindow, PropagationMethod, fraunhofer, fresnel_transfer_function};
-use crate::{DisplayModel, KernelShape, OpticalSetup};
+use crate::display::{DisplayModel, KernelShape, OpticalSetup};
 use serde::{Deserialize, Serialize};
 use std::fmt;
 

@@ -1,7 +1,7 @@
 //! Parallel transforms of all rows of a plane, and transposition.
 
-use crate::buffers::zeros;
-use crate::real::Number;
+use crate::numerics::buffers::zeros;
+use crate::numerics::real::Number;
 use num_complex::Complex;
 use rayon::prelude::*;
 

@@ -13,11 +13,13 @@
 use super::band_response::bins;
 use super::band_samples::{BandSamples, is_even};
 use super::pixel_response::PixelResponse;
-use crate::buffers::zeros;
-use crate::convolution::{Real, Transfer, split_bin};
-use crate::ghost::TransferErrors;
+use crate::display::OpticalSetup;
+use crate::display::parts::ghost::TransferErrors;
+use crate::engine::Real;
+use crate::engine::convolution::{Transfer, split_bin};
 use crate::interrupt;
-use crate::{ConvolutionMethod, OpticalSetup};
+use crate::numerics::buffers::zeros;
+use crate::propagation_method::ConvolutionMethod;
 use num_complex::{Complex, Complex32, Complex64};
 use rayon::prelude::*;
 use rustfft::FftPlanner;

@@ -17,7 +17,7 @@
 use super::ImageWindow;
 use super::frequency_window::FrequencyAxis;
 use super::shifted::frequency_landing_at;
-use crate::OpticalSetup;
+use crate::display::OpticalSetup;
 
 /// The frequencies of the scaled method along x and y.
 pub(crate) fn scaled_axes(setup: &OpticalSetup, window: &ImageWindow) -> [FrequencyAxis; 2] {

@@ -14,10 +14,11 @@
 use super::ImageWindow;
 use super::chirp_z::{ChirpZ, Sign, Span};
 use super::rows::{transform_rows, transposed};
-use crate::image_window::from_middle;
-use crate::real::Number;
-use crate::transfer_function::phasor;
-use crate::{OpticalSetup, Plane};
+use super::transfer_function::phasor;
+use crate::display::OpticalSetup;
+use crate::display::image_window::from_middle;
+use crate::numerics::Plane;
+use crate::numerics::real::Number;
 use num_complex::{Complex, Complex64};
 use rustfft::FftPlanner;
 

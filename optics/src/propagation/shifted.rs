@@ -9,9 +9,9 @@
 //! N_yΔ the padded sides \[m\]. Within the limits, the phase of H changes by at most half a cycle from bin to bin.
 //! z·fx/w is the position where light of frequency fx lands. Solved for fx, the limits are the one-sided limits of K.
 //! Matsushima, Optics Express 18, 18453 (2010). At x₀ = y₀ = 0 they are the [band
-//! limit](crate::transfer_function::band_limit).
+//! limit](crate::propagation::transfer_function::band_limit).
 
-use crate::transfer_function::{angular_spectrum, phasor};
+use super::transfer_function::{angular_spectrum, phasor};
 use num_complex::Complex64;
 
 /// The transfer function H to a window around (`centre_x_m`, `centre_y_m`) \[m\], without the limits of the band.
@@ -44,7 +44,8 @@ pub(super) fn frequency_landing_at(reach_m: f64, wavelength_m: f64, distance_m: 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Grid, OpticalSetup};
+    use crate::display::OpticalSetup;
+    use crate::numerics::Grid;
 
     #[test]
     fn limits_match_published_limits() {

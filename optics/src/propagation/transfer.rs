@@ -8,9 +8,10 @@ use super::pixel_response::PixelResponse;
 use super::planner::plan_convolution;
 use super::sample_transfers::transfer_by_column;
 use super::shifted::{landing_m, shifted_angular_spectrum};
+use super::transfer_function::{angular_spectrum, band_limit};
 use super::{ConvolutionMethod, ValidityReport, fresnel_transfer_function, limits};
-use crate::transfer_function::{angular_spectrum, band_limit};
-use crate::{OpticalSetup, Result};
+use crate::display::OpticalSetup;
+use crate::error::Result;
 use num_complex::{Complex32, Complex64};
 
 /// Choice of the method, and the transfer function of the chosen method.

@@ -11,9 +11,11 @@
 //! leaves the window cannot come back. Source: M. Abramowitz and I. Stegun, Handbook of Mathematical Functions, section
 //! 25.4.29.
 
+use crate::display::OpticalSetup;
+use crate::error::Result;
+use crate::numerics::Plane;
 use crate::propagation::ImageWindow;
-use crate::transfer_function::angular_spectrum;
-use crate::{OpticalSetup, Plane, Result};
+use crate::propagation::transfer_function::angular_spectrum;
 use num_complex::Complex64;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};

@@ -9,20 +9,16 @@
 //! - [`first_order_onto`]: diffraction of a display that shows the first order of its pixels, as a direct integral.
 //! - [`gaussian_beam`], [`square_aperture`]: fields with a closed form.
 //!
-//! The module also has [`EngineCore`] and [`PropagatorCore`], the fast engine and propagator in either precision. In
-//! f64 they show which part of an error is rounding.
+//! [`EngineCore`](crate::engine::EngineCore) and [`PropagatorCore`](crate::engine::PropagatorCore) are the fast engine and
+//! propagator in either precision. In f64 they show which part of an error is rounding.
 
 mod closed_forms;
 mod first_order;
-mod fourier;
 mod propagation;
 mod rayleigh_sommerfeld;
 
-pub use crate::convolution::Real;
-pub use crate::engine::EngineCore;
-pub use crate::propagator::PropagatorCore;
+pub use crate::numerics::fourier::{Direction, dft2, fft2};
 pub use closed_forms::{fresnel_integral, gaussian_beam, square_aperture};
 pub use first_order::first_order_onto;
-pub use fourier::{Direction, dft2, fft2};
 pub use propagation::{filter, offset, propagate, propagate_uncropped};
 pub use rayleigh_sommerfeld::{rayleigh_sommerfeld, rayleigh_sommerfeld_onto};

@@ -7,11 +7,11 @@
 //! The field lies in the upper left corner of a plane with twice its sides, which is zero elsewhere. This padding keeps
 //! light that leaves on one side from coming back on the other.
 
-use super::fourier::{Direction, fft2};
-use crate::Plane;
-use crate::grid::frequency;
 use crate::interrupt;
-use crate::transfer_function::phasor;
+use crate::numerics::Plane;
+use crate::numerics::fourier::{Direction, fft2};
+use crate::numerics::grid::frequency;
+use crate::propagation::transfer_function::phasor;
 use num_complex::Complex64;
 use rayon::prelude::*;
 

@@ -11,8 +11,10 @@
 //! [`OpticalSetup::critical_distance_x_m`]). To judge nearer images sample the field more finely: for a given size of
 //! the display z_c is proportional to Δ. Source: J. Goodman, Introduction to Fourier Optics, section 3.5.
 
+use crate::display::OpticalSetup;
+use crate::error::Result;
+use crate::numerics::Plane;
 use crate::propagation::{ImageWindow, impulse_response};
-use crate::{OpticalSetup, Plane, Result};
 use num_complex::Complex64;
 use rayon::prelude::*;
 

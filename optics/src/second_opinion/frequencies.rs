@@ -24,8 +24,8 @@
 //! so that the end has no effect in the image. Their sum is periodic and smooth: equally spaced nodes, one per cycle,
 //! are exact.
 
+use crate::display::{OpticalSetup, Orders};
 use crate::propagation::passes::gauss_legendre;
-use crate::{OpticalSetup, Orders};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Panels along an axis.

@@ -19,11 +19,13 @@
 //!
 //! H₀ is free space, N the sides of the display \[px\].
 
-use crate::buffers::zeros;
-use crate::chebyshev::position;
-use crate::grid::frequency;
-use crate::spatial_variation::local_kernels;
-use crate::{DisplayModel, KernelShape, Plane, SmoothField, interrupt};
+use crate::display::parts::spatial_variation::local_kernels;
+use crate::display::{DisplayModel, KernelShape};
+use crate::interrupt;
+use crate::numerics::buffers::zeros;
+use crate::numerics::chebyshev::position;
+use crate::numerics::grid::frequency;
+use crate::numerics::{Plane, SmoothField};
 use num_complex::Complex64;
 use rayon::prelude::*;
 use rustfft::FftPlanner;

@@ -8,9 +8,12 @@ mod frequencies;
 mod kernels;
 mod model;
 
+use crate::display::{Carrier, DisplayModel, KernelShape, OpticalSetup, Orders};
+use crate::engine::Detector;
+use crate::error::Result;
 use crate::hologram::ShownLight;
+use crate::numerics::{Plane, RegionOfInterest};
 use crate::propagation::passes::gauss_legendre;
-use crate::{Carrier, Detector, DisplayModel, KernelShape, OpticalSetup, Orders, Plane, RegionOfInterest, Result};
 use frequencies::{Frequencies, PANELS};
 use model::Places;
 use serde::{Deserialize, Serialize};

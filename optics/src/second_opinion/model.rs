@@ -20,10 +20,12 @@
 
 use super::frequencies::{Axis, Frequencies, PANELS, frequency};
 use super::kernels::{Parts, Residual};
-use crate::buffers::zeros;
-use crate::chebyshev::position;
+use crate::display::{Carrier, DisplayModel, KernelShape, OpticalSetup};
 use crate::engine::SeriesAlongY;
-use crate::{Carrier, DisplayModel, KernelShape, OpticalSetup, Plane, RegionOfInterest, SmoothField, interrupt};
+use crate::interrupt;
+use crate::numerics::buffers::zeros;
+use crate::numerics::chebyshev::position;
+use crate::numerics::{Plane, RegionOfInterest, SmoothField};
 use num_complex::Complex64;
 use rayon::prelude::*;
 use rustfft::{Fft, FftPlanner};

@@ -1,13 +1,17 @@
 use super::*;
+use crate::display::{
+    Crosstalk, Dust, FilterShape, FurtherMode, Ghost, LightBlur, OpticalSetup, OrderFilter, PartialCoherence,
+    ResponseVariation, SpatialVariation,
+};
+use crate::engine::Engine;
+use crate::error::Error;
 use crate::hologram::{HologramMethod, HologramOptions, initial_phase};
+use crate::hologram::{HologramProblem, Optimization};
+use crate::numerics::{Grid, SmoothField};
 use crate::propagation::{ImageWindow, WarningCode};
+use crate::propagation_method::ConvolutionMethod;
 use crate::reference::{first_order_onto, rayleigh_sommerfeld_onto};
 use crate::test_cards::TestCard;
-use crate::{
-    ConvolutionMethod, Crosstalk, Dust, Engine, FilterShape, FurtherMode, Ghost, Grid, HologramProblem, LightBlur,
-    OpticalSetup, Optimization, OrderFilter, PartialCoherence, ResponseVariation, SmoothField,
-};
-use crate::{Error, SpatialVariation};
 use num_complex::{Complex32, Complex64};
 
 fn setup(height_px: usize, width_px: usize, distance_m: f64) -> OpticalSetup {

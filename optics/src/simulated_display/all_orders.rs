@@ -26,10 +26,11 @@ use super::modes::Ghost;
 pub(super) use axis::along_rail_px;
 pub(crate) use axis::{AxisSize, sizes};
 
+use crate::display::OpticalSetup;
+use crate::display::parts::spatial_variation::local_kernels::nodes;
 use crate::interrupt;
-use crate::spatial_variation::local_kernels::nodes;
-use crate::transfer_function::angular_spectrum;
-use crate::{OpticalSetup, Plane};
+use crate::numerics::Plane;
+use crate::propagation::transfer_function::angular_spectrum;
 use axis::{Axis, band_index, frequency};
 use num_complex::Complex64;
 use rayon::prelude::*;
@@ -311,12 +312,14 @@ impl AllOrders {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::display::{DisplayModel, Orders};
+    use crate::engine::{Detector, EngineCore};
     use crate::hologram::initial_phase;
+    use crate::numerics::Grid;
     use crate::propagation::passes::gauss_legendre;
-    use crate::reference::{EngineCore, offset, propagate};
+    use crate::propagation::transfer_function::phasor;
+    use crate::reference::{offset, propagate};
     use crate::simulated_display::{SimulatedBench, SimulatedDisplay, modes};
-    use crate::transfer_function::phasor;
-    use crate::{Detector, DisplayModel, Grid, Orders};
     use std::f64::consts::PI;
 
     fn setup(size_px: [usize; 2], distance_m: f64, [fill_factor_x, fill_factor_y]: [f64; 2]) -> OpticalSetup {

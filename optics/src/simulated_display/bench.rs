@@ -1,7 +1,7 @@
 //! Properties of a simulated bench.
 
 use super::modes;
-use crate::{Error, Result};
+use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
 
 /// Properties of a simulated bench. A property that is left out has the value of [`Self::FAIR`].

@@ -15,8 +15,8 @@
 
 use super::SimulatedBench;
 use super::draws::{Draws, Stream};
-use crate::Plane;
 use crate::interrupt;
+use crate::numerics::Plane;
 use rayon::prelude::*;
 
 /// The camera of one bench, with drawn properties.

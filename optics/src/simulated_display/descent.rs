@@ -8,8 +8,9 @@
 //! the bench, so the photographs of these holograms are the yardstick for those of learned models.
 
 use super::SimulatedDisplay;
-use crate::optimizer::limited_memory::{LimitedMemory, Workspace};
-use crate::{Plane, RegionOfInterest, Result};
+use crate::error::Result;
+use crate::numerics::optimizer::limited_memory::{LimitedMemory, Workspace};
+use crate::numerics::{Plane, RegionOfInterest};
 
 impl SimulatedDisplay {
     /// Optimizes the displayed phase \[rad\] by L-BFGS with `evaluations` evaluations from the phase `start`, through
@@ -87,9 +88,10 @@ impl SimulatedDisplay {
 
 #[cfg(test)]
 mod tests {
+    use crate::display::{OpticalSetup, Orders};
     use crate::hologram::initial_phase;
+    use crate::numerics::{Grid, Plane, RegionOfInterest};
     use crate::simulated_display::{SimulatedBench, SimulatedDisplay};
-    use crate::{Grid, OpticalSetup, Orders, Plane, RegionOfInterest};
 
     fn all_flaws() -> SimulatedBench {
         SimulatedBench {

@@ -10,7 +10,7 @@
 
 use super::blur::blurred;
 use super::draws::{Draws, Stream};
-use crate::{Grid, Plane};
+use crate::numerics::{Grid, Plane};
 use num_complex::Complex64;
 
 /// Standard deviations of the blurs \[px\].

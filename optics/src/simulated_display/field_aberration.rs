@@ -13,11 +13,11 @@
 
 use super::draws::{Draws, Stream};
 use super::pixel_light;
-use crate::Plane;
-use crate::chebyshev::position;
-use crate::grid::frequency;
+use crate::display::parts::spatial_variation::local_kernels::{nodes, window};
 use crate::interrupt;
-use crate::spatial_variation::local_kernels::{nodes, window};
+use crate::numerics::Plane;
+use crate::numerics::chebyshev::position;
+use crate::numerics::grid::frequency;
 use num_complex::Complex64;
 use rayon::prelude::*;
 use rustfft::FftPlanner;

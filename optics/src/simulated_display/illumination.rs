@@ -8,7 +8,7 @@
 //! centre, with a slow ripple. Its brightest pixel is 1.
 
 use super::draws::{Draws, Stream};
-use crate::{Grid, Plane};
+use crate::numerics::{Grid, Plane};
 use std::f64::consts::TAU;
 
 /// Draws the amplitude of the light on each pixel of the modulator, at most 1.

@@ -38,10 +38,11 @@ mod surface;
 
 pub use bench::SimulatedBench;
 
-use crate::carrier::Carrier;
-use crate::phase_response::wrap;
+use crate::display::phase_response::wrap;
+use crate::display::{Carrier, OpticalSetup, Orders};
+use crate::error::Result;
+use crate::numerics::Plane;
 use crate::propagation::SampledTransfer;
-use crate::{OpticalSetup, Orders, Plane, Result};
 use aberration::Aberration;
 use all_orders::AllOrders;
 pub(crate) use all_orders::{AxisSize, sizes as all_orders_sizes};
@@ -264,8 +265,8 @@ impl std::fmt::Debug for SimulatedDisplay {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Grid;
-    use crate::chebyshev::position;
+    use crate::numerics::Grid;
+    use crate::numerics::chebyshev::position;
     use crate::reference::{offset, propagate};
 
     fn drawn(strength: f64) -> SimulatedDisplay {

@@ -8,9 +8,9 @@
 //! of u, so samples at the pixel pitch alone would miss detail between them. The offsets along y and x are separate
 //! phase factors, so four column transforms and sixteen row transforms are enough for sixteen images.
 
-use crate::Plane;
-use crate::grid::frequency;
 use crate::interrupt;
+use crate::numerics::Plane;
+use crate::numerics::grid::frequency;
 use num_complex::Complex64;
 use rayon::prelude::*;
 use rustfft::{Fft, FftPlanner};

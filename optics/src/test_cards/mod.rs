@@ -19,8 +19,9 @@ mod spheres;
 mod technical;
 mod vector;
 
+use crate::error::{Error, Result};
 use crate::interrupt;
-use crate::{Error, Plane, Result};
+use crate::numerics::Plane;
 use rayon::prelude::*;
 
 /// A kind of generated picture. Each seed gives another picture of the kind.

@@ -1,8 +1,9 @@
 //! The band response against the direct integral, at distances from contact to the far field.
 
 use crate::fields::{WAVELENGTH_M, noise, relative_l2};
+use lightpath_optics::engine::PropagatorCore;
 use lightpath_optics::propagation::PropagationMethod;
-use lightpath_optics::reference::{PropagatorCore, first_order_onto};
+use lightpath_optics::reference::first_order_onto;
 use lightpath_optics::{Grid, OpticalSetup};
 
 #[test]

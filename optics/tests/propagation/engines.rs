@@ -6,10 +6,11 @@ use crate::fields::{
     PITCH_M, WAVELENGTH_M, centroid_and_waists, cropped, energy, flat_top, half_band_spots, inner_product, noise,
     relative_l2, setup, sinc,
 };
+use lightpath_optics::engine::EngineCore;
+use lightpath_optics::propagation::transfer_function::angular_spectrum;
 use lightpath_optics::reference::{
-    EngineCore, filter, gaussian_beam, propagate, propagate_uncropped, rayleigh_sommerfeld, square_aperture,
+    filter, gaussian_beam, propagate, propagate_uncropped, rayleigh_sommerfeld, square_aperture,
 };
-use lightpath_optics::transfer_function::angular_spectrum;
 use lightpath_optics::{Detector, DisplayModel, KernelShape, OpticalSetup, Plane};
 use num_complex::{Complex32, Complex64};
 use std::f64::consts::TAU;

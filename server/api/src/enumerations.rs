@@ -6,8 +6,8 @@ use lightpath_domain::dataset::{AlignmentMethod, Encoding, FindingKind, Split};
 use lightpath_domain::job::{Fit, JobState};
 use lightpath_domain::rollout::RolloutState;
 use lightpath_media::kernel_formats::{KernelFormat, Loss};
+use lightpath_optics::engine::photometry::Quantity;
 use lightpath_optics::learning::ModelPart;
-use lightpath_optics::photometry::Quantity;
 use lightpath_optics::{Carrier, Detector, FilterShape, KernelModel, PropagationMethod};
 use lightpath_proto::v1;
 

@@ -2,7 +2,7 @@
 
 use crate::display::Display;
 use lightpath_optics::Result;
-use lightpath_optics::phase_response::PhaseResponse;
+use lightpath_optics::display::phase_response::PhaseResponse;
 
 /// The phase response: the phase of each grey level.
 ///

@@ -18,9 +18,9 @@ use lightpath_domain::kernel::{CapturedQuality, KernelKey, KernelLineage, Kernel
 use lightpath_domain::planning;
 use lightpath_domain::units::{Distance, Wavelength};
 use lightpath_optics::alignment::PointPair;
+use lightpath_optics::engine::photometry::Quantity;
 use lightpath_optics::hologram::{DetectorQuality, Loss, Quality};
 use lightpath_optics::learning::{BlockStrengths, ModelPart, PartCost, StrengthUncertainty};
-use lightpath_optics::photometry::Quantity;
 use lightpath_optics::second_opinion::SecondOpinion;
 use lightpath_optics::{
     Carrier, ConvolutionMethod, Detector, Grid, HologramMethod, InitialPhase, KernelModel, Orders, RegionOfInterest,

@@ -41,7 +41,7 @@
 //! | `dust` | i16, \[rows, columns, 2\] | A and B of each pixel's factor exp(10⁻⁴ (A + iB)) of the source (with dust) |
 //! | `photometry` | f64, \[4\] | gain, offset, zero order (real, imaginary) |
 //!
-//! Coefficients are in the order of `lightpath_optics::chebyshev::ChebyshevBasis::degrees`.
+//! Coefficients are in the order of `lightpath_optics::numerics::chebyshev::ChebyshevBasis::degrees`.
 
 mod header;
 mod parts;

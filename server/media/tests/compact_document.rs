@@ -5,7 +5,7 @@
 mod plain_decoder;
 
 use lightpath_media::kernel_formats::compact;
-use lightpath_optics::grid::frequency;
+use lightpath_optics::numerics::grid::frequency;
 use lightpath_optics::{ConvolutionMethod, DisplayModel, Grid, KernelModel, KernelShape, OpticalSetup, SmoothField};
 use num_complex::Complex64;
 use plain_decoder::read;

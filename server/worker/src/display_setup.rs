@@ -11,8 +11,8 @@ use lightpath_domain::units::{Distance, Wavelength};
 use lightpath_media::captures::CaptureError;
 use lightpath_media::kernel_file::KernelFileError;
 use lightpath_media::pictures::{self, PictureError};
+use lightpath_optics::display::phase_response::PhaseResponse;
 use lightpath_optics::learning::BoxError;
-use lightpath_optics::phase_response::PhaseResponse;
 use lightpath_optics::{
     Carrier, ConvolutionMethod, DisplayModel, OpticalSetup, Plane, RegionOfInterest, ValidityReport,
 };

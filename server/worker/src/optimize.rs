@@ -10,11 +10,11 @@ use lightpath_domain::job::{
 };
 use lightpath_media::pictures;
 use lightpath_metrics as metrics;
+use lightpath_optics::display::phase_response::wrap_f32;
+use lightpath_optics::engine::photometry::Quantity;
 use lightpath_optics::hologram::{
     DetectorQuality, HologramMethod, OptimizationState, Quality, ShownLight, light_of_frames, pixel_psnr_db,
 };
-use lightpath_optics::phase_response::wrap_f32;
-use lightpath_optics::photometry::Quantity;
 use lightpath_optics::second_opinion::{Effort, SecondOpinion};
 use lightpath_optics::{Optimization, Plane};
 use std::sync::LazyLock;

@@ -84,7 +84,7 @@ mod tests {
     use lightpath_optics::learning::bins::BinsState;
     use lightpath_optics::learning::parametric::{BestModel, LastScreening, ParametricState, Round, TrialStage};
     use lightpath_optics::learning::{Block, Blocks, LearnState};
-    use lightpath_optics::optimizer::damped::DampedState;
+    use lightpath_optics::numerics::optimizer::damped::DampedState;
     use lightpath_optics::{
         Detector, DisplayModel, Engine, Grid, HologramProblem, OpticalSetup, Optimization, Plane, RegionOfInterest,
     };

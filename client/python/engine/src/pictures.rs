@@ -7,7 +7,7 @@ use lightpath_domain::dataset::Encoding;
 use lightpath_domain::job::Fit;
 use lightpath_media::pictures;
 use lightpath_optics::Plane;
-use lightpath_optics::phase_response::PhaseResponse;
+use lightpath_optics::display::phase_response::PhaseResponse;
 use numpy::{PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;

@@ -4,7 +4,7 @@ use crate::arrays::{array, plane};
 use crate::error::Refused;
 use crate::optics::{Optics, json};
 use crate::threads;
-use lightpath_optics::reference::{PropagatorCore, Real};
+use lightpath_optics::engine::{PropagatorCore, Real};
 use lightpath_optics::{OpticalSetup, Plane, ValidityReport};
 use num_complex::Complex;
 use numpy::{Element, PyReadonlyArray2};

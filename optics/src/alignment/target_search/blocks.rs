@@ -12,8 +12,9 @@
 use super::last_step;
 use super::pyramid::{Details, Pyramid};
 use crate::alignment::Point;
-use crate::least_squares::NormalEquations;
-use crate::{Plane, RegionOfInterest, interrupt};
+use crate::interrupt;
+use crate::numerics::least_squares::NormalEquations;
+use crate::numerics::{Plane, RegionOfInterest};
 use rayon::prelude::*;
 
 /// Displacement of the photograph's light in a block.

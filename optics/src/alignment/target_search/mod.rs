@@ -17,7 +17,7 @@ mod tests;
 pub use blocks::{BlockDisplacement, block_displacements};
 
 use super::{AlignmentError, CameraMap};
-use crate::Plane;
+use crate::numerics::Plane;
 use pyramid::Pyramid;
 use rayon::prelude::*;
 use refinement::{Fit, Freedom, refined};

@@ -1,9 +1,9 @@
 //! A picture in steps of half its size, and its details at each step.
 
-use crate::Plane;
 use crate::alignment::Point;
 use crate::alignment::box_blur::box_blur;
 use crate::interrupt;
+use crate::numerics::Plane;
 
 /// A picture and its reductions. Step k has one pixel for 2ᵏ × 2ᵏ pixels of the picture.
 #[derive(Clone, Debug)]

@@ -21,7 +21,7 @@
 use super::pyramid::{DETAILS_REACH, Details};
 use crate::alignment::camera_map::{CameraMap, PARAMETERS};
 use crate::interrupt;
-use crate::least_squares::NormalEquations;
+use crate::numerics::least_squares::NormalEquations;
 use rayon::prelude::*;
 
 /// Unknowns of a step: the parameters, the photograph's gain and its offset.

@@ -3,8 +3,8 @@
 use super::*;
 use crate::alignment::camera_map::{Frame, PARAMETERS};
 use crate::alignment::{Point, warp};
+use crate::numerics::{Grid, RegionOfInterest};
 use crate::test_cards::TestCard;
-use crate::{Grid, RegionOfInterest};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 

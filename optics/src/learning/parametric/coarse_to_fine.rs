@@ -17,15 +17,15 @@
 
 use super::ParametricLearner;
 use super::surface_start::Compared;
-use crate::Detector;
-use crate::chebyshev::ChebyshevBasis;
+use crate::engine::Detector;
 use crate::learning::PairSource;
 use crate::learning::band_pass::{BandPass, FilteredPhoto};
 use crate::learning::fit::Fit;
 use crate::learning::layout::SOURCE_ORDER;
 use crate::learning::pair::{BoxError, Example};
 use crate::learning::screening::median;
-use crate::optimizer::limited_memory::{LimitedMemory, Workspace};
+use crate::numerics::chebyshev::ChebyshevBasis;
+use crate::numerics::optimizer::limited_memory::{LimitedMemory, Workspace};
 
 /// A stage of the fit.
 #[derive(Clone, Copy, Debug)]
@@ -149,9 +149,10 @@ mod tests {
     use super::super::ParametricState;
     use super::super::surface_start::tests::pairs;
     use super::*;
+    use crate::display::OpticalSetup;
     use crate::learning::{Block, Blocks, KernelModel, LearnOptions, Pair};
+    use crate::numerics::{Grid, RegionOfInterest};
     use crate::simulated_display::{SimulatedBench, SimulatedDisplay};
-    use crate::{Grid, OpticalSetup, RegionOfInterest};
     use rayon::ThreadPoolBuilder;
 
     /// The photographs of a bench whose modulator is bent by some waves.

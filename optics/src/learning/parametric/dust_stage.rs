@@ -3,7 +3,7 @@
 //! other blocks gain.
 
 use super::{ParametricLearner, TrialStage};
-use crate::Dust;
+use crate::display::Dust;
 use crate::learning::dust::DustFit;
 use crate::learning::{Block, LearnStage, LearnStep, LearningPairs, pair::BoxError};
 

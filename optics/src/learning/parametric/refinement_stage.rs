@@ -1,11 +1,11 @@
 //! Refinement by Levenberg and Marquardt's method, on all pairs in use, and its validation.
 
 use super::{BestModel, CURVATURE_PAIRS, CURVATURE_PX, ParametricLearner, VALIDATION_GAIN_MIN};
+use crate::engine::photometry::Sums;
 use crate::learning::pair::{BoxError, Example};
 use crate::learning::schedule::shuffled;
 use crate::learning::{Blocks, LearnStage, LearnStep, LearningPairs, PairSource};
-use crate::optimizer::damped::DampedState;
-use crate::photometry::Sums;
+use crate::numerics::optimizer::damped::DampedState;
 
 /// Least relative decrease of the training loss. A smaller one ends the refinement of the current order.
 const STEP_GAIN_MIN: f64 = 1e-2;

@@ -1,10 +1,10 @@
 //! Screening: which pairs are in use. The pairs are screened at the start, after Adam, and by the fitted model.
 
 use super::{LastScreening, ParametricLearner};
+use crate::engine::photometry::Sums;
 use crate::learning::pair::{BoxError, measure, total};
 use crate::learning::screening::{self, Predictor};
 use crate::learning::{LearnStage, LearnStep, PairSource};
-use crate::photometry::Sums;
 
 impl ParametricLearner {
     /// Screens the pairs again with the model that Adam found.

@@ -1,10 +1,10 @@
 //! What a fit has reached, and all that its next step depends on.
 
 use super::{Round, TrialStage};
-use crate::Plane;
 use crate::learning::Blocks;
 use crate::learning::dust::DustFit;
-use crate::optimizer::damped::DampedState;
+use crate::numerics::Plane;
+use crate::numerics::optimizer::damped::DampedState;
 use serde::{Deserialize, Serialize};
 
 /// State of the fit of a parametric model: all that the next step depends on.

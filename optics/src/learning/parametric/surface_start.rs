@@ -17,12 +17,12 @@
 //! Tiles see details of low frequencies best, which holograms of a narrow range of phases have.
 
 use super::{ParametricLearner, few};
-use crate::RegionOfInterest;
 use crate::alignment::Tiles;
-use crate::chebyshev::{ChebyshevBasis, polynomials, position};
 use crate::learning::pair::SATURATION;
 use crate::learning::{Block, PairSource, pair::BoxError};
-use crate::least_squares::NormalEquations;
+use crate::numerics::RegionOfInterest;
+use crate::numerics::chebyshev::{ChebyshevBasis, polynomials, position};
+use crate::numerics::least_squares::NormalEquations;
 use std::f64::consts::{PI, TAU};
 
 /// Highest total degrees of φ in the rounds: each round starts from the result of the one before.
@@ -98,7 +98,7 @@ impl ParametricLearner {
     pub(super) fn start_loss(&mut self, pairs: &dyn PairSource, theta: &[f64]) -> Result<f64, BoxError> {
         let compared = Compared::of(pairs, self.options.region);
         let each = self.measure_each(&compared, theta)?;
-        Ok(each.iter().map(crate::photometry::Sums::fitted_loss).sum::<f64>() / each.len() as f64)
+        Ok(each.iter().map(crate::engine::photometry::Sums::fitted_loss).sum::<f64>() / each.len() as f64)
     }
 
     /// Compares tiles of the photographs with what the display θ shows. `None` where the region is too small for tiles.
@@ -226,10 +226,13 @@ impl PairSource for Compared<'_> {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
+    use crate::display::{DisplayModel, OpticalSetup};
+    use crate::engine::{Detector, Engine};
+    use crate::hologram::{HologramProblem, Optimization};
     use crate::learning::{KernelModel, LearnOptions, Pair};
+    use crate::numerics::{Grid, Plane};
     use crate::simulated_display::{SimulatedBench, SimulatedDisplay};
     use crate::test_cards::TestCard;
-    use crate::{Detector, DisplayModel, Engine, Grid, HologramProblem, OpticalSetup, Optimization, Plane};
 
     #[test]
     fn slopes_match_central_differences() {

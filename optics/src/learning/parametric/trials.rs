@@ -1,10 +1,10 @@
 //! Trials of [blocks](Block): which are tried when, and which of them are kept.
 
 use super::{BestModel, ParametricLearner};
-use crate::chebyshev::ChebyshevBasis;
-use crate::gaussian_blur::sigma_px_of_ratio;
 use crate::learning::ghost::GhostSearch;
 use crate::learning::{Block, Blocks, PairSource, pair::BoxError};
+use crate::numerics::chebyshev::ChebyshevBasis;
+use crate::numerics::gaussian_blur::sigma_px_of_ratio;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, SQRT_2, TAU};
 

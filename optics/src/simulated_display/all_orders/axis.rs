@@ -1,9 +1,9 @@
 //! Size and tables of the computation along one axis of a display that shows all orders.
 
-use crate::OpticalSetup;
+use crate::display::OpticalSetup;
 use crate::propagation::passes::gauss_legendre;
+use crate::propagation::transfer_function::phasor;
 use crate::simulated_display::{SimulatedBench, modes};
-use crate::transfer_function::phasor;
 use num_complex::Complex64;
 use rustfft::{Fft, FftPlanner};
 use std::f64::consts::{PI, TAU};

@@ -15,7 +15,7 @@ use lightpath_domain::display::Display;
 use lightpath_domain::planning;
 use lightpath_domain::slm;
 use lightpath_optics::alignment::{AlignmentError, CameraMap, Homography, warp};
-use lightpath_optics::phase_response::PhaseResponse;
+use lightpath_optics::display::phase_response::PhaseResponse;
 use lightpath_optics::{Carrier, OpticalSetup, Plane};
 
 /// Reason why a pair could not be read.

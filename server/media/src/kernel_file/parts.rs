@@ -1,7 +1,7 @@
 //! Reads the parts of a display model from the numbers of their tensors.
 
 use super::KernelFileError;
-use lightpath_optics::chebyshev::ChebyshevBasis;
+use lightpath_optics::numerics::chebyshev::ChebyshevBasis;
 use lightpath_optics::{Crosstalk, FurtherMode, Ghost, LightBlur, PartialCoherence, SmoothField, SpatialVariation};
 
 pub(super) fn crosstalk(ratios: &[f64]) -> Result<Crosstalk, KernelFileError> {

@@ -42,7 +42,7 @@
 use super::archive::crc_of;
 use super::error::KernelFormatError;
 use lightpath_optics::KernelModel;
-use lightpath_optics::chebyshev::ChebyshevBasis;
+use lightpath_optics::numerics::chebyshev::ChebyshevBasis;
 use lightpath_optics::{
     ConvolutionMethod, Crosstalk, DisplayModel, Dust, Ghost, Grid, KernelShape, LightBlur, OpticalSetup,
     PartialCoherence, ResponseVariation, SmoothField, SpatialVariation,

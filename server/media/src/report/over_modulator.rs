@@ -5,7 +5,7 @@ use super::optics::{ratio, spot_picture};
 use crate::figures::Canvas;
 use lightpath_optics::DisplayModel;
 use lightpath_optics::diagnostics::point_spread;
-use lightpath_optics::spatial_variation::local_kernels::{change, per_side};
+use lightpath_optics::display::parts::spatial_variation::local_kernels::{change, per_side};
 use std::fmt::Write as _;
 
 /// Positions along x, from edge (−1) to edge (1).

@@ -4,10 +4,11 @@ use crate::kernels::{self, Case};
 use crate::plain_decoder;
 use crate::text::{self, Block};
 use lightpath_media::kernel_formats::{KernelFormat, compact, export, import};
-use lightpath_optics::grid::frequency;
-use lightpath_optics::reference::EngineCore;
+use lightpath_optics::display::parts::crosstalk;
+use lightpath_optics::engine::EngineCore;
+use lightpath_optics::numerics::grid::frequency;
 use lightpath_optics::{
-    ConvolutionMethod, Crosstalk, Detector, DisplayModel, KernelShape, OpticalSetup, Plane, SpatialVariation, crosstalk,
+    ConvolutionMethod, Crosstalk, Detector, DisplayModel, KernelShape, OpticalSetup, Plane, SpatialVariation,
 };
 use num_complex::Complex64;
 use std::f64::consts::TAU;

@@ -4,8 +4,8 @@ use crate::error::ApiError;
 use crate::field::Field;
 use crate::jobs::learning_rate::learning_rate;
 use crate::wrong_fields::{check_all, collect_all};
+use lightpath_optics::engine::photometry::Quantity;
 use lightpath_optics::hologram::{Loss, RANDOM_RANGE_RAD};
-use lightpath_optics::photometry::Quantity;
 use lightpath_optics::{Detector, HologramMethod, InitialPhase, RegionOfInterest};
 use lightpath_proto::v1::{
     self,

@@ -1,0 +1,91 @@
+//! Cross-talk between neighbouring pixels of the SLM: how the phases that it is given become the phases that it shows.
+//!
+//! ```text
+//! ψ(y, x) = Σ_k Σ_l K_k(q_y) K_l(q_x) wrap( φ + grating )(y + k, x + l),   K_k(q) = q^{k²} / Σ_j q^{j²},   j, k, l = −3 … 3
+//! ```
+//!
+//! φ is the phase \[rad\], wrapped to [0, 2π) with the carrier's grating before it blurs, as the voltages of
+//! neighbouring pixels blur. So a jump from 2π to 0 becomes a slope. q along each axis is the weight of a neighbour
+//! relative to the pixel's own. K samples a Gaussian of standard deviation σ = 1/√(−2 ln q) \[px\]. Beyond the edge,
+//! the phases of the edge continue. Measured modulators: S. Moser, M. Ritsch-Marte and G. Thalhammer, Optics Express
+//! 27, 25046 (2019).
+
+use crate::error::Result;
+use crate::numerics::Plane;
+use crate::numerics::gaussian_blur::{GaussianBlur, by_definition, ratio_of_sigma_px, sigma_px_of_ratio};
+use crate::numerics::smooth_field::out_of_range;
+
+/// Number of weights along an axis: three pixels on either side blur into a pixel.
+const TAPS: usize = 7;
+
+/// Cross-talk between neighbouring pixels: the weight q of a neighbour's phase relative to the pixel's own, along x and
+/// along y.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Crosstalk {
+    /// q along x, 0 to [`Self::RATIO_MAX`].
+    pub ratio_x: f64,
+    /// q along y, 0 to [`Self::RATIO_MAX`].
+    pub ratio_y: f64,
+}
+
+impl Crosstalk {
+    /// No cross-talk.
+    pub const NONE: Self = Self { ratio_x: 0.0, ratio_y: 0.0 };
+    /// Largest q, of a standard deviation of 0.99 px. With a larger one, more than three pixels on either side would
+    /// count.
+    pub const RATIO_MAX: f64 = 0.6;
+
+    /// Cross-talk with a standard deviation along x and one along y \[px\].
+    #[must_use]
+    pub fn of_sigma_px(sigma_px: [f64; 2]) -> Self {
+        let [ratio_x, ratio_y] = sigma_px.map(ratio_of_sigma_px);
+        Self { ratio_x, ratio_y }
+    }
+
+    /// Standard deviation of the blur along x and along y \[px\].
+    #[must_use]
+    pub fn sigma_px(&self) -> [f64; 2] {
+        self.ratios().map(sigma_px_of_ratio)
+    }
+
+    /// Whether each pixel shows its own phase.
+    #[must_use]
+    pub fn is_none(&self) -> bool {
+        *self == Self::NONE
+    }
+
+    /// q along x and along y.
+    #[must_use]
+    pub fn ratios(&self) -> [f64; 2] {
+        [self.ratio_x, self.ratio_y]
+    }
+
+    pub(crate) fn validate(&self) -> Result<()> {
+        match self.ratios().into_iter().find(|q| !(0.0..=Self::RATIO_MAX).contains(q)) {
+            Some(q) => Err(out_of_range("crosstalk", q, "0 to 0.6")),
+            None => Ok(()),
+        }
+    }
+}
+
+/// The blur of phases by cross-talk.
+pub(crate) type Blur<T> = GaussianBlur<T, TAPS>;
+
+/// The phases that an SLM with cross-talk shows for wrapped phases, by the definition: slow, for comparison.
+#[must_use]
+pub fn shown_phase(wrapped: &Plane<f64>, crosstalk: &Crosstalk) -> Plane<f64> {
+    by_definition::<TAPS>(wrapped, crosstalk.ratios())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ratio_has_limits() {
+        let crosstalk = Crosstalk::of_sigma_px([0.45, 0.0]);
+        assert!((crosstalk.sigma_px()[0] - 0.45).abs() < 1e-12 && crosstalk.sigma_px()[1] == 0.0);
+        assert!(Crosstalk { ratio_x: 0.7, ratio_y: 0.0 }.validate().is_err());
+        assert!(Crosstalk { ratio_x: 0.1, ratio_y: f64::NAN }.validate().is_err());
+    }
+}

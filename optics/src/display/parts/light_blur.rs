@@ -1,0 +1,108 @@
+//! Blur of the light: how the light that reaches the pixels of the camera becomes what a photograph shows.
+//!
+//! ```text
+//! b(y, x) = Σ_k Σ_l K_k(q_y) K_l(q_x) p(y + k, x + l),   K_k(q) = q^{k²} / Σ_j q^{j²},   j, k, l = −6 … 6
+//! ```
+//!
+//! p is the light of a pixel, or of one place in each pixel if the [detector](crate::Detector) keeps several: each
+//! place blurs with the same place of its neighbours. K samples a Gaussian of standard deviation σ = 1/√(−2 ln q)
+//! \[px\]. Light outside the frame is not known, so beyond its edge the light of the edge continues.
+//!
+//! The lens of a camera blurs the light, and so does a source with an extent: each of its directions moves the image by
+//! direction times distance, and the images do not interfere. Photographs of one distance cannot tell the two apart.
+
+use crate::error::Result;
+use crate::numerics::Plane;
+use crate::numerics::gaussian_blur::{GaussianBlur, by_definition, ratio_of_sigma_px, sigma_px_of_ratio};
+use crate::numerics::smooth_field::out_of_range;
+
+/// Number of weights along an axis: six pixels on either side blur into a pixel.
+pub(crate) const TAPS: usize = 13;
+
+/// Blur of the light: the weight q of a neighbour's light relative to the pixel's own, along x and along y.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LightBlur {
+    /// q along x, 0 to [`Self::RATIO_MAX`].
+    pub ratio_x: f64,
+    /// q along y, 0 to [`Self::RATIO_MAX`].
+    pub ratio_y: f64,
+}
+
+impl LightBlur {
+    /// No blur.
+    pub const NONE: Self = Self { ratio_x: 0.0, ratio_y: 0.0 };
+    /// Largest q, of a standard deviation of 1.98 px: six pixels on either side are three standard deviations.
+    pub const RATIO_MAX: f64 = 0.88;
+
+    /// Blur with a standard deviation along x and one along y \[px\].
+    #[must_use]
+    pub fn of_sigma_px(sigma_px: [f64; 2]) -> Self {
+        let [ratio_x, ratio_y] = sigma_px.map(ratio_of_sigma_px);
+        Self { ratio_x, ratio_y }
+    }
+
+    /// Standard deviation along x and along y \[px\].
+    #[must_use]
+    pub fn sigma_px(&self) -> [f64; 2] {
+        self.ratios().map(sigma_px_of_ratio)
+    }
+
+    /// Whether each pixel shows its own light.
+    #[must_use]
+    pub fn is_none(&self) -> bool {
+        *self == Self::NONE
+    }
+
+    /// q along x and along y.
+    #[must_use]
+    pub fn ratios(&self) -> [f64; 2] {
+        [self.ratio_x, self.ratio_y]
+    }
+
+    pub(crate) fn validate(&self) -> Result<()> {
+        match self.ratios().into_iter().find(|q| !(0.0..=Self::RATIO_MAX).contains(q)) {
+            Some(q) => Err(out_of_range("light blur", q, "0 to 0.88")),
+            None => Ok(()),
+        }
+    }
+}
+
+/// A blur of light in the precision of an engine.
+pub(crate) type Blur<T> = GaussianBlur<T, TAPS>;
+
+/// Blurred light by the definition: slow, for comparison.
+#[must_use]
+pub fn blurred_light(light: &Plane<f64>, blur: &LightBlur) -> Plane<f64> {
+    by_definition::<TAPS>(light, blur.ratios())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn blur_keeps_light_and_widens_a_point_by_its_variance() {
+        let blur = LightBlur::of_sigma_px([0.9, 0.5]);
+        let point = Plane::from_fn(31, 35, |y, x| f64::from(u8::from((y, x) == (15, 17))));
+        let blurred = blurred_light(&point, &blur);
+        let moment = |of: fn(f64, f64) -> f64| -> f64 {
+            let places = (0..31).flat_map(|y| (0..35).map(move |x| (y, x)));
+            places.map(|(y, x)| of(y as f64 - 15.0, x as f64 - 17.0) * blurred.at(y, x)).sum()
+        };
+        assert!((moment(|_, _| 1.0) - 1.0).abs() < 1e-12);
+        // A Gaussian of 0.5 px that is sampled at the pixels has 2 % less variance.
+        assert!((moment(|_, x| x * x) / 0.81 - 1.0).abs() < 1e-3, "{}", moment(|_, x| x * x));
+        assert!((moment(|y, _| y * y) / 0.25 - 1.0).abs() < 0.15, "{}", moment(|y, _| y * y));
+        let flat = Plane::filled(9, 7, 0.3);
+        assert!(blurred_light(&flat, &blur).values().iter().all(|light| (light - 0.3).abs() < 1e-15));
+    }
+
+    #[test]
+    fn ratio_has_limits() {
+        assert!((LightBlur::of_sigma_px([1.9, 0.5]).sigma_px()[0] - 1.9).abs() < 1e-12);
+        assert!(LightBlur::of_sigma_px([1.97, 0.0]).validate().is_ok());
+        assert!(LightBlur::of_sigma_px([2.0, 0.0]).validate().is_err());
+        assert!(LightBlur { ratio_x: 0.1, ratio_y: -0.1 }.validate().is_err());
+        assert!(LightBlur { ratio_x: f64::NAN, ratio_y: 0.1 }.validate().is_err());
+    }
+}

@@ -1,0 +1,136 @@
+//! Partial coherence: light of several modes that do not interfere.
+//!
+//! ```text
+//! I = Σ_m w_m | F⁻¹[ H_m F c ] |²,   H_0 = H,   H_m = H · exp( α_m + iψ_m ),   Σ_m w_m = 1
+//! ```
+//!
+//! A source with an extent lights the SLM from several directions: each moves the image by direction times distance,
+//! which is a tilt of ψ. A source of several wavelengths focuses each at another distance, which is a parabola. So
+//! smooth fields of second order hold both. Any source is a sum of coherent modes (E. Wolf, J. Opt. Soc. Am. 72, 343
+//! (1982)), and a few of them describe a display with a partially coherent source (S. Choi et al., Nature 629, 791
+//! (2024)).
+
+use crate::error::Result;
+use crate::numerics::SmoothField;
+use crate::numerics::smooth_field::out_of_range;
+use std::f64::consts::PI;
+
+/// Light of a display that does not interfere with that of its first mode.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct PartialCoherence {
+    modes: Vec<FurtherMode>,
+}
+
+/// A further mode of a display's light.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FurtherMode {
+    /// Its light relative to that of the first mode.
+    pub light: f64,
+    /// Its transfer function relative to the kernel, over the band.
+    pub errors: SmoothField,
+}
+
+impl PartialCoherence {
+    /// Most further modes.
+    pub const MODES_MAX: usize = 5;
+
+    /// No further mode: coherent light.
+    #[must_use]
+    pub fn none() -> Self {
+        Self::default()
+    }
+
+    /// Light with further modes.
+    #[must_use]
+    pub fn new(modes: Vec<FurtherMode>) -> Self {
+        Self { modes }
+    }
+
+    /// Whether all light interferes.
+    #[must_use]
+    pub fn is_none(&self) -> bool {
+        self.modes.is_empty()
+    }
+
+    /// The further modes.
+    #[must_use]
+    pub fn modes(&self) -> &[FurtherMode] {
+        &self.modes
+    }
+
+    /// Part w of the light of each mode, the first mode included.
+    #[must_use]
+    pub fn shares(&self) -> Vec<f64> {
+        let lights = || std::iter::once(1.0).chain(self.modes.iter().map(|mode| mode.light));
+        let total: f64 = lights().sum();
+        lights().map(|light| light / total).collect()
+    }
+
+    /// Mean of the logarithms of the modes' transfer functions relative to the kernel, weighted by their light.
+    #[must_use]
+    pub fn mean_errors(&self) -> SmoothField {
+        let order = self.modes.iter().map(|mode| mode.errors.order).max().unwrap_or(0);
+        let mut mean = SmoothField::flat(order);
+        self.modes.iter().zip(&self.shares()[1..]).for_each(|(mode, &share)| mean.add(share, &mode.errors));
+        mean
+    }
+
+    /// Standard deviation of the places of the modes' images along x and along y \[px\].
+    #[must_use]
+    pub fn spread_px(&self) -> [f64; 2] {
+        let shares = self.shares();
+        [(1, 0), (0, 1)].map(|wanted| {
+            let shift_px = |FurtherMode { errors, .. }: &FurtherMode| {
+                let term = errors.basis().degrees().position(|degrees| degrees == wanted);
+                term.map_or(0.0, |term| errors.phase[term] / PI)
+            };
+            let shifts: Vec<f64> = std::iter::once(0.0).chain(self.modes.iter().map(shift_px)).collect();
+            let mean: f64 = shares.iter().zip(&shifts).map(|(share, shift)| share * shift).sum();
+            shares.iter().zip(&shifts).map(|(share, shift)| share * (shift - mean).powi(2)).sum::<f64>().sqrt()
+        })
+    }
+
+    pub(crate) fn validate(&self) -> Result<()> {
+        if self.modes.len() > Self::MODES_MAX {
+            return Err(out_of_range("modes of light", self.modes.len() as f64 + 1.0, "at most 6"));
+        }
+        for FurtherMode { light, errors } in &self.modes {
+            if !(light.is_finite() && *light >= 0.0) {
+                return Err(out_of_range("light of a mode", *light, "0 or above"));
+            }
+            errors.validate()?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A mode with a light and a shift along x \[px\].
+    fn mode(light: f64, shift_px: f64) -> FurtherMode {
+        let mut errors = SmoothField::flat(2);
+        let along_x = errors.basis().degrees().position(|degrees| degrees == (1, 0)).unwrap();
+        errors.phase[along_x] = PI * shift_px;
+        FurtherMode { light, errors }
+    }
+
+    #[test]
+    fn shares_and_spread_are_those_of_the_modes() {
+        let light = PartialCoherence::new(vec![mode(0.5, 2.0), mode(0.5, -2.0)]);
+        assert_eq!(light.shares(), [0.5, 0.25, 0.25]);
+        let [x, y] = light.spread_px();
+        assert!((x - 2f64.sqrt()).abs() < 1e-12 && y == 0.0, "{x} {y}");
+        assert_eq!((PartialCoherence::none().shares(), PartialCoherence::none().spread_px()), (vec![1.0], [0.0; 2]));
+    }
+
+    #[test]
+    fn impossible_modes_are_refused() {
+        assert!(PartialCoherence::new(vec![mode(0.5, 2.0); 5]).validate().is_ok());
+        assert!(PartialCoherence::new(vec![mode(0.5, 2.0); 6]).validate().is_err());
+        assert!(PartialCoherence::new(vec![mode(-0.1, 2.0)]).validate().is_err());
+        assert!(PartialCoherence::new(vec![mode(f64::NAN, 2.0)]).validate().is_err());
+        assert!(PartialCoherence::new(vec![mode(0.5, f64::INFINITY)]).validate().is_err());
+    }
+}

@@ -1,0 +1,106 @@
+//! Variation of a kernel over the SLM.
+//!
+//! ```text
+//! H(f; x, y) = H(f) · exp( Σ_m P_m(x, y) ( α_m(f) + iψ_m(f) ) ),   P = x, y, x², xy, y²
+//! u(r) = Σ over the SLM's pixels r′ of h(r − r′; r′) c(r′),   h( · ; r′) = F⁻¹ H( · ; r′)
+//! ```
+//!
+//! x and y are in [−1, 1] over the SLM; α_m and ψ_m are Chebyshev series of f, as those of the kernel itself. A relay
+//! lens that images the SLM has aberrations that depend on the position of a pixel in its field. Those of third order
+//! depend on it as these powers: coma as the first, field curvature and astigmatism as the second (W. T. Welford,
+//! *Aberrations of Optical Systems*, 1986). So each pixel has a transfer function of its own. Changes over the SLM that
+//! do not depend on f belong to the source profile.
+//! [`local_kernels`] computes the propagation.
+
+pub mod local_kernels;
+
+use crate::error::Result;
+use crate::numerics::SmoothField;
+use crate::numerics::smooth_field::out_of_range;
+use num_complex::Complex64;
+
+/// Variation of a kernel over the SLM: one field for each of x, y, x², xy and y². Without fields the kernel is uniform.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SpatialVariation {
+    fields: Vec<SmoothField>,
+}
+
+impl SpatialVariation {
+    /// Number of powers of the position on the SLM.
+    pub const POWERS: usize = 5;
+    /// Names of the powers.
+    pub const POWER_NAMES: [&str; Self::POWERS] = ["x", "y", "x²", "xy", "y²"];
+
+    /// No variation: the same kernel everywhere.
+    #[must_use]
+    pub fn none() -> Self {
+        Self::default()
+    }
+
+    /// Creates a variation from one field for each power; all fields must have the same order.
+    #[must_use]
+    pub fn new(fields: [SmoothField; Self::POWERS]) -> Self {
+        Self { fields: fields.into() }
+    }
+
+    /// Whether the kernel is the same everywhere.
+    #[must_use]
+    pub fn is_none(&self) -> bool {
+        self.fields.is_empty()
+    }
+
+    /// The fields, one for each power; empty for a uniform kernel.
+    #[must_use]
+    pub fn fields(&self) -> &[SmoothField] {
+        &self.fields
+    }
+
+    /// Highest total degree in f; 0 for a uniform kernel.
+    #[must_use]
+    pub fn order(&self) -> usize {
+        self.fields.first().map_or(0, |field| field.order)
+    }
+
+    /// The powers x, y, x², xy and y² of a position on the SLM.
+    #[must_use]
+    pub fn powers(x: f64, y: f64) -> [f64; Self::POWERS] {
+        [x, y, x * x, x * y, y * y]
+    }
+
+    /// The kernel at the position (x, y) of a display that has `kernel` on the axis.
+    #[must_use]
+    pub fn local_kernel(&self, kernel: &SmoothField, x: f64, y: f64) -> SmoothField {
+        let mut local = SmoothField::flat(kernel.order.max(self.order()));
+        local.add(1.0, kernel);
+        for (power, field) in Self::powers(x, y).into_iter().zip(&self.fields) {
+            local.add(power, field);
+        }
+        local
+    }
+
+    /// ln( H(f; x, y) / H(f) ). x and y are positions on the SLM, fx and fy are in units of the band's edges; all in
+    /// [−1, 1].
+    #[must_use]
+    pub fn exponent(&self, x: f64, y: f64, fx: f64, fy: f64) -> Complex64 {
+        let value = |(power, field): (f64, &SmoothField)| {
+            let basis = field.basis();
+            power * Complex64::new(basis.value(&field.log_amplitude, fx, fy), basis.value(&field.phase, fx, fy))
+        };
+        Self::powers(x, y).into_iter().zip(&self.fields).map(value).sum()
+    }
+
+    /// # Errors
+    ///
+    /// [`Error`](crate::Error) for a number of fields other than 0 or one for each power, for fields of different
+    /// orders, and for coefficients that are not finite.
+    pub(crate) fn validate(&self) -> Result<()> {
+        if self.is_none() {
+            return Ok(());
+        }
+        if self.fields.len() != Self::POWERS || self.fields.iter().any(|field| field.order != self.order()) {
+            let allowed = "0, or 5 fields of the same order";
+            return Err(out_of_range("fields of spatial variation", self.fields.len() as f64, allowed));
+        }
+        self.fields.iter().try_for_each(SmoothField::validate)
+    }
+}
