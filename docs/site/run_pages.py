@@ -1,8 +1,8 @@
-"""Run the code blocks of documents as a reader would: page by page, in order, in one folder, against a real server.
+"""Run the code blocks of documents as a reader would: those of a page in order, in one folder, against a real server.
 
 Usage: python docs/site/run_pages.py [--verbose] [PAGE.md]...
 
-Without PAGE it runs all documents of the site. With --verbose it prints what the blocks print, and how long each took.
+Without PAGE it runs all documents of the site, some at a time. With --verbose it prints what the blocks print, and how long each took.
 Blocks of `sh`, `bash` and `python` run; other blocks do not. All shell blocks of a page run in one shell and all Python
 blocks in one interpreter, so that variables stay. The programs come from the folder LIGHTPATH_BINARIES, by default
 target/debug. A page whose blocks start no server gets one.
@@ -37,6 +37,7 @@ import tempfile
 import time
 import urllib.error
 import urllib.request
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -49,6 +50,8 @@ NOT_DOCUMENTS = {"docs/site"}
 CHECKOUT = ["client", "docs", "firmware"]
 BLOCK_LIMIT_S = 300
 SERVER_LIMIT_S = 30
+# Pages wait for their servers and programs much of the time.
+PAGES_AT_ONCE = 3
 STARTS_SERVER = re.compile(r"^lightpathd serve(?:[^\n]*\\\n)*[^\n]*&[ ]*(?:#[^\n]*)?$", re.MULTILINE)
 
 INTERPRETER = """
@@ -194,10 +197,17 @@ class Run:
             process.wait()
 
 
+given_ports: set[int] = set()
+
+
 def free_port() -> int:
-    """Return a port that nobody listens on."""
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        return int(listener.getsockname()[1])
+    """Return a port that nobody listens on, and that no other page was given."""
+    while True:
+        with socket.create_server(("127.0.0.1", 0)) as listener:
+            port = int(listener.getsockname()[1])
+        if port not in given_ports:
+            given_ports.add(port)
+            return port
 
 
 def run_page(page: str, *, verbose: bool) -> list[str]:
@@ -228,10 +238,13 @@ def main() -> None:
         if str(path.parent.relative_to(REPOSITORY)) not in NOT_DOCUMENTS
     )
     skipped = []
-    for page in pages:
+    with ThreadPoolExecutor(PAGES_AT_ONCE) as pool:
+        runs = [pool.submit(run_page, page, verbose=verbose) for page in pages]
         try:
-            skipped += run_page(page, verbose=verbose)
+            for run in runs:
+                skipped += run.result()
         except PageFailed as failure:
+            pool.shutdown(wait=False, cancel_futures=True)
             print(failure, file=sys.stderr)
             sys.exit(1)
     print("\nBlocks that were not run:")
