@@ -210,12 +210,12 @@ mod tests {
     /// Repeats the registration as a caller does, until the correction vanishes.
     fn aligned(map: &Homography) -> Homography {
         let region = region(360, 640);
+        let pairs: Vec<_> = (0..4).map(|seed| pair(seed, map)).collect();
         let mut found = Homography::IDENTITY;
         for _ in 0..4 {
             let mut tiles = Tiles::cover(region).unwrap();
-            for seed in 0..4 {
-                let (card, photo) = pair(seed, map);
-                tiles.add(&card, &warp(&photo, &found, 360, 640, 0.999, 1.0), 0.999);
+            for (card, photo) in &pairs {
+                tiles.add(card, &warp(photo, &found, 360, 640, 0.999, 1.0), 0.999);
             }
             found = found.after(&tiles.register(region).unwrap().correction);
         }
