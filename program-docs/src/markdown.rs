@@ -39,8 +39,12 @@ fn chapter(command: &Command, level: usize, text: &mut String) {
     let (values, options): (Vec<&Arg>, Vec<&Arg>) =
         own_arguments(command).into_iter().partition(|argument| argument.is_positional());
     table("Argument", &values, text);
-    let mut headings: Vec<Option<&str>> = options.iter().map(|option| option.get_help_heading()).collect();
-    headings.dedup();
+    let mut headings: Vec<Option<&str>> = Vec::new();
+    for option in &options {
+        if !headings.contains(&option.get_help_heading()) {
+            headings.push(option.get_help_heading());
+        }
+    }
     for heading in headings {
         let part: Vec<&Arg> = options.iter().copied().filter(|option| option.get_help_heading() == heading).collect();
         table(heading.unwrap_or("Option"), &part, text);
@@ -224,13 +228,14 @@ mod tests {
         let state =
             Arg::new("state").long("state").value_parser([PossibleValue::new("open").help("Open.")]).help("Only [x]");
         let out = Arg::new("out").short('o').value_name("FILE").help("Write here").help_heading("Output files");
+        let all = Arg::new("all").long("all").action(ArgAction::SetTrue).help("All of them");
         let server =
             Arg::new("server").long("server").global(true).env("TOOL_SERVER").default_value("a|b").help("Ask it");
         let ids = Arg::new("ids").value_name("ID").num_args(1..).required(true).help("Ids");
         let list = Command::new("list")
             .about("List jobs")
             .long_about("List jobs.\n\nThe newest first.")
-            .args([ids, state, out])
+            .args([ids, state, out, all])
             .after_long_help("Examples:\n  tool list 1\n\n  tool list 2\n\nExit codes: 0.");
         Command::new("tool").about("Do it").arg(server).subcommand(list).subcommand(Command::new("x").hide(true))
     }
@@ -244,13 +249,18 @@ mod tests {
             "| `--server SERVER` | Ask it<br>Default: `a\\|b`<br>Environment: `TOOL_SERVER` |",
             "\n### tool list\n\nList jobs.\n\nThe newest first.\n\n```text\ntool list [OPTIONS] <ID>...\n```\n",
             "| Argument | Meaning |\n|---|---|\n| `ID…` | Ids |\n",
-            "| `--state STATE` | Only \\[x\\]<br>Values: `open`: Open |",
+            "| `--state STATE` | Only \\[x\\]<br>Values: `open`: Open |\n| `--all` | All of them |\n",
             "| Output files | Meaning |\n|---|---|\n| `-o FILE` | Write here |",
             "\nExamples:\n\n```text\ntool list 1\n\ntool list 2\n```\n\nExit codes: 0.\n",
         ] {
             assert!(text.contains(part), "{part}\n---\n{text}");
         }
         assert_eq!(text.matches("--server").count(), 1, "global options are explained once");
+        assert_eq!(
+            text.matches("| `--all`").count(),
+            1,
+            "each option is explained once, also behind another heading's"
+        );
         assert!(!text.contains("tool x"));
     }
 }

@@ -25,8 +25,8 @@ pub(crate) enum JobCommand {
     /// List jobs, the newest first
     ///
     /// TARGET is the file name of a hologram's target, or else the dataset, display or kernel that the job is about. PSNR
-    /// is the quality of a hologram for the detector pixel; of several wavelengths or planes the lowest. On a narrow
-    /// terminal the table leaves out columns; ids are always whole.
+    /// is the quality of a hologram for the detector pixel, or the lowest quality among its wavelengths and planes. On a
+    /// narrow terminal the table leaves out columns; ids are always whole.
     #[command(after_long_help = "\
 Examples:
   lightpath job list --state running
@@ -116,7 +116,7 @@ pub(crate) struct Batch {
 /// The job that a command applies to.
 #[derive(Debug, Args)]
 pub(crate) struct Id {
-    /// Id of the job, or its beginning, as far as no other job's id begins with it
+    /// Id of the job; its beginning suffices if no other job's id begins so
     job: String,
 }
 

@@ -57,7 +57,7 @@ pub(crate) struct Start {
     #[arg(long, value_name = "PERCENT", default_value_t = 10.0)]
     failed_max: f64,
 
-    /// Compute that share as if at least this many devices had reported
+    /// Compute the share for --failed-max as if at least this many devices had reported
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..))]
     devices_min: u32,
 

@@ -45,7 +45,7 @@ pub(crate) struct Simulate {
     #[arg(short = 'o', value_name = "PHOTO.png")]
     photo: PathBuf,
 
-    /// Set the seed of the camera's noise; of several photographs each further one has the next seed
+    /// Set the seed of the camera's noise for the first photograph; each further photograph takes the next seed
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
 

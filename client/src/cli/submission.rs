@@ -48,7 +48,7 @@ pub(crate) struct Submission {
     #[arg(long, value_name = "TIME", value_parser = times::duration_s)]
     pub(crate) timeout: Option<f64>,
 
-    /// Start only after the job with this id, or the beginning of one, has succeeded; may be given several times
+    /// Start only after the job with this id or beginning of an id has succeeded; may be given several times
     #[arg(long, value_name = "JOB")]
     pub(crate) after: Vec<String>,
 

@@ -18,7 +18,7 @@ def main() -> None:
     pages = {
         **grpc_pages.pages(REPOSITORY / "proto"),
         **http_pages.pages(openapi),
-        "python.md": python_page.page(REPOSITORY / "client" / "python" / "src"),
+        "python.md": python_page.page(REPOSITORY / "client" / "python"),
     }
     for name, text in pages.items():
         path = REPOSITORY / "docs" / "reference" / name

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import shutil
+import subprocess
+import sys
+import tempfile
 from typing import TYPE_CHECKING
 
 import griffe
@@ -33,8 +37,8 @@ the [gRPC API](grpc/README.md).
 
 
 def page(folder: Path) -> str:
-    """Return the page, for the package in a folder."""
-    package = griffe.load(_PACKAGE, search_paths=[str(folder)])
+    """Return the page, for the package whose project is in a folder."""
+    package = _package(folder)
     named = {name for names in _CHAPTERS.values() for name in names}
     exports = [str(each) for each in package.exports or [] if str(each) not in _MODULES | named]
     exceptions = [each for each in exports if _bases(package[each])]
@@ -53,6 +57,14 @@ def page(folder: Path) -> str:
         if not name.startswith("_"):
             parts += _function(f"plot.{name}", _resolved_function(function), level=3)
     return "\n".join(parts) + "\n"
+
+
+def _package(folder: Path) -> griffe.Object | griffe.Alias:
+    """Read the package in a copy, so that its generated parts are those of the present sources."""
+    with tempfile.TemporaryDirectory() as copy:
+        shutil.copytree(folder / "src", copy, dirs_exist_ok=True)
+        subprocess.run([sys.executable, folder / "generate", copy], check=True)
+        return griffe.load(_PACKAGE, search_paths=[copy])
 
 
 def _resolved(element: griffe.Object | griffe.Alias) -> griffe.Object:

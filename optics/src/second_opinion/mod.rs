@@ -37,8 +37,9 @@ pub struct SecondOpinion {
 pub struct Effort {
     /// Most rows of the image that are compared.
     pub rows_max: usize,
-    /// Most values of transfer functions that are computed. A kernel that takes several of them, as its optimization
-    /// does, takes as many times more.
+    /// Largest number of values of the transfer function that may be computed, for all modes of the light together. A
+    /// kernel that varies over the SLM has many transfer functions. They count as one here, so such a kernel takes many
+    /// times as long; its optimization does, too.
     pub values_max: u64,
 }
 

@@ -110,8 +110,8 @@ impl Store {
         .await
     }
 
-    /// Keeps other processes from telling this webhook for `hold_ms`. Returns whether this process may tell it; it always
-    /// may where no other process shares the database.
+    /// Takes this webhook for `hold_ms`, in which no other process sends its events. Returns whether this process has it
+    /// now; it always has where no other process shares the database.
     ///
     /// # Errors
     ///

@@ -132,7 +132,7 @@ impl Deliverer {
     async fn tell(&self, id: &str) -> Result<(), StoreError> {
         loop {
             if !self.store.hold_webhook(id, self.store.now_ms(), HOLD_MS).await? {
-                // Another process tells it, or died while it did.
+                // Another process sends the webhook's events, or died while it did.
                 sleep(PAUSE_AFTER_ERROR).await;
                 return Ok(());
             }

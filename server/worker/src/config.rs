@@ -30,7 +30,7 @@ pub struct WorkerConfig {
     pub name: String,
     /// Id of this process, if several share the database. No two living processes have the same.
     pub process: Option<String>,
-    /// Labels of this process: it also runs jobs that need them.
+    /// Labels of this process: it runs only jobs whose needs are among them, and jobs without needs.
     pub labels: Labels,
 }
 

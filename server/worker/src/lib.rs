@@ -85,11 +85,12 @@ const PAUSE: Duration = Duration::from_secs(1);
 /// Scheduling priority of the compute threads, as of the command `nice`. Threads that answer calls get a core at once.
 #[cfg(target_os = "linux")]
 const COMPUTE_NICENESS: i32 = 10;
-/// Time without a check of the leases after which no lease is taken back, in leases. The checks come twice in the time
-/// of a lease, and a lease outlives two thirds of its time without heartbeats.
+/// A process that has not checked the leases for longer than this, as a part of a lease's time, was suspended. It takes no
+/// lease back before heartbeats had time to arrive. Checks come twice in the time of a lease, and a lease without
+/// heartbeats lives for at least two thirds of that time.
 const ABSENCE_MIN: f64 = 0.6;
-/// Time, beside that of a lease, in which the heartbeats of all living workers come after the database's clock was set:
-/// each process notices within a few seconds.
+/// After the database's clock was set, no lease is taken back for the time of a lease and this pause. Each process notices
+/// the new time within a few seconds, so by then every living worker has sent a heartbeat.
 const HEARTBEATS_WAIT: Duration = Duration::from_secs(10);
 /// Longest lease that can be set \[ms\]. One that ends later was given before the database's clock was set back.
 const LEASE_MS_MAX: i64 = 3_600_000;
@@ -324,8 +325,8 @@ impl Worker {
                 _ = ticks.tick() => {}
                 () = drain.cancelled() => return,
             }
-            // The others may have been cut off from the database before this process started, or its clock was set: their
-            // heartbeats come first.
+            // The other processes may have been cut off from the database before this one started, or its clock was set:
+            // their heartbeats must be able to arrive first.
             let (lease, jumped) = (self.config.lease, self.store.since_time_jump());
             let comes_late = started.elapsed() < lease || jumped.is_some_and(|since| since < lease + HEARTBEATS_WAIT);
             if self.store.is_shared() && comes_late {

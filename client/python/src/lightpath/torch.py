@@ -26,7 +26,9 @@ from lightpath.errors import InvalidArgument
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
-    from lightpath.local.options import LossOptions, OpticsOptions, Precision
+    from lightpath.local.optics import OpticsOptions
+    from lightpath.local.options import LossOptions
+    from lightpath.local.propagation import Precision
     from lightpath.pictures import Picture
 
 __all__ = ["HologramLoss", "Propagator", "propagate"]

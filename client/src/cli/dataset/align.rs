@@ -50,8 +50,8 @@ pub(crate) struct Calibration {
 /// photographs with what their holograms should show. From then on photographs may have any size and are resampled to
 /// the display's pixels.
 ///
-/// Twelve points or more, such as the dots, tell the distortion of the camera's lens, too. It is corrected if it is
-/// clearly there. lightpath dataset show says how far it moves the corners.
+/// Twelve points or more, such as the dots, tell the distortion of the camera's lens, too. A distortion that they show
+/// clearly is corrected. lightpath dataset show says how far it moves the corners.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:

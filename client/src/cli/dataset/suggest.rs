@@ -21,8 +21,8 @@ const HOLOGRAM: Destination =
 /// ranges of random phases, computes what a photograph of each would add, and writes the best. Photograph them, add
 /// them to a new dataset together with the old pairs, and learn again.
 ///
-/// The printed error is what predictions of such holograms are wrong by because the kernel is uncertain, after the
-/// photographs of this hologram and of those before it, relative to now.
+/// The printed error is the part of the error of predictions that comes from what the kernel is uncertain about. Each line
+/// compares it with the error today: what remains of it after learning from this hologram and from those in the lines above.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Example:

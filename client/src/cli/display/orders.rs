@@ -32,7 +32,7 @@ pub(super) struct Options {
     /// Set the middle of the filter's opening in orders, along x and y, for example 0,0.25; the opening lies within the
     /// first order
     ///
-    /// It counts from the middle of the image's spectrum. A carrier moves that by half an order.
+    /// X and Y count from the middle of the image's spectrum. A carrier moves this middle by half an order.
     #[arg(
         long,
         value_name = "X,Y",

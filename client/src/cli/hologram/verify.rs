@@ -14,15 +14,16 @@ use lightpath::verify_result;
 /// The model computes in double precision. It shares the display's parameters with the engine that optimizes holograms,
 /// but no transform, padding or transfer function, and light that leaves the image cannot come back into it. It judges
 /// up to 128 rows of each picture, with the phases as the display shows them. The printed difference is its PSNR minus
-/// that of the engine on the same rows; above 0.5 dB the two contradict each other.
+/// the engine's PSNR on the same rows; above 0.5 dB the two contradict each other.
 ///
-/// Every hologram job has such an opinion on 8 rows for its own detector already, where the model can judge its kernel.
+/// Every hologram job ends with such a judgement of 8 rows for its own detector, unless the model cannot judge the job's
+/// kernel.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Example:
   lightpath hologram verify 01939a5e-7c1b-7d52-9b7e-0d6f3a1c2b4e")]
 pub(crate) struct Verify {
-    /// Verify the holograms of the job with this id, or the beginning of one; it must have succeeded
+    /// Verify the holograms of the job with this id or beginning of an id; the job must have succeeded
     job: String,
 
     #[command(flatten)]

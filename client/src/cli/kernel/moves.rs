@@ -12,8 +12,8 @@ use lightpath::v1;
 
 /// Make a version active, if it passes the display's promotion gate; holograms and firmware use the active version.
 ///
-/// The command kernel check shows how it would do. Devices get the version at once: to try it on some of them first, use
-/// rollout start.
+/// The command kernel check shows beforehand whether the version would pass. All devices get the version at once. Use
+/// rollout start to try it on some devices first.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Example:

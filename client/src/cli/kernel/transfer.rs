@@ -41,7 +41,7 @@ pub(crate) struct Fetch {
     #[command(flatten)]
     file: KernelFile,
 
-    /// Say which version, digest, size and file it would be, and write nothing
+    /// Print the version, digest, size and name of the file that the command would write, and write nothing
     #[arg(long)]
     dry_run: bool,
 }

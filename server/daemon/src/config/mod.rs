@@ -97,8 +97,8 @@ settings! {
     /// Name of the workers in the events of jobs; by default the name of the machine where several processes share a
     /// database
     worker_name: Option<String> = None, "NAME", Allowed::Text("a name");
-    /// Labels of this process, separated by commas: it also runs jobs that need them, and one that needs others runs
-    /// elsewhere
+    /// Labels of this process, separated by commas: it runs only jobs whose needs are among these labels, and jobs
+    /// without needs
     worker_labels: String = String::new(), "LABELS", Allowed::Text("labels separated by commas, such as gpu,bench-2");
     /// Number of jobs that run at the same time
     workers: u32 = 1, "COUNT", Allowed::Numbers(1.0, 64.0);
@@ -155,7 +155,7 @@ settings! {
     collect_artifacts_after_days: f64 = 7.0, "DAYS", AGE_DAYS;
     /// Days since its end after which a job is removed, with its events; 0: never
     collect_jobs_after_days: f64 = 0.0, "DAYS", AGE_DAYS;
-    /// Days for which a signed manifest of a kernel counts; a device that receives no newer one refuses it afterwards
+    /// Days for which a signed manifest of a kernel is valid; afterwards devices refuse it and need a newer one
     manifest_days: f64 = 7.0, "DAYS", Allowed::Numbers(0.01, 366.0);
     /// Mean time after which a device asks again for a manifest
     poll_interval_s: f64 = 60.0, "SECONDS", Allowed::Numbers(1.0, 86_400.0);

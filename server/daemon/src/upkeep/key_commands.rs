@@ -25,7 +25,7 @@ To keep the root key elsewhere, on a machine without a network:
 pub enum KeyCommand {
     /// List the keys, and which of them this server has
     List(List),
-    /// List a new key for manifests; the present one counts on, for the manifests that it signed
+    /// Add a new key for manifests; the present one stays valid for the manifests that it signed
     Rotate(Rotate),
     /// Revoke a key that others may have. Devices refuse its manifests as soon as they have the new keyring
     Revoke(Revoke),

@@ -100,9 +100,9 @@ pub struct KeyLine {
 pub enum KeyChange {
     /// The same keys for a new time.
     Renew,
-    /// A new manifest key. The present one counts on, for the manifests that it signed.
+    /// A new manifest key. The present one stays valid for the manifests that it signed.
     Rotate,
-    /// The key with this public key counts no more, and a new one takes its place.
+    /// The key with this public key is no longer valid, and a new one takes its place.
     Revoke(PublicKey),
 }
 

@@ -182,7 +182,7 @@ async fn jobs_run_where_their_memory_is() {
     small.stop().await;
 }
 
-/// A server that stops while a receiver does not answer lets go of the webhook, so that another one tells it at once.
+/// A server that stops while a receiver does not answer lets go of the webhook, so that another server takes it over at once.
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_server_that_stops_lets_go_of_its_webhooks() {
     const HOLD_MS: i64 = 30_000;

@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lightpath import html, names, v1, words
-from lightpath.aio.jobs import Job, submit
+from lightpath.aio.jobs import submit
+from lightpath.aio.kernels import read_learned
+from lightpath.aio.results import read_evaluation, read_preparation
 from lightpath.errors import InvalidArgument
 from lightpath.hologram import Hologram
 from lightpath.options import LearnOptions, SubmitOptions, check, learn_message, region_message
@@ -161,7 +163,7 @@ class Dataset:
     async def _prepare(
         self, message: v1.PrepareDataset, options: SubmitOptions, progress: Progress
     ) -> v1.PrepareResult:
-        job: Job[v1.PrepareResult] = await submit(self._connection, v1.JobSpec(prepare_dataset=message), options)
+        job = await submit(self._connection, v1.JobSpec(prepare_dataset=message), options, read_preparation)
         result = await job.result(progress=progress)
         await self.refresh()
         return result
@@ -185,7 +187,7 @@ class Dataset:
         """Measure how well a kernel predicts these photographs: `active`, `ideal` or the number of a version."""
         check(options, SubmitOptions)
         message = v1.EvaluateKernel(dataset=self.name, kernel=str(kernel), region_of_interest=region_message(region))
-        job: Job[Evaluation] = await submit(self._connection, v1.JobSpec(evaluate_kernel=message), options)
+        job = await submit(self._connection, v1.JobSpec(evaluate_kernel=message), options, read_evaluation)
         return await job.result(progress=progress)
 
     async def delete(self) -> None:
@@ -211,5 +213,5 @@ async def learn(
     """Learn one model from datasets, and return a version for each of them."""
     check(options, LearnOptions)
     message = learn_message(datasets, options)
-    job: Job[list[KernelVersion]] = await submit(connection, v1.JobSpec(learn_kernel=message), options)
+    job = await submit(connection, v1.JobSpec(learn_kernel=message), options, read_learned)
     return await job.result(progress=progress)

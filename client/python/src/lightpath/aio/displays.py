@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, cast
 
 from lightpath import html, names, png, v1, words
 from lightpath.aio.datasets import Dataset
-from lightpath.aio.jobs import Job, submit
+from lightpath.aio.jobs import submit
 from lightpath.aio.kernels import Kernel, KernelVersion, list_kernels
+from lightpath.aio.results import read_hologram, read_photograph
 from lightpath.errors import InvalidArgument
 from lightpath.hologram import Hologram
 from lightpath.options import HologramOptions, SubmitOptions, check, label_of, optimize_message
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from typing_extensions import Unpack
 
     from lightpath.aio.connection import Connection
+    from lightpath.aio.jobs import Job
     from lightpath.photograph import Photograph
 
 
@@ -118,7 +120,7 @@ class Display:
         for i, distance_m in enumerate(distances):
             message.planes.add(distance_m=distance_m, target=digests[i % len(digests)])
         await self._upload_files(message, options)
-        return await submit(self._connection, v1.JobSpec(optimize_hologram=message), options)
+        return await submit(self._connection, v1.JobSpec(optimize_hologram=message), options, read_hologram)
 
     async def _upload_files(self, message: v1.OptimizeHologram, options: HologramOptions) -> None:
         if "depth_map" in options:
@@ -179,7 +181,7 @@ class Display:
             message.distance_m = metres("distance", distance)
         if wavelength is not None:
             message.wavelength_m = metres("wavelength", wavelength)
-        job: Job[Photograph] = await submit(self._connection, v1.JobSpec(simulate_capture=message), options)
+        job = await submit(self._connection, v1.JobSpec(simulate_capture=message), options, read_photograph)
         return await job.result(progress=progress)
 
     async def plan(

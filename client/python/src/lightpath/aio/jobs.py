@@ -1,25 +1,19 @@
-"""Asynchronous jobs: submitting, waiting through restarts, and their results."""
+"""Asynchronous jobs: submitting, and waiting through restarts for what they make."""
 
 from __future__ import annotations
 
-import io
 import uuid
 from functools import partial
-from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
-
-import numpy as np
+from typing import TYPE_CHECKING, Generic, TypeVar, cast
 
 from lightpath import html, names, v1, words
-from lightpath.errors import JobUnsuccessful, ProtocolError, Unreachable, WaitInterrupted
-from lightpath.hologram import Hologram
+from lightpath.errors import JobUnsuccessful, Unreachable, WaitInterrupted
 from lightpath.options import SubmitOptions, submit_request
-from lightpath.photograph import Photograph
 from lightpath.progress import Progress, details, watcher
-from lightpath.reports import Evaluation, Report
 from lightpath.retry import Backoff
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator, Callable
+    from collections.abc import AsyncIterator, Awaitable, Callable
 
     from lightpath.aio.connection import Connection
 
@@ -34,8 +28,11 @@ _ENDED = {v1.Job.STATE_SUCCEEDED, v1.Job.STATE_FAILED, v1.Job.STATE_CANCELLED}
 class Job(Generic[Result]):
     """A job in the server's queue. It goes on when the program ends."""
 
-    def __init__(self, connection: Connection, message: v1.Job) -> None:
+    def __init__(
+        self, connection: Connection, message: v1.Job, read: Callable[[Connection, v1.Job], Awaitable[Result]]
+    ) -> None:
         self._connection = connection
+        self._read = read
         self.message = message
 
     def __repr__(self) -> str:
@@ -120,7 +117,7 @@ class Job(Generic[Result]):
         if not self.ended:
             await self.wait(progress=progress)
         check_success(self.message)
-        return cast("Result", await _read_result(self._connection, self.message))
+        return await self._read(self._connection, self.message)
 
     async def cancel(self) -> Job[Result]:
         """Cancel the job. A queued job ends at once, a running one within some seconds."""
@@ -157,11 +154,19 @@ class Job(Generic[Result]):
         return html.table(self.name, rows)
 
 
-async def submit(connection: Connection, spec: v1.JobSpec, options: SubmitOptions) -> Job[Any]:
-    """Submit a job. The call is made again after a lost connection, and never makes a second job."""
+async def submit(
+    connection: Connection,
+    spec: v1.JobSpec,
+    options: SubmitOptions,
+    read: Callable[[Connection, v1.Job], Awaitable[Result]],
+) -> Job[Result]:
+    """Submit a job, whose result `read` reads.
+
+    The call is made again after a lost connection, and never makes a second job.
+    """
     request = submit_request(spec, options)
     request.request_id = request.request_id or str(uuid.uuid4())
-    return Job(connection, await connection.call(connection.jobs.SubmitJob, request))
+    return Job(connection, await connection.call(connection.jobs.SubmitJob, request), read)
 
 
 def check_success(job: v1.Job) -> None:
@@ -174,45 +179,6 @@ def check_success(job: v1.Job) -> None:
         raise JobUnsuccessful(job.name, "was cancelled", "CANCELLED", retry)
     if job.state != v1.Job.STATE_SUCCEEDED:
         raise JobUnsuccessful(job.name, "has not ended", "NOT_ENDED", "wait for it with wait()")
-
-
-async def _read_result(connection: Connection, job: v1.Job) -> object:
-    kind = job.result.WhichOneof("kind")
-    if kind == "hologram":
-        return await _read_hologram(connection, job)
-    if kind == "learn":
-        from lightpath.aio.kernels import learned_versions  # noqa: PLC0415 - kernels need jobs, too
-
-        return await learned_versions(connection, job.result.learn)
-    if kind == "capture":
-        return Photograph(await connection.download(job.result.capture.photo), job.result.capture.photo)
-    if kind == "evaluate":
-        spec = job.spec.evaluate_kernel
-        return Evaluation(spec.dataset, spec.kernel or "active", job.result.evaluate)
-    if kind == "report":
-        return await _read_report(connection, job.result.report)
-    if kind in {"prepare", "verify", "suggest"}:
-        return getattr(job.result, kind)
-    raise ProtocolError(f"{job.name} has a result that this package does not know")
-
-
-async def _read_hologram(connection: Connection, job: v1.Job) -> Hologram:
-    phases, levels, pictures = [], [], []
-    for each in job.result.hologram.wavelengths:
-        arrays = [np.load(io.BytesIO(await connection.download(frame.phase_npy))) for frame in each.frames]
-        phases.append(np.stack(arrays))
-        levels.append([await connection.download(frame.phase) for frame in each.frames])
-        pictures.append([await connection.download(plane.reconstruction) for plane in each.planes])
-    colours = [await connection.download(digest) for digest in job.result.hologram.colour_reconstructions]
-    return Hologram(job, np.stack(phases), levels, pictures, colours)
-
-
-async def _read_report(connection: Connection, result: v1.ReportResult) -> Report:
-    page = await connection.download(result.html)
-    with np.load(io.BytesIO(await connection.download(result.arrays)), allow_pickle=False) as file:
-        arrays = {name: file[name] for name in file.files}
-    figures = [(figure.title, await connection.download(figure.artifact)) for figure in result.figures]
-    return Report(page, arrays, figures)
 
 
 def job_name(id_or_name: str) -> str:

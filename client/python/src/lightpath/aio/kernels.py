@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 from lightpath import html, v1, words
 from lightpath.aio.connection import checked
-from lightpath.aio.jobs import Job, submit
+from lightpath.aio.jobs import submit
+from lightpath.aio.results import read_report
 from lightpath.errors import ProtocolError, Unreachable
 from lightpath.learned import LearnedKernel, from_npz
 from lightpath.options import SubmitOptions, check
@@ -202,7 +203,7 @@ class KernelVersion:
         """Make a report of what was learned, with pictures and numbers."""
         check(options, SubmitOptions)
         spec = v1.JobSpec(report_kernel=v1.ReportKernel(kernel_version=self.name))
-        job: Job[Report] = await submit(self._connection, spec, options)
+        job = await submit(self._connection, spec, options, read_report)
         return await job.result(progress=progress)
 
     async def compare(self, other: KernelVersion) -> v1.KernelComparison:
@@ -238,9 +239,9 @@ async def read_version(connection: Connection, name: str) -> KernelVersion:
     return KernelVersion(connection, await connection.call(connection.kernels.GetKernelVersion, request))
 
 
-async def learned_versions(connection: Connection, result: v1.LearnResult) -> list[KernelVersion]:
+async def read_learned(connection: Connection, job: v1.Job) -> list[KernelVersion]:
     """Return the versions that a job learned, one for each of its datasets."""
-    return [await read_version(connection, learned.kernel_version) for learned in result.kernels]
+    return [await read_version(connection, learned.kernel_version) for learned in job.result.learn.kernels]
 
 
 async def list_kernels(connection: Connection, display: str) -> list[Kernel]:

@@ -10,8 +10,9 @@ from lightpath.aio.connection import Connection
 from lightpath.aio.datasets import Dataset, learn
 from lightpath.aio.displays import Display
 from lightpath.aio.jobs import Job, job_name
-from lightpath.aio.kernels import Kernel, KernelVersion, list_kernels
-from lightpath.errors import InvalidArgument
+from lightpath.aio.kernels import Kernel, KernelVersion, list_kernels, read_learned
+from lightpath.aio.results import read_evaluation, read_hologram, read_photograph, read_preparation, read_report
+from lightpath.errors import InvalidArgument, ProtocolError
 from lightpath.options import LearnOptions, region_message
 from lightpath.photograph import Photograph, PhotoScore
 from lightpath.pictures import Picture, picture_bytes
@@ -19,7 +20,7 @@ from lightpath.units import Length, metres, resolution_px
 
 if TYPE_CHECKING:
     import os
-    from collections.abc import Sequence
+    from collections.abc import Awaitable, Callable, Sequence
     from types import TracebackType
 
     from typing_extensions import Self, Unpack
@@ -188,7 +189,7 @@ class Lab:
     async def job(self, job_id: str) -> Job[Any]:
         """Return a job, for example one that an earlier program submitted."""
         request = v1.GetJobRequest(name=job_name(job_id))
-        return Job(self.connection, await self.connection.call(self.connection.jobs.GetJob, request))
+        return Job(self.connection, await self.connection.call(self.connection.jobs.GetJob, request), _read_result)
 
     async def jobs(
         self,
@@ -211,7 +212,27 @@ class Lab:
         jobs: list[Job[Any]] = []
         while True:
             page = await self.connection.call(self.connection.jobs.ListJobs, request)
-            jobs += [Job(self.connection, each) for each in page.jobs]
+            jobs += [Job(self.connection, each, _read_result) for each in page.jobs]
             if not page.next_page_token or len(jobs) >= limit:
                 return jobs[:limit]
             request.page_token = page.next_page_token
+
+
+_READERS: dict[str, Callable[[Connection, v1.Job], Awaitable[Any]]] = {
+    "hologram": read_hologram,
+    "learn": read_learned,
+    "capture": read_photograph,
+    "evaluate": read_evaluation,
+    "report": read_report,
+    "prepare": read_preparation,
+}
+
+
+async def _read_result(connection: Connection, job: v1.Job) -> Any:
+    """Return what a job of any kind made."""
+    kind = job.result.WhichOneof("kind") or ""
+    if kind in {"verify", "suggest"}:
+        return getattr(job.result, kind)
+    if kind not in _READERS:
+        raise ProtocolError(f"{job.name} has a result that this package does not know")
+    return await _READERS[kind](connection, job)

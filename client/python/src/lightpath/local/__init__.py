@@ -15,8 +15,8 @@ from lightpath.local.display import DisplayModel, LearningRecord, SimulatedDispl
 from lightpath.local.engine import EngineRefused
 from lightpath.local.hologram import Hologram, HologramLoss, optimize
 from lightpath.local.learning import learn
-from lightpath.local.optics import Plan, PlanWarning
-from lightpath.local.options import LossOptions, OpticsOptions, OptimizeOptions
+from lightpath.local.optics import OpticsOptions, Plan, PlanWarning
+from lightpath.local.options import LossOptions, OptimizeOptions
 from lightpath.local.propagation import Propagated, Propagator, plan, propagate, transfer_function
 from lightpath.local.quality import DetectorQuality, Quality, SecondOpinion
 

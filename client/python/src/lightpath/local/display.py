@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import numpy.typing as npt
     from typing_extensions import Unpack
 
-    from lightpath.local.options import OpticsOptions
+    from lightpath.local.optics import OpticsOptions
     from lightpath.units import Length
 
 

@@ -14,8 +14,8 @@ from lightpath.errors import InvalidArgument
 from lightpath.local.arrays import Array, as_array, is_array, light, phase_rad
 from lightpath.local.display import DisplayModel
 from lightpath.local.engine import engine, refusals
-from lightpath.local.optics import choose
-from lightpath.local.options import LossOptions, OptimizeOptions, check
+from lightpath.local.optics import check, choose
+from lightpath.local.options import LossOptions, OptimizeOptions
 from lightpath.local.progress import Progress, listener
 from lightpath.local.quality import Quality, SecondOpinion, opinion_of, quality_of, target_light
 from lightpath.units import show_length

@@ -16,7 +16,7 @@ from lightpath.local.optics import choose, optics_json
 from lightpath.local.progress import Progress, listener
 
 if TYPE_CHECKING:
-    from lightpath.local.options import Method, OpticsOptions
+    from lightpath.local.optics import Method, OpticsOptions
     from lightpath.units import Length
 
 

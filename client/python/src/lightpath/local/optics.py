@@ -1,18 +1,40 @@
-"""The optics of a call, and what the planner says about them."""
+"""The optics of a call and its options, and what the planner says about them."""
 
 from __future__ import annotations
 
 import json
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypedDict, get_args
 
 from lightpath import words
 from lightpath.errors import InvalidArgument
-from lightpath.local.options import OpticsOptions, check
 from lightpath.units import metres, resolution_px, show_length
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
+
+    from lightpath.units import Length
+
+Method: TypeAlias = words.Propagation | Literal["auto"]
+"""A propagation method, or `auto`: the planner chooses."""
+
+
+class _Optics(TypedDict):
+    wavelength: Length
+    """In vacuum: metres, or text such as `"515nm"`."""
+    pixel_pitch: Length
+    """Distance between pixels, the same along both axes."""
+    distance: Length
+    """From the display to the image. Negative: behind the display."""
+
+
+class OpticsOptions(_Optics, total=False):
+    """Optics of a propagation through free space. `wavelength`, `pixel_pitch` and `distance` are required."""
+
+    method: Method
+    """Propagation method. Default: `auto`. A method that is not valid for the optics is refused, with the reason."""
+    regardless: bool
+    """Use the method even where it is not valid, for example to measure its error. Default: False."""
 
 
 @dataclass(frozen=True)
@@ -88,6 +110,18 @@ def optics_json(resolution: str | tuple[int, int], options: OpticsOptions) -> st
             "regardless": regardless,
         }
     )
+
+
+def check(options: Mapping[str, Any], known: type[Any], *, required: bool = False) -> None:
+    """Raise TypeError for an option that does not exist or is missing, as Python does for keyword arguments."""
+    unknown = options.keys() - known.__annotations__.keys()
+    if unknown:
+        raise TypeError(
+            f"unknown option {', '.join(sorted(unknown))}; the options are {', '.join(sorted(known.__annotations__))}"
+        )
+    missing = [name for name in _Optics.__annotations__ if name not in options]
+    if required and missing:
+        raise TypeError(f"missing keyword argument {', '.join(missing)}")
 
 
 def choose(name: str, given: str, allowed: Iterable[str]) -> str:

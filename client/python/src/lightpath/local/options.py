@@ -1,41 +1,15 @@
-"""Options of the functions of `lightpath.local`, as keyword arguments. Editors show them."""
+"""Options of `lightpath.local` for holograms, as keyword arguments. Editors show them."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypedDict
-
-from lightpath import words
+from typing import TYPE_CHECKING, TypedDict
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
+    from lightpath import words
     from lightpath.local.arrays import Array
     from lightpath.local.display import DisplayModel
+    from lightpath.local.optics import Method
     from lightpath.units import Length
-
-Method: TypeAlias = words.Propagation | Literal["auto"]
-"""A propagation method, or `auto`: the planner chooses."""
-
-Precision: TypeAlias = Literal["single", "double"]
-"""`single`: complex64. `double`: complex128, which takes some three times longer."""
-
-
-class _Optics(TypedDict):
-    wavelength: Length
-    """In vacuum: metres, or text such as `"515nm"`."""
-    pixel_pitch: Length
-    """Distance between pixels, the same along both axes."""
-    distance: Length
-    """From the display to the image. Negative: behind the display."""
-
-
-class OpticsOptions(_Optics, total=False):
-    """Optics of a propagation through free space. `wavelength`, `pixel_pitch` and `distance` are required."""
-
-    method: Method
-    """Propagation method. Default: `auto`. A method that is not valid for the optics is refused, with the reason."""
-    regardless: bool
-    """Use the method even where it is not valid, for example to measure its error. Default: False."""
 
 
 class LossOptions(TypedDict, total=False):
@@ -90,15 +64,3 @@ class OptimizeOptions(LossOptions, total=False):
     """Bits of the display's grey levels. Default: 8."""
     quantization_aware: bool
     """Optimize the last third of the iterations through the grey levels. Default: False."""
-
-
-def check(options: Mapping[str, Any], known: type[Any], *, required: bool = False) -> None:
-    """Raise TypeError for an option that does not exist or is missing, as Python does for keyword arguments."""
-    unknown = options.keys() - known.__annotations__.keys()
-    if unknown:
-        raise TypeError(
-            f"unknown option {', '.join(sorted(unknown))}; the options are {', '.join(sorted(known.__annotations__))}"
-        )
-    missing = [name for name in _Optics.__annotations__ if name not in options]
-    if required and missing:
-        raise TypeError(f"missing keyword argument {', '.join(missing)}")

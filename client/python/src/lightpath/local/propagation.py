@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
@@ -16,16 +16,18 @@ from lightpath.errors import InvalidArgument
 from lightpath.local.arrays import Array, as_array, complex_field
 from lightpath.local.display import DisplayModel
 from lightpath.local.engine import engine, refusals
-from lightpath.local.optics import Plan, choose, optics_json, plan_of
-from lightpath.local.options import OpticsOptions, Precision
+from lightpath.local.optics import OpticsOptions, Plan, choose, optics_json, plan_of
 from lightpath.units import resolution_px
 
 if TYPE_CHECKING:
     import numpy.typing as npt
     from typing_extensions import Unpack
 
-    from lightpath.local.options import Method
+    from lightpath.local.optics import Method
     from lightpath.units import Length
+
+Precision: TypeAlias = Literal["single", "double"]
+"""`single`: complex64. `double`: complex128, which takes some three times longer."""
 
 _AXES = 2
 
