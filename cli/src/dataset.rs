@@ -1,27 +1,23 @@
 //! The commands `lightpath dataset …`.
 
 mod add;
-mod align;
+mod calibration;
 mod import;
 mod layouts;
 mod manifest;
-mod show;
-mod suggest;
 
-use super::arguments::{Limit, Optics, above_zero};
+use super::arguments::{Limit, Optics};
+use super::dataset_text::{facts, state};
 use super::failure::Failure;
-use super::job_text;
+use super::jobs::prepare_dataset::{Align, Finalize};
+use super::jobs::suggest_holograms::Suggest;
 use super::session::{Session, more_hint, pages, print_note};
-use super::show::{age_or_dash, clock_or_dash};
-use super::submission::Submission;
+use super::show::{age_or_dash, clock_or_dash, optics};
 use super::table::Table;
 use super::words::WordParser;
 use clap::{Args, Subcommand};
 use lightpath::names;
-use lightpath::v1::prepare_dataset::{self, Step};
-use lightpath::v1::{self, Dataset, PrepareDataset, job_spec};
-pub(crate) use show::{alignment, findings};
-use show::{facts, state};
+use lightpath::v1::{self, Dataset};
 
 /// Commands for datasets.
 // Variants without a comment take their help from the struct of their arguments. A comment here would hide all but its
@@ -31,10 +27,10 @@ pub(crate) enum DatasetCommand {
     Create(Create),
     Add(add::Add),
     Import(import::Import),
-    Calibration(align::Calibration),
-    Align(align::Align),
+    Calibration(calibration::Calibration),
+    Align(Align),
     Finalize(Finalize),
-    Suggest(suggest::Suggest),
+    Suggest(Suggest),
     /// Show a dataset with its pairs
     Show(Name),
     /// List datasets
@@ -67,42 +63,6 @@ pub(crate) struct Create {
     /// 8 to 16 [default: that of the files]
     #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
     photo_bit_depth: u32,
-}
-
-/// Draw the split and close a dataset permanently; kernels are learned only from finalized datasets.
-///
-/// The job first aligns photographs that are turned against what their holograms should show, or shifted so far that
-/// learning may not find it. Scale and shear up to 2 px stay for learning, because an uneven modulator makes them, too.
-/// The job leaves out pairs that cannot be learned from: black photographs, copies, and photographs of another
-/// hologram. The printed findings say why.
-#[derive(Debug, Args)]
-#[command(after_long_help = "\
-Examples:
-  lightpath dataset finalize bench-1
-  lightpath dataset finalize bench-1 --test-fraction 0.3 --seed 4")]
-pub(crate) struct Finalize {
-    /// Name of the dataset
-    name: String,
-
-    /// Draw this fraction of the pairs without a split for validation, 0 to 0.8; validation pairs choose the order of a
-    /// kernel and the parts of a display model [default: 0.2]
-    #[arg(long, value_name = "X")]
-    validation_fraction: Option<f64>,
-
-    /// Draw this fraction of the pairs without a split for the test, but at least one pair; above 0, at most 0.8
-    #[arg(long, value_name = "X", default_value_t = 0.2, value_parser = above_zero)]
-    test_fraction: f64,
-
-    /// Set the seed of the draw
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    seed: u64,
-
-    /// Keep the alignment unchanged even if the photographs are turned or shifted
-    #[arg(long)]
-    keep_alignment: bool,
-
-    #[command(flatten)]
-    submission: Submission,
 }
 
 /// The dataset that a command applies to.
@@ -171,21 +131,6 @@ impl Create {
     }
 }
 
-impl Finalize {
-    async fn run(self, session: &Session) -> Result<(), Failure> {
-        let dataset = names::dataset(&self.name);
-        let step = Step::Finalize(prepare_dataset::Finalize {
-            validation_fraction: self.validation_fraction,
-            test_fraction: self.test_fraction,
-            seed: self.seed,
-            keep_alignment: self.keep_alignment,
-        });
-        let kind = job_spec::Kind::PrepareDataset(PrepareDataset { dataset: dataset.clone(), step: Some(step) });
-        self.submission.submit_and_wait(session, kind).await?;
-        session.print(&session.client.get_dataset(v1::GetDatasetRequest { name: dataset }).await?, facts)
-    }
-}
-
 impl List {
     async fn run(self, session: &Session) -> Result<(), Failure> {
         let display = self.display.as_deref().map(names::display).unwrap_or_default();
@@ -205,7 +150,7 @@ impl List {
                     table.row([
                         names::id(&dataset.name).to_owned(),
                         names::id(&dataset.display).to_owned(),
-                        job_text::optics(dataset.wavelength_m, dataset.distance_m),
+                        optics(dataset.wavelength_m, dataset.distance_m),
                         state(dataset),
                         dataset.pair_count.to_string(),
                         clock_or_dash(dataset.create_time.as_ref()),

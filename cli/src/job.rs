@@ -3,11 +3,11 @@
 use super::arguments::Limit;
 use super::failure::Failure;
 use super::identifiers::{job_name, job_names};
-use super::progress::{Awaited, Progress, or_interrupted};
+use super::jobs::progress::{Awaited, Progress, or_interrupted};
 use super::session::{Output, Session, more_hint, pages, print_note};
 use super::table::Table;
 use super::words::WordParser;
-use super::{job_text, show, times};
+use super::{jobs, show, times};
 use clap::{Args, Subcommand};
 use futures::{StreamExt as _, TryStreamExt as _};
 use lightpath::names;
@@ -135,16 +135,16 @@ impl JobCommand {
             Self::List(list) => list.run(session).await,
             Self::Show(id) => {
                 let name = id.name(session).await?;
-                session.print(&client.get_job(v1::GetJobRequest { name }).await?, job_text::facts)
+                session.print(&client.get_job(v1::GetJobRequest { name }).await?, jobs::facts)
             }
             Self::Watch(watch) => watch.run(session).await,
             Self::Cancel(id) => {
                 let job = client.cancel_job(v1::CancelJobRequest { name: id.name(session).await? }).await?;
-                session.print(&job, |job| format!("{}  {}", names::id(&job.name), job_text::one_line(job)))
+                session.print(&job, |job| format!("{}  {}", names::id(&job.name), jobs::one_line(job)))
             }
             Self::Retry(id) => {
                 let job = client.retry_job(v1::RetryJobRequest { name: id.name(session).await? }).await?;
-                session.print(&job, |job| format!("{}  {}", names::id(&job.name), job_text::one_line(job)))
+                session.print(&job, |job| format!("{}  {}", names::id(&job.name), jobs::one_line(job)))
             }
             Self::Logs(id) => logs(session, id.name(session).await?).await,
             Self::Batch(batch) => {
@@ -223,10 +223,10 @@ impl Watch {
         match (session.output, jobs.as_slice()) {
             // Each change has been printed.
             (Output::Jsonl, _) => {}
-            (_, [job]) => session.print(job, job_text::facts)?,
+            (_, [job]) => session.print(job, jobs::facts)?,
             _ => session.print_jobs(&jobs, &table(&jobs).text())?,
         }
-        job_text::check_success(&jobs)
+        jobs::check_success(&jobs)
     }
 }
 
@@ -262,12 +262,12 @@ fn table(jobs: &[Job]) -> Table {
         let progress = job.progress.as_ref().map(|progress| format!("{}/{}", progress.step, progress.steps_total));
         table.row([
             names::id(&job.name).to_owned(),
-            show::or_dash(if job.label.is_empty() { job_text::subject(job) } else { &job.label }),
-            job_text::state(job),
-            job_text::psnr(job),
+            show::or_dash(if job.label.is_empty() { jobs::subject(job) } else { &job.label }),
+            jobs::state(job),
+            jobs::psnr(job),
             show::or_dash(&job.owner),
-            job_text::kind(job).to_owned(),
-            job_text::subject(job).to_owned(),
+            jobs::kind(job).to_owned(),
+            jobs::subject(job).to_owned(),
             progress.unwrap_or_default(),
             job.attempt.to_string(),
             show::clock_or_dash(job.create_time.as_ref()),

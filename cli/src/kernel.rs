@@ -4,16 +4,15 @@ mod alias;
 mod compare;
 mod gate;
 mod interpolate;
-mod learn;
 mod manifest;
 mod moves;
 mod nearest;
-mod report;
 mod show;
 mod transfer;
 mod watch;
 
 use super::failure::Failure;
+use super::jobs::{evaluate_kernel, learn_kernel, report_kernel};
 use super::session::Session;
 use clap::Subcommand;
 
@@ -21,9 +20,9 @@ use clap::Subcommand;
 // Each variant takes its help from the struct of its arguments. A comment here would hide all but its first line.
 #[derive(Debug, Subcommand)]
 pub(crate) enum KernelCommand {
-    Learn(learn::Learn),
+    Learn(learn_kernel::Learn),
     Interpolate(interpolate::Interpolate),
-    Evaluate(learn::Evaluate),
+    Evaluate(evaluate_kernel::Evaluate),
     List(show::List),
     Show(show::Show),
     Versions(show::Versions),
@@ -41,7 +40,7 @@ pub(crate) enum KernelCommand {
     Export(transfer::Export),
     Manifest(manifest::Manifest),
     Import(transfer::Import),
-    Report(report::Report),
+    Report(report_kernel::Report),
 }
 
 impl KernelCommand {

@@ -49,4 +49,13 @@ impl KernelChoice {
             }
         }
     }
+    /// Returns the name of a version of the kernel: of this one, or of the newest.
+    pub(crate) async fn version_name(&self, session: &Session, version: Option<u32>) -> Result<String, Failure> {
+        let name = self.name(session).await?;
+        let version = match version {
+            Some(version) => version,
+            None => session.client.get_kernel(v1::GetKernelRequest { name: name.clone() }).await?.latest_version,
+        };
+        Ok(names::kernel_version(&name, version))
+    }
 }

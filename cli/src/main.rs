@@ -1,16 +1,18 @@
 //! The program `lightpath`. `lightpath help` lists its commands, and `lightpath help COMMAND` explains one.
 //!
-//! Each command has a file or a folder. Files that several commands share:
+//! Each command has a file or a folder, and each kind of job a file in `jobs`, with the command that submits it. Files that several share:
 //!
-//! - `arguments`, `words`, `submission`, `kernel_choice`: command-line arguments.
+//! - `arguments`, `words`, `kernel_choice`, `jobs::submission`: command-line arguments.
 //! - `session`: the connection and the forms of output. `failure`: exit codes and error output.
 //! - `inputs`, `destination`: input files, and places of output files. `identifiers`: ids of which only the beginning is given.
-//! - `terminal`: the width of the terminal. `table`, `show`, `job_text`, `quality_text`, `strengths_text`, `propagation_text`: text output for people.
-//!   `progress`: waiting for jobs, with progress bars.
+//! - `terminal`: the width of the terminal. `table`, `show`, `dataset_text`, `metrics_text`, `propagation_text`: text output for people.
+//!   `jobs::progress`: waiting for jobs, with progress bars.
+
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod arguments;
 mod dataset;
+mod dataset_text;
 mod destination;
 mod device;
 mod display;
@@ -20,21 +22,17 @@ mod hologram;
 mod identifiers;
 mod inputs;
 mod job;
-mod job_text;
+mod jobs;
 mod kernel;
 mod kernel_choice;
 mod keyring;
+mod metrics_text;
 mod photo;
-mod progress;
 mod propagation_text;
-mod quality_text;
 mod queue;
 mod rollout;
 mod session;
 mod show;
-mod simulate;
-mod strengths_text;
-mod submission;
 mod table;
 mod terminal;
 mod times;
@@ -156,7 +154,7 @@ enum Command {
     /// Show the keys that sign manifests of kernels, and sign keyrings
     #[command(subcommand)]
     Keyring(keyring::KeyringCommand),
-    Simulate(simulate::Simulate),
+    Simulate(jobs::simulate_capture::Simulate),
     /// Measure photographs of what displays show
     #[command(subcommand)]
     Photo(photo::PhotoCommand),

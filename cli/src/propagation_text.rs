@@ -5,8 +5,9 @@ use lightpath::Words as _;
 use lightpath::units::show_m;
 use lightpath::v1::{PlanPropagationResponse, ValidityReport};
 
-/// Adds the method, the reason for its choice, and the warnings.
-pub(crate) fn add(report: &ValidityReport, facts: &mut Facts) {
+/// Adds the method, the reason for its choice, and the warnings, if they are known.
+pub(crate) fn add(report: Option<&ValidityReport>, facts: &mut Facts) {
+    let Some(report) = report else { return };
     facts.add("propagation", format!("{}: {}", report.method().word(), report.explanation));
     for warning in &report.warnings {
         facts.add("warning", format!("{}: {}", warning.code, warning.text));
@@ -16,8 +17,8 @@ pub(crate) fn add(report: &ValidityReport, facts: &mut Facts) {
 /// Text with all facts about a plan and its alternatives.
 pub(crate) fn plan(plan: &PlanPropagationResponse) -> String {
     let mut facts = Facts::default();
+    add(plan.report.as_ref(), &mut facts);
     if let Some(report) = &plan.report {
-        add(report, &mut facts);
         numbers(report, &mut facts);
     }
     let mut table = Table::new(&["method", "possible", "for jobs?", "because_"]);

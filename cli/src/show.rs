@@ -1,6 +1,7 @@
-//! Times, sizes and numbers as text.
+//! Times, lengths, sizes and numbers as text.
 
 use chrono::DateTime;
+use lightpath::units;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 /// A time, for example `2026-11-20 14:07:49 UTC (3 min ago)`.
@@ -78,6 +79,11 @@ pub(crate) fn bytes(size: u64) -> String {
         (value, unit) = (value / 1000.0, next);
     }
     if unit == "B" { format!("{size} B") } else { format!("{value:.1} {unit}") }
+}
+
+/// Wavelength and distance, for example `515 nm, 150 mm`.
+pub(crate) fn optics(wavelength_m: f64, distance_m: f64) -> String {
+    format!("{}, {}", units::show_m(wavelength_m), units::show_m(distance_m))
 }
 
 /// A kernel version, for example `version 3`. 0 is `ideal`.

@@ -3,7 +3,7 @@
 use crate::destination::{self, Destination, PNG};
 use crate::failure::Failure;
 use crate::kernel_choice::KernelChoice;
-use crate::quality_text;
+use crate::metrics_text;
 use crate::session::Session;
 use crate::show;
 use crate::table::{Facts, Table};
@@ -85,7 +85,7 @@ fn text(found: &v1::KernelComparison) -> String {
     facts.add("transfer function differs by", difference(found.transfer_difference, found.transfer_phase_rad));
     facts.add("light on the modulator by", difference(found.source_difference, found.source_phase_rad));
     let parts = versions.iter().filter_map(|version| {
-        let parts = quality_text::parts(version.metrics.as_ref()?);
+        let parts = metrics_text::parts(version.metrics.as_ref()?);
         (!parts.is_empty()).then(|| format!("\nversion {}:\n{parts}", version.version))
     });
     format!("{}\n{}{}", table.text(), facts.text(), parts.collect::<String>())

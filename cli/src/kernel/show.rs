@@ -3,9 +3,10 @@
 use crate::arguments::{Limit, distance};
 use crate::failure::Failure;
 use crate::kernel_choice::KernelChoice;
+use crate::metrics_text::{self, against_ideal};
 use crate::session::{Session, more_hint, pages};
+use crate::show;
 use crate::table::{Facts, Table};
-use crate::{job_text, quality_text, show};
 use clap::Args;
 use lightpath::v1::{self, Kernel, KernelVersion};
 use lightpath::{Words as _, names, units};
@@ -73,7 +74,7 @@ impl List {
                 for kernel in &list.kernels {
                     table.row([
                         kernel.name.clone(),
-                        job_text::optics(kernel.wavelength_m, kernel.distance_m),
+                        show::optics(kernel.wavelength_m, kernel.distance_m),
                         show::version_or_dash(kernel.active_version),
                         show::version_or_dash(kernel.latest_version),
                         if kernel.interpolated { "interpolated" } else { "" }.to_owned(),
@@ -129,7 +130,7 @@ async fn versions(session: &Session, kernel: &str, limit: u32) -> Result<(Vec<Ke
 pub(super) fn kernel_facts(kernel: &Kernel) -> String {
     let mut facts = Facts::default();
     facts.add("kernel", &kernel.name);
-    facts.add("optics", job_text::optics(kernel.wavelength_m, kernel.distance_m));
+    facts.add("optics", show::optics(kernel.wavelength_m, kernel.distance_m));
     facts.add(
         "active",
         match kernel.active_version {
@@ -210,16 +211,14 @@ pub(super) fn version_facts(version: &KernelVersion) -> String {
         facts.add(origin, distances_m.into_iter().map(units::show_m).collect::<Vec<_>>().join(", "));
     }
     if let Some(metrics) = version.metrics.as_ref().filter(|metrics| metrics.train_pairs > 0) {
-        let comparison = |learned, ideal| format!("{} (ideal kernel {})", show::loss(learned), show::loss(ideal));
-        facts.add("held-out loss", comparison(metrics.test_loss, metrics.ideal_test_loss));
-        facts.add("full frame", comparison(metrics.test_loss_full_frame, metrics.ideal_test_loss_full_frame));
-        quality_text::verdict(metrics, &mut facts);
+        facts.add("held-out loss", against_ideal(metrics.test_loss, metrics.ideal_test_loss));
+        facts.add("full frame", against_ideal(metrics.test_loss_full_frame, metrics.ideal_test_loss_full_frame));
+        metrics_text::verdict(metrics, &mut facts);
         facts.add("training loss", show::loss(metrics.train_loss));
         if metrics.validation_pairs > 0 {
             facts.add("validation loss", show::loss(metrics.validation_loss));
         }
-        let pairs = (metrics.train_pairs, metrics.validation_pairs, metrics.test_pairs);
-        facts.add("pairs", format!("{} train, {} validation, {} test", pairs.0, pairs.1, pairs.2));
+        facts.add("pairs", metrics_text::pairs(metrics));
     }
     if !lineage.job.is_empty() {
         facts.add("job", names::id(&lineage.job));
@@ -234,7 +233,7 @@ pub(super) fn version_facts(version: &KernelVersion) -> String {
     facts.add_some("bundle of", text_of(&lineage.parameters_json, "/bundle/version"));
     facts.add_some("note", text_of(&lineage.parameters_json, "/note"));
     facts.add_some("created", version.create_time.as_ref().map(show::time));
-    let parts = version.metrics.as_ref().map(quality_text::parts).filter(|table| !table.is_empty());
+    let parts = version.metrics.as_ref().map(metrics_text::parts).filter(|table| !table.is_empty());
     facts.text() + &parts.map(|table| format!("\n{table}")).unwrap_or_default()
 }
 

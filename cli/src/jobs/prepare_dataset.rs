@@ -1,48 +1,21 @@
-//! The commands `lightpath dataset calibration` and `align`.
+//! Jobs that align and finalize datasets, and the commands `lightpath dataset align` and `finalize`.
 
-use super::show::facts;
+use crate::arguments::{above_zero, resolution};
+use crate::dataset_text::{add_alignment, facts, findings};
 use crate::destination::{self, Destination, PNG};
 use crate::failure::Failure;
+use crate::jobs::JobKind;
+use crate::jobs::submission::Submission;
 use crate::session::Session;
-use crate::submission::Submission;
-use crate::{job_text, progress};
+use crate::table::Facts;
 use clap::Args;
-use lightpath::v1::prepare_dataset::{Align as AlignStep, Step, align::Source};
-use lightpath::v1::{self, OptimizeHologram, PrepareDataset, job_spec, optimize_hologram::ImagePlane};
-use lightpath::{hologram_result, names, prepare_result};
+use lightpath::v1::prepare_dataset::{self, Step, align::Source};
+use lightpath::v1::{self, Job, PrepareDataset, job_spec};
+use lightpath::{names, prepare_result};
 use std::path::{Path, PathBuf};
 
-const PHASE: Destination =
-    Destination { option: "-o", suffix: "-phase.png", formats: &[("png", "grey levels for the display")] };
 const BEFORE: Destination = Destination { option: "--picture-before", suffix: ".png", formats: &[PNG] };
 const AFTER: Destination = Destination { option: "--picture-after", suffix: ".png", formats: &[PNG] };
-
-/// Compute the hologram of a grid of dots, which is photographed to align the camera.
-///
-/// The hologram is optimized for the dataset's display, wavelength and distance with the ideal kernel. Display it and
-/// photograph it with the camera in its position for the dataset. Give the photograph to lightpath dataset align
-/// --dots.
-#[derive(Debug, Args)]
-#[command(after_long_help = "\
-Example:
-  lightpath dataset calibration bench-1 -o dots.png
-  lightpath dataset align bench-1 --dots photo-of-dots.png \\
-      --picture-before before.png --picture-after after.png")]
-pub(crate) struct Calibration {
-    /// Name of the dataset
-    name: String,
-
-    /// Write the hologram to this file, a grey PNG of levels
-    #[arg(short = 'o', value_name = "PHASE.png")]
-    phase: PathBuf,
-
-    /// Optimize for this many steps, 1 to 10000
-    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..))]
-    iterations: u32,
-
-    #[command(flatten)]
-    submission: Submission,
-}
 
 /// Determine where the camera sees the display's pixels.
 ///
@@ -71,7 +44,7 @@ pub(crate) struct Align {
     source: AlignmentSource,
 
     /// Set the size of the photographs for --points: columns x rows in pixels, for example 4096x3000
-    #[arg(long, value_name = "WxH", value_parser = crate::arguments::resolution, requires = "points")]
+    #[arg(long, value_name = "WxH", value_parser = resolution, requires = "points")]
     photo_size: Option<(u32, u32)>,
 
     /// Write a picture of a photograph before the alignment to this file, PNG
@@ -108,42 +81,44 @@ struct AlignmentSource {
     none: bool,
 }
 
-impl Calibration {
-    pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
-        let name = [format!("{}-dots", self.name)];
-        let phase = PHASE.files(&session.stdout, &self.phase, &name)?.remove(0);
-        let request = v1::GetDatasetRequest { name: names::dataset(&self.name) };
-        let dataset = session.client.get_dataset(request).await?;
-        let request = v1::CreateCalibrationTargetRequest { display: dataset.display.clone() };
-        let target = session.client.create_calibration_target(request).await?;
-        let kind = job_spec::Kind::OptimizeHologram(OptimizeHologram {
-            display: dataset.display,
-            wavelengths_m: vec![dataset.wavelength_m],
-            planes: vec![ImagePlane { distance_m: dataset.distance_m, target: target.target, weight: 0.0 }],
-            kernel: "ideal".to_owned(),
-            iterations: self.iterations,
-            seed: 1,
-            ..Default::default()
-        });
-        let job = self.submission.submit(session, kind, "dots for the alignment", None).await?;
-        let [name] = name;
-        for job in progress::wait_all(session, vec![(name, job)]).await? {
-            if let Ok(result) = hologram_result(&job) {
-                for frame in result.wavelengths.iter().flat_map(|hologram| &hologram.frames) {
-                    destination::save(session, &frame.phase, &phase).await?;
-                }
-            }
-            session.print(&job, |_| {
-                format!("hologram of {}×{} dots  {}", target.columns, target.rows, destination::shown(&phase))
-            })?;
-            job_text::check_success(&[job])?;
-        }
-        Ok(())
-    }
+/// Draw the split and close a dataset permanently; kernels are learned only from finalized datasets.
+///
+/// The job first aligns photographs that are turned against what their holograms should show, or shifted so far that
+/// learning may not find it. Scale and shear up to 2 px stay for learning, because an uneven modulator makes them, too.
+/// The job leaves out pairs that cannot be learned from: black photographs, copies, and photographs of another
+/// hologram. The printed findings say why.
+#[derive(Debug, Args)]
+#[command(after_long_help = "\
+Examples:
+  lightpath dataset finalize bench-1
+  lightpath dataset finalize bench-1 --test-fraction 0.3 --seed 4")]
+pub(crate) struct Finalize {
+    /// Name of the dataset
+    name: String,
+
+    /// Draw this fraction of the pairs without a split for validation, 0 to 0.8; validation pairs choose the order of a
+    /// kernel and the parts of a display model [default: 0.2]
+    #[arg(long, value_name = "X")]
+    validation_fraction: Option<f64>,
+
+    /// Draw this fraction of the pairs without a split for the test, but at least one pair; above 0, at most 0.8
+    #[arg(long, value_name = "X", default_value_t = 0.2, value_parser = above_zero)]
+    test_fraction: f64,
+
+    /// Set the seed of the draw
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u64,
+
+    /// Keep the alignment unchanged even if the photographs are turned or shifted
+    #[arg(long)]
+    keep_alignment: bool,
+
+    #[command(flatten)]
+    submission: Submission,
 }
 
 impl Align {
-    pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
+    pub(crate) async fn run(self, session: &Session) -> Result<(), Failure> {
         let file = |destination: Destination, place: &Option<PathBuf>| {
             place.as_ref().map(|path| destination.file(&session.stdout, path)).transpose()
         };
@@ -159,7 +134,7 @@ impl Align {
             Source::None(true)
         };
         let dataset = names::dataset(&self.name);
-        let step = Step::Align(AlignStep { source: Some(source) });
+        let step = Step::Align(prepare_dataset::Align { source: Some(source) });
         let kind = job_spec::Kind::PrepareDataset(PrepareDataset { dataset: dataset.clone(), step: Some(step) });
         let job = self.submission.submit_and_wait(session, kind).await?;
         let alignment = prepare_result(&job)?.alignment.clone().unwrap_or_default();
@@ -170,6 +145,77 @@ impl Align {
         }
         let dataset = session.client.get_dataset(v1::GetDatasetRequest { name: dataset }).await?;
         session.print(&dataset, |dataset| facts(&v1::Dataset { pairs: Vec::new(), ..dataset.clone() }))
+    }
+}
+
+impl Finalize {
+    pub(crate) async fn run(self, session: &Session) -> Result<(), Failure> {
+        let dataset = names::dataset(&self.name);
+        let step = Step::Finalize(prepare_dataset::Finalize {
+            validation_fraction: self.validation_fraction,
+            test_fraction: self.test_fraction,
+            seed: self.seed,
+            keep_alignment: self.keep_alignment,
+        });
+        let kind = job_spec::Kind::PrepareDataset(PrepareDataset { dataset: dataset.clone(), step: Some(step) });
+        self.submission.submit_and_wait(session, kind).await?;
+        session.print(&session.client.get_dataset(v1::GetDatasetRequest { name: dataset }).await?, facts)
+    }
+}
+
+impl JobKind for PrepareDataset {
+    fn name(&self) -> &'static str {
+        match self.step {
+            Some(Step::Finalize(_)) => "finalize dataset",
+            Some(Step::Align(_)) | None => "align dataset",
+        }
+    }
+
+    fn subject(&self) -> &str {
+        names::id(&self.dataset)
+    }
+
+    fn spec_facts(&self, _: &Job, facts: &mut Facts) {
+        facts.add("dataset", names::id(&self.dataset));
+        facts.add("work", preparation(self));
+    }
+
+    fn result_facts(&self, job: &Job, facts: &mut Facts) -> lightpath::Result<String> {
+        let result = prepare_result(job)?;
+        if let Some(alignment) = &result.alignment {
+            add_alignment(alignment, facts);
+            for (name, picture) in [("before", &alignment.before), ("after", &alignment.after)] {
+                if !picture.is_empty() {
+                    facts.add(name, picture);
+                }
+            }
+        }
+        if !result.digest.is_empty() {
+            let v1::PrepareResult { train_pairs, validation_pairs, test_pairs, left_out_pairs, .. } = result;
+            facts.add("digest", &result.digest);
+            let counts = format!("{train_pairs} train, {validation_pairs} validation, {test_pairs} test");
+            let left_out = if *left_out_pairs > 0 { format!(", {left_out_pairs} left out") } else { String::new() };
+            facts.add("pairs", counts + &left_out);
+        }
+        Ok(findings(&result.findings))
+    }
+}
+
+fn preparation(spec: &PrepareDataset) -> String {
+    match &spec.step {
+        Some(Step::Align(align)) => match &align.source {
+            Some(Source::Points(points)) => format!("align with {} points", points.points.len()),
+            Some(Source::DotsPhoto(photo)) => format!("align with the photograph of the dots {photo}"),
+            Some(Source::Pairs(_)) => "align with the pairs".to_owned(),
+            Some(Source::None(_)) | None => "remove the alignment".to_owned(),
+        },
+        Some(Step::Finalize(finalize)) => {
+            let prepare_dataset::Finalize { validation_fraction, test_fraction, seed, keep_alignment } = finalize;
+            let validation_fraction = validation_fraction.unwrap_or_default();
+            let kept = if *keep_alignment { ", alignment kept" } else { "" };
+            format!("finalize: {validation_fraction} for validation, {test_fraction} for the test, seed {seed}{kept}")
+        }
+        None => String::new(),
     }
 }
 

@@ -1,9 +1,9 @@
 //! Waiting for jobs. On a terminal each job has a progress bar; otherwise each change is a line. All output is on
 //! stderr.
 
-use super::failure::Failure;
-use super::session::{Session, print_note};
-use super::{job_text, show};
+use crate::failure::Failure;
+use crate::session::{Session, print_note};
+use crate::{jobs, show};
 use futures::{StreamExt as _, TryStreamExt as _};
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use lightpath::v1::{Job, job::State};
@@ -97,7 +97,7 @@ impl<'a> Awaited<'a> {
     /// The jobs with these ids, of which `jobs` has the kinds.
     pub(crate) fn new<'j>(ids: &'a [String], jobs: impl IntoIterator<Item = &'j Job>) -> Self {
         let mut jobs = jobs.into_iter().peekable();
-        let are_holograms = jobs.peek().is_some() && jobs.all(job_text::is_hologram);
+        let are_holograms = jobs.peek().is_some() && jobs.all(jobs::is_hologram);
         Self { ids, are_holograms }
     }
 
@@ -177,7 +177,7 @@ impl<'a> JobLine<'a> {
         let state = job.state();
         let changed = std::mem::replace(&mut self.state, state) != state;
         match &self.bar {
-            None if changed => print_note(&format!("{}: {}", self.label, job_text::one_line(job))),
+            None if changed => print_note(&format!("{}: {}", self.label, jobs::one_line(job))),
             None => {}
             Some(bar) => draw(bar, job, changed),
         }
@@ -198,7 +198,7 @@ fn draw(bar: &ProgressBar, job: &Job, state_changed: bool) {
             State::Succeeded | State::Failed | State::Cancelled => {
                 bar.disable_steady_tick();
                 bar.set_style(style("{prefix}  {msg}"));
-                bar.finish_with_message(job_text::one_line(job));
+                bar.finish_with_message(jobs::one_line(job));
                 return;
             }
         }
@@ -212,7 +212,7 @@ fn draw(bar: &ProgressBar, job: &Job, state_changed: bool) {
             let details = format!("{loss}{}", left.unwrap_or_default());
             bar.set_message(format!("{}  {}", progress.stage, details.trim_start_matches(", ")));
         }
-        _ => bar.set_message(job_text::one_line(job)),
+        _ => bar.set_message(jobs::one_line(job)),
     }
 }
 

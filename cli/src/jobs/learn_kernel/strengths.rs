@@ -1,7 +1,7 @@
 //! The parts that a learned display needed, as text: how strong they are, how certain that is, and what the photographs
 //! could not show.
 
-use super::table::Facts;
+use crate::table::Facts;
 use lightpath::v1::LearnResult;
 use lightpath::v1::learn_result::BlockStrengths;
 

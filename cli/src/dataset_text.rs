@@ -1,21 +1,21 @@
 //! Datasets as text.
 
-use crate::table::{Facts, Table, indented};
-use crate::{job_text, show};
+use super::show;
+use super::table::{Facts, Table, indented};
 use lightpath::v1::{self, Dataset, dataset::State};
 use lightpath::{Words as _, names};
 
 /// The state of a dataset, for example `open`.
-pub(super) fn state(dataset: &Dataset) -> String {
+pub(crate) fn state(dataset: &Dataset) -> String {
     dataset.state().word().to_owned()
 }
 
 /// Text about a dataset, with its pairs and findings.
-pub(super) fn facts(dataset: &Dataset) -> String {
+pub(crate) fn facts(dataset: &Dataset) -> String {
     let mut facts = Facts::default();
     facts.add("dataset", names::id(&dataset.name));
     facts.add("display", names::id(&dataset.display));
-    facts.add("optics", job_text::optics(dataset.wavelength_m, dataset.distance_m));
+    facts.add("optics", show::optics(dataset.wavelength_m, dataset.distance_m));
     facts.add(
         "state",
         match dataset.state() {
@@ -31,10 +31,7 @@ pub(super) fn facts(dataset: &Dataset) -> String {
         facts.add("digest", &dataset.digest);
     }
     if let Some(alignment) = &dataset.alignment {
-        facts.add("alignment", self::alignment(alignment));
-        if !alignment.explanation.is_empty() {
-            facts.add("alignment by pairs", &alignment.explanation);
-        }
+        add_alignment(alignment, &mut facts);
     }
     let mut text = facts.text();
     if !dataset.pairs.is_empty() {
@@ -57,8 +54,15 @@ pub(crate) fn findings(findings: &[v1::Finding]) -> String {
     text
 }
 
-/// The source of an alignment and its quality.
-pub(crate) fn alignment(alignment: &v1::Alignment) -> String {
+/// Adds the source of an alignment and its quality.
+pub(crate) fn add_alignment(alignment: &v1::Alignment, facts: &mut Facts) {
+    facts.add("alignment", quality(alignment));
+    if !alignment.explanation.is_empty() {
+        facts.add("alignment by pairs", &alignment.explanation);
+    }
+}
+
+fn quality(alignment: &v1::Alignment) -> String {
     let (origin, unit) = match alignment.method() {
         v1::alignment::Method::Dots => ("from a photograph of the dots", "dots"),
         v1::alignment::Method::Pairs => ("from the pairs", "tiles"),

@@ -1,14 +1,11 @@
-//! Quality of holograms and kernels as text.
+//! Quality of holograms as text.
 
-use super::show;
-use super::table::{Facts, Table};
-use lightpath::v1::{
-    KernelMetrics, PropagationMethod, Quality, SecondOpinion, SuggestResult, VerifyResult, hologram_result::PlaneResult,
-};
-use lightpath::{Words as _, units};
+use crate::show;
+use crate::table::Table;
+use lightpath::v1::{PropagationMethod, Quality, SecondOpinion, hologram_result::PlaneResult};
 
 /// A table of all metrics for each detector: for the phase as optimized and as quantized for the display.
-pub(crate) fn table(plane: &PlaneResult) -> String {
+pub(super) fn table(plane: &PlaneResult) -> String {
     let mut table = Table::new(&[
         "detector",
         "phase",
@@ -44,7 +41,7 @@ pub(crate) fn table(plane: &PlaneResult) -> String {
 
 /// What the quantized hologram would show on a display of the other kind, for example `21.3 dB on a display that shows
 /// all diffraction orders`; `None`: unknown.
-pub(crate) fn other_orders(plane: &PlaneResult) -> Option<String> {
+pub(super) fn other_orders(plane: &PlaneResult) -> Option<String> {
     let psnr = show::decibel(plane.other_orders_psnr_db?);
     let shows_all = plane.propagation.as_ref().is_some_and(|report| report.method() == PropagationMethod::AllOrders);
     let other =
@@ -54,7 +51,7 @@ pub(crate) fn other_orders(plane: &PlaneResult) -> Option<String> {
 
 /// The second opinion on the quantized hologram, for example `agrees: the independent model finds -0.02 dB on 8
 /// rows`; `None`: there is none.
-pub(crate) fn second_opinion(plane: &PlaneResult) -> Option<String> {
+pub(super) fn second_opinion(plane: &PlaneResult) -> Option<String> {
     let opinion = plane.second_opinion?;
     let SecondOpinion { rows, engine_psnr_db, independent_psnr_db, contradicts } = opinion;
     let difference_db = independent_psnr_db - engine_psnr_db;
@@ -66,105 +63,15 @@ pub(crate) fn second_opinion(plane: &PlaneResult) -> Option<String> {
     })
 }
 
-/// A table of what each part of a learned model explains; empty if that was not measured.
-pub(crate) fn parts(metrics: &KernelMetrics) -> String {
-    if metrics.parts.is_empty() {
-        return String::new();
-    }
-    let mut table = Table::new(&["part of the model", ">worse without it", ">over the photographs?"]);
-    for part in &metrics.parts {
-        let range = format!("{:.1} to {:.1} dB", part.least_db, part.most_db);
-        table.row([part.part().word().replace('-', " "), show::decibel(part.cost_db), range]);
-    }
-    table.text()
-}
-
-/// A table of the holograms to photograph next.
-pub(crate) fn suggestions(found: &SuggestResult) -> String {
-    let mut table = Table::new(&[
-        ">hologram",
-        "picture~",
-        ">phase range??",
-        ">error",
-        "tells most about?",
-        ">error by this part???",
-    ]);
-    for (index, hologram) in found.holograms.iter().enumerate() {
-        table.row([
-            (index + 1).to_string(),
-            hologram.picture.clone(),
-            format!("{:.2} rad", hologram.phase_range_rad),
-            format!("{:+.1} dB", hologram.error_db),
-            hologram.part().word().replace('-', " "),
-            format!("{:+.1} dB", hologram.part_db),
-        ]);
-    }
-    let count = found.holograms.len();
-    format!(
-        "{}These {count} tell as much as {:.0} more holograms like those of the dataset.\n",
-        table.text(),
-        found.worth_photographs
-    )
-}
-
-/// A table of the opinions on each picture, for each detector.
-pub(crate) fn opinions(found: &VerifyResult) -> String {
-    let mut table = Table::new(&[
-        "wavelength??",
-        "distance",
-        "detector",
-        ">engine???",
-        ">independent???",
-        ">difference",
-        ">rows????",
-        "verdict?",
-    ]);
-    for plane in &found.planes {
-        for (detector, opinion) in
-            [("point", plane.point), ("pixel", plane.pixel), ("supersampled", plane.supersampled)]
-        {
-            let opinion = opinion.unwrap_or_default();
-            table.row([
-                units::show_m(plane.wavelength_m),
-                units::show_m(plane.distance_m),
-                detector.to_owned(),
-                show::decibel(opinion.engine_psnr_db),
-                show::decibel(opinion.independent_psnr_db),
-                format!("{:+.3} dB", opinion.independent_psnr_db - opinion.engine_psnr_db),
-                opinion.rows.to_string(),
-                if opinion.contradicts { "contradicts" } else { "agrees" }.to_owned(),
-            ]);
-        }
-    }
-    table.text()
-}
-
-/// Whether the independent model contradicts the engine for any picture and detector.
-pub(crate) fn has_contradiction(found: &VerifyResult) -> bool {
-    let opinions = found.planes.iter().flat_map(|plane| [plane.point, plane.pixel, plane.supersampled]);
-    opinions.flatten().any(|opinion| opinion.contradicts)
-}
-
 /// Six cells: PSNR of the optimized phase for the detectors point, pixel and supersampled, then PSNR, SSIM and
 /// diffraction efficiency of the quantized phase for the detector pixel.
-pub(crate) fn summary(plane: PlaneResult) -> [String; 6] {
+pub(super) fn summary(plane: PlaneResult) -> [String; 6] {
     let Quality { point, pixel, supersampled } = plane.quality.unwrap_or_default();
     let quantized = plane.quantized_quality.and_then(|quality| quality.pixel).unwrap_or_default();
     let [point, pixel, supersampled] =
         [point, pixel, supersampled].map(|quality| show::decibel(quality.unwrap_or_default().psnr_db));
     let (psnr, efficiency) = (show::decibel(quantized.psnr_db), percent(quantized.diffraction_efficiency));
     [point, pixel, supersampled, psnr, similarity(quantized.ssim), efficiency]
-}
-
-/// Adds the quality of photographs of new holograms, and a warning for a kernel that is no better than the ideal one.
-pub(crate) fn verdict(metrics: &KernelMetrics, facts: &mut Facts) {
-    if let Some(captured) = metrics.captured {
-        let (learned, ideal) = (show::decibel(captured.psnr_db), show::decibel(captured.ideal_psnr_db));
-        facts.add("captured", format!("{learned} (ideal kernel {ideal}), new holograms"));
-    }
-    if metrics.no_better_than_ideal {
-        facts.add("verdict", "no better than the ideal kernel; it can be promoted only with --force");
-    }
 }
 
 /// An SSIM value, for example `0.9876`, or `–`.
@@ -184,7 +91,7 @@ fn or_dash(value: Option<f64>, show: impl Fn(f64) -> String) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use lightpath::v1::{SeenQuality, ValidityReport, verify_result::PlaneOpinion};
+    use lightpath::v1::{SeenQuality, ValidityReport};
 
     #[test]
     fn quality_table_has_every_detector_and_dashes_for_unknown_values() {
@@ -220,19 +127,6 @@ mod tests {
         assert_eq!(judged(39.98), "agrees: the independent model finds -0.02 dB on 8 rows");
         let text = "contradicts: 38.0 dB by the independent model, 40.0 dB by the engine, on the same 8 rows";
         assert_eq!(judged(38.0), text);
-        let planes = vec![PlaneOpinion {
-            wavelength_m: 515e-9,
-            distance_m: 0.15,
-            point: Some(opinion(40.0)),
-            pixel: Some(opinion(39.0)),
-            supersampled: Some(opinion(40.25)),
-        }];
-        let found = VerifyResult { planes };
-        let text = opinions(&found);
-        let lines: Vec<_> = text.lines().skip(1).map(words).collect();
-        assert_eq!(lines[1], "515 nm 150 mm pixel 40.0 dB 39.0 dB -1.000 dB 8 contradicts");
-        assert_eq!(lines[2], "515 nm 150 mm supersampled 40.0 dB 40.2 dB +0.250 dB 8 agrees");
-        assert!(has_contradiction(&found) && !has_contradiction(&VerifyResult::default()));
         assert_eq!(summary(plane), ["46.3 dB", "27.7 dB", "0.0 dB", "0.0 dB", "–", "0.0 %"]);
     }
 }

@@ -1,10 +1,10 @@
 //! Arguments and functions of commands that submit jobs.
 
-use super::failure::{Failure, TargetFailure};
-use super::identifiers::job_names;
-use super::progress::Awaited;
-use super::session::{Session, print_note};
-use super::{job_text, progress, show, times};
+use super::progress::{self, Awaited};
+use crate::failure::{Failure, TargetFailure};
+use crate::identifiers::job_names;
+use crate::session::{Session, print_note};
+use crate::{jobs, show, times};
 use clap::Args;
 use lightpath::v1::{Job, SubmitJobRequest, job_spec};
 use lightpath::{job_spec as spec_of, names};
@@ -96,8 +96,8 @@ impl Submission {
     /// Submits a job and waits for its end. Returns an error if the job did not succeed.
     pub(crate) async fn submit_and_wait(&self, session: &Session, kind: job_spec::Kind) -> Result<Job, Failure> {
         let job = self.submit(session, kind, "", None).await?;
-        let mut jobs = progress::wait_all(session, vec![(job_text::label(&job), job)]).await?;
-        job_text::check_success(&jobs)?;
+        let mut jobs = progress::wait_all(session, vec![(jobs::label(&job), job)]).await?;
+        jobs::check_success(&jobs)?;
         Ok(jobs.remove(0))
     }
 
@@ -110,14 +110,14 @@ impl Submission {
     ) -> Result<(), Failure> {
         let job = self.submit(session, kind, "", None).await?;
         if !wait {
-            session.print(&job, job_text::facts)?;
+            session.print(&job, jobs::facts)?;
             print_note(&watch_hint(&job));
             return Ok(());
         }
-        let waiting = progress::wait_all(session, vec![(job_text::label(&job), job)]);
+        let waiting = progress::wait_all(session, vec![(jobs::label(&job), job)]);
         for job in waiting.await? {
-            session.print(&job, job_text::facts)?;
-            job_text::check_success(&[job])?;
+            session.print(&job, jobs::facts)?;
+            jobs::check_success(&[job])?;
         }
         Ok(())
     }

@@ -1,13 +1,13 @@
-//! `lightpath simulate`
+//! Jobs that photograph a hologram on a simulated display, and the command `lightpath simulate`.
 
-use super::arguments::Optics;
-use super::destination::{self, Destination};
-use super::failure::Failure;
-use super::inputs;
-use super::progress;
-use super::session::Session;
-use super::submission::{Submission, label_of, submit_target};
-use super::{job_text, table::Facts};
+use crate::arguments::Optics;
+use crate::destination::{self, Destination};
+use crate::failure::Failure;
+use crate::jobs::submission::{Submission, label_of, submit_target};
+use crate::jobs::{self, JobKind, progress};
+use crate::session::Session;
+use crate::table::Facts;
+use crate::{inputs, propagation_text, show};
 use clap::Args;
 use lightpath::v1::{Job, SimulateCapture, job_spec};
 use lightpath::{capture_result, names};
@@ -75,7 +75,7 @@ impl Simulate {
             }
         }
         session.print_jobs(&jobs, &facts.text())?;
-        job_text::check_success(&jobs)
+        jobs::check_success(&jobs)
     }
 
     async fn submit(&self, session: &Session, names: &[String]) -> Result<Vec<Job>, Failure> {
@@ -97,5 +97,28 @@ impl Simulate {
             jobs.push(job);
         }
         Ok(jobs)
+    }
+}
+
+impl JobKind for SimulateCapture {
+    fn name(&self) -> &'static str {
+        "simulate capture"
+    }
+
+    fn subject(&self) -> &str {
+        names::id(&self.display)
+    }
+
+    fn spec_facts(&self, _: &Job, facts: &mut Facts) {
+        facts.add("display", names::id(&self.display));
+        facts.add("optics", show::optics(self.wavelength_m, self.distance_m));
+        facts.add("hologram", &self.phase);
+    }
+
+    fn result_facts(&self, job: &Job, facts: &mut Facts) -> lightpath::Result<String> {
+        let result = capture_result(job)?;
+        propagation_text::add(result.propagation.as_ref(), facts);
+        facts.add("photograph", &result.photo);
+        Ok(String::new())
     }
 }

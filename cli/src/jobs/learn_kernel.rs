@@ -1,13 +1,18 @@
-//! The commands `lightpath kernel learn` and `evaluate`.
+//! Jobs that learn kernels, and the command `lightpath kernel learn`.
+
+mod strengths;
 
 use crate::arguments::{above_zero, region};
 use crate::failure::Failure;
+use crate::jobs::JobKind;
+use crate::jobs::submission::Submission;
 use crate::session::Session;
-use crate::submission::Submission;
+use crate::table::Facts;
 use crate::words::WordParser;
+use crate::{metrics_text, propagation_text, show};
 use clap::Args;
-use lightpath::names;
-use lightpath::v1::{self, EvaluateKernel, KernelModel, LearnKernel, job_spec};
+use lightpath::v1::{self, Job, KernelModel, LearnKernel, job_spec};
+use lightpath::{Words as _, learn_result, names};
 
 /// Learn a display's light transport from photographs.
 ///
@@ -72,31 +77,8 @@ pub(crate) struct Learn {
     submission: Submission,
 }
 
-/// Measure how well a kernel predicts the photographs of a dataset.
-#[derive(Debug, Args)]
-pub(crate) struct Evaluate {
-    /// Use this finalized dataset
-    #[arg(long, value_name = "NAME")]
-    dataset: String,
-
-    /// Evaluate this kernel for the dataset's display, wavelength and distance: active, ideal or a version number
-    #[arg(long, value_name = "KERNEL", default_value = "active")]
-    kernel: String,
-
-    /// Compare photographs only in this region: x,y,width,height in pixels [default: the middle 80 % of each axis]
-    #[arg(long, value_name = "X,Y,W,H", value_parser = region)]
-    roi: Option<v1::RegionOfInterest>,
-
-    /// Wait until the job has ended, with a progress bar
-    #[arg(long)]
-    wait: bool,
-
-    #[command(flatten)]
-    submission: Submission,
-}
-
 impl Learn {
-    pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
+    pub(crate) async fn run(self, session: &Session) -> Result<(), Failure> {
         let kind = job_spec::Kind::LearnKernel(LearnKernel {
             datasets: self.datasets.iter().map(|name| names::dataset(name)).collect(),
             model: self.model.into(),
@@ -122,13 +104,42 @@ fn order(text: &str) -> Result<u32, String> {
     }
 }
 
-impl Evaluate {
-    pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
-        let kind = job_spec::Kind::EvaluateKernel(EvaluateKernel {
-            dataset: names::dataset(&self.dataset),
-            kernel: self.kernel,
-            region_of_interest: self.roi,
-        });
-        self.submission.submit_and_print(session, kind, self.wait).await
+impl JobKind for LearnKernel {
+    fn name(&self) -> &'static str {
+        "learn kernel"
+    }
+
+    fn subject(&self) -> &str {
+        self.datasets.first().map_or("–", |name| names::id(name))
+    }
+
+    fn spec_facts(&self, _: &Job, facts: &mut Facts) {
+        let datasets: Vec<&str> = self.datasets.iter().map(|name| names::id(name)).collect();
+        facts.add("dataset", datasets.join(", "));
+        facts.add("model", self.model().word());
+    }
+
+    fn result_facts(&self, job: &Job, facts: &mut Facts) -> lightpath::Result<String> {
+        let result = learn_result(job)?;
+        for kernel in &result.kernels {
+            facts.add("kernel", &kernel.kernel_version);
+            propagation_text::add(kernel.propagation.as_ref(), facts);
+            if let Some(metrics) = &kernel.metrics {
+                facts.add("held-out loss", metrics_text::against_ideal(metrics.test_loss, metrics.ideal_test_loss));
+                facts.add("training loss", show::loss(metrics.train_loss));
+                facts.add("pairs", metrics_text::pairs(metrics));
+                metrics_text::verdict(metrics, facts);
+            }
+            if !kernel.left_out_pairs.is_empty() {
+                let ids = kernel.left_out_pairs.join(", ");
+                facts.add("left out", format!("{ids}: the photographs do not match their holograms"));
+            }
+        }
+        if result.order > 0 {
+            facts.add("order", result.order.to_string());
+        }
+        strengths::add(result, facts);
+        let parts = result.kernels.iter().filter_map(|kernel| kernel.metrics.as_ref()).map(metrics_text::parts);
+        Ok(parts.filter(|table| !table.is_empty()).map(|table| format!("\n{table}")).collect())
     }
 }

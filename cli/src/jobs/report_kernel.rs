@@ -1,13 +1,15 @@
-//! The command `lightpath kernel report`.
+//! Jobs that report on a kernel version, and the command `lightpath kernel report`.
 
 use crate::destination::{self, Destination};
 use crate::failure::Failure;
+use crate::jobs::JobKind;
+use crate::jobs::submission::Submission;
 use crate::kernel_choice::KernelChoice;
 use crate::session::Session;
-use crate::submission::Submission;
+use crate::table::Facts;
 use clap::Args;
-use lightpath::v1::{self, job_spec};
-use lightpath::{names, report_result};
+use lightpath::report_result;
+use lightpath::v1::{Job, ReportKernel, job_spec};
 use std::path::PathBuf;
 
 const HTML: Destination = Destination { option: "-o", suffix: ".html", formats: &[("html", "a page with pictures")] };
@@ -48,19 +50,14 @@ pub(crate) struct Report {
 }
 
 impl Report {
-    pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
+    pub(crate) async fn run(self, session: &Session) -> Result<(), Failure> {
         let html = HTML.file(&session.stdout, &self.html)?;
         let arrays = self.arrays.as_ref().map(|path| ARRAYS.file(&session.stdout, path)).transpose()?;
         if let Some(folder) = &self.figures {
             destination::create_folder("--figures", folder)?;
         }
-        let kernel = self.kernel.name(session).await?;
-        let version = match self.version {
-            Some(version) => version,
-            None => session.client.get_kernel(v1::GetKernelRequest { name: kernel.clone() }).await?.latest_version,
-        };
-        let kind =
-            job_spec::Kind::ReportKernel(v1::ReportKernel { kernel_version: names::kernel_version(&kernel, version) });
+        let kernel_version = self.kernel.version_name(session, self.version).await?;
+        let kind = job_spec::Kind::ReportKernel(ReportKernel { kernel_version: kernel_version.clone() });
         let job = self.submission.submit_and_wait(session, kind).await?;
         let report = report_result(&job)?;
         destination::save(session, &report.html, &html).await?;
@@ -75,6 +72,28 @@ impl Report {
             }
             written.push(format!("{} pictures in {}", report.figures.len(), folder.display()));
         }
-        session.print(report, |_| format!("report of {kernel}/versions/{version}: {}", written.join(", ")))
+        session.print(report, |_| format!("report of {kernel_version}: {}", written.join(", ")))
+    }
+}
+
+impl JobKind for ReportKernel {
+    fn name(&self) -> &'static str {
+        "report kernel"
+    }
+
+    fn subject(&self) -> &str {
+        self.kernel_version.trim_start_matches("displays/")
+    }
+
+    fn spec_facts(&self, _: &Job, facts: &mut Facts) {
+        facts.add("kernel", &self.kernel_version);
+    }
+
+    fn result_facts(&self, job: &Job, facts: &mut Facts) -> lightpath::Result<String> {
+        let result = report_result(job)?;
+        facts.add("report", &result.html);
+        facts.add("arrays", &result.arrays);
+        facts.add("pictures", result.figures.len().to_string());
+        Ok(String::new())
     }
 }

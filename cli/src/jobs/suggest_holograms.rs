@@ -1,14 +1,15 @@
-//! The command `lightpath dataset suggest`.
+//! Jobs that suggest holograms to photograph, and the command `lightpath dataset suggest`.
 
 use crate::destination::{self, Destination};
 use crate::failure::Failure;
+use crate::jobs::JobKind;
+use crate::jobs::submission::Submission;
 use crate::kernel_choice::KernelChoice;
-use crate::quality_text;
 use crate::session::Session;
-use crate::submission::Submission;
+use crate::table::{Facts, Table};
 use clap::Args;
-use lightpath::v1::{self, job_spec};
-use lightpath::{names, suggest_result};
+use lightpath::v1::{Job, SuggestHolograms, SuggestResult, job_spec};
+use lightpath::{Words as _, suggest_result};
 use std::path::PathBuf;
 
 const HOLOGRAM: Destination =
@@ -54,16 +55,11 @@ pub(crate) struct Suggest {
 }
 
 impl Suggest {
-    pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
+    pub(crate) async fn run(self, session: &Session) -> Result<(), Failure> {
         let names: Vec<String> = (1..=self.holograms).map(|i| format!("s{i:02}")).collect();
         let files = HOLOGRAM.files(&session.stdout, &self.destination, &names)?;
-        let kernel = self.kernel.name(session).await?;
-        let version = match self.version {
-            Some(version) => version,
-            None => session.client.get_kernel(v1::GetKernelRequest { name: kernel.clone() }).await?.latest_version,
-        };
-        let kind = job_spec::Kind::SuggestHolograms(v1::SuggestHolograms {
-            kernel_version: names::kernel_version(&kernel, version),
+        let kind = job_spec::Kind::SuggestHolograms(SuggestHolograms {
+            kernel_version: self.kernel.version_name(session, self.version).await?,
             holograms: self.holograms,
             seed: self.seed,
         });
@@ -72,6 +68,52 @@ impl Suggest {
         for (hologram, file) in found.holograms.iter().zip(&files) {
             destination::save(session, &hologram.phase, file).await?;
         }
-        session.print(found, quality_text::suggestions)
+        session.print(found, suggestions)
     }
+}
+
+impl JobKind for SuggestHolograms {
+    fn name(&self) -> &'static str {
+        "suggest holograms"
+    }
+
+    fn subject(&self) -> &str {
+        self.kernel_version.trim_start_matches("displays/")
+    }
+
+    fn spec_facts(&self, _: &Job, facts: &mut Facts) {
+        facts.add("kernel", &self.kernel_version);
+    }
+
+    fn result_facts(&self, job: &Job, _: &mut Facts) -> lightpath::Result<String> {
+        Ok(format!("\n{}", suggestions(suggest_result(job)?)))
+    }
+}
+
+/// A table of the holograms to photograph next.
+fn suggestions(found: &SuggestResult) -> String {
+    let mut table = Table::new(&[
+        ">hologram",
+        "picture~",
+        ">phase range??",
+        ">error",
+        "tells most about?",
+        ">error by this part???",
+    ]);
+    for (index, hologram) in found.holograms.iter().enumerate() {
+        table.row([
+            (index + 1).to_string(),
+            hologram.picture.clone(),
+            format!("{:.2} rad", hologram.phase_range_rad),
+            format!("{:+.1} dB", hologram.error_db),
+            hologram.part().word().replace('-', " "),
+            format!("{:+.1} dB", hologram.part_db),
+        ]);
+    }
+    let count = found.holograms.len();
+    format!(
+        "{}These {count} tell as much as {:.0} more holograms like those of the dataset.\n",
+        table.text(),
+        found.worth_photographs
+    )
 }
