@@ -11,7 +11,8 @@ use super::dataset_text::{facts, state};
 use super::failure::Failure;
 use super::jobs::prepare_dataset::{Align, Finalize};
 use super::jobs::suggest_holograms::Suggest;
-use super::session::{Session, more_hint, pages, print_note};
+use super::pages::pages;
+use super::session::{Session, print_note};
 use super::show::{age_or_dash, clock_or_dash, optics};
 use super::table::Table;
 use super::words::WordParser;
@@ -134,32 +135,25 @@ impl Create {
 impl List {
     async fn run(self, session: &Session) -> Result<(), Failure> {
         let display = self.display.as_deref().map(names::display).unwrap_or_default();
-        let (datasets, next_page_token) = pages(self.limit.limit, async |page_size, page_token| {
+        let list = pages(self.limit.limit, async |page_size, page_token| {
             let request = v1::ListDatasetsRequest { page_size, page_token, display: display.clone() };
-            let answer = session.client.list_datasets(request).await?;
-            Ok((answer.datasets, answer.next_page_token))
+            session.client.list_datasets(request).await
         })
         .await?;
-        session.print_list(
-            &v1::ListDatasetsResponse { datasets, next_page_token },
-            |list| &list.datasets,
-            |list| {
-                let mut table =
-                    Table::new(&["dataset", "display", "optics?", "state", ">pairs", "created???", "age??"]);
-                for dataset in &list.datasets {
-                    table.row([
-                        names::id(&dataset.name).to_owned(),
-                        names::id(&dataset.display).to_owned(),
-                        optics(dataset.wavelength_m, dataset.distance_m),
-                        state(dataset),
-                        dataset.pair_count.to_string(),
-                        clock_or_dash(dataset.create_time.as_ref()),
-                        age_or_dash(dataset.create_time.as_ref()),
-                    ]);
-                }
-                table.text_or("no datasets; create one: lightpath dataset create --help")
-                    + more_hint(&list.next_page_token)
-            },
-        )
+        session.print_pages(list, |datasets| {
+            let mut table = Table::new(&["dataset", "display", "optics?", "state", ">pairs", "created???", "age??"]);
+            for dataset in datasets {
+                table.row([
+                    names::id(&dataset.name).to_owned(),
+                    names::id(&dataset.display).to_owned(),
+                    optics(dataset.wavelength_m, dataset.distance_m),
+                    state(dataset),
+                    dataset.pair_count.to_string(),
+                    clock_or_dash(dataset.create_time.as_ref()),
+                    age_or_dash(dataset.create_time.as_ref()),
+                ]);
+            }
+            table.text_or("no datasets; create one: lightpath dataset create --help")
+        })
     }
 }

@@ -2,7 +2,8 @@
 
 use super::arguments::Limit;
 use super::failure::Failure;
-use super::session::{Session, more_hint, pages};
+use super::pages::pages;
+use super::session::Session;
 use super::show;
 use super::table::Table;
 use clap::{Args, Subcommand};
@@ -81,20 +82,14 @@ impl DeviceCommand {
 impl List {
     async fn run(self, session: &Session) -> Result<(), Failure> {
         let display = names::display(&self.display);
-        let (devices, next_page_token) = pages(self.limit.limit, async |page_size, page_token| {
+        let list = pages(self.limit.limit, async |page_size, page_token| {
             let request = v1::ListDevicesRequest { display: display.clone(), page_size, page_token };
-            let answer = session.client.list_devices(request).await?;
-            Ok((answer.devices, answer.next_page_token))
+            session.client.list_devices(request).await
         })
         .await?;
-        session.print_list(
-            &v1::ListDevicesResponse { devices, next_page_token },
-            |list| &list.devices,
-            |list| {
-                table(&list.devices).text_or("no devices; docs/firmware.md says how a device reports")
-                    + more_hint(&list.next_page_token)
-            },
-        )
+        session.print_pages(list, |devices| {
+            table(devices).text_or("no devices; docs/firmware.md says how a device reports")
+        })
     }
 }
 

@@ -6,7 +6,9 @@ mod plan;
 
 use super::arguments::{Limit, above_zero, pixel_pitch, resolution, wavelength};
 use super::failure::Failure;
-use super::session::{Session, more_hint, pages, print_note};
+use super::inputs;
+use super::pages::pages;
+use super::session::{Session, print_note};
 use super::show;
 use super::table::{Facts, Table};
 use super::words::WordParser;
@@ -216,11 +218,7 @@ impl Create {
 }
 
 fn phase_response(path: &Path) -> Result<v1::PhaseResponse, Failure> {
-    let text = std::fs::read_to_string(path).map_err(|source| lightpath::Error::File {
-        action: "read",
-        path: path.to_owned(),
-        source,
-    })?;
+    let text = inputs::text(path)?;
     let lines = text.lines().enumerate().map(|(index, line)| (index + 1, line.trim()));
     let numbers = lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#')).map(|(number, line)| {
         line.parse().map_err(|_| {
@@ -232,41 +230,35 @@ fn phase_response(path: &Path) -> Result<v1::PhaseResponse, Failure> {
 }
 
 async fn list(session: &Session, limit: u32) -> Result<(), Failure> {
-    let (displays, next_page_token) = pages(limit, async |page_size, page_token| {
-        let answer = session.client.list_displays(v1::ListDisplaysRequest { page_size, page_token }).await?;
-        Ok((answer.displays, answer.next_page_token))
+    let list = pages(limit, async |page_size, page_token| {
+        session.client.list_displays(v1::ListDisplaysRequest { page_size, page_token }).await
     })
     .await?;
-    session.print_list(
-        &v1::ListDisplaysResponse { displays, next_page_token },
-        |list| &list.displays,
-        |list| {
-            let mut table = Table::new(&[
-                "display",
-                ">resolution",
-                ">pitch",
-                "wavelengths~",
-                ">bits??",
-                "kind?",
-                "created????",
-                "age???",
+    session.print_pages(list, |displays| {
+        let mut table = Table::new(&[
+            "display",
+            ">resolution",
+            ">pitch",
+            "wavelengths~",
+            ">bits??",
+            "kind?",
+            "created????",
+            "age???",
+        ]);
+        for display in displays {
+            table.row([
+                names::id(&display.name).to_owned(),
+                format!("{}x{}", display.width_px, display.height_px),
+                units::show_m(display.pixel_pitch_m),
+                wavelengths(display),
+                display.bit_depth.to_string(),
+                if display.simulated_bench.is_some() { "simulated".to_owned() } else { "real".to_owned() },
+                show::clock_or_dash(display.create_time.as_ref()),
+                show::age_or_dash(display.create_time.as_ref()),
             ]);
-            for display in &list.displays {
-                table.row([
-                    names::id(&display.name).to_owned(),
-                    format!("{}x{}", display.width_px, display.height_px),
-                    units::show_m(display.pixel_pitch_m),
-                    wavelengths(display),
-                    display.bit_depth.to_string(),
-                    if display.simulated_bench.is_some() { "simulated".to_owned() } else { "real".to_owned() },
-                    show::clock_or_dash(display.create_time.as_ref()),
-                    show::age_or_dash(display.create_time.as_ref()),
-                ]);
-            }
-            table.text_or("no displays; declare one: lightpath display create --help")
-                + more_hint(&list.next_page_token)
-        },
-    )
+        }
+        table.text_or("no displays; declare one: lightpath display create --help")
+    })
 }
 
 fn wavelengths(display: &Display) -> String {

@@ -3,7 +3,8 @@
 mod findings;
 
 use super::failure::Failure;
-use super::session::{Session, pages};
+use super::pages::pages;
+use super::session::Session;
 use super::terminal;
 use clap::Args;
 use findings::{Finding, Findings, address, clock, disk, kernels, latency, role, throughput, version};
@@ -103,9 +104,8 @@ impl Doctor {
         server: &v1::Server,
         findings: &mut Findings,
     ) -> Result<(), Failure> {
-        let (displays, _) = pages(0, async |page_size, page_token| {
-            let answer = session.client.list_displays(v1::ListDisplaysRequest { page_size, page_token }).await?;
-            Ok((answer.displays, answer.next_page_token))
+        let displays = pages(0, async |page_size, page_token| {
+            session.client.list_displays(v1::ListDisplaysRequest { page_size, page_token }).await
         })
         .await?;
         // A token for some displays may list the kernels of each of them, but not all kernels.
@@ -113,16 +113,15 @@ impl Doctor {
         let of = if server.displays.is_empty() { &all[..] } else { &server.displays };
         let (mut known, mut active) = (0, 0);
         for display in of {
-            let (found, _) = pages(0, async |page_size, page_token| {
+            let found = pages(0, async |page_size, page_token| {
                 let request = v1::ListKernelsRequest { page_size, page_token, display: display.clone() };
-                let answer = session.client.list_kernels(request).await?;
-                Ok((answer.kernels, answer.next_page_token))
+                session.client.list_kernels(request).await
             })
             .await?;
-            known += found.len();
-            active += found.iter().filter(|kernel| kernel.active_version > 0).count();
+            known += found.kernels.len();
+            active += found.kernels.iter().filter(|kernel| kernel.active_version > 0).count();
         }
-        findings.add(kernels(displays.len(), known, active));
+        findings.add(kernels(displays.displays.len(), known, active));
         Ok(())
     }
 

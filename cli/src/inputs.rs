@@ -39,6 +39,12 @@ pub(crate) fn check_readable<'a>(files: impl IntoIterator<Item = &'a PathBuf>) -
     Ok(())
 }
 
+/// The text of a file.
+pub(crate) fn text(path: &Path) -> Result<String, Failure> {
+    let read_error = |source| lightpath::Error::File { action: "read", path: path.to_owned(), source };
+    Ok(std::fs::read_to_string(path).map_err(read_error)?)
+}
+
 fn in_folder(folder: &Path, extensions: &[&str]) -> Result<Vec<PathBuf>, Failure> {
     let read_error = |source| lightpath::Error::File { action: "read", path: folder.to_owned(), source };
     let mut found = Vec::new();

@@ -4,7 +4,8 @@ use super::arguments::Limit;
 use super::failure::Failure;
 use super::identifiers::{job_name, job_names};
 use super::jobs::progress::{Awaited, Progress, or_interrupted};
-use super::session::{Output, Session, more_hint, pages, print_note};
+use super::pages::pages;
+use super::session::{Output, Session, print_note};
 use super::table::Table;
 use super::words::WordParser;
 use super::{jobs, show, times};
@@ -163,43 +164,23 @@ impl Id {
 
 impl List {
     async fn run(self, session: &Session) -> Result<(), Failure> {
-        let display = self.display.as_deref().map(names::display).unwrap_or_default();
-        let (jobs, next_page_token) = pages(self.limit.limit, async |page_size, page_token| {
-            let display = display.clone();
-            let batch = self.batch.clone();
-            let state = self.state.unwrap_or_default().into();
-            let kind = self.kind.unwrap_or_default().into();
-            let (owner, text, since) = (
-                self.owner.clone(),
-                self.text.clone(),
-                self.since.map(|seconds| pbjson_types::Timestamp { seconds, nanos: 0 }),
-            );
-            let order = if self.oldest_first { Order::OldestFirst } else { Order::NewestFirst }.into();
-            let view = View::Full.into();
-            let request = v1::ListJobsRequest {
-                page_size,
-                page_token,
-                state,
-                display,
-                batch,
-                kind,
-                owner,
-                text,
-                since,
-                order,
-                view,
-                id_prefix: String::new(),
-            };
-            let answer = session.client.list_jobs(request).await?;
-            Ok((answer.jobs, answer.next_page_token))
+        let request = v1::ListJobsRequest {
+            state: self.state.unwrap_or_default().into(),
+            display: self.display.as_deref().map(names::display).unwrap_or_default(),
+            batch: self.batch,
+            kind: self.kind.unwrap_or_default().into(),
+            owner: self.owner,
+            text: self.text,
+            since: self.since.map(|seconds| pbjson_types::Timestamp { seconds, nanos: 0 }),
+            order: if self.oldest_first { Order::OldestFirst } else { Order::NewestFirst }.into(),
+            view: View::Full.into(),
+            ..Default::default()
+        };
+        let list = pages(self.limit.limit, async |page_size, page_token| {
+            session.client.list_jobs(v1::ListJobsRequest { page_size, page_token, ..request.clone() }).await
         })
         .await?;
-        let list = v1::ListJobsResponse { jobs, next_page_token, ..Default::default() };
-        session.print_list(
-            &list,
-            |list| &list.jobs,
-            |list| table(&list.jobs).text_or("no jobs") + &waits(&list.jobs) + more_hint(&list.next_page_token),
-        )
+        session.print_pages(list, |jobs| table(jobs).text_or("no jobs") + &waits(jobs))
     }
 }
 
@@ -292,21 +273,20 @@ fn waits(jobs: &[Job]) -> String {
 }
 
 async fn logs(session: &Session, name: String) -> Result<(), Failure> {
-    let (events, next_page_token) = pages(0, async |page_size, page_token| {
+    let list = pages(0, async |page_size, page_token| {
         let request = v1::ListJobEventsRequest { name: name.clone(), page_size, page_token };
-        let answer = session.client.list_job_events(request).await?;
-        Ok((answer.events, answer.next_page_token))
+        session.client.list_job_events(request).await
     })
     .await?;
-    if events.is_empty() {
+    if list.events.is_empty() {
         print_note("the job has no events yet");
     }
-    session.print_list(&v1::ListJobEventsResponse { events, next_page_token }, |list| &list.events, event_table)
+    session.print_pages(list, event_table)
 }
 
-fn event_table(list: &v1::ListJobEventsResponse) -> String {
+fn event_table(events: &[v1::JobEvent]) -> String {
     let mut table = Table::new(&["time??", "age", ">attempt?", "event_"]);
-    for event in &list.events {
+    for event in events {
         let (time, age) = (show::clock_or_dash(event.time.as_ref()), show::age_or_dash(event.time.as_ref()));
         table.row([time, age, show::version_or_dash(event.attempt), event.message.clone()]);
     }

@@ -3,7 +3,7 @@
 //! Each command has a file or a folder, and each kind of job a file in `jobs`, with the command that submits it. Files that several share:
 //!
 //! - `arguments`, `words`, `kernel_choice`, `jobs::submission`: command-line arguments.
-//! - `session`: the connection and the forms of output. `failure`: exit codes and error output.
+//! - `session`: the connection and the forms of output. `pages`: lists. `failure`: exit codes and error output.
 //! - `inputs`, `destination`: input files, and places of output files. `identifiers`: ids of which only the beginning is given.
 //! - `terminal`: the width of the terminal. `table`, `show`, `dataset_text`, `metrics_text`, `propagation_text`: text output for people.
 //!   `jobs::progress`: waiting for jobs, with progress bars.
@@ -27,6 +27,7 @@ mod kernel;
 mod kernel_choice;
 mod keyring;
 mod metrics_text;
+mod pages;
 mod photo;
 mod propagation_text;
 mod queue;
@@ -212,29 +213,24 @@ fn main() -> ExitCode {
 }
 
 async fn run(cli: Cli) -> Result<(), Failure> {
-    if let Command::Completions(completions) = &cli.command {
-        return print_completions(completions.shell);
-    }
-    if let Command::Man(man) = &cli.command {
-        return man.write();
-    }
-    let certificate = cli.client_cert.as_deref().zip(cli.client_key.as_deref());
-    let session =
-        Session::open(&cli.server, cli.token_file.as_deref(), cli.ca_file.as_deref(), certificate, cli.output)?;
+    let session = || {
+        let certificate = cli.client_cert.as_deref().zip(cli.client_key.as_deref());
+        Session::open(&cli.server, cli.token_file.as_deref(), cli.ca_file.as_deref(), certificate, cli.output)
+    };
     match cli.command {
-        Command::Display(command) => command.run(&session).await,
-        Command::Hologram(command) => command.run(&session).await,
-        Command::Dataset(command) => command.run(&session).await,
-        Command::Kernel(command) => command.run(&session).await,
-        Command::Rollout(command) => command.run(&session).await,
-        Command::Device(command) => command.run(&session).await,
-        Command::Keyring(command) => command.run(&session).await,
-        Command::Simulate(command) => command.run(&session).await,
-        Command::Photo(command) => command.run(&session).await,
-        Command::Job(command) => command.run(&session).await,
-        Command::Queue(command) => command.run(&session).await,
-        Command::Webhook(command) => command.run(&session).await,
-        Command::Doctor(command) => command.run(&session).await,
+        Command::Display(command) => command.run(&session()?).await,
+        Command::Hologram(command) => command.run(&session()?).await,
+        Command::Dataset(command) => command.run(&session()?).await,
+        Command::Kernel(command) => command.run(&session()?).await,
+        Command::Rollout(command) => command.run(&session()?).await,
+        Command::Device(command) => command.run(&session()?).await,
+        Command::Keyring(command) => command.run(&session()?).await,
+        Command::Simulate(command) => command.run(&session()?).await,
+        Command::Photo(command) => command.run(&session()?).await,
+        Command::Job(command) => command.run(&session()?).await,
+        Command::Queue(command) => command.run(&session()?).await,
+        Command::Webhook(command) => command.run(&session()?).await,
+        Command::Doctor(command) => command.run(&session()?).await,
         Command::Completions(completions) => print_completions(completions.shell),
         Command::Man(man) => man.write(),
     }

@@ -3,7 +3,8 @@
 use super::arguments::{Limit, Passage};
 use super::failure::Failure;
 use super::kernel_choice::KernelChoice;
-use super::session::{Session, more_hint, pages};
+use super::pages::pages;
+use super::session::Session;
 use super::show;
 use super::table::{Facts, Table};
 use clap::{Args, Subcommand};
@@ -193,44 +194,38 @@ impl Choice {
 impl List {
     async fn run(self, session: &Session) -> Result<(), Failure> {
         let kernel = self.kernel.name(session).await?;
-        let (rollouts, next_page_token) = pages(self.limit.limit, async |page_size, page_token| {
+        let list = pages(self.limit.limit, async |page_size, page_token| {
             let request = v1::ListRolloutsRequest { kernel: kernel.clone(), page_size, page_token };
-            let answer = session.client.list_rollouts(request).await?;
-            Ok((answer.rollouts, answer.next_page_token))
+            session.client.list_rollouts(request).await
         })
         .await?;
-        session.print_list(
-            &v1::ListRolloutsResponse { rollouts, next_page_token },
-            |list| &list.rollouts,
-            |list| {
-                let mut table = Table::new(&[
-                    ">rollout",
-                    "state",
-                    ">version",
-                    ">from?",
-                    "devices~?",
-                    ">passed",
-                    ">failed",
-                    "started???",
-                    "age??",
+        session.print_pages(list, |rollouts| {
+            let mut table = Table::new(&[
+                ">rollout",
+                "state",
+                ">version",
+                ">from?",
+                "devices~?",
+                ">passed",
+                ">failed",
+                "started???",
+                "age??",
+            ]);
+            for rollout in rollouts {
+                table.row([
+                    names::id(&rollout.name).to_owned(),
+                    rollout.state().word().to_owned(),
+                    rollout.version.to_string(),
+                    show::version_or_dash(rollout.from_version),
+                    devices(rollout),
+                    rollout.devices_passed.to_string(),
+                    rollout.devices_failed.to_string(),
+                    show::clock_or_dash(rollout.start_time.as_ref()),
+                    show::age_or_dash(rollout.start_time.as_ref()),
                 ]);
-                for rollout in &list.rollouts {
-                    table.row([
-                        names::id(&rollout.name).to_owned(),
-                        rollout.state().word().to_owned(),
-                        rollout.version.to_string(),
-                        show::version_or_dash(rollout.from_version),
-                        devices(rollout),
-                        rollout.devices_passed.to_string(),
-                        rollout.devices_failed.to_string(),
-                        show::clock_or_dash(rollout.start_time.as_ref()),
-                        show::age_or_dash(rollout.start_time.as_ref()),
-                    ]);
-                }
-                table.text_or("no rollouts; start one: lightpath rollout start --help")
-                    + more_hint(&list.next_page_token)
-            },
-        )
+            }
+            table.text_or("no rollouts; start one: lightpath rollout start --help")
+        })
     }
 }
 

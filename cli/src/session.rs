@@ -1,4 +1,4 @@
-//! The connection to the server, the forms of output, and lists over several pages.
+//! The connection to the server, and the forms of output.
 
 use super::failure::Failure;
 use clap::ValueEnum;
@@ -8,9 +8,6 @@ use serde::Serialize;
 use std::cell::Cell;
 use std::io::{self, IsTerminal as _, Write as _};
 use std::path::Path;
-
-/// Largest page that a command requests from the server.
-const PAGE_SIZE_MAX: u32 = 1000;
 
 /// Form of the output on stdout.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -174,30 +171,6 @@ pub(crate) fn print_note(text: &str) {
     let _ = writeln!(io::stderr().lock(), "{text}");
 }
 
-/// Requests pages until there are `limit` items, or all items if `limit` is 0. Returns the items and the token of the
-/// next page.
-pub(crate) async fn pages<T>(
-    limit: u32,
-    mut page: impl AsyncFnMut(u32, String) -> lightpath::Result<(Vec<T>, String)>,
-) -> Result<(Vec<T>, String), Failure> {
-    let limit = if limit == 0 { usize::MAX } else { limit as usize };
-    let (mut items, mut token) = (Vec::new(), String::new());
-    loop {
-        let wanted = (limit - items.len()).min(PAGE_SIZE_MAX as usize) as u32;
-        let (more, next) = page(wanted, token).await?;
-        items.extend(more);
-        token = next;
-        if token.is_empty() || items.len() >= limit {
-            return Ok((items, token));
-        }
-    }
-}
-
-/// The line below a list that was cut at its limit. Empty for a complete list.
-pub(crate) fn more_hint(next_page_token: &str) -> &'static str {
-    if next_page_token.is_empty() { "" } else { "(more entries exist: --limit 0 shows all)\n" }
-}
-
 fn json(text: serde_json::Result<String>) -> Result<String, Failure> {
     text.map_err(|error| Failure::Output(io::Error::other(error)))
 }
@@ -212,23 +185,5 @@ mod tests {
         assert!(matches!(json.reserve("-o"), Err(Failure::Usage(text)) if text.contains("JSON")));
         let taken = Stdout { holds_file: Cell::new(true), is_json: false };
         assert!(matches!(taken.reserve("--npy"), Err(Failure::Usage(text)) if text.contains("two files")));
-    }
-
-    #[tokio::test]
-    async fn pages_are_joined_up_to_the_limit() {
-        let all: Vec<u32> = (0..2500).collect();
-        let ask = async |limit| {
-            pages(limit, async |size, token: String| {
-                let start: usize = token.parse().unwrap_or(0);
-                let end = (start + size as usize).min(all.len());
-                let next = if end < all.len() { end.to_string() } else { String::new() };
-                Ok((all[start..end].to_vec(), next))
-            })
-            .await
-            .unwrap()
-        };
-        assert_eq!(ask(0).await, (all.clone(), String::new()));
-        assert_eq!(ask(1500).await, (all[..1500].to_vec(), "1500".to_owned()));
-        assert_eq!(ask(3).await, (vec![0, 1, 2], "3".to_owned()));
     }
 }

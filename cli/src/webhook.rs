@@ -2,7 +2,8 @@
 
 use super::arguments::Limit;
 use super::failure::Failure;
-use super::session::{Session, more_hint, pages};
+use super::pages::pages;
+use super::session::Session;
 use super::show;
 use super::table::Table;
 use clap::{Args, Subcommand};
@@ -121,21 +122,15 @@ impl Show {
     async fn run(self, session: &Session) -> Result<(), Failure> {
         let name = names::webhook(&self.webhook.id);
         let webhook = session.client.get_webhook(v1::GetWebhookRequest { name: name.clone() }).await?;
-        let (deliveries, next_page_token) = pages(self.limit.limit, async |page_size, page_token| {
+        let list = pages(self.limit.limit, async |page_size, page_token| {
             let request = v1::ListWebhookDeliveriesRequest { webhook: name.clone(), page_size, page_token };
-            let answer = session.client.list_webhook_deliveries(request).await?;
-            Ok((answer.deliveries, answer.next_page_token))
+            session.client.list_webhook_deliveries(request).await
         })
         .await?;
-        session.print_list(
-            &v1::ListWebhookDeliveriesResponse { deliveries, next_page_token },
-            |list| &list.deliveries,
-            |list| {
-                let webhooks = table(std::slice::from_ref(&webhook)).text();
-                let deliveries = delivery_table(&list.deliveries).text_or("nothing happened yet");
-                format!("{webhooks}\n{deliveries}{}", more_hint(&list.next_page_token))
-            },
-        )
+        session.print_pages(list, |deliveries| {
+            let webhooks = table(std::slice::from_ref(&webhook)).text();
+            format!("{webhooks}\n{}", delivery_table(deliveries).text_or("nothing happened yet"))
+        })
     }
 }
 

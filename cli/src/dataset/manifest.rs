@@ -2,6 +2,7 @@
 
 use crate::destination::name_of;
 use crate::failure::Failure;
+use crate::inputs;
 use lightpath::Words as _;
 use lightpath::v1::Split;
 use serde::{Deserialize, Deserializer, de};
@@ -56,11 +57,7 @@ fn split_or_none<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Option<Sp
 /// Reads the pairs of a manifest. Their paths are relative to the manifest's folder in the file, and to the working
 /// folder in the result.
 pub(super) fn read(path: &Path) -> Result<Vec<Entry>, Failure> {
-    let text = std::fs::read_to_string(path).map_err(|source| lightpath::Error::File {
-        action: "read",
-        path: path.to_owned(),
-        source,
-    })?;
+    let text = inputs::text(path)?;
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
     let manifest = parse(&extension, &text)
         .map_err(|problem| Failure::Usage(format!("--manifest {}: {problem}", path.display())))?;

@@ -1,6 +1,7 @@
 //! Simulated benches in TOML files. The keys are the field names of the message [`SimulatedBench`].
 
 use crate::failure::Failure;
+use crate::inputs;
 use lightpath::v1::SimulatedBench;
 use std::path::Path;
 
@@ -12,11 +13,7 @@ pub(super) fn read(path: &Path) -> Result<SimulatedBench, Failure> {
     if path.as_os_str() == LIKE_THE_PAPER.0 {
         return parse(LIKE_THE_PAPER.1).map_err(Failure::Usage);
     }
-    let text = std::fs::read_to_string(path).map_err(|source| lightpath::Error::File {
-        action: "read",
-        path: path.to_owned(),
-        source,
-    })?;
+    let text = inputs::text(path)?;
     parse(&text).map_err(|problem| Failure::Usage(format!("{}: {problem}", path.display())))
 }
 

@@ -4,6 +4,7 @@ use crate::arguments::{above_zero, resolution};
 use crate::dataset_text::{add_alignment, facts, findings};
 use crate::destination::{self, Destination, PNG};
 use crate::failure::Failure;
+use crate::inputs;
 use crate::jobs::JobKind;
 use crate::jobs::submission::Submission;
 use crate::session::Session;
@@ -221,11 +222,7 @@ fn preparation(spec: &PrepareDataset) -> String {
 
 /// Reads the points of an alignment from a .csv file.
 fn read_points(path: &Path, (photo_width_px, photo_height_px): (u32, u32)) -> Result<v1::AlignmentPoints, Failure> {
-    let text = std::fs::read_to_string(path).map_err(|source| lightpath::Error::File {
-        action: "read",
-        path: path.to_owned(),
-        source,
-    })?;
+    let text = inputs::text(path)?;
     let usage_error = |number: usize, problem: &str| {
         Failure::Usage(format!("--points {}: line {}: {problem}", path.display(), number + 1))
     };

@@ -4,7 +4,8 @@ use super::show::kernel_facts;
 use crate::arguments::{Limit, Passage};
 use crate::failure::Failure;
 use crate::kernel_choice::KernelChoice;
-use crate::session::{Session, more_hint, pages};
+use crate::pages::pages;
+use crate::session::Session;
 use crate::show;
 use crate::table::Table;
 use clap::Args;
@@ -86,33 +87,27 @@ impl Rollback {
 impl History {
     pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
         let kernel = self.kernel.name(session).await?;
-        let (moves, next_page_token) = pages(self.limit.limit, async |page_size, page_token| {
+        let list = pages(self.limit.limit, async |page_size, page_token| {
             let request = v1::ListKernelMovesRequest { kernel: kernel.clone(), page_size, page_token };
-            let answer = session.client.list_kernel_moves(request).await?;
-            Ok((answer.moves, answer.next_page_token))
+            session.client.list_kernel_moves(request).await
         })
         .await?;
-        session.print_list(
-            &v1::ListKernelMovesResponse { moves, next_page_token },
-            |list| &list.moves,
-            |list| {
-                let mut table =
-                    Table::new(&["time???", "age?", "caller~??", "alias", ">from", ">to", "kind?", "reason_"]);
-                for entry in &list.moves {
-                    table.row([
-                        show::clock_or_dash(entry.time.as_ref()),
-                        show::age_or_dash(entry.time.as_ref()),
-                        show::or_dash(&entry.caller),
-                        entry.alias.clone(),
-                        show::version_or_dash(entry.from_version),
-                        show::version_or_dash(entry.to_version),
-                        kind(entry).to_owned(),
-                        reason(entry),
-                    ]);
-                }
-                table.text_or("no version has been active yet") + more_hint(&list.next_page_token)
-            },
-        )
+        session.print_pages(list, |moves| {
+            let mut table = Table::new(&["time???", "age?", "caller~??", "alias", ">from", ">to", "kind?", "reason_"]);
+            for entry in moves {
+                table.row([
+                    show::clock_or_dash(entry.time.as_ref()),
+                    show::age_or_dash(entry.time.as_ref()),
+                    show::or_dash(&entry.caller),
+                    entry.alias.clone(),
+                    show::version_or_dash(entry.from_version),
+                    show::version_or_dash(entry.to_version),
+                    kind(entry).to_owned(),
+                    reason(entry),
+                ]);
+            }
+            table.text_or("no version has been active yet")
+        })
     }
 }
 

@@ -4,7 +4,8 @@ use crate::arguments::{Limit, distance};
 use crate::failure::Failure;
 use crate::kernel_choice::KernelChoice;
 use crate::metrics_text::{self, against_ideal};
-use crate::session::{Session, more_hint, pages};
+use crate::pages::{more_hint, pages};
+use crate::session::Session;
 use crate::show;
 use crate::table::{Facts, Table};
 use clap::Args;
@@ -55,36 +56,30 @@ impl List {
         let display = self.display.as_deref().map(names::display).unwrap_or_default();
         // The server cannot filter by distance, so request all kernels and apply the limit after the filter.
         let request_limit = if self.distance.is_some() { 0 } else { self.limit.limit };
-        let (mut kernels, next_page_token) = pages(request_limit, async |page_size, page_token| {
+        let mut list = pages(request_limit, async |page_size, page_token| {
             let request = v1::ListKernelsRequest { page_size, page_token, display: display.clone() };
-            let answer = session.client.list_kernels(request).await?;
-            Ok((answer.kernels, answer.next_page_token))
+            session.client.list_kernels(request).await
         })
         .await?;
         if let Some(distance_m) = self.distance {
-            kernels.retain(|kernel| (kernel.distance_m - distance_m).abs() < SAME_DISTANCE_M);
-            kernels.truncate(if self.limit.limit == 0 { usize::MAX } else { self.limit.limit as usize });
+            list.kernels.retain(|kernel| (kernel.distance_m - distance_m).abs() < SAME_DISTANCE_M);
+            list.kernels.truncate(if self.limit.limit == 0 { usize::MAX } else { self.limit.limit as usize });
         }
-        session.print_list(
-            &v1::ListKernelsResponse { kernels, next_page_token },
-            |list| &list.kernels,
-            |list| {
-                let mut table =
-                    Table::new(&["kernel", "optics???", ">active", ">latest", "from?", "created????", "age??"]);
-                for kernel in &list.kernels {
-                    table.row([
-                        kernel.name.clone(),
-                        show::optics(kernel.wavelength_m, kernel.distance_m),
-                        show::version_or_dash(kernel.active_version),
-                        show::version_or_dash(kernel.latest_version),
-                        if kernel.interpolated { "interpolated" } else { "" }.to_owned(),
-                        show::clock_or_dash(kernel.create_time.as_ref()),
-                        show::age_or_dash(kernel.create_time.as_ref()),
-                    ]);
-                }
-                table.text_or("no kernels; learn one: lightpath kernel learn --help") + more_hint(&list.next_page_token)
-            },
-        )
+        session.print_pages(list, |kernels| {
+            let mut table = Table::new(&["kernel", "optics???", ">active", ">latest", "from?", "created????", "age??"]);
+            for kernel in kernels {
+                table.row([
+                    kernel.name.clone(),
+                    show::optics(kernel.wavelength_m, kernel.distance_m),
+                    show::version_or_dash(kernel.active_version),
+                    show::version_or_dash(kernel.latest_version),
+                    if kernel.interpolated { "interpolated" } else { "" }.to_owned(),
+                    show::clock_or_dash(kernel.create_time.as_ref()),
+                    show::age_or_dash(kernel.create_time.as_ref()),
+                ]);
+            }
+            table.text_or("no kernels; learn one: lightpath kernel learn --help")
+        })
     }
 }
 
@@ -99,8 +94,8 @@ impl Show {
         if session.is_json() {
             return session.print(&kernel, |_| String::new());
         }
-        let (versions, next_page_token) = versions(session, &name, 50).await?;
-        let table = version_table(&versions).text() + more_hint(&next_page_token);
+        let list = versions(session, &name, 50).await?;
+        let table = version_table(&list.versions).text() + more_hint(&list.next_page_token);
         session.print_text(&format!("{}\n{table}", kernel_facts(&kernel)))
     }
 }
@@ -108,20 +103,15 @@ impl Show {
 impl Versions {
     pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
         let name = self.kernel.name(session).await?;
-        let (versions, next_page_token) = versions(session, &name, self.limit.limit).await?;
-        session.print_list(
-            &v1::ListKernelVersionsResponse { versions, next_page_token },
-            |list| &list.versions,
-            |list| version_table(&list.versions).text() + more_hint(&list.next_page_token),
-        )
+        let list = versions(session, &name, self.limit.limit).await?;
+        session.print_pages(list, |versions| version_table(versions).text())
     }
 }
 
-async fn versions(session: &Session, kernel: &str, limit: u32) -> Result<(Vec<KernelVersion>, String), Failure> {
+async fn versions(session: &Session, kernel: &str, limit: u32) -> Result<v1::ListKernelVersionsResponse, Failure> {
     pages(limit, async |page_size, page_token| {
         let request = v1::ListKernelVersionsRequest { kernel: kernel.to_owned(), page_size, page_token };
-        let answer = session.client.list_kernel_versions(request).await?;
-        Ok((answer.versions, answer.next_page_token))
+        session.client.list_kernel_versions(request).await
     })
     .await
 }
