@@ -3,6 +3,7 @@
 use super::arguments::Limit;
 use super::failure::Failure;
 use super::identifiers::{job_name, job_names};
+use super::jobs::optimize_hologram::psnr;
 use super::jobs::progress::{Awaited, Progress, or_interrupted};
 use super::pages::pages;
 use super::session::{Output, Session, print_note};
@@ -241,14 +242,15 @@ fn table(jobs: &[Job]) -> Table {
     ]);
     for job in jobs {
         let progress = job.progress.as_ref().map(|progress| format!("{}/{}", progress.step, progress.steps_total));
+        let (kind, subject) = jobs::title(job);
         table.row([
             names::id(&job.name).to_owned(),
-            show::or_dash(if job.label.is_empty() { jobs::subject(job) } else { &job.label }),
+            show::or_dash(if job.label.is_empty() { subject } else { &job.label }),
             jobs::state(job),
-            jobs::psnr(job),
+            psnr(job),
             show::or_dash(&job.owner),
-            jobs::kind(job).to_owned(),
-            jobs::subject(job).to_owned(),
+            kind.to_owned(),
+            subject.to_owned(),
             progress.unwrap_or_default(),
             job.attempt.to_string(),
             show::clock_or_dash(job.create_time.as_ref()),

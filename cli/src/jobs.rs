@@ -20,27 +20,14 @@ use lightpath::{Words as _, names};
 
 /// What people read of a kind of job. The request of each kind in the API is one.
 pub(crate) trait JobKind {
-    /// Name of the kind, for example `optimize hologram`.
-    fn name(&self) -> &'static str;
-
-    /// The display, dataset, kernel version or job that the job is about.
-    fn subject(&self) -> &str;
+    /// Name of the kind, for example `optimize hologram`, and the display, dataset, kernel version or job that the job is about.
+    fn title(&self) -> (&'static str, &str);
 
     /// Adds what the job is asked for.
     fn spec_facts(&self, job: &Job, facts: &mut Facts);
 
     /// Adds what the job found, and returns the text below the facts. An error: it has no result.
     fn result_facts(&self, job: &Job, facts: &mut Facts) -> lightpath::Result<String>;
-
-    /// True if `lightpath hologram save` saves the files of the job.
-    fn is_hologram(&self) -> bool {
-        false
-    }
-
-    /// The PSNR of a hologram for the detector `pixel` \[dB\], of several wavelengths or planes the lowest.
-    fn psnr_db(&self, _: &Job) -> Option<f64> {
-        None
-    }
 }
 
 /// The kind of a job. `None`: the server is newer than this program, which does not know the kind.
@@ -57,29 +44,14 @@ fn known_kind(job: &Job) -> Option<&dyn JobKind> {
     })
 }
 
-/// The name of a job's kind, for example `optimize hologram`.
-pub(crate) fn kind(job: &Job) -> &'static str {
-    known_kind(job).map_or("unknown", JobKind::name)
-}
-
-/// The display, dataset, kernel version or job that a job is about.
-pub(crate) fn subject(job: &Job) -> &str {
-    known_kind(job).map_or("–", JobKind::subject)
+/// The name of a job's kind, for example `optimize hologram`, and the display, dataset, kernel version or job that it is about.
+pub(crate) fn title(job: &Job) -> (&'static str, &str) {
+    known_kind(job).map_or(("unknown", "–"), JobKind::title)
 }
 
 /// True for jobs that optimize holograms.
 pub(crate) fn is_hologram(job: &Job) -> bool {
-    known_kind(job).is_some_and(JobKind::is_hologram)
-}
-
-/// The PSNR of a hologram, for example `31.2 dB`. `–` for other jobs.
-pub(crate) fn psnr(job: &Job) -> String {
-    known_kind(job).and_then(|kind| kind.psnr_db(job)).map_or_else(|| "–".to_owned(), show::decibel)
-}
-
-/// The label of a job's progress bar if the job has no target, for example `learn kernel bench-1`.
-pub(crate) fn label(job: &Job) -> String {
-    format!("{} {}", kind(job), subject(job))
+    matches!(job.spec.as_ref().and_then(|spec| spec.kind.as_ref()), Some(job_spec::Kind::OptimizeHologram(_)))
 }
 
 /// The state of a job, for example `running`.
@@ -130,7 +102,7 @@ fn queue_facts(job: &Job, facts: &mut Facts) {
 pub(crate) fn facts(job: &Job) -> String {
     let mut facts = Facts::default();
     facts.add("job", names::id(&job.name));
-    facts.add("kind", self::kind(job));
+    facts.add("kind", title(job).0);
     if !job.label.is_empty() {
         facts.add("about", show::plain(&job.label));
     }

@@ -46,12 +46,8 @@ impl Evaluate {
 }
 
 impl JobKind for EvaluateKernel {
-    fn name(&self) -> &'static str {
-        "evaluate kernel"
-    }
-
-    fn subject(&self) -> &str {
-        names::id(&self.dataset)
+    fn title(&self) -> (&'static str, &str) {
+        ("evaluate kernel", names::id(&self.dataset))
     }
 
     fn spec_facts(&self, job: &Job, facts: &mut Facts) {

@@ -105,12 +105,8 @@ fn order(text: &str) -> Result<u32, String> {
 }
 
 impl JobKind for LearnKernel {
-    fn name(&self) -> &'static str {
-        "learn kernel"
-    }
-
-    fn subject(&self) -> &str {
-        self.datasets.first().map_or("–", |name| names::id(name))
+    fn title(&self) -> (&'static str, &str) {
+        ("learn kernel", self.datasets.first().map_or("–", |name| names::id(name)))
     }
 
     fn spec_facts(&self, _: &Job, facts: &mut Facts) {

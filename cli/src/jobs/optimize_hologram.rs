@@ -182,7 +182,7 @@ impl Save {
         for ((name, id), files) in found.into_iter().zip(ids).zip(files) {
             let job = session.client.get_job(v1::GetJobRequest { name }).await?;
             if !jobs::is_hologram(&job) {
-                let kind = jobs::kind(&job);
+                let (kind, _) = jobs::title(&job);
                 return Err(Failure::Usage(format!("job {id} is of the kind {kind}, but only holograms can be saved")));
             }
             items.push(Item { name: id, job, files });
@@ -241,12 +241,8 @@ fn print_submitted(session: &Session, items: &[Item]) -> Result<(), Failure> {
 }
 
 impl JobKind for OptimizeHologram {
-    fn name(&self) -> &'static str {
-        "optimize hologram"
-    }
-
-    fn subject(&self) -> &str {
-        names::id(&self.display)
+    fn title(&self) -> (&'static str, &str) {
+        ("optimize hologram", names::id(&self.display))
     }
 
     fn spec_facts(&self, job: &Job, facts: &mut Facts) {
@@ -265,15 +261,14 @@ impl JobKind for OptimizeHologram {
         facts.add("speed", results::speed(result));
         Ok(results::in_full(result))
     }
+}
 
-    fn is_hologram(&self) -> bool {
-        true
-    }
-
-    fn psnr_db(&self, job: &Job) -> Option<f64> {
-        let planes = hologram_result(job).ok()?.wavelengths.iter().flat_map(|wavelength| &wavelength.planes);
-        planes.filter_map(|plane| Some(plane.quality.as_ref()?.pixel.as_ref()?.psnr_db)).min_by(f64::total_cmp)
-    }
+/// The PSNR of a hologram for the detector `pixel`, of several wavelengths or planes the lowest, for example `31.2 dB`. `–` for other jobs.
+pub(crate) fn psnr(job: &Job) -> String {
+    let wavelengths = hologram_result(job).into_iter().flat_map(|result| &result.wavelengths);
+    let planes = wavelengths.flat_map(|wavelength| &wavelength.planes);
+    let found = planes.filter_map(|plane| Some(plane.quality.as_ref()?.pixel.as_ref()?.psnr_db));
+    found.min_by(f64::total_cmp).map_or_else(|| "–".to_owned(), show::decibel)
 }
 
 /// Lengths separated by commas, for example `450 nm, 520 nm`.

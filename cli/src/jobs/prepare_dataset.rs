@@ -165,15 +165,12 @@ impl Finalize {
 }
 
 impl JobKind for PrepareDataset {
-    fn name(&self) -> &'static str {
-        match self.step {
+    fn title(&self) -> (&'static str, &str) {
+        let name = match self.step {
             Some(Step::Finalize(_)) => "finalize dataset",
             Some(Step::Align(_)) | None => "align dataset",
-        }
-    }
-
-    fn subject(&self) -> &str {
-        names::id(&self.dataset)
+        };
+        (name, names::id(&self.dataset))
     }
 
     fn spec_facts(&self, _: &Job, facts: &mut Facts) {

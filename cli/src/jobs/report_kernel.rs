@@ -77,12 +77,8 @@ impl Report {
 }
 
 impl JobKind for ReportKernel {
-    fn name(&self) -> &'static str {
-        "report kernel"
-    }
-
-    fn subject(&self) -> &str {
-        self.kernel_version.trim_start_matches("displays/")
+    fn title(&self) -> (&'static str, &str) {
+        ("report kernel", self.kernel_version.trim_start_matches("displays/"))
     }
 
     fn spec_facts(&self, _: &Job, facts: &mut Facts) {

@@ -101,12 +101,8 @@ impl Simulate {
 }
 
 impl JobKind for SimulateCapture {
-    fn name(&self) -> &'static str {
-        "simulate capture"
-    }
-
-    fn subject(&self) -> &str {
-        names::id(&self.display)
+    fn title(&self) -> (&'static str, &str) {
+        ("simulate capture", names::id(&self.display))
     }
 
     fn spec_facts(&self, _: &Job, facts: &mut Facts) {

@@ -96,9 +96,9 @@ impl Submission {
     /// Submits a job and waits for its end. Returns an error if the job did not succeed.
     pub(crate) async fn submit_and_wait(&self, session: &Session, kind: job_spec::Kind) -> Result<Job, Failure> {
         let job = self.submit(session, kind, "", None).await?;
-        let mut jobs = progress::wait_all(session, vec![(jobs::label(&job), job)]).await?;
-        jobs::check_success(&jobs)?;
-        Ok(jobs.remove(0))
+        let job = ended(session, job).await?;
+        jobs::check_success(std::slice::from_ref(&job))?;
+        Ok(job)
     }
 
     /// Submits a job, waits for its end if `wait` is set, and prints it. Returns an error if the job did not succeed.
@@ -114,13 +114,17 @@ impl Submission {
             print_note(&watch_hint(&job));
             return Ok(());
         }
-        let waiting = progress::wait_all(session, vec![(jobs::label(&job), job)]);
-        for job in waiting.await? {
-            session.print(&job, jobs::facts)?;
-            jobs::check_success(&[job])?;
-        }
-        Ok(())
+        let job = ended(session, job).await?;
+        session.print(&job, jobs::facts)?;
+        jobs::check_success(&[job])
     }
+}
+
+/// Waits until a job without a target has ended. Its progress bar is called, for example, `learn kernel bench-1`.
+async fn ended(session: &Session, job: Job) -> Result<Job, Failure> {
+    let (kind, subject) = jobs::title(&job);
+    let label = format!("{kind} {subject}");
+    Ok(progress::wait_all(session, vec![(label, job)]).await?.remove(0))
 }
 
 /// Submits the job of one of several targets. A failure names the target, and the jobs of the targets before it.

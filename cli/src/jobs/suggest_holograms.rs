@@ -73,12 +73,8 @@ impl Suggest {
 }
 
 impl JobKind for SuggestHolograms {
-    fn name(&self) -> &'static str {
-        "suggest holograms"
-    }
-
-    fn subject(&self) -> &str {
-        self.kernel_version.trim_start_matches("displays/")
+    fn title(&self) -> (&'static str, &str) {
+        ("suggest holograms", self.kernel_version.trim_start_matches("displays/"))
     }
 
     fn spec_facts(&self, _: &Job, facts: &mut Facts) {

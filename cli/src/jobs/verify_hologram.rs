@@ -45,12 +45,8 @@ impl Verify {
 }
 
 impl JobKind for VerifyHologram {
-    fn name(&self) -> &'static str {
-        "verify hologram"
-    }
-
-    fn subject(&self) -> &str {
-        names::id(&self.job)
+    fn title(&self) -> (&'static str, &str) {
+        ("verify hologram", names::id(&self.job))
     }
 
     fn spec_facts(&self, _: &Job, facts: &mut Facts) {
