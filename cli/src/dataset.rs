@@ -7,18 +7,18 @@ mod layouts;
 mod manifest;
 
 use super::arguments::{Limit, Optics};
-use super::dataset_text::{facts, state};
+use super::dataset_text::facts;
 use super::failure::Failure;
 use super::jobs::prepare_dataset::{Align, Finalize};
 use super::jobs::suggest_holograms::Suggest;
 use super::pages::pages;
-use super::session::{Session, print_note};
+use super::session::Session;
 use super::show::{age_or_dash, clock_or_dash, optics};
 use super::table::Table;
 use super::words::WordParser;
 use clap::{Args, Subcommand};
-use lightpath::names;
 use lightpath::v1::{self, Dataset};
+use lightpath::{Words as _, names};
 
 /// Commands for datasets.
 // Variants without a comment take their help from the struct of their arguments. A comment here would hide all but its
@@ -102,19 +102,13 @@ impl DatasetCommand {
                 session.print(&session.client.get_dataset(request).await?, facts)
             }
             Self::List(list) => list.run(session).await,
-            Self::Delete(name) => delete(session, &name.name).await,
+            Self::Delete(name) => {
+                let request = v1::DeleteDatasetRequest { name: names::dataset(&name.name) };
+                let answer = session.client.delete_dataset(request).await?;
+                session.print_done(&answer, &format!("deleted dataset {}", name.name))
+            }
         }
     }
-}
-
-async fn delete(session: &Session, name: &str) -> Result<(), Failure> {
-    let request = v1::DeleteDatasetRequest { name: names::dataset(name) };
-    let answer = session.client.delete_dataset(request).await?;
-    if session.is_json() {
-        return session.print(&answer, |_| String::new());
-    }
-    print_note(&format!("deleted dataset {name}"));
-    Ok(())
 }
 
 impl Create {
@@ -147,7 +141,7 @@ impl List {
                     names::id(&dataset.name).to_owned(),
                     names::id(&dataset.display).to_owned(),
                     optics(dataset.wavelength_m, dataset.distance_m),
-                    state(dataset),
+                    dataset.state().word().to_owned(),
                     dataset.pair_count.to_string(),
                     clock_or_dash(dataset.create_time.as_ref()),
                     age_or_dash(dataset.create_time.as_ref()),

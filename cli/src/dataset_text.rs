@@ -5,11 +5,6 @@ use super::table::{Facts, Table, indented};
 use lightpath::v1::{self, Dataset, dataset::State};
 use lightpath::{Words as _, names};
 
-/// The state of a dataset, for example `open`.
-pub(crate) fn state(dataset: &Dataset) -> String {
-    dataset.state().word().to_owned()
-}
-
 /// Text about a dataset, with its pairs and findings.
 pub(crate) fn facts(dataset: &Dataset) -> String {
     let mut facts = Facts::default();
@@ -19,8 +14,8 @@ pub(crate) fn facts(dataset: &Dataset) -> String {
     facts.add(
         "state",
         match dataset.state() {
-            State::Open => "open: pairs can be added".to_owned(),
-            State::Finalized | State::Unspecified => state(dataset),
+            State::Open => "open: pairs can be added",
+            State::Finalized | State::Unspecified => dataset.state().word(),
         },
     );
     facts.add("photographs", dataset.photo_encoding().word());

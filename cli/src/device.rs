@@ -13,8 +13,35 @@ use lightpath::{names, v1};
 #[derive(Debug, Subcommand)]
 pub(crate) enum DeviceCommand {
     List(List),
-    Group(Group),
-    Delete(Delete),
+    /// Put a device into a group for rollouts, or take it out of its group.
+    ///
+    /// The device need not have reported yet. Its id is the name of its token.
+    #[command(after_long_help = "\
+Example:
+  lightpath device group --display lab-2 bench-7 first")]
+    Group {
+        /// Id of the display
+        #[arg(long, value_name = "ID")]
+        display: String,
+
+        /// Id of the device
+        #[arg(value_name = "DEVICE")]
+        device: String,
+
+        /// The group: a-z, 0-9 and '-' [default: none]
+        #[arg(value_name = "GROUP")]
+        group: Option<String>,
+    },
+    /// Forget a device and its reports. If it reports again, it is listed again.
+    Delete {
+        /// Id of the display
+        #[arg(long, value_name = "ID")]
+        display: String,
+
+        /// Id of the device
+        #[arg(value_name = "DEVICE")]
+        device: String,
+    },
 }
 
 /// Show which devices of a display use which version, and what they reported.
@@ -28,50 +55,17 @@ pub(crate) struct List {
     limit: Limit,
 }
 
-/// Put a device into a group for rollouts, or take it out of its group.
-///
-/// The device need not have reported yet. Its id is the name of its token.
-#[derive(Debug, Args)]
-#[command(after_long_help = "\
-Example:
-  lightpath device group --display lab-2 bench-7 first")]
-pub(crate) struct Group {
-    /// Id of the display
-    #[arg(long, value_name = "ID")]
-    display: String,
-
-    /// Id of the device
-    #[arg(value_name = "DEVICE")]
-    device: String,
-
-    /// The group: a-z, 0-9 and '-' [default: none]
-    #[arg(value_name = "GROUP")]
-    group: Option<String>,
-}
-
-/// Forget a device and its reports. If it reports again, it is listed again.
-#[derive(Debug, Args)]
-pub(crate) struct Delete {
-    /// Id of the display
-    #[arg(long, value_name = "ID")]
-    display: String,
-
-    /// Id of the device
-    #[arg(value_name = "DEVICE")]
-    device: String,
-}
-
 impl DeviceCommand {
     pub(crate) async fn run(self, session: &Session) -> Result<(), Failure> {
         match self {
             Self::List(list) => list.run(session).await,
-            Self::Group(Group { display, device, group }) => {
+            Self::Group { display, device, group } => {
                 let (name, group) = (names::device(&display, &device), group.unwrap_or_default());
                 let request = v1::SetDeviceGroupRequest { name, group };
                 let device = session.client.set_device_group(request).await?;
                 session.print(&device, |device| table(std::slice::from_ref(device)).text())
             }
-            Self::Delete(Delete { display, device }) => {
+            Self::Delete { display, device } => {
                 let request = v1::DeleteDeviceRequest { name: names::device(&display, &device) };
                 session.print(&session.client.delete_device(request).await?, |_| format!("deleted {device}\n"))
             }

@@ -8,7 +8,7 @@ use super::arguments::{Limit, above_zero, pixel_pitch, resolution, wavelength};
 use super::failure::Failure;
 use super::inputs;
 use super::pages::pages;
-use super::session::{Session, print_note};
+use super::session::Session;
 use super::show;
 use super::table::{Facts, Table};
 use super::words::WordParser;
@@ -177,11 +177,7 @@ impl DisplayCommand {
             Self::Delete(id) => {
                 let request = v1::DeleteDisplayRequest { name: names::display(&id.id) };
                 let answer = session.client.delete_display(request).await?;
-                if session.is_json() {
-                    return session.print(&answer, |_| String::new());
-                }
-                print_note(&format!("deleted display {}", id.id));
-                Ok(())
+                session.print_done(&answer, &format!("deleted display {}", id.id))
             }
         }
     }
@@ -250,7 +246,7 @@ async fn list(session: &Session, limit: u32) -> Result<(), Failure> {
                 names::id(&display.name).to_owned(),
                 format!("{}x{}", display.width_px, display.height_px),
                 units::show_m(display.pixel_pitch_m),
-                wavelengths(display),
+                show::lengths(display.wavelengths_m.iter().copied()),
                 display.bit_depth.to_string(),
                 if display.simulated_bench.is_some() { "simulated".to_owned() } else { "real".to_owned() },
                 show::clock_or_dash(display.create_time.as_ref()),
@@ -261,16 +257,12 @@ async fn list(session: &Session, limit: u32) -> Result<(), Failure> {
     })
 }
 
-fn wavelengths(display: &Display) -> String {
-    display.wavelengths_m.iter().copied().map(units::show_m).collect::<Vec<_>>().join(", ")
-}
-
 fn facts(display: &Display) -> String {
     let mut facts = Facts::default();
     facts.add("display", names::id(&display.name));
     facts.add("resolution", format!("{}x{} px", display.width_px, display.height_px));
     facts.add("pixel pitch", units::show_m(display.pixel_pitch_m));
-    facts.add("wavelengths", wavelengths(display));
+    facts.add("wavelengths", show::lengths(display.wavelengths_m.iter().copied()));
     facts.add("bit depth", display.bit_depth.to_string());
     let response = display.phase_response.as_ref().map_or("linear, 0 to 2π", |_| "measured");
     facts.add("phase response", response);

@@ -12,9 +12,9 @@ use super::words::WordParser;
 use super::{jobs, show, times};
 use clap::{Args, Subcommand};
 use futures::{StreamExt as _, TryStreamExt as _};
-use lightpath::names;
 use lightpath::v1::list_jobs_request::{Order, View};
 use lightpath::v1::{self, Job, job};
+use lightpath::{Words as _, names};
 use std::collections::BTreeMap;
 
 /// Most jobs that `job watch` follows at once. Each needs a stream; one connection carries more. The limit is higher
@@ -65,7 +65,10 @@ Example:
   lightpath job logs 01939a5e-7c1b")]
     Logs(Id),
     /// Show the progress of a batch and the number of its jobs in each state
-    Batch(Batch),
+    Batch {
+        /// Name of the batch, as given with --batch
+        name: String,
+    },
 }
 
 /// Arguments of `job list`.
@@ -108,13 +111,6 @@ pub(crate) struct List {
     oldest_first: bool,
 }
 
-/// Arguments of `job batch`.
-#[derive(Debug, Args)]
-pub(crate) struct Batch {
-    /// Name of the batch, as given with --batch
-    name: String,
-}
-
 /// The job that a command applies to.
 #[derive(Debug, Args)]
 pub(crate) struct Id {
@@ -149,8 +145,8 @@ impl JobCommand {
                 session.print(&job, |job| format!("{}  {}", names::id(&job.name), jobs::one_line(job)))
             }
             Self::Logs(id) => logs(session, id.name(session).await?).await,
-            Self::Batch(batch) => {
-                let batch = client.get_batch(v1::GetBatchRequest { batch: batch.name }).await?;
+            Self::Batch { name } => {
+                let batch = client.get_batch(v1::GetBatchRequest { batch: name }).await?;
                 session.print(&batch, batch_line)
             }
         }
@@ -246,7 +242,7 @@ fn table(jobs: &[Job]) -> Table {
         table.row([
             names::id(&job.name).to_owned(),
             show::or_dash(if job.label.is_empty() { subject } else { &job.label }),
-            jobs::state(job),
+            job.state().word().to_owned(),
             psnr(job),
             show::or_dash(&job.owner),
             kind.to_owned(),

@@ -54,11 +54,6 @@ pub(crate) fn is_hologram(job: &Job) -> bool {
     matches!(job.spec.as_ref().and_then(|spec| spec.kind.as_ref()), Some(job_spec::Kind::OptimizeHologram(_)))
 }
 
-/// The state of a job, for example `running`.
-pub(crate) fn state(job: &Job) -> String {
-    job.state().word().to_owned()
-}
-
 /// The state of a job with its most important details, in one line.
 pub(crate) fn one_line(job: &Job) -> String {
     let elapsed = show::elapsed(job.start_time.as_ref(), job.finish_time.as_ref());
@@ -70,7 +65,7 @@ pub(crate) fn one_line(job: &Job) -> String {
         State::Running if job.attempt > 1 => format!("running, attempt {}", job.attempt),
         State::Succeeded => format!("succeeded{}", elapsed.map(|elapsed| format!(" in {elapsed}")).unwrap_or_default()),
         State::Failed => format!("failed{}", error_text(job)),
-        State::Unspecified | State::Queued | State::Running | State::Cancelled => state(job),
+        State::Unspecified | State::Queued | State::Running | State::Cancelled => job.state().word().to_owned(),
     }
 }
 

@@ -3,6 +3,7 @@
 use super::arguments::{distance, wavelength};
 use super::failure::Failure;
 use super::session::Session;
+use super::show;
 use clap::Args;
 use lightpath::{names, v1};
 
@@ -42,7 +43,7 @@ impl KernelChoice {
         match declared.wavelengths_m.as_slice() {
             &[wavelength_m] => Ok(names::kernel(display, wavelength_m, distance_m)),
             several => {
-                let several = several.iter().copied().map(lightpath::units::show_m).collect::<Vec<_>>().join(", ");
+                let several = show::lengths(several.iter().copied());
                 Err(Failure::Usage(format!(
                     "display {display} has several wavelengths ({several}): choose one with --wavelength"
                 )))

@@ -12,13 +12,10 @@ use std::time::{SystemTime, UNIX_EPOCH};
 /// Commands for the keys that sign manifests.
 #[derive(Debug, Subcommand)]
 pub(crate) enum KeyringCommand {
-    Show(Show),
+    /// Print the server's keyring: the keys that may sign manifests, signed by a root key
+    Show,
     Sign(Sign),
 }
-
-/// Print the server's keyring: the keys that may sign manifests, signed by a root key.
-#[derive(Debug, Args)]
-pub(crate) struct Show {}
 
 /// Add the signature of a root key to a keyring, without a server.
 ///
@@ -41,7 +38,7 @@ pub(crate) struct Sign {
 impl KeyringCommand {
     pub(crate) async fn run(self, session: &Session) -> Result<(), Failure> {
         match self {
-            Self::Show(Show {}) => {
+            Self::Show => {
                 let keyring = session.client.get_keyring(v1::GetKeyringRequest {}).await?;
                 session.print(&keyring, |keyring| keyring.document.trim_end().to_owned())
             }

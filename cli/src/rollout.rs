@@ -14,10 +14,28 @@ use lightpath::{Words as _, names, v1};
 #[derive(Debug, Subcommand)]
 pub(crate) enum RolloutCommand {
     Start(Start),
-    Widen(Widen),
-    Complete(Complete),
-    Halt(Halt),
-    Show(Show),
+    /// Give the version to a larger share of the devices
+    Widen {
+        #[command(flatten)]
+        rollout: Choice,
+
+        /// The new share, at most 100 %
+        #[arg(long, value_name = "PERCENT")]
+        share: f64,
+    },
+    /// Make the version active, which ends the rollout
+    Complete(Choice),
+    /// End the rollout: all devices go back to the active version
+    Halt {
+        #[command(flatten)]
+        rollout: Choice,
+
+        /// Record this reason in the history, at most 1024 bytes [default: none]
+        #[arg(long, value_name = "TEXT", default_value = "", hide_default_value = true)]
+        reason: String,
+    },
+    /// Show a rollout and what happened in it
+    Show(Choice),
     List(List),
 }
 
@@ -81,42 +99,6 @@ pub(crate) struct Choice {
     number: Option<u32>,
 }
 
-/// Give the version to a larger share of the devices.
-#[derive(Debug, Args)]
-pub(crate) struct Widen {
-    #[command(flatten)]
-    rollout: Choice,
-
-    /// The new share, at most 100 %
-    #[arg(long, value_name = "PERCENT")]
-    share: f64,
-}
-
-/// Make the version active, which ends the rollout.
-#[derive(Debug, Args)]
-pub(crate) struct Complete {
-    #[command(flatten)]
-    rollout: Choice,
-}
-
-/// End the rollout: all devices go back to the active version.
-#[derive(Debug, Args)]
-pub(crate) struct Halt {
-    #[command(flatten)]
-    rollout: Choice,
-
-    /// Record this reason in the history, at most 1024 bytes [default: none]
-    #[arg(long, value_name = "TEXT", default_value = "", hide_default_value = true)]
-    reason: String,
-}
-
-/// Show a rollout and what happened in it.
-#[derive(Debug, Args)]
-pub(crate) struct Show {
-    #[command(flatten)]
-    rollout: Choice,
-}
-
 /// List the rollouts of a kernel, newest first.
 #[derive(Debug, Args)]
 pub(crate) struct List {
@@ -132,22 +114,22 @@ impl RolloutCommand {
         let client = &session.client;
         let name = match self {
             Self::Start(start) => start.run(session).await?,
-            Self::Widen(Widen { rollout, share }) => {
+            Self::Widen { rollout, share } => {
                 let (name, revision) = rollout.find(session).await?;
                 let expected_revision = Some(revision);
                 let request = v1::WidenRolloutRequest { name, share_percent: share, expected_revision };
                 client.widen_rollout(request).await?.name
             }
-            Self::Complete(Complete { rollout }) => {
+            Self::Complete(rollout) => {
                 let (name, revision) = rollout.find(session).await?;
                 let request = v1::CompleteRolloutRequest { name, expected_revision: Some(revision) };
                 client.complete_rollout(request).await?.name
             }
-            Self::Halt(Halt { rollout, reason }) => {
+            Self::Halt { rollout, reason } => {
                 let (name, _) = rollout.find(session).await?;
                 client.halt_rollout(v1::HaltRolloutRequest { name, reason }).await?.name
             }
-            Self::Show(Show { rollout }) => rollout.find(session).await?.0,
+            Self::Show(rollout) => rollout.find(session).await?.0,
             Self::List(list) => return list.run(session).await,
         };
         session.print(&client.get_rollout(v1::GetRolloutRequest { name }).await?, text)

@@ -120,6 +120,15 @@ impl Session {
         if self.is_json() { Ok(()) } else { self.write(text.trim_end()) }
     }
 
+    /// Prints that something was done: the answer in the JSON forms, or a note.
+    pub(crate) fn print_done<M: Serialize>(&self, answer: &M, note: &str) -> Result<(), Failure> {
+        if self.is_json() {
+            return self.print(answer, |_| String::new());
+        }
+        print_note(note);
+        Ok(())
+    }
+
     /// Writes to stdout, or to stderr if stdout holds a file.
     fn write(&self, text: &str) -> Result<(), Failure> {
         if self.stdout.holds_file.get() {

@@ -86,6 +86,11 @@ pub(crate) fn optics(wavelength_m: f64, distance_m: f64) -> String {
     format!("{}, {}", units::show_m(wavelength_m), units::show_m(distance_m))
 }
 
+/// Lengths separated by commas, for example `450 nm, 520 nm`.
+pub(crate) fn lengths(metres: impl IntoIterator<Item = f64>) -> String {
+    metres.into_iter().map(units::show_m).collect::<Vec<_>>().join(", ")
+}
+
 /// A kernel version, for example `version 3`. 0 is `ideal`.
 pub(crate) fn kernel_version(version: u32) -> String {
     if version == 0 { "ideal".to_owned() } else { format!("version {version}") }

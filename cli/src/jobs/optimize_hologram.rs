@@ -17,7 +17,7 @@ use crate::{inputs, show};
 use clap::Args;
 use futures::{StreamExt as _, TryStreamExt as _};
 use lightpath::v1::{self, Job, OptimizeHologram, job_spec};
-use lightpath::{Words as _, hologram_result, names, units};
+use lightpath::{Words as _, hologram_result, names};
 use optimization::OptimizationOptions;
 use outputs::{Files, Outputs};
 use pictures::Pictures;
@@ -134,7 +134,7 @@ impl Optimize {
         self.pictures.check()?;
         self.pictures.expand()?;
         let names = self.pictures.names();
-        let inputs = self.inputs();
+        let inputs: Vec<PathBuf> = self.pictures.files().chain(self.optimization.files()).cloned().collect();
         inputs::check_readable(&inputs)?;
         let files = self.outputs.files(&session.stdout, &names, &inputs)?;
         let items = self.submit(session, names, files).await?;
@@ -142,11 +142,6 @@ impl Optimize {
             return print_submitted(session, &items);
         }
         finish(session, items).await
-    }
-
-    /// The input files.
-    fn inputs(&self) -> Vec<PathBuf> {
-        self.pictures.files().chain(self.optimization.files()).cloned().collect()
     }
 
     async fn submit(&self, session: &Session, names: Vec<String>, files: Vec<Files>) -> Result<Vec<Item>, Failure> {
@@ -230,7 +225,8 @@ fn print_submitted(session: &Session, items: &[Item]) -> Result<(), Failure> {
     let mut table = Table::new(&["target~", "job", "kernel~??", "state?"]);
     for item in items {
         let id = names::id(&item.job.name).to_owned();
-        table.row([item.name.clone(), id, show::kernel_versions(&item.job.kernel_versions), jobs::state(&item.job)]);
+        let state = item.job.state().word().to_owned();
+        table.row([item.name.clone(), id, show::kernel_versions(&item.job.kernel_versions), state]);
     }
     let jobs: Vec<Job> = items.iter().map(|item| item.job.clone()).collect();
     session.print_jobs(&jobs, &table.text())?;
@@ -247,8 +243,8 @@ impl JobKind for OptimizeHologram {
 
     fn spec_facts(&self, job: &Job, facts: &mut Facts) {
         facts.add("display", names::id(&self.display));
-        facts.add("wavelength", lengths(self.wavelengths_m.iter().copied()));
-        facts.add("distance", lengths(self.planes.iter().map(|plane| plane.distance_m)));
+        facts.add("wavelength", show::lengths(self.wavelengths_m.iter().copied()));
+        facts.add("distance", show::lengths(self.planes.iter().map(|plane| plane.distance_m)));
         facts.add("kernel", show::kernel_versions(&job.kernel_versions));
         let targets: BTreeSet<&str> = self.planes.iter().map(|plane| plane.target.as_str()).collect();
         targets.into_iter().for_each(|target| facts.add("target", target));
@@ -269,9 +265,4 @@ pub(crate) fn psnr(job: &Job) -> String {
     let planes = wavelengths.flat_map(|wavelength| &wavelength.planes);
     let found = planes.filter_map(|plane| Some(plane.quality.as_ref()?.pixel.as_ref()?.psnr_db));
     found.min_by(f64::total_cmp).map_or_else(|| "–".to_owned(), show::decibel)
-}
-
-/// Lengths separated by commas, for example `450 nm, 520 nm`.
-fn lengths(metres: impl Iterator<Item = f64>) -> String {
-    metres.map(units::show_m).collect::<Vec<_>>().join(", ")
 }

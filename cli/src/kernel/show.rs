@@ -10,7 +10,7 @@ use crate::show;
 use crate::table::{Facts, Table};
 use clap::Args;
 use lightpath::v1::{self, Kernel, KernelVersion};
-use lightpath::{Words as _, names, units};
+use lightpath::{Words as _, names};
 
 /// Distances that differ by less than this are equal \[m\]. It is half of the server's unit, a nanometre.
 const SAME_DISTANCE_M: f64 = 0.5e-9;
@@ -152,7 +152,7 @@ fn version_table(versions: &[KernelVersion]) -> Table {
         table.row([
             version.version.to_string(),
             state(version).to_owned(),
-            model(version),
+            version.model().word().to_owned(),
             measured(metrics.test_loss),
             measured(metrics.ideal_test_loss),
             show::bytes(version.size_bytes),
@@ -177,15 +177,11 @@ fn state(version: &KernelVersion) -> &'static str {
     }
 }
 
-fn model(version: &KernelVersion) -> String {
-    version.model().word().to_owned()
-}
-
 /// Text about a version in full.
 pub(super) fn version_facts(version: &KernelVersion) -> String {
     let mut facts = Facts::default();
     facts.add("version", &version.name);
-    facts.add("model", model(version));
+    facts.add("model", version.model().word());
     facts.add("active", if version.active { "yes" } else { "no" });
     if let Some(deprecation) = &version.deprecation {
         let by = if deprecation.caller.is_empty() { String::new() } else { format!(", by {}", deprecation.caller) };
@@ -198,7 +194,7 @@ pub(super) fn version_facts(version: &KernelVersion) -> String {
         let mut distances_m: Vec<f64> = lineage.datasets.iter().map(|dataset| dataset.distance_m).collect();
         distances_m.sort_by(f64::total_cmp);
         let origin = if lineage.interpolated { "interpolated from" } else { "learned together" };
-        facts.add(origin, distances_m.into_iter().map(units::show_m).collect::<Vec<_>>().join(", "));
+        facts.add(origin, show::lengths(distances_m));
     }
     if let Some(metrics) = version.metrics.as_ref().filter(|metrics| metrics.train_pairs > 0) {
         facts.add("held-out loss", against_ideal(metrics.test_loss, metrics.ideal_test_loss));
