@@ -1,4 +1,4 @@
-//! A typed client of a Lightpath server. The program `lightpath` is built on it.
+//! A typed client of a Lightpath server. The command line `lightpath` is built on it.
 //!
 //! ```no_run
 //! use lightpath::v1::{OptimizeHologram, SubmitJobRequest, job_spec, optimize_hologram::ImagePlane};
@@ -31,7 +31,7 @@
 //!   SHA-256 digest and repeated or continued after a lost connection.
 //! - Jobs: [`Client::submit`], [`Client::wait`], and functions that return the result of a job (`job.rs`).
 //! - [`names`]: resource names. [`units`]: lengths as text, such as `150mm` or `515nm`. [`Words`]: enumerations as words.
-//! - [`Error`]: why a call failed; a refusal lists the wrong fields.
+//! - [`Error`]: why a call failed, with its gRPC [`Code`]; a refusal lists the wrong fields.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod calls;
@@ -55,3 +55,4 @@ pub use job::{
 };
 pub use kernel::KernelChange;
 pub use lightpath_proto::{Word, Words, v1};
+pub use tonic::Code;

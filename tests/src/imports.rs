@@ -4,12 +4,13 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Every crate, with the crates of the workspace that it may depend on.
-const CRATES: [(&str, &[&str]); 20] = [
+const CRATES: [(&str, &[&str]); 21] = [
     ("optics", &[]),
     ("manifest", &[]),
     ("proto", &[]),
     ("program-docs", &[]),
-    ("client", &["manifest", "program-docs", "proto"]),
+    ("client", &["proto"]),
+    ("cli", &["", "manifest", "program-docs"]),
     ("client/python/engine", &["domain", "media", "optics"]),
     ("agent", &["fail-points", "manifest", "program-docs"]),
     ("server/domain", &["optics"]),
@@ -59,10 +60,10 @@ const CRATES: [(&str, &[&str]); 20] = [
     ("tests", &[]),
 ];
 /// External dependencies that only some crates may have, each with these crates.
-const RESTRICTED: [(&str, &[&str]); 8] = [
+const RESTRICTED: [(&str, &[&str]); 10] = [
     ("sqlx", &["server/store", "server/fixtures"]),
     ("tonic", &["proto", "client", "server/api", "server/daemon"]),
-    ("prost", &["proto", "client", "server/api"]),
+    ("prost", &["proto", "server/api"]),
     ("axum", &["server/api"]),
     ("pyo3", &["client/python/engine"]),
     ("numpy", &["client/python/engine"]),
@@ -70,6 +71,7 @@ const RESTRICTED: [(&str, &[&str]); 8] = [
         "tokio",
         &[
             "client",
+            "cli",
             "server/artifacts",
             "server/store",
             "server/webhooks",
@@ -79,6 +81,8 @@ const RESTRICTED: [(&str, &[&str]); 8] = [
         ],
     ),
     ("object_store", &["server/artifacts"]),
+    ("clap", &["program-docs", "cli", "agent", "server/daemon"]),
+    ("indicatif", &["cli", "server/daemon"]),
 ];
 
 #[test]

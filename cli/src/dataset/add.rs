@@ -1,0 +1,178 @@
+//! The command `lightpath dataset add`.
+
+use super::manifest::{self, Entry};
+use crate::destination::name_of;
+use crate::failure::Failure;
+use crate::session::{Output, Session, print_note};
+use crate::show;
+use crate::words::WordParser;
+use clap::Args;
+use lightpath::{names, v1};
+use std::path::PathBuf;
+
+/// Add holograms with their photographs: one pair, two folders or a list of pairs.
+///
+/// A photograph has one camera pixel for each pixel of the display, or any size if the dataset has an alignment. Each
+/// pair is checked when it is added. The same pair again changes nothing, so an interrupted import can be repeated.
+#[derive(Debug, Args)]
+#[command(after_long_help = "\
+Examples:
+  lightpath dataset add bench-1 --phase p01.png --photo c01.png
+  lightpath dataset add bench-1 --phase p02.png --photo c02.tif \\
+      --black-level 0.012 --exposure 0.02 --gain 1.5 --split test
+
+  Two folders, matched by file name without extension
+    lightpath dataset add bench-1 --phases holograms/ --photos photos/
+
+  A manifest with explicit ids: .toml, .json or .csv; paths are relative to it
+    lightpath dataset add bench-1 --manifest bench-1/pairs.toml
+
+    black_level = 0.012          # for all pairs without their own
+    [[pairs]]
+    id = \"p01\"
+    phase = \"holograms/01.png\"
+    photo = \"photos/01.tif\"
+    exposure_s = 0.02            # also: camera_gain, black_level, split
+
+  A .csv manifest has a line of names, then a line for each pair
+    id,phase,photo,split,exposure_s
+    p01,holograms/01.png,photos/01.tif,train,0.02")]
+pub(crate) struct Add {
+    /// Name of the dataset
+    name: String,
+
+    /// Add this hologram as it was displayed: a grey PNG of levels, or a .npy file of the phase in radians (float32)
+    #[arg(long, value_name = "FILE", requires = "photo", required_unless_present_any = ["manifest", "phases"])]
+    phase: Option<PathBuf>,
+
+    /// Add this photograph of the hologram of --phase: PNG, TIFF or JPEG, grey or colour, or .npy
+    #[arg(long, value_name = "FILE", requires = "phase", required_unless_present_any = ["manifest", "phases"])]
+    photo: Option<PathBuf>,
+
+    /// Add the pairs in this list: a .toml, .json or .csv file
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["phase", "photo", "phases", "photos", "id"])]
+    manifest: Option<PathBuf>,
+
+    /// Add the holograms in this folder, each with the photograph of the same name in --photos
+    #[arg(long, value_name = "FOLDER", requires = "photos", conflicts_with_all = ["phase", "photo", "id"])]
+    phases: Option<PathBuf>,
+
+    /// Take the photographs for --phases from this folder
+    #[arg(long, value_name = "FOLDER", requires = "phases")]
+    photos: Option<PathBuf>,
+
+    /// Set the id of the pair in the dataset [default: the hologram's file name without its extension]
+    #[arg(long, value_name = "ID")]
+    id: Option<String>,
+
+    #[command(flatten)]
+    defaults: Defaults,
+}
+
+/// Properties of the pairs that do not have their own.
+#[derive(Debug, Args)]
+pub(super) struct Defaults {
+    /// Choose the use of the pairs [default: drawn when the dataset is finalized]
+    #[arg(long, value_parser = WordParser::<v1::Split>::new().without("excluded"))]
+    split: Option<v1::Split>,
+
+    /// Set the camera's value in the dark as a fraction of full scale, 0 to 0.9 [default: 0]
+    #[arg(long, value_name = "X")]
+    black_level: Option<f64>,
+
+    /// Set the exposure time in seconds, 0 to 3600; give it for all pairs of a dataset or for none [default: unknown]
+    #[arg(long, value_name = "SECONDS")]
+    exposure: Option<f64>,
+
+    /// Set the camera's gain as a factor, at most 1e6 [default: unknown]
+    #[arg(long, value_name = "FACTOR")]
+    gain: Option<f64>,
+}
+
+impl Defaults {
+    /// Fills in the values that the entry lacks.
+    pub(super) fn fill(&self, entry: Entry) -> Entry {
+        Entry {
+            split: entry.split.or(self.split),
+            black_level: entry.black_level.or(self.black_level),
+            exposure_s: entry.exposure_s.or(self.exposure),
+            camera_gain: entry.camera_gain.or(self.gain),
+            ..entry
+        }
+    }
+}
+
+impl Add {
+    pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
+        let entries = self.entries()?.into_iter().map(|entry| self.defaults.fill(entry)).collect();
+        add_pairs(session, &self.name, entries).await
+    }
+
+    fn entries(&self) -> Result<Vec<Entry>, Failure> {
+        if let Some(path) = &self.manifest {
+            return manifest::read(path);
+        }
+        if let (Some(phases), Some(photos)) = (&self.phases, &self.photos) {
+            return manifest::match_folders(phases, photos);
+        }
+        let (Some(phase), Some(photo)) = (&self.phase, &self.photo) else {
+            return Err(Failure::Usage("give --phase and --photo, --phases and --photos, or --manifest".to_owned()));
+        };
+        let id = self.id.clone().unwrap_or_else(|| name_of(phase));
+        Ok(vec![Entry::new(id, phase.clone(), photo.clone())])
+    }
+}
+
+/// Uploads the files of the pairs and adds the pairs to a dataset, one after the other.
+pub(super) async fn add_pairs(session: &Session, dataset: &str, entries: Vec<Entry>) -> Result<(), Failure> {
+    let count = entries.len();
+    let mut findings = Vec::new();
+    let mut last = None;
+    for entry in entries {
+        let id = entry.id.clone();
+        let pair = v1::Pair {
+            id: entry.id,
+            phase: session.client.upload_file(&entry.phase).await?,
+            photo: session.client.upload_file(&entry.photo).await?,
+            split: entry.split.unwrap_or_default().into(),
+            black_level: entry.black_level.unwrap_or(0.0),
+            exposure_s: entry.exposure_s.unwrap_or(0.0),
+            camera_gain: entry.camera_gain.unwrap_or(0.0),
+            checks: None,
+        };
+        let request = v1::AddPairRequest { dataset: names::dataset(dataset), pair: Some(pair) };
+        let dataset = session.client.add_pair(request).await.map_err(|error| refused_pair(&id, count, error))?;
+        if count == 1 {
+            session.print(&dataset, |dataset| text(&id, dataset))?;
+        } else {
+            session.print_line(&dataset)?;
+            session.print_text(&text(&id, &dataset))?;
+        }
+        findings.extend(dataset.findings.iter().cloned());
+        last = Some(dataset);
+    }
+    if !findings.is_empty() && count > 1 {
+        let found = show::counted(findings.len(), "finding");
+        print_note(&format!("{found}; list them: lightpath dataset show {dataset}"));
+    }
+    match last {
+        // One document: the dataset after the last pair, with the findings of all pairs.
+        Some(last) if count > 1 && session.output == Output::Json => {
+            session.print(&v1::Dataset { findings, ..last }, |_| String::new())
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Converts an error into a failure. If there are several pairs, it first prints which one was refused.
+fn refused_pair(id: &str, count: usize, error: lightpath::Error) -> Failure {
+    if count > 1 {
+        print_note(&format!("pair {id} was refused; the pairs before it are in the dataset:"));
+    }
+    error.into()
+}
+
+fn text(id: &str, dataset: &v1::Dataset) -> String {
+    let added = format!("added pair {id} to {}; pairs now: {}", names::id(&dataset.name), dataset.pair_count);
+    dataset.findings.iter().fold(added, |text, finding| format!("{text}\n  it {}", finding.message))
+}

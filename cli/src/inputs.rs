@@ -1,0 +1,81 @@
+//! Input files of commands. A folder stands for the files in it.
+
+use super::failure::Failure;
+use super::session::print_note;
+use super::show;
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+/// Extensions of pictures that the server reads.
+pub(crate) const PICTURES: &[&str] = &["png", "jpg", "jpeg", "tif", "tiff"];
+/// Extensions of holograms.
+pub(crate) const HOLOGRAMS: &[&str] = &["png"];
+
+/// The given files, with the files of each folder in its place: those with one of the extensions, sorted by name. Says
+/// on stderr how many each folder has.
+pub(crate) fn expanded(given: &[PathBuf], extensions: &[&str]) -> Result<Vec<PathBuf>, Failure> {
+    let mut files = Vec::new();
+    for path in given {
+        if !path.is_dir() {
+            files.push(path.clone());
+            continue;
+        }
+        let found = in_folder(path, extensions)?;
+        let folder = path.display();
+        if found.is_empty() {
+            return Err(Failure::Usage(format!("{folder} has no files of the kinds {}", extensions.join(", "))));
+        }
+        print_note(&format!("{folder}: {}", show::counted(found.len(), "picture")));
+        files.extend(found);
+    }
+    Ok(files)
+}
+
+/// Checks that all files can be opened. Otherwise a mistyped name would be found after earlier jobs were submitted.
+pub(crate) fn check_readable<'a>(files: impl IntoIterator<Item = &'a PathBuf>) -> Result<(), Failure> {
+    for path in files {
+        File::open(path).map_err(|source| lightpath::Error::File { action: "read", path: path.clone(), source })?;
+    }
+    Ok(())
+}
+
+/// The text of a file.
+pub(crate) fn text(path: &Path) -> Result<String, Failure> {
+    let read_error = |source| lightpath::Error::File { action: "read", path: path.to_owned(), source };
+    Ok(std::fs::read_to_string(path).map_err(read_error)?)
+}
+
+fn in_folder(folder: &Path, extensions: &[&str]) -> Result<Vec<PathBuf>, Failure> {
+    let read_error = |source| lightpath::Error::File { action: "read", path: folder.to_owned(), source };
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(read_error)? {
+        let path = entry.map_err(read_error)?.path();
+        let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+        let is_hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
+        if extensions.contains(&extension.as_str()) && !is_hidden && path.is_file() {
+            found.push(path);
+        }
+    }
+    found.sort();
+    Ok(found)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_stands_for_its_pictures_in_order() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        for name in ["b.PNG", "a.jpg", "notes.txt", ".hidden.png", "c.tiff"] {
+            std::fs::write(at(name), b"x").unwrap();
+        }
+        std::fs::create_dir(at("d.png")).unwrap();
+        let given = [at("z.png"), folder.path().to_owned()];
+        let expected = [at("z.png"), at("a.jpg"), at("b.PNG"), at("c.tiff")];
+        assert_eq!(expanded(&given, PICTURES).unwrap(), expected);
+        let empty = expanded(&[folder.path().to_owned()], &["npy"]);
+        assert!(matches!(empty, Err(Failure::Usage(text)) if text.contains("no files of the kinds npy")));
+    }
+}

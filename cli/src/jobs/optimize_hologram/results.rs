@@ -1,0 +1,122 @@
+//! Results of holograms as text.
+
+use super::outputs::Files;
+use super::quality;
+use crate::table::{Facts, Table};
+use crate::{propagation_text, show};
+use lightpath::v1::{self, Job};
+use lightpath::{hologram_result, names, units};
+
+/// A target with its job and its output files.
+pub(super) struct Item {
+    pub(super) name: String,
+    pub(super) job: Job,
+    pub(super) files: Files,
+}
+
+/// Formats the results: one in full, several as a table. Jobs without success are left out; the caller reports them as
+/// errors.
+pub(super) fn results(items: &[Item]) -> String {
+    let succeeded = items.iter().filter_map(|item| Some((item, hologram_result(&item.job).ok()?)));
+    if let ([item], Some((_, result))) = (items, succeeded.clone().next()) {
+        return result_facts(item, result);
+    }
+    let mut table = Table::new(&[
+        "target~",
+        "kernel~????",
+        ">point?????",
+        ">pixel",
+        ">supersampled?????",
+        ">quantized pixel?",
+        ">SSIM??",
+        ">ms/iteration?????",
+        "job???",
+    ]);
+    for (item, result) in succeeded {
+        let first = result.wavelengths.first().and_then(|wavelength| wavelength.planes.first());
+        let [point, pixel, supersampled, quantized, similarity, _] =
+            quality::summary(first.cloned().unwrap_or_default());
+        table.row([
+            item.name.clone(),
+            show::kernel_versions(&item.job.kernel_versions),
+            point,
+            pixel,
+            supersampled,
+            quantized,
+            similarity,
+            format!("{:.1}", result.iteration_ms),
+            names::id(&item.job.name).to_owned(),
+        ]);
+    }
+    table.text_or("")
+}
+
+/// The time of an iteration.
+pub(super) fn speed(result: &v1::HologramResult) -> String {
+    format!("{:.1} ms per iteration, {} iterations", result.iteration_ms, result.iterations)
+}
+
+/// Files and quality of each hologram, plane by plane.
+pub(super) fn in_full(result: &v1::HologramResult) -> String {
+    let mut text = String::new();
+    for wavelength in &result.wavelengths {
+        let mut facts = Facts::default();
+        facts.add("wavelength", units::show_m(wavelength.wavelength_m));
+        for frame in &wavelength.frames {
+            facts.add("phase", &frame.phase);
+            facts.add("phase npy", &frame.phase_npy);
+        }
+        text += &format!("\n{}", facts.text());
+        for plane in &wavelength.planes {
+            let mut facts = Facts::default();
+            facts.add("distance", units::show_m(plane.distance_m));
+            propagation_text::add(plane.propagation.as_ref(), &mut facts);
+            facts.add("reconstruction", &plane.reconstruction);
+            facts.add_some("other optics", quality::other_orders(plane));
+            facts.add_some("second opinion", quality::second_opinion(plane));
+            text += &format!("\n{}\n{}", facts.text(), quality::table(plane));
+        }
+    }
+    text
+}
+
+fn result_facts(item: &Item, result: &v1::HologramResult) -> String {
+    let mut facts = Facts::default();
+    facts.add("target", &item.name);
+    facts.add("job", names::id(&item.job.name));
+    facts.add("kernel", show::kernel_versions(&item.job.kernel_versions));
+    facts.add("speed", speed(result));
+    let mut planes = result.wavelengths.iter().flat_map(|wavelength| &wavelength.planes);
+    let (first, others) = (planes.next(), planes.next());
+    propagation_text::add(first.and_then(|plane| plane.propagation.as_ref()), &mut facts);
+    facts.add_some("other optics", first.and_then(quality::other_orders));
+    facts.add_some("second opinion", first.and_then(quality::second_opinion));
+    facts.add_some("saved", item.files.text(result));
+    let quality = match (first, others) {
+        (Some(plane), None) => quality::table(plane),
+        _ => parts_table(result),
+    };
+    format!("{}\n{quality}", facts.text())
+}
+
+/// A table with a line for each wavelength and plane.
+fn parts_table(result: &v1::HologramResult) -> String {
+    let mut table = Table::new(&[
+        "wavelength",
+        "distance",
+        ">point???",
+        ">pixel",
+        ">supersampled???",
+        ">quantized pixel?",
+        ">SSIM?",
+        ">efficiency??",
+    ]);
+    for wavelength in &result.wavelengths {
+        for plane in &wavelength.planes {
+            let [point, pixel, supersampled, quantized, similarity, efficiency] = quality::summary(plane.clone());
+            let (wavelength, distance) = (units::show_m(wavelength.wavelength_m), units::show_m(plane.distance_m));
+            table.row([wavelength, distance, point, pixel, supersampled, quantized, similarity, efficiency]);
+        }
+    }
+    table.text()
+}
