@@ -10,6 +10,22 @@
 
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+/// A group of commands. Each variant has the arguments of a command, which runs itself.
+macro_rules! commands {
+    ($(#[$help:meta])* $group:ident { $($command:ident($arguments:ty),)+ }) => {
+        $(#[$help])*
+        // Each variant takes its help from the struct of its arguments. A comment here would hide all but its first line.
+        #[derive(Debug, clap::Subcommand)]
+        pub(crate) enum $group { $($command($arguments),)+ }
+
+        impl $group {
+            pub(crate) async fn run(self, session: &Session) -> Result<(), Failure> {
+                match self { $(Self::$command(command) => command.run(session).await,)+ }
+            }
+        }
+    };
+}
+
 mod arguments;
 mod dataset;
 mod dataset_text;
@@ -202,14 +218,9 @@ struct Man {
 fn main() -> ExitCode {
     let cli = Cli::parse();
     terminal::measure();
-    let runtime = match tokio::runtime::Builder::new_current_thread().enable_all().build() {
-        Ok(runtime) => runtime,
-        Err(error) => return failure::report(&Failure::Output(error)),
-    };
-    match runtime.block_on(run(cli)) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => failure::report(&failure),
-    }
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
+    let outcome = runtime.map_err(Failure::Output).and_then(|runtime| runtime.block_on(run(cli)));
+    outcome.map_or_else(|failure| failure::report(&failure), |()| ExitCode::SUCCESS)
 }
 
 async fn run(cli: Cli) -> Result<(), Failure> {

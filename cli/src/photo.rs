@@ -7,7 +7,7 @@ use super::inputs;
 use super::session::{Output, Session};
 use super::table::{Facts, Table};
 use super::words::WordParser;
-use clap::{Args, Subcommand};
+use clap::Args;
 use lightpath::v1;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -21,17 +21,10 @@ struct Scores<'a> {
     scores: Vec<&'a v1::PhotoScore>,
 }
 
-/// Commands about photographs of what displays show.
-#[derive(Debug, Subcommand)]
-pub(crate) enum PhotoCommand {
-    Score(Score),
-}
-
-impl PhotoCommand {
-    pub(crate) async fn run(self, session: &Session) -> Result<(), Failure> {
-        match self {
-            Self::Score(score) => score.run(session).await,
-        }
+commands! {
+    /// Commands about photographs of what displays show.
+    PhotoCommand {
+        Score(Score),
     }
 }
 

@@ -167,11 +167,8 @@ impl Stdout {
 }
 
 fn read(path: &Path) -> Result<Vec<u8>, Failure> {
-    Ok(std::fs::read(path).map_err(|source| lightpath::Error::File {
-        action: "read",
-        path: path.to_owned(),
-        source,
-    })?)
+    let read_error = |source| lightpath::Error::File { action: "read", path: path.to_owned(), source };
+    Ok(std::fs::read(path).map_err(read_error)?)
 }
 
 /// Prints a note for people on stderr, in all forms of output.

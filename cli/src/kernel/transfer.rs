@@ -181,8 +181,7 @@ impl KernelFile {
 /// Downloads a kernel version to a file and prints its size and deviation. Prints what the format loses before the file
 /// is put in place. Version 0 stands for the active version.
 async fn write(session: &Session, kernel: &KernelChoice, version: u32, file: &KernelFile) -> Result<(), Failure> {
-    let format = file.format()?;
-    let path = FILE.file(&session.stdout, &file.path)?;
+    let (format, path) = (file.format()?, FILE.file(&session.stdout, &file.path)?);
     let name = kernel.name(session).await?;
     let warn = |file: &v1::KernelFile| {
         if let Some(warning) = warning(file) {
@@ -211,8 +210,7 @@ async fn write(session: &Session, kernel: &KernelChoice, version: u32, file: &Ke
 
 /// Prints what [`write`] would write.
 async fn describe(session: &Session, kernel: &KernelChoice, version: u32, file: &KernelFile) -> Result<(), Failure> {
-    let format = file.format()?;
-    let path = FILE.file(&session.stdout, &file.path)?;
+    let (format, path) = (file.format()?, FILE.file(&session.stdout, &file.path)?);
     let name = kernel.name(session).await?;
     let (version, file) = session.client.describe_kernel(&name, version, format).await?;
     if let Some(warning) = file.as_ref().and_then(warning) {
