@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Every crate, with the crates of the workspace that it may depend on.
-const CRATES: [(&str, &[&str]); 20] = [
+const CRATES: [(&str, &[&str]); 21] = [
     ("optics", &[]),
     ("manifest", &[]),
     ("proto", &[]),
@@ -22,20 +22,10 @@ const CRATES: [(&str, &[&str]); 20] = [
     ("server/dashboard", &[]),
     ("server/webhooks", &["domain", "metrics", "store"]),
     ("server/worker", &["artifacts", "domain", "media", "metrics", "optics", "store"]),
+    ("server/service", &["artifacts", "domain", "manifest", "media", "metrics", "optics", "store"]),
     (
         "server/api",
-        &[
-            "artifacts",
-            "dashboard",
-            "domain",
-            "fail-points",
-            "manifest",
-            "media",
-            "metrics",
-            "optics",
-            "proto",
-            "store",
-        ],
+        &["artifacts", "dashboard", "domain", "fail-points", "media", "metrics", "optics", "proto", "service", "store"],
     ),
     (
         "server/daemon",
@@ -51,6 +41,7 @@ const CRATES: [(&str, &[&str]); 20] = [
             "optics",
             "program-docs",
             "proto",
+            "service",
             "store",
             "webhooks",
             "worker",
@@ -74,6 +65,7 @@ const RESTRICTED: [(&str, &[&str]); 8] = [
             "server/store",
             "server/webhooks",
             "server/worker",
+            "server/service",
             "server/api",
             "server/daemon",
         ],
