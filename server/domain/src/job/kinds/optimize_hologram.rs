@@ -1,0 +1,239 @@
+//! Hologram jobs: request, result, memory and time.
+
+use super::Kind;
+use crate::dataset::Encoding;
+use crate::job::estimate::{FILE_STAGES, KernelSize, Need, REAL, STEP_FACTOR};
+use crate::units::{Distance, Wavelength};
+use lightpath_optics::hologram::{HologramMethod, InitialPhase, Loss, Quality};
+use lightpath_optics::memory::{EngineSize, HologramSize};
+use lightpath_optics::propagation::ConvolutionMethod;
+use lightpath_optics::second_opinion::{Effort, SecondOpinion};
+use lightpath_optics::{Detector, RegionOfInterest, ValidityReport};
+use serde::{Deserialize, Serialize};
+
+/// Request to compute holograms. The result has one hologram for each wavelength, and each hologram shows the pictures
+/// of all planes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct OptimizeHologram {
+    /// Id of the display.
+    pub display: String,
+    /// Wavelengths of the display, at least one, each once.
+    pub wavelengths: Vec<Wavelength>,
+    /// Pictures to show, at least one, at different distances.
+    pub planes: Vec<ImagePlane>,
+    /// Artifact digest of a picture of depths. Each pixel then counts only in the plane nearest to its depth. `None`:
+    /// every plane shows its whole target.
+    pub depth_map: Option<String>,
+    /// Encoding of light in the values of the targets.
+    pub target_encoding: Encoding,
+    /// Rule for a target whose size differs from the display's.
+    pub target_fit: Fit,
+    /// Kernel versions: for each wavelength one version for each plane; `None`: the ideal kernel.
+    pub kernel_versions: Vec<Vec<Option<u32>>>,
+    /// Propagation method; `None`: the method of the learned kernel, or the planner's choice for an ideal kernel.
+    pub propagation: Option<ConvolutionMethod>,
+    /// Method that computes the phases.
+    pub method: HologramMethod,
+    /// Number of iterations for each hologram.
+    pub iterations: u32,
+    /// Number of phases of each hologram, shown one after another.
+    pub frames: u32,
+    /// Initial phase of the optimization. Given phases are artifact digests of arrays, one for each wavelength.
+    pub initial_phase: InitialPhase<Vec<String>>,
+    /// Seed of a random initial phase.
+    pub seed: u64,
+    /// Loss function that compares the reconstruction with the target.
+    pub loss: Loss,
+    /// Rule that defines the light of a pixel.
+    pub detector: Detector,
+    /// Region in which the reconstruction is compared with the target.
+    pub region_of_interest: RegionOfInterest,
+    /// Artifact digest of a picture with the weight of each pixel; `None`: all pixels have the same weight.
+    pub weight_mask: Option<String>,
+    /// Whether the last part of the optimization takes the limited levels of the display into account.
+    pub quantization_aware: bool,
+}
+
+/// A picture to show at a distance.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ImagePlane {
+    /// Distance from the SLM.
+    pub distance: Distance,
+    /// Artifact digest of the target picture.
+    pub target: String,
+    /// Weight of the plane relative to the other planes.
+    pub weight: f64,
+}
+
+/// Rule for a picture whose size differs from the display's.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Fit {
+    /// Scale the whole picture to fit inside the display, with black borders.
+    #[default]
+    Contain,
+    /// Scale the picture to cover the display and crop the rest.
+    Cover,
+    /// Scale height and width independently.
+    Stretch,
+    /// Refuse a picture of another size.
+    Exact,
+}
+
+/// Result of a hologram job: holograms and their quality.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct HologramResult {
+    /// One hologram for each wavelength.
+    pub wavelengths: Vec<WavelengthResult>,
+    /// Artifact digests of colour pictures, one for each plane; empty if the number of wavelengths is not three.
+    pub colour_reconstructions: Vec<String>,
+    /// Number of iterations of each hologram.
+    pub iterations: u32,
+    /// Mean time of an iteration \[ms\].
+    pub iteration_ms: f64,
+}
+
+/// The hologram of one wavelength.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct WavelengthResult {
+    /// Wavelength of the hologram.
+    pub wavelength: Wavelength,
+    /// Phases of the hologram, in the order in which they are shown.
+    pub frames: Vec<FrameResult>,
+    /// Reconstructions of the hologram, one for each plane.
+    pub planes: Vec<PlaneResult>,
+    /// Fitted gain: factor from the computed intensity to the target intensity.
+    pub intensity_scale: f64,
+    /// Loss of the last iteration.
+    pub loss: f64,
+    /// Amplitude by which the double-phase method divided the field; `None` for other methods.
+    pub largest_amplitude: Option<f64>,
+}
+
+/// A phase of a hologram.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FrameResult {
+    /// Artifact digest of the phase as grey levels of the display (PNG).
+    pub phase: String,
+    /// Artifact digest of the phase in radians (float32, `.npy`).
+    pub phase_npy: String,
+}
+
+/// Reconstruction of a hologram at a distance.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PlaneResult {
+    /// Distance from the SLM.
+    pub distance: Distance,
+    /// Artifact digest of the reconstruction that the kernel predicts (sRGB PNG).
+    pub reconstruction: String,
+    /// Quality of the phases as optimized.
+    pub quality: Quality,
+    /// Quality of the phases as the display shows them, in its limited levels.
+    pub quantized_quality: Quality,
+    /// Propagation method of the reconstruction, and its limits.
+    pub propagation: ValidityReport,
+    /// PSNR of the phases as the display shows them, on a display that shows the other diffraction orders \[dB\];
+    /// `None`: not computed.
+    pub other_orders_psnr_db: Option<f64>,
+    /// Second opinion on the phases as the display shows them, for the job's detector; `None`: the independent model
+    /// does not have this kernel, or would take much longer than the job.
+    pub second_opinion: Option<SecondOpinion>,
+}
+
+impl Kind for OptimizeHologram {
+    fn display(&self) -> &str {
+        &self.display
+    }
+
+    fn kernel_versions(&self) -> Vec<Option<u32>> {
+        self.kernel_versions.concat()
+    }
+}
+
+/// What a hologram job needs, besides its specification.
+#[derive(Clone, Debug, PartialEq)]
+pub struct HologramInputs {
+    /// Limit on the memory for transfer functions that are kept for later jobs \[bytes\].
+    pub cache_bytes_max: u64,
+    /// Kernels: for each wavelength one for each plane.
+    pub kernels: Vec<Vec<KernelSize>>,
+    /// Largest memory for decoding one of its pictures \[bytes\].
+    pub decoding_bytes: u64,
+}
+
+/// Need of a hologram job.
+#[must_use]
+pub fn need(spec: &OptimizeHologram, inputs: &HologramInputs) -> Need {
+    let transfers = |kernels: &[KernelSize]| kernels.iter().map(KernelSize::cached_bytes).sum::<u64>();
+    let all: u64 = inputs.kernels.iter().map(|kernels| transfers(kernels)).sum();
+    let each = inputs.kernels.iter().map(|kernels| {
+        let (stage, work) = one_wavelength(spec, kernels, inputs.decoding_bytes);
+        // The cache keeps the transfer functions of the other wavelengths.
+        (stage + (all - transfers(kernels)).min(inputs.cache_bytes_max), work)
+    });
+    let (stages, work): (Vec<u64>, Vec<f64>) = each.unzip();
+    Need::new(stages, work.iter().sum())
+}
+
+/// Largest memory and work of the hologram of one wavelength.
+fn one_wavelength(spec: &OptimizeHologram, kernels: &[KernelSize], decoding_bytes: u64) -> (u64, f64) {
+    let Some(first) = kernels.first() else { return (0, 0.0) };
+    let engine = widest(kernels).with_detector(spec.detector);
+    let size = HologramSize {
+        planes: spec.planes.len(),
+        frames: spec.frames as usize,
+        weighted: spec.weight_mask.is_some() || spec.depth_map.is_some(),
+        rough: spec.loss.total_variation > 0.0 || spec.loss.speckle > 0.0,
+        levels: spec.quantization_aware,
+        ..HologramSize::new(engine, spec.method, spec.iterations)
+    };
+    let n = first.engine.pixels();
+    let (phases, picture) = (size.phases_bytes(), REAL * n);
+    let engines: u64 = kernels.iter().map(|kernel| kernel.engine.engine_bytes()).sum();
+    let setup = engines + size.pictures_bytes();
+    let reading = kernels.iter().map(KernelSize::reading_bytes).max().unwrap_or(0);
+    let masks = if size.weighted { 2 * picture } else { 0 };
+    let given = matches!(spec.initial_phase, InitialPhase::Given(_));
+    let propagates_back = matches!(spec.initial_phase, InitialPhase::BackPropagated { .. });
+    // Given phases are read from a file into a plane.
+    let started = setup + size.start_bytes(propagates_back) + if given { 2 * phases } else { 0 };
+    let running = setup + size.problem_bytes() + size.state_bytes() + size.scratch_bytes();
+    // The results: the wrapped and the displayed phases, the latter twice, a copy, and one of them as levels and files.
+    let results = 4 * phases + 3 * picture;
+    let stages = [
+        setup + masks + decoding_bytes.max(reading),
+        started,
+        running + size.state_bytes().max(results),
+        setup + 3 * phases + 2 * picture + judging_bytes(&engine, size.frames).max(engine.other_orders_bytes()),
+    ];
+    let steps = if spec.method == HologramMethod::DoublePhase { 1 } else { spec.iterations };
+    let files = (size.planes + 3 * size.frames) as f64 * FILE_STAGES * n as f64;
+    let other_orders = size.planes as f64 * engine.other_orders_work(size.frames);
+    let sampling: u64 = kernels.iter().map(|kernel| kernel.engine.sampling_work).sum();
+    let judging = |kernel: &KernelSize| {
+        let opinion = kernel.engine.opinion_work(size.frames, Effort::CHEAP.rows_max, &[spec.detector]);
+        kernel.engine.quality_work(size.frames) + opinion
+    };
+    let judging: f64 = kernels.iter().map(judging).sum();
+    let besides = judging + files + other_orders + sampling as f64;
+    let work = f64::from(steps) * STEP_FACTOR * size.step_work() + besides;
+    (stages.into_iter().max().unwrap_or(0), work)
+}
+
+/// Memory for measuring the quality of a hologram, and for the second opinion on it.
+pub(super) fn judging_bytes(engine: &EngineSize, frames: usize) -> u64 {
+    let light = 6 * REAL * engine.pixels();
+    engine.quality_bytes(frames).max(light + engine.opinion_bytes())
+}
+
+/// An engine as large as the largest of the kernels.
+pub(super) fn widest(kernels: &[KernelSize]) -> EngineSize {
+    let first = kernels[0].engine;
+    kernels.iter().fold(first, |widest, kernel| EngineSize {
+        kernels_per_side: widest.kernels_per_side.max(kernel.engine.kernels_per_side),
+        has_source: widest.has_source || kernel.engine.has_source,
+        wraps_phase: widest.wraps_phase || kernel.engine.wraps_phase,
+        blurs_light: widest.blurs_light || kernel.engine.blurs_light,
+        ..widest
+    })
+}
