@@ -1,7 +1,7 @@
 //! Detection of bright spots in a photograph, at any exposure and under uneven light.
 
-use super::Point;
 use super::box_blur::box_blur;
+use super::homography::Point;
 use crate::numerics::Plane;
 
 /// A bright spot.

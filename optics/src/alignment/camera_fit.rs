@@ -14,8 +14,9 @@
 //! with p₁ − p₀ and 2n − p₁ degrees of freedom.
 
 use super::camera_map::{CameraMap, Frame, PARAMETERS};
+use super::error::AlignmentError;
+use super::homography::{Homography, PointPair};
 use super::homography::{distance, huber_weights, inliers};
-use super::{AlignmentError, Homography, PointPair};
 use crate::numerics::least_squares::NormalEquations;
 
 /// A camera's map that was fitted to points, and the quality of the fit.
@@ -117,7 +118,7 @@ fn gauss_newton_step<const N: usize>(map: &CameraMap, pairs: &[PointPair]) -> Op
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::alignment::Point;
+    use crate::alignment::homography::Point;
 
     const DISPLAY_PX: [usize; 2] = [360, 640];
     const PHOTO_PX: [usize; 2] = [800, 1400];

@@ -10,7 +10,8 @@
 //! The distortion is that of D. C. Brown, Photogrammetric Engineering 37, 855 (1971): radial, and decentring for lenses
 //! that are tilted or off their axis.
 
-use crate::alignment::{AlignmentError, Homography, Point};
+use super::error::AlignmentError;
+use super::homography::{Homography, Point};
 use crate::numerics::Plane;
 
 /// Number of parameters: six of an affine map, two of the perspective, four of the distortion.

@@ -10,9 +10,8 @@
 //! quadratic terms scale and shear. The higher terms matter also where only the turn is wanted: the affine map that
 //! fits the gradient of x³y best is turned.
 
-use super::Point;
+use super::homography::Point;
 use super::homography::distance;
-use super::registration::{HUBER_PX, OUTLIER_PX};
 use crate::numerics::least_squares::NormalEquations;
 
 /// A rotation that was found in displacements.
@@ -24,6 +23,9 @@ pub(super) struct CameraTurn {
     pub(super) uncertainty_rad: f64,
 }
 
+pub(super) const HUBER_PX: f64 = 0.3;
+/// Largest distance of a tile's displacement from the fit \[px\]. Tiles beyond it are outliers.
+pub(super) const OUTLIER_PX: f64 = 3.0;
 /// Fewest displacements for a potential of degree 4 and 6.
 const DISPLACEMENTS_MIN: [usize; 2] = [12, 40];
 /// Weight of the wish that higher terms are 0, relative to that of a displacement: the square of a displacement's

@@ -11,7 +11,9 @@
 //! ```
 
 use super::blobs::{self, Blob};
-use super::{AlignmentError, Homography, Point, PointFit, PointPair, lattice};
+use super::error::AlignmentError;
+use super::homography::{Homography, Point, PointFit, PointPair};
+use super::lattice;
 use crate::numerics::Plane;
 use std::collections::HashMap;
 

@@ -7,7 +7,7 @@
 //! A fit to points starts with the direct linear transform on normalized coordinates (R. Hartley, IEEE TPAMI 19, 580
 //! (1997)). Gauss–Newton then minimizes the distances in the camera's plane, with Huber's weights against wrong points.
 
-use super::AlignmentError;
+use super::error::AlignmentError;
 use crate::numerics::least_squares::NormalEquations;
 
 /// A point: x and y \[px\].

@@ -3,7 +3,7 @@
 //! The coordinates spread from neighbour to neighbour, starting at a spot with two nearest neighbours at about a right
 //! angle. Each neighbour is expected one step further, so the step can change gradually over the photograph.
 
-use super::Point;
+use super::homography::Point;
 use super::homography::distance;
 use std::collections::HashMap;
 
@@ -80,8 +80,8 @@ fn mean(points: &[Point]) -> Point {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Homography;
     use super::*;
+    use crate::alignment::homography::Homography;
 
     #[test]
     fn perspective_grid_with_gaps_and_stray_spot_is_numbered() {

@@ -11,9 +11,10 @@
 //! the surface of a modulator displaces light by a gradient, which has no curl (`camera_turn`). Shift and stretch can
 //! be the camera's, or the surface's.
 
-use super::camera_turn::CameraTurn;
+use super::camera_turn::{CameraTurn, HUBER_PX, OUTLIER_PX};
 use super::homography::distance;
-use super::{Homography, Point, Tiles};
+use super::homography::{Homography, Point};
+use super::tiles::Tiles;
 use crate::numerics::RegionOfInterest;
 use crate::numerics::least_squares::NormalEquations;
 
@@ -44,9 +45,6 @@ pub struct Registration {
 
 /// Fewest tiles that a correction is fitted to.
 const TILES_MIN: usize = 6;
-pub(super) const HUBER_PX: f64 = 0.3;
-/// Largest distance of a tile's displacement from the fit \[px\]. Tiles beyond it are outliers.
-pub(super) const OUTLIER_PX: f64 = 3.0;
 
 impl Tiles {
     /// The correction that most tiles agree on. `None` when too few tiles have a clear peak.
@@ -184,8 +182,8 @@ impl Frame {
 
 #[cfg(test)]
 mod tests {
-    use super::super::warp;
     use super::*;
+    use crate::alignment::warp::warp;
     use crate::numerics::{Grid, Plane};
     use crate::test_cards::TestCard;
 

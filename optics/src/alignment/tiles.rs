@@ -10,7 +10,7 @@
 //! every frequency. The correlations of all pairs are added before the search for the peak, so that each tile is judged
 //! by the pairs that have detail there.
 
-use super::Point;
+use super::homography::Point;
 use crate::interrupt;
 use crate::numerics::fourier::{Direction, fft2};
 use crate::numerics::{Plane, RegionOfInterest};

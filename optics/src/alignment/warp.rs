@@ -8,7 +8,8 @@
 //! up, so that the pixels of a fine camera are averaged over the area of a display pixel. L is Lanczos's kernel, with
 //! weights scaled to the sum 1. K. Turkowski, Graphics Gems I, 147 (1990).
 
-use super::{CameraMap, Homography, Point};
+use super::camera_map::CameraMap;
+use super::homography::{Homography, Point};
 use crate::interrupt;
 use crate::numerics::Plane;
 use rayon::prelude::*;

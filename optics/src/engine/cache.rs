@@ -3,9 +3,9 @@
 use super::convolution::{Convolver, Kernels};
 use super::core::{EngineCore, convolver, sample_kernels};
 use super::detector::Detector;
+use super::single_precision::Engine;
 use super::sub_samples::offsets_px;
 use crate::display::{Carrier, DisplayModel, Ghost, KernelShape, OpticalSetup, SpatialVariation};
-use crate::engine::Engine;
 use crate::error::Result;
 use crate::propagation_method::ConvolutionMethod;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

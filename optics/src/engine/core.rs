@@ -3,6 +3,7 @@
 use super::convolution::{Convolver, Kernels, Real, Transfer};
 use super::detector::Detector;
 use super::order_products::OrderProducts;
+use super::sample_transfers::sample_transfers;
 use super::slm::{Shown, Slm};
 use super::sub_samples::{offsets_px, sub_samples};
 use crate::display::parts::ghost::TransferErrors;
@@ -12,9 +13,9 @@ use crate::display::{Carrier, DisplayModel, Dust, KernelShape, LightBlur, Optica
 use crate::error::Result;
 use crate::interrupt;
 use crate::numerics::buffers::zeros;
-use crate::numerics::chebyshev::{polynomials, position};
+use crate::numerics::chebyshev::{clenshaw, polynomials, position};
 use crate::numerics::{Plane, SmoothField};
-use crate::propagation::passes::{has_sample_transfers, sample_transfers};
+use crate::propagation::passes::has_sample_transfers;
 use crate::propagation_method::ConvolutionMethod;
 use num_complex::{Complex, Complex64};
 use rayon::prelude::*;
@@ -396,32 +397,6 @@ fn sample_transfer<T: Real>(model: &DisplayModel) -> Transfer<T> {
             transfer
         }
     }
-}
-
-/// Chebyshev series of a smooth field along y at one x.
-pub(crate) struct SeriesAlongY {
-    log_amplitude: Vec<f64>,
-    phase: Vec<f64>,
-}
-
-impl SeriesAlongY {
-    pub(crate) fn new(field: &SmoothField, x: f64) -> Self {
-        let basis = field.basis();
-        Self { log_amplitude: basis.along_y(&field.log_amplitude, x), phase: basis.along_y(&field.phase, x) }
-    }
-
-    pub(crate) fn at(&self, y: f64) -> Complex64 {
-        Complex64::from_polar(clenshaw(&self.log_amplitude, y).exp(), clenshaw(&self.phase, y))
-    }
-}
-
-/// Sum of the Chebyshev series Σ_j c_j T_j(y), by Clenshaw's recurrence.
-pub(super) fn clenshaw(coefficients: &[f64], y: f64) -> f64 {
-    let (mut next, mut after) = (0.0, 0.0);
-    for &c in coefficients.iter().skip(1).rev() {
-        (next, after) = (c + 2.0 * y * next - after, next);
-    }
-    coefficients.first().copied().unwrap_or(0.0) + y * next - after
 }
 
 pub(crate) fn tabulate_slm<T: Real>(model: &DisplayModel, carrier: Option<Carrier>) -> Slm<T> {

@@ -1,6 +1,6 @@
 //! Light of the image at exact places, for the quality that is reported.
 //!
-//! Each place in the pixels has a [transfer function of its own](crate::propagation::passes::sample_transfers).
+//! Each place in the pixels has a [transfer function of its own](super::sample_transfers).
 //! Optimizations on a display that shows the first order move the samples by a linear phase instead, which takes fewer
 //! transforms; its error is some −50 dB of the light.
 //!
@@ -10,10 +10,10 @@ use super::convolution::Real;
 use super::core::{EngineCore, Fields, Transmission};
 use super::detector::Detector;
 use super::order_products::OrderProducts;
+use super::sample_transfers::for_each_sample_transfer;
 use super::sub_samples::{WeightedPlace, reported_places};
 use crate::error::Result;
 use crate::numerics::Plane;
-use crate::propagation::passes::for_each_sample_transfer;
 use rayon::prelude::*;
 
 impl<T: Real> EngineCore<T> {

@@ -1,13 +1,14 @@
 //! Light that a hologram sends, and intensities at the sub-samples of the image.
 
 use super::convolution::{Real, frequency_per_px, split_bin};
-use super::core::{EngineCore, Fields, Transmission, clenshaw};
+use super::core::{EngineCore, Fields, Transmission};
 use super::detector::Detector;
 use super::order_products::passed;
 use crate::error::Result;
 use crate::interrupt;
 use crate::numerics::Plane;
 use crate::numerics::buffers::zeros;
+use crate::numerics::chebyshev::clenshaw;
 use num_complex::Complex;
 use pulp::Arch;
 use rayon::prelude::*;

@@ -7,7 +7,7 @@
 //! ```
 //!
 //! f frequency of the padded frame \[cycles per pixel\], m the orders, o the place of the sub-sample \[px\], T_o its
-//! exact [transfer function](crate::propagation::passes::sample_transfers) without errors, H the angular spectrum of
+//! exact [transfer function](super::sample_transfers) without errors, H the angular spectrum of
 //! free space, a and b the sides of a pixel's bright area in pixel pitches, E the [errors](crate::display::parts::order_errors). Without
 //! errors H_o is T_o. The bracket is the light of the first order.
 //!
@@ -245,7 +245,7 @@ pub(crate) fn passed(setup: &OpticalSetup, errors: &OrderErrors, column: usize, 
 mod tests {
     use super::*;
     use crate::display::{DisplayModel, KernelShape, Orders};
-    use crate::engine::EngineCore;
+    use crate::engine::core::EngineCore;
     use crate::engine::detector::Detector;
     use crate::hologram::initial_phase;
     use crate::numerics::{Grid, Plane};

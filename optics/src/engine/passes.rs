@@ -25,9 +25,9 @@
 //! # Ok::<(), lightpath_optics::Error>(())
 //! ```
 
+use super::core::Fields;
 use super::photometry::{Comparison, Quantity};
-use crate::engine::Engine;
-use crate::engine::Fields;
+use super::single_precision::Engine;
 use crate::error::Result;
 use crate::numerics::{Plane, RegionOfInterest};
 

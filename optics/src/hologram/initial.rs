@@ -1,6 +1,6 @@
 //! Initial phases of an optimization.
 
-use super::HologramMethod;
+use super::optimization::HologramMethod;
 use super::problem::{HologramProblem, ProblemCore};
 use crate::display::OpticalSetup;
 use crate::engine::{Detector, Real};

@@ -1,6 +1,9 @@
 //! Optimization of a hologram for one target in one call.
 
-use super::{HologramMethod, HologramOptions, HologramProblem, InitialPhase, Optimization, Quality, quality};
+use super::initial::InitialPhase;
+use super::optimization::{HologramMethod, HologramOptions, Optimization};
+use super::problem::HologramProblem;
+use super::quality::{Quality, quality};
 use crate::display::phase_response::wrap_f32;
 use crate::display::{DisplayModel, OpticalSetup};
 use crate::engine::{Detector, Engine};

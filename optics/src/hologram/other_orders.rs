@@ -57,9 +57,11 @@ pub fn pixel_psnr_db(
 mod tests {
     use super::*;
     use crate::display::OpticalSetup;
+    use crate::hologram::initial::initial_phase;
     use crate::hologram::optimization::Optimization;
+    use crate::hologram::optimization::{HologramMethod, HologramOptions};
     use crate::hologram::problem::HologramProblem;
-    use crate::hologram::{HologramMethod, HologramOptions, initial_phase, quality};
+    use crate::hologram::quality::quality;
     use crate::numerics::Grid;
     use crate::test_cards::TestCard;
 

@@ -3,7 +3,7 @@
 use super::shown_light::ShownLight;
 use crate::engine::Engine;
 use crate::error::Result;
-use crate::metrics::{Gain, ImagePair, speckle_contrast, ssim_at_all_scales};
+use crate::metrics::{Gain, ImagePair, diffraction_efficiency, frame_efficiency, speckle_contrast, ssim_at_all_scales};
 use crate::numerics::{Plane, RegionOfInterest};
 use serde::{Deserialize, Serialize};
 
@@ -56,6 +56,26 @@ pub fn quality(engine: &Engine, phase: &Plane<f32>, target: &Plane<f32>, region:
     ShownLight::of_frames(engine, std::slice::from_ref(phase))?.quality(target, region)
 }
 
+impl ShownLight {
+    /// Measures how well the light shows `target` (intensity, linear light), for all three detectors.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for a target of another size than the image;
+    /// [`Error::OutOfRange`](crate::Error::OutOfRange) when the region leaves it.
+    pub fn quality(&self, target: &Plane<f32>, region: RegionOfInterest) -> Result<Quality> {
+        target.expect_size("target_intensity", self.at_points.height_px(), self.at_points.width_px())?;
+        let efficiency = |light: &Plane<f32>| {
+            [diffraction_efficiency(light, region, self.passed), frame_efficiency(light, self.passed)]
+        };
+        let point = detector_quality(&self.at_points, target, region, efficiency(&self.at_points))?;
+        // The sub-samples hold the same light as the pixels, so both have the same efficiency.
+        let efficiency = efficiency(&self.integrated);
+        let pixel = detector_quality(&self.integrated, target, region, efficiency)?;
+        Ok(Quality { point, pixel, supersampled: detector_quality(&self.samples, target, region, efficiency)? })
+    }
+}
+
 impl DetectorQuality {
     /// Largest PSNR reported \[dB\], used for a reconstruction that equals its target. Rounding in f32 keeps other
     /// reconstructions below 200 dB, and JSON has no number for infinity.
@@ -103,9 +123,9 @@ mod tests {
     use crate::display::{DisplayModel, OpticalSetup};
     use crate::engine::Detector;
     use crate::engine::EngineCore;
-    use crate::hologram::initial_phase;
+    use crate::hologram::initial::initial_phase;
+    use crate::hologram::optimization::{HologramMethod, HologramOptions, Optimization};
     use crate::hologram::problem::HologramProblem;
-    use crate::hologram::{HologramMethod, HologramOptions, Optimization};
     use crate::metrics::{diffraction_efficiency, frame_efficiency, ms_ssim, psnr_db, ssim};
     use crate::numerics::Grid;
     use crate::reference;

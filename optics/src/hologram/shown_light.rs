@@ -1,12 +1,10 @@
 //! Light of a hologram as each detector measures it.
 
-use super::quality::{Quality, detector_quality};
 use crate::engine::EngineCore;
 use crate::engine::{Detector, Engine, Real};
 use crate::error::{Error, Result};
 use crate::interrupt;
-use crate::metrics::{diffraction_efficiency, frame_efficiency};
-use crate::numerics::{Plane, RegionOfInterest};
+use crate::numerics::Plane;
 use rayon::prelude::*;
 
 const NO_FRAMES: Error = Error::Empty { name: "phases", needed: "at least one frame is needed" };
@@ -14,11 +12,11 @@ const NO_FRAMES: Error = Error::Empty { name: "phases", needed: "at least one fr
 /// Light that a hologram shows: at the pixels' centres, integrated over the pixels, and at the sub-samples.
 #[derive(Clone, Debug)]
 pub struct ShownLight {
-    at_points: Plane<f32>,
-    integrated: Plane<f32>,
-    samples: Plane<f32>,
+    pub(super) at_points: Plane<f32>,
+    pub(super) integrated: Plane<f32>,
+    pub(super) samples: Plane<f32>,
     /// Light that passes the optics.
-    passed: f64,
+    pub(super) passed: f64,
 }
 
 impl ShownLight {
@@ -94,24 +92,6 @@ impl ShownLight {
             Detector::Supersampled => &self.samples,
         }
     }
-
-    /// Measures how well the light shows `target` (intensity, linear light), for all three detectors.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::SizeMismatch`] for a target of another size than the image; [`Error::OutOfRange`] when the region
-    /// leaves it.
-    pub fn quality(&self, target: &Plane<f32>, region: RegionOfInterest) -> Result<Quality> {
-        target.expect_size("target_intensity", self.at_points.height_px(), self.at_points.width_px())?;
-        let efficiency = |light: &Plane<f32>| {
-            [diffraction_efficiency(light, region, self.passed), frame_efficiency(light, self.passed)]
-        };
-        let point = detector_quality(&self.at_points, target, region, efficiency(&self.at_points))?;
-        // The sub-samples hold the same light as the pixels, so both have the same efficiency.
-        let efficiency = efficiency(&self.integrated);
-        let pixel = detector_quality(&self.integrated, target, region, efficiency)?;
-        Ok(Quality { point, pixel, supersampled: detector_quality(&self.samples, target, region, efficiency)? })
-    }
 }
 
 /// Mean over several phases of the light that the engine's detector measures.
@@ -179,10 +159,11 @@ fn integrated<T: Real>(samples: &Plane<T>, height_px: usize, width_px: usize) ->
 mod tests {
     use super::*;
     use crate::display::{DisplayModel, OpticalSetup};
+    use crate::hologram::initial::initial_phase;
     use crate::hologram::optimization::Optimization;
+    use crate::hologram::optimization::{HologramMethod, HologramOptions};
     use crate::hologram::problem::HologramProblem;
-    use crate::hologram::{HologramMethod, HologramOptions, initial_phase};
-    use crate::numerics::Grid;
+    use crate::numerics::{Grid, RegionOfInterest};
     use crate::test_cards::TestCard;
 
     #[test]

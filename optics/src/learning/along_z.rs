@@ -273,7 +273,8 @@ fn lagrange(points: &[f64], nodes: &[usize], at: f64) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::learning::{Block, Blocks, KernelModel};
+    use crate::learning::blocks::{Block, Blocks};
+    use crate::learning::options::KernelModel;
     use crate::numerics::Grid;
 
     const DISTANCES_M: [f64; 4] = [4e-3, 5e-3, 7e-3, 8e-3];

@@ -190,9 +190,11 @@ mod tests {
     use crate::display::{DisplayModel, OpticalSetup};
     use crate::engine::{Detector, Engine};
     use crate::hologram::initial_phase;
+    use crate::learning::blocks::{Block, Blocks};
     use crate::learning::fit::Fit;
     use crate::learning::layout::Layout;
-    use crate::learning::{Block, Blocks, KernelModel, Pair};
+    use crate::learning::options::KernelModel;
+    use crate::learning::pair::Pair;
     use crate::numerics::{Grid, Plane};
 
     /// A pair with some saturated pixels and with uneven light, in a region whose sides are not whole cells.

@@ -2,7 +2,7 @@
 
 use super::ghost::{GhostSums, NO_GHOST_SUMS, ghost_gradient};
 use super::layout::{Layout, RESPONSE_VARIATION_ORDER};
-use super::modes::ModeBuffers;
+use super::mode_buffers::ModeBuffers;
 use super::order_fit::{OrderFit, OrderSums};
 use super::pair::Example;
 use super::smooth_transfer::{ColumnSums, SmoothTransfer};
@@ -376,7 +376,9 @@ mod tests {
     use super::*;
     use crate::display::Orders;
     use crate::hologram::initial_phase;
-    use crate::learning::{Block, Blocks, KernelModel, Pair};
+    use crate::learning::blocks::{Block, Blocks};
+    use crate::learning::options::KernelModel;
+    use crate::learning::pair::Pair;
     use crate::numerics::{Grid, Plane, RegionOfInterest};
 
     const ALL_ORDERS: Orders = Orders::All { fill_factor_x: 0.9, fill_factor_y: 0.7 };

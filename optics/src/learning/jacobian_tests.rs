@@ -2,8 +2,10 @@ use super::*;
 use crate::display::{Carrier, OpticalSetup, Orders};
 use crate::engine::Detector;
 use crate::hologram::initial_phase;
+use crate::learning::blocks::Blocks;
 use crate::learning::layout::Layout;
-use crate::learning::{Blocks, KernelModel, Pair};
+use crate::learning::options::KernelModel;
+use crate::learning::pair::Pair;
 use crate::numerics::{Grid, Plane, RegionOfInterest};
 
 type Case = (KernelModel, usize, Blocks, Option<Carrier>, Orders);

@@ -6,8 +6,10 @@
 //! kernel's variation over the SLM, and for each further mode of light ln(w_m/w_0), α_m and ψ_m. The model `smooth` has
 //! the kernel only. Gain and offset are not in θ: each photograph has its own.
 
+use super::blocks::{Blocks, FINE_SOURCE_ORDER, SOURCE_ORDER};
+use super::options::KernelModel;
 use super::order_fit::BEYOND_ORDER;
-use super::{Blocks, KernelModel, ModelPart};
+use super::parts::ModelPart;
 use crate::display::parts::spatial_variation::local_kernels;
 use crate::display::{
     Crosstalk, DisplayModel, Dust, FurtherMode, Ghost, KernelShape, LightBlur, OpticalSetup, PartialCoherence,
@@ -19,10 +21,6 @@ use crate::numerics::chebyshev::ChebyshevBasis;
 use num_complex::Complex64;
 use std::ops::Range;
 
-/// Highest total degree of the source profile.
-pub(crate) const SOURCE_ORDER: usize = 4;
-/// Highest total degree of a fine source profile. Order 8 leaves 3 dB less light in place on a surface of 1.5 waves.
-pub(crate) const FINE_SOURCE_ORDER: usize = 10;
 /// Number of harmonics of the phase response.
 pub(crate) const HARMONICS: usize = 3;
 /// Highest total degree of the variation of the phase response.

@@ -13,10 +13,9 @@ use crate::display::OpticalSetup;
 use crate::display::parts::order_errors::{OrderErrors, place};
 use crate::engine::convolution::{Convolver, Transfer};
 use crate::engine::{Detector, Real};
-use crate::engine::{OrderProducts, OrderWeights, sub_samples, turns};
+use crate::engine::{OrderProducts, OrderWeights, sample_transfers, sub_samples, turns};
 use crate::numerics::buffers::zeros;
 use crate::numerics::chebyshev::{ChebyshevBasis, polynomials};
-use crate::propagation::passes::sample_transfers;
 use num_complex::{Complex, Complex64};
 
 /// Highest total degree of the errors beyond the band: a shift, a defocus, and light that is lost there.

@@ -172,6 +172,32 @@ fn is_saturated(value: f32) -> bool {
     value >= SATURATION
 }
 
+/// The training pairs and the validation pairs.
+#[derive(Clone, Copy)]
+pub struct LearningPairs<'a> {
+    /// Pairs that the model is fitted to.
+    pub training: &'a dyn PairSource,
+    /// Pairs that choose the order and decide when learning ends; may be empty. Only parametric models use them.
+    pub validation: &'a dyn PairSource,
+}
+
+impl std::fmt::Debug for LearningPairs<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "LearningPairs({} training, {} validation)", self.training.len(), self.validation.len())
+    }
+}
+
+impl<'a> LearningPairs<'a> {
+    /// Training pairs without validation pairs.
+    #[must_use]
+    pub fn training_only(training: &'a dyn PairSource) -> Self {
+        Self { training, validation: &NO_PAIRS }
+    }
+}
+
+/// An empty set of pairs.
+static NO_PAIRS: Vec<Pair> = Vec::new();
+
 #[cfg(test)]
 mod tests {
     use super::*;

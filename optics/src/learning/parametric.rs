@@ -16,13 +16,17 @@
 
 use super::along_z::JointLayout;
 use super::blocks;
+use super::blocks::{Block, Blocks};
 pub use super::dust::DustFit;
 use super::fit::Fit;
 use super::layout::Layout;
+use super::options::LearnOptions;
 use super::pair::Example;
+use super::pair::LearningPairs;
+use super::pair::{BoxError, PairSource};
+use super::progress::{LearnStage, LearnStep};
 use super::schedule::{one_cycle, shuffled};
 use super::screening::Predictor;
-use super::{Block, Blocks, LearnOptions, LearnStage, LearnStep, LearningPairs, PairSource, pair::BoxError};
 use crate::display::{DisplayModel, Dust, KernelShape, OpticalSetup};
 use crate::error::Error;
 use crate::numerics::RegionOfInterest;

@@ -1,8 +1,9 @@
 //! The gradient of a pair's loss by the parameters of the SLM.
 
+use super::blocks::FINE_SOURCE_ORDER;
 use super::columns::project;
 use super::fit::{Fit, variation_degrees};
-use super::layout::{FINE_SOURCE_ORDER, HARMONICS, RESPONSE_VARIATION_ORDER};
+use super::layout::{HARMONICS, RESPONSE_VARIATION_ORDER};
 use super::pair::Example;
 use crate::engine::Real;
 use crate::engine::slm::{BLOCK, BlockResponse, ShownRow, Slm};

@@ -9,11 +9,11 @@
 //! A_c lowers E most, then the one after it: the sequential design of V. V. Fedorov, Theory of Optimal Experiments
 //! (1972), with the mean variance of predictions as its criterion. The photographs need not be taken to know A_c.
 
-use super::ModelPart;
 use super::fit::Fit;
 use super::layout::Layout;
 use super::pair::{Example, Pair};
 use super::parametric::CURVATURE_PX;
+use super::parts::ModelPart;
 use super::uncertainty::layout_of;
 use crate::display::{Carrier, DisplayModel};
 use crate::engine::Detector;

@@ -12,11 +12,12 @@
 //! θ can have parameters that the model lacks, such as cross-talk, with the value 0. Their scatter says how much of
 //! them the photographs could hide.
 
+use super::blocks::{Block, BlockStrengths, Blocks};
 use super::fit::Fit;
 use super::layout::{HARMONICS, Layout};
+use super::options::KernelModel;
 use super::pair::{Example, Pair};
 use super::parametric::{CURVATURE_PAIRS, CURVATURE_PX};
-use super::{Block, BlockStrengths, Blocks, KernelModel};
 use crate::display::{Carrier, DisplayModel, KernelShape, LightBlur, ResponseVariation};
 use crate::engine::Detector;
 use crate::error::Error;

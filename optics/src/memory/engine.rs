@@ -1,12 +1,11 @@
 //! Memory and work of an engine and of what it computes.
 
 use super::sampling::{ExactSize, RESPONSE_STAGES, quadrant, sampling_bytes, sampling_work};
-use super::{COMPLEX, COMPLEX_F64, REAL};
+use super::value_bytes::{COMPLEX, COMPLEX_F64, REAL};
 use crate::display::parts::spatial_variation::local_kernels;
 use crate::display::{DisplayModel, KernelShape, OpticalSetup, Orders};
 use crate::engine::Detector;
-use crate::engine::convolution::rows::ROWS;
-use crate::engine::convolution::{padded_columns, tile_columns};
+use crate::engine::convolution::{ROWS, padded_columns, tile_columns};
 use crate::engine::{order_products, sub_samples};
 use crate::hologram::OTHER_ORDERS_PIXELS_MAX;
 use crate::propagation::passes::has_sample_transfers;

@@ -1,9 +1,10 @@
 //! Memory and work of the optimization of a hologram.
 
-use super::{COMPLEX, EngineSize, REAL};
+use super::engine::EngineSize;
+use super::value_bytes::{COMPLEX, REAL};
 use crate::engine::Detector;
 use crate::hologram::{HologramMethod, SAMPLES_BYTES_MAX};
-use crate::numerics::optimizer::limited_memory::HISTORY;
+use crate::numerics::optimizer::vectors::HISTORY;
 
 /// Size of the optimization of a hologram for one wavelength.
 #[derive(Clone, Copy, Debug, PartialEq)]

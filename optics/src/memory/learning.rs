@@ -1,7 +1,8 @@
 //! Memory and work of a fit of a display model.
 
+use super::engine::EngineSize;
 use super::engine::{FOLD_STAGES, ORDER_STAGES};
-use super::{COMPLEX, COMPLEX_F64, EngineSize, REAL};
+use super::value_bytes::{COMPLEX, COMPLEX_F64, REAL};
 use crate::display::SpatialVariation;
 use crate::display::parts::light_blur;
 use crate::engine::convolution::tile_columns;
@@ -11,7 +12,7 @@ use crate::learning::sizes::{
 };
 use crate::learning::{Blocks, KernelModel};
 use crate::numerics::chebyshev::ChebyshevBasis;
-use crate::numerics::optimizer::limited_memory::HISTORY;
+use crate::numerics::optimizer::vectors::HISTORY;
 
 /// Size of a fit of a display model to photographs.
 #[derive(Clone, Copy, Debug, PartialEq)]

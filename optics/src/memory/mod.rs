@@ -20,15 +20,9 @@ mod engine;
 mod hologram;
 mod learning;
 mod sampling;
+mod value_bytes;
 
 pub use engine::EngineSize;
 pub use hologram::HologramSize;
 pub use learning::LearningSize;
 pub use sampling::{ExactSize, sampling_bytes, sampling_work};
-
-/// Bytes of a complex number in f32.
-const COMPLEX: u64 = 8;
-/// Bytes of a complex number in f64.
-const COMPLEX_F64: u64 = 16;
-/// Bytes of a real number in f32.
-const REAL: u64 = 4;

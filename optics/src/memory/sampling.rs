@@ -1,6 +1,6 @@
 //! Memory and work of sampling a transfer function.
 
-use super::{COMPLEX, COMPLEX_F64};
+use super::value_bytes::{COMPLEX, COMPLEX_F64};
 use crate::display::OpticalSetup;
 use crate::engine::Detector;
 use crate::engine::{reported_nodes, sub_samples};

@@ -26,7 +26,8 @@ mod ssim;
 
 pub use diffraction_efficiency::{diffraction_efficiency, frame_efficiency};
 pub use ms_ssim::{MS_SSIM_SIDE_MIN, ms_ssim};
-pub use psnr::{Gain, fitted_intensity_scale, mse, psnr_db, psnr_with_offset_db};
+pub use pair::Gain;
+pub use psnr::{fitted_intensity_scale, mse, psnr_db, psnr_with_offset_db};
 pub use speckle_contrast::{FLAT_PIXELS_MIN, speckle_contrast};
 pub use ssim::{SSIM_SIDE_MIN, ssim};
 

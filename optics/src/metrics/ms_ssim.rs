@@ -12,8 +12,8 @@
 //! The weights were measured for five scales. Images too small for five scales have no value, because a value from
 //! fewer scales would not be comparable.
 
+use super::pair::{Gain, ImagePair};
 use super::ssim::{SSIM_SIDE_MIN, Similarity, similarity};
-use super::{Gain, ImagePair};
 use crate::error::{Error, Result};
 use crate::interrupt;
 use crate::numerics::{Plane, RegionOfInterest};
@@ -98,7 +98,7 @@ fn mean_of_squares(upper: &[f64], lower: &[f64], out: &mut [f32]) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::metrics::ssim;
+    use crate::metrics::ssim::ssim;
     use crate::metrics::test_images::{card, noisy_card};
     use crate::numerics::Grid;
 

@@ -1,11 +1,22 @@
 //! A reconstruction together with its target.
 
-use super::Gain;
 use crate::error::{Error, Result};
 use crate::interrupt;
 use crate::numerics::{Plane, RegionOfInterest};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 use std::ops::Range;
+
+/// Gain that a reconstruction is multiplied by before the comparison.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Gain {
+    /// The gain with the smallest mean squared error.
+    #[default]
+    Fitted,
+    /// A given gain.
+    Given(f64),
+}
 
 /// Samples of a reconstruction in a region of interest, after a gain, together with the target's values.
 #[derive(Clone, Debug)]

@@ -7,21 +7,9 @@
 //! p is the reconstruction, t the target, both linear light with peak 1; sums run over the n samples of a region of
 //! interest. s is the gain with the smallest MSE, because the brightness of a display is a matter of exposure.
 
-use super::ImagePair;
+use super::pair::{Gain, ImagePair};
 use crate::error::Result;
 use crate::numerics::{Plane, RegionOfInterest};
-use serde::{Deserialize, Serialize};
-
-/// Gain that a reconstruction is multiplied by before the comparison.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Gain {
-    /// The gain with the smallest mean squared error.
-    #[default]
-    Fitted,
-    /// A given gain.
-    Given(f64),
-}
 
 /// Peak signal to noise ratio \[dB\] over the region of interest, for a peak of 1.
 ///

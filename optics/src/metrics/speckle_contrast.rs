@@ -12,7 +12,7 @@
 //! brightest in the region. The ratio r removes the remaining slope. C needs no gain: brightness and exposure do not
 //! change it.
 
-use super::{Gain, ImagePair};
+use super::pair::{Gain, ImagePair};
 use crate::error::Result;
 use crate::interrupt;
 use crate::numerics::{Plane, RegionOfInterest};

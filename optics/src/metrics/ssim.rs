@@ -13,7 +13,7 @@
 //! The window is separable: rows are filtered along x as they are read, then a block of rows is filtered along y. Only
 //! the sum of the two variances is needed, so four filtered images are enough.
 
-use super::{Gain, ImagePair};
+use super::pair::{Gain, ImagePair};
 use crate::error::{Error, Result};
 use crate::interrupt;
 use crate::numerics::{Plane, RegionOfInterest};

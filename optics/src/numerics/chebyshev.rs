@@ -75,6 +75,15 @@ pub(crate) fn position(i: usize, n: usize) -> f64 {
     (2 * i + 1) as f64 / n as f64 - 1.0
 }
 
+/// Sum of the Chebyshev series Σ_j c_j T_j(y), by Clenshaw's recurrence.
+pub(crate) fn clenshaw(coefficients: &[f64], y: f64) -> f64 {
+    let (mut next, mut after) = (0.0, 0.0);
+    for &c in coefficients.iter().skip(1).rev() {
+        (next, after) = (c + 2.0 * y * next - after, next);
+    }
+    coefficients.first().copied().unwrap_or(0.0) + y * next - after
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

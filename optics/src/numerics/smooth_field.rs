@@ -1,6 +1,6 @@
 //! Smooth complex fields, as short Chebyshev series.
 
-use super::chebyshev::ChebyshevBasis;
+use super::chebyshev::{ChebyshevBasis, clenshaw};
 use crate::error::{Error, Result};
 use num_complex::Complex64;
 
@@ -66,6 +66,23 @@ impl SmoothField {
     #[must_use]
     pub fn is_flat(&self) -> bool {
         self.log_amplitude.iter().chain(&self.phase).all(|&c| c == 0.0)
+    }
+}
+
+/// Chebyshev series of a smooth field along y at one x.
+pub(crate) struct SeriesAlongY {
+    log_amplitude: Vec<f64>,
+    phase: Vec<f64>,
+}
+
+impl SeriesAlongY {
+    pub(crate) fn new(field: &SmoothField, x: f64) -> Self {
+        let basis = field.basis();
+        Self { log_amplitude: basis.along_y(&field.log_amplitude, x), phase: basis.along_y(&field.phase, x) }
+    }
+
+    pub(crate) fn at(&self, y: f64) -> Complex64 {
+        Complex64::from_polar(clenshaw(&self.log_amplitude, y).exp(), clenshaw(&self.phase, y))
     }
 }
 

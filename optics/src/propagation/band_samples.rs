@@ -48,7 +48,7 @@ pub(crate) fn is_even(setup: &OpticalSetup, has_errors: bool) -> bool {
 }
 
 /// The response at one place along y, transformed along y.
-pub(super) struct BandSamples {
+pub(crate) struct BandSamples {
     height_px: usize,
     bins_y: usize,
     columns: Columns,
@@ -114,7 +114,7 @@ struct End {
 
 impl BandSamples {
     /// The response at the place `offset_y` \[px\], behind these errors. `None` if there would be too many frequencies.
-    pub(super) fn new(setup: &OpticalSetup, errors: Option<&TransferErrors>, offset_y: f64) -> Option<Self> {
+    pub(crate) fn new(setup: &OpticalSetup, errors: Option<&TransferErrors>, offset_y: f64) -> Option<Self> {
         let [bins_x, bins_y] = bins(setup)?;
         let (height_px, pitch_m) = (setup.grid().height_px(), setup.grid().pixel_pitch_m());
         let (columns, band) = (Columns { bins_x, is_even: is_even(setup, errors.is_some()) }, BandEnds::new(setup));

@@ -10,9 +10,9 @@
 //! Far off the axis the phase of u₁ has the error of a paraboloid in place of a sphere; the intensity does not. Source:
 //! J. Goodman, Introduction to Fourier Optics, section 4.3.
 
-use super::ImageWindow;
 use super::rows::{transform_rows, transposed};
 use super::transfer_function::phasor;
+use crate::display::ImageWindow;
 use crate::display::OpticalSetup;
 use crate::display::image_window::from_middle;
 use crate::numerics::Plane;

@@ -11,12 +11,14 @@
 use super::chirp_z::{ChirpZ, Sign, Span};
 use super::impulse_response::fading;
 use super::rows::{transform_rows, transposed};
-use super::{ImageWindow, PropagationMethod, RefusalCode, shifted::landing_m, shifted_angular_spectrum};
+use super::shifted::{landing_m, shifted_angular_spectrum};
+use crate::display::ImageWindow;
 use crate::display::OpticalSetup;
 use crate::error::{Error, Result};
 use crate::numerics::Plane;
 use crate::numerics::buffers::zeros;
 use crate::numerics::real::Number;
+use crate::propagation_method::{PropagationMethod, RefusalCode};
 use num_complex::{Complex, Complex64};
 use rayon::prelude::*;
 use rustfft::FftPlanner;

@@ -6,10 +6,11 @@ use super::quantity::{digits, length, percent};
 use super::report::{Band, neglected_phase_rad};
 use super::scaled::{scaled_axes, spread_m};
 use super::scaled_fresnel::farthest_m;
-use super::{ConvolutionMethod, ImageWindow, PropagationMethod, RefusalCode};
 use super::{band_response, pixel_response};
+use crate::display::ImageWindow;
 use crate::display::{OpticalSetup, Orders};
 use crate::error::{Error, Result};
+use crate::propagation_method::{ConvolutionMethod, PropagationMethod, RefusalCode};
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Fewest resolved points along a side of a window. With fewer, the window shows only a part of one speckle.
@@ -99,7 +100,7 @@ fn check_window(setup: &OpticalSetup, method: PropagationMethod, window: &ImageW
             (window.has_pixels_of(&setup.grid()), "the number and the pitch of the display's pixels")
         }
         PropagationMethod::Fraunhofer => {
-            (*window == super::fraunhofer_window(setup), "a pitch of λz divided by the side of the display")
+            (*window == super::fraunhofer::fraunhofer_window(setup), "a pitch of λz divided by the side of the display")
         }
         _ => (*window == own, "the number and the pitch of the display's pixels, and its centre on the axis"),
     };

@@ -34,6 +34,7 @@ mod band_extended;
 mod band_response;
 mod band_samples;
 mod chirp_z;
+mod display_transfer;
 mod even;
 mod fraunhofer;
 mod frequency_window;
@@ -45,8 +46,8 @@ mod pixel_response;
 pub mod planner;
 mod quantity;
 mod report;
+mod row_spectra;
 mod rows;
-mod sample_transfers;
 mod scaled;
 mod scaled_fresnel;
 mod shifted;
@@ -63,19 +64,17 @@ pub use planner::{assess, assess_regardless, plan, plan_onto};
 pub use report::{PropagationWarning, ValidityReport, WarningCode};
 pub use transfer::SampledTransfer;
 
-use shifted::shifted_angular_spectrum;
-
 /// The planned transforms that a [`Propagator`](crate::Propagator) runs.
 pub(crate) mod passes {
     pub(crate) use super::band_extended::band_extended_axes;
     pub(crate) use super::band_response::{frequencies, peak_values};
-    pub(crate) use super::band_samples::{band_samples, is_even};
+    pub(crate) use super::band_samples::{BandSamples, band_samples, is_even};
     pub(crate) use super::fraunhofer::Fraunhofer;
     pub(crate) use super::frequency_window::{FrequencyWindow, check_frequencies};
     pub(crate) use super::limits::check;
     pub(crate) use super::pixel_response::gauss_legendre;
     pub(crate) use super::planner::{method_onto, own_window};
-    pub(crate) use super::sample_transfers::{for_each_sample_transfer, has_sample_transfers, sample_transfers};
+    pub(crate) use super::row_spectra::{RowSpectra, has_sample_transfers, narrowed, widened};
     pub(crate) use super::scaled::scaled_axes;
     pub(crate) use super::scaled_fresnel::ScaledFresnel;
 }

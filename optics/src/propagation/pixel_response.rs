@@ -217,10 +217,10 @@ fn spherical_bessel(x: f64, count: usize) -> [f64; NODES_MAX] {
 
 #[cfg(test)]
 mod tests {
-    use super::super::impulse_response;
     use super::*;
     use crate::display::Orders;
     use crate::numerics::Grid;
+    use crate::propagation::impulse_response::impulse_response;
 
     /// Midpoint sums over 400×400 points of a pixel.
     fn summed(setup: &OpticalSetup, x_m: f64, y_m: f64) -> Complex64 {

@@ -34,11 +34,13 @@
 //! response is that of points: it also holds the light that the first order lacks.
 
 use super::band_response;
+use super::limits;
 use super::quantity::{digits, length};
 use super::report::{ValidityReport, neglected_phase_rad};
-use super::{ConvolutionMethod, ImageWindow, PropagationMethod, limits};
+use crate::display::ImageWindow;
 use crate::display::{OpticalSetup, Orders};
 use crate::error::Result;
+use crate::propagation_method::{ConvolutionMethod, PropagationMethod};
 
 /// Smallest distance at which the impulse response is better than the band limit, as a part of the geometric mean of
 /// the two critical distances.
@@ -152,7 +154,7 @@ pub fn assess_regardless(setup: &OpticalSetup, method: PropagationMethod) -> Val
 /// The window on which a method computes the image by default.
 pub(crate) fn own_window(setup: &OpticalSetup, method: PropagationMethod) -> ImageWindow {
     match method {
-        PropagationMethod::Fraunhofer => super::fraunhofer_window(setup),
+        PropagationMethod::Fraunhofer => super::fraunhofer::fraunhofer_window(setup),
         _ => setup.window(),
     }
 }

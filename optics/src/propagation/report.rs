@@ -4,8 +4,10 @@ use super::quantity::{digits, length, percent};
 use super::scaled::spread_m;
 use super::scaled_fresnel::farthest_m;
 use super::shifted::{frequency_landing_at, landing_m};
-use super::{ImageWindow, PropagationMethod, fraunhofer, fresnel_transfer_function};
+use super::{fraunhofer, fresnel_transfer_function};
+use crate::display::ImageWindow;
 use crate::display::{DisplayModel, KernelShape, OpticalSetup};
+use crate::propagation_method::PropagationMethod;
 use serde::{Deserialize, Serialize};
 use std::fmt;
 

@@ -14,9 +14,9 @@
 //! Sources: T. Shimobaba, K. Matsushima et al., Optics Letters 37, 4128 (2012), for scaled angular spectra; K.
 //! Matsushima, Optics Express 18, 18453 (2010), for the one-sided limits.
 
-use super::ImageWindow;
 use super::frequency_window::FrequencyAxis;
 use super::shifted::frequency_landing_at;
+use crate::display::ImageWindow;
 use crate::display::OpticalSetup;
 
 /// The frequencies of the scaled method along x and y.

@@ -11,10 +11,10 @@
 //! Sources: J. Goodman, Introduction to Fourier Optics, section 4.2; with chirp-z transforms: Y. Hu et al., Light:
 //! Science & Applications 9, 119 (2020).
 
-use super::ImageWindow;
 use super::chirp_z::{ChirpZ, Sign, Span};
 use super::rows::{transform_rows, transposed};
 use super::transfer_function::phasor;
+use crate::display::ImageWindow;
 use crate::display::OpticalSetup;
 use crate::display::image_window::from_middle;
 use crate::numerics::Plane;

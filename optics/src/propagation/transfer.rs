@@ -3,15 +3,18 @@
 use super::band_response::band_response;
 use super::even::{EvenSpectrum, even_sum};
 use super::fresnel_impulse_response::{fresnel_impulse_spectrum, spectrum_along_axis};
+use super::fresnel_transfer_function::fresnel_transfer_function;
 use super::impulse_response::sampled_response;
+use super::limits;
 use super::pixel_response::PixelResponse;
 use super::planner::plan_convolution;
-use super::sample_transfers::transfer_by_column;
+use super::report::ValidityReport;
+use super::row_spectra::transfer_by_column;
 use super::shifted::{landing_m, shifted_angular_spectrum};
 use super::transfer_function::{angular_spectrum, band_limit};
-use super::{ConvolutionMethod, ValidityReport, fresnel_transfer_function, limits};
 use crate::display::OpticalSetup;
 use crate::error::Result;
+use crate::propagation_method::ConvolutionMethod;
 use num_complex::{Complex32, Complex64};
 
 /// Choice of the method, and the transfer function of the chosen method.
@@ -82,7 +85,7 @@ impl OpticalSetup {
     }
 
     /// The transfer function of an engine's kernel without errors, with tables: that of the setup, or 1 where each
-    /// sub-sample has a [transfer function of its own](super::passes::sample_transfers).
+    /// sub-sample has a [transfer function of its own](super::row_spectra).
     pub(crate) fn sampled_kernel(&self) -> SampledTransfer {
         match self.method() {
             ConvolutionMethod::AllOrders => SampledTransfer { setup: *self, tables: Tables::One },

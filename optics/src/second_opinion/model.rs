@@ -21,10 +21,10 @@
 use super::frequencies::{Axis, Frequencies, PANELS, frequency};
 use super::kernels::{Parts, Residual};
 use crate::display::{Carrier, DisplayModel, KernelShape, OpticalSetup};
-use crate::engine::SeriesAlongY;
 use crate::interrupt;
 use crate::numerics::buffers::zeros;
 use crate::numerics::chebyshev::position;
+use crate::numerics::smooth_field::SeriesAlongY;
 use crate::numerics::{Plane, RegionOfInterest, SmoothField};
 use num_complex::Complex64;
 use rayon::prelude::*;

@@ -319,7 +319,8 @@ mod tests {
     use crate::propagation::passes::gauss_legendre;
     use crate::propagation::transfer_function::phasor;
     use crate::reference::{offset, propagate};
-    use crate::simulated_display::{SimulatedBench, SimulatedDisplay, modes};
+    use crate::simulated_display::bench::SimulatedBench;
+    use crate::simulated_display::{SimulatedDisplay, modes};
     use std::f64::consts::PI;
 
     fn setup(size_px: [usize; 2], distance_m: f64, [fill_factor_x, fill_factor_y]: [f64; 2]) -> OpticalSetup {

@@ -13,7 +13,7 @@
 //! and rounds. So the response acts on the shot noise, too, by its slope, and not on the read noise. Sources: J. R.
 //! Janesick, *Photon Transfer* (2007); EMVA Standard 1288, Release 4.0 (2021).
 
-use super::SimulatedBench;
+use super::bench::SimulatedBench;
 use super::draws::{Draws, Stream};
 use crate::interrupt;
 use crate::numerics::Plane;

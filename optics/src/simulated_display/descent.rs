@@ -91,7 +91,8 @@ mod tests {
     use crate::display::{OpticalSetup, Orders};
     use crate::hologram::initial_phase;
     use crate::numerics::{Grid, Plane, RegionOfInterest};
-    use crate::simulated_display::{SimulatedBench, SimulatedDisplay};
+    use crate::simulated_display::SimulatedDisplay;
+    use crate::simulated_display::bench::SimulatedBench;
 
     fn all_flaws() -> SimulatedBench {
         SimulatedBench {

@@ -1,7 +1,7 @@
 //! A skyline at night, mirrored in a river.
 
-use super::Scene;
 use super::noise::Noise;
+use super::scene::Scene;
 use super::vector::{mix, step};
 
 struct Row {

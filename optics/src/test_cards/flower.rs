@@ -1,7 +1,7 @@
 //! A flower with many petals.
 
-use super::Scene;
 use super::noise::Noise;
+use super::scene::Scene;
 use super::vector::{mix, step};
 use std::f32::consts::TAU;
 

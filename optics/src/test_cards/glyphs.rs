@@ -1,8 +1,8 @@
 //! An eye chart: lines of letters that get smaller, drawn with strokes.
 
 use super::noise::Noise;
+use super::scene::{Frame, Scene};
 use super::vector::{mix, step};
-use super::{Frame, Scene};
 
 /// A stroke \[x₁, y₁, x₂, y₂\] from (x₁, y₁) to (x₂, y₂) on a raster of 4 × 6 units, y down.
 type Stroke = [u8; 4];

@@ -1,7 +1,7 @@
 //! Mountains behind a lake.
 
-use super::Scene;
 use super::noise::Noise;
+use super::scene::Scene;
 use super::vector::{mix, step};
 
 /// One range of mountains. Ranges are listed from the farthest to the nearest.

@@ -1,7 +1,7 @@
 //! A veined leaf in front of lights that are out of focus.
 
-use super::Scene;
 use super::noise::Noise;
+use super::scene::Scene;
 use super::vector::{mix, step, turned};
 
 pub(super) fn leaf(seed: u64) -> Scene {

@@ -13,6 +13,7 @@ mod leaf;
 mod noise;
 mod planet;
 mod portrait;
+mod scene;
 mod sea;
 mod sky;
 mod spheres;
@@ -23,6 +24,7 @@ use crate::error::{Error, Result};
 use crate::interrupt;
 use crate::numerics::Plane;
 use rayon::prelude::*;
+use scene::{Frame, Scene};
 
 /// A kind of generated picture. Each seed gives another picture of the kind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -55,16 +57,6 @@ pub enum TestCard {
     SiemensStar,
     /// Rings that get finer towards the edge.
     Rings,
-}
-
-/// A picture as a function that gives the tone at (x, y).
-type Scene = Box<dyn Fn(f32, f32) -> f32 + Sync>;
-
-/// Edges of the picture, in halves of its shorter side.
-#[derive(Clone, Copy)]
-struct Frame {
-    half_width: f32,
-    half_height: f32,
 }
 
 impl TestCard {

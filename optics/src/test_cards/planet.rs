@@ -1,7 +1,7 @@
 //! A ringed planet among stars.
 
-use super::Scene;
 use super::noise::Noise;
+use super::scene::Scene;
 use super::vector::{add_scaled, dot, mix, step, turned, unit};
 
 pub(super) fn planet(seed: u64) -> Scene {

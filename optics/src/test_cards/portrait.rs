@@ -1,7 +1,7 @@
 //! A head with light from the side: a relief of smooth shapes, shaded by its slopes.
 
-use super::Scene;
 use super::noise::Noise;
+use super::scene::Scene;
 use super::vector::{Vector, dot, mirrored, mix, step, turned, unit};
 
 struct Face {

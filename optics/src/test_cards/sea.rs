@@ -1,7 +1,7 @@
 //! Waves under a low sun.
 
-use super::Scene;
 use super::noise::Noise;
+use super::scene::Scene;
 use super::vector::{dot, mirrored, mix, step, unit};
 
 pub(super) fn sea(seed: u64) -> Scene {

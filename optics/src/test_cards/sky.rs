@@ -1,7 +1,7 @@
 //! Cumulus clouds.
 
-use super::Scene;
 use super::noise::Noise;
+use super::scene::Scene;
 use super::vector::{mix, step};
 
 pub(super) fn clouds(seed: u64) -> Scene {

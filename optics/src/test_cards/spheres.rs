@@ -1,7 +1,7 @@
 //! Balls on a chequered floor, drawn by ray tracing.
 
-use super::Scene;
 use super::noise::Noise;
+use super::scene::Scene;
 use super::vector::{Vector, add_scaled, dot, mirrored, mix, step, unit};
 
 struct Ball {

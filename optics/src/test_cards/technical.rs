@@ -1,8 +1,8 @@
 //! Cards that show the resolution and the grey levels of a display.
 
 use super::noise::Noise;
+use super::scene::{Frame, Scene};
 use super::vector::{mix, step, turned};
-use super::{Frame, Scene};
 use std::f32::consts::{PI, TAU};
 
 /// A card with grey steps, ramps and discs.

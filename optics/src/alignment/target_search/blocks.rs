@@ -9,9 +9,8 @@
 //! clear place: the details of a block may be lines in one direction only, along which it has none. Blocks with two
 //! places that correlate nearly as well have none, either.
 
-use super::last_step;
-use super::pyramid::{Details, Pyramid};
-use crate::alignment::Point;
+use super::pyramid::{Details, Pyramid, last_step};
+use crate::alignment::homography::Point;
 use crate::interrupt;
 use crate::numerics::least_squares::NormalEquations;
 use crate::numerics::{Plane, RegionOfInterest};

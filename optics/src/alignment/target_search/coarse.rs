@@ -9,9 +9,9 @@
 //! z compares places with different overlaps: for unrelated pictures it does not depend on N (R. Fisher 1915).
 
 use super::pyramid::Pyramid;
-use crate::alignment::Point;
 use crate::alignment::box_blur::box_blur;
 use crate::alignment::camera_map::{CameraMap, Frame};
+use crate::alignment::homography::Point;
 use crate::numerics::Plane;
 use crate::numerics::fourier::{Direction, fft2};
 use num_complex::Complex64;

@@ -16,9 +16,10 @@ mod tests;
 
 pub use blocks::{BlockDisplacement, block_displacements};
 
-use super::{AlignmentError, CameraMap};
+use super::error::{AlignmentError, CORRELATION_MIN, TARGET_SIDE_MIN};
+use crate::alignment::camera_map::CameraMap;
 use crate::numerics::Plane;
-use pyramid::Pyramid;
+use pyramid::{Pyramid, last_step};
 use rayon::prelude::*;
 use refinement::{Fit, Freedom, refined};
 
@@ -31,15 +32,8 @@ pub struct FoundTarget {
     pub correlation: f64,
 }
 
-/// Shortest allowed side of a target and of a photograph \[px\].
-pub const TARGET_SIDE_MIN: usize = 32;
-/// Least correlation of the details of target and photograph. Photographs with speckle reach 0.7 and more, unrelated
-/// small pictures sometimes 0.2.
-pub const CORRELATION_MIN: f64 = 0.35;
 /// Longer side of the target in the first refinement \[px\].
 const FIRST_PX: f64 = 64.0;
-/// Longest side of the target in the last refinement \[px\]. More would not make it more accurate, but slower.
-const LAST_PX: f64 = 1100.0;
 /// Distance of nearly equal places, in longer sides of the target, and part by which their magnifications differ.
 const SAME: f64 = 0.02;
 /// Largest ratio of the magnifications in the target's centre and in a corner.
@@ -47,11 +41,6 @@ const SHRINKING_MAX: f64 = 2.0;
 /// Parameters of the first refinements, one set after the other, and the number of places that are kept after each.
 const STAGES: [(&[Freedom], usize); 3] =
     [(&[Freedom::Affine], 4), (&[Freedom::Perspective, Freedom::Distorted], 2), (&[Freedom::Distorted], 1)];
-
-/// The step of the details with which the last refinement works.
-fn last_step(longer_px: usize) -> usize {
-    (longer_px as f64 / LAST_PX).log2().ceil().max(0.0) as usize
-}
 
 /// Finds a target in a photograph.
 ///

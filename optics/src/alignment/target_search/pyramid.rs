@@ -1,7 +1,7 @@
 //! A picture in steps of half its size, and its details at each step.
 
-use crate::alignment::Point;
 use crate::alignment::box_blur::box_blur;
+use crate::alignment::homography::Point;
 use crate::interrupt;
 use crate::numerics::Plane;
 
@@ -19,6 +19,14 @@ const WIDE_PX: usize = 6;
 const PASSES: usize = 3;
 /// Distance at which other pixels change a detail \[px\].
 pub(super) const DETAILS_REACH: usize = WIDE_PX * PASSES;
+
+/// Longest side of the target in the last refinement \[px\]. More would not make it more accurate, but slower.
+const LAST_PX: f64 = 1100.0;
+
+/// The step of the details with which the last refinement works.
+pub(super) fn last_step(longer_px: usize) -> usize {
+    (longer_px as f64 / LAST_PX).log2().ceil().max(0.0) as usize
+}
 
 impl Pyramid {
     pub(super) fn of(picture: &Plane<f32>) -> Self {

@@ -2,7 +2,8 @@
 
 use super::*;
 use crate::alignment::camera_map::{Frame, PARAMETERS};
-use crate::alignment::{Point, warp};
+use crate::alignment::homography::Point;
+use crate::alignment::warp::warp;
 use crate::numerics::{Grid, RegionOfInterest};
 use crate::test_cards::TestCard;
 use rand::{RngExt, SeedableRng};

@@ -8,9 +8,9 @@
 //! the band along an axis, and g its complex amplitude relative to the image. Ghosts come from light that surfaces of
 //! the optics reflect twice. Their factor turns too often over the band for a smooth series.
 
-use crate::engine::SeriesAlongY;
 use crate::error::Result;
 use crate::numerics::SmoothField;
+use crate::numerics::smooth_field::SeriesAlongY;
 use crate::numerics::smooth_field::{expect_finite, out_of_range};
 use num_complex::Complex64;
 use std::f64::consts::PI;

@@ -11,8 +11,8 @@
 //! because what moves the image moves all of its orders. B is a short series of what the frequency exceeds the band by,
 //! constant in the band and more than two orders beyond it.
 
-use crate::engine::SeriesAlongY;
 use crate::numerics::SmoothField;
+use crate::numerics::smooth_field::SeriesAlongY;
 use num_complex::Complex64;
 
 /// What a frequency exceeds the band by at u = 1, in half bands.

@@ -1,8 +1,9 @@
 //! Passes along y, one tile of columns at a time.
 
-use super::Real;
-use super::tile_pass::{Operation, TilePass, TileScratch};
-use super::{Convolver, Kernels};
+use super::convolver::Convolver;
+use super::kernels::Kernels;
+use super::scratch::TileScratch;
+use super::tile_pass::{Operation, Real, TilePass};
 use crate::interrupt;
 use num_complex::Complex;
 use rayon::prelude::*;
@@ -173,11 +174,6 @@ impl<T: Real> Convolver<T> {
     fn pass(&self, kernels: &Kernels<T>, tile: usize, scratch: &mut TileScratch<T>, operation: Operation<'_, T>) {
         interrupt::check();
         T::pass_over_tile(TilePass { convolver: self, kernels, tile, scratch, operation });
-    }
-
-    /// Number of values in a tile of one half-transformed field.
-    pub(super) fn tile_len(&self) -> usize {
-        self.height_px * self.tile_columns
     }
 }
 

@@ -7,8 +7,9 @@
 //! The windows ℓ of each axis add up to 1 everywhere. ℓ_i is applied before a row is transformed and ℓ_j when a column
 //! is read. A grid of n×n therefore costs n row transforms and n² column transforms in each direction.
 
-use super::Real;
-use super::{Convolver, Transfer};
+use super::convolver::Convolver;
+use super::transfer::Transfer;
+use crate::numerics::real::Number;
 
 /// Window along an axis: a real factor for each pixel; `None`: 1 everywhere.
 pub(crate) type Window<T> = Option<Vec<T>>;
@@ -22,7 +23,7 @@ pub(crate) struct Kernels<T> {
     pub(crate) along_y: Vec<Window<T>>,
 }
 
-impl<T: Real> Kernels<T> {
+impl<T: Number> Kernels<T> {
     /// A single transfer function for the whole SLM.
     pub(crate) fn single(transfer: Transfer<T>) -> Self {
         Self { transfers: vec![transfer], along_x: vec![None], along_y: vec![None] }

@@ -1,15 +1,14 @@
 //! Passes along x, one row at a time.
 
-use super::Real;
-use super::{Axis, Convolver, Window, scratch::Scratch};
+use super::axis::Axis;
+use super::convolver::Convolver;
+use super::kernels::Window;
+use super::scratch::{ROWS, Scratch};
+use super::tile_pass::Real;
 use crate::interrupt;
 use num_complex::Complex;
 use pulp::Arch;
 use rayon::prelude::*;
-
-/// Number of half-transformed rows that are gathered together. Tiles are far apart in memory, so several rows are read
-/// from each tile at a time.
-pub(crate) const ROWS: usize = 8;
 
 impl<T: Real> Convolver<T> {
     /// Calls `fill(y, row)` to write each row of a field. For each window, multiplies the row by the window, transforms

@@ -1,13 +1,19 @@
 //! Scratch memory of threads, reused between passes.
 
-use super::Real;
-use super::{Axis, tile_pass::TileScratch};
+use super::axis::Axis;
+use super::bins::padded_columns;
+use crate::numerics::batch_fft::Planes;
+use crate::numerics::real::Number;
 use num_complex::Complex;
 use std::{
     fmt,
     ops::{Deref, DerefMut},
     sync::{Mutex, PoisonError},
 };
+
+/// Number of half-transformed rows that are gathered together. Tiles are far apart in memory, so several rows are read
+/// from each tile at a time.
+pub(crate) const ROWS: usize = 8;
 
 /// Scratch memory of one thread.
 pub(crate) struct Scratch<T> {
@@ -23,6 +29,22 @@ pub(crate) struct Scratch<T> {
     pub(crate) tile: TileScratch<T>,
     /// Scratch memory that the FFTs along x need.
     pub(crate) fft: Vec<Complex<T>>,
+}
+
+/// Spectra of a tile, with room for their transforms.
+pub(crate) struct TileScratch<T> {
+    /// Even and odd bins of the spectra.
+    pub(super) spectra: [Planes<T>; 2],
+    /// Even and odd bins for one offset or one kernel.
+    pub(super) shifted: [Planes<T>; 2],
+    pub(super) spare: Planes<T>,
+}
+
+impl<T: Number> TileScratch<T> {
+    fn new(len: usize) -> Self {
+        let planes = || Planes::zeros(len);
+        Self { spectra: [planes(), planes()], shifted: [planes(), planes()], spare: planes() }
+    }
 }
 
 /// Pool of scratch memory: lends it to threads, which return it when they are done.
@@ -41,7 +63,7 @@ impl<T> fmt::Debug for ScratchPool<T> {
     }
 }
 
-impl<T: Real> ScratchPool<T> {
+impl<T: Number> ScratchPool<T> {
     pub(crate) fn new(along_x: &Axis<T>, along_y: &Axis<T>, tile_columns: usize) -> Self {
         let needs = [&along_x.forward, &along_x.inverse];
         Self {
@@ -63,7 +85,7 @@ impl<T: Real> ScratchPool<T> {
         let zeros = |len| vec![Complex::new(T::zero(), T::zero()); len];
         Scratch {
             row: zeros(4 * self.width_px),
-            rows: zeros(super::rows::ROWS * super::padded_columns(self.width_px, self.tile_columns)),
+            rows: zeros(ROWS * padded_columns(self.width_px, self.tile_columns)),
             samples: zeros(self.samples_len),
             reals: [vec![T::zero(); self.width_px], vec![T::zero(); self.samples_len]],
             tile: TileScratch::new(self.height_px * self.tile_columns),

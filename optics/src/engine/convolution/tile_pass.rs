@@ -1,26 +1,13 @@
 //! Operations on one tile of columns: transforms along y and multiplications by transfer functions.
 
-use super::Real;
-use super::{Convolver, Kernels, Transfer};
+use super::convolver::Convolver;
+use super::kernels::Kernels;
+use super::scratch::TileScratch;
+use super::transfer::Transfer;
 use crate::numerics::batch_fft::{ComplexLanes, Factors, Planes};
+use crate::numerics::real::Number;
 use num_complex::Complex;
 use pulp::{Arch, Simd, WithSimd};
-
-/// Spectra of a tile, with room for their transforms.
-pub(crate) struct TileScratch<T> {
-    /// Even and odd bins of the spectra.
-    spectra: [Planes<T>; 2],
-    /// Even and odd bins for one offset or one kernel.
-    shifted: [Planes<T>; 2],
-    spare: Planes<T>,
-}
-
-impl<T: Real> TileScratch<T> {
-    pub(super) fn new(len: usize) -> Self {
-        let planes = || Planes::zeros(len);
-        Self { spectra: [planes(), planes()], shifted: [planes(), planes()], spare: planes() }
-    }
-}
 
 /// Operation of a pass over a tile, with its inputs and its output.
 pub(super) enum Operation<'a, T> {
@@ -61,6 +48,13 @@ impl TilePasses for f64 {
     }
 }
 
+/// Floating-point type in which convolutions are computed: f32 or f64.
+#[allow(private_bounds)] // the passes over tiles are private to this crate
+pub trait Real: Number + TilePasses {}
+
+impl Real for f32 {}
+impl Real for f64 {}
+
 /// A pass over a tile, as an operation that is compiled for the vector instructions of the machine.
 pub(crate) struct TilePass<'a, T> {
     pub(super) convolver: &'a Convolver<T>,
@@ -70,7 +64,7 @@ pub(crate) struct TilePass<'a, T> {
     pub(super) operation: Operation<'a, T>,
 }
 
-impl<T: Real> WithSimd for TilePass<'_, T> {
+impl<T: Number> WithSimd for TilePass<'_, T> {
     type Output = ();
 
     #[inline(always)]
@@ -124,7 +118,7 @@ struct Pass<'a, T, S> {
     tile: usize,
 }
 
-impl<T: Real, S: Simd> Pass<'_, T, S> {
+impl<T: Number, S: Simd> Pass<'_, T, S> {
     /// Number of registers in a row of a tile.
     #[inline(always)]
     fn registers(&self) -> usize {

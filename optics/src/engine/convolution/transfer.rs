@@ -1,9 +1,9 @@
 //! Sampled transfer function, in the order in which the column pass reads it.
 
-use super::Real;
-use super::{frequency_per_px, padded_columns, split_bin, tile_columns};
+use super::bins::{frequencies, frequency_per_px, padded_columns, split_bin, tile_columns};
 use crate::interrupt;
 use crate::numerics::buffers::zeros;
+use crate::numerics::real::Number;
 use num_complex::{Complex, Complex64};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -19,7 +19,7 @@ pub(crate) struct Transfer<T> {
     values: Vec<Complex<T>>,
 }
 
-impl<T: Real> Transfer<T> {
+impl<T: Number> Transfer<T> {
     /// Samples H(fx, fy), with frequencies in cycles/px.
     pub(crate) fn sample(height_px: usize, width_px: usize, h: impl Fn(f64, f64) -> Complex64 + Sync) -> Self {
         let mut transfer = Self::zeros(height_px, width_px);
@@ -126,9 +126,4 @@ impl<T: Real> Transfer<T> {
     pub(crate) fn scale(&self) -> T {
         T::of(1.0 / (4 * self.height_px * self.width_px) as f64)
     }
-}
-
-/// Frequencies \[cycles/px\] of the 2n padded bins in split order.
-pub(crate) fn frequencies(n: usize) -> Vec<f64> {
-    (0..2 * n).map(|i| frequency_per_px(split_bin(i, n), n)).collect()
 }

@@ -18,10 +18,10 @@
 use super::ParametricLearner;
 use super::surface_start::Compared;
 use crate::engine::Detector;
-use crate::learning::PairSource;
 use crate::learning::band_pass::{BandPass, FilteredPhoto};
+use crate::learning::blocks::SOURCE_ORDER;
 use crate::learning::fit::Fit;
-use crate::learning::layout::SOURCE_ORDER;
+use crate::learning::pair::PairSource;
 use crate::learning::pair::{BoxError, Example};
 use crate::learning::screening::median;
 use crate::numerics::chebyshev::ChebyshevBasis;
@@ -150,7 +150,9 @@ mod tests {
     use super::super::surface_start::tests::pairs;
     use super::*;
     use crate::display::OpticalSetup;
-    use crate::learning::{Block, Blocks, KernelModel, LearnOptions, Pair};
+    use crate::learning::blocks::{Block, Blocks};
+    use crate::learning::options::{KernelModel, LearnOptions};
+    use crate::learning::pair::Pair;
     use crate::numerics::{Grid, RegionOfInterest};
     use crate::simulated_display::{SimulatedBench, SimulatedDisplay};
     use rayon::ThreadPoolBuilder;

@@ -4,8 +4,11 @@
 
 use super::{ParametricLearner, TrialStage};
 use crate::display::Dust;
+use crate::learning::blocks::Block;
 use crate::learning::dust::DustFit;
-use crate::learning::{Block, LearnStage, LearnStep, LearningPairs, pair::BoxError};
+use crate::learning::pair::BoxError;
+use crate::learning::pair::LearningPairs;
+use crate::learning::progress::{LearnStage, LearnStep};
 
 impl ParametricLearner {
     /// Starts to fit the dust on the best model. False for models without dust, without validation pairs, and if it has

@@ -2,9 +2,12 @@
 
 use super::{BestModel, CURVATURE_PAIRS, CURVATURE_PX, ParametricLearner, VALIDATION_GAIN_MIN};
 use crate::engine::photometry::Sums;
+use crate::learning::blocks::Blocks;
+use crate::learning::pair::LearningPairs;
+use crate::learning::pair::PairSource;
 use crate::learning::pair::{BoxError, Example};
+use crate::learning::progress::{LearnStage, LearnStep};
 use crate::learning::schedule::shuffled;
-use crate::learning::{Blocks, LearnStage, LearnStep, LearningPairs, PairSource};
 use crate::numerics::optimizer::damped::DampedState;
 
 /// Least relative decrease of the training loss. A smaller one ends the refinement of the current order.

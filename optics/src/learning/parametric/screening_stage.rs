@@ -2,9 +2,10 @@
 
 use super::{LastScreening, ParametricLearner};
 use crate::engine::photometry::Sums;
+use crate::learning::pair::PairSource;
 use crate::learning::pair::{BoxError, measure, total};
+use crate::learning::progress::{LearnStage, LearnStep};
 use crate::learning::screening::{self, Predictor};
-use crate::learning::{LearnStage, LearnStep, PairSource};
 
 impl ParametricLearner {
     /// Screens the pairs again with the model that Adam found.

@@ -1,7 +1,7 @@
 //! What a fit has reached, and all that its next step depends on.
 
 use super::{Round, TrialStage};
-use crate::learning::Blocks;
+use crate::learning::blocks::Blocks;
 use crate::learning::dust::DustFit;
 use crate::numerics::Plane;
 use crate::numerics::optimizer::damped::DampedState;

@@ -18,8 +18,9 @@
 
 use super::{ParametricLearner, few};
 use crate::alignment::Tiles;
+use crate::learning::blocks::Block;
 use crate::learning::pair::SATURATION;
-use crate::learning::{Block, PairSource, pair::BoxError};
+use crate::learning::pair::{BoxError, PairSource};
 use crate::numerics::RegionOfInterest;
 use crate::numerics::chebyshev::{ChebyshevBasis, polynomials, position};
 use crate::numerics::least_squares::NormalEquations;
@@ -229,7 +230,8 @@ pub(super) mod tests {
     use crate::display::{DisplayModel, OpticalSetup};
     use crate::engine::{Detector, Engine};
     use crate::hologram::{HologramProblem, Optimization};
-    use crate::learning::{KernelModel, LearnOptions, Pair};
+    use crate::learning::options::{KernelModel, LearnOptions};
+    use crate::learning::pair::Pair;
     use crate::numerics::{Grid, Plane};
     use crate::simulated_display::{SimulatedBench, SimulatedDisplay};
     use crate::test_cards::TestCard;

@@ -1,8 +1,9 @@
 //! Trials of [blocks](Block): which are tried when, and which of them are kept.
 
 use super::{BestModel, ParametricLearner};
-use crate::learning::ghost::GhostSearch;
-use crate::learning::{Block, Blocks, PairSource, pair::BoxError};
+use crate::learning::blocks::{Block, Blocks};
+use crate::learning::ghost_search::GhostSearch;
+use crate::learning::pair::{BoxError, PairSource};
 use crate::numerics::chebyshev::ChebyshevBasis;
 use crate::numerics::gaussian_blur::sigma_px_of_ratio;
 use serde::{Deserialize, Serialize};

@@ -11,8 +11,8 @@
 //! Nothing here is a loop. Whether a compiler unrolls a loop over the numbers of a butterfly depends on the code around
 //! it, and a butterfly whose numbers are kept in memory instead of in registers takes three times as long.
 
-use super::Factors;
 use super::lanes::ComplexLanes;
+use super::tile::Factors;
 use crate::numerics::real::Number;
 use num_complex::Complex;
 use pulp::Simd;

@@ -13,8 +13,10 @@
 
 mod butterflies;
 mod lanes;
+mod tile;
 
 pub(crate) use lanes::ComplexLanes;
+pub(crate) use tile::{Factors, Planes};
 
 use super::real::{Number, unit_of};
 use butterflies::{
@@ -51,24 +53,6 @@ struct Stage<T> {
     s: usize,
     /// Twiddle factors e^{−i2πpk/(R·m)}, R of them for each p.
     twiddles: Vec<Complex<T>>,
-}
-
-/// Real and imaginary parts of a tile, `n · columns` values each.
-#[derive(Debug)]
-pub(crate) struct Planes<T> {
-    pub(crate) re: Vec<T>,
-    pub(crate) im: Vec<T>,
-}
-
-impl<T: Number> Planes<T> {
-    pub(crate) fn zeros(len: usize) -> Self {
-        Self { re: vec![T::zero(); len], im: vec![T::zero(); len] }
-    }
-
-    /// Replaces every value by i · conj(value). Applied before and after a transform, this gives the inverse transform.
-    fn swap_parts(&mut self) {
-        std::mem::swap(&mut self.re, &mut self.im);
-    }
 }
 
 impl<T: Number> BatchFft<T> {
@@ -121,33 +105,6 @@ impl<T: Number> BatchFft<T> {
         tile.swap_parts();
         self.forward(simd, tile, spare, None);
         tile.swap_parts();
-    }
-}
-
-/// Factors of the values of a tile, in the order of the tile.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Factors<'a, T> {
-    pub(crate) values: &'a [Complex<T>],
-    /// Whether to multiply by the complex conjugates instead.
-    pub(crate) conjugate: bool,
-}
-
-impl<T: Number> Factors<'_, T> {
-    /// Factors for register `at` of the tile.
-    #[inline(always)]
-    pub(crate) fn factor<S: Simd>(self, simd: S, at: usize) -> ComplexLanes<T, S> {
-        let [re, im] = T::parts(simd, T::interleaved::<S>(self.values)[at]);
-        let factor = ComplexLanes::new(simd, re, im);
-        if self.conjugate { factor.conj() } else { factor }
-    }
-
-    #[inline(always)]
-    pub(crate) fn apply<S: Simd>(self, simd: S, tile: &mut Planes<T>) {
-        let parts = T::vectors_mut::<S>(&mut tile.re).iter_mut().zip(T::vectors_mut::<S>(&mut tile.im));
-        for (at, (re, im)) in parts.enumerate() {
-            let value = ComplexLanes::new(simd, *re, *im) * self.factor(simd, at);
-            (*re, *im) = (value.re.vector, value.im.vector);
-        }
     }
 }
 

@@ -12,12 +12,9 @@
 //!
 //! Vectors are f32, sums are f64 in a fixed order. Each call of [`LimitedMemory::advance`] is one evaluation.
 
-use super::vectors::{combine, gram_rows, move_along, product};
+use super::vectors::{BASIS, HISTORY, combine, gram_rows, move_along, product};
 use serde::{Deserialize, Serialize};
 
-/// Number of steps in the history, m. A longer history improves the result little and takes time, since each step reads
-/// the history twice.
-pub(crate) const HISTORY: usize = 6;
 /// Factor c₁ of the condition of sufficient decrease.
 const DECREASE: f64 = 1e-4;
 /// Factor c₂ of the curvature condition.
@@ -268,8 +265,6 @@ impl LimitedMemory {
     }
 }
 
-/// Number of basis vectors of a direction: s_1 … s_m, y_1 … y_m, g.
-pub(crate) const BASIS: usize = 2 * HISTORY + 1;
 /// Index of g among the basis vectors.
 const G: usize = 2 * HISTORY;
 

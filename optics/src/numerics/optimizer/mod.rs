@@ -3,4 +3,4 @@
 pub(crate) mod adam;
 pub mod damped;
 pub(crate) mod limited_memory;
-mod vectors;
+pub(crate) mod vectors;

@@ -3,11 +3,15 @@
 //! Within a chunk, values are added in f32 in independent lanes. The sums of the chunks are then added in f64 in order,
 //! so that the result does not depend on the number of threads.
 
-use super::limited_memory::{BASIS, HISTORY};
 use crate::interrupt;
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
+/// Number of steps in the history, m. A longer history improves the result little and takes time, since each step reads
+/// the history twice.
+pub(crate) const HISTORY: usize = 6;
+/// Number of basis vectors of a direction: s_1 … s_m, y_1 … y_m, g.
+pub(crate) const BASIS: usize = 2 * HISTORY + 1;
 /// Number of values in a chunk, which one thread processes at a time. A few chunks fit into a core's first-level cache.
 const CHUNK: usize = 4096;
 /// Number of independent partial sums.

@@ -3,7 +3,8 @@
 use crate::display::OpticalSetup;
 use crate::propagation::passes::gauss_legendre;
 use crate::propagation::transfer_function::phasor;
-use crate::simulated_display::{SimulatedBench, modes};
+use crate::simulated_display::bench::SimulatedBench;
+use crate::simulated_display::modes;
 use num_complex::Complex64;
 use rustfft::{Fft, FftPlanner};
 use std::f64::consts::{PI, TAU};

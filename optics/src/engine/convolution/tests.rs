@@ -2,8 +2,8 @@
 
 use crate::display::{DisplayModel, KernelShape, OpticalSetup, SpatialVariation};
 use crate::engine::convolution::Real;
+use crate::engine::core::{EngineCore, Fields};
 use crate::engine::detector::Detector;
-use crate::engine::{EngineCore, Fields};
 use crate::numerics::{Grid, Plane, SmoothField};
 use crate::reference;
 use num_complex::{Complex, Complex64};
