@@ -81,6 +81,42 @@ const RESTRICTED: [(&str, &[&str]); 8] = [
     ("object_store", &["server/artifacts"]),
 ];
 
+/// The folders and files of `optics/src`, from the ground up, each with those that it may import. All are below it, so
+/// none imports one above it, and there is no circle.
+const OPTICS: [(&str, &[&str]); 18] = [
+    ("interrupt", &[]),
+    ("propagation_method", &[]),
+    ("error", &["propagation_method"]),
+    ("numerics", &["error", "interrupt"]),
+    ("diagnostics", &["error", "numerics"]),
+    ("metrics", &["error", "interrupt", "numerics"]),
+    ("test_cards", &["error", "interrupt", "numerics"]),
+    ("alignment", &["interrupt", "numerics"]),
+    ("photo_score", &["alignment", "error", "interrupt", "metrics", "numerics"]),
+    ("display", &["error", "numerics", "propagation_method"]),
+    ("propagation", &["display", "error", "interrupt", "numerics", "propagation_method"]),
+    ("reference", &["display", "error", "interrupt", "numerics", "propagation"]),
+    ("simulated_display", &["display", "error", "interrupt", "numerics", "propagation", "reference"]),
+    ("engine", &["display", "error", "interrupt", "numerics", "propagation", "propagation_method"]),
+    ("hologram", &["display", "engine", "error", "interrupt", "metrics", "numerics", "propagation"]),
+    ("learning", &["alignment", "display", "engine", "error", "interrupt", "numerics"]),
+    ("second_opinion", &["display", "engine", "error", "hologram", "interrupt", "numerics", "propagation"]),
+    (
+        "memory",
+        &[
+            "display",
+            "engine",
+            "hologram",
+            "learning",
+            "numerics",
+            "propagation",
+            "propagation_method",
+            "second_opinion",
+            "simulated_display",
+        ],
+    ),
+];
+
 #[test]
 fn crates_have_only_allowed_dependencies() {
     for (name, allowed_crates) in CRATES {
@@ -103,6 +139,29 @@ fn rules_cover_every_crate_of_the_workspace() {
     let members = manifest["workspace"]["members"].as_array().unwrap().iter();
     let members: BTreeSet<_> = members.map(|member| member.as_str().unwrap()).collect();
     assert_eq!(members, CRATES.iter().map(|(name, _)| *name).collect());
+}
+
+#[test]
+fn folders_of_optics_import_only_folders_below_them() {
+    for (above, (name, allowed)) in OPTICS.iter().enumerate() {
+        let below: Vec<_> = OPTICS[..above].iter().map(|(name, _)| *name).collect();
+        assert!(allowed.iter().all(|name| below.contains(name)), "{name} may import only what is below it: {below:?}");
+    }
+    let mut broken = Vec::new();
+    for (path, source) in sources("optics/src") {
+        let folder = path.iter().next().unwrap().to_str().unwrap().trim_end_matches(".rs");
+        if folder == "lib" || is_test(&path) {
+            continue;
+        }
+        let allowed = OPTICS.iter().find(|(name, _)| *name == folder).map(|(_, allowed)| *allowed);
+        let allowed = allowed.unwrap_or_else(|| panic!("optics/src/{folder} needs a row in OPTICS"));
+        for name in named_in_crate(without_tests(&source)) {
+            if name != folder && !allowed.contains(&name) {
+                broken.push(format!("optics/src/{}: crate::{name}", path.display()));
+            }
+        }
+    }
+    assert!(broken.is_empty(), "{broken:#?}");
 }
 
 #[test]
@@ -196,6 +255,23 @@ fn sources(folder: &str) -> Vec<(PathBuf, String)> {
         (path.strip_prefix(&folder).unwrap().to_owned(), source)
     };
     found.into_iter().map(read).collect()
+}
+
+/// True for a file that holds only tests.
+fn is_test(path: &Path) -> bool {
+    path.file_stem().and_then(|name| name.to_str()).is_some_and(|name| name.ends_with("tests"))
+}
+
+/// The source without its tests, which are at its end.
+fn without_tests(source: &str) -> &str {
+    source.split("mod tests {").next().unwrap()
+}
+
+/// First names of all paths that begin with `crate::`.
+fn named_in_crate(source: &str) -> Vec<&str> {
+    let direct = source.match_indices("crate::").map(|(start, path)| first_name(&source[start + path.len()..]));
+    let grouped = groups(source, "crate").into_iter().flat_map(top_level).map(first_name);
+    direct.filter(|name| !name.is_empty()).chain(grouped).collect()
 }
 
 /// The root folder of the workspace.
