@@ -61,8 +61,8 @@ impl ShownLight {
     ///
     /// # Errors
     ///
-    /// [`Error::SizeMismatch`] for a target of another size than the image; [`Error::OutOfRange`] when the region
-    /// leaves it.
+    /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for a target of another size than the image;
+    /// [`Error::OutOfRange`](crate::Error::OutOfRange) when the region leaves it.
     pub fn quality(&self, target: &Plane<f32>, region: RegionOfInterest) -> Result<Quality> {
         target.expect_size("target_intensity", self.at_points.height_px(), self.at_points.width_px())?;
         let efficiency = |light: &Plane<f32>| {

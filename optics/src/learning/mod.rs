@@ -1,4 +1,4 @@
-//! Learning a [`DisplayModel`] from photographs of holograms.
+//! Learning a [`DisplayModel`](crate::DisplayModel) from photographs of holograms.
 //!
 //! ```text
 //! min over θ of  mean over pairs of  min over s, o of  Σ w ( s · D(|H ∗ c(φ)|²) + o − photo )² / Σ w

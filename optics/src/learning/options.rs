@@ -18,8 +18,8 @@ pub enum KernelModel {
     Dense,
     /// H = H_ideal · exp(α + iψ) with smooth α and ψ.
     Smooth,
-    /// `Smooth`, and in addition the source profile, the phase response, the zero order, and those [`Block`]s of the
-    /// SLM that lower the loss of the validation pairs enough.
+    /// `Smooth`, and in addition the source profile, the phase response, the zero order, and those
+    /// [`Block`](super::Block)s of the SLM that lower the loss of the validation pairs enough.
     #[default]
     Display,
     /// `Display` with a kernel that [varies over the SLM](crate::SpatialVariation), if that lowers the loss of the
@@ -67,7 +67,7 @@ pub struct LearnOptions {
     /// Learning rate of Adam, above 0 and at most 10. Parametric models follow a schedule, of which it is the peak.
     pub learning_rate: f64,
     /// Most evaluations of all pairs by Levenberg and Marquardt's method after Adam; parametric models only. Each trial
-    /// of a [`Block`] gets the same number once more.
+    /// of a [`Block`](super::Block) gets the same number once more.
     pub refinement_evaluations: u32,
     /// Seed of the order in which pairs are used, and of the random start of the `paper` model.
     pub seed: u64,
