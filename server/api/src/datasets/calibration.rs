@@ -4,8 +4,8 @@ use crate::api::Api;
 use crate::call::Call;
 use crate::error::ApiError;
 use crate::field::Field;
+use lightpath_camera::alignment::DotGrid;
 use lightpath_media::pictures;
-use lightpath_optics::alignment::DotGrid;
 use lightpath_proto::v1;
 
 /// Memory for drawing a target, for each pixel \[bytes\]: its light, its values, and the file, which is smaller.

@@ -6,10 +6,10 @@ use crate::call::Call;
 use crate::error::ApiError;
 use crate::field::Field;
 use crate::optics::from_wire::region_inside;
+use lightpath_camera::alignment::AlignmentError;
+use lightpath_camera::photo_score::ScoreError;
 use lightpath_domain::dataset::Encoding;
 use lightpath_media::photo_scores::{self, EncodedPicture, PhotoScoreError, ScoredPhoto};
-use lightpath_optics::alignment::AlignmentError;
-use lightpath_optics::photo_score::ScoreError;
 use lightpath_optics::{Grid, RegionOfInterest};
 use lightpath_proto::v1;
 

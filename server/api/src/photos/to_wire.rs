@@ -1,9 +1,9 @@
 //! Conversion of scores into messages.
 
 use crate::optics::to_wire;
+use lightpath_camera::photo_score::{AlignedPhoto, ChannelScore};
 use lightpath_media::photo_scores::ScoredPhoto;
 use lightpath_optics::RegionOfInterest;
-use lightpath_optics::photo_score::{AlignedPhoto, ChannelScore};
 use lightpath_proto::v1;
 
 /// Converts a score into its message, without the pictures.

@@ -1,7 +1,7 @@
 //! Jobs that prepare a dataset for learning: request and result.
 
 use crate::dataset::{Alignment, Finalization, Finding};
-use lightpath_optics::alignment::PointPair;
+use lightpath_camera::alignment::PointPair;
 use serde::{Deserialize, Serialize};
 
 /// Request to prepare a dataset for learning.
