@@ -68,11 +68,11 @@
 //! | propagate a field | [`propagate()`], [`Propagator`]; [`plan`] and [`propagation`]: the range of each method |
 //! | find a hologram | [`optimize()`], [`Optimization`], [`hologram`]; [`numerics::optimizer`]: general optimization methods |
 //! | choose how light is detected | [`Detector`], [`engine::photometry`] |
-//! | measure the quality of a picture | [`metrics`], [`hologram::quality`]; of a photograph: [`photo_score`] |
+//! | measure the quality of a picture | [`metrics`], [`hologram::quality`]; of a photograph: the crate `lightpath-camera` |
 //! | convert phases to grey levels | [`display::phase_response`], [`Carrier`] |
 //! | describe a display | [`DisplayModel`], [`display::parts`], [`numerics::chebyshev`] |
 //! | simulate a display | [`Engine`], [`EngineCache`] |
-//! | learn a display from photographs | [`learning`]; [`alignment`] maps a camera's pixels to the display's |
+//! | learn a display from photographs | [`learning`]; the crate `lightpath-camera` maps a camera's pixels to the display's |
 //! | inspect a learned display | [`diagnostics`]: aberrations, point spread, frequencies without light |
 //! | work without a display | [`simulated_display`]: display and camera with flaws; [`test_cards`]: target pictures |
 //! | end a computation early | [`interrupt`] |
@@ -81,7 +81,6 @@
 //! | check results | [`reference`](mod@reference): slow and plain f64 versions of the fast algorithms |
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
-pub mod alignment;
 pub mod diagnostics;
 pub mod display;
 pub mod engine;
@@ -92,7 +91,6 @@ pub mod learning;
 pub mod memory;
 pub mod metrics;
 pub mod numerics;
-pub mod photo_score;
 pub mod propagation;
 mod propagation_method;
 pub mod reference;

@@ -3,9 +3,10 @@
 use super::lab::Lab;
 use super::options::{Failure, Options};
 use super::photographed::{PhotographedPairs, phase};
-use lightpath_optics::alignment::{Tiles, warp};
+use lightpath_camera::alignment::{Registration, warp};
 use lightpath_optics::learning::{PairSource, compare};
 use lightpath_optics::metrics::{Gain, psnr_db};
+use lightpath_optics::numerics::tiles::Tiles;
 use lightpath_optics::{Detector, DisplayModel, Engine, Plane};
 
 /// Measures the quality of models with the photographs of a lab.
@@ -79,7 +80,7 @@ impl<'a> ModelEvaluation<'a> {
             if self.aligns {
                 let mut tiles = Tiles::cover(region).ok_or("--align needs a larger display")?;
                 tiles.add(target, &light, f32::INFINITY);
-                let moved = tiles.register(region).map(|found| {
+                let moved = Registration::of(&tiles, region).map(|found| {
                     warp(&light, &found.correction, target.height_px(), target.width_px(), f32::INFINITY, 0.0)
                 });
                 let moved_db = moved.map(|moved| psnr_db(&moved, target, region, Gain::Fitted)).transpose()?;

@@ -3,9 +3,10 @@
 use super::camera_mistakes::{overexposed, rotated_and_shifted};
 use super::options::{Failure, Options};
 use super::photographed::{PhotographedPairs, phase};
-use lightpath_optics::alignment::{CameraMap, DotGrid, Tiles, warp};
+use lightpath_camera::alignment::{CameraMap, DotGrid, Registration, warp};
 use lightpath_optics::display::phase_response::PhaseResponse;
 use lightpath_optics::hologram::{HologramMethod, HologramOptions, initial_phase};
+use lightpath_optics::numerics::tiles::Tiles;
 use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{
@@ -88,7 +89,7 @@ impl Lab {
             let photo = photo.map(|level| f32::from(level) / 255.0);
             tiles.add(&engine.light(&phase(levels)?)?, &on_grid(&photo, &map), SATURATION);
         }
-        let found = tiles.register(self.region).ok_or("--calibrate: too few tiles show what they should")?;
+        let found = Registration::of(&tiles, self.region).ok_or("--calibrate: too few tiles show what they should")?;
         eprintln!("camera: {} tiles, {:.3} px off", found.tiles, found.misalignment_px);
         Ok(map.after(&found.correction))
     }

@@ -68,7 +68,7 @@ impl ZernikeFit {
         let along = |i: usize| (2 * i + 1) as f64 / samples as f64 - 1.0;
         let points = (0..samples * samples).map(|i| (along(i % samples), along(i / samples)));
         let inside: Vec<(f64, f64)> = points.filter(|(x, y)| x * x + y * y <= 1.0).collect();
-        let mut equations = NormalEquations::<TERMS>::new();
+        let mut equations = NormalEquations::<TERMS>::none();
         let mut values = Vec::with_capacity(inside.len());
         for &(x, y) in &inside {
             let (row, value) = (polynomials(x, y), phase_rad(x, y));

@@ -23,7 +23,7 @@ use std::f64::consts::{PI, TAU};
 
 /// Parameters of an SLM, in the precision `T` of an engine.
 #[derive(Clone, Debug)]
-pub(crate) struct Slm<T> {
+pub struct Slm<T> {
     pub(crate) width_px: usize,
     /// Complex source profile a with dust at each pixel; `None`: 1 everywhere.
     pub(crate) source: Option<Vec<Complex<T>>>,

@@ -4,9 +4,9 @@
 //! is therefore multiplied by the number of phases. This does not change Adam's steps, but it keeps Adam's ε small
 //! beside the gradient.
 
-use super::problem::Evaluation;
-use super::problem::ProblemCore;
+use super::evaluate::{Evaluate, Evaluation};
 use crate::interrupt;
+use crate::metrics::Gain;
 use crate::numerics::optimizer::adam::AdamStep;
 use pulp::Arch;
 use rayon::prelude::*;
@@ -29,7 +29,7 @@ pub(super) struct AdamState {
 
 impl AdamState {
     /// Initial state for `phase`, with the gain that fits best.
-    pub(super) fn new(problem: &mut ProblemCore<f32>, phase: Vec<f32>) -> Self {
+    pub(super) fn new(problem: &mut dyn Evaluate, phase: Vec<f32>) -> Self {
         let gain = problem.measure(&phase, 1.0).best_gain;
         let zeros = vec![0.0; phase.len()];
         Self { phase, first_moment: zeros.clone(), second_moment: zeros, iteration: 0, gain }
@@ -37,16 +37,11 @@ impl AdamState {
 
     /// Takes one step and returns the evaluation of the phase before it. The gain is the best fit of the previous
     /// evaluation, so it costs no extra pass.
-    pub(super) fn step(
-        &mut self,
-        problem: &mut ProblemCore<f32>,
-        learning_rate: f64,
-        gradient: &mut [f32],
-    ) -> Evaluation {
-        let evaluation = problem.evaluate(&self.phase, self.gain, gradient);
+    pub(super) fn step(&mut self, problem: &mut dyn Evaluate, learning_rate: f64, gradient: &mut [f32]) -> Evaluation {
+        let evaluation = problem.evaluate(&self.phase, Gain::Given(self.gain), gradient);
         self.gain = evaluation.best_gain;
         self.iteration += 1;
-        let width_px = problem.engine().width_px();
+        let width_px = problem.size().width_px;
         let scale = gradient.len() as f64;
         let step = AdamStep::new(learning_rate, self.iteration, scale);
         let arch = Arch::new();

@@ -13,25 +13,24 @@
 //! where light is missing: R. Di Leonardo, F. Ianni and G. Ruocco, Optics Express 15, 1913 (2007). With cross-talk, φ
 //! changes by the difference between the phase that shows arg c′ and the shown phase.
 
-use super::problem::Evaluation;
-use super::problem::ProblemCore;
+use super::evaluate::Evaluation;
+use super::processor::ProcessorProblem;
 use crate::interrupt;
 use crate::numerics::Plane;
 use num_complex::Complex32;
 use rayon::prelude::*;
 
 /// Runs one round and returns the evaluation of the phase before it. `phase` is replaced by the next phase. `wanted`
-/// holds W√t of each plane; W is updated only if `weighted` is true. `field` is scratch memory whose contents do not
-/// matter between rounds.
+/// holds W√t of each plane; W is updated only if `weighted` is true.
 pub(super) fn round(
-    problem: &mut ProblemCore<f32>,
+    problem: &mut ProcessorProblem<f32>,
     weighted: bool,
     wanted: &mut [Plane<f32>],
     phase: &mut [f32],
-    field: &mut Vec<Complex32>,
 ) -> Evaluation {
+    let mut field = std::mem::take(&mut problem.field);
     field.resize(problem.parameters(), Complex32::ZERO);
-    let evaluation = problem.excess(phase, wanted, weighted, field);
+    let evaluation = problem.excess(phase, wanted, weighted, &mut field);
     let engine = problem.engine();
     let (height_px, width_px) = (engine.height_px(), engine.width_px());
     let (slm, frame_len) = (&engine.slm, height_px * width_px);
@@ -54,5 +53,6 @@ pub(super) fn round(
             },
         );
     }
+    problem.field = field;
     evaluation
 }

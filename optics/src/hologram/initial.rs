@@ -1,13 +1,13 @@
 //! Initial phases of an optimization.
 
+use super::evaluate::{ProblemSize, Project};
 use super::optimization::HologramMethod;
-use super::problem::{HologramProblem, ProblemCore};
+use super::problem::HologramProblem;
 use crate::display::OpticalSetup;
-use crate::engine::{Detector, Real};
+use crate::engine::Detector;
 use crate::error::{Error, Result};
 use crate::interrupt;
 use crate::numerics::Plane;
-use crate::numerics::buffers::zeros;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
@@ -107,14 +107,13 @@ impl InitialPhase {
     /// finite; [`Error::SizeMismatch`] for a given phase of another size; [`Error::NotFinite`] for a given phase with
     /// values that are not finite.
     pub fn phases(&self, problem: &HologramProblem, setup: &OpticalSetup, seed: u64) -> Result<Vec<f32>> {
-        let problem = &problem.core;
-        let (height_px, width_px) = (problem.engine().height_px(), problem.engine().width_px());
-        let frames = problem.frames;
+        let size = problem.body.size();
+        let ProblemSize { frames, height_px, width_px, .. } = size;
         match self {
-            Self::Random { range_rad } => random(frames, height_px * width_px, *range_rad, seed),
+            Self::Random { range_rad } => random(frames, size.frame_len(), *range_rad, seed),
             Self::Constant { phase_rad } => {
                 let phase_rad = finite("initial_phase.constant_rad", *phase_rad)?;
-                Ok(vec![phase_rad as f32; problem.parameters()])
+                Ok(vec![phase_rad as f32; size.parameters()])
             }
             Self::Quadratic { focal_length_m } => {
                 let focal_length_m = focal_length_m.unwrap_or_else(|| default_focal_length_m(setup));
@@ -126,8 +125,8 @@ impl InitialPhase {
                 Ok(lens(setup, focal_length_m).into_vec().repeat(frames))
             }
             Self::BackPropagated { range_rad } => {
-                let image_phase = random(frames, height_px * width_px, *range_rad, seed)?;
-                Ok(problem.phase_of_targets(&image_phase))
+                let image_phase = random(frames, size.frame_len(), *range_rad, seed)?;
+                Ok(phase_of_targets(&*problem.body, &image_phase))
             }
             Self::Given(phase) => {
                 phase.expect_size("initial_phase", frames * height_px, width_px)?;
@@ -180,26 +179,24 @@ fn finite(name: &'static str, value: f64) -> Result<f64> {
     if value.is_finite() { Ok(value) } else { Err(Error::OutOfRange { name, value, allowed: "finite" }) }
 }
 
-impl<T: Real> ProblemCore<T> {
-    /// Phases that show the phase of [`Self::back_propagated`].
-    fn phase_of_targets(&self, image_phase: &[T]) -> Vec<T> {
-        let engine = self.engine();
-        let frame_len = engine.height_px() * engine.width_px();
-        let mut phases: Vec<T> = zeros(self.parameters());
-        for (phase, image_phase) in phases.chunks_exact_mut(frame_len).zip(image_phase.chunks_exact(frame_len)) {
-            let mut field = self.back_propagated(image_phase);
-            // The field gets a mean power of 1, as on the modulator, so that the zero order is subtracted in
-            // proportion.
-            let power: f64 = field.iter().map(|c| c.norm_sqr().wide()).sum::<f64>() / frame_len as f64;
-            let norm = T::of(1.0 / power.sqrt().max(f64::MIN_POSITIVE));
-            field.iter_mut().for_each(|c| *c = c.scale(norm));
-            for (y, (phase, field)) in
-                phase.chunks_exact_mut(engine.width_px()).zip(field.chunks_exact(engine.width_px())).enumerate()
-            {
-                interrupt::check();
-                engine.slm.phase_of_row(y, field, phase);
-            }
+/// Phases that show the phase of the field that the targets send back to the SLM, with the phase `image_phase` in the
+/// image.
+fn phase_of_targets(problem: &dyn Project, image_phase: &[f32]) -> Vec<f32> {
+    let size = problem.size();
+    let mut phases = vec![0.0; size.parameters()];
+    for (phase, image_phase) in
+        phases.chunks_exact_mut(size.frame_len()).zip(image_phase.chunks_exact(size.frame_len()))
+    {
+        let mut field = problem.back_propagated(image_phase);
+        // The field gets a mean power of 1, as on the modulator, so that the zero order is subtracted in proportion.
+        let power: f64 = field.iter().map(|c| f64::from(c.norm_sqr())).sum::<f64>() / size.frame_len() as f64;
+        let norm = (1.0 / power.sqrt().max(f64::MIN_POSITIVE)) as f32;
+        field.iter_mut().for_each(|c| *c = c.scale(norm));
+        let rows = phase.chunks_exact_mut(size.width_px).zip(field.chunks_exact(size.width_px));
+        for (y, (phase, field)) in rows.enumerate() {
+            interrupt::check();
+            problem.slm().phase_of_row(y, field, phase);
         }
-        phases
     }
+    phases
 }

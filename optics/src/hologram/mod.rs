@@ -1,15 +1,20 @@
 //! Optimization of holograms: finds phases with which a display shows target pictures.
 
 mod adam;
+#[cfg(test)]
+mod conformance_tests;
 mod double_phase;
+mod evaluate;
 mod gerchberg_saxton;
 mod initial;
 mod loss;
 mod optimization;
 mod optimize;
 mod other_orders;
+mod plain;
 mod preview;
 mod problem;
+mod processor;
 mod quality;
 mod roughness;
 mod rounded;
@@ -18,13 +23,15 @@ mod state;
 mod stopwatch;
 mod two_passes;
 
+pub use evaluate::{Evaluate, Evaluation, ProblemSize, Project};
 pub use initial::{InitialPhase, RANDOM_RANGE_RAD, default_focal_length_m, initial_phase};
 pub use loss::{ImagePlane, Loss};
 pub use optimization::{HologramMethod, HologramOptions, Optimization, Step};
 pub use optimize::{Hologram, optimize};
 pub(crate) use other_orders::OTHER_ORDERS_PIXELS_MAX;
 pub use other_orders::{pixel_psnr_db, with_other_orders};
-pub use problem::{Evaluation, HologramProblem};
+pub use plain::{PlainPlane, PlainProblem};
+pub use problem::HologramProblem;
 pub use quality::{DetectorQuality, Quality, quality};
 pub use rounded::Levels;
 pub use shown_light::{ShownLight, light_of_frames};

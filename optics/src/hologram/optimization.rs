@@ -2,16 +2,15 @@
 
 use super::adam::AdamState;
 use super::double_phase::double_phase;
-use super::gerchberg_saxton;
-use super::problem::Evaluation;
+use super::evaluate::{Evaluate, Evaluation};
 use super::problem::HologramProblem;
 use super::rounded::Levels;
 use super::state::{OptimizationState, Run};
-use super::stopwatch::Clock;
+use super::stopwatch::{Clock, Stopwatch, Timed};
 use crate::error::{Error, Result};
+use crate::metrics::Gain;
 use crate::numerics::Plane;
 use crate::numerics::optimizer::limited_memory::{LimitedMemory, Workspace};
-use num_complex::Complex32;
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
@@ -102,6 +101,7 @@ pub struct Optimization {
     options: HologramOptions,
     pub(super) state: OptimizationState,
     scratch: Scratch,
+    stopwatch: Stopwatch,
 }
 
 /// Scratch memory whose contents do not matter between steps; empty until a method needs it.
@@ -110,8 +110,6 @@ struct Scratch {
     gradient: Vec<f32>,
     /// Scratch memory of L-BFGS.
     workspace: Workspace,
-    /// Scratch field of Gerchberg–Saxton.
-    field: Vec<Complex32>,
 }
 
 /// Progress and evaluation of one optimization step.
@@ -134,23 +132,23 @@ impl Optimization {
     /// [`Error`] for phases of another size, phases that are not finite, or options out of range.
     pub fn start(mut problem: HologramProblem, options: HologramOptions, phases: Vec<f32>) -> Result<Self> {
         options.validate()?;
-        let core = &mut problem.core;
-        let (rows, width_px) = (core.frames * core.engine().height_px(), core.engine().width_px());
-        let phase = Plane::try_from_vec(rows, width_px, phases)?;
+        let body = &mut *problem.body;
+        let size = body.size();
+        let phase = Plane::try_from_vec(size.frames * size.height_px, size.width_px, phases)?;
         phase.expect_finite("initial_phase")?;
         let phase = phase.into_vec();
         let run = match options.method {
-            HologramMethod::Adam { .. } => Run::Adam(AdamState::new(core, phase)),
+            HologramMethod::Adam { .. } => Run::Adam(AdamState::new(body, phase)),
             HologramMethod::Lbfgs => Run::Lbfgs { memory: Box::new(LimitedMemory::new(phase)), gain: 0.0 },
             HologramMethod::GerchbergSaxton | HologramMethod::WeightedGerchbergSaxton => {
-                Run::GerchbergSaxton { wanted: core.target_amplitudes(), phase }
+                Run::GerchbergSaxton { wanted: body.target_amplitudes(), phase }
             }
             HologramMethod::DoublePhase => {
-                let (phase, largest_amplitude) = double_phase(core, &phase);
+                let (phase, largest_amplitude) = double_phase(body, &phase);
                 Run::DoublePhase { phase, largest_amplitude }
             }
         };
-        Ok(Self { problem, options, state: OptimizationState { iteration: 0, run }, scratch: Scratch::default() })
+        Ok(Self::at(problem, options, OptimizationState { iteration: 0, run }))
     }
 
     /// State that the next step depends on; `Self::resume` continues from a copy of it.
@@ -166,14 +164,18 @@ impl Optimization {
     /// [`Error`] for options out of range, or a state that does not belong to this problem and these options.
     pub fn resume(problem: HologramProblem, options: HologramOptions, state: OptimizationState) -> Result<Self> {
         options.validate()?;
-        state.check(&problem.core, &options)?;
-        Ok(Self { problem, options, state, scratch: Scratch::default() })
+        state.check(problem.body.size(), &options)?;
+        Ok(Self::at(problem, options, state))
+    }
+
+    fn at(problem: HologramProblem, options: HologramOptions, state: OptimizationState) -> Self {
+        Self { problem, options, state, scratch: Scratch::default(), stopwatch: Stopwatch::default() }
     }
 
     /// Measures the time of later evaluations with `clock`; see `Self::evaluation_time`.
     #[must_use]
     pub fn timed_by(mut self, clock: Clock) -> Self {
-        self.problem.core.stopwatch.clock = Some(clock);
+        self.stopwatch.clock = Some(clock);
         self
     }
 
@@ -182,7 +184,7 @@ impl Optimization {
     /// spent in the method itself.
     #[must_use]
     pub fn evaluation_time(&self) -> Duration {
-        self.problem.core.stopwatch.spent
+        self.stopwatch.spent
     }
 
     /// Takes the next step; `None` once all steps are done.
@@ -207,8 +209,8 @@ impl Optimization {
 
     /// Takes one step of the current method: the chosen one, or rounding to levels.
     fn advance(&mut self) -> Evaluation {
-        let Self { problem, options, state, scratch: Scratch { gradient, workspace, field } } = self;
-        let problem = &mut problem.core;
+        let Self { problem, options, state, scratch: Scratch { gradient, workspace }, stopwatch } = self;
+        let problem = &mut Timed { body: &mut *problem.body, stopwatch };
         match &mut state.run {
             Run::Adam(state) => {
                 let HologramMethod::Adam { learning_rate } = options.method else {
@@ -220,7 +222,7 @@ impl Optimization {
             Run::Lbfgs { memory, gain } => {
                 let mut found = None;
                 memory.advance(workspace, |phase, gradient| {
-                    let evaluation = problem.evaluate_fitted(phase, gradient);
+                    let evaluation = problem.evaluate(phase, Gain::Fitted, gradient);
                     found = Some(evaluation);
                     evaluation.loss
                 });
@@ -230,7 +232,7 @@ impl Optimization {
             }
             Run::GerchbergSaxton { phase, wanted } => {
                 let weighted = options.method == HologramMethod::WeightedGerchbergSaxton;
-                gerchberg_saxton::round(problem, weighted, wanted, phase, field)
+                problem.project(phase, wanted, weighted)
             }
             Run::DoublePhase { phase, .. } => problem.measure(phase, 1.0),
             Run::Rounded(state) => {
@@ -264,9 +266,8 @@ impl Optimization {
     ///
     /// [`Error::SizeMismatch`] for phases of another size.
     pub fn measure(&mut self, phases: &[f32]) -> Result<Evaluation> {
-        let (rows, width_px) =
-            (self.problem.frames() * self.problem.core.engine().height_px(), self.problem.core.engine().width_px());
-        Plane::try_from_vec(rows, width_px, phases.to_vec())?;
+        let size = self.problem.body.size();
+        Plane::try_from_vec(size.frames * size.height_px, size.width_px, phases.to_vec())?;
         Ok(self.problem.measure(phases, 1.0))
     }
 

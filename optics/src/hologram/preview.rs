@@ -1,5 +1,6 @@
 //! A small picture of the light while a hologram is optimized.
 
+use super::evaluate::ProblemSize;
 use super::optimization::Optimization;
 use crate::numerics::Plane;
 use rayon::prelude::*;
@@ -12,18 +13,13 @@ impl Optimization {
     /// such as Adam with one frame, keep no light: then it is computed from the present phases, which costs about half an
     /// iteration, and the memory of the light until it is drawn.
     pub fn light_preview(&mut self, side_px_max: usize) -> Plane<f32> {
-        let (core, phases) = (&mut self.problem.core, self.state.phases());
-        let (height_px, width_px) = (core.engine().height_px(), core.engine().width_px());
-        let keeps_light = core.light_of_first_plane().is_some();
-        if !keeps_light {
-            core.compute_light(phases);
+        let body = &mut self.problem.body;
+        let ProblemSize { height_px, width_px, .. } = body.size();
+        let small = |lights: &[f32]| mean_over_squares(lights, height_px, width_px, side_px_max);
+        if let Some(lights) = body.latest_light() {
+            return small(lights);
         }
-        let lights = core.light_of_first_plane().unwrap_or_default();
-        let small = mean_over_squares(lights, height_px, width_px, side_px_max);
-        if !keeps_light {
-            core.forget_light();
-        }
-        small
+        small(&body.light(self.state.phases()))
     }
 }
 

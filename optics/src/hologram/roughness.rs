@@ -17,7 +17,7 @@ use crate::numerics::{Plane, RegionOfInterest};
 use rayon::prelude::*;
 
 /// ε of both terms, relative to the mean light. Smaller differences count as noise.
-const EPSILON: f64 = 1e-2;
+pub(super) const EPSILON: f64 = 1e-2;
 
 /// Region and weights in which the loss measures the light.
 #[derive(Clone, Copy, Debug)]

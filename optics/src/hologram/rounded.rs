@@ -16,12 +16,12 @@
 //! When f < ρ, they can compensate for f/ρ of it. The error that remains, relative to plain rounding, is
 //! ∫₀^ρ (1 − f/ρ) df = ρ/2. For the middle 80 % of each axis, ρ = 0.64, this is −4.9 dB.
 
-use super::problem::Evaluation;
-use super::problem::ProblemCore;
+use super::evaluate::{Evaluate, Evaluation, ProblemSize};
 use crate::display::Carrier;
 use crate::display::phase_response::PhaseResponse;
 use crate::error::Result;
 use crate::interrupt;
+use crate::metrics::Gain;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
@@ -120,12 +120,12 @@ impl Rounded {
     /// pixels are settled.
     pub(super) fn step(
         &mut self,
-        problem: &mut ProblemCore<f32>,
+        problem: &mut dyn Evaluate,
         levels: &Levels,
         iterations: u32,
         gradient: &mut [f32],
     ) -> Evaluation {
-        let evaluation = problem.evaluate(&self.phase, self.gain, gradient);
+        let evaluation = problem.evaluate(&self.phase, Gain::Given(self.gain), gradient);
         self.gain = evaluation.best_gain;
         self.iteration += 1;
         if self.iteration == 1 {
@@ -136,7 +136,7 @@ impl Rounded {
             }
             self.descend(gradient, levels.spacing_rad() as f32);
         }
-        let (height_px, width_px) = (problem.engine().height_px(), problem.engine().width_px());
+        let ProblemSize { height_px, width_px, .. } = problem.size();
         if self.iteration >= iterations {
             self.settle(levels, height_px, width_px, CLASSES);
         } else if self.iteration > 1 {

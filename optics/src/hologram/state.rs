@@ -1,8 +1,8 @@
 //! State of an optimization that is saved and restored. A restored optimization continues with the same bits.
 
 use super::adam::AdamState;
+use super::evaluate::ProblemSize;
 use super::optimization::{HologramMethod, HologramOptions};
-use super::problem::ProblemCore;
 use super::rounded::Rounded;
 use crate::error::{Error, Result};
 use crate::numerics::Plane;
@@ -52,14 +52,13 @@ impl OptimizationState {
         }
     }
 
-    /// Checks that the state belongs to this problem and these options.
+    /// Checks that the state belongs to a problem of this size and to these options.
     ///
     /// # Errors
     ///
     /// [`Error::OutOfRange`] for a state of another problem or method.
-    pub(super) fn check(&self, problem: &ProblemCore<f32>, options: &HologramOptions) -> Result<()> {
-        let len = problem.parameters();
-        let (height_px, width_px) = (problem.engine().height_px(), problem.engine().width_px());
+    pub(super) fn check(&self, size: ProblemSize, options: &HologramOptions) -> Result<()> {
+        let len = size.parameters();
         let fits = match (&self.run, options.method) {
             (Run::Adam(state), HologramMethod::Adam { .. }) => {
                 [&state.phase, &state.first_moment, &state.second_moment].iter().all(|values| values.len() == len)
@@ -70,8 +69,8 @@ impl OptimizationState {
                 HologramMethod::GerchbergSaxton | HologramMethod::WeightedGerchbergSaxton,
             ) => {
                 phase.len() == len
-                    && wanted.len() == problem.planes.len()
-                    && wanted.iter().all(|plane| plane.expect_size("state", height_px, width_px).is_ok())
+                    && wanted.len() == size.planes
+                    && wanted.iter().all(|plane| plane.expect_size("state", size.height_px, size.width_px).is_ok())
             }
             (Run::DoublePhase { phase, .. }, HologramMethod::DoublePhase) => phase.len() == len,
             (Run::Rounded(state), _) => {

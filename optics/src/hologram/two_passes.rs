@@ -2,13 +2,15 @@
 //! fits best, several frames, several modes of light, blurred light, roughness, and the projections of
 //! Gerchberg–Saxton.
 
+use super::evaluate::Evaluation;
 use super::loss::{TargetPlane, weighted_sums};
-use super::problem::{Evaluation, ProblemCore, Sink, compare_with, send_back};
+use super::processor::{ProcessorProblem, Sink, compare_with, send_back};
 use super::roughness::{LightPlane, total_variation};
 use crate::engine::Fields;
 use crate::engine::photometry::{Comparison, Quantity, Sums};
 use crate::engine::{Detector, Real};
 use crate::interrupt;
+use crate::metrics::Gain;
 use crate::numerics::Plane;
 use crate::numerics::buffers::zeros;
 use crate::numerics::real::unit;
@@ -39,13 +41,15 @@ impl<T> Buffers<T> {
     }
 }
 
-impl<T: Real> ProblemCore<T> {
+impl<T: Real> ProcessorProblem<T> {
     /// Evaluates the loss and its gradient in two passes: computes all of the light, then the slopes at the given or
     /// fitted gain, and propagates them back.
-    pub(super) fn evaluate_in_two(&mut self, phase: &[T], gain: Option<f64>, gradient: &mut [T]) -> Evaluation {
-        let begin = self.stopwatch.start();
+    pub(super) fn evaluate_in_two(&mut self, phase: &[T], gain: Gain, gradient: &mut [T]) -> Evaluation {
         self.compute_light(phase);
-        let gain = gain.unwrap_or_else(|| self.fitted_gain());
+        let gain = match gain {
+            Gain::Given(gain) => gain,
+            Gain::Fitted => self.fitted_gain(),
+        };
         let mut roughness = 0.0;
         let sums = weighted_sums(self.planes.len(), |p| {
             let plane = &self.planes[p];
@@ -57,7 +61,6 @@ impl<T: Real> ProblemCore<T> {
             self.weigh_and_send_back(p, phase, Sink::Gradient(&mut *gradient));
             (sums, share)
         });
-        self.stopwatch.stop(begin);
         Evaluation::new(&sums, roughness)
     }
 
@@ -77,7 +80,6 @@ impl<T: Real> ProblemCore<T> {
         weighted: bool,
         field: &mut [Complex<T>],
     ) -> Evaluation {
-        let begin = self.stopwatch.start();
         self.compute_light(phase);
         let evaluation = Evaluation::new(&weighted_sums(self.planes.len(), |p| self.measure_plane(p, 1.0)), 0.0);
         if weighted {
@@ -99,7 +101,6 @@ impl<T: Real> ProblemCore<T> {
             self.spread_slopes(p);
             self.weigh_and_send_back(p, phase, Sink::Field(&mut *field));
         }
-        self.stopwatch.stop(begin);
         evaluation
     }
 
@@ -173,13 +174,18 @@ impl<T: Real> ProblemCore<T> {
     }
 
     /// Light planes of the first image plane at the latest evaluation; `None` if no evaluation kept any.
-    pub(super) fn light_of_first_plane(&self) -> Option<&[T]> {
+    pub(super) fn kept_light(&self) -> Option<&[T]> {
         self.buffers.lights.first().map(Vec::as_slice)
     }
 
-    /// Frees the light and samples that the latest evaluation kept.
-    pub(super) fn forget_light(&mut self) {
-        self.buffers = Buffers::empty();
+    /// Computes the light planes of the first image plane. Keeps light only if evaluations keep it, too.
+    pub(super) fn light_of_first_plane(&mut self, phase: &[T]) -> Vec<T> {
+        let keeps_light = self.kept_light().is_some();
+        self.compute_light(phase);
+        if keeps_light {
+            return self.buffers.lights[0].clone();
+        }
+        std::mem::replace(&mut self.buffers, Buffers::empty()).lights.swap_remove(0)
     }
 
     /// Number of fields of the planes before plane `p`: one for each mode and frame.

@@ -8,12 +8,13 @@ pub(crate) mod cholesky;
 pub(crate) mod fourier;
 pub(crate) mod gaussian_blur;
 pub mod grid;
-pub(crate) mod least_squares;
+pub mod least_squares;
 pub mod optimizer;
 pub mod plane;
 pub(crate) mod real;
 pub mod region;
 pub(crate) mod smooth_field;
+pub mod tiles;
 
 pub use grid::Grid;
 pub use plane::Plane;

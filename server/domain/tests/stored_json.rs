@@ -3,6 +3,7 @@
 //! A change of the files in `stored/` is a change of stored data. After the first release it needs a migration.
 #![allow(clippy::unwrap_used)]
 
+use lightpath_camera::alignment::PointPair;
 use lightpath_domain::dataset::{
     Alignment, AlignmentMethod, CameraMap, Encoding, Finalization, Finding, FindingKind, PairChecks, Split,
 };
@@ -17,7 +18,6 @@ use lightpath_domain::job::{
 use lightpath_domain::kernel::{CapturedQuality, KernelKey, KernelLineage, KernelMetrics, LearnedDataset};
 use lightpath_domain::planning;
 use lightpath_domain::units::{Distance, Wavelength};
-use lightpath_optics::alignment::PointPair;
 use lightpath_optics::engine::photometry::Quantity;
 use lightpath_optics::hologram::{DetectorQuality, Loss, Quality};
 use lightpath_optics::learning::{BlockStrengths, ModelPart, PartCost, StrengthUncertainty};

@@ -3,9 +3,9 @@
 
 use crate::figures::{Axis, Canvas, ColourMap, Heatmap};
 use crate::pictures::{self, PictureError, SATURATION, srgb_to_linear};
+use lightpath_camera::alignment::TARGET_SIDE_MIN;
+use lightpath_camera::photo_score::{self, AlignedPhoto, ChannelScore, ScoreError};
 use lightpath_domain::dataset::Encoding;
-use lightpath_optics::alignment::TARGET_SIDE_MIN;
-use lightpath_optics::photo_score::{self, AlignedPhoto, ChannelScore, ScoreError};
 use lightpath_optics::{Plane, RegionOfInterest};
 
 /// Longer side of the picture of the error \[px\], and of each of three pictures.

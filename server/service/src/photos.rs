@@ -7,10 +7,10 @@ use crate::field::Field;
 use crate::files::Files;
 use crate::region::region_inside;
 use lightpath_artifacts::Artifacts;
+use lightpath_camera::alignment::AlignmentError;
+use lightpath_camera::photo_score::ScoreError;
 use lightpath_domain::dataset::Encoding;
 use lightpath_media::photo_scores::{self, EncodedPicture, PhotoScoreError, ScoredPhoto};
-use lightpath_optics::alignment::AlignmentError;
-use lightpath_optics::photo_score::ScoreError;
 use lightpath_optics::{Grid, RegionOfInterest};
 use std::mem;
 

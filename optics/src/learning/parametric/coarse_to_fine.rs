@@ -76,7 +76,7 @@ impl ParametricLearner {
         let displacements: Vec<[f64; 2]> = tiles.displacements().into_iter().map(|(_, by)| by).collect();
         let middle = [0, 1].map(|axis| median(displacements.iter().map(|by| by[axis]).collect()));
         let in_place = |by: &&[f64; 2]| (by[0] - middle[0]).hypot(by[1] - middle[1]) <= IN_PLACE_PX;
-        Ok((displacements.iter().filter(in_place).count() as f64) < IN_PLACE_MIN * tiles.len() as f64)
+        Ok((displacements.iter().filter(in_place).count() as f64) < IN_PLACE_MIN * tiles.count() as f64)
     }
 
     /// θ after all stages.

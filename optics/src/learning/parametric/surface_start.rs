@@ -17,13 +17,13 @@
 //! Tiles see details of low frequencies best, which holograms of a narrow range of phases have.
 
 use super::{ParametricLearner, few};
-use crate::alignment::Tiles;
 use crate::learning::blocks::Block;
 use crate::learning::pair::SATURATION;
 use crate::learning::pair::{BoxError, PairSource};
 use crate::numerics::RegionOfInterest;
 use crate::numerics::chebyshev::{ChebyshevBasis, polynomials, position};
 use crate::numerics::least_squares::NormalEquations;
+use crate::numerics::tiles::Tiles;
 use std::f64::consts::{PI, TAU};
 
 /// Highest total degrees of φ in the rounds: each round starts from the result of the one before.
@@ -188,7 +188,7 @@ fn robust_fit(equations: &[([f64; TERMS], f64)]) -> Option<[f64; TERMS]> {
     let mut found = [0.0; TERMS];
     let mut weights = vec![1.0; equations.len()];
     for _ in 0..REWEIGHTED {
-        let mut normal = NormalEquations::<TERMS>::new();
+        let mut normal = NormalEquations::<TERMS>::none();
         for ((row, value), weight) in equations.iter().zip(&weights) {
             normal.add(row, *value, *weight);
         }

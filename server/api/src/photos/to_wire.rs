@@ -1,7 +1,7 @@
 //! Conversion of scores into messages.
 
 use crate::optics::to_wire;
-use lightpath_optics::photo_score::{AlignedPhoto, ChannelScore};
+use lightpath_camera::photo_score::{AlignedPhoto, ChannelScore};
 use lightpath_proto::v1;
 use lightpath_service::PhotoScore;
 

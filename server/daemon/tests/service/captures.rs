@@ -5,9 +5,9 @@
 use crate::preparing::assert_refused;
 use crate::serving::expect;
 use crate::test_bench::{CENTRE, Dataset, HEIGHT, TestBench, WIDTH, levels};
+use lightpath_camera::alignment::Homography;
 use lightpath_media::pictures;
 use lightpath_optics::Plane;
-use lightpath_optics::alignment::Homography;
 use lightpath_proto::v1;
 use lightpath_proto::v1::finding::Kind;
 use lightpath_proto::v1::prepare_dataset::align::Source;
@@ -69,7 +69,7 @@ async fn photograph_of_the_dots_aligns_photographs_of_any_size() {
     let request = v1::CreateCalibrationTargetRequest { display: "displays/bench".into() };
     let target = dataset.client.create_calibration_target(request).await.unwrap().into_inner();
     assert!(target.columns >= 14 && target.rows >= 8, "{target:?}");
-    let dots = lightpath_optics::alignment::DotGrid::of_display(HEIGHT, WIDTH).unwrap().target();
+    let dots = lightpath_camera::alignment::DotGrid::of_display(HEIGHT, WIDTH).unwrap().target();
     let map = Homography::try_new([1.3, 0.05, 40.0, -0.04, 1.35, 30.0, 6e-5, -4e-5, 1.0]).unwrap();
     let (height, width) = (380, 600);
     let photo = bench.photo(&bench.phase(&dots, 60), 1, &map, height, width);

@@ -4,7 +4,7 @@ use crate::jobs::{submit, submit_long, watch_to_end};
 use crate::kernels;
 use crate::serving::{Serving, expect};
 use crate::test_bench::{CENTRE, Dataset, HEIGHT, TestBench, WIDTH};
-use lightpath_optics::alignment::Homography;
+use lightpath_camera::alignment::Homography;
 use lightpath_proto::v1::dataset_service_client::DatasetServiceClient;
 use lightpath_proto::v1::job_result::Kind as JobResult;
 use lightpath_proto::v1::job_spec::Kind;

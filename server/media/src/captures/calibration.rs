@@ -4,10 +4,11 @@ use super::reading::{CaptureError, Captures, size_error};
 use super::{SHIFT_PX_MAX, STRETCH_PX_MAX, TURN_PX_MAX};
 use crate::figures;
 use crate::pictures::{SATURATED, SATURATION};
-use lightpath_domain::dataset;
-use lightpath_optics::alignment::{
-    AlignmentError, CameraFit, CameraMap, DotGrid, Homography, Point, PointPair, Registration, Tiles, warp,
+use lightpath_camera::alignment::{
+    AlignmentError, CameraFit, CameraMap, DotGrid, Homography, Point, PointPair, Registration, warp,
 };
+use lightpath_domain::dataset;
+use lightpath_optics::numerics::tiles::Tiles;
 use lightpath_optics::{Plane, RegionOfInterest};
 
 /// A computed alignment, with pictures.
@@ -141,7 +142,7 @@ pub fn from_pairs<E: From<CaptureError>>(
             uses += 1;
             tiles.add(expected, &on_grid(photo, map), SATURATION);
         }
-        Ok(tiles.register(region))
+        Ok(Registration::of(&tiles, region))
     };
     let Some(first) = register(&before)? else { return Ok(None) };
     let mut rounds = Rounds::begin(&before, first, correction);

@@ -4,8 +4,9 @@ use super::fingerprint;
 use super::reading::{CaptureError, Captures};
 use crate::pictures::SATURATION;
 use lightpath_artifacts::digest_of;
+use lightpath_camera::alignment::Registration;
 use lightpath_domain::dataset::{Pair, PairChecks};
-use lightpath_optics::alignment::Tiles;
+use lightpath_optics::numerics::tiles::Tiles;
 use lightpath_optics::{Detector, DisplayModel, Engine, Plane, RegionOfInterest};
 
 /// Smallest correlation of photograph and reconstruction at which vignetting is measured. Below it, their brightness
@@ -77,7 +78,7 @@ pub fn check(
     }
     if let Some(mut tiles) = Tiles::cover(region) {
         tiles.add(&expected, &photo, SATURATION);
-        let registration = tiles.register(region);
+        let registration = Registration::of(&tiles, region);
         checks.misalignment_px = registration.map(|found| found.misalignment_px);
         checks.shift_px = registration.map(|found| found.shift_px);
         checks.turn_px = registration.map(|found| found.turn_px);

@@ -10,11 +10,11 @@
 
 use crate::npy;
 use crate::pictures::{self, PhotoReading, PictureError, SATURATED, SATURATION};
+use lightpath_camera::alignment::{AlignmentError, CameraMap, Homography, warp};
 use lightpath_domain::dataset::{self, Dataset, Encoding, Pair};
 use lightpath_domain::display::Display;
 use lightpath_domain::planning;
 use lightpath_domain::slm;
-use lightpath_optics::alignment::{AlignmentError, CameraMap, Homography, warp};
 use lightpath_optics::display::phase_response::PhaseResponse;
 use lightpath_optics::{Carrier, OpticalSetup, Plane};
 

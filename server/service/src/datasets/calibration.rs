@@ -4,9 +4,9 @@ use super::Datasets;
 use crate::call::Call;
 use crate::error::ServiceError;
 use crate::field::Field;
+use lightpath_camera::alignment::DotGrid;
 use lightpath_domain::display::Display;
 use lightpath_media::pictures;
-use lightpath_optics::alignment::DotGrid;
 
 /// Memory for drawing a target, for each pixel \[bytes\]: its light, its values, and the file, which is smaller.
 const TARGET_BYTES_PER_PX: u64 = 4 + 1 + 1;

@@ -3,6 +3,7 @@
 //! A job reads the dataset once. The store makes all changes in the transaction that ends the job (`finish`).
 
 use crate::{JobContext, TaskError, TaskOutput};
+use lightpath_camera::alignment::PointPair;
 use lightpath_domain::dataset::{
     Alignment, AlignmentMethod, Dataset, Finalization, Finding, FindingKind, Pair, PairChecks, PreparedDataset, Split,
     Splits, draw_split, replace_missing,
@@ -14,7 +15,6 @@ use lightpath_domain::job::{
 };
 use lightpath_media::captures::{self, CaptureError, Captures, Correction, FoundAlignment, ROUNDS_MAX, Reconstructor};
 use lightpath_optics::Plane;
-use lightpath_optics::alignment::PointPair;
 use serde::{Deserialize, Serialize};
 use std::cell::OnceCell;
 use std::collections::BTreeMap;

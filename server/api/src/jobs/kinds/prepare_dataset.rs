@@ -3,10 +3,10 @@
 use crate::api::Api;
 use crate::datasets::to_wire::{alignment, finding};
 use crate::names;
+use lightpath_camera::alignment::{Homography, PointPair};
 use lightpath_domain::dataset::Finalization;
 use lightpath_domain::job::{AlignBy, Job, PrepareDataset, PrepareResult, PrepareStep};
 use lightpath_media::pictures;
-use lightpath_optics::alignment::{Homography, PointPair};
 use lightpath_proto::v1;
 use lightpath_proto::v1::prepare_dataset::align::Source;
 use lightpath_proto::v1::prepare_dataset::{Align, Finalize, Step};

@@ -3,7 +3,7 @@
 use super::Kind;
 use crate::dataset::{Alignment, Finalization, Finding};
 use crate::job::estimate::{ALIGNMENT_BYTES_MAX, ALIGNMENT_PAIRS_MAX, Need, PairsSize, REAL};
-use lightpath_optics::alignment::PointPair;
+use lightpath_camera::alignment::PointPair;
 use lightpath_optics::memory::EngineSize;
 use serde::{Deserialize, Serialize};
 use std::slice;

@@ -10,8 +10,8 @@
 
 use super::camera_map::CameraMap;
 use super::homography::{Homography, Point};
-use crate::interrupt;
-use crate::numerics::Plane;
+use lightpath_optics::Plane;
+use lightpath_optics::interrupt;
 use rayon::prelude::*;
 use std::f64::consts::PI;
 

@@ -14,7 +14,7 @@ use super::blobs::{self, Blob};
 use super::error::AlignmentError;
 use super::homography::{Homography, Point, PointFit, PointPair};
 use super::lattice;
-use crate::numerics::Plane;
+use lightpath_optics::Plane;
 use std::collections::HashMap;
 
 /// The grid of dots for a display of a given size.

@@ -11,9 +11,9 @@
 
 use super::pyramid::{Details, Pyramid, last_step};
 use crate::alignment::homography::Point;
-use crate::interrupt;
-use crate::numerics::least_squares::NormalEquations;
-use crate::numerics::{Plane, RegionOfInterest};
+use lightpath_optics::interrupt;
+use lightpath_optics::numerics::least_squares::NormalEquations;
+use lightpath_optics::{Plane, RegionOfInterest};
 use rayon::prelude::*;
 
 /// Displacement of the photograph's light in a block.
@@ -132,7 +132,7 @@ impl Block<'_> {
     /// The change of a displacement that fits best \[px\], and the standard deviation of its less certain direction
     /// \[px\].
     fn fit(&self, shift: Point) -> Option<(Point, f64)> {
-        let mut equations = NormalEquations::<4>::new();
+        let mut equations = NormalEquations::<4>::none();
         let mut rows = Vec::with_capacity(SIDE * SIDE);
         let (top, left) = self.corner;
         for (y, x) in (top..top + SIDE).flat_map(|y| (left..left + SIDE).map(move |x| (y, x))) {

@@ -20,8 +20,8 @@
 
 use super::pyramid::{DETAILS_REACH, Details};
 use crate::alignment::camera_map::{CameraMap, PARAMETERS};
-use crate::interrupt;
-use crate::numerics::least_squares::NormalEquations;
+use lightpath_optics::interrupt;
+use lightpath_optics::numerics::least_squares::NormalEquations;
 use rayon::prelude::*;
 
 /// Unknowns of a step: the parameters, the photograph's gain and its offset.
@@ -104,7 +104,7 @@ struct Comparison {
 
 impl Comparison {
     fn empty() -> Self {
-        let equations = NormalEquations::new();
+        let equations = NormalEquations::none();
         Self { equations, all: 0.0, inside: 0.0, sums: [0.0; 2], squares: [0.0; 2], product: 0.0 }
     }
 

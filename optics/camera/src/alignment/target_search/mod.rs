@@ -18,7 +18,7 @@ pub use blocks::{BlockDisplacement, block_displacements};
 
 use super::error::{AlignmentError, CORRELATION_MIN, TARGET_SIDE_MIN};
 use crate::alignment::camera_map::CameraMap;
-use crate::numerics::Plane;
+use lightpath_optics::Plane;
 use pyramid::{Pyramid, last_step};
 use rayon::prelude::*;
 use refinement::{Fit, Freedom, refined};

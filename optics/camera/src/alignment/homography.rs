@@ -8,7 +8,7 @@
 //! (1997)). Gauss–Newton then minimizes the distances in the camera's plane, with Huber's weights against wrong points.
 
 use super::error::AlignmentError;
-use crate::numerics::least_squares::NormalEquations;
+use lightpath_optics::numerics::least_squares::NormalEquations;
 
 /// A point: x and y \[px\].
 pub type Point = [f64; 2];
@@ -200,7 +200,7 @@ impl Normalization {
 
 /// Solves for h₀ … h₇ with h₈ = 1, which is allowed because the centre of the points is not mapped to infinity.
 fn direct_linear_transform(points: &[(Point, Point)]) -> Option<[f64; 8]> {
-    let mut equations = NormalEquations::<8>::new();
+    let mut equations = NormalEquations::<8>::none();
     for &([x, y], [u, v]) in points {
         equations.add(&[x, y, 1.0, 0.0, 0.0, 0.0, -u * x, -u * y], u, 1.0);
         equations.add(&[0.0, 0.0, 0.0, x, y, 1.0, -v * x, -v * y], v, 1.0);
@@ -211,7 +211,7 @@ fn direct_linear_transform(points: &[(Point, Point)]) -> Option<[f64; 8]> {
 fn gauss_newton_step(parameters: &[f64; 8], points: &[(Point, Point)]) -> Option<[f64; 8]> {
     let map = Homography::of(parameters);
     let distances: Vec<f64> = points.iter().map(|&(from, to)| distance(map.apply(from), to)).collect();
-    let mut equations = NormalEquations::<8>::new();
+    let mut equations = NormalEquations::<8>::none();
     for (&([x, y], to), weight) in points.iter().zip(huber_weights(&distances)) {
         let [u, v] = map.apply([x, y]);
         let w = 1.0 / (parameters[6] * x + parameters[7] * y + 1.0);

@@ -12,11 +12,10 @@
 //! be the camera's, or the surface's.
 
 use super::camera_turn::{CameraTurn, HUBER_PX, OUTLIER_PX};
-use super::homography::distance;
-use super::homography::{Homography, Point};
-use super::tiles::Tiles;
-use crate::numerics::RegionOfInterest;
-use crate::numerics::least_squares::NormalEquations;
+use super::homography::{Homography, Point, distance};
+use lightpath_optics::RegionOfInterest;
+use lightpath_optics::numerics::least_squares::NormalEquations;
+use lightpath_optics::numerics::tiles::Tiles;
 
 /// Result of the registration: an affine correction, its parts, and its quality.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,12 +45,12 @@ pub struct Registration {
 /// Fewest tiles that a correction is fitted to.
 const TILES_MIN: usize = 6;
 
-impl Tiles {
+impl Registration {
     /// The correction that most tiles agree on. `None` when too few tiles have a clear peak.
     #[must_use]
-    pub fn register(&self, region: RegionOfInterest) -> Option<Registration> {
-        let repeats = (self.len() * self.pixels_of_one()) as f64 / region.pixels() as f64;
-        fit(&self.displacements(), region, repeats)
+    pub fn of(tiles: &Tiles, region: RegionOfInterest) -> Option<Self> {
+        let repeats = (tiles.count() * tiles.pixels_of_one()) as f64 / region.pixels() as f64;
+        fit(&tiles.displacements(), region, repeats)
     }
 }
 
@@ -159,7 +158,7 @@ impl Frame {
         }
         let mut outlier_px = f64::INFINITY;
         for round in 0..30 {
-            let mut equations = [NormalEquations::<3>::new(), NormalEquations::<3>::new()];
+            let mut equations = [NormalEquations::<3>::none(), NormalEquations::<3>::none()];
             for &(p, shift) in displacements {
                 let off = distance(self.predicted(&parameters, p), shift);
                 if off > outlier_px {
@@ -184,8 +183,8 @@ impl Frame {
 mod tests {
     use super::*;
     use crate::alignment::warp::warp;
-    use crate::numerics::{Grid, Plane};
-    use crate::test_cards::TestCard;
+    use lightpath_optics::test_cards::TestCard;
+    use lightpath_optics::{Grid, Plane};
 
     fn region(height_px: usize, width_px: usize) -> RegionOfInterest {
         RegionOfInterest::middle(&Grid::try_new(height_px, width_px, 8e-6).unwrap())
@@ -215,7 +214,7 @@ mod tests {
             for (card, photo) in &pairs {
                 tiles.add(card, &warp(photo, &found, 360, 640, 0.999, 1.0), 0.999);
             }
-            found = found.after(&tiles.register(region).unwrap().correction);
+            found = found.after(&Registration::of(&tiles, region).unwrap().correction);
         }
         found
     }
@@ -243,7 +242,7 @@ mod tests {
                 let (card, photo) = pair(seed, map);
                 tiles.add(&card, &photo, 0.999);
             });
-            tiles.register(region).unwrap()
+            Registration::of(&tiles, region).unwrap()
         };
         let shifted = measure(&Homography::similarity([319.5, 179.5], 0.0, 1.0, [2.0, 0.0]));
         assert!((shifted.misalignment_px - 2.0).abs() < 0.1 && (shifted.shift_px - 2.0).abs() < 0.1, "{shifted:?}");
@@ -346,7 +345,7 @@ mod tests {
         let (card, _) = pair(0, &Homography::IDENTITY);
         let (_, other) = pair(5, &Homography::IDENTITY);
         tiles.add(&card, &other, 0.999);
-        assert_eq!(tiles.register(region), None);
+        assert_eq!(Registration::of(&tiles, region), None);
         assert!(Tiles::cover(self::region(48, 64)).is_none());
     }
 }

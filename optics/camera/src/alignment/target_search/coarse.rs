@@ -12,8 +12,8 @@ use super::pyramid::Pyramid;
 use crate::alignment::box_blur::box_blur;
 use crate::alignment::camera_map::{CameraMap, Frame};
 use crate::alignment::homography::Point;
-use crate::numerics::Plane;
-use crate::numerics::fourier::{Direction, fft2};
+use lightpath_optics::Plane;
+use lightpath_optics::reference::{Direction, fft2};
 use num_complex::Complex64;
 use rayon::prelude::*;
 

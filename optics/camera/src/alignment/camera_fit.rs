@@ -17,7 +17,7 @@ use super::camera_map::{CameraMap, Frame, PARAMETERS};
 use super::error::AlignmentError;
 use super::homography::{Homography, PointPair};
 use super::homography::{distance, huber_weights, inliers};
-use crate::numerics::least_squares::NormalEquations;
+use lightpath_optics::numerics::least_squares::NormalEquations;
 
 /// A camera's map that was fitted to points, and the quality of the fit.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -103,7 +103,7 @@ fn fitted<const N: usize>(mut map: CameraMap, pairs: &[PointPair]) -> Option<Cam
 
 fn gauss_newton_step<const N: usize>(map: &CameraMap, pairs: &[PointPair]) -> Option<[f64; PARAMETERS]> {
     let distances: Vec<f64> = pairs.iter().map(|pair| distance(map.apply(pair.display), pair.camera)).collect();
-    let mut equations = NormalEquations::<N>::new();
+    let mut equations = NormalEquations::<N>::none();
     for (pair, weight) in pairs.iter().zip(huber_weights(&distances)) {
         let (place, rows) = map.derivatives(pair.display);
         for axis in [0, 1] {

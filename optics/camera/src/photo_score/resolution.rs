@@ -11,9 +11,9 @@
 //! target in the place of a second picture. It does not depend on gain and offset. Blur alone, without noise, does not
 //! lower it. Frequencies below 0.02 do not count: uneven light, not resolution, decides there.
 
-use crate::interrupt;
-use crate::numerics::fourier::{Direction, fft2};
-use crate::numerics::{Plane, RegionOfInterest};
+use lightpath_optics::interrupt;
+use lightpath_optics::reference::{Direction, fft2};
+use lightpath_optics::{Plane, RegionOfInterest};
 use num_complex::Complex64;
 use std::f64::consts::PI;
 
@@ -105,7 +105,7 @@ fn windowed(plane: &Plane<f32>, region: RegionOfInterest) -> Plane<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::numerics::Grid;
+    use lightpath_optics::Grid;
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 

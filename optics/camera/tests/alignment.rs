@@ -1,8 +1,9 @@
 //! Alignment by pairs on simulated displays whose surface bends the light.
 #![allow(clippy::unwrap_used)]
 
-use lightpath_optics::alignment::{Homography, Registration, Tiles, warp};
+use lightpath_camera::alignment::{Homography, Registration, warp};
 use lightpath_optics::hologram::{HologramMethod, HologramOptions, ImagePlane, Loss, initial_phase};
+use lightpath_optics::numerics::tiles::Tiles;
 use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{
@@ -55,7 +56,7 @@ impl Holograms {
             for ((_, expected), photo) in self.shown.iter().zip(&photos) {
                 tiles.add(expected, &warp(photo, camera, HEIGHT_PX, WIDTH_PX, 0.999, 1.0), 0.999);
             }
-            tiles.register(self.region).unwrap()
+            Registration::of(&tiles, self.region).unwrap()
         };
         let first = register(&Homography::IDENTITY);
         let mut camera = first.rigid;

@@ -10,10 +10,10 @@
 //! every frequency. The correlations of all pairs are added before the search for the peak, so that each tile is judged
 //! by the pairs that have detail there.
 
-use super::homography::Point;
+use super::fourier::{Direction, fft2};
+use super::plane::Plane;
+use super::region::RegionOfInterest;
 use crate::interrupt;
-use crate::numerics::fourier::{Direction, fft2};
-use crate::numerics::{Plane, RegionOfInterest};
 use num_complex::Complex64;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
@@ -80,17 +80,20 @@ impl Tiles {
     }
 
     /// Number of tiles, with a clear peak or without.
-    pub(crate) fn len(&self) -> usize {
+    #[must_use]
+    pub fn count(&self) -> usize {
         self.corners.len()
     }
 
     /// Pixels of a tile.
-    pub(super) fn pixels_of_one(&self) -> usize {
+    #[must_use]
+    pub fn pixels_of_one(&self) -> usize {
         self.side_px * self.side_px
     }
 
     /// For each tile with a clear peak its middle, and the displacement of the photographs there (x, y) \[px\].
-    pub(crate) fn displacements(&self) -> Vec<(Point, Point)> {
+    #[must_use]
+    pub fn displacements(&self) -> Vec<([f64; 2], [f64; 2])> {
         let half = self.side_px as f64 / 2.0 - 0.5;
         self.spectra
             .par_iter()
@@ -130,7 +133,7 @@ fn spectrum(plane: &Plane<f32>, (top, left): (usize, usize), side: usize, left_o
 }
 
 /// Displacement of the photograph's tile from the expected one \[px\]. `None` without a clear peak.
-fn peak(spectrum: &[Complex64], side: usize) -> Option<Point> {
+fn peak(spectrum: &[Complex64], side: usize) -> Option<[f64; 2]> {
     let frequency = |i: usize| (if i < side / 2 { i as f64 } else { i as f64 - side as f64 }) / side as f64;
     let filtered = Plane::from_fn(side, side, |y, x| {
         let squared = frequency(y).powi(2) + frequency(x).powi(2);

@@ -12,7 +12,7 @@
 
 use super::error::AlignmentError;
 use super::homography::{Homography, Point};
-use crate::numerics::Plane;
+use lightpath_optics::Plane;
 
 /// Number of parameters: six of an affine map, two of the perspective, four of the distortion.
 pub(super) const PARAMETERS: usize = 12;

@@ -19,8 +19,8 @@ pub use flat_blocks::{BLOCK_PX, BLOCKS_MIN, block_speckle_contrast};
 pub use resolution::{RING_CORRELATION_MIN, Resolution, resolution};
 
 use crate::alignment::{AlignmentError, FoundTarget, block_displacements, find_target, warp};
-use crate::metrics::{Gain, fitted_intensity_scale, psnr_db, psnr_with_offset_db, ssim};
-use crate::numerics::{Plane, RegionOfInterest};
+use lightpath_optics::metrics::{Gain, fitted_intensity_scale, psnr_db, psnr_with_offset_db, ssim};
+use lightpath_optics::{Plane, RegionOfInterest};
 
 /// A photograph on the pixels of its target.
 #[derive(Clone, Debug, PartialEq)]
@@ -79,7 +79,7 @@ pub enum ScoreError {
     },
     /// A figure cannot be computed.
     #[error(transparent)]
-    Metric(#[from] crate::error::Error),
+    Metric(#[from] lightpath_optics::Error),
 }
 
 /// Finds the target in the photograph and resamples the photograph on its pixels. `photo` and `target` have one or
@@ -115,13 +115,13 @@ pub fn align(
 ///
 /// # Errors
 ///
-/// [`crate::Error::SizeMismatch`] for planes of different sizes; [`crate::Error::OutOfRange`] for a region that leaves
-/// the target or has a side below [`SSIM_SIDE_MIN`](crate::metrics::SSIM_SIDE_MIN).
+/// [`lightpath_optics::Error::SizeMismatch`] for planes of different sizes; [`lightpath_optics::Error::OutOfRange`] for a region that leaves
+/// the target or has a side below [`SSIM_SIDE_MIN`](lightpath_optics::metrics::SSIM_SIDE_MIN).
 pub fn score(
     aligned: &Plane<f32>,
     target: &Plane<f32>,
     region: RegionOfInterest,
-) -> crate::error::Result<ChannelScore> {
+) -> lightpath_optics::Result<ChannelScore> {
     Ok(ChannelScore {
         psnr_db: psnr_db(aligned, target, region, Gain::Fitted)?,
         psnr_with_offset_db: psnr_with_offset_db(aligned, target, region)?,
@@ -139,9 +139,9 @@ pub fn error_of(aligned: &Plane<f32>, target: &Plane<f32>, gain: f64) -> Plane<f
     Plane::from_fn(target.height_px(), target.width_px(), difference)
 }
 
-fn mean(name: &'static str, channels: &[Plane<f32>]) -> crate::error::Result<Plane<f32>> {
+fn mean(name: &'static str, channels: &[Plane<f32>]) -> lightpath_optics::Result<Plane<f32>> {
     let [first, others @ ..] = channels else {
-        return Err(crate::error::Error::Empty { name, needed: "one or three channels are needed" });
+        return Err(lightpath_optics::Error::Empty { name, needed: "one or three channels are needed" });
     };
     let mut sum = first.clone();
     for plane in others {
@@ -170,8 +170,8 @@ fn residual(target: &Plane<f32>, aligned: &Plane<f32>, region: RegionOfInterest)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::numerics::Grid;
-    use crate::test_cards::TestCard;
+    use lightpath_optics::Grid;
+    use lightpath_optics::test_cards::TestCard;
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 

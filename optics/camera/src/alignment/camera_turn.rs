@@ -12,7 +12,7 @@
 
 use super::homography::Point;
 use super::homography::distance;
-use crate::numerics::least_squares::NormalEquations;
+use lightpath_optics::numerics::least_squares::NormalEquations;
 
 /// A rotation that was found in displacements.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -65,7 +65,7 @@ fn fitted<const N: usize>(around: &[(Point, Point)], degree: i32) -> Option<(f64
         rows.map(|row| row.iter().zip(solution).map(|(a, b)| a * b).sum())
     };
     let mut solution = [0.0; N];
-    let mut equations = NormalEquations::<N>::new();
+    let mut equations = NormalEquations::<N>::none();
     let weight = |round: usize, off: f64| match round {
         0 => 1.0,
         _ if off <= HUBER_PX => 1.0,
@@ -108,7 +108,7 @@ fn rows<const N: usize>(degree: i32, [x, y]: Point) -> [[f64; N]; 2] {
 
 /// Equations that keep terms of P above the second degree small, so that they never take what the points do not show.
 fn wishes<const N: usize>(degree: i32) -> NormalEquations<N> {
-    let mut equations = NormalEquations::new();
+    let mut equations = NormalEquations::none();
     for (term, _) in powers(degree).enumerate().filter(|(_, (i, j))| i + j > 2) {
         let mut row = [0.0; N];
         row[term] = 1.0;

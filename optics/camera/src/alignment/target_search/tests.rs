@@ -4,8 +4,8 @@ use super::*;
 use crate::alignment::camera_map::{Frame, PARAMETERS};
 use crate::alignment::homography::Point;
 use crate::alignment::warp::warp;
-use crate::numerics::{Grid, RegionOfInterest};
-use crate::test_cards::TestCard;
+use lightpath_optics::test_cards::TestCard;
+use lightpath_optics::{Grid, RegionOfInterest};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 

@@ -2,7 +2,7 @@
 
 use super::box_blur::box_blur;
 use super::homography::Point;
-use crate::numerics::Plane;
+use lightpath_optics::Plane;
 
 /// A bright spot.
 #[derive(Clone, Copy, Debug, PartialEq)]

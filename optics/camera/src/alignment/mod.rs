@@ -17,7 +17,6 @@ mod homography;
 mod lattice;
 pub mod registration;
 mod target_search;
-mod tiles;
 mod warp;
 
 pub use camera_fit::CameraFit;
@@ -27,5 +26,4 @@ pub use error::{AlignmentError, CORRELATION_MIN, TARGET_SIDE_MIN};
 pub use homography::{Homography, Point, PointFit, PointPair};
 pub use registration::Registration;
 pub use target_search::{BlockDisplacement, FoundTarget, block_displacements, find_target};
-pub use tiles::Tiles;
 pub use warp::{MapToCamera, warp};

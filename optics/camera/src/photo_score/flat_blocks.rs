@@ -8,8 +8,8 @@
 //! corner. In each of them the target varies by at most 2 % of its brightest value in the region, and its mean is at
 //! least half of that value. A camera's gain does not change C. Uneven light over more than a block does not count.
 
-use crate::interrupt;
-use crate::numerics::{Plane, RegionOfInterest};
+use lightpath_optics::interrupt;
+use lightpath_optics::{Plane, RegionOfInterest};
 
 /// Side of a block \[px\].
 pub const BLOCK_PX: usize = 16;
@@ -66,7 +66,7 @@ fn contrast(light: &Plane<f32>, corner: (usize, usize)) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::numerics::Grid;
+    use lightpath_optics::Grid;
 
     fn full(plane: &Plane<f32>) -> RegionOfInterest {
         RegionOfInterest::full(&Grid::try_new(plane.height_px(), plane.width_px(), 8e-6).unwrap())

@@ -1,0 +1,329 @@
+//! The slow twin of a hologram's problem: the light of every image plane from its definition in f64, and the gradient
+//! by differences of the loss.
+//!
+//! ```text
+//! ∂L/∂φ_i ≈ ( L(φ + h e_i) − L(φ − h e_i) ) / 2h
+//! ```
+//!
+//! It shares the parts of a [display](DisplayModel) with the fast problem, and nothing of how that computes: no
+//! half-transformed fields, no passes, no adjoint. A gradient takes two evaluations for each pixel. Use it for a few
+//! hundred pixels, to judge what else computes holograms.
+
+use super::evaluate::{Evaluate, Evaluation, ProblemSize};
+use super::loss::Loss;
+use super::roughness::EPSILON;
+use crate::display::parts::spatial_variation::local_kernels;
+use crate::display::parts::{crosstalk, light_blur};
+use crate::display::{Carrier, DisplayModel};
+use crate::engine::Detector;
+use crate::engine::photometry::Quantity;
+use crate::error::{Error, Result};
+use crate::interrupt;
+use crate::metrics::Gain;
+use crate::numerics::chebyshev::position;
+use crate::numerics::fourier::{Direction, fft2};
+use crate::numerics::grid::frequency;
+use crate::numerics::{Plane, RegionOfInterest};
+use num_complex::Complex64;
+use rayon::prelude::*;
+use std::f64::consts::{PI, TAU};
+
+/// h \[rad\]. The error of a difference is some h² of the gradient.
+const STEP_RAD: f64 = 1e-4;
+
+/// Target picture at one distance, for a [`PlainProblem`]. See [`ImagePlane`](super::ImagePlane).
+#[derive(Clone, Debug)]
+pub struct PlainPlane {
+    /// The display at the picture's distance. It shows the first order, or what a filter passes of it.
+    pub model: DisplayModel,
+    /// Target intensity in linear light, of the display's size.
+    pub target: Plane<f32>,
+    /// Weight of each pixel in the loss, 0 or above; `None`: all pixels have the same weight.
+    pub weight: Option<Plane<f32>>,
+    /// Weight of this plane among several planes, above 0.
+    pub share: f64,
+}
+
+/// A hologram's problem, computed from definitions in f64. See [`HologramProblem`](super::HologramProblem).
+#[derive(Debug)]
+pub struct PlainProblem {
+    planes: Vec<(PlainPlane, Optics)>,
+    carrier: Option<Carrier>,
+    detector: Detector,
+    size: ProblemSize,
+    region: RegionOfInterest,
+    loss: Loss,
+}
+
+/// Optics between the modulator and one image plane.
+#[derive(Debug)]
+struct Optics {
+    /// Windows of the local kernels on the modulator; a single one that is 1 everywhere for a kernel that does not vary.
+    windows: Vec<Plane<f64>>,
+    /// Part of the light of each mode, and its transfer functions at the padded bins: for each place in a pixel one for
+    /// each window.
+    modes: Vec<(f64, Vec<Vec<Plane<Complex64>>>)>,
+}
+
+impl PlainProblem {
+    /// Problem with pictures of one size, a detector and an optional carrier grating on the modulator. The caller has
+    /// checked what [`HologramProblem::with_planes`](super::HologramProblem::with_planes) checks.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::Empty`] for no planes, [`Error::Incompatible`] for a display that shows all orders of its pixels, and
+    /// the errors of [`DisplayModel::validate`].
+    pub fn new(
+        planes: Vec<PlainPlane>,
+        (detector, carrier): (Detector, Option<Carrier>),
+        frames: usize,
+        region: RegionOfInterest,
+        loss: Loss,
+    ) -> Result<Self> {
+        let Some(first) = planes.first() else {
+            return Err(Error::Empty { name: "planes", needed: "at least one picture is needed" });
+        };
+        let (height_px, width_px) = (first.target.height_px(), first.target.width_px());
+        let size = ProblemSize { planes: planes.len(), frames, height_px, width_px };
+        let with_optics = planes.into_iter().map(|plane| {
+            plane.model.validate()?;
+            if plane.model.setup.orders().are_all() {
+                let reason = "the plain problem knows displays that show the first order only";
+                return Err(Error::Incompatible { name: "orders", reason });
+            }
+            let optics = Optics::new(&plane.model, detector);
+            Ok((plane, optics))
+        });
+        Ok(Self { planes: with_optics.collect::<Result<_>>()?, carrier, detector, size, region, loss })
+    }
+
+    /// Evaluates the loss of phases in f64.
+    #[must_use]
+    pub fn at(&self, phase: &[f64], gain: Gain) -> Evaluation {
+        let shares: f64 = self.planes.iter().map(|(plane, _)| plane.share).sum();
+        let mut compared = Vec::new();
+        let mut roughness = 0.0;
+        for (plane, optics) in &self.planes {
+            let lights = self.lights(plane, optics, phase);
+            let share = plane.share / shares / lights.len() as f64;
+            let all: f64 = self.pixels().map(|(y, x)| plane.weight(y, x)).sum();
+            let target = plane.target.map(f64::from);
+            for light in &lights {
+                compared.extend(self.pixels().map(|(y, x)| {
+                    let [p, t] = [light.at(y, x), target.at(y, x)].map(|light| match self.loss.quantity {
+                        Quantity::Intensity => light,
+                        Quantity::Amplitude => light.sqrt(),
+                    });
+                    (share * plane.weight(y, x) / all, p, t)
+                }));
+                roughness += share
+                    * (self.loss.total_variation * self.total_variation(plane, light)
+                        + self.loss.speckle * self.speckle(plane, light));
+            }
+        }
+        let sum = |of: &dyn Fn(f64, f64) -> f64| compared.iter().map(|&(w, p, t)| w * of(p, t)).sum::<f64>();
+        let (pp, tp) = (sum(&|p, _| p * p), sum(&|p, t| t * p));
+        let best_gain = if pp > 0.0 { tp / pp } else { 0.0 };
+        let loss_at = |gain: f64| sum(&|p, t| (gain * p - t).powi(2)) + roughness;
+        let best_loss = loss_at(best_gain);
+        let loss = match gain {
+            Gain::Given(gain) => loss_at(gain),
+            Gain::Fitted => best_loss,
+        };
+        Evaluation { loss, best_gain, best_loss }
+    }
+
+    /// Light planes of the detector in an image plane, the mean over the frames.
+    fn lights(&self, plane: &PlainPlane, optics: &Optics, phase: &[f64]) -> Vec<Plane<f64>> {
+        let ProblemSize { frames, height_px, width_px, .. } = self.size;
+        let places = self.detector.places_px().len();
+        let planes = if self.detector == Detector::Supersampled { places } else { 1 };
+        let mut lights = vec![Plane::filled(height_px, width_px, 0.0); planes];
+        for phase in phase.chunks_exact(self.size.frame_len()) {
+            let spectra = optics.spectra(&self.behind_modulator(&plane.model, phase));
+            for (share, to_places) in &optics.modes {
+                for (place, transfers) in to_places.iter().enumerate() {
+                    let image = image(&spectra, transfers);
+                    let part = share * planes as f64 / (places * frames) as f64;
+                    let light = &mut lights[place % planes];
+                    for (y, x) in (0..height_px).flat_map(|y| (0..width_px).map(move |x| (y, x))) {
+                        light.values_mut()[y * width_px + x] += part * image.at(y, x).norm_sqr();
+                    }
+                }
+            }
+        }
+        lights.iter().map(|light| light_blur::blurred_light(light, &plane.model.light_blur)).collect()
+    }
+
+    /// Field k · source · dust · ( e^{ir(ψ)} + z₀ ) behind the modulator, with k = ±1 the sign of the carrier's grating.
+    fn behind_modulator(&self, model: &DisplayModel, phase: &[f64]) -> Plane<Complex64> {
+        let ProblemSize { height_px, width_px, .. } = self.size;
+        let sign = |y: usize, x: usize| self.carrier.map_or(1.0, |carrier| carrier.sign(y, x));
+        let wrapped = Plane::from_fn(height_px, width_px, |y, x| {
+            let grating = if sign(y, x) < 0.0 { PI } else { 0.0 };
+            (phase[y * width_px + x] + grating).rem_euclid(TAU)
+        });
+        let shown = crosstalk::shown_phase(&wrapped, &model.crosstalk);
+        Plane::from_fn(height_px, width_px, |y, x| {
+            let (at_x, at_y, psi) = (position(x, width_px), position(y, height_px), shown.at(y, x));
+            let harmonics = model.response.iter().zip(1..).map(|([a, b], k)| {
+                let (sin, cos) = (f64::from(k) * psi).sin_cos();
+                a * sin + b * cos
+            });
+            let response = (1.0 + model.response_variation.value(at_x, at_y)) * psi + harmonics.sum::<f64>();
+            let light = model.source.value(at_x, at_y) * model.dust.factor(y, x);
+            sign(y, x) * light * (Complex64::cis(response) + model.zero_order)
+        })
+    }
+
+    fn pixels(&self) -> impl Iterator<Item = (usize, usize)> + Clone {
+        let region = self.region;
+        (region.y_px()..region.y_px() + region.height_px())
+            .flat_map(move |y| (region.x_px()..region.x_px() + region.width_px()).map(move |x| (y, x)))
+    }
+
+    /// V of [roughness](super::roughness).
+    fn total_variation(&self, plane: &PlainPlane, light: &Plane<f64>) -> f64 {
+        let (_, mean, _) = self.moments(plane, light, self.pixels());
+        let inside = |y, x| self.region.columns(y).is_some_and(|columns| columns.contains(&x));
+        let change = |from: f64, y, x| if inside(y, x) { (light.at(y, x) - from) / mean } else { 0.0 };
+        let all: f64 = self.pixels().map(|(y, x)| plane.weight(y, x)).sum();
+        let terms = self.pixels().map(|(y, x)| {
+            let [dx, dy] = [change(light.at(y, x), y, x + 1), change(light.at(y, x), y + 1, x)];
+            plane.weight(y, x) / all * ((dx * dx + dy * dy + EPSILON * EPSILON).sqrt() - EPSILON)
+        });
+        if mean > 0.0 { terms.sum() } else { 0.0 }
+    }
+
+    /// S of [roughness](super::roughness).
+    fn speckle(&self, plane: &PlainPlane, light: &Plane<f64>) -> f64 {
+        let (region, side_px) = (self.region, self.loss.speckle_block_px);
+        let target = plane.target.map(f64::from);
+        let blocks = (0..region.height_px() / side_px)
+            .flat_map(|row| (0..region.width_px() / side_px).map(move |column| (row, column)));
+        let [mut excess, mut all] = [0.0; 2];
+        for (row, column) in blocks {
+            let (y0, x0) = (region.y_px() + row * side_px, region.x_px() + column * side_px);
+            let pixels = (y0..y0 + side_px).flat_map(|y| (x0..x0 + side_px).map(move |x| (y, x)));
+            let (weight, wanted_mean, wanted) = self.moments(plane, &target, pixels.clone());
+            let (_, mean, shown) = self.moments(plane, light, pixels);
+            all += weight * wanted_mean;
+            excess += if mean > 0.0 { weight * wanted_mean * (shown - wanted).powi(2) } else { 0.0 };
+        }
+        if all > 0.0 { excess / all } else { 0.0 }
+    }
+
+    /// Sum of the weights of some pixels, and the mean and contrast √(σ²/m² + ε²) of their light.
+    fn moments(
+        &self,
+        plane: &PlainPlane,
+        light: &Plane<f64>,
+        pixels: impl Iterator<Item = (usize, usize)> + Clone,
+    ) -> (f64, f64, f64) {
+        let weight: f64 = pixels.clone().map(|(y, x)| plane.weight(y, x)).sum();
+        if weight == 0.0 {
+            return (0.0, 0.0, EPSILON);
+        }
+        let mean = pixels.clone().map(|(y, x)| plane.weight(y, x) * light.at(y, x)).sum::<f64>() / weight;
+        let variance = pixels.map(|(y, x)| plane.weight(y, x) * (light.at(y, x) - mean).powi(2)).sum::<f64>() / weight;
+        let relative = if mean > 0.0 { variance / (mean * mean) } else { 0.0 };
+        (weight, mean, (relative + EPSILON * EPSILON).sqrt())
+    }
+}
+
+impl PlainPlane {
+    fn weight(&self, y: usize, x: usize) -> f64 {
+        self.weight.as_ref().map_or(1.0, |weight| weight.at(y, x).into())
+    }
+}
+
+impl Optics {
+    fn new(model: &DisplayModel, detector: Detector) -> Self {
+        let (grid, part) = (model.setup.grid(), camera_part(model, detector));
+        let per_side = model.local_kernels().map_or(1, |kernels| kernels.len().isqrt());
+        let window = |k: usize| {
+            Plane::from_fn(grid.height_px(), grid.width_px(), |y, x| {
+                let along_y = local_kernels::window(k / per_side, per_side, position(y, grid.height_px()));
+                along_y * local_kernels::window(k % per_side, per_side, position(x, grid.width_px()))
+            })
+        };
+        let to_place = |kernels: &[DisplayModel], [x_px, y_px]: [f64; 2]| {
+            let [x_m, y_m] = [x_px, y_px].map(|px| part * px * grid.pixel_pitch_m());
+            kernels.iter().map(|kernel| sampled(kernel, [x_m, y_m])).collect()
+        };
+        let of_mode = |mode: &DisplayModel| {
+            let kernels = mode.local_kernels().unwrap_or_else(|| vec![mode.clone()]);
+            detector.places_px().into_iter().map(|place_px| to_place(&kernels, place_px)).collect()
+        };
+        let modes = model.modes().zip(model.coherence.shares()).map(|(mode, share)| (share, of_mode(&mode)));
+        Self { windows: (0..per_side * per_side).map(window).collect(), modes: modes.collect() }
+    }
+
+    /// Padded spectra of a field in each window.
+    fn spectra(&self, field: &Plane<Complex64>) -> Vec<Plane<Complex64>> {
+        let (height_px, width_px) = (field.height_px(), field.width_px());
+        let padded = |window: &Plane<f64>| {
+            Plane::from_fn(2 * height_px, 2 * width_px, |y, x| {
+                let inside = y < height_px && x < width_px;
+                if inside { field.at(y, x) * window.at(y, x) } else { Complex64::ZERO }
+            })
+        };
+        self.windows.iter().map(|window| fft2(&padded(window), Direction::Forward)).collect()
+    }
+}
+
+/// Part of the distance between a detector's places and the pixel's centre.
+fn camera_part(model: &DisplayModel, detector: Detector) -> f64 {
+    if detector == Detector::Pixel { model.setup.camera_fill_factor() } else { 1.0 }
+}
+
+/// Transfer function of a kernel to points beside the pixels' centres, at the padded bins.
+fn sampled(kernel: &DisplayModel, [x_m, y_m]: [f64; 2]) -> Plane<Complex64> {
+    let (grid, transfer) = (kernel.setup.grid(), kernel.sampled());
+    let (rows, columns, pitch_m) = (2 * grid.height_px(), 2 * grid.width_px(), grid.pixel_pitch_m());
+    Plane::from_fn(rows, columns, |v, u| {
+        let (fx, fy) = (frequency(u, columns, pitch_m), frequency(v, rows, pitch_m));
+        transfer(fx, fy) * Complex64::cis(TAU * (fx * x_m + fy * y_m))
+    })
+}
+
+/// Padded image of a field with these spectra in the windows, each behind its transfer function.
+fn image(spectra: &[Plane<Complex64>], transfers: &[Plane<Complex64>]) -> Plane<Complex64> {
+    let behind = Plane::from_fn(spectra[0].height_px(), spectra[0].width_px(), |v, u| {
+        spectra.iter().zip(transfers).map(|(spectrum, transfer)| spectrum.at(v, u) * transfer.at(v, u)).sum()
+    });
+    fft2(&behind, Direction::Inverse)
+}
+
+impl Evaluate for PlainProblem {
+    fn size(&self) -> ProblemSize {
+        self.size
+    }
+
+    fn evaluate(&mut self, phase: &[f32], gain: Gain, gradient: &mut [f32]) -> Evaluation {
+        let phase: Vec<f64> = phase.iter().copied().map(f64::from).collect();
+        gradient.par_iter_mut().enumerate().for_each(|(i, slope)| {
+            interrupt::check();
+            let [above, below] = [STEP_RAD, -STEP_RAD].map(|step| {
+                let mut moved = phase.clone();
+                moved[i] += step;
+                self.at(&moved, gain).loss
+            });
+            *slope = ((above - below) / (2.0 * STEP_RAD)) as f32;
+        });
+        self.at(&phase, gain)
+    }
+
+    fn measure(&mut self, phase: &[f32], gain: f64) -> Evaluation {
+        let phase: Vec<f64> = phase.iter().copied().map(f64::from).collect();
+        self.at(&phase, Gain::Given(gain))
+    }
+
+    fn light(&mut self, phase: &[f32]) -> Vec<f32> {
+        let phase: Vec<f64> = phase.iter().copied().map(f64::from).collect();
+        let (plane, optics) = &self.planes[0];
+        let lights = self.lights(plane, optics, &phase);
+        let rows = (0..self.size.height_px).flat_map(|y| lights.iter().flat_map(move |light| light.row(y)));
+        rows.map(|&light| light as f32).collect()
+    }
+}
