@@ -19,6 +19,7 @@ mod band_pass;
 pub mod bins;
 mod blocks;
 mod columns;
+mod course;
 mod dust;
 mod fit;
 mod ghost;
@@ -355,7 +356,7 @@ impl Learner {
     #[must_use]
     pub fn kept_pairs(&self, pairs: usize) -> Vec<usize> {
         match &self.0 {
-            AnyLearner::Parametric(learner) => learner.state().kept.iter().map(|&index| index as usize).collect(),
+            AnyLearner::Parametric(learner) => learner.state().kept_pairs().collect(),
             AnyLearner::Bins(_) => (0..pairs).collect(),
         }
     }
@@ -388,7 +389,7 @@ impl Learner {
     #[must_use]
     pub fn loss_history(&self) -> &[f64] {
         match &self.0 {
-            AnyLearner::Parametric(learner) => &learner.state().loss_history,
+            AnyLearner::Parametric(learner) => learner.state().loss_history(),
             AnyLearner::Bins(learner) => &learner.state().loss_history,
         }
     }
