@@ -91,13 +91,7 @@ conforms! {
 
 /// Every detector and quantity, several planes and frames, weights, roughness, a grating, and displays with all parts.
 fn cases() -> [Case; 6] {
-    let rough = Loss {
-        quantity: Quantity::Amplitude,
-        total_variation: 0.3,
-        speckle: 0.7,
-        speckle_block_px: 3,
-        ..Loss::default()
-    };
+    let rough = Loss { quantity: Quantity::Amplitude, total_variation: 0.3, speckle: 0.7, speckle_block_px: 3 };
     [
         Case::plain((8, 12), Detector::Point),
         Case { carrier: Some(Carrier::HalfOrderX), frames: 2, ..Case::plain((6, 10), Detector::Pixel) },

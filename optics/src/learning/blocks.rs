@@ -12,24 +12,6 @@ use serde::{Deserialize, Serialize};
 pub(crate) const SOURCE_ORDER: usize = 4;
 /// Highest total degree of a fine source profile. Order 8 leaves 3 dB less light in place on a surface of 1.5 waves.
 pub(crate) const FINE_SOURCE_ORDER: usize = 10;
-/// Least relative decrease of the validation loss by which a block is kept. Each block makes learning or every hologram
-/// more expensive.
-const GAIN_MIN: f64 = 0.1;
-/// [`GAIN_MIN`] before all blocks have been tried.
-const FIRST_GAIN_MIN: f64 = 0.05;
-/// [`GAIN_MIN`] of [`Block::Dust`], which makes a kernel of some kilobytes one of megabytes.
-const DUST_GAIN_MIN: f64 = 0.2;
-/// [`GAIN_MIN`] of [`Block::PartialCoherence`], which makes every hologram three times as expensive.
-const COHERENCE_GAIN_MIN: f64 = 0.3;
-/// [`GAIN_MIN`] of [`Block::LightBlur`]. The sub-samples of a pixel stand for its integral to 2 % of the light's
-/// variation, and a small blur mends some of that: on a display without a flaw it lowers the loss by a fifth.
-const LIGHT_BLUR_GAIN_MIN: f64 = 0.3;
-
-/// Most fits of `refinement_evaluations` evaluations that learning takes: one over all orders, and for each block its
-/// refinement and its trials.
-pub(super) fn fits_max(model: KernelModel) -> u32 {
-    1 + 2 * Block::ALL.into_iter().filter(|block| block.belongs_to(model)).count() as u32
-}
 
 /// A part of the display model that only some displays need.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -78,24 +60,6 @@ impl Block {
             Self::Varying => "varying",
             Self::Ghost => "ghost",
             Self::Dust => "dust",
-        }
-    }
-
-    /// Least relative decrease of the validation loss by which the block is kept.
-    pub(super) fn gain_min(self) -> f64 {
-        match self {
-            Self::FineSource | Self::Crosstalk | Self::UnevenResponse | Self::Varying | Self::Ghost => GAIN_MIN,
-            Self::LightBlur => LIGHT_BLUR_GAIN_MIN,
-            Self::PartialCoherence => COHERENCE_GAIN_MIN,
-            Self::Dust => DUST_GAIN_MIN,
-        }
-    }
-
-    /// [`Self::gain_min`] before all blocks have been tried.
-    pub(super) fn first_gain_min(self) -> f64 {
-        match self {
-            Self::FineSource | Self::Crosstalk | Self::UnevenResponse => FIRST_GAIN_MIN,
-            Self::LightBlur | Self::PartialCoherence | Self::Varying | Self::Ghost | Self::Dust => self.gain_min(),
         }
     }
 

@@ -22,7 +22,7 @@ const WITHOUT_GAIN_MAX: u32 = 5;
 
 /// State of a fit of dust.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct DustFit {
+pub(super) struct DustFit {
     search: LimitedMemory,
     /// Training loss and validation loss before the first step.
     before: Option<(f64, f64)>,
@@ -81,10 +81,14 @@ impl DustFit {
         self.without_gain < WITHOUT_GAIN_MAX && !self.search.counts.converged
     }
 
-    /// The best exponents and their validation loss, if the loss is less than that of the start by this part.
-    pub(super) fn kept(self, gain_min: f64) -> Option<(Vec<f32>, f64)> {
-        let (_, before) = self.before?;
-        self.best.filter(|(_, loss)| *loss <= before * (1.0 - gain_min))
+    /// The validation losses of the start and of the best exponents.
+    pub(super) fn losses(&self) -> Option<(f64, f64)> {
+        Some((self.before?.1, self.best.as_ref()?.1))
+    }
+
+    /// The exponents with the lowest validation loss.
+    pub(super) fn best(&self) -> Option<&[f32]> {
+        self.best.as_ref().map(|(exponents, _)| exponents.as_slice())
     }
 }
 

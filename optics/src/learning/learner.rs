@@ -112,7 +112,7 @@ impl Learner {
     #[must_use]
     pub fn kept_pairs(&self, pairs: usize) -> Vec<usize> {
         match &self.0 {
-            AnyLearner::Parametric(learner) => learner.state().kept.iter().map(|&index| index as usize).collect(),
+            AnyLearner::Parametric(learner) => learner.state().kept_pairs().collect(),
             AnyLearner::Bins(_) => (0..pairs).collect(),
         }
     }
@@ -145,7 +145,7 @@ impl Learner {
     #[must_use]
     pub fn loss_history(&self) -> &[f64] {
         match &self.0 {
-            AnyLearner::Parametric(learner) => &learner.state().loss_history,
+            AnyLearner::Parametric(learner) => learner.state().loss_history(),
             AnyLearner::Bins(learner) => &learner.state().loss_history,
         }
     }

@@ -19,6 +19,7 @@ mod band_pass;
 pub mod bins;
 mod blocks;
 mod columns;
+mod course;
 mod dust;
 mod fit;
 mod ghost;

@@ -80,11 +80,10 @@ mod tests {
     use super::*;
     use lightpath_domain::job::FrameResult;
     use lightpath_domain::units::Wavelength;
-    use lightpath_optics::hologram::{HologramMethod, HologramOptions, OptimizationState};
+    use lightpath_optics::hologram::{HologramMethod, HologramOptions, OptimizationState, initial_phase};
     use lightpath_optics::learning::bins::BinsState;
-    use lightpath_optics::learning::parametric::{BestModel, LastScreening, ParametricState, Round, TrialStage};
-    use lightpath_optics::learning::{Block, Blocks, LearnState};
-    use lightpath_optics::numerics::optimizer::damped::DampedState;
+    use lightpath_optics::learning::parametric::ParametricState;
+    use lightpath_optics::learning::{Block, KernelModel, LearnOptions, LearnState, Learner, LearningPairs, Pair};
     use lightpath_optics::{
         Detector, DisplayModel, Engine, Grid, HologramProblem, OpticalSetup, Optimization, Plane, RegionOfInterest,
     };
@@ -140,48 +139,24 @@ mod tests {
 
     #[test]
     fn states_of_learning_are_read_back_exactly() {
-        let refinement = DampedState {
-            parameters: vec![0.1, 0.7],
-            loss: 1e-5,
-            gradient: vec![-1.0 / 7.0, 0.0],
-            damping: 1e-3,
-            evaluations: 9,
-            trusted: false,
+        let setup = OpticalSetup::try_new(Grid::try_new(24, 32, 8e-6).unwrap(), 515e-9, 2e-3).unwrap();
+        let engine = Engine::new(&DisplayModel::ideal(setup), Detector::Pixel, None).unwrap();
+        let pair = |seed| {
+            let phase = initial_phase(24, 32, 6.0, seed).unwrap();
+            let photo = engine.light(&phase).unwrap().map(|light| 0.2 * light);
+            Pair { phase, photo }
         };
-        let best = |order| BestModel {
-            order,
-            blocks: Blocks::ALL,
-            parameters: vec![0.3],
-            loss: 1e-4,
-            loss_before: f64::INFINITY,
-        };
-        let parametric = ParametricState {
-            parameters: vec![0.1],
-            refinement: Some(refinement),
-            best: Some(best(8)),
-            round: Some(Round {
-                stage: TrialStage::Pruning,
-                before: best(5),
-                block: Block::FineSource,
-                steps: 2,
-                untried: vec![Block::Varying],
-                winner: Some(best(8)),
-            }),
-            adopted: true,
-            blocks: Blocks::ALL,
-            order: 8,
-            trials: TrialStage::Last,
-            kept: vec![0, 2, 3],
-            curvature: vec![4.0],
-            last_screening: LastScreening::Due,
-            rescreened: true,
-            order_index: 1,
-            converged: true,
-            loss_history: vec![0.3, 0.2],
-            adam_steps: 5,
-            ..ParametricState::default()
-        };
-        check_round_trip::<LearnState>(&LearnState::Parametric(parametric.into()));
+        let (training, validation): (Vec<Pair>, Vec<Pair>) = ((0..4).map(pair).collect(), (4..6).map(pair).collect());
+        let pairs = LearningPairs { training: &training, validation: &validation };
+        let region = RegionOfInterest::middle(&setup.grid());
+        let options = LearnOptions { refinement_evaluations: 2, ..LearnOptions::new(KernelModel::Display, region) };
+        let mut learner = Learner::start(setup, options, &training).unwrap();
+        let mut tried = Vec::new();
+        while let Some(step) = learner.step(pairs).unwrap() {
+            check_round_trip::<LearnState>(&learner.state().into_owned());
+            tried.extend(step.trial);
+        }
+        assert!(tried.contains(&Block::FineSource) && tried.contains(&Block::Dust), "{tried:?}");
         check_round_trip::<LearnState>(&LearnState::Parametric(ParametricState::default().into()));
         check_round_trip::<LearnState>(&LearnState::Bins(BinsState { parameters: vec![0.1], ..BinsState::default() }));
     }

@@ -146,7 +146,7 @@ impl Stage {
 
 #[cfg(test)]
 mod tests {
-    use super::super::ParametricState;
+    use super::super::state::{Fitted, ParametricState};
     use super::super::surface_start::tests::pairs;
     use super::*;
     use crate::display::OpticalSetup;
@@ -170,7 +170,7 @@ mod tests {
     fn start_finds_surface_of_three_waves() {
         let (setup, options, pairs) = bent(Grid::try_new(270, 480, 8e-6).unwrap(), 40e-3, 3.0);
         let mut learner = ParametricLearner::start(&[setup], options, &pairs).unwrap();
-        let theta = learner.state.parameters.clone();
+        let theta = learner.state.fitted.parameters.clone();
         let started = learner.start_loss(&pairs, &theta).unwrap();
         let ideal = learner.start_loss(&pairs, &vec![0.0; theta.len()]).unwrap();
         assert!(started < 0.5 * ideal, "{started} against {ideal}");
@@ -183,7 +183,8 @@ mod tests {
         let found = |threads| {
             ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| {
                 let blocks = Blocks::NONE.with(Block::FineSource);
-                let state = ParametricState { order: 5, blocks, ..ParametricState::default() };
+                let fitted = Fitted { order: 5, blocks, ..Fitted::default() };
+                let state = ParametricState { fitted, ..ParametricState::default() };
                 let mut learner = ParametricLearner::resume(&[setup], options.clone(), state).unwrap();
                 let flat = vec![0.0; learner.joint.len()];
                 learner.fitted_coarse_to_fine(&pairs, &flat).unwrap()

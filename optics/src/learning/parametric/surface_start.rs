@@ -16,7 +16,8 @@
 //!
 //! Tiles see details of low frequencies best, which holograms of a narrow range of phases have.
 
-use super::{ParametricLearner, few};
+use super::ParametricLearner;
+use super::pairs_in_use::few;
 use crate::learning::blocks::Block;
 use crate::learning::pair::SATURATION;
 use crate::learning::pair::{BoxError, PairSource};
@@ -293,7 +294,7 @@ pub(super) mod tests {
             let pairs = pairs(&bench);
             let options = LearnOptions::new(KernelModel::Display, RegionOfInterest::middle(&setup.grid()));
             let mut learner = ParametricLearner::start(&[setup], options, &pairs).unwrap();
-            let theta = learner.state.parameters.clone();
+            let theta = learner.state.fitted.parameters.clone();
             assert_eq!(theta.iter().any(|&parameter| parameter != 0.0), is_bent, "{surface_waves} waves");
             let loss = |learner: &mut ParametricLearner, theta: &[f64]| learner.start_loss(&pairs, theta).unwrap();
             let (started, ideal) = (loss(&mut learner, &theta), loss(&mut learner, &vec![0.0; theta.len()]));
