@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Every crate, with the crates of the workspace that it may depend on.
-const CRATES: [(&str, &[&str]); 21] = [
+const CRATES: [(&str, &[&str]); 22] = [
     ("optics", &[]),
     ("optics/camera", &["optics"]),
     ("manifest", &[]),
@@ -23,6 +23,7 @@ const CRATES: [(&str, &[&str]); 21] = [
     ("server/dashboard", &[]),
     ("server/webhooks", &["domain", "metrics", "store"]),
     ("server/worker", &["artifacts", "camera", "domain", "media", "metrics", "optics", "store"]),
+    ("server/service", &["artifacts", "camera", "domain", "manifest", "media", "metrics", "optics", "store"]),
     (
         "server/api",
         &[
@@ -31,11 +32,11 @@ const CRATES: [(&str, &[&str]); 21] = [
             "dashboard",
             "domain",
             "fail-points",
-            "manifest",
             "media",
             "metrics",
             "optics",
             "proto",
+            "service",
             "store",
         ],
     ),
@@ -53,6 +54,7 @@ const CRATES: [(&str, &[&str]); 21] = [
             "optics",
             "program-docs",
             "proto",
+            "service",
             "store",
             "webhooks",
             "worker",
@@ -76,6 +78,7 @@ const RESTRICTED: [(&str, &[&str]); 8] = [
             "server/store",
             "server/webhooks",
             "server/worker",
+            "server/service",
             "server/api",
             "server/daemon",
         ],

@@ -1,15 +1,8 @@
 //! State shared by all services, and the routes of all services.
 
-use crate::accounts::Accounts;
-use crate::checked_targets::CheckedTargets;
-use crate::error::ApiError;
+use crate::accounts::Streams;
 use crate::events::EventLog;
-use crate::jobs::estimate::JobLimits;
-use crate::kernels::conversions::Conversions;
-use crate::manifests::{ManifestRules, Manifests};
-use crate::reconstructors::LastReconstructor;
 use lightpath_artifacts::Artifacts;
-use lightpath_domain::origin::Origins;
 use lightpath_media::live_pictures::LivePictures;
 use lightpath_proto::v1::artifact_service_server::ArtifactServiceServer;
 use lightpath_proto::v1::dataset_service_server::DatasetServiceServer;
@@ -22,7 +15,8 @@ use lightpath_proto::v1::photo_service_server::PhotoServiceServer;
 use lightpath_proto::v1::rollout_service_server::RolloutServiceServer;
 use lightpath_proto::v1::server_service_server::ServerServiceServer;
 use lightpath_proto::v1::webhook_service_server::WebhookServiceServer;
-use lightpath_store::{QueueLimits, Store};
+use lightpath_service::{Service, ServiceError};
+use lightpath_store::Store;
 use std::time::Duration;
 use tokio::sync::watch;
 use tokio::time::timeout;
@@ -35,64 +29,36 @@ pub(crate) const MESSAGE_BYTES_MAX: usize = 4 << 20;
 /// A server that cannot write to its database within this time reports that it is not serving.
 const WRITE_TURN_MAX: Duration = Duration::from_secs(5);
 
-/// Limits on what clients may use.
-#[derive(Clone, Copy, Debug)]
-pub struct ApiLimits {
-    /// Limits on the queue.
-    pub queue: QueueLimits,
-    /// Limits on jobs.
-    pub jobs: JobLimits,
-    /// Memory that computations for calls may use together \[bytes\]; one client may use half of it.
-    pub computing_bytes: u64,
-    /// How long manifests count, and how often devices ask.
-    pub manifests: ManifestRules,
-}
-
 /// State shared by all services; cheap to clone.
 #[derive(Clone, Debug)]
 pub struct Api {
+    /// What the methods do.
+    pub(crate) service: Service,
+    /// For methods that only read.
     pub(crate) store: Store,
     pub(crate) artifacts: Artifacts,
-    pub(crate) queue_limits: QueueLimits,
-    pub(crate) accounts: Accounts,
-    pub(crate) checked_targets: CheckedTargets,
-    pub(crate) conversions: Conversions,
-    pub(crate) manifests: Manifests,
-    pub(crate) last_reconstructor: LastReconstructor,
+    pub(crate) streams: Streams,
     pub(crate) events: EventLog,
     pub(crate) live_pictures: LivePictures,
-    pub(crate) webhook_origins: Origins,
     pub(crate) stopping: CancellationToken,
     /// Result of the latest health check.
     health: watch::Sender<Result<(), String>>,
-    pub(crate) job_limits: JobLimits,
 }
 
 impl Api {
-    /// Creates the shared state. Cancelling `stopping` ends all streams when the server stops.
-    pub fn new(store: Store, artifacts: Artifacts, limits: ApiLimits, stopping: CancellationToken) -> Self {
+    /// Creates the shared state for `service`, which is on `store` and `artifacts`. Cancelling `stopping` ends all streams
+    /// when the server stops.
+    pub fn new(service: Service, store: Store, artifacts: Artifacts, stopping: CancellationToken) -> Self {
         Self {
+            service,
             store,
             artifacts,
-            queue_limits: limits.queue,
-            accounts: Accounts::new(limits.computing_bytes),
-            checked_targets: CheckedTargets::default(),
-            conversions: Conversions::default(),
-            manifests: Manifests::new(limits.manifests),
-            last_reconstructor: LastReconstructor::default(),
+            streams: Streams::default(),
             events: EventLog::default(),
             live_pictures: LivePictures::default(),
-            webhook_origins: Origins::default(),
             stopping,
             health: watch::Sender::new(Ok(())),
-            job_limits: limits.jobs,
         }
-    }
-
-    /// The same, with origins to which webhooks may go. Without them there are no webhooks.
-    #[must_use]
-    pub fn with_webhook_origins(self, webhook_origins: Origins) -> Self {
-        Self { webhook_origins, ..self }
     }
 
     /// The pictures of running jobs that the API shows; workers draw them.
@@ -130,13 +96,13 @@ impl Api {
 
     /// Checks that the server can answer requests and run jobs: it is not stopping, its database can be read and
     /// written, and its disk has room.
-    pub async fn is_serving(&self) -> Result<(), ApiError> {
+    pub async fn is_serving(&self) -> Result<(), ServiceError> {
         if self.is_stopping() {
-            return Err(ApiError::Stopping);
+            return Err(ServiceError::Stopping);
         }
         self.artifacts.space().room_to_start()?;
         self.store.queue_counts().await?;
-        timeout(WRITE_TURN_MAX, self.store.wait_for_writer()).await.map_err(|_| ApiError::Locked)??;
+        timeout(WRITE_TURN_MAX, self.store.wait_for_writer()).await.map_err(|_| ServiceError::Locked)??;
         Ok(())
     }
 
@@ -148,7 +114,7 @@ impl Api {
     /// The latest result of [`Self::is_serving`] that was kept, or the reason why the server does not serve. It costs
     /// nothing, so that nobody can load the server with health checks.
     pub(crate) fn health(&self) -> Result<(), String> {
-        if self.is_stopping() { Err(ApiError::Stopping.to_string()) } else { self.health.borrow().clone() }
+        if self.is_stopping() { Err(ServiceError::Stopping.to_string()) } else { self.health.borrow().clone() }
     }
 
     /// Whether the server is stopping and refuses new requests.
@@ -165,25 +131,25 @@ impl Api {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use lightpath_domain::origin::Origins;
     use lightpath_fixtures::lock_database;
+    use lightpath_service::{JobLimits, ManifestRules, ServiceLimits};
+    use lightpath_store::QueueLimits;
     use std::path::Path;
 
     const DATABASE: &str = "lightpath.db";
 
     /// The services with an empty database in `folder`.
     pub(crate) async fn api_in(folder: &Path) -> Api {
-        let store = Store::open(&folder.join(DATABASE)).await.unwrap();
-        Api::new(
-            store,
-            Artifacts::open(folder).unwrap(),
-            ApiLimits {
-                queue: QueueLimits::from(10),
-                jobs: JobLimits::default(),
-                computing_bytes: 1 << 30,
-                manifests: ManifestRules::default(),
-            },
-            CancellationToken::new(),
-        )
+        let (store, artifacts) = (Store::open(&folder.join(DATABASE)).await.unwrap(), Artifacts::open(folder).unwrap());
+        let limits = ServiceLimits {
+            queue: QueueLimits::from(10),
+            jobs: JobLimits::default(),
+            computing_bytes: 1 << 30,
+            manifests: ManifestRules::default(),
+        };
+        let service = Service::new(&store, &artifacts, &limits, Origins::default());
+        Api::new(service, store, artifacts, CancellationToken::new())
     }
 
     #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -192,10 +158,10 @@ pub(crate) mod tests {
         let api = api_in(folder.path()).await;
         api.is_serving().await.unwrap();
         let lock = lock_database(&folder.path().join(DATABASE)).await;
-        assert!(matches!(api.is_serving().await, Err(ApiError::Locked)));
+        assert!(matches!(api.is_serving().await, Err(ServiceError::Locked)));
         drop(lock);
         api.is_serving().await.unwrap();
         api.stopping.cancel();
-        assert!(matches!(api.is_serving().await, Err(ApiError::Stopping)));
+        assert!(matches!(api.is_serving().await, Err(ServiceError::Stopping)));
     }
 }

@@ -3,57 +3,15 @@
 //! The gate puts a [`Call`] into the extensions of each request. A request without one has not passed the gate and is
 //! refused.
 
-use crate::accounts::Client;
 use crate::api::Api;
-use crate::error::ApiError;
+use crate::status;
 use futures::StreamExt as _;
 use futures::stream::BoxStream;
-use lightpath_domain::access::Caller;
-use std::net::IpAddr;
-use std::sync::{Arc, OnceLock};
-use tokio_util::sync::CancellationToken;
+use lightpath_service::{Call, ServiceError};
 use tonic::{Request, Response, Status};
 
-/// A call that has passed the gate. Clones are the same call.
-#[derive(Clone, Debug)]
-pub(crate) struct Call {
-    /// Who calls, and what the caller may do.
-    pub(crate) caller: Caller,
-    /// For whom the call is counted.
-    pub(crate) client: Client,
-    /// Cancelled when the client no longer waits for the answer.
-    pub(crate) cancelled: CancellationToken,
-    /// The resource that the call changes, for the audit log.
-    object: Arc<OnceLock<String>>,
-}
-
-impl Call {
-    /// A call from a caller at an address.
-    pub(crate) fn new(caller: Caller, address: Option<IpAddr>) -> Self {
-        let client = Client::of(&caller, address);
-        Self { caller, client, cancelled: CancellationToken::new(), object: Arc::default() }
-    }
-
-    /// Notes the resource that the call changes. The first note counts.
-    pub(crate) fn concerns(&self, object: impl Into<String>) {
-        // A second note is about a part of the first.
-        let _ = self.object.set(object.into());
-    }
-
-    /// The resource that the call changes; empty if none was noted.
-    pub(crate) fn object(&self) -> &str {
-        self.object.get().map_or("", String::as_str)
-    }
-
-    /// A call without a token, from an unknown address.
-    #[cfg(test)]
-    pub(crate) fn without_token() -> Self {
-        Self::new(Caller::without_token(), None)
-    }
-}
-
 /// Result of a method with a stream of answers.
-pub(crate) type Answers<A> = BoxStream<'static, Result<A, ApiError>>;
+pub(crate) type Answers<A> = BoxStream<'static, Result<A, ServiceError>>;
 
 /// A stream of answers with errors as tonic expects them.
 pub(crate) type StatusStream<A> = BoxStream<'static, Result<A, Status>>;
@@ -63,14 +21,14 @@ impl Api {
     ///
     /// # Errors
     ///
-    /// The status of the [`ApiError`] that `handle` returns; UNAUTHENTICATED if the request has no [`Call`].
+    /// The status of the [`ServiceError`] that `handle` returns; UNAUTHENTICATED if the request has no [`Call`].
     pub(crate) async fn answer<Q, A>(
         &self,
         mut request: Request<Q>,
-        handle: impl AsyncFnOnce(&Self, &Call, Q) -> Result<A, ApiError>,
+        handle: impl AsyncFnOnce(&Self, &Call, Q) -> Result<A, ServiceError>,
     ) -> Result<Response<A>, Status> {
-        let call = request.extensions_mut().remove::<Call>().ok_or(ApiError::NoCaller)?;
-        Ok(Response::new(handle(self, &call, request.into_inner()).await?))
+        let call = request.extensions_mut().remove::<Call>().ok_or_else(|| status::of(ServiceError::NoCaller))?;
+        handle(self, &call, request.into_inner()).await.map(Response::new).map_err(status::of)
     }
 
     /// Handles a request with a stream of answers.
@@ -81,10 +39,10 @@ impl Api {
     pub(crate) async fn answer_with_stream<Q, A: 'static>(
         &self,
         request: Request<Q>,
-        handle: impl AsyncFnOnce(&Self, &Call, Q) -> Result<Answers<A>, ApiError>,
+        handle: impl AsyncFnOnce(&Self, &Call, Q) -> Result<Answers<A>, ServiceError>,
     ) -> Result<Response<StatusStream<A>>, Status> {
         let answer = self.answer(request, handle).await?;
-        Ok(answer.map(|answers| answers.map(|answer| answer.map_err(Status::from)).boxed()))
+        Ok(answer.map(|answers| answers.map(|answer| answer.map_err(status::of)).boxed()))
     }
 }
 

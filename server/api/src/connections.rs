@@ -1,14 +1,14 @@
 //! Connections with HTTP/1.1 and HTTP/2 on one port, with or without TLS (without TLS, HTTP/2 needs prior knowledge).
 //! Their number is limited, and they are closed gracefully.
 
-use crate::accounts::{Client, OpenStream, StreamKind, Streams};
-use crate::error::ApiError;
+use crate::accounts::{OpenStream, StreamKind, Streams};
 use crate::tls::Tls;
 use axum::{Extension, Router};
 use hyper_util::rt::{TokioExecutor, TokioIo, TokioTimer};
 use hyper_util::server::conn::auto::Builder;
 use hyper_util::server::graceful::GracefulShutdown;
 use hyper_util::service::TowerToHyperService;
+use lightpath_service::{Client, ServiceError};
 use std::collections::HashMap;
 use std::net::{IpAddr, SocketAddr};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -76,8 +76,8 @@ impl Peer {
     ///
     /// # Errors
     ///
-    /// [`ApiError::Exhausted`] if the client has too many connections. This one is closed after the answer.
-    pub(crate) fn count(&self, streams: &Streams, client: &Client) -> Result<(), ApiError> {
+    /// [`ServiceError::Exhausted`] if the client has too many connections. This one is closed after the answer.
+    pub(crate) fn count(&self, streams: &Streams, client: &Client) -> Result<(), ServiceError> {
         let mut counted = self.counted.lock().unwrap_or_else(PoisonError::into_inner);
         if matches!(client, Client::Token(_)) && counted.is_none() {
             *counted = Some(streams.open(StreamKind::Connection, client).inspect_err(|_| self.close.cancel())?);

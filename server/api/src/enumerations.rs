@@ -1,7 +1,5 @@
 //! Conversion of enumerations from and to messages.
 
-use crate::error::ApiError;
-use crate::field::Field;
 use lightpath_domain::dataset::{AlignmentMethod, Encoding, FindingKind, Split};
 use lightpath_domain::job::{Fit, JobState};
 use lightpath_domain::rollout::RolloutState;
@@ -10,6 +8,7 @@ use lightpath_optics::engine::photometry::Quantity;
 use lightpath_optics::learning::ModelPart;
 use lightpath_optics::{Carrier, Detector, FilterShape, KernelModel, PropagationMethod};
 use lightpath_proto::v1;
+use lightpath_service::{Field, ServiceError};
 
 /// An enumeration that messages contain as a number. The number 0 stands for an unspecified value.
 pub(crate) trait OnWire: Sized {
@@ -20,20 +19,27 @@ pub(crate) trait OnWire: Sized {
     fn from_wire(number: i32) -> Option<Option<Self>>;
 }
 
-impl Field {
+/// Checks of fields with the number of a value.
+pub(crate) trait WireField {
     /// The value of an enumeration; `None` if it is unspecified.
-    pub(crate) fn enum_value<T: OnWire>(&self, number: i32) -> Result<Option<T>, ApiError> {
-        T::from_wire(number).ok_or_else(|| self.unknown_value(number))
-    }
+    fn enum_value<T: OnWire>(&self, number: i32) -> Result<Option<T>, ServiceError>;
 
     /// The value of an enumeration that only messages have.
-    pub(crate) fn wire_value<T: TryFrom<i32>>(&self, number: i32) -> Result<T, ApiError> {
-        T::try_from(number).map_err(|_| self.unknown_value(number))
+    fn wire_value<T: TryFrom<i32>>(&self, number: i32) -> Result<T, ServiceError>;
+}
+
+impl WireField for Field {
+    fn enum_value<T: OnWire>(&self, number: i32) -> Result<Option<T>, ServiceError> {
+        T::from_wire(number).ok_or_else(|| unknown_value(self, number))
     }
 
-    fn unknown_value(&self, number: i32) -> ApiError {
-        self.invalid(format!("is {number}, but must be a value of the enumeration"))
+    fn wire_value<T: TryFrom<i32>>(&self, number: i32) -> Result<T, ServiceError> {
+        T::try_from(number).map_err(|_| unknown_value(self, number))
     }
+}
+
+fn unknown_value(field: &Field, number: i32) -> ServiceError {
+    field.invalid(format!("is {number}, but must be a value of the enumeration"))
 }
 
 /// Implements [`OnWire`] for enumerations whose values have the same names in messages.

@@ -1,11 +1,10 @@
 //! The server service: facts about the server and about the caller's token.
 
 use crate::api::Api;
-use crate::call::Call;
-use crate::error::ApiError;
 use crate::time::timestamp;
 use lightpath_proto::v1;
 use lightpath_proto::v1::server_service_server::ServerService;
+use lightpath_service::{Call, ServiceError};
 use tonic::{Request, Response, Status};
 
 #[tonic::async_trait]
@@ -17,7 +16,7 @@ impl ServerService for Api {
 
 impl Api {
     /// Returns facts about the server and the caller.
-    pub(crate) async fn get_server(&self, call: &Call, _: v1::GetServerRequest) -> Result<v1::Server, ApiError> {
+    pub(crate) async fn get_server(&self, call: &Call, _: v1::GetServerRequest) -> Result<v1::Server, ServiceError> {
         let space = self.artifacts.space();
         Ok(v1::Server {
             version: env!("CARGO_PKG_VERSION").to_owned(),

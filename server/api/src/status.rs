@@ -3,9 +3,9 @@
 //! Every status has an `ErrorInfo` with a stable reason for programs, the domain `lightpath`, and the subject of the
 //! error. Internal errors are logged with an id, and clients receive only the id.
 
-use crate::error::{ApiError, WrongField};
 use lightpath_artifacts::ArtifactError;
 use lightpath_domain::causes::with_causes;
+use lightpath_service::{ServiceError, WrongField};
 use lightpath_store::StoreError;
 use std::collections::HashMap;
 use std::time::Duration;
@@ -37,57 +37,59 @@ struct Answer {
     retry_after: Option<Duration>,
 }
 
-impl From<ApiError> for Status {
-    fn from(error: ApiError) -> Self {
-        if let ApiError::Artifact(ArtifactError::DataLoss { digest }) = &error {
-            tracing::error!(digest, "a stored artifact no longer matches its digest");
-        }
-        match error {
-            ApiError::Stream(status) => *status,
-            error => answer(&error).map_or_else(|| internal(&error), |answer| answer.status(error.to_string())),
-        }
+/// The status of an error.
+pub(crate) fn of(error: ServiceError) -> Status {
+    if let ServiceError::Artifact(ArtifactError::DataLoss { digest }) = &error {
+        tracing::error!(digest, "a stored artifact no longer matches its digest");
+    }
+    match error {
+        ServiceError::Stream(cause) if cause.is::<Status>() => match cause.downcast() {
+            Ok(status) => *status,
+            Err(cause) => internal(&ServiceError::Stream(cause)),
+        },
+        error => answer(&error).map_or_else(|| internal(&error), |answer| answer.status(error.to_string())),
     }
 }
 
-impl ApiError {
-    /// The gRPC code of the error.
-    pub(crate) fn code(&self) -> Code {
-        match self {
-            Self::Stream(status) => status.code(),
-            error => answer(error).map_or(Code::Internal, |answer| answer.code),
-        }
+/// The gRPC code of an error.
+pub(crate) fn code(error: &ServiceError) -> Code {
+    match error {
+        ServiceError::Stream(cause) => cause.downcast_ref().map_or(Code::Internal, Status::code),
+        error => answer(error).map_or(Code::Internal, |answer| answer.code),
     }
 }
 
 /// The answer that clients receive for an error; `None` for internal errors.
-fn answer(error: &ApiError) -> Option<Answer> {
+fn answer(error: &ServiceError) -> Option<Answer> {
     Some(match error {
-        ApiError::Invalid { field, problem } => {
+        ServiceError::Invalid { field, problem } => {
             let answer = Answer::new(Code::InvalidArgument, "INVALID_FIELD").about("field", field);
             Answer { wrong: vec![WrongField { field: field.clone(), problem: problem.clone() }], ..answer }
         }
-        ApiError::SeveralInvalid { fields, are_missing, .. } => {
+        ServiceError::SeveralInvalid { fields, are_missing, .. } => {
             let (code, reason) =
                 if *are_missing { (Code::NotFound, "NOT_FOUND") } else { (Code::InvalidArgument, "INVALID_FIELD") };
             let answer = Answer::new(code, reason).about("field", fields.first().map_or("", |first| &first.field));
             Answer { wrong: fields.clone(), ..answer }
         }
-        ApiError::Missing { what, .. } => Answer::new(Code::NotFound, "NOT_FOUND").about("resource", what),
-        ApiError::Precondition { reason, .. } => Answer::new(Code::FailedPrecondition, reason.as_str()),
-        ApiError::Exhausted { reason, retry_after, .. } => {
+        ServiceError::Missing { what, .. } => Answer::new(Code::NotFound, "NOT_FOUND").about("resource", what),
+        ServiceError::Precondition { reason, .. } => Answer::new(Code::FailedPrecondition, reason.as_str()),
+        ServiceError::Exhausted { reason, retry_after, .. } => {
             Answer::new(Code::ResourceExhausted, reason.as_str()).retry(*retry_after)
         }
-        ApiError::Unauthenticated(_) => Answer::new(Code::Unauthenticated, "UNAUTHENTICATED"),
-        ApiError::NoCaller => Answer::new(Code::Unauthenticated, "NO_CALLER"),
-        ApiError::Denied(_) => Answer::new(Code::PermissionDenied, "PERMISSION_DENIED"),
-        ApiError::Locked => Answer::new(Code::Unavailable, "DATABASE_LOCKED").retry(QUEUE_RETRY),
-        ApiError::Stopping => Answer::new(Code::Unavailable, "STOPPING").retry(RESTART_RETRY),
-        ApiError::TooLarge { .. } => Answer::new(Code::FailedPrecondition, "TOO_LARGE"),
-        ApiError::Cancelled => Answer::new(Code::Cancelled, "CLIENT_LEFT"),
-        ApiError::Idle(_) => Answer::new(Code::DeadlineExceeded, "IDLE"),
-        ApiError::Stream(_) | ApiError::Task(_) | ApiError::Panicked | ApiError::NoRandomness => return None,
-        ApiError::Store(error) => return store_answer(error),
-        ApiError::Artifact(error) => return artifact_answer(error),
+        ServiceError::Unauthenticated(_) => Answer::new(Code::Unauthenticated, "UNAUTHENTICATED"),
+        ServiceError::NoCaller => Answer::new(Code::Unauthenticated, "NO_CALLER"),
+        ServiceError::Denied(_) => Answer::new(Code::PermissionDenied, "PERMISSION_DENIED"),
+        ServiceError::Locked => Answer::new(Code::Unavailable, "DATABASE_LOCKED").retry(QUEUE_RETRY),
+        ServiceError::Stopping => Answer::new(Code::Unavailable, "STOPPING").retry(RESTART_RETRY),
+        ServiceError::TooLarge { .. } => Answer::new(Code::FailedPrecondition, "TOO_LARGE"),
+        ServiceError::Cancelled => Answer::new(Code::Cancelled, "CLIENT_LEFT"),
+        ServiceError::Idle(_) => Answer::new(Code::DeadlineExceeded, "IDLE"),
+        ServiceError::Stream(_) | ServiceError::Task(_) | ServiceError::Panicked | ServiceError::NoRandomness => {
+            return None;
+        }
+        ServiceError::Store(error) => return store_answer(error),
+        ServiceError::Artifact(error) => return artifact_answer(error),
     })
 }
 
@@ -187,7 +189,7 @@ impl Answer {
 }
 
 /// Logs the error with its causes, and sends the client the id of the log entry.
-fn internal(error: &ApiError) -> Status {
+fn internal(error: &ServiceError) -> Status {
     let id = Uuid::now_v7().to_string();
     tracing::error!(id, causes = with_causes(error), "internal error");
     let message = format!("internal error {id}; the cause is in the server's log");
@@ -200,8 +202,9 @@ mod tests {
 
     #[test]
     fn statuses_name_the_reason_the_field_and_when_to_retry() {
-        let refused = ApiError::Invalid { field: "spec.distance_m".into(), problem: "is NaN, but must be …".into() };
-        let status = Status::from(refused);
+        let refused =
+            ServiceError::Invalid { field: "spec.distance_m".into(), problem: "is NaN, but must be …".into() };
+        let status = of(refused);
         assert_eq!((status.code(), status.message()), (Code::InvalidArgument, "spec.distance_m is NaN, but must be …"));
         let details = status.get_error_details();
         assert_eq!(details.bad_request().unwrap().field_violations[0].field, "spec.distance_m");
@@ -209,11 +212,11 @@ mod tests {
         assert_eq!((info.reason.as_str(), info.domain.as_str()), ("INVALID_FIELD", "lightpath"));
         assert_eq!(info.metadata["field"], "spec.distance_m");
 
-        let status = Status::from(ApiError::from(StoreError::QueueFull { limit: 3 }));
+        let status = of(ServiceError::from(StoreError::QueueFull { limit: 3 }));
         assert_eq!(status.code(), Code::ResourceExhausted);
         assert_eq!(status.get_error_details().retry_info().unwrap().retry_delay, Some(QUEUE_RETRY));
-        for later in [ApiError::Stopping, StoreError::Busy.into()] {
-            let status = Status::from(later);
+        for later in [ServiceError::Stopping, StoreError::Busy.into()] {
+            let status = of(later);
             assert_eq!(status.code(), Code::Unavailable);
             assert!(status.get_error_details().retry_info().is_some());
         }
@@ -221,21 +224,22 @@ mod tests {
 
     #[test]
     fn status_lists_every_wrong_field() {
-        let field = crate::field::Field::new("display");
+        let field = lightpath_service::Field::new("display");
         let wrong = [field.at("width_px").invalid("is 0"), field.at("height_px").invalid("is 1")];
-        let status = Status::from(crate::wrong_fields::all_of(wrong));
+        let status = of(lightpath_service::all_of(wrong));
         assert_eq!(status.code(), Code::InvalidArgument);
         let bad = status.get_error_details().bad_request().unwrap().field_violations.clone();
         let named: Vec<_> = bad.iter().map(|bad| (bad.field.as_str(), bad.description.as_str())).collect();
         assert_eq!(named, [("display.width_px", "is 0"), ("display.height_px", "is 1")]);
-        let missing = ["a", "b"].map(|name| crate::field::Field::new(name).missing("displays/x", "create it first"));
-        assert_eq!(Status::from(crate::wrong_fields::all_of(missing)).code(), Code::NotFound);
+        let missing =
+            ["a", "b"].map(|name| lightpath_service::Field::new(name).missing("displays/x", "create it first"));
+        assert_eq!(of(lightpath_service::all_of(missing)).code(), Code::NotFound);
     }
 
     #[test]
     fn clients_do_not_see_the_causes_of_internal_errors() {
         let source = std::io::Error::other("/secret/path");
-        let status = Status::from(ApiError::from(ArtifactError::Io { action: "read a file", source }));
+        let status = of(ServiceError::from(ArtifactError::Io { action: "read a file", source }));
         assert_eq!(status.code(), Code::Internal);
         assert!(!status.message().contains("secret") && status.message().starts_with("internal error"));
     }

@@ -6,9 +6,9 @@
 
 use crate::accounts::OpenStream;
 use crate::call::Answers;
-use crate::error::ApiError;
 use futures::StreamExt as _;
 use futures::stream;
+use lightpath_service::ServiceError;
 use tokio::sync::broadcast::Receiver;
 use tokio::sync::broadcast::error::{RecvError, TryRecvError};
 use tokio_util::sync::CancellationToken;
@@ -23,7 +23,7 @@ pub(crate) trait Watch: Send + Sync + 'static {
     type Message: Send + 'static;
 
     /// Reads the present state.
-    fn read(&self) -> impl Future<Output = Result<Self::Item, ApiError>> + Send;
+    fn read(&self) -> impl Future<Output = Result<Self::Item, ServiceError>> + Send;
     /// Whether the change concerns this resource.
     fn concerns(&self, change: &Self::Change) -> bool;
     /// Whether the state is final.
@@ -66,7 +66,7 @@ pub(crate) fn stream<W: Watch>(
 }
 
 impl<W: Watch> Follower<W> {
-    async fn next(&mut self) -> Result<W::Message, ApiError> {
+    async fn next(&mut self) -> Result<W::Message, ServiceError> {
         loop {
             let item = match self.first.take() {
                 Some(first) => first,
@@ -86,18 +86,18 @@ impl<W: Watch> Follower<W> {
     }
 
     /// Waits for a change of the resource, and removes all further announcements that have arrived.
-    async fn changed(&mut self) -> Result<(), ApiError> {
+    async fn changed(&mut self) -> Result<(), ServiceError> {
         loop {
             let change = tokio::select! {
                 biased;
-                () = self.stopping.cancelled() => return Err(ApiError::Stopping),
+                () = self.stopping.cancelled() => return Err(ServiceError::Stopping),
                 change = self.changes.recv() => change,
             };
             match change {
                 Ok(change) if !self.source.concerns(&change) => {}
                 // A missed announcement may have concerned this resource.
                 Ok(_) | Err(RecvError::Lagged(_)) => break,
-                Err(RecvError::Closed) => return Err(ApiError::Stopping),
+                Err(RecvError::Closed) => return Err(ServiceError::Stopping),
             }
         }
         while let Ok(_) | Err(TryRecvError::Lagged(_)) = self.changes.try_recv() {}

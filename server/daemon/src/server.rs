@@ -4,13 +4,14 @@ use crate::config::{Config, ConfigError};
 use crate::life::Life;
 use crate::upkeep::{self, Collected, Retention, UpkeepError};
 use crate::workers::Workers;
+use lightpath_api::Api;
 use lightpath_api::audit::Audit;
 use lightpath_api::connections;
 use lightpath_api::http::{self, EndedTokens, Gate, MemoryBudget, Rate};
 use lightpath_api::tls::{self, Tls, TlsError};
-use lightpath_api::{Api, ApiLimits};
 use lightpath_artifacts::Artifacts;
 use lightpath_metrics as metrics;
+use lightpath_service::{Service, ServiceLimits};
 use lightpath_store::{ProcessKind, Store, StoreError};
 use lightpath_worker::WorkerError;
 use std::io;
@@ -136,8 +137,8 @@ pub async fn run_and_announce(
     // They end when the server stops.
     let mut loops = JoinSet::new();
     loops.spawn(lightpath_webhooks::run(store.clone(), webhook_origins.clone(), stopping.clone()));
-    let api = Api::new(store.clone(), artifacts.clone(), api_limits(&config).await?, stopping.clone())
-        .with_webhook_origins(webhook_origins);
+    let service = Service::new(&store, &artifacts, &service_limits(&config).await?, webhook_origins);
+    let api = Api::new(service, store.clone(), artifacts.clone(), stopping.clone());
     loops.spawn(flush_loop(Arc::clone(&audit), tls.clone(), stopping.clone()));
     let (grpc, health) = api.clone().routes()?;
     set_health(&health, ServingStatus::Serving).await;
@@ -236,10 +237,10 @@ pub(crate) fn make_private(data_dir: &Path) {
 }
 
 /// Limits on what clients may use, with the measured speed of this machine.
-async fn api_limits(config: &Config) -> Result<ApiLimits, ServeError> {
+async fn service_limits(config: &Config) -> Result<ServiceLimits, ServeError> {
     let threads = config.compute_threads;
     let work_per_s = tokio::task::spawn_blocking(move || lightpath_worker::measured_work_per_s(threads)).await?;
-    Ok(config.api_limits(work_per_s))
+    Ok(config.service_limits(work_per_s))
 }
 
 /// Decides whether calls need a token. Returns an error if other machines could connect without the required TLS, or if

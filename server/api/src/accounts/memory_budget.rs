@@ -1,7 +1,6 @@
 //! A limit on the memory of messages that are received or sent, for each client and for all clients together.
 
-use super::client::Client;
-use crate::error::{ApiError, LimitReason};
+use lightpath_service::{Client, LimitReason, ServiceError};
 use std::collections::HashMap;
 use std::mem;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -43,7 +42,7 @@ impl MemoryBudget {
     }
 
     /// Takes `bytes` for a call of `client`, or returns an error that says when to retry.
-    pub(crate) fn take(self: &Arc<Self>, client: &Client, bytes: usize) -> Result<Share, ApiError> {
+    pub(crate) fn take(self: &Arc<Self>, client: &Client, bytes: usize) -> Result<Share, ServiceError> {
         let mut used = self.used.lock().unwrap_or_else(PoisonError::into_inner);
         let own = used.by_client.get(client).copied().unwrap_or_default();
         if own + bytes > self.bytes_max / 4 * CLIENT_QUARTERS {
@@ -58,14 +57,14 @@ impl MemoryBudget {
     }
 }
 
-fn exhausted(message: &str) -> ApiError {
+fn exhausted(message: &str) -> ServiceError {
     let message = format!("{message}; retry when some of them have ended");
-    ApiError::Exhausted { reason: LimitReason::TooMuchUnderWay, message, retry_after: RETRY }
+    ServiceError::Exhausted { reason: LimitReason::TooMuchUnderWay, message, retry_after: RETRY }
 }
 
 impl Share {
     /// Takes more bytes for the same call.
-    pub(crate) fn grow(&mut self, bytes: usize) -> Result<(), ApiError> {
+    pub(crate) fn grow(&mut self, bytes: usize) -> Result<(), ServiceError> {
         let mut more = self.budget.take(&self.client, bytes)?;
         self.bytes += mem::take(&mut more.bytes);
         Ok(())

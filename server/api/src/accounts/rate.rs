@@ -7,7 +7,7 @@
 //! T = 1/rate is the time between calls, times the number of servers that share the limit; τ = burst · T is how far a
 //! caller may be ahead; A is the theoretical arrival time of the next call.
 
-use super::client::Client;
+use lightpath_service::Client;
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, PoisonError};

@@ -1,8 +1,7 @@
 //! Limits on open streams and connections, for each client and for all clients together.
 
-use super::client::Client;
 use crate::connections::CONNECTIONS_MAX;
-use crate::error::{ApiError, LimitReason};
+use lightpath_service::{Client, LimitReason, ServiceError};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -100,8 +99,8 @@ impl Streams {
     ///
     /// # Errors
     ///
-    /// [`ApiError::Exhausted`] if the client or all clients together have too many open streams of this kind.
-    pub(crate) fn open(&self, kind: StreamKind, client: &Client) -> Result<OpenStream, ApiError> {
+    /// [`ServiceError::Exhausted`] if the client or all clients together have too many open streams of this kind.
+    pub(crate) fn open(&self, kind: StreamKind, client: &Client) -> Result<OpenStream, ServiceError> {
         let (name, all_max, own_max) = (kind.name(), kind.all_max(), kind.own_max());
         let mut streams = self.lock();
         let open = streams.entry(kind).or_default();
@@ -115,7 +114,7 @@ impl Streams {
             open.by_client.insert(client.clone(), own + 1);
             return Ok(OpenStream { streams: self.clone(), kind, client: client.clone() });
         };
-        Err(ApiError::Exhausted { reason: kind.reason(), message, retry_after: kind.retry_after() })
+        Err(ServiceError::Exhausted { reason: kind.reason(), message, retry_after: kind.retry_after() })
     }
 
     fn lock(&self) -> MutexGuard<'_, HashMap<StreamKind, Open>> {

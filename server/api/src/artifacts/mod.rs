@@ -1,9 +1,6 @@
-//! Artifacts: upload, download, and access for other resources.
+//! Artifacts: upload and download.
 
 pub(crate) mod download;
-mod lookup;
-mod picture;
 mod service;
-mod store_artifact;
-mod to_wire;
+pub(crate) mod to_wire;
 mod upload;

@@ -2,11 +2,10 @@
 
 use super::to_wire;
 use crate::api::Api;
-use crate::call::{Call, StatusStream};
-use crate::error::ApiError;
-use crate::field::Field;
+use crate::call::StatusStream;
 use lightpath_proto::v1;
 use lightpath_proto::v1::artifact_service_server::ArtifactService;
+use lightpath_service::{Call, Field, ServiceError};
 use tonic::{Request, Response, Status, Streaming};
 
 #[tonic::async_trait]
@@ -37,13 +36,10 @@ impl ArtifactService for Api {
 }
 
 impl Api {
-    async fn get_artifact(&self, call: &Call, request: v1::GetArtifactRequest) -> Result<v1::Artifact, ApiError> {
+    async fn get_artifact(&self, call: &Call, request: v1::GetArtifactRequest) -> Result<v1::Artifact, ServiceError> {
         let field = Field::new("digest");
         let digest = field.digest(&request.digest)?;
         // The answer counts as a use, because clients that find the artifact use it next.
-        match self.artifact_in_use(call, &digest).await? {
-            Some(record) => Ok(to_wire::artifact(record)),
-            None => Err(field.missing(format!("artifact {digest}"), "upload it first")),
-        }
+        Ok(to_wire::artifact(self.service.files.uploaded(call, &field, &digest).await?))
     }
 }

@@ -1,14 +1,13 @@
 //! Checks of pairs that clients add.
 
-use crate::error::ApiError;
-use crate::field::Field;
+use crate::enumerations::WireField as _;
 use crate::names;
-use crate::wrong_fields::check_all;
 use lightpath_domain::dataset::{Exposure, Pair};
 use lightpath_proto::v1;
+use lightpath_service::{Field, ServiceError, check_all};
 
 /// Checks a pair from a client and converts it.
-pub(crate) fn pair(pair: &v1::Pair, field: &Field) -> Result<Pair, ApiError> {
+pub(crate) fn pair(pair: &v1::Pair, field: &Field) -> Result<Pair, ServiceError> {
     check_all! {
         id = names::pair_id(&field.at("id"), &pair.id);
         phase = field.at("phase").digest(&pair.phase);

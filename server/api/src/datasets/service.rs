@@ -1,16 +1,14 @@
 //! The dataset service.
 
-use super::to_wire;
+use super::{from_wire, to_wire};
 use crate::api::Api;
-use crate::call::Call;
-use crate::error::ApiError;
-use crate::field::Field;
+use crate::enumerations::WireField as _;
 use crate::names;
 use crate::pages::Page;
-use crate::wrong_fields::check_all;
 use lightpath_domain::dataset::{Dataset, Encoding};
 use lightpath_proto::v1;
 use lightpath_proto::v1::dataset_service_server::DatasetService;
+use lightpath_service::{CalibrationTarget, Call, Field, ServiceError, check_all};
 use tonic::{Request, Response, Status};
 
 #[tonic::async_trait]
@@ -53,24 +51,28 @@ impl DatasetService for Api {
 }
 
 impl Api {
-    async fn create_dataset(&self, call: &Call, request: v1::CreateDatasetRequest) -> Result<v1::Dataset, ApiError> {
+    async fn create_dataset(
+        &self,
+        call: &Call,
+        request: v1::CreateDatasetRequest,
+    ) -> Result<v1::Dataset, ServiceError> {
         let field = Field::new("dataset");
         let message = field.required(request.dataset)?;
         let dataset = self.new_dataset(call, &message, &field).await?;
         call.concerns(format!("datasets/{}", dataset.id));
-        Ok(to_wire::dataset(self.store.create_dataset(&dataset, self.store.now_ms()).await?))
+        Ok(to_wire::dataset(self.service.datasets.create(&dataset).await?))
     }
 
-    async fn get_dataset(&self, call: &Call, request: v1::GetDatasetRequest) -> Result<v1::Dataset, ApiError> {
+    async fn get_dataset(&self, call: &Call, request: v1::GetDatasetRequest) -> Result<v1::Dataset, ServiceError> {
         let id = names::dataset_id(&Field::new("name"), &request.name)?;
-        Ok(to_wire::dataset(self.visible_dataset(call, &id).await?))
+        Ok(to_wire::dataset(self.service.datasets.visible(call, &id).await?))
     }
 
     async fn list_datasets(
         &self,
         call: &Call,
         request: v1::ListDatasetsRequest,
-    ) -> Result<v1::ListDatasetsResponse, ApiError> {
+    ) -> Result<v1::ListDatasetsResponse, ServiceError> {
         let display = names::display_filter(call, &Field::new("display"), &request.display)?;
         let page = Page::new(&["datasets", &request.display], request.page_size, &request.page_token)?;
         let datasets = self.store.datasets(display.as_deref(), page.after.as_deref(), page.limit()).await?;
@@ -78,19 +80,38 @@ impl Api {
         Ok(v1::ListDatasetsResponse { datasets, next_page_token })
     }
 
+    /// Adds a pair to a dataset, with its measurements and findings.
+    async fn add_pair(&self, call: &Call, request: v1::AddPairRequest) -> Result<v1::Dataset, ServiceError> {
+        let id = names::dataset_id(&Field::new("dataset"), &request.dataset)?;
+        call.concerns(format!("datasets/{id}"));
+        let field = Field::new("pair");
+        let pair = from_wire::pair(&field.required(request.pair)?, &field)?;
+        Ok(to_wire::dataset(self.service.datasets.add_pair(call, &id, pair).await?))
+    }
+
+    async fn create_calibration_target(
+        &self,
+        call: &Call,
+        request: v1::CreateCalibrationTargetRequest,
+    ) -> Result<v1::CalibrationTarget, ServiceError> {
+        let display = self.display_named(call, &Field::new("display"), &request.display).await?;
+        let CalibrationTarget { target, columns, rows } =
+            self.service.datasets.calibration_target(call, &display).await?;
+        Ok(v1::CalibrationTarget { target, columns: columns as u32, rows: rows as u32 })
+    }
+
     async fn delete_dataset(
         &self,
         call: &Call,
         request: v1::DeleteDatasetRequest,
-    ) -> Result<v1::DeleteDatasetResponse, ApiError> {
+    ) -> Result<v1::DeleteDatasetResponse, ServiceError> {
         let id = names::dataset_id(&Field::new("name"), &request.name)?;
         call.concerns(format!("datasets/{id}"));
-        self.visible_dataset(call, &id).await?;
-        self.store.delete_dataset(&id, self.store.now_ms()).await?;
+        self.service.datasets.delete(call, &id).await?;
         Ok(v1::DeleteDatasetResponse {})
     }
 
-    async fn new_dataset(&self, call: &Call, message: &v1::Dataset, field: &Field) -> Result<Dataset, ApiError> {
+    async fn new_dataset(&self, call: &Call, message: &v1::Dataset, field: &Field) -> Result<Dataset, ServiceError> {
         let display = self.display_named(call, &field.at("display"), &message.display).await;
         check_all! {
             id = names::dataset_id(&field.at("name"), &message.name);

@@ -2,17 +2,12 @@
 
 use super::to_wire;
 use crate::api::Api;
-use crate::call::Call;
-use crate::error::ApiError;
-use crate::field::Field;
 use crate::names;
 use crate::pages::Page;
-use crate::permissions;
 use lightpath_domain::device::{Device, InstalledFile, InstalledKernel, Report};
-use lightpath_domain::kernel::KernelKey;
-use lightpath_domain::kernel_format::KernelFormat;
 use lightpath_proto::v1;
 use lightpath_proto::v1::device_service_server::DeviceService;
+use lightpath_service::{Call, Field, ServiceError, permissions};
 use tonic::{Request, Response, Status};
 
 /// Limit on the length of a device's message \[bytes\].
@@ -56,18 +51,17 @@ impl Api {
         &self,
         call: &Call,
         request: v1::ReportDeviceRequest,
-    ) -> Result<v1::ReportDeviceResponse, ApiError> {
+    ) -> Result<v1::ReportDeviceResponse, ServiceError> {
         let (display, device) = names::device(call, &Field::new("name"), &request.name)?;
         permissions::device_of(call, &device)?;
         call.concerns(&request.name);
         let kernel = format!("displays/{display}/kernels/{}", request.kernel);
         let key = names::kernel_key(call, &Field::new("kernel"), &kernel)?;
-        // A device cannot have accepted what the server has not signed.
-        let newest = self.store.kernel_moment(&key, None).await?.generation;
-        let generation = Field::new("generation").integer(request.generation, 0..=newest)?;
+        let devices = &self.service.devices;
+        let generation = devices.signed_generation(&Field::new("generation"), &key, request.generation).await?;
         let file = installed_file(request.version, &request.form, &request.digest)?;
         if let Some(file) = &file {
-            self.require_file(call, &key, file).await?;
+            devices.require_file(call, &key, file).await?;
         }
         let loss = request.self_test_loss;
         let report = Report {
@@ -85,29 +79,15 @@ impl Api {
                 report_time_ms: self.store.now_ms(),
             },
         };
-        self.store.report_device(report).await?;
+        devices.report(report).await?;
         Ok(v1::ReportDeviceResponse {})
-    }
-
-    /// Refuses a file that the server does not have: a device with other bytes has another kernel.
-    async fn require_file(&self, call: &Call, key: &KernelKey, file: &InstalledFile) -> Result<(), ApiError> {
-        let version = self.store.kernel_version(key, file.version).await?;
-        let digest = match file.form {
-            KernelFormat::Safetensors => version.content.artifact.clone(),
-            form => self.converted(call, &version, form).await?.digest,
-        };
-        if digest == file.digest {
-            return Ok(());
-        }
-        let name = format!("{key}/versions/{} in the form {}", file.version, file.form.as_str());
-        Err(Field::new("digest").invalid(format!("is {}, but {name} has {digest}", file.digest)))
     }
 
     pub(crate) async fn list_devices(
         &self,
         call: &Call,
         request: v1::ListDevicesRequest,
-    ) -> Result<v1::ListDevicesResponse, ApiError> {
+    ) -> Result<v1::ListDevicesResponse, ServiceError> {
         let display = self.display_named(call, &Field::new("display"), &request.display).await?;
         let page = Page::new(&["devices", &request.display], request.page_size, &request.page_token)?;
         let devices = self.store.devices(&display.id, page.after.as_deref(), page.limit()).await?;
@@ -115,30 +95,34 @@ impl Api {
         Ok(v1::ListDevicesResponse { devices, next_page_token })
     }
 
-    async fn set_device_group(&self, call: &Call, request: v1::SetDeviceGroupRequest) -> Result<v1::Device, ApiError> {
+    async fn set_device_group(
+        &self,
+        call: &Call,
+        request: v1::SetDeviceGroupRequest,
+    ) -> Result<v1::Device, ServiceError> {
         let (display, device) = names::device(call, &Field::new("name"), &request.name)?;
         call.concerns(&request.name);
         let group = match request.group.as_str() {
             "" => "",
             group => names::label(&Field::new("group"), group)?,
         };
-        Ok(to_wire::device(self.store.set_device_group(&display, &device, group, self.store.now_ms()).await?))
+        Ok(to_wire::device(self.service.devices.set_group(&display, &device, group).await?))
     }
 
     async fn delete_device(
         &self,
         call: &Call,
         request: v1::DeleteDeviceRequest,
-    ) -> Result<v1::DeleteDeviceResponse, ApiError> {
+    ) -> Result<v1::DeleteDeviceResponse, ServiceError> {
         let (display, device) = names::device(call, &Field::new("name"), &request.name)?;
         call.concerns(&request.name);
-        self.store.delete_device(&display, &device).await?;
+        self.service.devices.delete(&display, &device).await?;
         Ok(v1::DeleteDeviceResponse {})
     }
 }
 
 /// The file that a device uses; `None` for version 0.
-fn installed_file(version: u32, form: &str, digest: &str) -> Result<Option<InstalledFile>, ApiError> {
+fn installed_file(version: u32, form: &str, digest: &str) -> Result<Option<InstalledFile>, ServiceError> {
     if version == 0 {
         return Ok(None);
     }

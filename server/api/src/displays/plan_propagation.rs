@@ -1,16 +1,14 @@
 //! Planning the propagation of light from a display to an image.
 
 use crate::api::Api;
-use crate::call::Call;
-use crate::enumerations::OnWire as _;
-use crate::error::ApiError;
-use crate::field::Field;
-use crate::optics::propagation_checks::{distance_refusal, method_refusal, optimizable};
+use crate::enumerations::{OnWire as _, WireField as _};
 use crate::optics::to_wire;
 use lightpath_domain::planning;
 use lightpath_optics::propagation::{self, assess, plan_onto};
 use lightpath_optics::{Error, OpticalSetup, PropagationMethod};
 use lightpath_proto::v1;
+use lightpath_service::propagation::{distance_refusal, method_refusal, optimizable};
+use lightpath_service::{Call, Field, ServiceError};
 
 impl Api {
     /// Plans the propagation from a display to a distance or a window, and lists the other methods with their validity.
@@ -18,7 +16,7 @@ impl Api {
         &self,
         call: &Call,
         request: v1::PlanPropagationRequest,
-    ) -> Result<v1::PlanPropagationResponse, ApiError> {
+    ) -> Result<v1::PlanPropagationResponse, ServiceError> {
         let display = self.display_named(call, &Field::new("display"), &request.display).await?;
         let wavelength = Field::new("wavelength_m").wavelength_of(request.wavelength_m, &display)?;
         let field = Field::new("distance_m");
@@ -59,7 +57,7 @@ fn alternative(setup: &OpticalSetup, method: PropagationMethod) -> v1::Propagati
     v1::PropagationAlternative { method: method.to_wire(), possible, optimizable, text }
 }
 
-fn image_window(window: v1::ImageWindow, field: &Field) -> Result<propagation::ImageWindow, ApiError> {
+fn image_window(window: v1::ImageWindow, field: &Field) -> Result<propagation::ImageWindow, ServiceError> {
     let v1::ImageWindow { width_px, height_px, pitch_x_m, pitch_y_m, centre_x_m, centre_y_m } = window;
     if pitch_y_m != 0.0 && pitch_y_m != pitch_x_m {
         return Err(field.at("pitch_y_m").invalid(format!("is {pitch_y_m}, but must be pitch_x_m, {pitch_x_m}, or 0")));

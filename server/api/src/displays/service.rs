@@ -2,14 +2,11 @@
 
 use super::{from_wire, to_wire};
 use crate::api::Api;
-use crate::call::Call;
-use crate::error::ApiError;
-use crate::field::Field;
 use crate::names;
 use crate::pages::Page;
-use lightpath_domain::display::Display;
 use lightpath_proto::v1;
 use lightpath_proto::v1::display_service_server::DisplayService;
+use lightpath_service::{Call, Field, ServiceError};
 use tonic::{Request, Response, Status};
 
 #[tonic::async_trait]
@@ -48,15 +45,19 @@ impl DisplayService for Api {
 }
 
 impl Api {
-    async fn create_display(&self, call: &Call, request: v1::CreateDisplayRequest) -> Result<v1::Display, ApiError> {
+    async fn create_display(
+        &self,
+        call: &Call,
+        request: v1::CreateDisplayRequest,
+    ) -> Result<v1::Display, ServiceError> {
         let field = Field::new("display");
         let display = from_wire::display(call, field.required(request.display)?, &field)?;
         call.concerns(format!("displays/{}", display.id));
-        let (display, create_time_ms) = self.store.create_display(&display, self.store.now_ms()).await?;
+        let (display, create_time_ms) = self.service.displays.create(&display).await?;
         Ok(to_wire::display(display, create_time_ms))
     }
 
-    async fn get_display(&self, call: &Call, request: v1::GetDisplayRequest) -> Result<v1::Display, ApiError> {
+    async fn get_display(&self, call: &Call, request: v1::GetDisplayRequest) -> Result<v1::Display, ServiceError> {
         let id = names::display_id(call, &Field::new("name"), &request.name)?;
         let (display, create_time_ms) = self.store.display(&id).await?;
         Ok(to_wire::display(display, create_time_ms))
@@ -66,43 +67,22 @@ impl Api {
         &self,
         call: &Call,
         request: v1::ListDisplaysRequest,
-    ) -> Result<v1::ListDisplaysResponse, ApiError> {
+    ) -> Result<v1::ListDisplaysResponse, ServiceError> {
         let page = Page::new(&["displays"], request.page_size, &request.page_token)?;
-        let displays = self.visible_displays(call, page.after.clone(), page.limit()).await?;
+        let displays = self.service.displays.visible(call, page.after.clone(), page.limit()).await?;
         let to_wire = |(display, time_ms)| to_wire::display(display, time_ms);
         let (displays, next_page_token) = page.fill(displays, |(display, _)| display.id.clone(), to_wire);
         Ok(v1::ListDisplaysResponse { displays, next_page_token })
-    }
-
-    /// At most `limit` displays that the caller may use, from the first one after `after` on. Other displays appear
-    /// neither here nor in a page token.
-    async fn visible_displays(
-        &self,
-        call: &Call,
-        mut after: Option<String>,
-        limit: u32,
-    ) -> Result<Vec<(Display, i64)>, ApiError> {
-        let mut visible = Vec::new();
-        loop {
-            let displays = self.store.displays(after.as_deref(), limit).await?;
-            let is_last = displays.len() < limit as usize;
-            after = displays.last().map(|(display, _)| display.id.clone());
-            visible.extend(displays.into_iter().filter(|(display, _)| call.caller.may_use(&display.id)));
-            visible.truncate(limit as usize);
-            if is_last || visible.len() == limit as usize {
-                return Ok(visible);
-            }
-        }
     }
 
     async fn delete_display(
         &self,
         call: &Call,
         request: v1::DeleteDisplayRequest,
-    ) -> Result<v1::DeleteDisplayResponse, ApiError> {
+    ) -> Result<v1::DeleteDisplayResponse, ServiceError> {
         let id = names::display_id(call, &Field::new("name"), &request.name)?;
         call.concerns(format!("displays/{id}"));
-        self.store.delete_display(&id).await?;
+        self.service.displays.delete(&id).await?;
         Ok(v1::DeleteDisplayResponse {})
     }
 }

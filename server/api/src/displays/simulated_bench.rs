@@ -1,10 +1,8 @@
 //! Conversion of simulated benches from and to messages.
 
-use crate::error::ApiError;
-use crate::field::Field;
-use crate::wrong_fields::collect_all;
 use lightpath_optics::SimulatedBench;
 use lightpath_proto::v1;
+use lightpath_service::{Field, ServiceError, collect_all};
 
 /// Copies all properties of a bench into the other type: the bench of the optics engine and the message have the same
 /// properties.
@@ -42,7 +40,7 @@ macro_rules! with_all_properties {
 }
 
 /// Checks a bench from a client and converts it. A strength or camera noise of 0 stands for the default.
-pub(super) fn from_wire(message: v1::SimulatedBench, field: &Field) -> Result<SimulatedBench, ApiError> {
+pub(super) fn from_wire(message: v1::SimulatedBench, field: &Field) -> Result<SimulatedBench, ServiceError> {
     let mut bench = with_all_properties!(message, SimulatedBench);
     for (value, default) in [
         (&mut bench.strength, SimulatedBench::FAIR.strength),

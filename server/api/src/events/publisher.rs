@@ -3,6 +3,7 @@
 use super::log::EventLog;
 use crate::jobs::to_wire;
 use lightpath_proto::v1::event::{Change, Changed as Named, Reset};
+use lightpath_service::Jobs;
 use lightpath_store::{Changed, Store, StoreError};
 use std::collections::HashSet;
 use std::time::Duration;
@@ -15,11 +16,16 @@ use tokio_util::sync::CancellationToken;
 const COLLECT: Duration = Duration::from_millis(100);
 
 /// Fills the log until the server stops. The first changes are those after `changes` was subscribed.
-pub(super) async fn publish(store: Store, log: EventLog, changes: Receiver<Changed>, stopping: CancellationToken) {
-    stopping.run_until_cancelled(fill(store, log, changes)).await;
+pub(super) async fn publish(
+    (store, jobs): (Store, Jobs),
+    log: EventLog,
+    changes: Receiver<Changed>,
+    stopping: CancellationToken,
+) {
+    stopping.run_until_cancelled(fill(store, jobs, log, changes)).await;
 }
 
-async fn fill(store: Store, log: EventLog, mut changes: Receiver<Changed>) {
+async fn fill(store: Store, jobs: Jobs, log: EventLog, mut changes: Receiver<Changed>) {
     loop {
         let mut collected = Vec::new();
         let mut is_complete = true;
@@ -36,7 +42,7 @@ async fn fill(store: Store, log: EventLog, mut changes: Receiver<Changed>) {
             }
         }
         let events = match is_complete {
-            true => events(&store, collected).await,
+            true => events(&store, &jobs, collected).await,
             false => None,
         };
         // Without announcements, or without the database, anything may have changed.
@@ -46,7 +52,11 @@ async fn fill(store: Store, log: EventLog, mut changes: Receiver<Changed>) {
 }
 
 /// One event for each thing that changed; `None`: the database cannot be read.
-async fn events(store: &Store, changes: Vec<Changed>) -> Option<Vec<(Option<Changed>, Option<String>, Change)>> {
+async fn events(
+    store: &Store,
+    jobs: &Jobs,
+    changes: Vec<Changed>,
+) -> Option<Vec<(Option<Changed>, Option<String>, Change)>> {
     let mut seen = HashSet::new();
     let mut events = Vec::new();
     for changed in changes {
@@ -55,7 +65,7 @@ async fn events(store: &Store, changes: Vec<Changed>) -> Option<Vec<(Option<Chan
         }
         let (display, message) = match &changed {
             Changed::Job(id) => match store.job_summary(id).await {
-                Ok(job) => (Some(job.display.clone()), Change::Job(to_wire::summary(store, job))),
+                Ok(job) => (Some(job.display.clone()), Change::Job(to_wire::summary(jobs, job))),
                 Err(StoreError::NotFound { .. }) => continue,
                 Err(_) => return None,
             },

@@ -4,13 +4,13 @@ use super::log::{Entry, EventLog, Since};
 use super::publisher::publish;
 use crate::accounts::{OpenStream, StreamKind};
 use crate::api::Api;
-use crate::call::{Answers, Call, StatusStream};
-use crate::error::ApiError;
+use crate::call::{Answers, StatusStream};
 use futures::{StreamExt as _, stream};
 use lightpath_domain::access::Caller;
 use lightpath_proto::v1;
 use lightpath_proto::v1::event::{Change, Reset};
 use lightpath_proto::v1::event_service_server::EventService;
+use lightpath_service::{Call, ServiceError};
 use std::collections::{HashSet, VecDeque};
 use std::mem;
 use std::sync::Arc;
@@ -34,12 +34,13 @@ impl Api {
         &self,
         call: &Call,
         request: v1::WatchEventsRequest,
-    ) -> Result<Answers<v1::Event>, ApiError> {
-        let open = self.accounts.streams.open(StreamKind::Watch, &call.client)?;
+    ) -> Result<Answers<v1::Event>, ServiceError> {
+        let open = self.streams.open(StreamKind::Watch, &call.client)?;
         let log = self.events.clone();
         log.start_once(|| {
             let changes = self.store.subscribe_changes();
-            drop(tokio::spawn(publish(self.store.clone(), log.clone(), changes, self.stopping.clone())));
+            let on = (self.store.clone(), self.service.jobs.clone());
+            drop(tokio::spawn(publish(on, log.clone(), changes, self.stopping.clone())));
         });
         let news = log.subscribe();
         let resumed =
@@ -78,7 +79,7 @@ struct Follower {
 }
 
 impl Follower {
-    async fn next(&mut self) -> Result<v1::Event, ApiError> {
+    async fn next(&mut self) -> Result<v1::Event, ServiceError> {
         loop {
             if mem::take(&mut self.must_reset) {
                 return Ok(self.event(self.sent, Change::Reset(Reset {})));
@@ -94,12 +95,12 @@ impl Follower {
     }
 
     /// Waits for events after those sent, and takes the latest one about each thing.
-    async fn fetch(&mut self) -> Result<(), ApiError> {
+    async fn fetch(&mut self) -> Result<(), ServiceError> {
         let sent = self.sent;
         let latest = tokio::select! {
             biased;
-            () = self.api.stopping.cancelled() => return Err(ApiError::Stopping),
-            latest = self.news.wait_for(|latest| *latest > sent) => *latest.map_err(|_| ApiError::Stopping)?,
+            () = self.api.stopping.cancelled() => return Err(ServiceError::Stopping),
+            latest = self.news.wait_for(|latest| *latest > sent) => *latest.map_err(|_| ServiceError::Stopping)?,
         };
         match self.log.since(self.sent) {
             Since::Events(entries) => {
@@ -126,9 +127,9 @@ impl Follower {
     }
 
     /// The change without the names of jobs that the caller may not see.
-    async fn seen(&self, mut change: Change) -> Result<Change, ApiError> {
+    async fn seen(&self, mut change: Change) -> Result<Change, ServiceError> {
         if let Change::Job(v1::JobSummary { error: Some(error), .. }) = &mut change {
-            error.message = self.api.text_for(&self.caller, mem::take(&mut error.message)).await?;
+            error.message = self.api.service.jobs.text_for(&self.caller, mem::take(&mut error.message)).await?;
         }
         Ok(change)
     }

@@ -5,9 +5,7 @@ use super::file_answer::ServedFile;
 use super::refusal::Refusal;
 use crate::accounts::StreamKind;
 use crate::api::Api;
-use crate::call::Call;
-use crate::error::ApiError;
-use crate::field::Field;
+use crate::artifacts::to_wire;
 use axum::body::{Body, Bytes};
 use axum::extract::{Path, State};
 use axum::http::{HeaderMap, StatusCode, header};
@@ -15,6 +13,7 @@ use axum::response::Response;
 use axum::{Extension, Json};
 use futures::{Stream, StreamExt as _};
 use lightpath_proto::v1;
+use lightpath_service::{Call, Field, ServiceError};
 use std::pin::pin;
 use tonic::Status;
 
@@ -30,14 +29,12 @@ pub(super) async fn get_content(
 ) -> Result<Response, Refusal> {
     let field = Field::new("digest");
     let digest = field.digest(&digest)?;
-    let Some(record) = api.artifact_for_caller(&call, &digest).await? else {
-        return Err(field.missing(format!("artifact {digest}"), "use a digest from the result of a job").into());
-    };
-    let open = api.accounts.streams.open(StreamKind::Download, &call.client)?;
+    let record = api.service.files.existing(&call, &field, &digest).await?;
+    let open = api.streams.open(StreamKind::Download, &call.client)?;
     // The server does not know the type of an artifact, and must not let a browser run one.
     let etag = format!("\"{digest}\"");
     let file = ServedFile { etag, size_bytes: record.size_bytes, content_type: OCTETS };
-    file.answer(&headers, open, async |range| api.checked_reader(&call, &digest, range).await).await
+    file.answer(&headers, open, async |range| api.service.files.reader(&call, &digest, range).await).await
 }
 
 /// Handles `PUT /v1/artifacts/{digest}/upload`.
@@ -49,8 +46,9 @@ pub(super) async fn upload(
     body: Body,
 ) -> Result<Json<v1::Artifact>, Refusal> {
     let (offset_bytes, size_bytes) = extent(&headers)?;
-    let start = v1::WriteArtifactStart { digest, size_bytes, offset_bytes };
-    Ok(Json(api.write_artifact_bytes(&call, start, pin!(chunks(body))).await?))
+    let _open = api.streams.open(StreamKind::Upload, &call.client)?;
+    let record = api.service.files.receive(&call, &digest, (size_bytes, offset_bytes), pin!(chunks(body))).await?;
+    Ok(Json(to_wire::artifact(record)))
 }
 
 /// Handles `POST /v1/artifacts`: an upload whose digest the answer tells.
@@ -71,15 +69,17 @@ pub(super) async fn upload_unnamed(
         return Err(Status::invalid_argument(message).into());
     }
     let (_, size_bytes) = extent(&headers)?;
-    Ok(Json(api.write_unnamed_artifact(&call, size_bytes, pin!(chunks(body))).await?))
+    let _open = api.streams.open(StreamKind::Upload, &call.client)?;
+    let record = api.service.files.receive_unnamed(&call, size_bytes, pin!(chunks(body))).await?;
+    Ok(Json(to_wire::artifact(record)))
 }
 
 /// The chunks of the body of an upload.
-fn chunks(body: Body) -> impl Stream<Item = Result<Bytes, ApiError>> {
+fn chunks(body: Body) -> impl Stream<Item = Result<Bytes, ServiceError>> {
     body.into_data_stream().map(|chunk| {
         chunk.map_err(|error| {
             let cut = || Status::cancelled(format!("the body of the upload broke off: {error}"));
-            ApiError::Stream(Box::new(status_of(&error).unwrap_or_else(cut)))
+            ServiceError::Stream(Box::new(status_of(&error).unwrap_or_else(cut)))
         })
     })
 }

@@ -4,9 +4,6 @@ use super::etags::{etag, has};
 use super::file_answer::IMMUTABLE;
 use super::refusal::Refusal;
 use crate::api::Api;
-use crate::call::Call;
-use crate::error::ApiError;
-use crate::field::Field;
 use axum::Extension;
 use axum::extract::rejection::{PathRejection, QueryRejection};
 use axum::extract::{Path, Query, State};
@@ -14,9 +11,10 @@ use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use lightpath_domain::dataset::Encoding;
 use lightpath_domain::job::Fit;
-use lightpath_media::figures::{ColourMap, Subtracted, View, ViewColours, ViewRegion, view};
+use lightpath_media::figures::{ColourMap, View, ViewColours, ViewRegion};
 use lightpath_media::pictures::{Channel, SIDE_PX_MAX, rgb_png};
 use lightpath_optics::Plane;
+use lightpath_service::{Call, Field, Minus, ServiceError};
 use serde::Deserialize;
 use tonic::Status;
 
@@ -27,8 +25,6 @@ const DECADES_MAX: f64 = 9.0;
 /// Columns and rows of the whole picture, such as `1920x1080`: pages need them to ask for a part of it.
 const PICTURE_SIZE: header::HeaderName = header::HeaderName::from_static("picture-size");
 const PNG: [(header::HeaderName, &str); 1] = [(header::CONTENT_TYPE, "image/png")];
-/// Memory for a pixel of a view \[bytes\]: three planes of light and their colours.
-const VIEW_PIXEL_BYTES: u64 = 3 * 4 + 3 + 3;
 
 /// The query of a picture.
 #[derive(Debug, Default, Deserialize)]
@@ -83,28 +79,17 @@ pub(super) async fn get_picture(
     let digest = field.digest(&digest)?;
     let minus = wish.minus.as_deref().map(|minus| minus_field.digest(minus)).transpose()?;
     let wanted = wish.view()?;
-    let mut need_bytes = api.reading_bytes(&call, &field, &digest, 0).await?;
-    let pixels = api.picture_pixels(&call, &field, &digest).await?;
-    need_bytes += VIEW_PIXEL_BYTES * pixels;
-    if let Some(minus) = &minus {
-        need_bytes += api.reading_bytes(&call, &minus_field, minus, pixels).await?;
-    }
+    let subtracted = minus.as_deref().map(|minus| (&minus_field, minus));
+    let need_bytes = api.service.files.view_bytes(&call, (&field, &digest), subtracted).await?;
     let etag = etag(format!("{digest} {wish:?}"));
     let fields = [(header::ETAG, etag.clone()), (header::CACHE_CONTROL, IMMUTABLE.into())];
     if has(&headers, &etag) {
         return Ok((StatusCode::NOT_MODIFIED, fields).into_response());
     }
-    let (artifacts, name) = (api.artifacts.clone(), digest.clone());
-    let draw = move || -> Result<_, ApiError> {
-        let picture = artifacts.read_blocking(&name)?;
-        let minus = minus.map(|minus| artifacts.read_blocking(&minus)).transpose()?;
-        let (fit, encoding) = (wish.minus_fit, wish.minus_encoding.unwrap_or(Encoding::Srgb));
-        let channel = wish.minus_channel.map_or(Channel::Mean, |colour| Channel::Colour(colour as usize));
-        let subtracted = minus.as_deref().map(|bytes| Subtracted { bytes, encoding, fit, channel });
-        Ok(view(&picture, subtracted, &wanted))
-    };
-    let drawn = api.accounts.compute(&call, need_bytes, draw).await??;
-    let drawn = drawn.map_err(|error| field.invalid(format!("({digest}): {error}")))?;
+    let (fit, encoding) = (wish.minus_fit, wish.minus_encoding.unwrap_or(Encoding::Srgb));
+    let channel = wish.minus_channel.map_or(Channel::Mean, |colour| Channel::Colour(colour as usize));
+    let minus = minus.map(|digest| Minus { digest, encoding, fit, channel });
+    let drawn = api.service.files.view(&call, need_bytes, (&field, &digest), minus, wanted).await?;
     let size = [(PICTURE_SIZE, format!("{}x{}", drawn.width_px, drawn.height_px))];
     Ok((fields, size, PNG, drawn.png).into_response())
 }
@@ -121,12 +106,12 @@ pub(super) async fn get_colormap(colours: Result<Path<Colours>, PathRejection>) 
 }
 
 impl Wish {
-    fn view(&self) -> Result<View, ApiError> {
+    fn view(&self) -> Result<View, ServiceError> {
         let side = 1..=SIDE_PX_MAX;
         let width = self.width.map(|width| Field::new("width").integer(width, side)).transpose()?;
         let positive = |name: &str, value: f32, most: f64| {
             let value = Field::new(name).number(value.into(), f64::from(f32::EPSILON)..=most)?;
-            Ok::<_, ApiError>(value as f32)
+            Ok::<_, ServiceError>(value as f32)
         };
         Ok(View {
             encoding: self.encoding.unwrap_or(Encoding::Srgb),
@@ -139,7 +124,7 @@ impl Wish {
     }
 }
 
-fn region(text: &str) -> Result<ViewRegion, ApiError> {
+fn region(text: &str) -> Result<ViewRegion, ServiceError> {
     let numbers = text.split(',').map(str::parse).collect::<Result<Vec<usize>, _>>();
     match numbers.as_deref() {
         Ok(&[x_px, y_px, width_px, height_px]) => Ok(ViewRegion { x_px, y_px, width_px, height_px }),

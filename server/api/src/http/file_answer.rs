@@ -4,12 +4,12 @@ use super::byte_range::{RangeOutcome, requested_range};
 use super::etags::{has, text_value};
 use super::refusal::Refusal;
 use crate::accounts::OpenStream;
-use crate::error::ApiError;
 use axum::body::{Body, Bytes};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use futures::stream;
 use lightpath_artifacts::ArtifactReader;
+use lightpath_service::ServiceError;
 
 /// Size of the pieces of a file \[bytes\]. Many slow devices may fetch at once, and each holds a few pieces.
 const PIECE_BYTES: usize = 32 << 10;
@@ -30,7 +30,7 @@ impl ServedFile {
         self,
         headers: &HeaderMap,
         open: OpenStream,
-        reader: impl AsyncFnOnce((u64, u64)) -> Result<ArtifactReader, ApiError>,
+        reader: impl AsyncFnOnce((u64, u64)) -> Result<ArtifactReader, ServiceError>,
     ) -> Result<Response, Refusal> {
         let Self { etag, size_bytes, content_type } = self;
         if has(headers, &etag) {
@@ -69,7 +69,7 @@ impl ServedFile {
 fn pieces(
     reader: ArtifactReader,
     open: OpenStream,
-) -> impl futures::Stream<Item = Result<Bytes, ApiError>> + Send + 'static {
+) -> impl futures::Stream<Item = Result<Bytes, ServiceError>> + Send + 'static {
     stream::try_unfold((reader, open), |(mut reader, open)| async move {
         let piece = reader.next_chunk(PIECE_BYTES).await?;
         Ok(piece.map(|piece| (Bytes::from(piece), (reader, open))))

@@ -9,13 +9,12 @@ use super::protocol::{is_grpc, require_grpc};
 use super::refusal::{RefusalCode, code_name, refuse};
 use super::token_expiry::{EndedTokens, ending_at_expiry, not_accepted};
 use super::transcode::Called;
-use crate::accounts::{Client, Rate};
+use crate::accounts::Rate;
 use crate::api::Api;
 use crate::audit::{Audit, Change, Refusal};
-use crate::call::Call;
 use crate::connections::Peer;
-use crate::error::{ApiError, LimitReason};
 use crate::rules::{Access, Effect, Rule, WRONG_VERB, rule_of};
+use crate::status;
 use crate::time::now_ms;
 use axum::Extension;
 use axum::extract::{MatchedPath, Request, State};
@@ -23,6 +22,7 @@ use axum::http::{HeaderMap, header};
 use axum::middleware::Next;
 use axum::response::Response;
 use lightpath_domain::access::{Caller, Secret};
+use lightpath_service::{Call, Client, LimitReason, ServiceError};
 use lightpath_store::Store;
 use std::net::IpAddr;
 use std::sync::Arc;
@@ -113,7 +113,7 @@ pub(super) async fn pass(
     let _waiting = call.cancelled.clone().drop_guard();
     let is_grpc = visit.is_grpc;
     let handled = tokio::spawn(handle(gate, visit, call, next.run(request)).in_current_span());
-    handled.await.unwrap_or_else(|error| refuse(ApiError::Task(error).into(), is_grpc))
+    handled.await.unwrap_or_else(|error| refuse(status::of(ServiceError::Task(error)), is_grpc))
 }
 
 /// Runs the handler of a call until it ends or its token is no longer accepted, and writes the audit log.
@@ -121,7 +121,7 @@ async fn handle(gate: Gate, visit: Visit, call: Call, handler: impl Future<Outpu
     let mut expiry = gate.ended_tokens.when_ended(&call.caller.name);
     let response = tokio::select! {
         response = handler => ending_at_expiry(response, expiry, visit.is_grpc),
-        () = &mut expiry => refuse(not_accepted().into(), visit.is_grpc),
+        () = &mut expiry => refuse(status::of(not_accepted()), visit.is_grpc),
     };
     gate.note(&visit, &call, code_of(&response, visit.is_grpc));
     response
@@ -138,7 +138,7 @@ impl Gate {
     /// Counts a refused call towards the rate limit of its address, so that clients cannot try many tokens. Returns the
     /// error, or that of the limit.
     fn limited(&self, visit: &Visit, error: Status) -> Status {
-        self.limit_rate(&Client::at(visit.ip())).err().map_or(error, Status::from)
+        self.limit_rate(&Client::at(visit.ip())).err().map_or(error, status::of)
     }
 
     /// Returns the caller if the call is allowed and within the rate limit, and the disk has room for new work (if the
@@ -148,20 +148,20 @@ impl Gate {
             return Ok(Caller::without_token());
         }
         let caller = self.caller(headers, visit.rule).await;
-        let caller = caller.map_err(|(name, error)| (name, self.limited(visit, error.into())))?;
+        let caller = caller.map_err(|(name, error)| (name, self.limited(visit, status::of(error))))?;
         let room = |()| match visit.rule {
             Some(Rule { effect: Effect::Creates, .. }) => Ok(self.api.artifacts.space().admit(0)?),
             _ => Ok(()),
         };
         let client = Client::of(&caller, visit.ip());
-        let counted = |()| visit.peer.as_ref().map_or(Ok(()), |peer| peer.count(&self.api.accounts.streams, &client));
+        let counted = |()| visit.peer.as_ref().map_or(Ok(()), |peer| peer.count(&self.api.streams, &client));
         let admitted = self.limit_rate(&client).and_then(counted).and_then(room);
-        admitted.map_err(|error| (caller.name.clone(), error.into()))?;
+        admitted.map_err(|error| (caller.name.clone(), status::of(error)))?;
         Ok(caller)
     }
 
-    fn limit_rate(&self, client: &Client) -> Result<(), ApiError> {
-        self.rate.admit(client, Instant::now()).map_err(|retry_after| ApiError::Exhausted {
+    fn limit_rate(&self, client: &Client) -> Result<(), ServiceError> {
+        self.rate.admit(client, Instant::now()).map_err(|retry_after| ServiceError::Exhausted {
             reason: LimitReason::RateLimited,
             message: "too many calls; retry after the delay".to_owned(),
             retry_after,
@@ -193,8 +193,8 @@ impl Gate {
 
     /// Returns the caller if the role allows the call. Otherwise returns the error and the name of the token, or an
     /// empty name.
-    async fn caller(&self, headers: &HeaderMap, rule: Option<Rule>) -> Result<Caller, (String, ApiError)> {
-        let unnamed = |error: ApiError| (String::new(), error);
+    async fn caller(&self, headers: &HeaderMap, rule: Option<Rule>) -> Result<Caller, (String, ServiceError)> {
+        let unnamed = |error: ServiceError| (String::new(), error);
         let token = bearer(headers).map_err(unnamed)?;
         let caller = match token {
             Some(secret) => find(&self.api.store, &secret).await.map_err(unnamed)?,
@@ -202,7 +202,7 @@ impl Gate {
             None => {
                 let message = "this server requires a token: send `authorization: Bearer …`, or use --token-file FILE \
                                of the command line";
-                return Err(unnamed(ApiError::Unauthenticated(message.to_owned())));
+                return Err(unnamed(ServiceError::Unauthenticated(message.to_owned())));
             }
         };
         match rule.map(|rule| rule.access) {
@@ -215,30 +215,30 @@ impl Gate {
                     "the token \"{name}\" has the role {role}, but the call requires one of: {}",
                     roles.join(", ")
                 );
-                Err((caller.name, ApiError::Denied(message)))
+                Err((caller.name, ServiceError::Denied(message)))
             }
             None => {
                 let message = "this path does not exist, or no role may call it".to_owned();
-                Err((caller.name, ApiError::Denied(message)))
+                Err((caller.name, ServiceError::Denied(message)))
             }
         }
     }
 }
 
 /// The token in the headers of a request.
-fn bearer(headers: &HeaderMap) -> Result<Option<Secret>, ApiError> {
+fn bearer(headers: &HeaderMap) -> Result<Option<Secret>, ServiceError> {
     let Some(value) = headers.get(header::AUTHORIZATION) else { return Ok(None) };
     let text = value.to_str().ok().and_then(|text| text.split_once(' '));
     match text {
         Some((scheme, token)) if scheme.eq_ignore_ascii_case("bearer") && !token.trim().is_empty() => {
             Ok(Some(Secret::from_text(token.trim())))
         }
-        _ => Err(ApiError::Unauthenticated("the header authorization must be `Bearer` and a token".to_owned())),
+        _ => Err(ServiceError::Unauthenticated("the header authorization must be `Bearer` and a token".to_owned())),
     }
 }
 
 /// The caller with this token, if the token is accepted now. All refusals are equal, so that they reveal nothing.
-async fn find(store: &Store, secret: &Secret) -> Result<Caller, ApiError> {
+async fn find(store: &Store, secret: &Secret) -> Result<Caller, ServiceError> {
     let record = store.token_by_hash(&secret.hash()).await?;
     let valid = record.filter(|record| record.is_valid(now_ms()));
     valid.map(|record| record.caller).ok_or_else(not_accepted)

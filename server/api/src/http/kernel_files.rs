@@ -9,22 +9,15 @@ use super::file_answer::ServedFile;
 use super::refusal::Refusal;
 use crate::accounts::StreamKind;
 use crate::api::Api;
-use crate::call::Call;
-use crate::error::ApiError;
-use crate::field::Field;
-use crate::kernels::conversions::Converted;
-use crate::manifests::Issued;
 use crate::names;
-use crate::permissions;
 use axum::Extension;
 use axum::extract::rejection::QueryRejection;
 use axum::extract::{Path, Query, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use lightpath_artifacts::ArtifactReader;
 use lightpath_domain::kernel::{KernelKey, KernelVersion};
 use lightpath_media::kernel_formats::KernelFormat;
-use lightpath_proto::v1;
+use lightpath_service::{Call, Field, Issued, ServiceError, VersionFile, permissions};
 use serde::Deserialize;
 use std::sync::Arc;
 use std::time::Duration;
@@ -67,10 +60,10 @@ pub(super) struct FilePath {
 /// Handles `GET /v1/keyring`.
 pub(super) async fn get_keyring(
     State(api): State<Api>,
-    Extension(call): Extension<Call>,
+    Extension(_): Extension<Call>,
     headers: HeaderMap,
 ) -> Result<Response, Refusal> {
-    let keyring = api.get_keyring(&call, v1::GetKeyringRequest {}).await?;
+    let keyring = api.service.manifests.keyring().await?;
     Ok(document(&api, &headers, keyring.document))
 }
 
@@ -109,8 +102,8 @@ struct Asked {
 }
 
 impl Asked {
-    async fn manifest(&self, api: &Api, call: &Call) -> Result<Arc<Issued>, ApiError> {
-        api.manifest(call, &self.key, self.form, self.device.as_deref()).await
+    async fn manifest(&self, api: &Api, call: &Call) -> Result<Arc<Issued>, ServiceError> {
+        api.service.manifests.manifest(call, &self.key, self.form, self.device.as_deref()).await
     }
 }
 
@@ -121,8 +114,8 @@ async fn changed_manifest(
     asked: &Asked,
     headers: &HeaderMap,
     wait: Duration,
-) -> Result<Arc<Issued>, ApiError> {
-    let _open = api.accounts.streams.open(StreamKind::Watch, &call.client)?;
+) -> Result<Arc<Issued>, ServiceError> {
+    let _open = api.streams.open(StreamKind::Watch, &call.client)?;
     // This subscribes before the first read, so that it misses no change.
     let mut changes = api.store().subscribe_kernel_changes();
     let first = asked.manifest(api, call).await?;
@@ -140,13 +133,13 @@ async fn changed_manifest(
                         return Ok(issued);
                     }
                 }
-                Err(RecvError::Closed) => return Err(ApiError::Stopping),
+                Err(RecvError::Closed) => return Err(ServiceError::Stopping),
             }
         }
     };
     tokio::select! {
         changed = timeout(wait, change) => changed.unwrap_or(Ok(first.clone())),
-        () = api.stopping.cancelled() => Err(ApiError::Stopping),
+        () = api.stopping.cancelled() => Err(ServiceError::Stopping),
     }
 }
 
@@ -160,59 +153,30 @@ pub(super) async fn get_file(
     let name = format!("displays/{}/kernels/{}", path.display, path.kernel);
     let key = names::kernel_key(&call, &Field::new("kernel"), &name)?;
     let form = parsed_form(&path.form)?;
-    let version = api.store().kernel_version(&key, path.version).await.map_err(ApiError::from)?;
+    let version = api.store().kernel_version(&key, path.version).await.map_err(ServiceError::from)?;
     let etag = format!("\"{}\"", path.digest);
-    let open = api.accounts.streams.open(StreamKind::Download, &call.client)?;
-    let whole = file_of(&api, &call, &version, form, &path.digest).await?;
+    let open = api.streams.open(StreamKind::Download, &call.client)?;
+    let whole = file_of(&api, &call, version, form, &path.digest).await?;
     let file = ServedFile { etag, size_bytes: whole.size_bytes, content_type: "application/octet-stream" };
-    file.answer(&headers, open, async |range| whole.reader(&api, &call, range).await).await
-}
-
-/// A file that a manifest may name.
-struct KernelFile {
-    version: KernelVersion,
-    form: KernelFormat,
-    /// The converted file; `None`: the file is the version's own.
-    converted: Option<Converted>,
-    size_bytes: u64,
+    file.answer(&headers, open, async |range| api.service.kernels.reader(&call, &whole, range).await).await
 }
 
 /// The file of a version in a form. Refuses a digest of anything else.
 async fn file_of(
     api: &Api,
     call: &Call,
-    version: &KernelVersion,
+    version: KernelVersion,
     form: KernelFormat,
     digest: &str,
-) -> Result<KernelFile, Refusal> {
-    let version = version.clone();
-    let (converted, size_bytes, found) = match form {
-        KernelFormat::Safetensors => (None, version.content.size_bytes, version.content.artifact.clone()),
-        _ => {
-            let converted = api.converted(call, &version, form).await?;
-            (Some(converted.clone()), converted.size_bytes, converted.digest)
-        }
-    };
-    if found != digest {
-        let message = format!(
-            "{}/versions/{} in the form {} has the digest {found}; read the manifest again",
-            version.key,
-            version.version,
-            form.as_str()
-        );
+) -> Result<VersionFile, Refusal> {
+    let name = format!("{}/versions/{}", version.key, version.version);
+    let file = api.service.kernels.file(call, version, form).await?;
+    if file.digest != digest {
+        let form = form.as_str();
+        let message = format!("{name} in the form {form} has the digest {}; read the manifest again", file.digest);
         return Err(Status::not_found(message).into());
     }
-    Ok(KernelFile { version, form, converted, size_bytes })
-}
-
-impl KernelFile {
-    /// A reader of a range (offset and length).
-    async fn reader(&self, api: &Api, call: &Call, range: (u64, u64)) -> Result<ArtifactReader, ApiError> {
-        match &self.converted {
-            None => api.checked_reader(call, &self.version.content.artifact, range).await,
-            Some(converted) => api.conversion_reader(call, &self.version, self.form, converted, range).await,
-        }
-    }
+    Ok(file)
 }
 
 /// A signed document, or 304 if the client has it.
@@ -220,7 +184,7 @@ fn document(api: &Api, headers: &HeaderMap, text: String) -> Response {
     let etag = etag(&text);
     let fields = [
         (header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache")),
-        (header::HeaderName::from_static(POLL_AFTER), HeaderValue::from(api.manifests.poll_after_s())),
+        (header::HeaderName::from_static(POLL_AFTER), HeaderValue::from(api.service.manifests.poll_after_s())),
         (header::ETAG, text_value(&etag)),
     ];
     match has(headers, &etag) {

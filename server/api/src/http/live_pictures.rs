@@ -3,13 +3,12 @@
 use super::etags::{etag, has, text_value};
 use super::refusal::Refusal;
 use crate::api::Api;
-use crate::call::Call;
-use crate::field::Field;
 use crate::names;
 use axum::Extension;
 use axum::extract::{Path, State};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
+use lightpath_service::{Call, Field};
 
 /// Handles `GET /v1/jobs/{job}/picture`: the latest picture, or 204 while the job shows none.
 pub(super) async fn get_live_picture(
@@ -19,7 +18,7 @@ pub(super) async fn get_live_picture(
     headers: HeaderMap,
 ) -> Result<Response, Refusal> {
     let id = names::job_id(&Field::new("name"), &format!("jobs/{job}"))?;
-    api.visible_job(&call, &id).await?;
+    api.service.jobs.visible(&call, &id).await?;
     let cache = (header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache"));
     let Some(png) = api.live_pictures.latest(&id) else {
         return Ok((StatusCode::NO_CONTENT, [cache]).into_response());

@@ -8,18 +8,18 @@
 use super::checked_body::{FrameCheck, Last, checked};
 use super::protocol::is_grpc;
 use super::refusal::{closing_frame, refuse};
-use crate::accounts::{Client, MemoryBudget, Share};
+use crate::accounts::{MemoryBudget, Share};
 use crate::api::MESSAGE_BYTES_MAX;
 use crate::connections::Peer;
-use crate::error::ApiError;
+use crate::status;
 use axum::Extension;
 use axum::extract::{Request, State};
 use axum::middleware::Next;
 use axum::response::Response;
 use http_body::Frame;
+use lightpath_service::{Client, ServiceError};
 use prost::bytes::Bytes;
 use std::sync::{Arc, Mutex, PoisonError};
-use tonic::Status;
 
 /// Memory of a call besides its messages \[bytes\]: headers (at most 16 KiB) and tasks.
 const CALL_BYTES: usize = 32 << 10;
@@ -44,7 +44,7 @@ pub(super) async fn with_memory_limit(
     let shares = budget.take(&client, CALL_BYTES).and_then(|call| Ok((call, budget.take(&client, 0)?)));
     let (call, message) = match shares {
         Ok((call, message)) => (Holding::new(call), Holding::new(message)),
-        Err(error) => return refuse(error.into(), is_grpc),
+        Err(error) => return refuse(status::of(error), is_grpc),
     };
     // The share is kept until the answer: the handler still uses a message after it was read.
     let message_share = message.clone();
@@ -63,7 +63,7 @@ impl Holding {
         Self(Arc::new(Mutex::new(share)))
     }
 
-    fn grow(&self, bytes: usize) -> Result<(), ApiError> {
+    fn grow(&self, bytes: usize) -> Result<(), ServiceError> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).grow(bytes)
     }
 }
@@ -79,7 +79,7 @@ impl FrameCheck for ReceivedBytes {
         let received = frame.data_ref().map_or(0, Bytes::len);
         let more = received.min(MESSAGE_BYTES_MAX - self.counted_bytes);
         if more > 0 {
-            let refused = |error| Err(axum::Error::new(Status::from(error)));
+            let refused = |error| Err(axum::Error::new(status::of(error)));
             self.message.grow(more).map_err(refused)?;
             self.counted_bytes += more;
         }
@@ -102,7 +102,7 @@ impl FrameCheck for AnswerBytes {
             Err(trailers) => return Ok(trailers),
         };
         let more = piece.len().saturating_sub(self.piece_bytes);
-        let refused = |error: ApiError| closing_frame(error.into(), self.is_grpc);
+        let refused = |error: ServiceError| closing_frame(status::of(error), self.is_grpc);
         self.call.grow(PIECES * more).map_err(refused)?;
         self.piece_bytes += more;
         // The connection keeps the piece until the client receives it, which may be after this body is dropped.

@@ -38,8 +38,6 @@ mod worker_status;
 
 pub use crate::accounts::{MemoryBudget, Rate};
 use crate::api::Api;
-use crate::call::Call;
-use crate::error::ApiError;
 use axum::extract::{DefaultBodyLimit, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::middleware;
@@ -48,6 +46,7 @@ use axum::routing::{get, post, put};
 use axum::{Extension, Router};
 pub use gate::Gate;
 use lightpath_metrics as metrics;
+use lightpath_service::{Call, ServiceError};
 pub use origin::Hosts;
 use refusal::Refusal;
 use std::sync::Arc;
@@ -149,8 +148,8 @@ async fn metrics(State(api): State<Api>, Extension(call): Extension<Call>) -> Re
             "the token \"{}\" is for some displays only, but the metrics are about all; ask an admin for a token for all",
             call.caller.name
         );
-        return Err(ApiError::Denied(message).into());
+        return Err(ServiceError::Denied(message).into());
     }
-    let text = metrics::render(&api.store, &api.artifacts, api.store.now_ms()).await.map_err(ApiError::from)?;
+    let text = metrics::render(&api.store, &api.artifacts, api.store.now_ms()).await.map_err(ServiceError::from)?;
     Ok(([(header::CONTENT_TYPE, METRICS_TYPE)], text).into_response())
 }

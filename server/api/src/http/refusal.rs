@@ -1,10 +1,11 @@
 //! Errors as answers, in gRPC or HTTP.
 
-use crate::error::ApiError;
+use crate::status;
 use axum::Extension;
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use http_body::Frame;
+use lightpath_service::ServiceError;
 use prost::bytes::Bytes;
 use serde_json::{Value, json};
 use tonic::{Code, Status};
@@ -39,9 +40,9 @@ impl From<Status> for Refusal {
     }
 }
 
-impl From<ApiError> for Refusal {
-    fn from(error: ApiError) -> Self {
-        Status::from(error).into()
+impl From<ServiceError> for Refusal {
+    fn from(error: ServiceError) -> Self {
+        status::of(error).into()
     }
 }
 

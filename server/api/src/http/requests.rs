@@ -5,13 +5,14 @@ use super::refusal::refuse;
 use super::transcode::Called;
 use super::{ARTIFACT_UPLOAD, UNNAMED_UPLOAD};
 use crate::api::Api;
-use crate::error::ApiError;
+use crate::status;
 use axum::extract::{MatchedPath, Request, State};
 use axum::http::{HeaderMap, HeaderValue};
 use axum::middleware::Next;
 use axum::response::Response;
 use lightpath_metrics as metrics;
 use lightpath_proto::routes::ROUTES;
+use lightpath_service::ServiceError;
 use std::collections::HashSet;
 use std::sync::LazyLock;
 use std::time::{Duration, Instant};
@@ -41,7 +42,7 @@ pub(super) async fn with_deadline(State(api): State<Api>, request: Request, next
     let id = Uuid::now_v7().to_string();
     let span = tracing::info_span!("request", id, method);
     let mut response = if api.is_stopping() && !ALWAYS.iter().any(|path| request.uri().path().starts_with(path)) {
-        refuse(ApiError::Stopping.into(), is_grpc)
+        refuse(status::of(ServiceError::Stopping), is_grpc)
     } else {
         match timeout(limit, next.run(request).instrument(span)).await {
             Ok(response) => response,

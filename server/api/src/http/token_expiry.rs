@@ -4,9 +4,10 @@
 
 use super::checked_body::{FrameCheck, Last, checked};
 use super::refusal::closing_frame;
-use crate::error::ApiError;
+use crate::status;
 use axum::response::Response;
 use futures::future::{BoxFuture, FutureExt as _, pending};
+use lightpath_service::ServiceError;
 use lightpath_store::{Store, StoreError};
 use std::collections::HashSet;
 use std::sync::Arc;
@@ -48,8 +49,10 @@ impl EndedTokens {
 }
 
 /// The error for a token that is not accepted. It does not reveal the reason.
-pub(super) fn not_accepted() -> ApiError {
-    ApiError::Unauthenticated("the token is unknown, has expired or was revoked; ask an admin for a new one".to_owned())
+pub(super) fn not_accepted() -> ServiceError {
+    ServiceError::Unauthenticated(
+        "the token is unknown, has expired or was revoked; ask an admin for a new one".to_owned(),
+    )
 }
 
 /// Wraps the answer to a call, which ends with UNAUTHENTICATED if `expiry` ends first.
@@ -66,6 +69,6 @@ struct Expiry {
 impl FrameCheck for Expiry {
     fn poll_end(&mut self, cx: &mut Context<'_>) -> Poll<Last> {
         let is_grpc = self.is_grpc;
-        self.ended.poll_unpin(cx).map(|()| closing_frame(not_accepted().into(), is_grpc))
+        self.ended.poll_unpin(cx).map(|()| closing_frame(status::of(not_accepted()), is_grpc))
     }
 }

@@ -1,6 +1,5 @@
 //! Health and metrics of a process that only runs jobs.
 
-use crate::error::ApiError;
 use axum::Router;
 use axum::extract::State;
 use axum::http::{StatusCode, header};
@@ -8,6 +7,7 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use lightpath_artifacts::Artifacts;
 use lightpath_metrics as metrics;
+use lightpath_service::ServiceError;
 use lightpath_store::Store;
 use std::io;
 use std::time::Duration;
@@ -58,9 +58,9 @@ async fn metrics_text(State(worker): State<Worker>) -> Response {
 }
 
 impl Worker {
-    async fn can_work(&self) -> Result<(), ApiError> {
+    async fn can_work(&self) -> Result<(), ServiceError> {
         self.artifacts.space().room_to_start()?;
-        timeout(ANSWER_MAX, self.store.queue_counts()).await.map_err(|_| ApiError::Locked)??;
+        timeout(ANSWER_MAX, self.store.queue_counts()).await.map_err(|_| ServiceError::Locked)??;
         Ok(())
     }
 }

@@ -3,17 +3,16 @@
 use super::scheduling::label;
 use super::to_wire;
 use crate::api::Api;
-use crate::call::{Call, StatusStream};
-use crate::error::ApiError;
-use crate::field::{Field, shortened};
+use crate::call::StatusStream;
+use crate::enumerations::WireField as _;
 use crate::names;
 use crate::pages::Page;
-use crate::permissions::require_all_displays;
 use crate::time::ms;
-use lightpath_metrics as metrics;
 use lightpath_proto::v1;
 use lightpath_proto::v1::job_service_server::JobService;
 use lightpath_proto::v1::list_jobs_request::{Order, View};
+use lightpath_service::permissions::require_all_displays;
+use lightpath_service::{Call, Field, ServiceError, shortened};
 use lightpath_store::{BatchProgress, JobFilter};
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::mem;
@@ -73,9 +72,9 @@ impl JobService for Api {
 
 impl Api {
     /// Returns the message of the named job.
-    pub(crate) async fn get_job(&self, call: &Call, request: v1::GetJobRequest) -> Result<v1::Job, ApiError> {
+    pub(crate) async fn get_job(&self, call: &Call, request: v1::GetJobRequest) -> Result<v1::Job, ServiceError> {
         let id = names::job_id(&Field::new("name"), &request.name)?;
-        Ok(to_wire::job(&self.store, self.visible_job(call, &id).await?))
+        Ok(to_wire::job(&self.service.jobs, self.service.jobs.visible(call, &id).await?))
     }
 
     /// Returns a page of jobs.
@@ -83,66 +82,59 @@ impl Api {
         &self,
         call: &Call,
         request: v1::ListJobsRequest,
-    ) -> Result<v1::ListJobsResponse, ApiError> {
+    ) -> Result<v1::ListJobsResponse, ServiceError> {
         let filter = filter_of(call, &request)?;
         let page = Page::new(&["jobs", &hash_of(&filter)], request.page_size, &request.page_token)?;
         let after = page.after.as_deref();
         if Field::new("view").wire_value::<View>(request.view)? == View::Basic {
             let mut summaries = self.store.job_summaries(&filter, after, page.limit()).await?;
             for error in summaries.iter_mut().filter_map(|job| job.error.as_mut()) {
-                error.message = self.text_for(&call.caller, mem::take(&mut error.message)).await?;
+                error.message = self.service.jobs.text_for(&call.caller, mem::take(&mut error.message)).await?;
             }
             let (summaries, next_page_token) =
-                page.fill(summaries, |job| job.id.clone(), |job| to_wire::summary(&self.store, job));
+                page.fill(summaries, |job| job.id.clone(), |job| to_wire::summary(&self.service.jobs, job));
             return Ok(v1::ListJobsResponse { summaries, next_page_token, ..Default::default() });
         }
         let mut jobs = Vec::new();
         for job in self.store.jobs(&filter, after, page.limit()).await? {
-            jobs.push(self.seen_by(&call.caller, job).await?);
+            jobs.push(self.service.jobs.seen_by(&call.caller, job).await?);
         }
-        let (jobs, next_page_token) = page.fill(jobs, |job| job.id.clone(), |job| to_wire::job(&self.store, job));
+        let (jobs, next_page_token) =
+            page.fill(jobs, |job| job.id.clone(), |job| to_wire::job(&self.service.jobs, job));
         Ok(v1::ListJobsResponse { jobs, next_page_token, ..Default::default() })
     }
 
-    async fn cancel_job(&self, call: &Call, request: v1::CancelJobRequest) -> Result<v1::Job, ApiError> {
+    async fn cancel_job(&self, call: &Call, request: v1::CancelJobRequest) -> Result<v1::Job, ServiceError> {
         let id = names::job_id(&Field::new("name"), &request.name)?;
         call.concerns(format!("jobs/{id}"));
-        self.visible_job(call, &id).await?;
-        let job = self.store.cancel(&id, self.store.now_ms()).await?;
-        // A running job ends when its worker stops it, and the worker counts it then.
-        if job.state.has_ended() {
-            metrics::job_ended(&job);
-        }
-        Ok(to_wire::job(&self.store, self.seen_by(&call.caller, job).await?))
+        let jobs = &self.service.jobs;
+        Ok(to_wire::job(jobs, jobs.cancel(call, &id).await?))
     }
 
-    async fn retry_job(&self, call: &Call, request: v1::RetryJobRequest) -> Result<v1::Job, ApiError> {
+    async fn retry_job(&self, call: &Call, request: v1::RetryJobRequest) -> Result<v1::Job, ServiceError> {
         let id = names::job_id(&Field::new("name"), &request.name)?;
         call.concerns(format!("jobs/{id}"));
-        self.visible_job(call, &id).await?;
-        match self.store.retry(&id, self.store.now_ms()).await {
-            Ok(job) => Ok(to_wire::job(&self.store, self.seen_by(&call.caller, job).await?)),
-            Err(error) => Err(self.error_for(&call.caller, error).await),
-        }
+        let jobs = &self.service.jobs;
+        Ok(to_wire::job(jobs, jobs.retry(call, &id).await?))
     }
 
     async fn list_job_events(
         &self,
         call: &Call,
         request: v1::ListJobEventsRequest,
-    ) -> Result<v1::ListJobEventsResponse, ApiError> {
+    ) -> Result<v1::ListJobEventsResponse, ServiceError> {
         let id = names::job_id(&Field::new("name"), &request.name)?;
-        self.visible_job(call, &id).await?;
+        self.service.jobs.visible(call, &id).await?;
         let page = Page::new(&["events", &id], request.page_size, &request.page_token)?;
         let mut events = self.store.events(&id, page.after_number()?, page.limit()).await?;
         for event in &mut events {
-            event.message = self.text_for(&call.caller, mem::take(&mut event.message)).await?;
+            event.message = self.service.jobs.text_for(&call.caller, mem::take(&mut event.message)).await?;
         }
         let (events, next_page_token) = page.fill(events, |event| event.sequence.to_string(), to_wire::event);
         Ok(v1::ListJobEventsResponse { events, next_page_token })
     }
 
-    async fn get_batch(&self, call: &Call, request: v1::GetBatchRequest) -> Result<v1::Batch, ApiError> {
+    async fn get_batch(&self, call: &Call, request: v1::GetBatchRequest) -> Result<v1::Batch, ServiceError> {
         let batch = label(&Field::new("batch"), request.batch)?;
         let batch = batch.ok_or_else(|| Field::new("batch").invalid("is empty, but must name a batch"))?;
         // The jobs of a batch may be about any display.
@@ -153,7 +145,7 @@ impl Api {
 }
 
 /// Checks the filters of a list.
-fn filter_of(call: &Call, request: &v1::ListJobsRequest) -> Result<JobFilter, ApiError> {
+fn filter_of(call: &Call, request: &v1::ListJobsRequest) -> Result<JobFilter, ServiceError> {
     let since = Field::new("since");
     let since_ms = request.since.as_ref().map(|time| ms(time).ok_or_else(|| since.invalid("is not a valid time")));
     Ok(JobFilter {
@@ -170,7 +162,7 @@ fn filter_of(call: &Call, request: &v1::ListJobsRequest) -> Result<JobFilter, Ap
 }
 
 /// Checks the beginning of an id; `None` if it is empty.
-fn id_prefix(field: &Field, given: &str) -> Result<Option<String>, ApiError> {
+fn id_prefix(field: &Field, given: &str) -> Result<Option<String>, ServiceError> {
     const LENGTH_MAX: usize = 36;
     if given.len() > LENGTH_MAX || !given.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f' | b'-')) {
         let problem = "but must be the beginning of a job's id: at most 36 characters of 0-9, a-f and '-'";

@@ -1,29 +1,26 @@
 //! Conversion of jobs into messages.
 
-use super::{
-    evaluate_kernel, learn_kernel, optimize_hologram, prepare_dataset, report_kernel, simulate_capture,
-    suggest_holograms, verify_hologram, waits_for,
-};
+use super::kinds;
 use crate::enumerations::OnWire as _;
 use crate::time::timestamp;
-use lightpath_domain::job::{Job, JobError, JobEvent, JobResult, JobSpec, JobState, JobSummary, Progress};
-use lightpath_proto::v1::{self, job_result, job_spec};
-use lightpath_store::Store;
+use lightpath_domain::job::{Job, JobError, JobEvent, JobState, JobSummary, Progress};
+use lightpath_proto::v1;
+use lightpath_service::Jobs;
 
-/// Begin of the names of [`v1::job::Kind`]. The rest is a word of [`JobSpec::KINDS`] in capitals.
+/// Begin of the names of [`v1::job::Kind`]. The rest is a word of `JobSpec::KINDS` in capitals.
 const KIND_PREFIX: &str = "KIND_";
 /// Limit on the message of an error in a summary \[characters\].
 const SUMMARY_MESSAGE_MAX: usize = 200;
 
-/// Converts a job into its message. The store knows the living processes.
-pub(crate) fn job(store: &Store, job: Job) -> v1::Job {
-    let waits_for = waits_for::of_job(store, &job);
+/// Converts a job into its message.
+pub(crate) fn job(jobs: &Jobs, job: Job) -> v1::Job {
+    let waits_for = jobs.waits_for(&job);
     let scheduling = job.scheduling;
     v1::Job {
         name: format!("jobs/{}", job.id),
         request_id: job.request_id,
         kernel_versions: job.spec.kernel_versions().into_iter().map(|version| version.unwrap_or(0)).collect(),
-        spec: Some(spec(job.spec)),
+        spec: Some(kinds::to_wire(job.spec)),
         owner: scheduling.owner,
         batch: scheduling.batch.unwrap_or_default(),
         unique_key: scheduling.unique_key.unwrap_or_default(),
@@ -41,7 +38,7 @@ pub(crate) fn job(store: &Store, job: Job) -> v1::Job {
         finish_time: job.finish_time_ms.map(timestamp),
         progress: job.progress.map(progress),
         error: job.error.map(error),
-        result: job.result.map(result),
+        result: job.result.map(kinds::result),
         revision: job.revision,
         estimated_memory_bytes: job.estimate.memory_bytes,
         estimated_time_s: job.estimate.time_s,
@@ -52,9 +49,9 @@ pub(crate) fn job(store: &Store, job: Job) -> v1::Job {
     }
 }
 
-/// Converts what a list shows of a job into its message. The store knows the living processes.
-pub(crate) fn summary(store: &Store, job: JobSummary) -> v1::JobSummary {
-    let waits_for = waits_for::of_summary(store, &job);
+/// Converts what a list shows of a job into its message.
+pub(crate) fn summary(jobs: &Jobs, job: JobSummary) -> v1::JobSummary {
+    let waits_for = jobs.summary_waits_for(&job);
     let has_succeeded = job.state == JobState::Succeeded;
     v1::JobSummary {
         name: format!("jobs/{}", job.id),
@@ -78,12 +75,12 @@ pub(crate) fn summary(store: &Store, job: JobSummary) -> v1::JobSummary {
     }
 }
 
-/// The value of the enumeration for a word of [`JobSpec::KINDS`].
+/// The value of the enumeration for a word of `JobSpec::KINDS`.
 fn kind_of(word: &str) -> v1::job::Kind {
     v1::job::Kind::from_str_name(&format!("{KIND_PREFIX}{}", word.to_ascii_uppercase())).unwrap_or_default()
 }
 
-/// The word of [`JobSpec::KINDS`] for a value of the enumeration; `None`: unspecified.
+/// The word of `JobSpec::KINDS` for a value of the enumeration; `None`: unspecified.
 pub(crate) fn kind_word(kind: v1::job::Kind) -> Option<String> {
     let name = kind.as_str_name().strip_prefix(KIND_PREFIX).unwrap_or_default();
     (kind != v1::job::Kind::Unspecified).then(|| name.to_ascii_lowercase())
@@ -111,37 +108,10 @@ fn error(error: JobError) -> v1::JobError {
     v1::JobError { reason: reason.to_string(), message, retryable }
 }
 
-fn spec(spec: JobSpec) -> v1::JobSpec {
-    let kind = match spec {
-        JobSpec::OptimizeHologram(spec) => job_spec::Kind::OptimizeHologram(optimize_hologram::to_wire::spec(*spec)),
-        JobSpec::LearnKernel(spec) => job_spec::Kind::LearnKernel(learn_kernel::to_wire::spec(spec)),
-        JobSpec::SimulateCapture(spec) => job_spec::Kind::SimulateCapture(simulate_capture::to_wire::spec(spec)),
-        JobSpec::EvaluateKernel(spec) => job_spec::Kind::EvaluateKernel(evaluate_kernel::to_wire::spec(spec)),
-        JobSpec::PrepareDataset(spec) => job_spec::Kind::PrepareDataset(prepare_dataset::to_wire::spec(spec)),
-        JobSpec::ReportKernel(spec) => job_spec::Kind::ReportKernel(report_kernel::to_wire::spec(spec)),
-        JobSpec::SuggestHolograms(spec) => job_spec::Kind::SuggestHolograms(suggest_holograms::to_wire::spec(spec)),
-        JobSpec::VerifyHologram(spec) => job_spec::Kind::VerifyHologram(verify_hologram::to_wire::spec(spec)),
-    };
-    v1::JobSpec { kind: Some(kind) }
-}
-
-fn result(result: JobResult) -> v1::JobResult {
-    let kind = match result {
-        JobResult::Hologram(result) => job_result::Kind::Hologram(optimize_hologram::to_wire::result(*result)),
-        JobResult::Learn(result) => job_result::Kind::Learn(learn_kernel::to_wire::result(result)),
-        JobResult::Capture(result) => job_result::Kind::Capture(simulate_capture::to_wire::result(result)),
-        JobResult::Evaluate(result) => job_result::Kind::Evaluate(evaluate_kernel::to_wire::result(result)),
-        JobResult::Prepare(result) => job_result::Kind::Prepare(prepare_dataset::to_wire::result(result)),
-        JobResult::Report(result) => job_result::Kind::Report(report_kernel::to_wire::result(result)),
-        JobResult::Suggest(result) => job_result::Kind::Suggest(suggest_holograms::to_wire::result(result)),
-        JobResult::Verify(result) => job_result::Kind::Verify(verify_hologram::to_wire::result(result)),
-    };
-    v1::JobResult { kind: Some(kind) }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use lightpath_domain::job::JobSpec;
 
     #[test]
     fn each_kind_of_job_has_a_value_of_the_enumeration() {

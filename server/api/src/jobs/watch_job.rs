@@ -3,34 +3,36 @@
 use super::to_wire;
 use crate::accounts::StreamKind;
 use crate::api::Api;
-use crate::call::{Answers, Call};
-use crate::error::ApiError;
-use crate::field::Field;
+use crate::call::Answers;
 use crate::names;
 use crate::watch::{self, Watch};
 use lightpath_domain::access::Caller;
 use lightpath_domain::job::Job;
 use lightpath_proto::v1;
+use lightpath_service::{Call, Field, Jobs, ServiceError};
+use lightpath_store::Store;
 
 impl Api {
     pub(crate) async fn watch_job(
         &self,
         call: &Call,
         request: v1::WatchJobRequest,
-    ) -> Result<Answers<v1::Job>, ApiError> {
+    ) -> Result<Answers<v1::Job>, ServiceError> {
         let id = names::job_id(&Field::new("name"), &request.name)?;
-        let open = self.accounts.streams.open(StreamKind::Watch, &call.client)?;
+        let open = self.streams.open(StreamKind::Watch, &call.client)?;
         // The stream subscribes before the first read, so that it misses no change.
         let changes = self.store.subscribe_job_changes();
-        let first = self.visible_job(call, &id).await?;
-        let source = JobSource { api: self.clone(), caller: call.caller.clone(), id };
+        let first = self.service.jobs.visible(call, &id).await?;
+        let source =
+            JobSource { jobs: self.service.jobs.clone(), store: self.store.clone(), caller: call.caller.clone(), id };
         Ok(watch::stream(source, first, changes, self.stopping.clone(), open))
     }
 }
 
 /// The job that a stream follows, and the caller who sees it.
 struct JobSource {
-    api: Api,
+    jobs: Jobs,
+    store: Store,
     caller: Caller,
     id: String,
 }
@@ -40,8 +42,8 @@ impl Watch for JobSource {
     type Change = String;
     type Message = v1::Job;
 
-    async fn read(&self) -> Result<Job, ApiError> {
-        self.api.seen_by(&self.caller, self.api.store.job(&self.id).await?).await
+    async fn read(&self) -> Result<Job, ServiceError> {
+        self.jobs.seen_by(&self.caller, self.store.job(&self.id).await?).await
     }
 
     fn concerns(&self, change: &String) -> bool {
@@ -53,6 +55,6 @@ impl Watch for JobSource {
     }
 
     fn message(&self, job: &Job) -> v1::Job {
-        to_wire::job(&self.api.store, job.clone())
+        to_wire::job(&self.jobs, job.clone())
     }
 }

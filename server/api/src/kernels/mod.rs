@@ -1,14 +1,13 @@
 //! Kernels and their versions: listing, fetching, promoting, judging, importing and interpolating.
 
-mod bundle;
-mod compare;
-pub(crate) mod conversions;
-pub(crate) mod fetch;
-pub(crate) mod import;
-mod interpolate;
-mod model_file;
-pub(crate) mod promotion;
+mod fetch;
+mod manifests;
+mod new_versions;
+mod promotion;
 mod registry;
 mod service;
 pub(crate) mod to_wire;
 mod watch_kernel;
+
+/// Limit on the length of a reason \[bytes\]: a paragraph.
+pub(crate) const REASON_BYTES_MAX: usize = 1024;

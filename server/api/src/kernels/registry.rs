@@ -1,16 +1,12 @@
 //! What people say about versions: promotion gates, aliases, deprecations; and the search for the nearest distance.
 
-use super::promotion::{REASON_BYTES_MAX, cause};
-use super::to_wire;
+use super::{REASON_BYTES_MAX, to_wire};
 use crate::api::Api;
-use crate::call::Call;
-use crate::error::ApiError;
-use crate::field::Field;
 use crate::names;
 use lightpath_domain::kernel::{ACTIVE, KernelKey};
 use lightpath_domain::promotion::PromotionGate;
 use lightpath_proto::v1;
-use lightpath_store::AliasMove;
+use lightpath_service::{Call, Field, ServiceError};
 
 /// Gates of a display's history that one answer shows.
 const GATES_SHOWN: u32 = 100;
@@ -24,12 +20,12 @@ impl Api {
         &self,
         call: &Call,
         request: v1::SetPromotionGateRequest,
-    ) -> Result<v1::DisplayGate, ApiError> {
+    ) -> Result<v1::DisplayGate, ServiceError> {
         let display = self.display_named(call, &Field::new("display"), &request.display).await?;
         call.concerns(&request.display);
         let reason = Field::new("reason").line(request.reason, REASON_BYTES_MAX)?;
         let gate = gate_from_wire(&Field::new("gate"), request.gate.unwrap_or_default())?;
-        self.store.set_gate(&display.id, &gate, &cause(call, reason), self.store.now_ms()).await?;
+        self.service.promotions.set_gate(call, &display.id, &gate, reason).await?;
         self.display_gate(&display.id).await
     }
 
@@ -37,12 +33,12 @@ impl Api {
         &self,
         call: &Call,
         request: v1::GetPromotionGateRequest,
-    ) -> Result<v1::DisplayGate, ApiError> {
+    ) -> Result<v1::DisplayGate, ServiceError> {
         let display = self.display_named(call, &Field::new("display"), &request.display).await?;
         self.display_gate(&display.id).await
     }
 
-    async fn display_gate(&self, display: &str) -> Result<v1::DisplayGate, ApiError> {
+    async fn display_gate(&self, display: &str) -> Result<v1::DisplayGate, ServiceError> {
         let history = self.store.gates(display, GATES_SHOWN).await?;
         let gate = history.first().map(|change| change.gate.clone()).unwrap_or_default();
         Ok(v1::DisplayGate {
@@ -56,15 +52,14 @@ impl Api {
         &self,
         call: &Call,
         request: v1::SetKernelAliasRequest,
-    ) -> Result<v1::Kernel, ApiError> {
+    ) -> Result<v1::Kernel, ServiceError> {
         let key = names::kernel_key(call, &Field::new("kernel"), &request.kernel)?;
         call.concerns(key.to_string());
         let alias = alias(&Field::new("alias"), &request.alias)?.to_owned();
         let reason = Field::new("reason").line(request.reason, REASON_BYTES_MAX)?;
         let some = |version: u32| (version > 0).then_some(version);
         let (version, expected) = (some(request.version), request.expected_version.map(some));
-        let step = AliasMove { alias, version, expected, cause: cause(call, reason) };
-        let kernel = self.store.set_alias(&key, step, self.store.now_ms()).await?;
+        let kernel = self.service.promotions.set_alias(call, &key, alias, (version, expected), reason).await?;
         Ok(to_wire::kernel(&kernel))
     }
 
@@ -72,7 +67,7 @@ impl Api {
         &self,
         call: &Call,
         request: v1::DeprecateKernelVersionRequest,
-    ) -> Result<v1::KernelVersion, ApiError> {
+    ) -> Result<v1::KernelVersion, ServiceError> {
         let (key, version) = names::kernel_version(call, &Field::new("name"), &request.name)?;
         call.concerns(&request.name);
         let field = Field::new("reason");
@@ -81,10 +76,7 @@ impl Api {
             return Err(field.invalid("is empty, but must say why"));
         }
         let deprecated = !request.undo;
-        let version = self
-            .store
-            .deprecate_kernel_version(&key, version, deprecated, &cause(call, reason), self.store.now_ms())
-            .await?;
+        let version = self.service.promotions.deprecate(call, &key, version, deprecated, reason).await?;
         Ok(to_wire::version(version))
     }
 
@@ -92,7 +84,7 @@ impl Api {
         &self,
         call: &Call,
         request: v1::FindNearestKernelsRequest,
-    ) -> Result<v1::FindNearestKernelsResponse, ApiError> {
+    ) -> Result<v1::FindNearestKernelsResponse, ServiceError> {
         let display = self.display_named(call, &Field::new("display"), &request.display).await?;
         let wavelength = Field::new("wavelength_m").wavelength_of(request.wavelength_m, &display)?;
         let distance = Field::new("distance_m").distance(request.distance_m)?;
@@ -100,12 +92,12 @@ impl Api {
         let kernels = self.store.nearest_kernels(&key).await?;
         Ok(v1::FindNearestKernelsResponse {
             kernels: kernels.iter().map(to_wire::kernel).collect(),
-            can_be_interpolated: self.can_be_interpolated(&key).await?,
+            can_be_interpolated: self.service.kernels.can_be_interpolated(&key).await?,
         })
     }
 }
 
-fn gate_from_wire(field: &Field, gate: v1::PromotionGate) -> Result<PromotionGate, ApiError> {
+fn gate_from_wire(field: &Field, gate: v1::PromotionGate) -> Result<PromotionGate, ServiceError> {
     let percent = gate.better_than_active_percent;
     let percent = percent.map(|percent| field.at("better_than_active_percent").number(percent, 0.0..=100.0));
     let forms = gate.forms.iter().map(|name| field.at("forms").form(name));
@@ -118,7 +110,7 @@ fn gate_from_wire(field: &Field, gate: v1::PromotionGate) -> Result<PromotionGat
 }
 
 /// Checks an alias other than `active`.
-fn alias<'a>(field: &Field, text: &'a str) -> Result<&'a str, ApiError> {
+fn alias<'a>(field: &Field, text: &'a str) -> Result<&'a str, ServiceError> {
     let alias = names::label(field, text)?;
     if RESERVED.contains(&alias) {
         return Err(field.invalid(format!("is {alias:?}, which has another meaning; choose another name")));

@@ -2,14 +2,13 @@
 
 use super::to_wire;
 use crate::api::Api;
-use crate::call::{Call, StatusStream};
-use crate::error::ApiError;
-use crate::field::Field;
+use crate::call::StatusStream;
 use crate::names;
 use crate::pages::Page;
 use lightpath_domain::kernel::KernelVersion;
 use lightpath_proto::v1;
 use lightpath_proto::v1::kernel_service_server::KernelService;
+use lightpath_service::{Call, Field, ServiceError};
 use tonic::{Request, Response, Status};
 
 #[tonic::async_trait]
@@ -151,7 +150,11 @@ impl KernelService for Api {
 }
 
 impl Api {
-    pub(crate) async fn get_kernel(&self, call: &Call, request: v1::GetKernelRequest) -> Result<v1::Kernel, ApiError> {
+    pub(crate) async fn get_kernel(
+        &self,
+        call: &Call,
+        request: v1::GetKernelRequest,
+    ) -> Result<v1::Kernel, ServiceError> {
         let key = names::kernel_key(call, &Field::new("name"), &request.name)?;
         Ok(to_wire::kernel(&self.store.kernel(&key).await?))
     }
@@ -160,7 +163,7 @@ impl Api {
         &self,
         call: &Call,
         request: v1::ListKernelsRequest,
-    ) -> Result<v1::ListKernelsResponse, ApiError> {
+    ) -> Result<v1::ListKernelsResponse, ServiceError> {
         let display = names::display_filter(call, &Field::new("display"), &request.display)?;
         let page = Page::new(&["kernels", &request.display], request.page_size, &request.page_token)?;
         let kernels = self.store.kernels(display.as_deref(), page.after.as_deref(), page.limit()).await?;
@@ -173,7 +176,7 @@ impl Api {
         &self,
         call: &Call,
         request: v1::GetKernelVersionRequest,
-    ) -> Result<v1::KernelVersion, ApiError> {
+    ) -> Result<v1::KernelVersion, ServiceError> {
         let (key, version) = names::kernel_version(call, &Field::new("name"), &request.name)?;
         Ok(to_wire::version(self.store.kernel_version(&key, version).await?))
     }
@@ -182,7 +185,7 @@ impl Api {
         &self,
         call: &Call,
         request: v1::ListKernelVersionsRequest,
-    ) -> Result<v1::ListKernelVersionsResponse, ApiError> {
+    ) -> Result<v1::ListKernelVersionsResponse, ServiceError> {
         let key = names::kernel_key(call, &Field::new("kernel"), &request.kernel)?;
         let page = Page::new(&["versions", &request.kernel], request.page_size, &request.page_token)?;
         let versions = self.store.kernel_versions(&key, page.after_number()?, page.limit()).await?;

@@ -3,13 +3,12 @@
 use super::to_wire;
 use crate::accounts::StreamKind;
 use crate::api::Api;
-use crate::call::{Answers, Call};
-use crate::error::ApiError;
-use crate::field::Field;
+use crate::call::Answers;
 use crate::names;
 use crate::watch::{self, Watch};
 use lightpath_domain::kernel::{Kernel, KernelKey};
 use lightpath_proto::v1;
+use lightpath_service::{Call, Field, ServiceError};
 use lightpath_store::Store;
 
 impl Api {
@@ -17,9 +16,9 @@ impl Api {
         &self,
         call: &Call,
         request: v1::WatchKernelRequest,
-    ) -> Result<Answers<v1::Kernel>, ApiError> {
+    ) -> Result<Answers<v1::Kernel>, ServiceError> {
         let key = names::kernel_key(call, &Field::new("name"), &request.name)?;
-        let open = self.accounts.streams.open(StreamKind::Watch, &call.client)?;
+        let open = self.streams.open(StreamKind::Watch, &call.client)?;
         // The stream subscribes before the first read, so that it misses no change.
         let changes = self.store.subscribe_kernel_changes();
         let first = self.store.kernel(&key).await?;
@@ -39,7 +38,7 @@ impl Watch for KernelSource {
     type Change = KernelKey;
     type Message = v1::Kernel;
 
-    async fn read(&self) -> Result<Kernel, ApiError> {
+    async fn read(&self) -> Result<Kernel, ServiceError> {
         Ok(self.store.kernel(&self.key).await?)
     }
 

@@ -1,5 +1,4 @@
 //! Messages of the optics engine that several resources use: propagation methods, detectors, regions, quality.
 
 pub(crate) mod from_wire;
-pub(crate) mod propagation_checks;
 pub(crate) mod to_wire;

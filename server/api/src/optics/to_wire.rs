@@ -38,7 +38,8 @@ pub(crate) fn validity_report(report: ValidityReport) -> v1::ValidityReport {
     }
 }
 
-pub(crate) fn region(region: RegionOfInterest) -> v1::RegionOfInterest {
+/// Converts a region of interest into its message.
+pub(crate) fn region_message(region: RegionOfInterest) -> v1::RegionOfInterest {
     let [x_px, y_px, width_px, height_px] =
         [region.x_px(), region.y_px(), region.width_px(), region.height_px()].map(|px| px as u32);
     v1::RegionOfInterest { x_px, y_px, width_px, height_px }

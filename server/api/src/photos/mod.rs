@@ -1,5 +1,4 @@
 //! Photographs of pictures that displays show.
 
-mod score;
 mod service;
 mod to_wire;

@@ -2,18 +2,19 @@
 
 use crate::optics::to_wire;
 use lightpath_camera::photo_score::{AlignedPhoto, ChannelScore};
-use lightpath_media::photo_scores::ScoredPhoto;
-use lightpath_optics::RegionOfInterest;
 use lightpath_proto::v1;
+use lightpath_service::PhotoScore;
 
-/// Converts a score into its message, without the pictures.
-pub(super) fn photo_score(scored: &ScoredPhoto, region: RegionOfInterest) -> v1::PhotoScore {
+/// Converts a score into its message.
+pub(super) fn photo_score(score: PhotoScore) -> v1::PhotoScore {
+    let PhotoScore { scored, region, aligned, error } = score;
     v1::PhotoScore {
         place: Some(place(&scored.aligned)),
-        region_of_interest: Some(to_wire::region(region)),
+        region_of_interest: Some(to_wire::region_message(region)),
         channels: scored.channels.iter().map(channel).collect(),
         saturated: scored.saturated,
-        ..Default::default()
+        aligned,
+        error,
     }
 }
 

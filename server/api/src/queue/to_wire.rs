@@ -2,10 +2,12 @@
 
 use crate::time::timestamp;
 use lightpath_proto::v1;
-use lightpath_store::{OwnerQueue, Pause, Process, ProcessKind};
+use lightpath_service::QueueState;
+use lightpath_store::{Process, ProcessKind};
 
 /// Converts the state of the queue into its message.
-pub(crate) fn queue(owner_queues: Vec<OwnerQueue>, pauses: Vec<Pause>, processes: &[Process]) -> v1::Queue {
+pub(crate) fn queue(queue: QueueState) -> v1::Queue {
+    let QueueState { owner_queues, pauses, processes } = queue;
     v1::Queue {
         queued: owner_queues.iter().map(|queue| queue.queued).sum(),
         running: owner_queues.iter().map(|queue| queue.running).sum(),

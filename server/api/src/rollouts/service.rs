@@ -2,18 +2,13 @@
 
 use super::to_wire;
 use crate::api::Api;
-use crate::call::Call;
-use crate::error::ApiError;
-use crate::field::Field;
-use crate::kernels::promotion::{Passage, Passed, REASON_BYTES_MAX, cause};
+use crate::kernels::REASON_BYTES_MAX;
 use crate::names;
 use crate::pages::Page;
-use lightpath_domain::kernel::KernelKey;
-use lightpath_domain::reason::PreconditionReason;
-use lightpath_domain::rollout::{RolloutPlan, RolloutState};
+use lightpath_domain::rollout::RolloutPlan;
 use lightpath_proto::v1;
 use lightpath_proto::v1::rollout_service_server::RolloutService;
-use lightpath_store::Widening;
+use lightpath_service::{Call, Field, Passage, ServiceError};
 use tonic::{Request, Response, Status};
 
 /// Default of the limit on failed devices \[%\].
@@ -55,29 +50,24 @@ impl RolloutService for Api {
 }
 
 impl Api {
-    async fn start_rollout(&self, call: &Call, request: v1::StartRolloutRequest) -> Result<v1::Rollout, ApiError> {
+    async fn start_rollout(&self, call: &Call, request: v1::StartRolloutRequest) -> Result<v1::Rollout, ServiceError> {
         let key = names::kernel_key(call, &Field::new("kernel"), &request.kernel)?;
         let version = Field::new("version").integer(request.version, 1..=u32::MAX)?;
         call.concerns(format!("{key}/versions/{version}"));
         let reason = Field::new("reason").line(request.reason.clone(), REASON_BYTES_MAX)?;
-        let mut plan = plan(&request, version)?;
+        let plan = plan(&request, version)?;
         let (expected_active, force) = (request.expected_active_version, request.force);
-        let passage = Passage { version, expected_active, force, reason: &reason };
-        let Passed { expected_active, overridden } = self.pass_gate(call, &key, passage).await?;
-        plan.overridden = overridden;
-        plan.cause = cause(call, reason);
-        let rollout = self.store.start_rollout(&key, plan, expected_active, self.store.now_ms()).await?;
+        let passage = Passage { version, expected_active, force, reason };
+        let rollout = self.service.rollouts.start(call, &key, plan, passage).await?;
         Ok(to_wire::rollout(rollout, Vec::new()))
     }
 
-    async fn widen_rollout(&self, call: &Call, request: v1::WidenRolloutRequest) -> Result<v1::Rollout, ApiError> {
+    async fn widen_rollout(&self, call: &Call, request: v1::WidenRolloutRequest) -> Result<v1::Rollout, ServiceError> {
         let (key, number) = names::rollout(call, &Field::new("name"), &request.name)?;
         call.concerns(&request.name);
         let share_percent = Field::new("share_percent").number(request.share_percent, 0.0..=100.0)?;
-        self.require_still_passes(call, &key, number).await?;
-        let (expected_revision, caller) = (request.expected_revision, call.caller.name.clone());
-        let widening = Widening { share_percent, expected_revision, caller };
-        let rollout = self.store.widen_rollout(&key, number, widening, self.store.now_ms()).await?;
+        let widened = (share_percent, request.expected_revision);
+        let rollout = self.service.rollouts.widen(call, &key, number, widened).await?;
         Ok(to_wire::rollout(rollout, Vec::new()))
     }
 
@@ -85,43 +75,22 @@ impl Api {
         &self,
         call: &Call,
         request: v1::CompleteRolloutRequest,
-    ) -> Result<v1::Rollout, ApiError> {
+    ) -> Result<v1::Rollout, ServiceError> {
         let (key, number) = names::rollout(call, &Field::new("name"), &request.name)?;
         call.concerns(&request.name);
-        self.require_still_passes(call, &key, number).await?;
-        let (revision, caller) = (request.expected_revision, &call.caller.name);
-        let rollout = self.store.complete_rollout(&key, number, revision, caller, self.store.now_ms()).await?;
+        let rollout = self.service.rollouts.complete(call, &key, number, request.expected_revision).await?;
         Ok(to_wire::rollout(rollout, Vec::new()))
     }
 
-    /// Refuses to go on with a version that fails the gate now, other than by what was overridden at the start.
-    async fn require_still_passes(&self, call: &Call, key: &KernelKey, number: u32) -> Result<(), ApiError> {
-        let (rollout, _) = self.store.rollout(key, number).await?;
-        let candidate = self.store.kernel_version(key, rollout.plan.version).await?;
-        let failures = self.verdict(call, &candidate).await?.checks.into_iter().filter(|check| !check.passed);
-        let failures = failures.map(|check| check.finding);
-        let new: Vec<String> = failures.filter(|finding| !rollout.plan.overridden.contains(finding)).collect();
-        if new.is_empty() || rollout.state != RolloutState::Running {
-            return Ok(());
-        }
-        let message = format!(
-            "{key}/versions/{} does not pass the promotion gate any more: {}; halt the rollout, and start it again with \
-             force if you must",
-            rollout.plan.version,
-            new.join("; ")
-        );
-        Err(ApiError::Precondition { reason: PreconditionReason::PromotionGateFailed, message })
-    }
-
-    async fn halt_rollout(&self, call: &Call, request: v1::HaltRolloutRequest) -> Result<v1::Rollout, ApiError> {
+    async fn halt_rollout(&self, call: &Call, request: v1::HaltRolloutRequest) -> Result<v1::Rollout, ServiceError> {
         let (key, number) = names::rollout(call, &Field::new("name"), &request.name)?;
         call.concerns(&request.name);
         let reason = Field::new("reason").line(request.reason, REASON_BYTES_MAX)?;
-        let rollout = self.store.halt_rollout(&key, number, &cause(call, reason), self.store.now_ms()).await?;
+        let rollout = self.service.rollouts.halt(call, &key, number, reason).await?;
         Ok(to_wire::rollout(rollout, Vec::new()))
     }
 
-    async fn get_rollout(&self, call: &Call, request: v1::GetRolloutRequest) -> Result<v1::Rollout, ApiError> {
+    async fn get_rollout(&self, call: &Call, request: v1::GetRolloutRequest) -> Result<v1::Rollout, ServiceError> {
         let (key, number) = names::rollout(call, &Field::new("name"), &request.name)?;
         let (rollout, events) = self.store.rollout(&key, number).await?;
         Ok(to_wire::rollout(rollout, events))
@@ -131,7 +100,7 @@ impl Api {
         &self,
         call: &Call,
         request: v1::ListRolloutsRequest,
-    ) -> Result<v1::ListRolloutsResponse, ApiError> {
+    ) -> Result<v1::ListRolloutsResponse, ServiceError> {
         let key = names::kernel_key(call, &Field::new("kernel"), &request.kernel)?;
         let page = Page::new(&["rollouts", &request.kernel], request.page_size, &request.page_token)?;
         let rollouts = self.store.rollouts(&key, page.after_number()?, page.limit()).await?;
@@ -142,7 +111,7 @@ impl Api {
 }
 
 /// The checked plan of a request, without its cause.
-fn plan(request: &v1::StartRolloutRequest, version: u32) -> Result<RolloutPlan, ApiError> {
+fn plan(request: &v1::StartRolloutRequest, version: u32) -> Result<RolloutPlan, ServiceError> {
     let percent = |name: &'static str, value| Field::new(name).number(value, 0.0..=100.0);
     let share_percent = percent("share_percent", request.share_percent)?;
     if request.group.is_empty() && share_percent == 0.0 {

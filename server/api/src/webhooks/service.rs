@@ -2,16 +2,12 @@
 
 use super::to_wire;
 use crate::api::Api;
-use crate::call::Call;
-use crate::error::ApiError;
-use crate::field::{Field, shortened};
 use crate::names;
 use crate::pages::Page;
-use lightpath_domain::reason::PreconditionReason;
-use lightpath_domain::webhook::{Delivery, Webhook, WebhookEvent, WebhookSecret, WebhookUrl};
+use lightpath_domain::webhook::{Delivery, Webhook, WebhookEvent, WebhookUrl};
 use lightpath_proto::v1;
 use lightpath_proto::v1::webhook_service_server::WebhookService;
-use lightpath_store::StoreError;
+use lightpath_service::{Call, Field, NewWebhook, ServiceError, shortened};
 use tonic::{Request, Response, Status};
 
 #[tonic::async_trait]
@@ -57,43 +53,28 @@ impl WebhookService for Api {
 }
 
 impl Api {
-    async fn create_webhook(&self, call: &Call, request: v1::CreateWebhookRequest) -> Result<v1::Webhook, ApiError> {
+    async fn create_webhook(
+        &self,
+        call: &Call,
+        request: v1::CreateWebhookRequest,
+    ) -> Result<v1::Webhook, ServiceError> {
         let id = names::label(&Field::new("id"), &request.id)?.to_owned();
         call.concerns(format!("webhooks/{id}"));
         let field = Field::new("url");
         let url = WebhookUrl::parse(&request.url).map_err(|error| field.invalid(error))?;
-        self.require_origin(&url)?;
+        self.service.webhooks.require_origin(&url)?;
         let events = request.events.iter().enumerate().map(|(i, code)| event(&Field::new("events").index(i), code));
-        let webhook = Webhook {
+        let new = NewWebhook {
             id,
             url,
             events: events.collect::<Result<_, _>>()?,
             display: names::display_filter(call, &Field::new("display"), &request.display)?,
-            caller: call.caller.name.clone(),
-            create_time_ms: self.store.now_ms(),
         };
-        let secret = WebhookSecret::generate().map_err(|_| ApiError::NoRandomness)?;
-        self.store.create_webhook(&webhook, &secret).await?;
+        let (webhook, secret) = self.service.webhooks.create(call, new).await?;
         Ok(v1::Webhook { secret: secret.reveal().to_owned(), ..to_wire::webhook(webhook) })
     }
 
-    /// Refuses an address that the operator does not allow.
-    fn require_origin(&self, url: &WebhookUrl) -> Result<(), ApiError> {
-        if self.webhook_origins.contains(url.origin()) {
-            return Ok(());
-        }
-        let allowed = match self.webhook_origins.list() {
-            Some(list) => format!("webhooks may go to {list} only"),
-            None => "no webhooks may go anywhere".to_owned(),
-        };
-        let origin = url.origin();
-        let message = format!(
-            "url has the origin {origin}, but {allowed}; ask the operator to add it to the server's setting webhook_origins"
-        );
-        Err(ApiError::Precondition { reason: PreconditionReason::WebhookOriginNotAllowed, message })
-    }
-
-    async fn get_webhook(&self, call: &Call, request: v1::GetWebhookRequest) -> Result<v1::Webhook, ApiError> {
+    async fn get_webhook(&self, call: &Call, request: v1::GetWebhookRequest) -> Result<v1::Webhook, ServiceError> {
         Ok(to_wire::webhook(self.webhook(call, &Field::new("name"), &request.name).await?))
     }
 
@@ -101,27 +82,26 @@ impl Api {
         &self,
         call: &Call,
         _: v1::ListWebhooksRequest,
-    ) -> Result<v1::ListWebhooksResponse, ApiError> {
-        let webhooks = self.store.webhooks().await?.into_iter();
-        let visible = webhooks.filter(|webhook| may_use(call, webhook));
-        Ok(v1::ListWebhooksResponse { webhooks: visible.map(to_wire::webhook).collect() })
+    ) -> Result<v1::ListWebhooksResponse, ServiceError> {
+        let visible = self.service.webhooks.visible(call).await?;
+        Ok(v1::ListWebhooksResponse { webhooks: visible.into_iter().map(to_wire::webhook).collect() })
     }
 
     async fn test_webhook(
         &self,
         call: &Call,
         request: v1::TestWebhookRequest,
-    ) -> Result<v1::WebhookDelivery, ApiError> {
+    ) -> Result<v1::WebhookDelivery, ServiceError> {
         let webhook = self.webhook(call, &Field::new("name"), &request.name).await?;
         call.concerns(&request.name);
-        Ok(to_wire::delivery(self.store.test_webhook(&webhook.id, &call.caller.name, self.store.now_ms()).await?))
+        Ok(to_wire::delivery(self.service.webhooks.test(call, &webhook).await?))
     }
 
     async fn list_webhook_deliveries(
         &self,
         call: &Call,
         request: v1::ListWebhookDeliveriesRequest,
-    ) -> Result<v1::ListWebhookDeliveriesResponse, ApiError> {
+    ) -> Result<v1::ListWebhookDeliveriesResponse, ServiceError> {
         let webhook = self.webhook(call, &Field::new("webhook"), &request.webhook).await?;
         let page = Page::new(&["deliveries", &request.webhook], request.page_size, &request.page_token)?;
         let deliveries = self.store.deliveries(&webhook.id, page.after_number()?, page.limit()).await?;
@@ -134,32 +114,20 @@ impl Api {
         &self,
         call: &Call,
         request: v1::DeleteWebhookRequest,
-    ) -> Result<v1::DeleteWebhookResponse, ApiError> {
+    ) -> Result<v1::DeleteWebhookResponse, ServiceError> {
         let webhook = self.webhook(call, &Field::new("name"), &request.name).await?;
         call.concerns(&request.name);
-        self.store.delete_webhook(&webhook.id).await?;
+        self.service.webhooks.delete(&webhook).await?;
         Ok(v1::DeleteWebhookResponse {})
     }
 
     /// The webhook with this name. One that the caller may not use does not exist for the caller.
-    async fn webhook(&self, call: &Call, field: &Field, name: &str) -> Result<Webhook, ApiError> {
-        let webhook = self.store.webhook(&names::webhook_id(field, name)?).await?;
-        match may_use(call, &webhook) {
-            true => Ok(webhook),
-            false => Err(StoreError::NotFound { resource: name.to_owned() }.into()),
-        }
+    async fn webhook(&self, call: &Call, field: &Field, name: &str) -> Result<Webhook, ServiceError> {
+        self.service.webhooks.existing(call, &names::webhook_id(field, name)?).await
     }
 }
 
-/// Whether the caller's token is for all displays whose events the webhook gets.
-fn may_use(call: &Call, webhook: &Webhook) -> bool {
-    match &webhook.display {
-        Some(display) => call.caller.may_use(display),
-        None => call.caller.displays.is_empty(),
-    }
-}
-
-fn event(field: &Field, code: &str) -> Result<WebhookEvent, ApiError> {
+fn event(field: &Field, code: &str) -> Result<WebhookEvent, ServiceError> {
     WebhookEvent::parse(code).ok_or_else(|| {
         let codes = WebhookEvent::CHOICES.map(WebhookEvent::as_str).join(", ");
         field.invalid(format!("is {:?}, but must be one of {codes}", shortened(code)))

@@ -5,10 +5,10 @@ use crate::database::Database;
 use crate::upkeep::{Retention, UpkeepError};
 use lightpath_api::http::Hosts;
 use lightpath_api::tls::TlsFiles;
-use lightpath_api::{ApiLimits, JobLimits, ManifestRules};
 use lightpath_artifacts::{Artifacts, RemoteOptions, SpaceLimits};
 use lightpath_domain::ability::Labels;
 use lightpath_domain::origin::Origins;
+use lightpath_service::{JobLimits, ManifestRules, ServiceLimits};
 use lightpath_store::{ClaimLimits, QueueLimits};
 use lightpath_worker::{Timeouts, WorkerConfig};
 use std::time::Duration;
@@ -138,13 +138,13 @@ impl Config {
 
     /// Limits on what clients may use, on a machine whose speed is `work_per_s`.
     #[must_use]
-    pub fn api_limits(&self, work_per_s: f64) -> ApiLimits {
+    pub fn service_limits(&self, work_per_s: f64) -> ServiceLimits {
         let (queue, jobs) = (self.queue_limits(), self.job_limits(work_per_s));
         let manifests = ManifestRules {
             life_s: (self.manifest_days * DAY_S) as u32,
             poll_interval_s: self.poll_interval_s.round() as u32,
         };
-        ApiLimits { queue, jobs, computing_bytes: bytes(self.computing_mib_max), manifests }
+        ServiceLimits { queue, jobs, computing_bytes: bytes(self.computing_mib_max), manifests }
     }
 
     /// The names to which the server answers, and the web pages of other sites that may call it.

@@ -1,0 +1,52 @@
+//! Evaluation jobs: how well a kernel predicts a dataset.
+
+use super::kernel_text;
+use crate::api::Api;
+use crate::enumerations::OnWire as _;
+use crate::names;
+use crate::optics::from_wire::region;
+use crate::optics::to_wire::{region_message, validity_report};
+use lightpath_domain::job::{EvaluateKernel, EvaluateResult, Job};
+use lightpath_domain::kernel::KernelKey;
+use lightpath_proto::v1;
+use lightpath_service::propagation::check_distance;
+use lightpath_service::{Call, Field, ServiceError};
+
+/// Checks a request, looks up the named resources, fills in defaults, and converts the request. `before` is the job
+/// of an earlier submission of the same request.
+pub(super) async fn from_wire(
+    api: &Api,
+    call: &Call,
+    message: v1::EvaluateKernel,
+    field: &Field,
+    before: Option<&Job>,
+) -> Result<EvaluateKernel, ServiceError> {
+    let at = |name| field.at(name);
+    let id = names::dataset_id(&at("dataset"), &message.dataset)?;
+    let (dataset, display) = api.service.datasets.finalized(call, &at("dataset"), &id).await?;
+    check_distance(&at("dataset"), &display, dataset.wavelength, dataset.distance)?;
+    let region_of_interest = region(&at("region_of_interest"), message.region_of_interest, &display)?;
+    let key = KernelKey { display: display.id, wavelength: dataset.wavelength, distance: dataset.distance };
+    let kernel_version = api.service.jobs.evaluated_version(&at("kernel"), &message.kernel, &key, before).await?;
+    Ok(EvaluateKernel { dataset: dataset.id, display: key.display, kernel_version, region_of_interest })
+}
+
+/// Converts the request, with its defaults, into its message.
+pub(super) fn to_wire(spec: EvaluateKernel) -> v1::EvaluateKernel {
+    v1::EvaluateKernel {
+        dataset: format!("datasets/{}", spec.dataset),
+        kernel: kernel_text(spec.kernel_version),
+        region_of_interest: Some(region_message(spec.region_of_interest)),
+    }
+}
+
+/// Converts the result into its message.
+pub(super) fn result(result: EvaluateResult) -> v1::EvaluateResult {
+    let pairs = result.pairs.into_iter().map(|pair| v1::evaluate_result::PairLoss {
+        pair: pair.pair,
+        split: pair.split.to_wire(),
+        loss: pair.loss,
+        loss_full_frame: pair.loss_full_frame,
+    });
+    v1::EvaluateResult { pairs: pairs.collect(), propagation: Some(validity_report(result.propagation)) }
+}

@@ -1,0 +1,155 @@
+//! Learning jobs: kernels learned from datasets.
+
+use super::learning_rate::learning_rate;
+use crate::api::Api;
+use crate::enumerations::{OnWire as _, WireField as _};
+use crate::kernels::to_wire::metrics;
+use crate::names;
+use crate::optics::from_wire::region;
+use crate::optics::to_wire::{region_message, validity_report};
+use lightpath_domain::job::{LearnKernel, LearnResult, LearnedKernel};
+use lightpath_domain::kernel::KernelKey;
+use lightpath_optics::learning::BlockStrengths;
+use lightpath_optics::{Detector, KernelModel};
+use lightpath_proto::v1;
+use lightpath_service::{Call, Field, ServiceError, check_all};
+
+/// Limit on the epochs: thirty times as many as the paper uses.
+const EPOCHS_MAX: u32 = 1000;
+const REFINEMENT_EVALUATIONS_MAX: u32 = 10_000;
+/// Limit on the order of the polynomials: those of higher orders do not describe smooth errors.
+const ORDER_MAX: u32 = 12;
+
+/// Checks a request, looks up the named resources, fills in defaults, and converts the request.
+pub(super) async fn from_wire(
+    api: &Api,
+    call: &Call,
+    message: v1::LearnKernel,
+    field: &Field,
+) -> Result<LearnKernel, ServiceError> {
+    let at = |name| field.at(name);
+    let model = at("model").enum_value::<KernelModel>(message.model).map(Option::unwrap_or_default);
+    // If the model is wrong, the other fields are checked for the default one.
+    let checked_model = *model.as_ref().unwrap_or(&KernelModel::default());
+    let list = at("datasets");
+    let names = message.datasets.iter().enumerate();
+    let ids = names.map(|(i, name)| names::dataset_id(&list.index(i), name)).collect();
+    let learned = api.service.jobs.datasets_to_learn(call, &list, ids, checked_model).await;
+    let region_of_interest = learned
+        .as_ref()
+        .ok()
+        .map(|(_, display)| region(&at("region_of_interest"), message.region_of_interest, display));
+    let is_smooth = checked_model.is_smooth();
+    let start_version = match &learned {
+        Ok((datasets, display)) => {
+            let (wavelength, distance) = (datasets[0].wavelength, datasets[0].distance);
+            let key = KernelKey { display: display.id.clone(), wavelength, distance };
+            api.service.jobs.start_version(&at("start_version"), message.start_version, is_smooth, &key).await
+        }
+        Err(_) => Ok(None),
+    };
+    check_all! {
+        model = model;
+        learned = learned;
+        epochs = at("epochs").integer(message.epochs, 0..=EPOCHS_MAX);
+        refinement_evaluations =
+            refinement(&at("refinement_evaluations"), message.refinement_evaluations, is_smooth);
+        learning_rate = learning_rate(&at("learning_rate"), message.learning_rate);
+        order = (message.order > 0).then(|| at("order").integer(message.order, 1..=ORDER_MAX)).transpose();
+        start_version = start_version;
+        detector = detector(&at("detector"), message.detector);
+        region_of_interest = region_of_interest.transpose();
+    }
+    let (datasets, display) = learned;
+    if !is_smooth && display.orders.are_all() {
+        return Err(at("model").invalid(format!(
+            "has a value for each frequency, but displays/{} shows all diffraction orders; use smooth, display or varying",
+            display.id
+        )));
+    }
+    Ok(LearnKernel {
+        model,
+        epochs: (epochs > 0).then_some(epochs),
+        refinement_evaluations,
+        learning_rate,
+        seed: message.seed,
+        order,
+        start_version,
+        detector,
+        region_of_interest: at("region_of_interest").required(region_of_interest)?,
+        display: display.id,
+        datasets: datasets.into_iter().map(|dataset| dataset.id).collect(),
+    })
+}
+
+/// Checks the number of refining evaluations, which only smooth models have.
+fn refinement(field: &Field, given: Option<u32>, is_smooth: bool) -> Result<Option<u32>, ServiceError> {
+    if !is_smooth && given.is_some_and(|evaluations| evaluations > 0) {
+        return Err(field.invalid("is given, but only smooth, display and varying models are refined"));
+    }
+    given.map(|given| field.integer(given, 0..=REFINEMENT_EVALUATIONS_MAX)).transpose()
+}
+
+/// Checks what the camera's pixels measure.
+fn detector(field: &Field, number: i32) -> Result<Detector, ServiceError> {
+    match field.enum_value::<Detector>(number)?.unwrap_or_default() {
+        Detector::Supersampled => {
+            Err(field.invalid("is supersampled, but must be point or pixel, which a camera measures"))
+        }
+        detector => Ok(detector),
+    }
+}
+
+/// Converts the request, with its defaults, into its message.
+pub(super) fn to_wire(spec: LearnKernel) -> v1::LearnKernel {
+    v1::LearnKernel {
+        datasets: spec.datasets.iter().map(|id| format!("datasets/{id}")).collect(),
+        model: spec.model.to_wire(),
+        order: spec.order.unwrap_or(0),
+        start_version: spec.start_version.unwrap_or(0),
+        epochs: spec.epochs.unwrap_or(0),
+        learning_rate: spec.learning_rate.unwrap_or(0.0),
+        refinement_evaluations: spec.refinement_evaluations,
+        seed: spec.seed,
+        detector: spec.detector.to_wire(),
+        region_of_interest: Some(region_message(spec.region_of_interest)),
+    }
+}
+
+/// Converts the result into its message.
+pub(super) fn result(result: LearnResult) -> v1::LearnResult {
+    v1::LearnResult {
+        kernels: result.kernels.into_iter().map(kernel).collect(),
+        loss_history: result.loss_history,
+        order: result.order,
+        blocks: Some(blocks(&result.blocks)),
+        deviations: Some(blocks(&result.certainty.deviations)),
+        hidden: Some(blocks(&result.certainty.hidden)),
+    }
+}
+
+fn blocks(blocks: &BlockStrengths) -> v1::learn_result::BlockStrengths {
+    v1::learn_result::BlockStrengths {
+        surface_rms_rad: blocks.surface_rms_rad,
+        crosstalk_x_px: blocks.crosstalk_px.map(|[x, _]| x),
+        crosstalk_y_px: blocks.crosstalk_px.map(|[_, y]| y),
+        response_variation_rms: blocks.response_variation_rms,
+        kernel_varies: blocks.kernel_varies,
+        dust_contrast: blocks.dust_contrast,
+        ghost_share: blocks.ghost_share,
+        image_spread_x_px: blocks.image_spread_px.map(|[x, _]| x),
+        image_spread_y_px: blocks.image_spread_px.map(|[_, y]| y),
+        light_blur_x_px: blocks.light_blur_px.map(|[x, _]| x),
+        light_blur_y_px: blocks.light_blur_px.map(|[_, y]| y),
+    }
+}
+
+fn kernel(kernel: LearnedKernel) -> v1::learn_result::LearnedKernel {
+    v1::learn_result::LearnedKernel {
+        kernel_version: kernel.kernel_version,
+        dataset: format!("datasets/{}", kernel.dataset),
+        metrics: Some(metrics(&kernel.metrics)),
+        left_out_pairs: kernel.left_out_pairs,
+        propagation: Some(validity_report(kernel.propagation)),
+    }
+}

@@ -1,0 +1,215 @@
+//! Hologram jobs: optimized phases that show pictures.
+
+mod planes;
+mod search;
+
+use super::kernel_text;
+use crate::api::Api;
+use crate::enumerations::{OnWire as _, WireField as _};
+use crate::optics::from_wire::{convolution_method, region};
+use crate::optics::to_wire::{quality, region_message, second_opinion, validity_report};
+use lightpath_domain::dataset::Encoding;
+use lightpath_domain::display::Display;
+use lightpath_domain::job::{HologramResult, ImagePlane, Job, OptimizeHologram, PlaneResult, WavelengthResult};
+use lightpath_domain::units::Wavelength;
+use lightpath_optics::hologram::Loss;
+use lightpath_optics::{Detector, HologramMethod, InitialPhase, PropagationMethod, RegionOfInterest};
+use lightpath_proto::v1::{
+    self, hologram_result,
+    optimize_hologram::{
+        self,
+        initial_phase::{Constant, Given, Kind, Lens, Random},
+    },
+};
+use lightpath_service::{Call, Field, ServiceError, check_all};
+
+/// Limit on the iterations, fifty times as many as a good hologram needs. It bounds the time that one job uses a
+/// worker.
+const ITERATIONS_MAX: u32 = 10_000;
+const ITERATIONS_DEFAULT: u32 = 200;
+/// Limit on the frames: the fastest phase modulators show no more within the eye's integration time.
+const FRAMES_MAX: u32 = 24;
+
+/// What depends on the display of a request.
+struct Shown {
+    display: Display,
+    wavelengths: Vec<Wavelength>,
+    region_of_interest: RegionOfInterest,
+}
+
+impl Shown {
+    fn on(display: Display, field: &Field, message: &v1::OptimizeHologram) -> Result<Self, ServiceError> {
+        check_all! {
+            wavelengths = planes::wavelengths(field, message, &display);
+            region_of_interest = region(&field.at("region_of_interest"), message.region_of_interest, &display);
+        }
+        Ok(Self { display, wavelengths, region_of_interest })
+    }
+}
+
+/// Checks a request, looks up the named resources, fills in defaults, and converts the request. Returns also the
+/// largest memory for decoding one of its pictures \[bytes\]. `before` is the job of an earlier submission of the
+/// same request.
+pub(super) async fn from_wire(
+    api: &Api,
+    call: &Call,
+    message: v1::OptimizeHologram,
+    field: &Field,
+    before: Option<&Job>,
+) -> Result<(OptimizeHologram, u64), ServiceError> {
+    let at = |name| field.at(name);
+    let display = api.display_named(call, &at("display"), &message.display).await;
+    let shown = display.and_then(|display| Shown::on(display, field, &message));
+    let method = search::method(field, &message);
+    let detector = at("detector").enum_value(message.detector).map(Option::unwrap_or_default);
+    let frames = at("frames").integer_or(message.frames, 1, 1..=FRAMES_MAX);
+    // The default and the limits of the initial phase depend on these. If one of them is wrong, its default serves.
+    let phases = search::PhaseDefaults {
+        method: *method.as_ref().unwrap_or(&HologramMethod::Lbfgs),
+        detector: *detector.as_ref().unwrap_or(&Detector::default()),
+        frames: *frames.as_ref().unwrap_or(&1),
+        wavelengths: message.wavelengths_m.len().max(1),
+    };
+    let region = shown.as_ref().ok().map(|shown| shown.region_of_interest);
+    check_all! {
+        shown = shown;
+        planes = planes::planes(&at("planes"), &message.planes);
+        depth_map = planes::depth_map(&at("depth_map"), &message.depth_map, message.planes.len());
+        target_encoding = at("target_encoding").enum_value(message.target_encoding);
+        target_fit = at("target_fit").enum_value(message.target_fit);
+        propagation = convolution_method(&at("propagation"), message.propagation);
+        method = method;
+        iterations = at("iterations").integer_or(message.iterations, ITERATIONS_DEFAULT, 1..=ITERATIONS_MAX);
+        frames = frames;
+        initial_phase = search::initial_phase(&at("initial_phase"), message.initial_phase, phases);
+        loss = search::loss(&at("loss"), message.loss, region);
+        detector = detector;
+        weight_mask = planes::optional_digest(&at("weight_mask"), &message.weight_mask);
+    }
+    let Shown { display, wavelengths, region_of_interest } = shown;
+    let spec = OptimizeHologram {
+        display: display.id.clone(),
+        wavelengths,
+        planes,
+        depth_map,
+        target_encoding: target_encoding.unwrap_or(Encoding::Srgb),
+        target_fit: target_fit.unwrap_or_default(),
+        kernel_versions: Vec::new(),
+        propagation,
+        method,
+        iterations,
+        frames,
+        initial_phase,
+        seed: message.seed,
+        loss,
+        detector,
+        region_of_interest,
+        weight_mask,
+        quantization_aware: message.quantization_aware,
+    };
+    api.service.jobs.complete_hologram(call, field, (spec, &display), &message.kernel, before).await
+}
+
+/// Converts the request, with its defaults, into its message.
+pub(super) fn to_wire(spec: OptimizeHologram) -> v1::OptimizeHologram {
+    let (method, learning_rate) = method(spec.method);
+    v1::OptimizeHologram {
+        display: format!("displays/{}", spec.display),
+        wavelengths_m: spec.wavelengths.iter().map(|wavelength| wavelength.m()).collect(),
+        planes: spec.planes.into_iter().map(plane).collect(),
+        depth_map: spec.depth_map.unwrap_or_default(),
+        target_encoding: spec.target_encoding.to_wire(),
+        target_fit: spec.target_fit.to_wire(),
+        kernel: kernel(&spec.kernel_versions),
+        propagation: spec.propagation.map_or(0, |method| PropagationMethod::from(method).to_wire()),
+        method: method.into(),
+        iterations: spec.iterations,
+        learning_rate,
+        frames: spec.frames,
+        initial_phase: Some(initial_phase(spec.initial_phase)),
+        seed: spec.seed,
+        loss: Some(loss_to_wire(spec.loss)),
+        detector: spec.detector.to_wire(),
+        region_of_interest: Some(region_message(spec.region_of_interest)),
+        weight_mask: spec.weight_mask.unwrap_or_default(),
+        quantization_aware: spec.quantization_aware,
+    }
+}
+
+fn plane(plane: ImagePlane) -> optimize_hologram::ImagePlane {
+    let ImagePlane { distance, target, weight } = plane;
+    optimize_hologram::ImagePlane { distance_m: distance.m(), target, weight }
+}
+
+/// Text for the version in the field `kernel`. It is empty for several versions; the message of the job lists them.
+fn kernel(versions: &[Vec<Option<u32>>]) -> String {
+    match versions.concat()[..] {
+        [version] => kernel_text(version),
+        _ => String::new(),
+    }
+}
+
+/// The method and its learning rate.
+fn method(method: HologramMethod) -> (v1::HologramMethod, f64) {
+    match method {
+        HologramMethod::Adam { learning_rate } => (v1::HologramMethod::Adam, learning_rate),
+        HologramMethod::Lbfgs => (v1::HologramMethod::Lbfgs, 0.0),
+        HologramMethod::GerchbergSaxton => (v1::HologramMethod::GerchbergSaxton, 0.0),
+        HologramMethod::WeightedGerchbergSaxton => (v1::HologramMethod::WeightedGerchbergSaxton, 0.0),
+        HologramMethod::DoublePhase => (v1::HologramMethod::DoublePhase, 0.0),
+    }
+}
+
+fn initial_phase(initial: InitialPhase<Vec<String>>) -> optimize_hologram::InitialPhase {
+    let random = |range_rad| Random { range_rad: Some(range_rad) };
+    let kind = match initial {
+        InitialPhase::Random { range_rad } => Kind::Random(random(range_rad)),
+        InitialPhase::BackPropagated { range_rad } => Kind::BackPropagated(random(range_rad)),
+        InitialPhase::Quadratic { focal_length_m } => {
+            Kind::Quadratic(Lens { focal_length_m: focal_length_m.unwrap_or(0.0) })
+        }
+        InitialPhase::Constant { phase_rad } => Kind::Constant(Constant { phase_rad }),
+        InitialPhase::Given(phases) => Kind::Given(Given { phases }),
+    };
+    optimize_hologram::InitialPhase { kind: Some(kind) }
+}
+
+fn loss_to_wire(loss: Loss) -> optimize_hologram::Loss {
+    let Loss { quantity, total_variation, speckle, speckle_block_px } = loss;
+    let (quantity, speckle_block_px) = (quantity.to_wire(), speckle_block_px as u32);
+    optimize_hologram::Loss { quantity, total_variation, speckle, speckle_block_px }
+}
+
+/// Converts the result into its message.
+pub(super) fn result(result: HologramResult) -> v1::HologramResult {
+    v1::HologramResult {
+        wavelengths: result.wavelengths.into_iter().map(wavelength_result).collect(),
+        colour_reconstructions: result.colour_reconstructions,
+        iterations: result.iterations,
+        iteration_ms: result.iteration_ms,
+    }
+}
+
+fn wavelength_result(result: WavelengthResult) -> hologram_result::WavelengthResult {
+    let frames = result.frames.into_iter();
+    hologram_result::WavelengthResult {
+        wavelength_m: result.wavelength.m(),
+        frames: frames.map(|frame| hologram_result::Frame { phase: frame.phase, phase_npy: frame.phase_npy }).collect(),
+        planes: result.planes.into_iter().map(plane_result).collect(),
+        intensity_scale: result.intensity_scale,
+        loss: result.loss,
+        largest_amplitude: result.largest_amplitude,
+    }
+}
+
+fn plane_result(plane: PlaneResult) -> hologram_result::PlaneResult {
+    hologram_result::PlaneResult {
+        distance_m: plane.distance.m(),
+        reconstruction: plane.reconstruction,
+        quality: Some(quality(plane.quality)),
+        quantized_quality: Some(quality(plane.quantized_quality)),
+        propagation: Some(validity_report(plane.propagation)),
+        other_orders_psnr_db: plane.other_orders_psnr_db,
+        second_opinion: plane.second_opinion.map(second_opinion),
+    }
+}

@@ -1,0 +1,86 @@
+//! Checks of wavelengths, planes and depth maps.
+
+use lightpath_domain::display::Display;
+use lightpath_domain::job::ImagePlane;
+use lightpath_domain::units::Wavelength;
+use lightpath_proto::v1::{self, optimize_hologram};
+use lightpath_service::{Field, ServiceError, check_all, collect_all};
+
+/// Limit on the planes: the light of one hologram does not suffice for more.
+const PLANES_MAX: usize = 16;
+/// Limit on the wavelengths: displays have fewer.
+const WAVELENGTHS_MAX: usize = 8;
+const PLANE_WEIGHT_MAX: f64 = 1000.0;
+
+/// Checks the wavelengths, no two equal. An empty list stands for the only wavelength of the display.
+pub(super) fn wavelengths(
+    field: &Field,
+    message: &v1::OptimizeHologram,
+    display: &Display,
+) -> Result<Vec<Wavelength>, ServiceError> {
+    let list = field.at("wavelengths_m");
+    if message.wavelengths_m.is_empty() {
+        return Ok(vec![list.wavelength_of(0.0, display)?]);
+    }
+    at_most(&list, message.wavelengths_m.len(), WAVELENGTHS_MAX)?;
+    let checked = collect_all(message.wavelengths_m.iter().enumerate().map(|(i, &value)| {
+        let field = list.index(i);
+        if value == 0.0 {
+            return Err(field.invalid("is 0, but must be one of the display's wavelengths"));
+        }
+        field.wavelength_of(value, display)
+    }))?;
+    let again = |(i, wavelength): (usize, &Wavelength)| match checked[..i].contains(wavelength) {
+        true => Err(list.index(i).invalid(format!("is {wavelength} again, but no two may be equal"))),
+        false => Ok(()),
+    };
+    collect_all(checked.iter().enumerate().map(again))?;
+    Ok(checked)
+}
+
+/// Checks the planes, no two at the same distance.
+pub(super) fn planes(field: &Field, planes: &[optimize_hologram::ImagePlane]) -> Result<Vec<ImagePlane>, ServiceError> {
+    if planes.is_empty() {
+        return Err(field.invalid("is empty, but must have a plane with a distance and a target"));
+    }
+    at_most(field, planes.len(), PLANES_MAX)?;
+    let found = collect_all(planes.iter().enumerate().map(|(i, plane)| {
+        let field = field.index(i);
+        check_all! {
+            distance = field.at("distance_m").distance(plane.distance_m);
+            target = field.at("target").digest(&plane.target);
+            weight = field.at("weight").number_or(plane.weight, 1.0, f64::MIN_POSITIVE..=PLANE_WEIGHT_MAX);
+        }
+        Ok(ImagePlane { distance, target, weight })
+    }))?;
+    let again = |(i, plane): (usize, &ImagePlane)| {
+        if found[..i].iter().all(|other| other.distance != plane.distance) {
+            return Ok(());
+        }
+        let problem = format!("is {} again, but no two planes may be at the same distance", plane.distance);
+        Err(field.index(i).at("distance_m").invalid(problem))
+    };
+    collect_all(found.iter().enumerate().map(again))?;
+    Ok(found)
+}
+
+/// Checks the digest of the depth map, which needs at least two planes.
+pub(super) fn depth_map(field: &Field, digest: &str, planes: usize) -> Result<Option<String>, ServiceError> {
+    match (optional_digest(field, digest)?, planes) {
+        (Some(_), 1) => Err(field.invalid("is given, but there is one plane; a depth map needs at least two")),
+        (map, _) => Ok(map),
+    }
+}
+
+/// Checks the digest of an optional picture; `None` if it is empty.
+pub(super) fn optional_digest(field: &Field, digest: &str) -> Result<Option<String>, ServiceError> {
+    if digest.is_empty() { Ok(None) } else { field.digest(digest).map(Some) }
+}
+
+/// Refuses a list with too many entries.
+fn at_most(list: &Field, count: usize, most: usize) -> Result<(), ServiceError> {
+    if count <= most {
+        return Ok(());
+    }
+    Err(list.invalid(format!("has {count} entries, but at most {most} are accepted")))
+}

@@ -1,0 +1,123 @@
+//! Checks of the settings of the optimizer: method, initial phase and loss.
+
+use crate::enumerations::WireField as _;
+use crate::jobs::kinds::learning_rate::learning_rate;
+use lightpath_optics::engine::photometry::Quantity;
+use lightpath_optics::hologram::{Loss, RANDOM_RANGE_RAD};
+use lightpath_optics::{Detector, HologramMethod, InitialPhase, RegionOfInterest};
+use lightpath_proto::v1::{
+    self,
+    optimize_hologram::{
+        self,
+        initial_phase::{Kind, Random},
+    },
+};
+use lightpath_service::{Field, ServiceError, check_all, collect_all};
+use std::f64::consts::TAU;
+
+/// Adam's learning rate by default \[rad\]: that of the paper.
+const LEARNING_RATE_DEFAULT: f64 = 0.1;
+/// Limit on the side of the blocks in which speckle is measured \[px\]: larger blocks contain structure of the picture.
+const SPECKLE_BLOCK_PX_MAX: u32 = 256;
+const SPECKLE_BLOCK_PX_DEFAULT: u32 = 8;
+
+/// Checks the method and its learning rate, which only Adam has.
+pub(super) fn method(field: &Field, message: &v1::OptimizeHologram) -> Result<HologramMethod, ServiceError> {
+    let rate = field.at("learning_rate");
+    let field = field.at("method");
+    check_all! {
+        given = learning_rate(&rate, message.learning_rate);
+        method = field.wire_value::<v1::HologramMethod>(message.method);
+    }
+    let method = match method {
+        v1::HologramMethod::Adam => {
+            return Ok(HologramMethod::Adam { learning_rate: given.unwrap_or(LEARNING_RATE_DEFAULT) });
+        }
+        v1::HologramMethod::Unspecified | v1::HologramMethod::Lbfgs => HologramMethod::Lbfgs,
+        v1::HologramMethod::GerchbergSaxton => HologramMethod::GerchbergSaxton,
+        v1::HologramMethod::WeightedGerchbergSaxton => HologramMethod::WeightedGerchbergSaxton,
+        v1::HologramMethod::DoublePhase => HologramMethod::DoublePhase,
+    };
+    match given {
+        Some(value) => Err(rate.invalid(format!("is {value}, but must be 0 unless the method is adam"))),
+        None => Ok(method),
+    }
+}
+
+fn phase_range(field: &Field, value: f64) -> Result<f64, ServiceError> {
+    /// Values above 2π by up to this difference are accepted as rounded values of 2π.
+    const ROUNDING: f64 = 1e-6;
+    if (0.0..=TAU + ROUNDING).contains(&value) {
+        return Ok(value.min(TAU));
+    }
+    Err(field.invalid(format!("is {value}, but must be 0 to 2π rad")))
+}
+
+/// The settings that determine the default and the limits of the initial phase.
+#[derive(Clone, Copy)]
+pub(super) struct PhaseDefaults {
+    pub(super) method: HologramMethod,
+    pub(super) detector: Detector,
+    pub(super) frames: u32,
+    pub(super) wavelengths: usize,
+}
+
+/// Checks the initial phase. Given phases are digests, one for each wavelength.
+pub(super) fn initial_phase(
+    field: &Field,
+    given: Option<optimize_hologram::InitialPhase>,
+    defaults: PhaseDefaults,
+) -> Result<InitialPhase<Vec<String>>, ServiceError> {
+    let range = |kind: &str, random: Random, default_rad: f64| {
+        phase_range(&field.at(kind).at("range_rad"), random.range_rad.unwrap_or(default_rad))
+    };
+    Ok(match given.and_then(|given| given.kind) {
+        None => InitialPhase::recommended(defaults.method, defaults.detector, defaults.frames),
+        Some(Kind::Random(random)) => InitialPhase::Random { range_rad: range("random", random, RANDOM_RANGE_RAD)? },
+        Some(Kind::BackPropagated(random)) => {
+            if defaults.method == HologramMethod::DoublePhase {
+                return Err(field.invalid("is back-propagated, but double phase needs an initial phase of the image"));
+            }
+            InitialPhase::BackPropagated { range_rad: range("back_propagated", random, 0.0)? }
+        }
+        Some(Kind::Quadratic(lens)) => {
+            let length = field.at("quadratic").at("focal_length_m").number(lens.focal_length_m, -1e3..=1e3)?;
+            InitialPhase::Quadratic { focal_length_m: (length != 0.0).then_some(length) }
+        }
+        Some(Kind::Constant(constant)) => InitialPhase::Constant {
+            phase_rad: field.at("constant").at("phase_rad").number(constant.phase_rad, -TAU..=TAU)?,
+        },
+        Some(Kind::Given(given)) => {
+            let (list, wavelengths) = (field.at("given").at("phases"), defaults.wavelengths);
+            if given.phases.len() != wavelengths {
+                let count = given.phases.len();
+                let problem = format!("has {count} entries, but must have {wavelengths}, one for each wavelength");
+                return Err(list.invalid(problem));
+            }
+            let digests = given.phases.iter().enumerate().map(|(i, digest)| list.index(i).digest(digest));
+            InitialPhase::Given(collect_all(digests)?)
+        }
+    })
+}
+
+/// Checks the loss. Its blocks must fit into the region of interest, if that is known.
+pub(super) fn loss(
+    field: &Field,
+    given: Option<optimize_hologram::Loss>,
+    region: Option<RegionOfInterest>,
+) -> Result<Loss, ServiceError> {
+    let given = given.unwrap_or_default();
+    let block = field.at("speckle_block_px");
+    let fits = |side: u32| region.is_none_or(|region| side as usize <= region.width_px().min(region.height_px()));
+    check_all! {
+        quantity = field.at("quantity").enum_value(given.quantity);
+        total_variation = field.at("total_variation").number(given.total_variation, 0.0..=Loss::FACTOR_MAX);
+        speckle = field.at("speckle").number(given.speckle, 0.0..=Loss::FACTOR_MAX);
+        side_px = block.integer_or(given.speckle_block_px, SPECKLE_BLOCK_PX_DEFAULT, 2..=SPECKLE_BLOCK_PX_MAX);
+    }
+    if speckle > 0.0 && !fits(side_px) {
+        return Err(block.invalid(format!("is {side_px}, but must fit into the region of interest")));
+    }
+    let quantity = quantity.unwrap_or(Quantity::Intensity);
+    Ok(Loss { quantity, total_variation, speckle, speckle_block_px: side_px as usize })
+}

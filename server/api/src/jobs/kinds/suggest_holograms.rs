@@ -1,0 +1,42 @@
+//! Jobs that suggest holograms to photograph.
+
+use crate::api::Api;
+use crate::enumerations::OnWire as _;
+use crate::names;
+use lightpath_domain::job::suggest::{SUGGESTIONS_DEFAULT, SUGGESTIONS_MAX};
+use lightpath_domain::job::{SuggestHolograms, SuggestResult, SuggestedHologram};
+use lightpath_proto::v1::{self, suggest_result};
+use lightpath_service::{Call, Field, ServiceError};
+
+/// Checks a request and converts it. Refuses a version that does not exist, or that has no model of the modulator
+/// or no dataset.
+pub(super) async fn from_wire(
+    api: &Api,
+    call: &Call,
+    message: v1::SuggestHolograms,
+    field: &Field,
+) -> Result<SuggestHolograms, ServiceError> {
+    let of_version = field.at("kernel_version");
+    let (key, version) = names::kernel_version(call, &of_version, &message.kernel_version)?;
+    let found = api.service.kernels.existing_version(&of_version, &key, version).await?;
+    api.service.jobs.require_suggestible(&of_version, &found)?;
+    let holograms = field.at("holograms").integer_or(message.holograms, SUGGESTIONS_DEFAULT, 1..=SUGGESTIONS_MAX)?;
+    Ok(SuggestHolograms { kernel: found.key, version: found.version, holograms, seed: message.seed })
+}
+
+/// Converts the request into its message.
+pub(super) fn to_wire(spec: SuggestHolograms) -> v1::SuggestHolograms {
+    let SuggestHolograms { kernel, version, holograms, seed } = spec;
+    v1::SuggestHolograms { kernel_version: format!("{kernel}/versions/{version}"), holograms, seed }
+}
+
+/// Converts the result into its message.
+pub(super) fn result(result: SuggestResult) -> v1::SuggestResult {
+    let SuggestResult { holograms, worth_photographs } = result;
+    v1::SuggestResult { holograms: holograms.into_iter().map(suggestion).collect(), worth_photographs }
+}
+
+fn suggestion(hologram: SuggestedHologram) -> suggest_result::Suggestion {
+    let SuggestedHologram { phase, picture, phase_range_rad, error_db, part, part_db } = hologram;
+    suggest_result::Suggestion { phase, picture, phase_range_rad, error_db, part: part.to_wire(), part_db }
+}

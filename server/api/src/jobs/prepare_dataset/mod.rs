@@ -1,4 +1,0 @@
-//! Dataset jobs, which align or finalize a dataset.
-
-mod from_wire;
-pub(crate) mod to_wire;

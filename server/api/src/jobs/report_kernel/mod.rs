@@ -1,4 +1,0 @@
-//! Report jobs: the report of a kernel version.
-
-mod from_wire;
-pub(crate) mod to_wire;

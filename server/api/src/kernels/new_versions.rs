@@ -1,0 +1,71 @@
+//! New versions that no job learned: imports, and interpolation between photographed distances; and the comparison of two.
+
+use super::to_wire;
+use crate::api::Api;
+use crate::names;
+use lightpath_media::report::Comparison;
+use lightpath_proto::v1;
+use lightpath_proto::v1::kernel_comparison::Parameter;
+use lightpath_service::{Call, Field, KernelImport, ServiceError};
+
+impl Api {
+    /// Stores an uploaded kernel file as the next version. Refuses a kernel of another display, wavelength or distance.
+    pub(crate) async fn import_kernel(
+        &self,
+        call: &Call,
+        request: v1::ImportKernelRequest,
+    ) -> Result<v1::KernelVersion, ServiceError> {
+        let display = self.display_named(call, &Field::new("display"), &request.display).await?;
+        let wavelength = Field::new("wavelength_m").wavelength_of(request.wavelength_m, &display)?;
+        let distance = Field::new("distance_m").distance(request.distance_m)?;
+        let digest = Field::new("artifact").digest(&request.artifact)?;
+        let from_another_display = request.from_another_display;
+        let import = KernelImport { display, wavelength, distance, digest, from_another_display };
+        Ok(to_wire::version(self.service.kernels.import(call, import).await?))
+    }
+
+    /// Interpolates a kernel for a distance between those of a joint fit, and stores it as the next version.
+    pub(crate) async fn interpolate_kernel(
+        &self,
+        call: &Call,
+        request: v1::InterpolateKernelRequest,
+    ) -> Result<v1::KernelVersion, ServiceError> {
+        let display = self.display_named(call, &Field::new("display"), &request.display).await?;
+        let wavelength = Field::new("wavelength_m").wavelength_of(request.wavelength_m, &display)?;
+        let distance = Field::new("distance_m").distance(request.distance_m)?;
+        Ok(to_wire::version(self.service.kernels.interpolate(call, display, wavelength, distance).await?))
+    }
+
+    pub(crate) async fn compare_kernel_versions(
+        &self,
+        call: &Call,
+        request: v1::CompareKernelVersionsRequest,
+    ) -> Result<v1::KernelComparison, ServiceError> {
+        let (first_key, first) = names::kernel_version(call, &Field::new("first"), &request.first)?;
+        let field = Field::new("second");
+        let (second_key, second) = names::kernel_version(call, &field, &request.second)?;
+        if (&first_key.display, first_key.wavelength) != (&second_key.display, second_key.wavelength) {
+            let rule = "must be of the same display and wavelength as the first one";
+            return Err(field.invalid(format!("is {:?}, but {rule}", request.second)));
+        }
+        let first = self.store.kernel_version(&first_key, first).await?;
+        let second = self.store.kernel_version(&second_key, second).await?;
+        let Comparison { transfer, source, parameters, picture_png } =
+            self.service.kernels.compare(call, [&first, &second]).await?;
+        let parameter = |(name, [first, second]): (&str, [Option<String>; 2])| Parameter {
+            name: name.to_owned(),
+            first: first.unwrap_or_default(),
+            second: second.unwrap_or_default(),
+        };
+        Ok(v1::KernelComparison {
+            first: Some(to_wire::version(first)),
+            second: Some(to_wire::version(second)),
+            transfer_difference: transfer.relative,
+            transfer_phase_rad: transfer.phase_rad,
+            source_difference: source.relative,
+            source_phase_rad: source.phase_rad,
+            parameters: parameters.into_iter().map(parameter).collect(),
+            picture_png: picture_png.into(),
+        })
+    }
+}

@@ -1,0 +1,197 @@
+//! Checks of requests, field by field. Every refusal names the path of the field and the allowed values.
+
+use crate::error::ServiceError;
+use lightpath_domain::kernel_format::KernelFormat;
+use lightpath_domain::units::{Distance, Wavelength};
+use std::fmt::{self, Display};
+use std::ops::RangeInclusive;
+
+/// The path of a field in a request, for example `spec.optimize_hologram.distance_m`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Field(String);
+
+impl Display for Field {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl Field {
+    /// A field of the request itself.
+    #[must_use]
+    pub fn new(name: &str) -> Self {
+        Self(name.to_owned())
+    }
+
+    /// Path of a field of this message.
+    #[must_use]
+    pub fn at(&self, name: &str) -> Self {
+        Self(format!("{}.{name}", self.0))
+    }
+
+    /// Path of an element of this list.
+    #[must_use]
+    pub fn index(&self, i: usize) -> Self {
+        Self(format!("{}[{i}]", self.0))
+    }
+
+    /// The error for a value that is not allowed. `problem` continues after the name of the field: "`distance_m` is
+    /// NaN, but must be …".
+    pub fn invalid(&self, problem: impl Display) -> ServiceError {
+        ServiceError::Invalid { field: self.0.clone(), problem: problem.to_string() }
+    }
+
+    /// The error for a field that names a missing resource; `fix` advises the client.
+    pub fn missing(&self, what: impl Into<String>, fix: &'static str) -> ServiceError {
+        ServiceError::Missing { field: self.0.clone(), what: what.into(), fix }
+    }
+
+    /// The value of a required field.
+    pub fn required<T>(&self, value: Option<T>) -> Result<T, ServiceError> {
+        value.ok_or_else(|| self.invalid("is not set, but is required"))
+    }
+
+    /// Checks a number, which must lie in the allowed range.
+    pub fn number(&self, value: f64, allowed: RangeInclusive<f64>) -> Result<f64, ServiceError> {
+        if allowed.contains(&value) {
+            return Ok(value);
+        }
+        Err(self.invalid(format!("is {value}, but must be {} to {}", allowed.start(), allowed.end())))
+    }
+
+    /// Checks a number. The value 0 stands for `default`.
+    pub fn number_or(&self, value: f64, default: f64, allowed: RangeInclusive<f64>) -> Result<f64, ServiceError> {
+        if value == 0.0 { Ok(default) } else { self.number(value, allowed) }
+    }
+
+    /// Checks a whole number, which must lie in the allowed range.
+    pub fn integer<T: PartialOrd + Display>(&self, value: T, allowed: RangeInclusive<T>) -> Result<T, ServiceError> {
+        if allowed.contains(&value) {
+            return Ok(value);
+        }
+        Err(self.invalid(format!("is {value}, but must be {} to {}", allowed.start(), allowed.end())))
+    }
+
+    /// Checks a whole number. The value 0 stands for `default`.
+    pub fn integer_or(&self, value: u32, default: u32, allowed: RangeInclusive<u32>) -> Result<u32, ServiceError> {
+        if value == 0 { Ok(default) } else { self.integer(value, allowed) }
+    }
+
+    /// Checks the length of a text.
+    pub fn text(&self, value: String, bytes_max: usize) -> Result<String, ServiceError> {
+        if value.len() > bytes_max {
+            return Err(self.invalid(format!("has {} bytes, but at most {bytes_max} are accepted", value.len())));
+        }
+        Ok(value)
+    }
+
+    /// Checks a text for people that stands in one line. Control characters could change what a terminal shows.
+    pub fn line(&self, value: String, bytes_max: usize) -> Result<String, ServiceError> {
+        if value.chars().any(char::is_control) {
+            return Err(self.invalid("has a line break or another control character; write one line"));
+        }
+        self.text(value, bytes_max)
+    }
+
+    /// Checks the name of a kernel's form.
+    pub fn form(&self, name: &str) -> Result<KernelFormat, ServiceError> {
+        KernelFormat::parse(name).ok_or_else(|| {
+            let forms: Vec<&str> = KernelFormat::ALL.iter().map(|form| form.as_str()).collect();
+            self.invalid(format!("is {:?}, but must be one of {}", shortened(name), forms.join(", ")))
+        })
+    }
+
+    /// Checks a distance \[m\].
+    pub fn distance(&self, value: f64) -> Result<Distance, ServiceError> {
+        let allowed = format!("within ±{} m and not 0", Distance::MAX_M);
+        Distance::from_m(value).ok_or_else(|| self.invalid(format!("is {value}, but must be {allowed}")))
+    }
+
+    /// Checks a wavelength \[m\].
+    pub fn wavelength(&self, value: f64) -> Result<Wavelength, ServiceError> {
+        let allowed = format!("{:e} to {:e} m", Wavelength::MIN_M, Wavelength::MAX_M);
+        Wavelength::from_m(value).ok_or_else(|| self.invalid(format!("is {value}, but must be {allowed}")))
+    }
+
+    /// Checks a wavelength \[m\], which must be one of the display's. The value 0 stands for the only one.
+    pub fn wavelength_of(
+        &self,
+        value: f64,
+        display: &lightpath_domain::display::Display,
+    ) -> Result<Wavelength, ServiceError> {
+        let list = || display.wavelengths.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
+        let name = format!("displays/{}", display.id);
+        if value == 0.0 {
+            let [only] = display.wavelengths[..] else {
+                return Err(
+                    self.invalid(format!("is not given, but {name} has several wavelengths; give one of {}", list()))
+                );
+            };
+            return Ok(only);
+        }
+        let wavelength = self.wavelength(value)?;
+        if !display.wavelengths.contains(&wavelength) {
+            let problem = format!("is {wavelength}, but must be one of {}, the wavelengths of {name}", list());
+            return Err(self.invalid(problem));
+        }
+        Ok(wavelength)
+    }
+
+    /// Checks the digest of an artifact: `sha256-` and 64 hexadecimal digits.
+    pub fn digest(&self, value: &str) -> Result<String, ServiceError> {
+        let is_digest = value.strip_prefix("sha256-").is_some_and(|hex| {
+            hex.len() == 64 && hex.bytes().all(|byte| byte.is_ascii_digit() || (b'a'..=b'f').contains(&byte))
+        });
+        if is_digest {
+            return Ok(value.to_owned());
+        }
+        let shown = if value.is_empty() { "empty".to_owned() } else { format!("{:?}", shortened(value)) };
+        Err(self.invalid(format!(
+            "is {shown}, but must be an artifact's digest: sha256- and 64 lower-case hexadecimal digits"
+        )))
+    }
+}
+
+/// The start of a text, long enough to recognize the text in a message.
+#[must_use]
+pub fn shortened(text: &str) -> &str {
+    const CHARACTERS_MAX: usize = 80;
+    text.char_indices().nth(CHARACTERS_MAX).map_or(text, |(end, _)| &text[..end])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn refusals_name_the_field_and_the_allowed_values() {
+        let spec = Field::new("spec").at("optimize_hologram");
+        let message = spec.at("distance_m").distance(f64::NAN).unwrap_err().to_string();
+        assert_eq!(message, "spec.optimize_hologram.distance_m is NaN, but must be within ±10 m and not 0");
+        let message = Field::new("display").at("pixel_pitch_m").number(-1.0, 1e-7..=1e-3).unwrap_err().to_string();
+        assert_eq!(message, "display.pixel_pitch_m is -1, but must be 0.0000001 to 0.001");
+        let message = Field::new("pair").at("phase").digest("").unwrap_err().to_string();
+        assert!(message.starts_with("pair.phase is empty, but must be an artifact"), "{message}");
+    }
+
+    #[test]
+    fn malformed_digests_are_refused() {
+        let field = Field::new("digest");
+        let good = format!("sha256-{}", "0a".repeat(32));
+        assert_eq!(field.digest(&good).unwrap(), good);
+        for bad in [good.to_uppercase(), good[..70].to_owned(), format!("{good}0"), good.replace("sha256-", "")] {
+            assert!(field.digest(&bad).is_err(), "{bad}");
+        }
+        assert!(field.digest("sha256-../../../../../../../../../../../etc/passwd-------------------").is_err());
+    }
+
+    #[test]
+    fn numbers_outside_the_range_are_refused() {
+        let field = Field::new("x");
+        for bad in [f64::NAN, f64::INFINITY, -0.1, 1.1] {
+            assert!(field.number(bad, 0.0..=1.0).is_err());
+        }
+        assert_eq!(field.number_or(0.0, 0.3, 0.1..=1.0).unwrap(), 0.3);
+        assert!(field.number_or(f64::NAN, 0.3, 0.1..=1.0).is_err());
+    }
+}

@@ -1,0 +1,34 @@
+//! Storing artifacts that the server made.
+
+use super::Files;
+use crate::call::Call;
+use crate::error::ServiceError;
+use lightpath_store::ArtifactRecord;
+
+impl Files {
+    /// Stores bytes as an artifact owned by the caller, and returns its digest. Empty bytes are not stored; their
+    /// digest is an empty text.
+    pub async fn store(&self, call: &Call, bytes: Vec<u8>) -> Result<String, ServiceError> {
+        if bytes.is_empty() {
+            return Ok(String::new());
+        }
+        let size_bytes = bytes.len() as u64;
+        let record = async |digest: String, seen| self.record(call, &digest, size_bytes, seen).await;
+        Ok(self.artifacts.publish(bytes, record).await?.digest)
+    }
+
+    /// Records an artifact of the caller that is stored; the inner error is the mark of a removal.
+    pub(super) async fn record(
+        &self,
+        call: &Call,
+        digest: &str,
+        size_bytes: u64,
+        seen: Option<String>,
+    ) -> Result<Result<ArtifactRecord, String>, ServiceError> {
+        call.concerns(digest);
+        Ok(self
+            .store
+            .record_artifact(digest, size_bytes, &call.caller.name, seen.as_deref(), self.store.now_ms())
+            .await?)
+    }
+}

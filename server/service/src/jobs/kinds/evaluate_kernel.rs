@@ -1,0 +1,40 @@
+//! Evaluation jobs: how well a kernel predicts a dataset.
+
+use super::Kind;
+use crate::error::ServiceError;
+use crate::field::Field;
+use crate::jobs::Jobs;
+use crate::jobs::estimate::key_of;
+use lightpath_domain::job::estimate::{Need, PairsSize, evaluate_kernel};
+use lightpath_domain::job::{EvaluateKernel, Job, JobSpec};
+use lightpath_domain::kernel::KernelKey;
+use lightpath_optics::Detector;
+
+impl Kind for EvaluateKernel {
+    const ADVICE: &'static str = "use fewer pairs, smaller photographs, or a smaller display";
+
+    async fn need(&self, jobs: &Jobs, _: u64) -> Result<Need, ServiceError> {
+        let (display, _) = jobs.store.display(&self.display).await?;
+        let dataset = jobs.store.dataset(&self.dataset).await?;
+        // The detector is the one with which the kernel was learned. None that a camera measures with is larger.
+        let kernel = jobs.kernel_size(&display, &key_of(&dataset), self.kernel_version, Detector::Pixel, None).await?;
+        Ok(evaluate_kernel(&kernel, &PairsSize::of(&dataset, &display)))
+    }
+}
+
+impl Jobs {
+    /// The kernel version that `kernel` stands for. `before` is the job of an earlier submission of the same request.
+    pub async fn evaluated_version(
+        &self,
+        field: &Field,
+        kernel: &str,
+        key: &KernelKey,
+        before: Option<&Job>,
+    ) -> Result<Option<u32>, ServiceError> {
+        match before.map(|job| &job.spec) {
+            // A repeated request has the same version as the first time, even if `active` has moved.
+            Some(JobSpec::EvaluateKernel(job)) if ["", "active"].contains(&kernel) => Ok(job.kernel_version),
+            _ => self.kernels.chosen(field, kernel, key, true).await,
+        }
+    }
+}

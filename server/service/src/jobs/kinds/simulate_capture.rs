@@ -1,0 +1,53 @@
+//! Simulation jobs: photographs of a simulated display.
+
+use super::Kind;
+use crate::call::Call;
+use crate::error::ServiceError;
+use crate::field::Field;
+use crate::jobs::Jobs;
+use lightpath_domain::display::Display;
+use lightpath_domain::job::SimulateCapture;
+use lightpath_domain::job::estimate::{Need, simulate_capture};
+use lightpath_domain::kernel::KernelKey;
+use lightpath_domain::reason::PreconditionReason;
+use lightpath_media::pictures;
+use lightpath_optics::Detector;
+
+impl Kind for SimulateCapture {
+    const ADVICE: &'static str = "use a smaller display";
+
+    async fn need(&self, jobs: &Jobs, _: u64) -> Result<Need, ServiceError> {
+        let (display, _) = jobs.store.display(&self.display).await?;
+        let key = KernelKey { display: self.display.clone(), wavelength: self.wavelength, distance: self.distance };
+        let engine = jobs.ideal_engine(&display, &key, Detector::Pixel, None, false)?;
+        let bench = display.simulated_bench.unwrap_or_default();
+        // The levels of a hologram have at most two bytes.
+        Ok(simulate_capture(engine, &bench, 6 * engine.pixels()))
+    }
+}
+
+impl Jobs {
+    /// Refuses a display without a simulated bench.
+    pub fn require_simulated(&self, field: &Field, display: &Display) -> Result<(), ServiceError> {
+        if display.simulated_bench.is_some() {
+            return Ok(());
+        }
+        let fix = "but only displays that were created with a simulated_bench can be simulated";
+        let message = format!("{field}: displays/{} has no simulated bench, {fix}", display.id);
+        Err(ServiceError::Precondition { reason: PreconditionReason::NotSimulated, message })
+    }
+
+    /// Refuses a hologram whose levels or size are not those of the display.
+    pub async fn check_levels(
+        &self,
+        call: &Call,
+        field: &Field,
+        digest: &str,
+        display: &Display,
+    ) -> Result<(), ServiceError> {
+        let (height_px, width_px) = (display.height_px as usize, display.width_px as usize);
+        let bit_depth = display.bit_depth;
+        let decode = move |bytes: &[u8]| pictures::levels(bytes, bit_depth, height_px, width_px).map(drop);
+        self.files.decoded(call, field, (digest, (height_px * width_px) as u64), decode).await.map(drop)
+    }
+}

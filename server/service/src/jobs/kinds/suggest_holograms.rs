@@ -1,0 +1,52 @@
+//! Jobs that suggest holograms to photograph.
+
+use super::Kind;
+use crate::error::ServiceError;
+use crate::field::Field;
+use crate::jobs::Jobs;
+use crate::jobs::estimate::learned_region_px;
+use lightpath_domain::job::SuggestHolograms;
+use lightpath_domain::job::estimate::{Need, SuggestInputs, suggest_holograms};
+use lightpath_domain::kernel::KernelVersion;
+use lightpath_domain::reason::PreconditionReason;
+use lightpath_optics::Detector;
+use lightpath_optics::learning::KernelModel;
+
+impl Kind for SuggestHolograms {
+    const ADVICE: &'static str = "ask for fewer holograms, or use a smaller display";
+
+    async fn need(&self, jobs: &Jobs, _: u64) -> Result<Need, ServiceError> {
+        let (display, _) = jobs.store.display(&self.kernel.display).await?;
+        let version = jobs.store.kernel_version(&self.kernel, self.version).await?;
+        let kernel = jobs.kernel_size(&display, &self.kernel, Some(self.version), Detector::Pixel, None).await?;
+        let (model, region_px) = (version.content.model, learned_region_px(&version, &kernel));
+        match jobs.learned_pairs(&version, &display).await? {
+            Some(pairs) => Ok(suggest_holograms(self, &SuggestInputs { kernel, model, pairs, region_px })),
+            None => Err(ServiceError::Precondition {
+                reason: PreconditionReason::DatasetDeleted,
+                message: format!(
+                    "the dataset of {}/versions/{} was deleted, and with it the holograms that were photographed; name a \
+                     version whose dataset exists",
+                    self.kernel, self.version
+                ),
+            }),
+        }
+    }
+}
+
+impl Jobs {
+    /// Refuses a version that has no model of the modulator or no dataset.
+    pub fn require_suggestible(&self, field: &Field, found: &KernelVersion) -> Result<(), ServiceError> {
+        let name = format!("{}/versions/{}", found.key, found.version);
+        if !matches!(found.content.model, KernelModel::Display | KernelModel::Varying) {
+            let model = found.content.model.name();
+            let fix = "but what holograms can tell is known for display and varying models only; learn one";
+            return Err(field.invalid(format!("names {name}, whose model is {model}, {fix}")));
+        }
+        if found.content.lineage.own_dataset().is_none() {
+            let fix = "but the suggestion needs the holograms of its dataset; name a version that was learned here";
+            return Err(field.invalid(format!("names {name}, which was imported or interpolated, {fix}")));
+        }
+        Ok(())
+    }
+}

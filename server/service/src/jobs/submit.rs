@@ -1,0 +1,63 @@
+//! Submission of jobs: estimates a checked job, and puts it into the queue.
+
+use super::Jobs;
+use crate::call::Call;
+use crate::error::ServiceError;
+use lightpath_domain::job::{Job, JobSpec, NewJob, Scheduling};
+
+/// A job to be submitted, as far as it is the same for all kinds.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Submission {
+    /// Owner, order and time limits.
+    pub scheduling: Scheduling,
+    /// Id of the request, unique for its owner.
+    pub request_id: String,
+    /// Priority. Jobs with a lower number run first.
+    pub priority: i32,
+    /// Number of failed attempts after which the job fails for good.
+    pub attempts_max: u32,
+}
+
+impl Jobs {
+    /// The job of an earlier submission of the same request. Refuses a submission that waits for jobs which the caller
+    /// may not see.
+    pub async fn submitted_before(&self, call: &Call, submission: &Submission) -> Result<Option<Job>, ServiceError> {
+        let Submission { scheduling, request_id, .. } = submission;
+        // The store refuses jobs that do not exist.
+        if !call.caller.displays.is_empty() {
+            for id in &scheduling.after {
+                self.visible(call, id).await?;
+            }
+        }
+        Ok(self.store.job_by_request(&scheduling.owner, request_id).await?)
+    }
+
+    /// Puts a job into the queue. `decoding_bytes` is the largest memory for decoding one of its pictures, `before` the
+    /// job of an earlier submission of the same request.
+    pub async fn submit(
+        &self,
+        call: &Call,
+        submission: Submission,
+        (spec, decoding_bytes): (JobSpec, u64),
+        before: Option<Job>,
+    ) -> Result<Job, ServiceError> {
+        // A repeated request returns its job, even if the limits have changed since.
+        let estimate = match before {
+            Some(job) => job.estimate,
+            None => self.estimated(&spec, decoding_bytes).await?,
+        };
+        let Submission { scheduling, request_id, priority, attempts_max } = submission;
+        let new = NewJob { spec, request_id, priority, attempts_max, scheduling, estimate };
+        match self.store.submit(&new, self.store.now_ms(), self.queue_limits).await {
+            Ok((job, _)) => {
+                call.concerns(format!("jobs/{}", job.id));
+                if !self.waits_for(&job).is_empty() {
+                    // A process may have come in the last seconds. The job is stored, so an error changes nothing.
+                    drop(self.store.read_living().await);
+                }
+                Ok(job)
+            }
+            Err(error) => Err(self.error_for(&call.caller, error).await),
+        }
+    }
+}

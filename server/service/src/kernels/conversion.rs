@@ -1,0 +1,134 @@
+//! Files of versions, in the requested format.
+
+use super::conversions::{ConversionKey, Converted};
+use super::{Kernels, bundle, model_file};
+use crate::call::Call;
+use crate::error::ServiceError;
+use lightpath_artifacts::{ArtifactError, ArtifactReader, CHUNK_BYTES};
+use lightpath_domain::kernel::KernelVersion;
+use lightpath_domain::reason::PreconditionReason;
+use lightpath_media::kernel_file::{self, Origin};
+use lightpath_media::kernel_formats::{self, Exported, KernelFormat, KernelFormatError};
+use serde_json::Value;
+
+/// The file of a version in a format.
+#[derive(Clone, Debug)]
+pub struct VersionFile {
+    version: KernelVersion,
+    format: KernelFormat,
+    /// The converted file; `None`: the file is the version's own.
+    pub converted: Option<Converted>,
+    /// Digest of the file.
+    pub digest: String,
+    /// Size of the file \[bytes\].
+    pub size_bytes: u64,
+}
+
+impl Kernels {
+    /// The file of a version in a format. It is made if it was not made before.
+    pub async fn file(
+        &self,
+        call: &Call,
+        version: KernelVersion,
+        format: KernelFormat,
+    ) -> Result<VersionFile, ServiceError> {
+        if format == KernelFormat::Safetensors {
+            let (digest, size_bytes) = (version.content.artifact.clone(), version.content.size_bytes);
+            return Ok(VersionFile { version, format, converted: None, digest, size_bytes });
+        }
+        let converted = self.converted(call, &version, format).await?;
+        let (digest, size_bytes) = (converted.digest.clone(), converted.size_bytes);
+        Ok(VersionFile { version, format, converted: Some(converted), digest, size_bytes })
+    }
+
+    /// A reader of a range (offset and limit; limit 0: all) of a version's file. The whole file is compared with its
+    /// digest first, so that no part of a damaged file is sent.
+    pub async fn reader(
+        &self,
+        call: &Call,
+        file: &VersionFile,
+        range: (u64, u64),
+    ) -> Result<ArtifactReader, ServiceError> {
+        match &file.converted {
+            None => self.files.reader(call, &file.digest, range).await,
+            Some(converted) => self.conversion_reader(call, &file.version, file.format, converted, range).await,
+        }
+    }
+
+    /// The file of a version in another format than its own. It is made if it was not made before.
+    pub(crate) async fn converted(
+        &self,
+        call: &Call,
+        version: &KernelVersion,
+        format: KernelFormat,
+    ) -> Result<Converted, ServiceError> {
+        let key = ConversionKey::new(version, format);
+        if let Some(converted) = self.conversions.find(&key) {
+            return Ok(converted);
+        }
+        let converted = self.export(call, version, format).await?;
+        for removed in self.conversions.insert(key, converted.clone()) {
+            self.artifacts.delete_conversion(&removed).await?;
+        }
+        Ok(converted)
+    }
+
+    async fn conversion_reader(
+        &self,
+        call: &Call,
+        version: &KernelVersion,
+        format: KernelFormat,
+        converted: &Converted,
+        (offset_bytes, limit_bytes): (u64, u64),
+    ) -> Result<ArtifactReader, ServiceError> {
+        let open = async || {
+            let (artifacts, digest) = (self.artifacts.clone(), converted.digest.clone());
+            let read = move || artifacts.read_conversion_blocking(&digest, offset_bytes, limit_bytes);
+            self.computing.run(call, CHUNK_BYTES as u64, read).await
+        };
+        match open().await? {
+            // The file was removed to make room, or is damaged. It is made again, with the same bytes.
+            Err(ArtifactError::NotFound { .. } | ArtifactError::DataLoss { .. }) => {
+                let key = ConversionKey::new(version, format);
+                self.conversions.forget(&key);
+                self.converted(call, version, format).await?;
+                Ok(open().await??)
+            }
+            opened => Ok(opened?),
+        }
+    }
+
+    /// Converts the file of a version. The other file is written before the memory for the conversion is given back.
+    async fn export(
+        &self,
+        call: &Call,
+        version: &KernelVersion,
+        format: KernelFormat,
+    ) -> Result<Converted, ServiceError> {
+        let (display, _) = self.store.display(&version.key.display).await?;
+        let need_bytes = model_file::exporting_bytes(version.content.size_bytes, &display, &version.key);
+        let (artifacts, artifact) = (self.artifacts.clone(), version.content.artifact.clone());
+        let record = bundle::record(version);
+        let export = move || -> Result<_, ArtifactError> {
+            let file = artifacts.read_blocking(&artifact)?;
+            let Exported { bytes, relative_error, losses } = match exported(&file, record, format) {
+                Ok(exported) => exported,
+                Err(error) => return Ok(Err(error)),
+            };
+            let digest = artifacts.put_conversion_blocking(&bytes)?;
+            Ok(Ok(Converted { digest, size_bytes: bytes.len() as u64, relative_error, losses }))
+        };
+        let exported = self.computing.run(call, need_bytes, export).await??;
+        exported.map_err(|error| ServiceError::Precondition {
+            reason: PreconditionReason::NoSuchForm,
+            message: format!("format: {error}"),
+        })
+    }
+}
+
+/// Converts a file in the native format.
+fn exported(file: &[u8], record: Value, format: KernelFormat) -> Result<Exported, KernelFormatError> {
+    let (model, kind) = kernel_file::decode(file)?;
+    let origin = Origin { record: Some(record), ..kernel_file::origin(file)? };
+    kernel_formats::export_with(&model, kind, &origin, format)
+}

@@ -1,0 +1,204 @@
+//! Imports of kernels from files.
+
+use super::Kernels;
+use super::bundle::Record;
+use super::model_file::importing_bytes;
+use crate::call::Call;
+use crate::error::ServiceError;
+use crate::field::Field;
+use lightpath_artifacts::ArtifactError;
+use lightpath_domain::display::Display;
+use lightpath_domain::kernel::{
+    KernelKey, KernelLineage, KernelMetrics, KernelVersion, LearnedDataset, NewKernelVersion,
+};
+use lightpath_domain::planning;
+use lightpath_domain::units::{Distance, Wavelength};
+use lightpath_media::kernel_file::{self, Origin};
+use lightpath_media::kernel_formats::{self, Imported, KernelFormatError};
+use lightpath_optics::{KernelModel, OpticalSetup};
+
+/// A kernel file to be imported, and where it belongs.
+#[derive(Clone, Debug)]
+pub struct KernelImport {
+    /// The display.
+    pub display: Display,
+    /// The wavelength.
+    pub wavelength: Wavelength,
+    /// The distance.
+    pub distance: Distance,
+    /// Artifact digest of the file.
+    pub digest: String,
+    /// Whether the file may name another display.
+    pub from_another_display: bool,
+}
+
+impl Kernels {
+    /// Stores an uploaded kernel file as the next version. Refuses a kernel of another display, wavelength or distance.
+    pub async fn import(&self, call: &Call, import: KernelImport) -> Result<KernelVersion, ServiceError> {
+        let KernelImport { display, wavelength, distance, digest, from_another_display } = import;
+        let key = KernelKey { display: display.id.clone(), wavelength, distance };
+        let field = Field::new("artifact");
+        let Some(record) = self.files.readable(call, &digest).await? else {
+            return Err(field.missing(format!("artifact {digest}"), "upload it first"));
+        };
+        call.concerns(key.to_string());
+        let setup = planning::setup(&display, wavelength, distance)
+            .map_err(|error| Field::new("distance_m").invalid(format!("is not possible: {error}")))?;
+        // A kernel is accepted even if no propagation method is valid for it.
+        let setup = planning::planned(setup, None).map_or(setup, |(planned, _)| planned);
+        let need_bytes = importing_bytes(record.size_bytes);
+        let (artifacts, name) = (self.artifacts.clone(), digest.clone());
+        let place = Place { field: field.clone(), display, key: key.clone(), any_display: from_another_display };
+        let read = move || -> Result<_, ArtifactError> {
+            let file = artifacts.read_blocking(&name)?;
+            Ok(imported(&file, &setup, &place))
+        };
+        let Import { kind, form, native_file, origin, note } =
+            self.computing.run(call, need_bytes, read).await??.map_err(|error| match error {
+                ImportError::Format(error) => field.invalid(format!("({digest}): {error}")),
+                ImportError::Refused(error) => error,
+            })?;
+        let mut parameters = serde_json::json!({});
+        if native_file.is_some() {
+            parameters = serde_json::json!({ "imported_from": form, "artifact": digest });
+        }
+        if let Some(note) = note {
+            parameters["note"] = note.into();
+        }
+        // The kernel is stored in the native format, which all other code reads.
+        let (artifact, size_bytes) = match native_file {
+            None => (digest, record.size_bytes),
+            Some(file) => {
+                let size_bytes = file.len() as u64;
+                (self.files.store(call, file).await?, size_bytes)
+            }
+        };
+        let (metrics, lineage) = match origin.record {
+            Some(record) => {
+                let record: Record = serde_json::from_value(record)
+                    .map_err(|error| field.invalid(format!("is a bundle with a damaged record: {error}")))?;
+                // Photographs of another display say nothing about this one.
+                let is_own = record.is_of(&key.display);
+                if !is_own && !from_another_display {
+                    let problem = format!("is a bundle of {}; set from_another_display if it fits", record.version);
+                    return Err(field.invalid(problem));
+                }
+                let metrics = if is_own { record.metrics.clone() } else { KernelMetrics::default() };
+                (metrics, record.imported_lineage())
+            }
+            // Without a record the version is not measured.
+            None => (KernelMetrics::default(), lineage(parameters.to_string(), origin.interpolated_from_m)),
+        };
+        let version = NewKernelVersion { model: kind, artifact, size_bytes, metrics, lineage };
+        Ok(self.store.add_kernel_version(&key, version, self.store.now_ms()).await?)
+    }
+}
+
+/// The lineage of a version that was imported without its record.
+fn lineage(parameters_json: String, interpolated_from_m: Vec<f64>) -> KernelLineage {
+    KernelLineage {
+        parameters_json,
+        code_version: env!("CARGO_PKG_VERSION").to_owned(),
+        interpolated: !interpolated_from_m.is_empty(),
+        datasets: interpolated_from_m.into_iter().filter_map(imported_dataset).collect(),
+        ..KernelLineage::default()
+    }
+}
+
+/// Where an imported kernel belongs.
+struct Place {
+    /// Field of the request that names the file.
+    field: Field,
+    display: Display,
+    key: KernelKey,
+    /// Whether the file may name another display.
+    any_display: bool,
+}
+
+/// A kernel read from a file.
+struct Import {
+    kind: KernelModel,
+    form: &'static str,
+    /// The kernel in the native format, if the file has another format, or says something else about its origin.
+    native_file: Option<Vec<u8>>,
+    /// What the file says about the origin.
+    origin: Origin,
+    /// What the file did not hold, for people; `None` if it held a whole model.
+    note: Option<String>,
+}
+
+/// Why a file is not accepted.
+enum ImportError {
+    Format(KernelFormatError),
+    Refused(ServiceError),
+}
+
+/// Reads a kernel from a file, and converts it to the native format if the file has another one.
+fn imported(file: &[u8], setup: &OpticalSetup, place: &Place) -> Result<Import, ImportError> {
+    let imported = kernel_formats::import(file, setup).map_err(ImportError::Format)?;
+    require_setup(&place.field, &imported.model.setup, &place.display, &place.key).map_err(ImportError::Refused)?;
+    require_display(place, &imported.origin).map_err(ImportError::Refused)?;
+    let note = imported.note();
+    let Imported { model, kind, form, native, origin, .. } = imported;
+    let kept = Origin {
+        display: origin.display.as_ref().map(|_| place.key.display.clone()),
+        interpolated_from_m: origin.interpolated_from_m.clone(),
+        record: None,
+    };
+    let encode = || kernel_file::encode_with(&model, kind, &kept).map_err(|error| ImportError::Format(error.into()));
+    let native_file = (!native || kept != origin).then(encode).transpose()?;
+    Ok(Import { kind, form, native_file, origin, note })
+}
+
+/// Refuses the kernel of another display, unless the caller accepts it.
+fn require_display(place: &Place, origin: &Origin) -> Result<(), ServiceError> {
+    let Place { field, key, any_display, .. } = place;
+    match &origin.display {
+        Some(other) if *other != key.display && !any_display => Err(field.invalid(format!(
+            "is a kernel of displays/{other}, but must be one of displays/{}; set from_another_display if it fits this \
+             display as well",
+            key.display
+        ))),
+        _ => Ok(()),
+    }
+}
+
+/// A dataset of which only the distance is known. `None` if the distance is not valid.
+fn imported_dataset(distance_m: f64) -> Option<LearnedDataset> {
+    let distance = Distance::from_m(distance_m)?;
+    Some(LearnedDataset { distance, id: String::new(), digest: String::new() })
+}
+
+/// Refuses a setup that does not match the display, wavelength and distance.
+fn require_setup(field: &Field, setup: &OpticalSetup, display: &Display, key: &KernelKey) -> Result<(), ServiceError> {
+    let grid = setup.grid();
+    let is_size = (grid.width_px(), grid.height_px()) == (display.width_px as usize, display.height_px as usize);
+    // Both were converted from decimal numbers, so they may differ in their last bits.
+    let is_pitch = (grid.pixel_pitch_m() / display.pixel_pitch_m - 1.0).abs() < 1e-9;
+    let (wavelength, distance) = (Wavelength::from_m(setup.wavelength_m()), Distance::from_m(setup.distance_m()));
+    if is_size && is_pitch && wavelength == Some(key.wavelength) && distance == Some(key.distance) {
+        if setup.orders() == display.orders {
+            return Ok(());
+        }
+        let (learned, shown) = (setup.orders(), display.orders);
+        return Err(field.invalid(format!(
+            "is a kernel of a display that shows {learned}, but displays/{} shows {shown}",
+            display.id
+        )));
+    }
+    // A file may contain lengths that a key cannot represent.
+    let wavelength = wavelength.map_or_else(|| format!("{:e} m", setup.wavelength_m()), |exact| exact.to_string());
+    let distance = distance.map_or_else(|| format!("{:e} m", setup.distance_m()), |exact| exact.to_string());
+    Err(field.invalid(format!(
+        "is a kernel for {}×{} px of {:e} m at {wavelength} and {distance}, but must be one for {}×{} px of {:e} m at {} \
+         and {}",
+        grid.width_px(),
+        grid.height_px(),
+        grid.pixel_pitch_m(),
+        display.width_px,
+        display.height_px,
+        display.pixel_pitch_m,
+        key.wavelength,
+        key.distance,
+    )))
+}

@@ -1,0 +1,193 @@
+//! Which version of a kernel is active: promotion through the display's gate, rollback, other aliases, deprecation.
+
+use crate::call::Call;
+use crate::error::ServiceError;
+use crate::kernels::Kernels;
+use lightpath_domain::kernel::{Cause, Kernel, KernelKey, KernelVersion};
+use lightpath_domain::kernel_format::KernelFormat;
+use lightpath_domain::promotion::{GateCheck, PromotionGate};
+use lightpath_domain::reason::PreconditionReason;
+use lightpath_store::{AliasMove, Promotion, Store};
+
+/// How a version did at the gate of its display.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Verdict {
+    /// The checks of the gate.
+    pub checks: Vec<GateCheck>,
+    /// Version with which it was compared; `None`: no version is active.
+    pub active: Option<u32>,
+}
+
+/// How a caller wants a version to pass the gate.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Passage {
+    /// Number of the version.
+    pub version: u32,
+    /// Version that must be active (0: none); `None`: whichever is.
+    pub expected_active: Option<u32>,
+    /// Whether the version passes even if it fails the gate. This needs a reason.
+    pub force: bool,
+    /// Why, for people.
+    pub reason: String,
+}
+
+/// A version that may become active.
+pub(crate) struct Passed {
+    /// The version that must still be active then; `None`: none.
+    pub(crate) expected_active: Option<u32>,
+    /// What failed and was overridden.
+    pub(crate) overridden: Vec<String>,
+}
+
+/// Promotions and what belongs to them.
+#[derive(Clone, Debug)]
+pub struct Promotions {
+    store: Store,
+    kernels: Kernels,
+}
+
+impl Promotions {
+    pub(crate) fn new(store: Store, kernels: Kernels) -> Self {
+        Self { store, kernels }
+    }
+
+    /// Makes a version active if it passes the gate of its display.
+    pub async fn promote(&self, call: &Call, key: &KernelKey, passage: Passage) -> Result<Kernel, ServiceError> {
+        let version = passage.version;
+        let Passed { expected_active, overridden } = self.pass_gate(call, key, &passage).await?;
+        let promotion = Promotion { version, expected_active, cause: cause(call, passage.reason), overridden };
+        Ok(self.store.promote(key, promotion, self.store.now_ms()).await?)
+    }
+
+    /// How a version would do at the gate of its display now.
+    pub async fn check(&self, call: &Call, key: &KernelKey, version: u32) -> Result<Verdict, ServiceError> {
+        self.verdict(call, &self.store.kernel_version(key, version).await?).await
+    }
+
+    /// Makes the version active that was active before `expected`.
+    pub async fn rollback(
+        &self,
+        call: &Call,
+        key: &KernelKey,
+        expected: Option<u32>,
+        reason: String,
+    ) -> Result<Kernel, ServiceError> {
+        Ok(self.store.rollback(key, expected, &cause(call, reason), self.store.now_ms()).await?)
+    }
+
+    /// Sets the gate of a display.
+    pub async fn set_gate(
+        &self,
+        call: &Call,
+        display: &str,
+        gate: &PromotionGate,
+        reason: String,
+    ) -> Result<(), ServiceError> {
+        Ok(self.store.set_gate(display, gate, &cause(call, reason), self.store.now_ms()).await?)
+    }
+
+    /// Sets an alias to `version` (`None`: removes it), if it is `expected` now (outer `None`: whatever it is).
+    pub async fn set_alias(
+        &self,
+        call: &Call,
+        key: &KernelKey,
+        alias: String,
+        (version, expected): (Option<u32>, Option<Option<u32>>),
+        reason: String,
+    ) -> Result<Kernel, ServiceError> {
+        let step = AliasMove { alias, version, expected, cause: cause(call, reason) };
+        Ok(self.store.set_alias(key, step, self.store.now_ms()).await?)
+    }
+
+    /// Advises against a version, or no longer.
+    pub async fn deprecate(
+        &self,
+        call: &Call,
+        key: &KernelKey,
+        version: u32,
+        deprecated: bool,
+        reason: String,
+    ) -> Result<KernelVersion, ServiceError> {
+        let (cause, now_ms) = (cause(call, reason), self.store.now_ms());
+        Ok(self.store.deprecate_kernel_version(key, version, deprecated, &cause, now_ms).await?)
+    }
+
+    /// Checks a version with the gate. Refuses one that fails, unless the caller forces it and gives a reason.
+    pub(crate) async fn pass_gate(
+        &self,
+        call: &Call,
+        key: &KernelKey,
+        passage: &Passage,
+    ) -> Result<Passed, ServiceError> {
+        let &Passage { version, expected_active, force, ref reason } = passage;
+        // Versions never change. If another one becomes active meanwhile, the store refuses the move.
+        let candidate = self.store.kernel_version(key, version).await?;
+        let verdict = self.verdict(call, &candidate).await?;
+        let expected_active = match expected_active {
+            Some(number) => (number > 0).then_some(number),
+            None => verdict.active,
+        };
+        let failures = verdict.checks.into_iter().filter(|check| !check.passed);
+        let overridden: Vec<String> = failures.map(|check| check.finding).collect();
+        // Nothing changes for a version that is active already.
+        if !overridden.is_empty() && !candidate.active && (!force || reason.trim().is_empty()) {
+            let message = format!(
+                "{key}/versions/{version} does not pass the promotion gate of displays/{}: {}; to promote it anyway, set \
+                 force and give a reason",
+                key.display,
+                overridden.join("; ")
+            );
+            return Err(ServiceError::Precondition { reason: PreconditionReason::PromotionGateFailed, message });
+        }
+        Ok(Passed { expected_active, overridden })
+    }
+
+    /// How a version does at the gate of its display.
+    pub async fn verdict(&self, call: &Call, candidate: &KernelVersion) -> Result<Verdict, ServiceError> {
+        let key = &candidate.key;
+        let gate = self.gate_of(&key.display).await?;
+        let active = self.store.kernel(key).await?.active_version;
+        let rival = match active.filter(|active| *active != candidate.version) {
+            Some(active) => Some(self.store.kernel_version(key, active).await?),
+            None => None,
+        };
+        let mut checks = gate.check(candidate, rival.as_ref());
+        let mut forms = self.store.forms_in_use(key).await?;
+        forms.extend(gate.forms);
+        for form in KernelFormat::ALL.into_iter().filter(|form| forms.contains(form)) {
+            checks.push(self.check_form(call, candidate, form).await?);
+        }
+        Ok(Verdict { checks, active })
+    }
+
+    /// The gate of a display.
+    async fn gate_of(&self, display: &str) -> Result<PromotionGate, ServiceError> {
+        Ok(self.store.gates(display, 1).await?.pop().map(|change| change.gate).unwrap_or_default())
+    }
+
+    async fn check_form(
+        &self,
+        call: &Call,
+        candidate: &KernelVersion,
+        form: KernelFormat,
+    ) -> Result<GateCheck, ServiceError> {
+        let name = form.as_str();
+        if form == KernelFormat::Safetensors {
+            return Ok(GateCheck::new(true, format!("it is available as {name}")));
+        }
+        match self.kernels.converted(call, candidate, form).await {
+            Ok(converted) => {
+                Ok(GateCheck::new(true, format!("it is available as {name}, {} bytes", converted.size_bytes)))
+            }
+            Err(ServiceError::Precondition { reason: PreconditionReason::NoSuchForm, message }) => {
+                Ok(GateCheck::new(false, format!("it is not available as {name}: {message}")))
+            }
+            Err(error) => Err(error),
+        }
+    }
+}
+
+/// The caller with a reason.
+pub(crate) fn cause(call: &Call, reason: String) -> Cause {
+    Cause { caller: call.caller.name.clone(), reason }
+}

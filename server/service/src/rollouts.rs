@@ -1,0 +1,92 @@
+//! Staged rollouts: starting, widening, completing, halting.
+
+use crate::call::Call;
+use crate::error::ServiceError;
+use crate::promotions::{Passage, Passed, Promotions, cause};
+use lightpath_domain::kernel::KernelKey;
+use lightpath_domain::reason::PreconditionReason;
+use lightpath_domain::rollout::{Rollout, RolloutPlan, RolloutState};
+use lightpath_store::{Store, Widening};
+
+/// Rollouts.
+#[derive(Clone, Debug)]
+pub struct Rollouts {
+    store: Store,
+    promotions: Promotions,
+}
+
+impl Rollouts {
+    pub(crate) fn new(store: Store, promotions: Promotions) -> Self {
+        Self { store, promotions }
+    }
+
+    /// Starts a rollout of a version that passes the gate of its display.
+    pub async fn start(
+        &self,
+        call: &Call,
+        key: &KernelKey,
+        mut plan: RolloutPlan,
+        passage: Passage,
+    ) -> Result<Rollout, ServiceError> {
+        let Passed { expected_active, overridden } = self.promotions.pass_gate(call, key, &passage).await?;
+        plan.overridden = overridden;
+        plan.cause = cause(call, passage.reason);
+        Ok(self.store.start_rollout(key, plan, expected_active, self.store.now_ms()).await?)
+    }
+
+    /// Gives a rollout a larger share of the devices.
+    pub async fn widen(
+        &self,
+        call: &Call,
+        key: &KernelKey,
+        number: u32,
+        (share_percent, expected_revision): (f64, Option<u32>),
+    ) -> Result<Rollout, ServiceError> {
+        self.require_still_passes(call, key, number).await?;
+        let widening = Widening { share_percent, expected_revision, caller: call.caller.name.clone() };
+        Ok(self.store.widen_rollout(key, number, widening, self.store.now_ms()).await?)
+    }
+
+    /// Makes the version of a rollout active, for all devices.
+    pub async fn complete(
+        &self,
+        call: &Call,
+        key: &KernelKey,
+        number: u32,
+        expected_revision: Option<u32>,
+    ) -> Result<Rollout, ServiceError> {
+        self.require_still_passes(call, key, number).await?;
+        let (caller, now_ms) = (&call.caller.name, self.store.now_ms());
+        Ok(self.store.complete_rollout(key, number, expected_revision, caller, now_ms).await?)
+    }
+
+    /// Ends a rollout; all devices get the active version again.
+    pub async fn halt(
+        &self,
+        call: &Call,
+        key: &KernelKey,
+        number: u32,
+        reason: String,
+    ) -> Result<Rollout, ServiceError> {
+        Ok(self.store.halt_rollout(key, number, &cause(call, reason), self.store.now_ms()).await?)
+    }
+
+    /// Refuses to go on with a version that fails the gate now, other than by what was overridden at the start.
+    async fn require_still_passes(&self, call: &Call, key: &KernelKey, number: u32) -> Result<(), ServiceError> {
+        let (rollout, _) = self.store.rollout(key, number).await?;
+        let candidate = self.store.kernel_version(key, rollout.plan.version).await?;
+        let verdict = self.promotions.verdict(call, &candidate).await?;
+        let failures = verdict.checks.into_iter().filter(|check| !check.passed).map(|check| check.finding);
+        let new: Vec<String> = failures.filter(|finding| !rollout.plan.overridden.contains(finding)).collect();
+        if new.is_empty() || rollout.state != RolloutState::Running {
+            return Ok(());
+        }
+        let message = format!(
+            "{key}/versions/{} does not pass the promotion gate any more: {}; halt the rollout, and start it again with \
+             force if you must",
+            rollout.plan.version,
+            new.join("; ")
+        );
+        Err(ServiceError::Precondition { reason: PreconditionReason::PromotionGateFailed, message })
+    }
+}
