@@ -11,34 +11,29 @@
 //!
 //! # Layout
 //!
-//! - `spec`: validated requests.
-//! - `result`: results.
-//! - `hologram`, `prepare`, `report`, `verify`, `suggest`: request and result of jobs for holograms, datasets, reports,
-//!   judgements and suggestions.
+//! - [`kinds`]: each kind of job, with its request, its result, and the memory and time that it needs.
 //! - `effect`: changes that a job makes besides its result.
-//! - `failure`: reasons why attempts fail. `estimate`: memory and time of jobs before they start.
+//! - `failure`: reasons why attempts fail. [`estimate`]: what the estimates of memory and time have in common.
 
 mod effect;
 pub mod estimate;
 mod failure;
-mod hologram;
-mod prepare;
-mod report;
-mod result;
-mod spec;
-pub mod suggest;
-mod verify;
+pub mod kinds;
 
 pub use effect::JobEffect;
 pub use estimate::Estimate;
 pub use failure::{FailureReason, JobError};
-pub use hologram::{Fit, FrameResult, HologramResult, ImagePlane, OptimizeHologram, PlaneResult, WavelengthResult};
-pub use prepare::{AlignBy, PrepareDataset, PrepareResult, PrepareStep, SplitCounts};
-pub use report::{OTHER_VERSIONS_MAX, ReportFigure, ReportKernel, ReportResult};
-pub use result::{CaptureResult, EvaluateResult, JobResult, LearnResult, LearnedKernel, PairLoss};
-pub use spec::{EvaluateKernel, JobSpec, LearnKernel, SimulateCapture};
-pub use suggest::{SuggestHolograms, SuggestResult, SuggestedHologram};
-pub use verify::{PlaneOpinion, VerifyHologram, VerifyResult};
+pub use kinds::evaluate_kernel::{EvaluateKernel, EvaluateResult, PairLoss};
+pub use kinds::learn_kernel::{LearnKernel, LearnResult, LearnedKernel};
+pub use kinds::optimize_hologram::{
+    Fit, FrameResult, HologramResult, ImagePlane, OptimizeHologram, PlaneResult, WavelengthResult,
+};
+pub use kinds::prepare_dataset::{AlignBy, PrepareDataset, PrepareResult, PrepareStep, SplitCounts};
+pub use kinds::report_kernel::{OTHER_VERSIONS_MAX, ReportFigure, ReportKernel, ReportResult};
+pub use kinds::simulate_capture::{CaptureResult, SimulateCapture};
+pub use kinds::suggest_holograms::{SuggestHolograms, SuggestResult, SuggestedHologram};
+pub use kinds::verify_hologram::{PlaneOpinion, VerifyHologram, VerifyResult};
+pub use kinds::{JobResult, JobSpec};
 
 use crate::ability::Labels;
 use serde::{Deserialize, Serialize};

@@ -1,7 +1,6 @@
 //! Measures a kernel on photographs of new holograms. Only simulated displays can be photographed for this.
 
-use super::display_setup::{DisplaySetup, finite};
-use super::simulate::simulated_display;
+use super::display_setup::{DisplaySetup, finite, simulated_display};
 use super::{JobContext, TaskError};
 use lightpath_domain::job::Progress;
 use lightpath_domain::job::estimate::CAPTURED_ITERATIONS;

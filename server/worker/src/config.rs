@@ -3,8 +3,9 @@
 use crate::backoff::Backoff;
 use crate::job_memory::jobs_bytes_max;
 use lightpath_domain::ability::{Abilities, Labels};
-use lightpath_domain::job::{Job, JobSpec};
+use lightpath_domain::job::Job;
 use lightpath_store::ClaimLimits;
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 /// Settings of the workers.
@@ -65,25 +66,15 @@ impl Default for WorkerConfig {
     }
 }
 
-/// Time limits of attempts for each kind of job; `None`: no limit.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Timeouts {
-    /// Time limit for optimizing holograms.
-    pub optimize: Option<Duration>,
-    /// Time limit for learning kernels.
-    pub learn: Option<Duration>,
-    /// Time limit for simulating captures.
-    pub simulate: Option<Duration>,
-    /// Time limit for evaluating kernels.
-    pub evaluate: Option<Duration>,
-    /// Time limit for aligning and finalizing datasets.
-    pub prepare: Option<Duration>,
-    /// Time limit for making reports of kernels.
-    pub report: Option<Duration>,
-    /// Time limit for suggesting holograms.
-    pub suggest: Option<Duration>,
-    /// Time limit for verifying holograms.
-    pub verify: Option<Duration>,
+/// Time limits of attempts by kind of job.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Timeouts(BTreeMap<&'static str, Duration>);
+
+impl FromIterator<(&'static str, Option<Duration>)> for Timeouts {
+    /// The limits of kinds, each a word of `JobSpec::KINDS`; `None`: no limit.
+    fn from_iter<T: IntoIterator<Item = (&'static str, Option<Duration>)>>(limits: T) -> Self {
+        Self(limits.into_iter().filter_map(|(kind, limit)| Some((kind, limit?))).collect())
+    }
 }
 
 impl Timeouts {
@@ -91,15 +82,6 @@ impl Timeouts {
     #[must_use]
     pub fn of(&self, job: &Job) -> Option<Duration> {
         let requested = job.scheduling.timeout_ms.map(|ms| Duration::from_millis(ms.unsigned_abs()));
-        requested.or(match job.spec {
-            JobSpec::OptimizeHologram(_) => self.optimize,
-            JobSpec::LearnKernel(_) => self.learn,
-            JobSpec::SimulateCapture(_) => self.simulate,
-            JobSpec::EvaluateKernel(_) => self.evaluate,
-            JobSpec::PrepareDataset(_) => self.prepare,
-            JobSpec::ReportKernel(_) => self.report,
-            JobSpec::SuggestHolograms(_) => self.suggest,
-            JobSpec::VerifyHologram(_) => self.verify,
-        })
+        requested.or_else(|| self.0.get(job.spec.kind()).copied())
     }
 }

@@ -1,7 +1,8 @@
 //! A display at a wavelength and distance, read from the store and prepared for the engine.
 
-use super::learned_from::model_of;
+use super::version_model::model_of;
 use super::{JobContext, TaskError};
+use lightpath_domain::dataset::Dataset;
 use lightpath_domain::display::Display;
 use lightpath_domain::job::FailureReason;
 use lightpath_domain::kernel::KernelKey;
@@ -13,6 +14,7 @@ use lightpath_media::kernel_file::KernelFileError;
 use lightpath_media::pictures::{self, PictureError};
 use lightpath_optics::display::phase_response::PhaseResponse;
 use lightpath_optics::learning::BoxError;
+use lightpath_optics::simulated_display::SimulatedDisplay;
 use lightpath_optics::{
     Carrier, ConvolutionMethod, DisplayModel, OpticalSetup, Plane, RegionOfInterest, ValidityReport,
 };
@@ -165,4 +167,21 @@ impl From<KernelFileError> for TaskError {
     fn from(error: KernelFileError) -> Self {
         Self::permanent(FailureReason::InvalidKernel, error)
     }
+}
+
+/// Reads a finalized dataset and its display setup.
+pub(super) fn read_dataset(context: &JobContext, id: &str) -> Result<(DisplaySetup, Dataset), TaskError> {
+    let dataset = context.wait(context.store().dataset(id))?;
+    if dataset.digest.is_none() {
+        let message = format!("datasets/{id} is still open; finalize it first");
+        return Err(TaskError::permanent(FailureReason::DatasetOpen, message));
+    }
+    let display = DisplaySetup::read(context, &dataset.display, dataset.wavelength, dataset.distance)?;
+    Ok((display, dataset))
+}
+
+/// The simulated bench of a display; `None`: the display has none.
+pub(super) fn simulated_display(display: &DisplaySetup) -> Result<Option<SimulatedDisplay>, TaskError> {
+    let Some(bench) = display.declared.simulated_bench else { return Ok(None) };
+    Ok(Some(SimulatedDisplay::draw(display.setup, display.carrier, bench)?))
 }

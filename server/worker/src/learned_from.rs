@@ -1,4 +1,4 @@
-//! A kernel version's model, and what it was learned from.
+//! What a kernel version was learned from.
 
 use super::display_setup::DisplaySetup;
 use super::{JobContext, TaskError};
@@ -6,8 +6,7 @@ use lightpath_domain::dataset::{Dataset, Split};
 use lightpath_domain::job::{JobResult, LearnKernel, LearnResult, LearnedKernel};
 use lightpath_domain::kernel::KernelVersion;
 use lightpath_media::captures::Captures;
-use lightpath_media::kernel_file;
-use lightpath_optics::{Detector, DisplayModel, RegionOfInterest};
+use lightpath_optics::{Detector, RegionOfInterest};
 use lightpath_store::StoreError;
 
 /// The photographs from which a version was learned, and how they were compared with predictions.
@@ -45,14 +44,6 @@ impl LearnedFrom {
     pub(super) fn pairs(&self, split: Split, count: usize) -> impl Iterator<Item = &lightpath_domain::dataset::Pair> {
         self.dataset.pairs.iter().filter(move |pair| pair.split == Some(split)).take(count)
     }
-}
-
-/// Reads the display model of a kernel version, as the display's camera sees it. The camera is no part of a kernel.
-pub(super) fn model_of(context: &JobContext, version: &KernelVersion) -> Result<DisplayModel, TaskError> {
-    let (display, _) = context.wait(context.store().display(&version.key.display))?;
-    let (mut model, _) = kernel_file::decode(&context.read_artifact(&version.content.artifact)?)?;
-    model.setup = model.setup.with_camera_fill_factor(display.camera_fill_factor)?;
-    Ok(model)
 }
 
 /// The dataset from which the version was learned. `None`: the version was imported, or the dataset was deleted or

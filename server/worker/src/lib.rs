@@ -18,10 +18,10 @@
 //! - `job_memory`: the memory that running jobs share. `speed`: the speed of this machine.
 //! - `config`: the settings. `checkpoint`: the envelope of saved states. `computer`: what may resume them. `backoff`: pauses
 //!   before retries. `clock`: the time of day.
-//! - `optics_task`: runs each kind of job by its own function, in `optimize`, `learn`, `simulate`, `evaluate`,
-//!   `prepare` and `report`. They share `display_setup` (a display at a wavelength and distance), `pairs`, `losses` and
-//!   `state_bytes`. `live_picture`: what `optimize` shows while it runs. `hologram_setup` reads the input of
-//!   `optimize`, and `captured` measures the kernels of `learn`.
+//! - `kinds`: runs each kind of job by its own function, in a file of its own. They share `display_setup` (a display at a
+//!   wavelength and distance), `pairs`, `losses` and `state_bytes`. `live_picture`: what a hologram job shows while it
+//!   runs. `hologram_setup` reads its input, and `captured` measures learned kernels. `version_model`, `learned_from`: the
+//!   model of a version, and what it was learned from.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod attempt;
@@ -33,33 +33,26 @@ mod computer;
 mod config;
 mod context;
 mod display_setup;
-mod evaluate;
 mod hologram_setup;
 mod job_memory;
-mod learn;
+mod kinds;
 mod learned_from;
 mod live_picture;
 mod losses;
-mod optics_task;
-mod optimize;
 mod pairs;
-mod prepare;
-mod report;
-mod simulate;
 mod speed;
 mod state_bytes;
 mod stop;
-mod suggest;
 #[cfg(test)]
 mod tests;
-mod verify;
+mod version_model;
 
 pub use backoff::Backoff;
 pub use clock::Clock;
 pub use config::{Timeouts, WorkerConfig};
 pub use context::{JobContext, TaskError, TaskOutput};
 pub use job_memory::{cache_bytes_max, jobs_bytes_max};
-pub use optics_task::OpticsTask;
+pub use kinds::OpticsTask;
 pub use speed::measured_work_per_s;
 pub use stop::StopReason;
 

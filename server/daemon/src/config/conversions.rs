@@ -220,20 +220,26 @@ impl Config {
             lease: Duration::from_secs_f64(self.lease_s),
             checkpoint_interval: Duration::from_secs_f64(self.checkpoint_interval_s),
             limits: ClaimLimits { per_owner: self.owner_running_limit, per_display: self.display_running_limit },
-            timeouts: Timeouts {
-                optimize: limit(self.optimize_timeout_s),
-                learn: limit(self.learn_timeout_s),
-                simulate: limit(self.simulate_timeout_s),
-                evaluate: limit(self.evaluate_timeout_s),
-                prepare: limit(self.prepare_timeout_s),
-                report: limit(self.report_timeout_s),
-                suggest: limit(self.suggest_timeout_s),
-                verify: limit(self.verify_timeout_s),
-            },
+            timeouts: self.timeouts(),
             memory_bytes: bytes(self.job_memory_mib_max),
             name: self.worker_name(),
             ..WorkerConfig::default()
         }
+    }
+
+    /// Time limits of attempts.
+    fn timeouts(&self) -> Timeouts {
+        let limits_s = [
+            ("optimize_hologram", self.optimize_timeout_s),
+            ("learn_kernel", self.learn_timeout_s),
+            ("simulate_capture", self.simulate_timeout_s),
+            ("evaluate_kernel", self.evaluate_timeout_s),
+            ("prepare_dataset", self.prepare_timeout_s),
+            ("report_kernel", self.report_timeout_s),
+            ("suggest_holograms", self.suggest_timeout_s),
+            ("verify_hologram", self.verify_timeout_s),
+        ];
+        limits_s.into_iter().map(|(kind, limit_s)| (kind, limit(limit_s))).collect()
     }
 
     /// Name of the workers. On a database that other machines may use, people want to know which machine it was.

@@ -6,17 +6,10 @@
 //! time.
 //!
 //! An estimate must not be below the real memory, and should be at most six tenths above it. `docs/estimates.md`
-//! compares estimates with measurements. `hologram`, `dataset` and `kernel` have the jobs on each of these.
+//! compares estimates with measurements. What a kind of job needs is in its file in `kinds`, from the sizes here.
 
-mod dataset;
-mod hologram;
-mod kernel;
 #[cfg(test)]
 mod tests;
-
-pub use dataset::{LearningInputs, PreparingInputs, evaluate_kernel, learn_kernel, prepare_dataset, simulate_capture};
-pub use hologram::{HologramInputs, optimize_hologram, verify_hologram};
-pub use kernel::{ReportInputs, SuggestInputs, report_kernel, suggest_holograms};
 
 use crate::dataset::{Dataset, Split};
 use crate::display::Display;
@@ -49,14 +42,14 @@ const BASE_BYTES: u64 = 12 << 20;
 /// Part of the memory in smaller allocations that the allocator keeps for itself after they are freed.
 const FRAGMENTATION: f64 = 0.03;
 /// Bytes of a real number in f32.
-const REAL: u64 = 4;
+pub(super) const REAL: u64 = 4;
 /// Time of reading or writing a pixel of a picture: codec, digest and disk, in the unit of work.
-const FILE_STAGES: f64 = 1500.0;
+pub(super) const FILE_STAGES: f64 = 1500.0;
 /// Time of a step, relative to that on a small display, whose buffers fit into the caches. The speed is measured on
 /// such a display.
-const STEP_FACTOR: f64 = 1.2;
+pub(super) const STEP_FACTOR: f64 = 1.2;
 /// Time of learning, relative to that of its propagations and products.
-const LEARNING_FACTOR: f64 = 1.5;
+pub(super) const LEARNING_FACTOR: f64 = 1.5;
 /// Work of a job besides what is counted: its start, its rows in the database, its files.
 const BASE_WORK: f64 = 5e8;
 
@@ -79,7 +72,7 @@ pub struct Need {
 }
 
 impl Need {
-    fn new(stages: impl IntoIterator<Item = u64>, work: f64) -> Self {
+    pub(super) fn new(stages: impl IntoIterator<Item = u64>, work: f64) -> Self {
         let largest = stages.into_iter().max().unwrap_or(0);
         let memory_bytes = BASE_BYTES + largest + (FRAGMENTATION * largest as f64) as u64;
         Self { memory_bytes, work: BASE_WORK + work }
@@ -110,17 +103,17 @@ pub struct KernelSize {
 impl KernelSize {
     /// Memory for reading the kernel and sampling its transfer functions, besides them: the file, its numbers, and
     /// their copy.
-    fn reading_bytes(&self) -> u64 {
+    pub(super) fn reading_bytes(&self) -> u64 {
         3 * self.numbers_bytes() + self.engine.sampling_bytes
     }
 
     /// Numbers of a kernel with a value for each frequency.
-    fn numbers_bytes(&self) -> u64 {
+    pub(super) fn numbers_bytes(&self) -> u64 {
         if self.has_bins { self.file_bytes } else { 0 }
     }
 
     /// Transfer functions that the engine's cache may keep.
-    fn cached_bytes(&self) -> u64 {
+    pub(super) fn cached_bytes(&self) -> u64 {
         if self.has_bins { 0 } else { self.engine.transfers_bytes() }
     }
 }
@@ -163,7 +156,7 @@ impl PairsSize {
     }
 
     /// Memory of the decoded pairs that are kept, for training, validation and test.
-    fn kept_bytes(&self, pixels: u64, datasets: usize) -> [u64; 3] {
+    pub(super) fn kept_bytes(&self, pixels: u64, datasets: usize) -> [u64; 3] {
         let limits = [TRAINING_PAIRS_BYTES_MAX, OTHER_PAIRS_BYTES_MAX, OTHER_PAIRS_BYTES_MAX];
         let pair = 2 * REAL * pixels;
         std::array::from_fn(|i| {
@@ -173,7 +166,7 @@ impl PairsSize {
     }
 
     /// Memory for reading a pair: the files, the decoded photograph, and the planes on the display's grid.
-    fn reading_bytes(&self, pixels: u64) -> u64 {
+    pub(super) fn reading_bytes(&self, pixels: u64) -> u64 {
         self.decoding_bytes + 4 * REAL * pixels
     }
 }

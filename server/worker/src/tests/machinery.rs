@@ -363,7 +363,7 @@ async fn next_start_resumes_job_of_dead_worker() {
 async fn attempt_fails_at_its_time_limit() {
     let bench = bench().await;
     let id = submit(&bench, "r", 3).await;
-    let timeouts = Timeouts { simulate: Some(Duration::from_millis(50)), ..Timeouts::default() };
+    let timeouts = Timeouts::from_iter([("simulate_capture", Some(Duration::from_millis(50)))]);
     let working = bench.start(WorkerConfig { timeouts, ..config() }, count_to_7);
     let job = bench.ended(&id).await;
     assert_eq!((job.state, job.attempt, job.error.unwrap().reason.as_str()), (JobState::Failed, 1, "TIMEOUT"));

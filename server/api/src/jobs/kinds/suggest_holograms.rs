@@ -3,7 +3,7 @@
 use crate::api::Api;
 use crate::enumerations::OnWire as _;
 use crate::names;
-use lightpath_domain::job::suggest::{SUGGESTIONS_DEFAULT, SUGGESTIONS_MAX};
+use lightpath_domain::job::kinds::suggest_holograms::{SUGGESTIONS_DEFAULT, SUGGESTIONS_MAX};
 use lightpath_domain::job::{SuggestHolograms, SuggestResult, SuggestedHologram};
 use lightpath_proto::v1::{self, suggest_result};
 use lightpath_service::{Call, Field, ServiceError};

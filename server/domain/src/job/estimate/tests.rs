@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::dataset::Encoding;
+use crate::job::kinds::optimize_hologram::{self, HologramInputs};
 use crate::job::{Fit, ImagePlane, OptimizeHologram};
 use crate::units::{Distance, Wavelength};
 use lightpath_optics::hologram::{HologramMethod, InitialPhase, Loss};
@@ -38,7 +39,7 @@ fn need(side_px: usize, spec: &OptimizeHologram, decoding_bytes: u64) -> Need {
     let engine = EngineSize::ideal(side_px, side_px, spec.detector, 2);
     let kernel = KernelSize { engine, order: 0, blocks: Blocks::NONE, has_bins: false, file_bytes: 0 };
     let kernels = vec![vec![kernel; spec.planes.len()]; spec.wavelengths.len()];
-    optimize_hologram(spec, &HologramInputs { cache_bytes_max: 0, kernels, decoding_bytes })
+    optimize_hologram::need(spec, &HologramInputs { cache_bytes_max: 0, kernels, decoding_bytes })
 }
 
 #[test]

@@ -5,7 +5,8 @@ use crate::error::ServiceError;
 use crate::field::Field;
 use crate::jobs::Jobs;
 use crate::jobs::estimate::key_of;
-use lightpath_domain::job::estimate::{Need, PairsSize, evaluate_kernel};
+use lightpath_domain::job::estimate::{Need, PairsSize};
+use lightpath_domain::job::kinds::evaluate_kernel;
 use lightpath_domain::job::{EvaluateKernel, Job, JobSpec};
 use lightpath_domain::kernel::KernelKey;
 use lightpath_optics::Detector;
@@ -18,7 +19,7 @@ impl Kind for EvaluateKernel {
         let dataset = jobs.store.dataset(&self.dataset).await?;
         // The detector is the one with which the kernel was learned. None that a camera measures with is larger.
         let kernel = jobs.kernel_size(&display, &key_of(&dataset), self.kernel_version, Detector::Pixel, None).await?;
-        Ok(evaluate_kernel(&kernel, &PairsSize::of(&dataset, &display)))
+        Ok(evaluate_kernel::need(&kernel, &PairsSize::of(&dataset, &display)))
     }
 }
 

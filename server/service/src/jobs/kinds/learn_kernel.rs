@@ -10,7 +10,8 @@ use crate::propagation::check_distance;
 use lightpath_domain::dataset::Dataset;
 use lightpath_domain::display::Display;
 use lightpath_domain::job::LearnKernel;
-use lightpath_domain::job::estimate::{LearningInputs, Need, PairsSize, learn_kernel};
+use lightpath_domain::job::estimate::{Need, PairsSize};
+use lightpath_domain::job::kinds::learn_kernel::{self, LearningInputs};
 use lightpath_domain::kernel::KernelKey;
 use lightpath_optics::memory::EngineSize;
 use lightpath_optics::{KernelModel, OpticalSetup};
@@ -42,7 +43,7 @@ impl Kind for LearnKernel {
         let Some(engine) = engine else { return Err(StoreError::NotFound { resource: "datasets".to_owned() }.into()) };
         let bench = display.simulated_bench;
         let cache_bytes_max = jobs.limits.cache_bytes;
-        Ok(learn_kernel(self, &LearningInputs { engine, pairs, cache_bytes_max, bench }))
+        Ok(learn_kernel::need(self, &LearningInputs { engine, pairs, cache_bytes_max, bench }))
     }
 }
 

@@ -7,7 +7,8 @@ use crate::field::Field;
 use crate::jobs::Jobs;
 use crate::jobs::estimate::key_of;
 use lightpath_domain::dataset::{Dataset, Finalization};
-use lightpath_domain::job::estimate::{Need, PairsSize, PreparingInputs, prepare_dataset};
+use lightpath_domain::job::estimate::{Need, PairsSize};
+use lightpath_domain::job::kinds::prepare_dataset::{self, PreparingInputs};
 use lightpath_domain::job::{AlignBy, PrepareDataset, PrepareStep};
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_media::captures;
@@ -22,7 +23,7 @@ impl Kind for PrepareDataset {
         let engine = jobs.ideal_engine(&display, &key_of(&dataset), Detector::Pixel, None, false)?;
         let needs_alignment = captures::needs_alignment(&dataset);
         let pairs = PairsSize::of(&dataset, &display);
-        Ok(prepare_dataset(&self.step, &PreparingInputs { engine, pairs, needs_alignment, dots_bytes }))
+        Ok(prepare_dataset::need(&self.step, &PreparingInputs { engine, pairs, needs_alignment, dots_bytes }))
     }
 }
 

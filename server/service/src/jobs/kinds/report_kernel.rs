@@ -4,7 +4,8 @@ use super::Kind;
 use crate::error::ServiceError;
 use crate::jobs::Jobs;
 use crate::jobs::estimate::learned_region_px;
-use lightpath_domain::job::estimate::{Need, ReportInputs, report_kernel};
+use lightpath_domain::job::estimate::Need;
+use lightpath_domain::job::kinds::report_kernel::{self, ReportInputs};
 use lightpath_domain::job::{OTHER_VERSIONS_MAX, ReportKernel};
 use lightpath_optics::Detector;
 
@@ -20,6 +21,6 @@ impl Kind for ReportKernel {
         let (other_file_bytes, other_files_bytes) = (sizes().max().unwrap_or(0), sizes().sum());
         let pairs = jobs.learned_pairs(&version, &display).await?;
         let (model, region_px) = (version.content.model, learned_region_px(&version, &kernel));
-        Ok(report_kernel(&ReportInputs { kernel, model, other_file_bytes, other_files_bytes, pairs, region_px }))
+        Ok(report_kernel::need(&ReportInputs { kernel, model, other_file_bytes, other_files_bytes, pairs, region_px }))
     }
 }

@@ -7,7 +7,8 @@ use crate::field::Field;
 use crate::jobs::Jobs;
 use lightpath_domain::display::Display;
 use lightpath_domain::job::SimulateCapture;
-use lightpath_domain::job::estimate::{Need, simulate_capture};
+use lightpath_domain::job::estimate::Need;
+use lightpath_domain::job::kinds::simulate_capture;
 use lightpath_domain::kernel::KernelKey;
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_media::pictures;
@@ -22,7 +23,7 @@ impl Kind for SimulateCapture {
         let engine = jobs.ideal_engine(&display, &key, Detector::Pixel, None, false)?;
         let bench = display.simulated_bench.unwrap_or_default();
         // The levels of a hologram have at most two bytes.
-        Ok(simulate_capture(engine, &bench, 6 * engine.pixels()))
+        Ok(simulate_capture::need(engine, &bench, 6 * engine.pixels()))
     }
 }
 

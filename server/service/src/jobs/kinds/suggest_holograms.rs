@@ -6,7 +6,8 @@ use crate::field::Field;
 use crate::jobs::Jobs;
 use crate::jobs::estimate::learned_region_px;
 use lightpath_domain::job::SuggestHolograms;
-use lightpath_domain::job::estimate::{Need, SuggestInputs, suggest_holograms};
+use lightpath_domain::job::estimate::Need;
+use lightpath_domain::job::kinds::suggest_holograms::{self, SuggestInputs};
 use lightpath_domain::kernel::KernelVersion;
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_optics::Detector;
@@ -21,7 +22,7 @@ impl Kind for SuggestHolograms {
         let kernel = jobs.kernel_size(&display, &self.kernel, Some(self.version), Detector::Pixel, None).await?;
         let (model, region_px) = (version.content.model, learned_region_px(&version, &kernel));
         match jobs.learned_pairs(&version, &display).await? {
-            Some(pairs) => Ok(suggest_holograms(self, &SuggestInputs { kernel, model, pairs, region_px })),
+            Some(pairs) => Ok(suggest_holograms::need(self, &SuggestInputs { kernel, model, pairs, region_px })),
             None => Err(ServiceError::Precondition {
                 reason: PreconditionReason::DatasetDeleted,
                 message: format!(

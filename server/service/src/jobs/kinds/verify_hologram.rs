@@ -6,7 +6,8 @@ use crate::call::Call;
 use crate::error::ServiceError;
 use crate::field::Field;
 use crate::jobs::Jobs;
-use lightpath_domain::job::estimate::{Need, verify_hologram};
+use lightpath_domain::job::estimate::Need;
+use lightpath_domain::job::kinds::verify_hologram;
 use lightpath_domain::job::{JobResult, JobSpec, VerifyHologram};
 use lightpath_store::StoreError;
 
@@ -17,7 +18,7 @@ impl Kind for VerifyHologram {
         let JobSpec::OptimizeHologram(verified) = jobs.store.job(&self.job).await?.spec else {
             return Err(StoreError::NotFound { resource: format!("jobs/{}", self.job) }.into());
         };
-        Ok(verify_hologram(&verified, &kernels_of(jobs, &verified).await?))
+        Ok(verify_hologram::need(&verified, &kernels_of(jobs, &verified).await?))
     }
 }
 

@@ -10,7 +10,8 @@ use crate::field::{Field, shortened};
 use crate::jobs::Jobs;
 use crate::wrong_fields::collect_all;
 use lightpath_domain::display::Display;
-use lightpath_domain::job::estimate::{HologramInputs, KernelSize, Need, optimize_hologram};
+use lightpath_domain::job::estimate::{KernelSize, Need};
+use lightpath_domain::job::kinds::optimize_hologram::{self, HologramInputs};
 use lightpath_domain::job::{Job, JobSpec, OptimizeHologram};
 use lightpath_domain::kernel::KernelKey;
 use pictures::PictureChecks;
@@ -21,7 +22,7 @@ impl Kind for OptimizeHologram {
     async fn need(&self, jobs: &Jobs, decoding_bytes: u64) -> Result<Need, ServiceError> {
         let kernels = kernels_of(jobs, self).await?;
         let cache_bytes_max = jobs.limits.cache_bytes;
-        Ok(optimize_hologram(self, &HologramInputs { cache_bytes_max, kernels, decoding_bytes }))
+        Ok(optimize_hologram::need(self, &HologramInputs { cache_bytes_max, kernels, decoding_bytes }))
     }
 }
 

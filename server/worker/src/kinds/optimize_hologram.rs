@@ -1,10 +1,10 @@
 //! Computes holograms: phases that show the target pictures.
 
-use super::context::Eta;
-use super::display_setup::finite;
-use super::hologram_setup::{HologramSetup, PlaneSetup, colours};
-use super::state_bytes::{HologramState, from_bytes, to_bytes};
-use super::{JobContext, TaskError, TaskOutput};
+use crate::context::Eta;
+use crate::display_setup::finite;
+use crate::hologram_setup::{HologramSetup, PlaneSetup, colours};
+use crate::state_bytes::{HologramState, from_bytes, to_bytes};
+use crate::{JobContext, TaskError, TaskOutput};
 use lightpath_domain::job::{
     FrameResult, HologramResult, JobEffect, JobResult, OptimizeHologram, PlaneResult, Progress, WavelengthResult,
 };

@@ -1,12 +1,12 @@
 //! Learns a kernel from a dataset, or kernels for several distances jointly from several datasets.
 
-use super::captured;
-use super::context::Eta;
-use super::display_setup::{DisplaySetup, finite};
-use super::losses::{Loss, LossMeter, mean};
-use super::pairs::{JointPairs, Pairs};
-use super::state_bytes::{from_bytes, to_bytes};
-use super::{JobContext, TaskError, TaskOutput};
+use crate::captured;
+use crate::context::Eta;
+use crate::display_setup::{DisplaySetup, finite, read_dataset};
+use crate::losses::{Loss, LossMeter, mean};
+use crate::pairs::{JointPairs, Pairs};
+use crate::state_bytes::{from_bytes, to_bytes};
+use crate::{JobContext, TaskError, TaskOutput};
 use lightpath_domain::dataset::{Dataset, Split};
 use lightpath_domain::job::{
     FailureReason, Job, JobEffect, JobResult, LearnKernel, LearnResult, LearnedKernel, Progress,
@@ -108,17 +108,6 @@ fn kept_pairs(training: &JointPairs, kept: &[usize]) -> Vec<KeptPairs> {
 /// Reads the datasets, each with its display setup at the dataset's distance.
 fn read_planes(context: &JobContext, spec: &LearnKernel) -> Result<Vec<(DisplaySetup, Dataset)>, TaskError> {
     spec.datasets.iter().map(|id| read_dataset(context, id)).collect()
-}
-
-/// Reads a finalized dataset and its display setup.
-pub(super) fn read_dataset(context: &JobContext, id: &str) -> Result<(DisplaySetup, Dataset), TaskError> {
-    let dataset = context.wait(context.store().dataset(id))?;
-    if dataset.digest.is_none() {
-        let message = format!("datasets/{id} is still open; finalize it first");
-        return Err(TaskError::permanent(FailureReason::DatasetOpen, message));
-    }
-    let display = DisplaySetup::read(context, &dataset.display, dataset.wavelength, dataset.distance)?;
-    Ok((display, dataset))
 }
 
 /// Refuses photographs that cannot be read or are saturated at every pixel. Otherwise the error would come after hours

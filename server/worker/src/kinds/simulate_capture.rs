@@ -1,10 +1,9 @@
 //! Photographs a hologram on a simulated display.
 
-use super::display_setup::DisplaySetup;
-use super::{JobContext, TaskError, TaskOutput};
+use crate::display_setup::{DisplaySetup, simulated_display};
+use crate::{JobContext, TaskError, TaskOutput};
 use lightpath_domain::job::{CaptureResult, FailureReason, JobEffect, JobResult, Progress, SimulateCapture};
 use lightpath_media::pictures;
-use lightpath_optics::simulated_display::SimulatedDisplay;
 
 pub(super) fn run(context: &JobContext, spec: &SimulateCapture) -> Result<TaskOutput, TaskError> {
     let display = DisplaySetup::read(context, &spec.display, spec.wavelength, spec.distance)?;
@@ -22,12 +21,6 @@ pub(super) fn run(context: &JobContext, spec: &SimulateCapture) -> Result<TaskOu
     report(context, 2)?;
     let result = CaptureResult { photo, propagation: display.validity };
     Ok(TaskOutput { result: JobResult::Capture(result), effect: JobEffect::None })
-}
-
-/// The simulated bench of a display; `None`: the display has none.
-pub(super) fn simulated_display(display: &DisplaySetup) -> Result<Option<SimulatedDisplay>, TaskError> {
-    let Some(bench) = display.declared.simulated_bench else { return Ok(None) };
-    Ok(Some(SimulatedDisplay::draw(display.setup, display.carrier, bench)?))
 }
 
 fn report(context: &JobContext, step: u32) -> Result<(), TaskError> {

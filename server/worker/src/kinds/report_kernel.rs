@@ -1,7 +1,8 @@
 //! Makes the report of a kernel version, for people.
 
-use super::learned_from::{LearnedFrom, learn_result, model_of};
-use super::{JobContext, TaskError, TaskOutput};
+use crate::learned_from::{LearnedFrom, learn_result};
+use crate::version_model::model_of;
+use crate::{JobContext, TaskError, TaskOutput};
 use lightpath_domain::dataset::{self, Split};
 use lightpath_domain::job::{
     FailureReason, JobEffect, JobResult, OTHER_VERSIONS_MAX, Progress, ReportFigure, ReportKernel, ReportResult,

@@ -1,14 +1,80 @@
-//! Memory and time of jobs on datasets: learning, evaluating, aligning and finalizing; and of simulated photographs.
+//! Learning jobs: request, result, memory and time.
 
-use super::{
-    ALIGNMENT_BYTES_MAX, ALIGNMENT_PAIRS_MAX, CAPTURED_ITERATIONS, FILE_STAGES, KernelSize, LEARNING_FACTOR, Need,
-    PairsSize, REAL,
-};
-use crate::job::{AlignBy, LearnKernel, PrepareStep};
-use lightpath_optics::SimulatedBench;
+use super::Kind;
+use crate::job::estimate::{CAPTURED_ITERATIONS, LEARNING_FACTOR, Need, PairsSize, REAL};
+use crate::kernel::KernelMetrics;
 use lightpath_optics::hologram::HologramMethod;
-use lightpath_optics::learning::{Blocks, KernelModel, LearnOptions};
+use lightpath_optics::learning::{BlockStrengths, Blocks, KernelModel, LearnOptions, StrengthUncertainty};
 use lightpath_optics::memory::{EngineSize, HologramSize, LearningSize};
+use lightpath_optics::{Detector, RegionOfInterest, SimulatedBench, ValidityReport};
+use serde::{Deserialize, Serialize};
+
+/// Request to learn a kernel from a dataset, or kernels for several distances jointly from several datasets.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LearnKernel {
+    /// Ids of the datasets, at least one. They have the same display and wavelength, and different distances.
+    pub datasets: Vec<String>,
+    /// Id of the datasets' display.
+    pub display: String,
+    /// Model of the kernel.
+    pub model: KernelModel,
+    /// Highest polynomial degree of the smooth errors; `None`: the validation pairs decide.
+    pub order: Option<u32>,
+    /// Version of the first dataset's kernel from which learning starts; `None`: the ideal kernel.
+    pub start_version: Option<u32>,
+    /// Number of passes over the training pairs; `None`: the model's default.
+    pub epochs: Option<u32>,
+    /// Learning rate of Adam; `None`: the model's default.
+    pub learning_rate: Option<f64>,
+    /// Most evaluations of all pairs in the refinement after Adam; `None`: the model's default.
+    pub refinement_evaluations: Option<u32>,
+    /// Seed of the order in which pairs are used, and of the random start of the `paper` model.
+    pub seed: u64,
+    /// Rule that defines the light of a camera pixel.
+    pub detector: Detector,
+    /// Region of the photographs that is compared.
+    pub region_of_interest: RegionOfInterest,
+}
+
+/// Learned kernels. The store gives them version numbers in the transaction that ends the job.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LearnResult {
+    /// Kernels: one for each dataset, in the order of the datasets.
+    pub kernels: Vec<LearnedKernel>,
+    /// Training loss after each epoch and refinement evaluation.
+    pub loss_history: Vec<f64>,
+    /// Polynomial degree of the kernels; 0 for the models `paper` and `dense`.
+    pub order: u32,
+    /// Parts of the model that this display needed, with their strengths.
+    pub blocks: BlockStrengths,
+    /// How certain these strengths are, and what the photographs could hide.
+    pub certainty: Box<StrengthUncertainty>,
+}
+
+/// Kernel learned for the distance of one dataset.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LearnedKernel {
+    /// Resource name of the new version, filled in by the store.
+    pub kernel_version: String,
+    /// Id of the dataset.
+    pub dataset: String,
+    /// Losses of the kernel on the pairs.
+    pub metrics: KernelMetrics,
+    /// Ids of training pairs that learning left out because their photographs do not show their holograms.
+    pub left_out_pairs: Vec<String>,
+    /// Propagation method of the kernel, and its limits.
+    pub propagation: ValidityReport,
+}
+
+impl Kind for LearnKernel {
+    fn display(&self) -> &str {
+        &self.display
+    }
+
+    fn datasets(&self) -> &[String] {
+        &self.datasets
+    }
+}
 
 /// What a learning job needs, besides its specification.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,7 +91,7 @@ pub struct LearningInputs {
 
 /// Need of a learning job.
 #[must_use]
-pub fn learn_kernel(spec: &LearnKernel, inputs: &LearningInputs) -> Need {
+pub fn need(spec: &LearnKernel, inputs: &LearningInputs) -> Need {
     let (n, datasets) = (inputs.engine.pixels(), inputs.pairs.len());
     let region_px = [spec.region_of_interest.height_px(), spec.region_of_interest.width_px()];
     let order = spec.order.map_or(12, |order| order as usize);
@@ -88,74 +154,4 @@ fn learning_work(spec: &LearnKernel, inputs: &LearningInputs, size: &LearningSiz
         + measures * engine.light_work()
         + inputs.pairs.len() as f64 * captured;
     LEARNING_FACTOR * learning + inputs.pairs.len() as f64 * 3.0 * engine.sampling_work as f64
-}
-
-/// Need of a job that photographs a hologram on a simulated display.
-#[must_use]
-pub fn simulate_capture(engine: EngineSize, bench: &SimulatedBench, decoding_bytes: u64) -> Need {
-    let n = engine.pixels();
-    let stages = [decoding_bytes + 2 * REAL * n, engine.simulation_bytes(bench) + 3 * REAL * n];
-    Need::new(stages, 2.0 * engine.simulation_work(bench))
-}
-
-/// Need of a job that measures a kernel on a dataset.
-#[must_use]
-pub fn evaluate_kernel(kernel: &KernelSize, pairs: &PairsSize) -> Need {
-    let engine = kernel.engine;
-    let n = engine.pixels();
-    let kept = pairs.kept_bytes(n, 1).into_iter().max().unwrap_or(0);
-    let compared = engine.fields_bytes() + engine.scratch_bytes() + 5 * REAL * n;
-    let stages = [
-        engine.engine_bytes() + kernel.reading_bytes(),
-        engine.engine_bytes() + kernel.numbers_bytes() + kept + compared.max(pairs.reading_bytes(n)),
-    ];
-    let files = 0.4 * pairs.all as f64 * FILE_STAGES * n as f64;
-    Need::new(stages, pairs.all as f64 * 2.4 * engine.light_work() + files + engine.sampling_work as f64)
-}
-
-/// What a job that aligns or finalizes a dataset needs, besides its specification.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PreparingInputs {
-    /// Engine of the ideal display.
-    pub engine: EngineSize,
-    /// Pairs of the dataset.
-    pub pairs: PairsSize,
-    /// Whether finalizing the dataset aligns it first.
-    pub needs_alignment: bool,
-    /// Memory for decoding the photograph of the dots \[bytes\].
-    pub dots_bytes: u64,
-}
-
-/// Need of a job that aligns or finalizes a dataset.
-#[must_use]
-pub fn prepare_dataset(step: &PrepareStep, inputs: &PreparingInputs) -> Need {
-    /// Memory for the correlations of all tiles, and for the spectra of those under way \[bytes\].
-    const TILES_BYTES: u64 = 26 << 20;
-    let PreparingInputs { engine, pairs, needs_alignment, dots_bytes } = *inputs;
-    let n = engine.pixels();
-    let by_pairs = match step {
-        PrepareStep::Align(by) => matches!(by, AlignBy::Pairs),
-        // Pairs that are measured again may then need an alignment.
-        PrepareStep::Finalize(options) => !options.keep_alignment && (needs_alignment || pairs.is_stale),
-    };
-    let by_dots = matches!(step, PrepareStep::Align(AlignBy::Dots { .. }));
-    let measures = by_pairs || pairs.is_stale || matches!(step, PrepareStep::Align(_));
-    let reconstructor = engine.engine_bytes() + engine.scratch_bytes();
-    // Phase, photograph, and its copy on the display's grid; then the reconstruction.
-    let reading = pairs.decoding_bytes + 3 * REAL * n;
-    let compared = engine.light_bytes().max(TILES_BYTES) + 4 * REAL * n;
-    let checked = reconstructor + engine.sampling_bytes.max(reading).max(compared);
-    let pair = REAL * (n + pairs.photo_px);
-    let together = (ALIGNMENT_BYTES_MAX as u64 / pair).clamp(1, ALIGNMENT_PAIRS_MAX as u64).min(pairs.all as u64);
-    let next = reading.max(engine.light_bytes() + REAL * n).max(TILES_BYTES + REAL * n);
-    let registered = reconstructor + together * pair + next;
-    let stages = [
-        if measures { checked } else { 0 },
-        if by_pairs { registered } else { 0 },
-        // A photograph of dots is blurred several times.
-        if by_dots { 4 * dots_bytes + 2 * REAL * n } else { 0 },
-    ];
-    let lights = if measures { 2 * pairs.all } else { 0 } + if by_pairs { 6 * ALIGNMENT_PAIRS_MAX } else { 0 };
-    let sampling = if measures || by_pairs { engine.sampling_work as f64 } else { 0.0 };
-    Need::new(stages, 3.0 * lights as f64 * engine.light_work() + sampling)
 }

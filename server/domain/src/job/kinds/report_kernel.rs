@@ -1,44 +1,50 @@
-//! Memory and time of jobs on a kernel version: its report, and holograms that would improve it.
+//! Jobs that make the report of a kernel version: request, result, memory and time.
 
-use super::{KernelSize, LEARNING_FACTOR, Need, PairsSize, REAL, SAMPLED_PAIRS_MAX, STEP_FACTOR, SUGGESTED_ITERATIONS};
-use crate::job::SuggestHolograms;
-use crate::job::suggest::candidates;
-use lightpath_optics::hologram::HologramMethod;
+use super::Kind;
+use crate::job::estimate::{KernelSize, Need, PairsSize, REAL};
+use crate::kernel::KernelKey;
 use lightpath_optics::learning::{Block, KernelModel};
-use lightpath_optics::memory::{EngineSize, HologramSize, LearningSize};
+use lightpath_optics::memory::{EngineSize, LearningSize};
+use serde::{Deserialize, Serialize};
 
-/// What a job needs that suggests holograms.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SuggestInputs {
-    /// Kernel of the version.
-    pub kernel: KernelSize,
-    /// Model of the version.
-    pub model: KernelModel,
-    /// Pairs of its dataset.
-    pub pairs: PairsSize,
-    /// Rows and columns of the region that is compared \[px\].
-    pub region_px: [usize; 2],
+/// Largest number of other versions in a report. The newest ones are used.
+pub const OTHER_VERSIONS_MAX: u32 = 12;
+
+/// Request to make the report of a kernel version.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ReportKernel {
+    /// Key of the kernel.
+    pub kernel: KernelKey,
+    /// Number of the kernel version.
+    pub version: u32,
 }
 
-/// Need of a job that suggests holograms.
-#[must_use]
-pub fn suggest_holograms(spec: &SuggestHolograms, inputs: &SuggestInputs) -> Need {
-    let SuggestInputs { kernel, model, pairs, region_px } = *inputs;
-    let (engine, n) = (kernel.engine, kernel.engine.pixels());
-    let (order, blocks) = (kernel.order, kernel.blocks);
-    // Transfer functions are sampled before.
-    let sampled = EngineSize { sampling_bytes: 0, ..engine };
-    let size = LearningSize { engine: sampled, model, order, distances: 1, region_px, blocks };
-    let hologram = HologramSize::new(engine, HologramMethod::Lbfgs, SUGGESTED_ITERATIONS);
-    let running = hologram.problem_bytes() + hologram.state_bytes() + hologram.scratch_bytes() + 3 * REAL * n;
-    let candidates = candidates(spec.holograms);
-    // The files of all candidates are kept: at most two bytes for each pixel.
-    let kept = engine.engine_bytes() + size.held_bytes() + u64::from(candidates) * 2 * n;
-    let stages = [kernel.reading_bytes(), kept + running.max(size.weighing_bytes() + pairs.reading_bytes(n))];
-    let steps = f64::from(candidates * SUGGESTED_ITERATIONS) * STEP_FACTOR * hologram.step_work();
-    let curvatures = f64::from(candidates) + (SAMPLED_PAIRS_MAX as f64).min(pairs.splits[0] as f64);
-    let work = steps + LEARNING_FACTOR * curvatures * size.curvature_work() + 2.0 * engine.sampling_work as f64;
-    Need::new(stages, work)
+/// Report of a kernel version, for people.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ReportResult {
+    /// Artifact digest of the report as one HTML file, with all pictures in it.
+    pub html: String,
+    /// Artifact digest of the report's numbers (`.npz`).
+    pub arrays: String,
+    /// Pictures of the report, in order.
+    pub figures: Vec<ReportFigure>,
+}
+
+/// A picture of a report.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ReportFigure {
+    /// File name, with the extension `.png` or `.svg`.
+    pub name: String,
+    /// Title of the picture.
+    pub title: String,
+    /// Artifact digest of the picture.
+    pub artifact: String,
+}
+
+impl Kind for ReportKernel {
+    fn display(&self) -> &str {
+        &self.kernel.display
+    }
 }
 
 /// What the report of a kernel version needs.
@@ -60,7 +66,7 @@ pub struct ReportInputs {
 
 /// Need of a report.
 #[must_use]
-pub fn report_kernel(inputs: &ReportInputs) -> Need {
+pub fn need(inputs: &ReportInputs) -> Need {
     /// Memory for the spectrum of a hologram in f64 and its transposed copies, for each pixel \[bytes\].
     const SPECTRUM_BYTES_PER_PX: u64 = 68;
     /// Memory for charts, pictures and point spread functions \[bytes\].

@@ -2,7 +2,7 @@
 //!
 //! A job reads the dataset once. The store makes all changes in the transaction that ends the job (`finish`).
 
-use super::{JobContext, TaskError, TaskOutput};
+use crate::{JobContext, TaskError, TaskOutput};
 use lightpath_camera::alignment::PointPair;
 use lightpath_domain::dataset::{
     Alignment, AlignmentMethod, Dataset, Finalization, Finding, FindingKind, Pair, PairChecks, PreparedDataset, Split,

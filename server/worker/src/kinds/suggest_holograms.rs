@@ -1,11 +1,12 @@
 //! Suggests holograms to photograph, from which a kernel would be learned best.
 
-use super::display_setup::finite;
-use super::learned_from::{LearnedFrom, learn_result, model_of};
-use super::{JobContext, TaskError, TaskOutput};
+use crate::display_setup::finite;
+use crate::learned_from::{LearnedFrom, learn_result};
+use crate::version_model::model_of;
+use crate::{JobContext, TaskError, TaskOutput};
 use lightpath_domain::dataset::Split;
 use lightpath_domain::job::estimate::{SAMPLED_PAIRS_MAX, SUGGESTED_ITERATIONS};
-use lightpath_domain::job::suggest::{self, PHASE_RANGES_RAD};
+use lightpath_domain::job::kinds::suggest_holograms::{self, PHASE_RANGES_RAD};
 use lightpath_domain::job::{
     FailureReason, JobEffect, JobResult, Progress, SuggestHolograms, SuggestResult, SuggestedHologram,
 };
@@ -44,7 +45,7 @@ pub(super) fn run(context: &JobContext, spec: &SuggestHolograms) -> Result<TaskO
         TaskError::permanent(FailureReason::NoSuggestion, message)
     })?;
     let photographed = from.pairs(Split::Train, usize::MAX).count();
-    let steps_total = photographed.min(SAMPLED_PAIRS_MAX) as u32 + suggest::candidates(spec.holograms);
+    let steps_total = photographed.min(SAMPLED_PAIRS_MAX) as u32 + suggest_holograms::candidates(spec.holograms);
     let mut work = Work { context, step: 0, steps_total };
     for pair in from.pairs(Split::Train, SAMPLED_PAIRS_MAX) {
         choice.add_photographed(from.captures.phase(&context.read_artifact(&pair.phase)?)?)?;
@@ -71,7 +72,7 @@ impl Work<'_> {
         let LearnedFrom { display, detector, .. } = from;
         let engine = self.context.engines().engine(model, *detector, display.carrier)?;
         let mut candidates = Vec::new();
-        for index in 0..suggest::candidates(spec.holograms) as usize {
+        for index in 0..suggest_holograms::candidates(spec.holograms) as usize {
             let ranges = PHASE_RANGES_RAD.len();
             let (card, phase_range_rad) =
                 (TestCard::ALL[index / ranges % TestCard::ALL.len()], PHASE_RANGES_RAD[index % ranges]);

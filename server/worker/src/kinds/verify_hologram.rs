@@ -1,7 +1,7 @@
 //! Judges the holograms of a job by an independent model.
 
-use super::hologram_setup::HologramSetup;
-use super::{JobContext, TaskError, TaskOutput};
+use crate::hologram_setup::HologramSetup;
+use crate::{JobContext, TaskError, TaskOutput};
 use lightpath_domain::job::{
     FailureReason, HologramResult, JobEffect, JobResult, JobSpec, OptimizeHologram, PlaneOpinion, Progress,
     VerifyHologram, VerifyResult, WavelengthResult,

@@ -1,10 +1,9 @@
 //! Measures a kernel on a dataset.
 
-use super::display_setup::DisplaySetup;
-use super::learn::read_dataset;
-use super::losses::LossMeter;
-use super::pairs::Pairs;
-use super::{JobContext, TaskError, TaskOutput};
+use crate::display_setup::{DisplaySetup, read_dataset};
+use crate::losses::LossMeter;
+use crate::pairs::Pairs;
+use crate::{JobContext, TaskError, TaskOutput};
 use lightpath_domain::dataset::Split;
 use lightpath_domain::job::{EvaluateKernel, EvaluateResult, JobEffect, JobResult, LearnKernel, PairLoss};
 use lightpath_optics::Detector;
