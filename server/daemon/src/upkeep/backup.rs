@@ -5,7 +5,7 @@
 //! can be removed during the copy: a job whose saved state is missing starts from the beginning after a restore, with
 //! the same result.
 
-use super::check::blob_problem;
+use super::place::blob_problem;
 use super::{DATABASE, Finding, FindingKind, UpkeepError};
 use lightpath_artifacts::{
     ArtifactError, BlobKind, FolderLock, Inventory, LOCK, create_private_folder, digest_of_file, private_file,

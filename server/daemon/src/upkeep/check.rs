@@ -4,7 +4,7 @@ use super::UpkeepError;
 use super::place::Place;
 use crate::database::Database;
 use futures::{StreamExt as _, stream};
-use lightpath_artifacts::{ArtifactError, BlobKind, RemoteOptions};
+use lightpath_artifacts::{BlobKind, RemoteOptions};
 use lightpath_store::{Counts, Inspection, StoredBlob};
 use serde::Serialize;
 use std::collections::HashSet;
@@ -97,7 +97,7 @@ pub async fn check(data_dir: &Path) -> Result<Report, UpkeepError> {
 /// # Errors
 ///
 /// The errors of [`check`]; [`UpkeepError::OtherArtifacts`] if the database belongs to other artifacts;
-/// [`ArtifactError::Remote`] if the bucket cannot be reached.
+/// [`ArtifactError::Remote`](lightpath_artifacts::ArtifactError::Remote) if the bucket cannot be reached.
 pub async fn check_with(
     data_dir: &Path,
     database: &Database,
@@ -203,13 +203,4 @@ async fn check_checkpoints(
         count += 1;
     }
     Ok(count)
-}
-
-/// Describes a problem of a blob. The text follows the name of the blob.
-pub(super) fn blob_problem(error: &ArtifactError) -> String {
-    match error {
-        ArtifactError::NotFound { .. } => "is not on disk".to_owned(),
-        ArtifactError::DataLoss { .. } => "has bytes that do not match its digest".to_owned(),
-        other => format!("cannot be read: {}", lightpath_domain::causes::with_causes(other)),
-    }
 }

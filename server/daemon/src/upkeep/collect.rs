@@ -5,15 +5,12 @@
 //! without a row. Such a file does no harm: the next upload of the same bytes replaces it, or it stays as an unreferenced file. From a bucket,
 //! which other processes use, `removal` removes.
 
+use super::removal::{Collected, STEP};
 use super::{UpkeepError, removal};
 use lightpath_artifacts::Artifacts;
 use lightpath_metrics as metrics;
 use lightpath_store::Store;
-use serde::Serialize;
 use std::time::Duration;
-
-/// Rows removed in one step. Other writes can run between two steps.
-pub(super) const STEP: u32 = 100;
 
 /// Ages at which artifacts and jobs are removed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -22,18 +19,6 @@ pub struct Retention {
     pub artifacts: Option<Duration>,
     /// Age since the end of a job; `None`: jobs are kept.
     pub jobs: Option<Duration>,
-}
-
-/// Numbers of what was removed or would be removed.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Collected {
-    /// Number of jobs, which are removed with their events.
-    pub jobs: u64,
-    /// Number of artifacts. Artifacts to which only the removed jobs referred are removed later: their age starts with
-    /// the removal of the jobs.
-    pub artifacts: u64,
-    /// Size of these artifacts \[bytes\].
-    pub artifact_bytes: u64,
 }
 
 impl Retention {

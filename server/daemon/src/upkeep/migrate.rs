@@ -5,7 +5,7 @@
 //! keyring stay as they are. A restore raises them, because devices may have seen newer ones than those of the backup;
 //! a move takes the newest state along, so nothing that a device has seen is lost.
 
-use super::check::blob_problem;
+use super::place::blob_problem;
 use super::{DATABASE, Finding, FindingKind, UpkeepError};
 use crate::config::Config;
 use lightpath_artifacts::{ArtifactError, Artifacts, BlobKind, Inventory};

@@ -31,12 +31,13 @@ mod tokens;
 
 pub use backup::{Backup, Manifest, backup};
 pub use check::{Finding, FindingKind, Report, check, check_with};
-pub use collect::{Collected, Retention};
+pub use collect::Retention;
 pub use commands::{BackupArgs, CheckArgs, CollectArgs, RestoreArgs, RestoredArgs};
 pub use key_commands::KeyCommand;
 pub use keys::{KeyChange, KeyLine, KeyState, KeysError, change_keyring, install, state, tend};
 pub use migrate::{Migration, Moved, MovedBlobs};
 pub use migrate_command::MigrateArgs;
+pub use removal::Collected;
 pub use restore::restore;
 pub use tokens::TokenCommand;
 

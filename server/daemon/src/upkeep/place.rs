@@ -1,7 +1,6 @@
 //! Where a check finds the blobs: in the data folder, or in a bucket.
 
 use super::UpkeepError;
-use super::check::blob_problem;
 use lightpath_artifacts::{ArtifactError, BlobKind, BucketInventory, Inventory, RemoteOptions};
 use lightpath_store::Inspection;
 use std::collections::HashSet;
@@ -73,5 +72,14 @@ impl Place {
             Self::Folder(inventory) => inventory.temporary_files(),
             Self::Bucket(_) => Ok(0),
         }
+    }
+}
+
+/// Describes a problem of a blob. The text follows the name of the blob.
+pub(super) fn blob_problem(error: &ArtifactError) -> String {
+    match error {
+        ArtifactError::NotFound { .. } => "is not on disk".to_owned(),
+        ArtifactError::DataLoss { .. } => "has bytes that do not match its digest".to_owned(),
+        other => format!("cannot be read: {}", lightpath_domain::causes::with_causes(other)),
     }
 }

@@ -7,15 +7,30 @@
 //! The copies in data folders leave them like all others that nobody uses.
 
 use super::UpkeepError;
-use super::collect::{Collected, STEP};
 use lightpath_artifacts::{Artifacts, BlobKind, RemoteObject};
 use lightpath_store::Store;
+use serde::Serialize;
 use std::collections::HashSet;
+
+/// Rows removed in one step. Other writes can run between two steps.
+pub(super) const STEP: u32 = 100;
 
 /// Age at which a blob that nothing refers to is removed \[ms\]: a day. A worker that needed longer to record a saved state
 /// lost its lease long ago; an artifact is safe at any age, by the rules.
 const UNRECORDED_MS_MAX: i64 = 24 * HOUR_MS;
 const HOUR_MS: i64 = 3600 * 1000;
+
+/// Numbers of what was removed or would be removed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Collected {
+    /// Number of jobs, which are removed with their events.
+    pub jobs: u64,
+    /// Number of artifacts. Artifacts to which only the removed jobs referred are removed later: their age starts with
+    /// the removal of the jobs.
+    pub artifacts: u64,
+    /// Size of these artifacts \[bytes\].
+    pub artifact_bytes: u64,
+}
 
 /// Removes the artifacts that no record refers to and that were last used before `before_ms`, and what is left of
 /// removals that did not come to their end.

@@ -1,15 +1,16 @@
 //! Export of a model to any form, with the error that the form causes.
 
+use super::dense::{f32_bytes, padded, parts, sampled};
 use super::error::KernelFormatError;
+use super::import::import;
 use super::losses::{Loss, losses};
-use super::{array, compact, half, import, npz, torch};
+use super::{array, compact, half, npz, torch};
 use crate::kernel_file::{self, Origin};
 use lightpath_domain::kernel_format::KernelFormat;
 use lightpath_optics::KernelModel;
 use lightpath_optics::display::parts::spatial_variation::local_kernels;
 use lightpath_optics::numerics::grid::frequency;
-use lightpath_optics::{DisplayModel, KernelShape, Plane};
-use num_complex::Complex32;
+use lightpath_optics::{DisplayModel, KernelShape};
 use rayon::prelude::*;
 use std::borrow::Cow;
 
@@ -90,7 +91,7 @@ pub fn export_with(
     };
     let back = import(&bytes, &model.setup)?;
     let relative_error = difference(model, &back.model);
-    let mut losses = losses(whole, &back, relative_error);
+    let mut losses = losses(whole, &back.model, relative_error);
     if origin.interpolated_from_m != back.origin.interpolated_from_m {
         losses.push(Loss::Interpolation);
         losses.sort_unstable();
@@ -105,36 +106,6 @@ fn as_published(model: &DisplayModel) -> (Vec<usize>, Vec<f32>) {
     let amplitude = inner.values().iter().map(|h| h.norm());
     let phase = inner.values().iter().map(|h| h.arg());
     (vec![1, 2, grid.height_px(), grid.width_px()], amplitude.chain(phase).collect())
-}
-
-/// H at every bin of the padded spectrum, zero frequency in the middle.
-pub(super) fn padded(model: &DisplayModel) -> Plane<Complex32> {
-    sampled(model, model.setup.padded_height_px(), model.setup.padded_width_px())
-}
-
-/// H at the middle `rows` × `columns` bins of the padded spectrum, zero frequency in the middle.
-fn sampled(model: &DisplayModel, rows: usize, columns: usize) -> Plane<Complex32> {
-    let bins = [model.setup.padded_height_px(), model.setup.padded_width_px()];
-    let transfer = model.sampled();
-    let pitch_m = model.setup.grid().pixel_pitch_m();
-    let at = |i: usize, side: usize, bins: usize| frequency((i + bins - side / 2) % bins, bins, pitch_m);
-    let mut out = Plane::filled(rows, columns, Complex32::ZERO);
-    out.values_mut().par_chunks_mut(columns).enumerate().for_each(|(y, row)| {
-        let fy = at(y, rows, bins[0]);
-        for (x, value) in row.iter_mut().enumerate() {
-            let h = transfer(at(x, columns, bins[1]), fy);
-            *value = Complex32::new(h.re as f32, h.im as f32);
-        }
-    });
-    out
-}
-
-pub(super) fn parts(plane: &Plane<Complex32>) -> Vec<f32> {
-    plane.values().iter().flat_map(|value| [value.re, value.im]).collect()
-}
-
-pub(super) fn f32_bytes(numbers: &[f32]) -> Vec<u8> {
-    numbers.iter().flat_map(|number| number.to_le_bytes()).collect()
 }
 
 /// ‖H' − H‖/‖H‖ over frequencies spread evenly over the band, on bins of the padded spectrum.

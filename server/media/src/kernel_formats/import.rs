@@ -1,59 +1,13 @@
 //! Import of a kernel in any form.
 
 use super::array::{self, Array};
+use super::dense::of_array;
 use super::error::KernelFormatError;
-use super::losses::Loss;
+use super::imported::Imported;
 use super::{archive, compact, npz, torch};
-use crate::kernel_file::{self, Origin};
+use crate::kernel_file;
 use crate::npy;
-use lightpath_optics::KernelModel;
-use lightpath_optics::{DisplayModel, KernelShape, OpticalSetup, Plane};
-use num_complex::Complex32;
-
-/// An imported kernel.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Imported {
-    /// The display model.
-    pub model: DisplayModel,
-    /// Parametrization of the model.
-    pub kind: KernelModel,
-    /// Name of the file's form, for people and for the lineage.
-    pub form: &'static str,
-    /// Where the kernel comes from, as far as the file says it.
-    pub origin: Origin,
-    /// Whether the file is in the native form already.
-    pub native: bool,
-    /// What the file did not hold, and the model is without.
-    pub absent: Vec<Loss>,
-    /// What a person should know about the import; empty for most files.
-    pub remarks: Vec<&'static str>,
-}
-
-impl Imported {
-    /// A display model from a file that held all of it.
-    pub(super) fn new(form: &'static str, model: DisplayModel) -> Self {
-        Self {
-            model,
-            kind: KernelModel::Smooth,
-            form,
-            origin: Origin::default(),
-            native: false,
-            absent: Vec::new(),
-            remarks: Vec::new(),
-        }
-    }
-
-    /// What the file did not hold and what else a person should know, as one sentence; `None` for a file that held a
-    /// whole model.
-    #[must_use]
-    pub fn note(&self) -> Option<String> {
-        let absent: Vec<String> = self.absent.iter().map(Loss::to_string).collect();
-        let absent = (!absent.is_empty())
-            .then(|| format!("the file does not hold {}; the version is without them", absent.join(", ")));
-        let parts: Vec<String> = self.remarks.iter().map(|&remark| remark.to_owned()).chain(absent).collect();
-        (!parts.is_empty()).then(|| parts.join("; "))
-    }
-}
+use lightpath_optics::OpticalSetup;
 
 /// Reads a kernel in any form. Forms that do not name their optics are read as kernels for `setup`.
 ///
@@ -127,67 +81,4 @@ fn of_foreign_safetensors(bytes: &[u8], setup: &OpticalSetup) -> Result<Imported
         setup,
         "safetensors",
     )
-}
-
-/// Reads H from an array: complex \[rows, columns\], real and imaginary parts \[rows, columns, 2\], or the paper's
-/// amplitude and phase \[1, 2, rows, columns\] or \[2, rows, columns\].
-pub(super) fn of_array(array: &Array, setup: &OpticalSetup, form: &'static str) -> Result<Imported, KernelFormatError> {
-    let numbers = &array.numbers;
-    let (rows, columns, values): (usize, usize, Vec<Complex32>) = match (array.complex, &array.shape[..]) {
-        (true, &[rows, columns]) => (rows, columns, parts(numbers)),
-        (false, &[rows, columns, 2]) => (rows, columns, parts(numbers)),
-        (false, &[1, 2, rows, columns] | &[2, rows, columns]) => {
-            let (amplitude, phase) = numbers.split_at(rows * columns);
-            let polar = |(&a, &p): (&f32, &f32)| {
-                let (sine, cosine) = f64::from(p).sin_cos();
-                Complex32::new((f64::from(a) * cosine) as f32, (f64::from(a) * sine) as f32)
-            };
-            (rows, columns, amplitude.iter().zip(phase).map(polar).collect())
-        }
-        _ => {
-            return Err(KernelFormatError::Array {
-                name: array.name.clone(),
-                actual: array.described(),
-                expected: "real of shape [1, 2, rows, columns] (amplitude and phase), real of shape [rows, columns, \
-                           2], or complex of shape [rows, columns]"
-                    .to_owned(),
-            });
-        }
-    };
-    let grid = setup.grid();
-    let is = |factor: usize| (rows, columns) == (factor * grid.height_px(), factor * grid.width_px());
-    if !is(1) && !is(2) {
-        let (height, width) = (grid.height_px(), grid.width_px());
-        return Err(KernelFormatError::Array {
-            name: array.name.clone(),
-            actual: format!("{rows}×{columns} (rows × columns)"),
-            expected: format!(
-                "{height}×{width} (the display's) or {}×{} (the padded spectrum's)",
-                2 * height,
-                2 * width
-            ),
-        });
-    }
-    let kind = if is(1) { KernelModel::Paper } else { KernelModel::Dense };
-    let kernel = KernelShape::Bins(Plane::try_from_vec(rows, columns, values)?);
-    let model = DisplayModel { kernel, ..DisplayModel::ideal(*setup) };
-    model.validate()?;
-    let whole = [
-        Loss::Source,
-        Loss::Dust,
-        Loss::Coherence,
-        Loss::PhaseResponse,
-        Loss::ResponseVariation,
-        Loss::Crosstalk,
-        Loss::LightBlur,
-        Loss::ZeroOrder,
-        Loss::GainAndOffset,
-        Loss::Variation,
-    ];
-    let outer = (kind == KernelModel::Paper).then_some(Loss::OuterSpectrum);
-    Ok(Imported { kind, absent: whole.into_iter().chain(outer).collect(), ..Imported::new(form, model) })
-}
-
-fn parts(numbers: &[f32]) -> Vec<Complex32> {
-    numbers.as_chunks().0.iter().map(|&[re, im]| Complex32::new(re, im)).collect()
 }

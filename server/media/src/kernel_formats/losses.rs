@@ -1,6 +1,5 @@
 //! What a file form does not hold of a model.
 
-use super::import::Imported;
 use lightpath_optics::{DisplayModel, KernelShape};
 use std::fmt;
 
@@ -66,9 +65,8 @@ impl fmt::Display for Loss {
     }
 }
 
-/// The parts of `model` that the model read `back` from a file lacks. `relative_error` is that of H.
-pub(super) fn losses(model: &DisplayModel, back: &Imported, relative_error: f64) -> Vec<Loss> {
-    let read = &back.model;
+/// The parts of `model` that the model `read` from a file lacks. `relative_error` is that of H.
+pub(super) fn losses(model: &DisplayModel, read: &DisplayModel, relative_error: f64) -> Vec<Loss> {
     let source_lost = !model.source.is_flat() && read.source.is_flat();
     let dust_lost = !model.dust.is_none() && read.dust.is_none();
     let holds_all_h = matches!(read.kernel, KernelShape::Bins(_));

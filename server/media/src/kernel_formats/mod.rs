@@ -17,7 +17,7 @@
 //!
 //! # Layout
 //!
-//! - `export`, `import`: conversion between forms and models. [`compact`]: the compact form.
+//! - `export`, `import`: conversion between forms and models. `imported`: what an import gives. `dense`: H as numbers. [`compact`]: the compact form.
 //!   `npz`: archives of a whole model. `losses`: what a form does not hold.
 //! - `array`: `.npy` files. `archive`: zip files, the container of `.npz` and `.pt`. `pickle`: the part of Python's
 //!   pickle that holds a tensor; it runs no code. `torch`: `.pt` files. `half`: 16-bit floats.
@@ -26,10 +26,12 @@
 mod archive;
 mod array;
 pub mod compact;
+mod dense;
 mod error;
 mod export;
 mod half;
 mod import;
+mod imported;
 mod losses;
 mod npz;
 mod pickle;
@@ -37,7 +39,8 @@ mod torch;
 
 pub use error::KernelFormatError;
 pub use export::{Exported, export, export_with};
-pub use import::{Imported, import};
+pub use import::import;
+pub use imported::Imported;
 pub use lightpath_domain::kernel_format::KernelFormat;
 pub use losses::Loss;
 

@@ -26,9 +26,9 @@
 
 use super::archive;
 use super::array::{self, Array, NpyFile};
+use super::dense::{f32_bytes, of_array, padded, parts};
 use super::error::KernelFormatError;
-use super::export::{f32_bytes, padded, parts};
-use super::import::{Imported, of_array};
+use super::imported::Imported;
 use super::losses::Loss;
 use crate::kernel_file::{self, DUST, Header, METADATA_KEY, Origin};
 use lightpath_artifacts::digest_of;
