@@ -8,6 +8,8 @@
 pub mod routes;
 mod words;
 
+/// A time in messages.
+pub use pbjson_types::Timestamp;
 pub use words::{Word, Words};
 
 /// Generated types of package `lightpath.v1`.

@@ -1,6 +1,6 @@
 //! Conversion of times in messages, and the clock of the API.
 
-use pbjson_types::Timestamp;
+use lightpath_proto::Timestamp;
 use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Present time \[ms since 1970\].

@@ -11,6 +11,7 @@
 //! | streams (`streams`) | a number for each kind | half or a quarter of it |
 //! | connections (`streams`) | 800, 400 from one address | 100 for a token |
 //!
+//! [`Client`]: lightpath_service::Client
 //! [`Computing`]: lightpath_service::Computing
 
 mod memory_budget;

@@ -33,7 +33,7 @@ pub(crate) fn scheduling(call: &Call, request: &v1::SubmitJobRequest) -> Result<
     Ok(Scheduling { owner, batch, unique_key, not_before_ms, timeout_ms, after, label, needs })
 }
 
-fn not_before_ms(time: &pbjson_types::Timestamp) -> Result<i64, ServiceError> {
+fn not_before_ms(time: &lightpath_proto::Timestamp) -> Result<i64, ServiceError> {
     ms(time).filter(|ms| *ms <= now_ms() + DELAY_MS_MAX).ok_or_else(|| {
         Field::new("not_before").invalid("is not a valid time, or more than a year ahead, but must be within a year")
     })
@@ -97,7 +97,7 @@ mod tests {
             (v1::SubmitJobRequest { after: vec!["b".into()], ..Default::default() }, "after[0] is \"b\""),
             (
                 v1::SubmitJobRequest {
-                    not_before: Some(pbjson_types::Timestamp { seconds: i64::MAX, nanos: 0 }),
+                    not_before: Some(lightpath_proto::Timestamp { seconds: i64::MAX, nanos: 0 }),
                     ..Default::default()
                 },
                 "not_before is not a valid time",

@@ -97,7 +97,7 @@ pub async fn check(data_dir: &Path) -> Result<Report, UpkeepError> {
 /// # Errors
 ///
 /// The errors of [`check`]; [`UpkeepError::OtherArtifacts`] if the database belongs to other artifacts;
-/// [`ArtifactError::Remote`] if the bucket cannot be reached.
+/// [`ArtifactError::Remote`](lightpath_artifacts::ArtifactError::Remote) if the bucket cannot be reached.
 pub async fn check_with(
     data_dir: &Path,
     database: &Database,
