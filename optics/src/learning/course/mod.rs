@@ -14,24 +14,24 @@
 //!
 //! 1. [`Phase::Adam`] takes single pairs and a kernel of low order, and comes close to the optimum.
 //! 2. [`Phase::Screening`] leaves out the pairs whose photographs do not show their holograms.
-//! 3. [`Phase::Order`] refines the model on the pairs in use by Levenberg and Marquardt's method. With validation pairs,
-//!    the model with the lowest validation loss counts, and an order ends when that loss no longer falls.
+//! 3. [`Phase::Order`] refines the model on the pairs in use by Levenberg and Marquardt's method. With validation
+//!    pairs, the model with the lowest validation loss counts, and an order ends when that loss no longer falls.
 //! 4. After the lowest order each [block](Block) of the [first stage](TrialStage::First) is [tried](Phase::Trial) alone
 //!    for some steps, on the best model so far. The block that gains most is kept if it gains enough, and its model is
 //!    refined: [`Phase::Adoption`]. Then the others are tried in another round, because blocks can help only together.
 //! 5. The higher orders follow, as long as each lowers the validation loss.
-//! 6. After the highest order, [pruning](TrialStage::Pruning) leaves out each block that was kept for some steps. It stays
-//!    away if the validation loss hardly rises: a kernel of low order can make a block look useful.
+//! 6. After the highest order, [pruning](TrialStage::Pruning) leaves out each kept block in turn, for some steps. It
+//!    stays away if the validation loss hardly rises: a kernel of low order can make a block look useful.
 //! 7. The [last stage](TrialStage::Last) tries a varying kernel and a ghost.
-//! 8. [`Phase::LastScreening`] screens all pairs by the fitted model. If other pairs are in use then, the model is refined
-//!    with them and the last stage begins again.
-//! 9. [`Phase::Dust`] has two numbers for each pixel and is fitted by L-BFGS, with all other parameters as they are. Dust
-//!    can leave so much of the loss that it hides what other blocks gain: if it is kept, the blocks that the model lacks
-//!    are tried [again](TrialStage::BehindDust), and if one of them is kept, the dust is fitted once more.
+//! 8. [`Phase::LastScreening`] screens all pairs by the fitted model. If other pairs are in use then, the model is
+//!    refined with them and the last stage begins again.
+//! 9. [`Phase::Dust`] has two numbers for each pixel and is fitted by L-BFGS, with all other parameters as they are.
+//!    Dust can leave so much of the loss that it hides what other blocks gain: if it is kept, the blocks that the model
+//!    lacks are tried [again](TrialStage::BehindDust), and if one of them is kept, the dust is fitted once more.
 //! 10. [Final pruning](TrialStage::FinalPruning) leaves out the blocks that gain too little beside all others.
 //!
-//! Without validation pairs there is no best model, and nothing is tried. [`Course::next`] is all that decides. It knows
-//! numbers of models and their losses; whoever fits keeps their parameters, and reports a [`Verdict`].
+//! Without validation pairs there is no best model, and nothing is tried. [`Course::next`] is all that decides. It
+//! knows numbers of models and their losses; whoever fits keeps their parameters, and reports a [`Verdict`].
 
 mod round;
 mod terms;
@@ -370,7 +370,8 @@ impl Course {
         self.begin(Phase::Order { index: index + 1, loss_before })
     }
 
-    /// Goes on to the next block of the round. After the last one keeps the model of the best trial that passed, if any.
+    /// Goes on to the next block of the round. After the last one keeps the model of the best trial that passed, if
+    /// any.
     fn after_trial(mut self, rules: &Rules, mut round: Round) -> Self {
         if !round.stage.adds() && round.is_hopeless() {
             self.needed = self.needed.with(round.block);

@@ -40,15 +40,16 @@ pub(super) enum Turn {
 }
 
 /// A block whose steps take several times as long as those of other trials, and which describes a part of what others
-/// describe. It waits until no other block of a round has helped, and its trial ends after one step if that helped little.
+/// describe. It waits until no other block of a round has helped, and its trial ends after one step if that helped
+/// little.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Dear {
     /// Least part of the decrease with which the trial passes that it must have reached after one step.
     pub(super) hopeful: f64,
     /// A block that starts anew in the trial, because this one may describe better what it describes.
     pub(super) replaces: Block,
-    /// Validation loss, relative to that before, above which a trial ends after one step that starts without the block it
-    /// may replace.
+    /// Validation loss, relative to that before, above which a trial ends after one step that starts without the block
+    /// it may replace.
     pub(super) loss_max: f64,
 }
 

@@ -1,3 +1,5 @@
+//! Each edge of the course, and the laws that hold on every way through it.
+
 use super::*;
 use Block::{Crosstalk, FineSource, Ghost, LightBlur, PartialCoherence, UnevenResponse, Varying};
 use TrialStage::{BehindDust, FinalPruning, First, Last, Pruning};
@@ -64,22 +66,24 @@ fn told(course: &Course) -> String {
     }
 }
 
-/// Checks the phase that each verdict leads to.
-fn lead_to(edges: &[(Course, Verdict, &str)]) {
+/// A course, a verdict, and the phase that follows.
+type Edge = (Course, Verdict, &'static str);
+
+fn check<const N: usize>(edges: [Edge; N]) {
     for (course, verdict, expected) in edges {
-        let case = format!("{} and {verdict:?}", told(course));
-        assert_eq!(told(&course.clone().next(&rules(), verdict.clone())), *expected, "{case}");
+        let case = format!("{} and {verdict:?}", told(&course));
+        assert_eq!(told(&course.next(&rules(), verdict)), expected, "{case}");
     }
 }
 
-fn without_best(course: Course) -> Course {
+fn no_best(course: Course) -> Course {
     Course { best: None, ..course }
 }
 
 #[test]
-fn verdicts_on_orders_and_first_trials_lead_to_the_documented_phase() {
+fn orders_and_first_trials_follow_adam() {
     let fine = NONE.with(FineSource);
-    lead_to(&[
+    check([
         (course(Phase::Adam, NONE), Verdict::Adam { is_last: false }, "Adam"),
         (course(Phase::Adam, NONE), Verdict::Adam { is_last: true }, "Screening"),
         (course(Phase::Screening, NONE), Verdict::Screened { others: true }, "order 0"),
@@ -95,8 +99,8 @@ fn verdicts_on_orders_and_first_trials_lead_to_the_documented_phase() {
         (course(order(1, 2.0), fine), refined(Refined { evaluations: 40, ..GAINS }), "Pruning FineSource []"),
         (course(order(2, 2.0), fine), refined(FAILS), "Pruning FineSource []"),
         // Without validation pairs the order is 8, and nothing is tried.
-        (without_best(course(order(0, 0.0), NONE)), refined(FAILS), "order 1"),
-        (without_best(course(order(1, f64::INFINITY), NONE)), refined(FAILS), "LastScreening"),
+        (no_best(course(order(0, 0.0), NONE)), refined(FAILS), "order 1"),
+        (no_best(course(order(1, f64::INFINITY), NONE)), refined(FAILS), "LastScreening"),
         // Blocks of the first stage, on the lowest order.
         (
             course(order(0, 0.0), NONE),
@@ -123,13 +127,12 @@ fn verdicts_on_orders_and_first_trials_lead_to_the_documented_phase() {
 }
 
 #[test]
-fn verdicts_on_later_trials_and_dust_lead_to_the_documented_phase() {
+fn other_trials_and_dust_follow_the_highest_order() {
     let screened = |course| Course { is_screened: true, ..course };
     let dusty = |course| Course { beside_dust: Some(NONE), keeps_dust: true, ..screened(course) };
-    let unchanged = || Verdict::Screened { others: false };
-    let changed = || Verdict::Screened { others: true };
+    let screened_with = |others| Verdict::Screened { others };
     let fine = NONE.with(FineSource);
-    lead_to(&[
+    check([
         // Pruning, and what it cannot do without.
         (trial(Pruning, FineSource, &[Crosstalk], fine.with(Crosstalk)), tried(NONE, 1.1), "Pruning Crosstalk []"),
         (trial(Pruning, FineSource, &[], fine), tried(NONE, 1.04), "adoption Pruning"),
@@ -143,10 +146,10 @@ fn verdicts_on_later_trials_and_dust_lead_to_the_documented_phase() {
         (trial(Last, Ghost, &[], NONE), tried(NONE.with(Ghost), 0.89), "adoption Last"),
         (screened(trial(Last, Ghost, &[], NONE)), Verdict::Unseen, "Dust"),
         // With other pairs the last stage begins again.
-        (course(Phase::LastScreening, NONE), unchanged(), "Dust"),
-        (course(Phase::LastScreening, NONE), changed(), "adoption Last"),
-        (without_best(course(Phase::LastScreening, NONE)), unchanged(), "Done"),
-        (without_best(screened(course(Phase::Adoption(Last), NONE))), refined(FAILS), "Done"),
+        (course(Phase::LastScreening, NONE), screened_with(false), "Dust"),
+        (course(Phase::LastScreening, NONE), screened_with(true), "adoption Last"),
+        (no_best(course(Phase::LastScreening, NONE)), screened_with(false), "Done"),
+        (no_best(screened(course(Phase::Adoption(Last), NONE))), refined(FAILS), "Done"),
         (screened(course(Phase::Adoption(Last), NONE)), refined(FAILS), "Last Varying [Ghost]"),
         // Dust, what it hid, and dust once more if blocks were found.
         (screened(course(Phase::Dust, fine)), dusted(true, 39, (1.0, 0.5)), "Dust"),
@@ -339,9 +342,9 @@ fn place(course: &Course) -> usize {
     }
 }
 
-/// Most steps of a course after Adam. A refinement has a first step, and each step that gains takes an evaluation; a step
-/// that fails ends it or is followed by one that gains. Trials take four steps. Each adoption of a stage changes one
-/// block, and there are six stages, as the last one may begin again.
+/// Most steps of a course after Adam. A refinement has a first step, and each step that gains takes an evaluation; a
+/// step that fails ends it or is followed by one that gains. Trials take four steps. Each adoption of a stage changes
+/// one block, and there are six stages, as the last one may begin again.
 fn steps_max(rules: &Rules) -> usize {
     let (blocks, evaluations) = (rules.blocks.len(), rules.evaluations as usize);
     let (adoptions, trials) = (6 * blocks + 1, 6 * blocks * (blocks + 1));

@@ -1,8 +1,9 @@
 //! Models of some dozens or hundreds of parameters: `smooth`, `display` and `varying`.
 //!
-//! The [course](super::course) of a fit says what is done next, and what it is about. Here is how it is done: each phase
-//! has a method that does a step of its work and reports a verdict. Of large photographs some suffice in trials, and
-//! until the fitted model has screened all. Pairs of several distances are fitted together, by one model whose kernel depends on the distance.
+//! `learning/course` tells what a fit does, and decides what it does next. Here is how it is done: each phase has a
+//! method that does a step of its work and reports a verdict. Of large photographs some suffice in trials, and until
+//! the fitted model has screened all. Pairs of several distances are fitted together, by one model whose kernel depends
+//! on the distance.
 
 use super::along_z::JointLayout;
 use super::blocks::{Block, Blocks};
@@ -37,6 +38,7 @@ const ORDERS: [usize; 3] = [5, 8, 12];
 pub(super) const CURVATURE_PAIRS: usize = 4;
 /// Number of pixels of a pair from which its curvature is estimated: several hundred for each parameter.
 pub(crate) const CURVATURE_PX: usize = 40_000;
+
 /// Fit of a parametric model.
 #[derive(Debug)]
 pub struct ParametricLearner {

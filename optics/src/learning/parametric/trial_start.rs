@@ -29,8 +29,8 @@ impl ParametricLearner {
     }
 
     /// Gives the modes of light a start: three images of the same light around the image so far, at slightly different
-    /// distances. If the light blurs, the images are as far apart as the blur is wide, and the blur starts anew, because
-    /// the modes may describe better what it describes.
+    /// distances. If the light blurs, the images are as far apart as the blur is wide, and the blur starts anew,
+    /// because the modes may describe better what it describes.
     fn separate_modes(&mut self) {
         let layout = self.joint.layout;
         let blur = layout.blocks.light_blur.then_some(layout.light_blur());
