@@ -37,9 +37,9 @@ impl HologramProblem {
     ///
     /// # Errors
     ///
-    /// [`Error`] for no planes or frames, engines of different sizes or detectors, a target or weight of another size
-    /// or with values that are negative or not finite, a plane in which all weights are 0, targets that are black
-    /// wherever the weight is positive, or a loss out of range.
+    /// [`Error`](crate::Error) for no planes or frames, engines of different sizes or detectors, a target or weight of
+    /// another size or with values that are negative or not finite, a plane in which all weights are 0, targets that are
+    /// black wherever the weight is positive, or a loss out of range.
     pub fn with_planes(planes: Vec<ImagePlane>, frames: usize, region: RegionOfInterest, loss: Loss) -> Result<Self> {
         let planes = planes.into_iter().map(PlaneInput::from).collect();
         let body = ProcessorProblem::<f32>::with_planes(planes, frames, region, loss)?;
