@@ -9,7 +9,8 @@ use lightpath_proto::v1::fetch_kernel_response::Part;
 use lightpath_proto::v1::kernel_service_client::KernelServiceClient;
 use lightpath_server::upkeep::{self, KeyChange};
 use lightpath_store::Store;
-use std::process::Command;
+use std::io::Read;
+use std::process::{Command, Stdio};
 use std::time::Duration;
 use tonic::Code;
 use tonic::transport::Channel;
@@ -43,6 +44,14 @@ pub(crate) struct Answer {
 }
 
 impl Answer {
+    /// The answer that curl has written; `None` as long as its head is not complete.
+    fn read(written: &[u8]) -> Option<Self> {
+        let end = written.windows(4).position(|bytes| bytes == b"\r\n\r\n")?;
+        let head = String::from_utf8(written[..end].to_vec()).unwrap();
+        let status = head.split(' ').nth(1).unwrap().parse().unwrap();
+        Some(Self { status, head, body: written[end + 4..].to_vec() })
+    }
+
     pub(crate) fn field(&self, name: &str) -> Option<&str> {
         self.head.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(": ")).map(str::trim)
     }
@@ -54,17 +63,41 @@ impl Answer {
 
 /// Asks the server with curl.
 pub(crate) async fn curl(serving: &Serving, path: &str, more: &[&str]) -> Answer {
-    let url = format!("http://{}{path}", serving.address);
-    let more: Vec<String> = more.iter().map(|&argument| argument.to_owned()).collect();
+    let mut command = curl_command(serving, path, more);
     let run = move || {
-        let output = Command::new("curl").args(["--silent", "--show-error", "--include", &url]).args(&more).output();
-        output.unwrap_or_else(|error| panic!("curl is needed for this test, but could not be run: {error}"))
+        command.output().unwrap_or_else(|error| panic!("curl is needed for this test, but could not be run: {error}"))
     };
     let output = tokio::task::spawn_blocking(run).await.unwrap();
-    let end = output.stdout.windows(4).position(|bytes| bytes == b"\r\n\r\n").unwrap_or_else(|| panic!("{output:?}"));
-    let head = String::from_utf8(output.stdout[..end].to_vec()).unwrap();
-    let status = head.split(' ').nth(1).unwrap().parse().unwrap();
-    Answer { status, head, body: output.stdout[end + 4..].to_vec() }
+    Answer::read(&output.stdout).unwrap_or_else(|| panic!("{output:?}"))
+}
+
+/// Reads with curl an answer that never ends, until its text is enough.
+pub(crate) async fn curl_until(serving: &Serving, path: &str, more: &[&str], enough: fn(&str) -> bool) -> Answer {
+    let mut command = curl_command(serving, path, more);
+    let run = move || {
+        let mut curl = command.args(["--no-buffer", "--max-time", "30"]).stdout(Stdio::piped()).spawn().unwrap();
+        let (mut read, mut buffer) = (Vec::new(), [0; 4096]);
+        let answer = loop {
+            let count = curl.stdout.as_mut().unwrap().read(&mut buffer).unwrap();
+            read.extend_from_slice(&buffer[..count]);
+            match Answer::read(&read) {
+                Some(answer) if enough(&answer.text()) => break answer,
+                answer if count == 0 => panic!("the answer ended: {answer:?}"),
+                _ => {}
+            }
+        };
+        curl.kill().unwrap();
+        curl.wait().unwrap();
+        answer
+    };
+    tokio::task::spawn_blocking(run).await.unwrap()
+}
+
+fn curl_command(serving: &Serving, path: &str, more: &[&str]) -> Command {
+    let mut command = Command::new("curl");
+    let url = format!("http://{}{path}", serving.address);
+    command.args(["--silent", "--show-error", "--include", &url]).args(more);
+    command
 }
 
 fn path(rest: &str) -> String {
