@@ -16,12 +16,14 @@ mod plain;
 mod preview;
 mod problem;
 mod processor;
+mod processor_project;
 mod quality;
 mod roughness;
 mod rounded;
 mod shown_light;
 mod state;
 mod stopwatch;
+mod two_pass_buffers;
 mod two_passes;
 
 pub use evaluate::{Evaluate, Evaluation, ProblemSize, Project};
