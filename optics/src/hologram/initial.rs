@@ -1,7 +1,7 @@
 //! Initial phases of an optimization.
 
 use super::evaluate::{ProblemSize, Project};
-use super::optimization::HologramMethod;
+use super::options::HologramMethod;
 use super::problem::HologramProblem;
 use crate::display::OpticalSetup;
 use crate::engine::Detector;

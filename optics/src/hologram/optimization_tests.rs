@@ -8,6 +8,7 @@ use crate::engine::{Detector, Engine};
 use crate::hologram::initial::InitialPhase;
 use crate::hologram::loss::{ImagePlane, Loss};
 use crate::hologram::quality::quality;
+use crate::hologram::rounded::Levels;
 use crate::hologram::shown_light::light_of_frames;
 use crate::numerics::{Grid, RegionOfInterest};
 use crate::test_cards::TestCard;

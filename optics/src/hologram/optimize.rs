@@ -1,7 +1,8 @@
 //! Optimization of a hologram for one target in one call.
 
 use super::initial::InitialPhase;
-use super::optimization::{HologramMethod, HologramOptions, Optimization};
+use super::optimization::Optimization;
+use super::options::{HologramMethod, HologramOptions};
 use super::problem::HologramProblem;
 use super::quality::{Quality, quality};
 use crate::display::phase_response::wrap_f32;

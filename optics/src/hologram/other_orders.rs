@@ -59,7 +59,7 @@ mod tests {
     use crate::display::OpticalSetup;
     use crate::hologram::initial::initial_phase;
     use crate::hologram::optimization::Optimization;
-    use crate::hologram::optimization::{HologramMethod, HologramOptions};
+    use crate::hologram::options::{HologramMethod, HologramOptions};
     use crate::hologram::problem::HologramProblem;
     use crate::hologram::quality::quality;
     use crate::numerics::Grid;

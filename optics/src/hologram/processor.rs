@@ -1,16 +1,14 @@
 //! A hologram's problem on the processor: the loss of its phases and the gradient, in fused passes on all threads.
 
-use super::evaluate::{Evaluate, Evaluation, ProblemSize, Project};
-use super::gerchberg_saxton;
+use super::evaluate::Evaluation;
 use super::loss::{Loss, PlaneInput, TargetPlane, weighted_sums};
-use super::two_passes::Buffers;
+use super::two_pass_buffers::Buffers;
 use crate::engine::photometry::{Comparison, Quantity};
-use crate::engine::slm::Slm;
 use crate::engine::{EngineCore, Fields, Real};
 use crate::error::{Error, Result};
 use crate::metrics::Gain;
-use crate::numerics::{Plane, RegionOfInterest};
-use num_complex::{Complex, Complex32};
+use crate::numerics::RegionOfInterest;
+use num_complex::Complex;
 
 /// A [`HologramProblem`](super::HologramProblem) in the precision `T`: f32 in production, f64 in tests of its gradients.
 #[derive(Debug)]
@@ -83,7 +81,7 @@ impl<T: Real> ProcessorProblem<T> {
         self.engine().height_px() * self.engine().width_px()
     }
 
-    /// Evaluates the loss and its gradient, see [`Evaluate::evaluate`].
+    /// Evaluates the loss and its gradient, see [`Evaluate::evaluate`](super::Evaluate::evaluate).
     pub(super) fn evaluate(&mut self, phase: &[T], gain: Gain, gradient: &mut [T]) -> Evaluation {
         let gain = match gain {
             Gain::Given(gain) if !self.needs_two_passes() => gain,
@@ -102,7 +100,7 @@ impl<T: Real> ProcessorProblem<T> {
         Evaluation::new(&sums, 0.0)
     }
 
-    /// Evaluates the loss at `gain` without its gradient, see [`Evaluate::measure`].
+    /// Evaluates the loss at `gain` without its gradient, see [`Evaluate::measure`](super::Evaluate::measure).
     pub(super) fn measure(&mut self, phase: &[T], gain: f64) -> Evaluation {
         if self.needs_two_passes() {
             self.compute_light(phase);
@@ -117,47 +115,6 @@ impl<T: Real> ProcessorProblem<T> {
             (plane.engine.convolver.measure(&self.fields.tiles, &comparison), plane.share)
         });
         Evaluation::new(&sums, 0.0)
-    }
-}
-
-impl Evaluate for ProcessorProblem<f32> {
-    fn size(&self) -> ProblemSize {
-        let (height_px, width_px) = (self.engine().height_px(), self.engine().width_px());
-        ProblemSize { planes: self.planes.len(), frames: self.frames, height_px, width_px }
-    }
-
-    fn evaluate(&mut self, phase: &[f32], gain: Gain, gradient: &mut [f32]) -> Evaluation {
-        self.evaluate(phase, gain, gradient)
-    }
-
-    fn measure(&mut self, phase: &[f32], gain: f64) -> Evaluation {
-        self.measure(phase, gain)
-    }
-
-    fn light(&mut self, phase: &[f32]) -> Vec<f32> {
-        self.light_of_first_plane(phase)
-    }
-
-    fn latest_light(&self) -> Option<&[f32]> {
-        self.kept_light()
-    }
-}
-
-impl Project for ProcessorProblem<f32> {
-    fn slm(&self) -> &Slm<f32> {
-        &self.engine().slm
-    }
-
-    fn target_amplitudes(&self) -> Vec<Plane<f32>> {
-        self.target_amplitudes()
-    }
-
-    fn back_propagated(&self, image_phase: &[f32]) -> Vec<Complex32> {
-        self.back_propagated(image_phase)
-    }
-
-    fn project(&mut self, phase: &mut [f32], wanted: &mut [Plane<f32>], weighted: bool) -> Evaluation {
-        gerchberg_saxton::round(self, weighted, wanted, phase)
     }
 }
 

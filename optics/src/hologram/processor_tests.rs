@@ -5,7 +5,7 @@ use super::*;
 use crate::display::{Carrier, DisplayModel, OpticalSetup, Orders};
 use crate::engine::Detector;
 use crate::hologram::conformance_tests::Case;
-use crate::numerics::Grid;
+use crate::numerics::{Grid, Plane};
 
 const SIZES: [(usize, usize); 3] = [(16, 24), (17, 13), (11, 30)];
 

@@ -124,7 +124,8 @@ mod tests {
     use crate::engine::Detector;
     use crate::engine::EngineCore;
     use crate::hologram::initial::initial_phase;
-    use crate::hologram::optimization::{HologramMethod, HologramOptions, Optimization};
+    use crate::hologram::optimization::Optimization;
+    use crate::hologram::options::{HologramMethod, HologramOptions};
     use crate::hologram::problem::HologramProblem;
     use crate::metrics::{diffraction_efficiency, frame_efficiency, ms_ssim, psnr_db, ssim};
     use crate::numerics::Grid;

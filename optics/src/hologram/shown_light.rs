@@ -161,7 +161,7 @@ mod tests {
     use crate::display::{DisplayModel, OpticalSetup};
     use crate::hologram::initial::initial_phase;
     use crate::hologram::optimization::Optimization;
-    use crate::hologram::optimization::{HologramMethod, HologramOptions};
+    use crate::hologram::options::{HologramMethod, HologramOptions};
     use crate::hologram::problem::HologramProblem;
     use crate::numerics::{Grid, RegionOfInterest};
     use crate::test_cards::TestCard;

@@ -2,7 +2,7 @@
 
 use super::adam::AdamState;
 use super::evaluate::ProblemSize;
-use super::optimization::{HologramMethod, HologramOptions};
+use super::options::{HologramMethod, HologramOptions};
 use super::rounded::Rounded;
 use crate::error::{Error, Result};
 use crate::numerics::Plane;

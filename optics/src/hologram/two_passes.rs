@@ -6,6 +6,7 @@ use super::evaluate::Evaluation;
 use super::loss::{TargetPlane, weighted_sums};
 use super::processor::{ProcessorProblem, Sink, compare_with, send_back};
 use super::roughness::{LightPlane, total_variation};
+use super::two_pass_buffers::Buffers;
 use crate::engine::Fields;
 use crate::engine::photometry::{Comparison, Quantity, Sums};
 use crate::engine::{Detector, Real};
@@ -17,29 +18,9 @@ use crate::numerics::real::unit;
 use num_complex::Complex;
 use rayon::prelude::*;
 
-/// Light and samples kept between the two passes of an evaluation; empty until an evaluation needs them.
-#[derive(Debug)]
-pub(super) struct Buffers<T> {
-    /// Samples of each plane, mode of light and frame, if they fit into `SAMPLES_BYTES_MAX`. Those of a single field
-    /// are kept in the problem's `fields` instead.
-    samples: Vec<Vec<Complex<T>>>,
-    /// Light planes of each image plane.
-    lights: Vec<Vec<T>>,
-    /// Slopes ∂L/∂p of one image plane.
-    slopes: Vec<T>,
-    /// Light before its blur, or slopes behind it; empty without a blur.
-    spare: Vec<T>,
-}
-
 /// Largest size of the kept samples of several fields \[bytes\]. Above this size the samples are computed
 /// again in the second pass. Three planes of 1080×1920 px with a pixel detector fit.
 pub(crate) const SAMPLES_BYTES_MAX: usize = 256 << 20;
-
-impl<T> Buffers<T> {
-    pub(super) fn empty() -> Self {
-        Self { samples: Vec::new(), lights: Vec::new(), slopes: Vec::new(), spare: Vec::new() }
-    }
-}
 
 impl<T: Real> ProcessorProblem<T> {
     /// Evaluates the loss and its gradient in two passes: computes all of the light, then the slopes at the given or

@@ -33,11 +33,13 @@
 //! Without validation pairs there is no best model, and nothing is tried. [`Course::next`] is all that decides. It
 //! knows numbers of models and their losses; whoever fits keeps their parameters, and reports a [`Verdict`].
 
+mod model;
 mod round;
 mod terms;
 #[cfg(test)]
 mod tests;
 
+pub(super) use model::Model;
 pub(super) use round::{Round, TrialStage};
 
 use super::blocks::{Block, Blocks};
@@ -103,19 +105,6 @@ pub(super) enum Phase {
     Dust,
     /// Learning has ended.
     Done,
-}
-
-/// A model whose validation loss is known.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Model {
-    /// Number by which whoever fits finds its parameters.
-    pub(super) number: usize,
-    /// Order of the kernel.
-    pub(super) order: usize,
-    /// Blocks of the model, beside dust.
-    pub(super) blocks: Blocks,
-    /// Loss on the validation pairs.
-    pub(super) loss: f64,
 }
 
 /// What came of the work of a phase.

@@ -1,6 +1,6 @@
 //! Rounds of trials of [blocks](Block): which are tried when, and which of them pass.
 
-use super::Model;
+use super::model::Model;
 use super::terms::Turn;
 use crate::learning::blocks::{Block, Blocks};
 use serde::{Deserialize, Serialize};
