@@ -2,10 +2,10 @@
 
 Usage: python docs/site/run_pages.py [--verbose] [PAGE.md]...
 
-Without PAGE it runs all documents of the site, some at a time. With --verbose it prints what the blocks print, and how
-long each took. Blocks of `sh`, `bash` and `python` run; other blocks do not. All shell blocks of a page run in one shell and all Python
-blocks in one interpreter, so that variables stay. The programs come from the folder LIGHTPATH_BINARIES, by default
-target/debug. A page whose blocks start no server gets one.
+Without PAGE it runs all documents of the site, some at a time. With --verbose it prints what the blocks print, and
+how long each took. Blocks of `sh`, `bash` and `python` run; other blocks do not. All shell blocks of a page run in
+one shell and all Python blocks in one interpreter, so that variables stay. The programs come from the folder
+LIGHTPATH_BINARIES, by default target/debug. A page whose blocks start no server gets one.
 
 A page says with comments what a reader does not need to see. Each counts for the block after it, or from there on:
 
