@@ -6,6 +6,7 @@
 //!   HTTP. `token_expiry`: ends calls of invalid tokens.
 //! - `cors`: pages of other sites that may call the server. `grpc_web`: gRPC for web pages.
 //! - `page`: the files of the dashboard. `compression`: gzip and zstd.
+//! - `unread_body`: the rest of requests that are answered before it has arrived.
 //! - `memory_use`: memory of each call, taken from the memory budget. `checked_body`: bodies whose frames these check.
 //! - `requests`: deadlines and metrics of requests, including gRPC. `transcode`: the methods of the API as JSON.
 //!   `server_sent_events`: their streams.
@@ -34,6 +35,7 @@ mod requests;
 mod server_sent_events;
 mod token_expiry;
 mod transcode;
+mod unread_body;
 mod worker_status;
 
 pub use crate::accounts::{MemoryBudget, Rate};
@@ -126,7 +128,9 @@ pub fn router(gate: Gate, budget: Arc<MemoryBudget>, grpc: tonic::service::Route
         .layer(middleware::from_fn_with_state(budget, memory_use::with_memory_limit))
         .layer(middleware::from_fn_with_state(api, requests::with_deadline))
         .layer(middleware::from_fn(transcode::find_method));
-    grpc_web::with_grpc_web(app).layer(middleware::from_fn_with_state(origins, cors::with_cors))
+    grpc_web::with_grpc_web(app)
+        .layer(middleware::from_fn_with_state(origins, cors::with_cors))
+        .layer(middleware::from_fn(unread_body::with_rest_read))
 }
 
 async fn health(State(api): State<Api>) -> Response {

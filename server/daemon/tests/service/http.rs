@@ -4,6 +4,7 @@ use crate::manifests::curl;
 use crate::serving::Serving;
 use lightpath_proto::v1::kernel_service_client::KernelServiceClient;
 use serde_json::Value;
+use std::time::Duration;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::TcpStream;
 
@@ -180,4 +181,29 @@ async fn requests_in_a_wrong_form_are_refused_with_the_fix() {
     }
     let delete = curl(&serving, "/v1/jobs", &["--request", "DELETE"]).await;
     assert_eq!(delete.field("allow"), Some("POST, GET"));
+}
+
+/// The server answers when it has read the largest allowed part of a body. A client that has not sent the rest yet must
+/// get the answer nevertheless, and may use the connection again.
+#[tokio::test]
+async fn early_answer_reaches_a_client_that_still_sends() {
+    let serving = Serving::start().await;
+    let mut connection = TcpStream::connect(serving.address).await.unwrap();
+    let body = vec![b' '; 10 << 20];
+    let head = format!(
+        "POST /v1/queue:pause HTTP/1.1\r\nhost: {}\r\ncontent-type: application/json\r\ncontent-length: {}\r\n\r\n",
+        serving.address,
+        body.len(),
+    );
+    connection.write_all(head.as_bytes()).await.unwrap();
+    for piece in body.chunks(1 << 20) {
+        connection.write_all(piece).await.unwrap();
+        // The server has time to answer and to close the connection.
+        tokio::time::sleep(Duration::from_millis(30)).await;
+    }
+    connection.write_all(b"GET /healthz HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n").await.unwrap();
+    let mut answers = String::new();
+    connection.read_to_string(&mut answers).await.unwrap();
+    assert!(answers.starts_with("HTTP/1.1 413 ") && answers.contains("more than 262144 bytes"), "{answers}");
+    assert!(answers.ends_with("serving\n"), "{answers}");
 }
