@@ -104,7 +104,7 @@ test("the propagation with its reason, and the origin of the kernel", async () =
 });
 
 test("large pictures come at the shown size, and their parts in detail when they are enlarged", async () => {
-  await server.post("displays", { name: "displays/large", widthPx: 1600, heightPx: 900, pixelPitchM: 8e-6, wavelengthsM: [5.15e-7] });
+  await server.post("displays", { name: "displays/large", widthPx: 800, heightPx: 450, pixelPitchM: 8e-6, wavelengthsM: [5.15e-7] });
   const { page } = await openHologram({ display: "displays/large", planes: [{ distanceM: 0.05, target }], method: "HOLOGRAM_METHOD_DOUBLE_PHASE", iterations: 1 });
   const widths = await page.evaluate(() => [...document.querySelectorAll("img.whole")].map((image) => image.naturalWidth));
   assert.ok(widths.every((width) => width <= 640), `${widths} px are more than the page shows`);
@@ -113,9 +113,9 @@ test("large pictures come at the shown size, and their parts in detail when they
   await figure.focus();
   for (let i = 0; i < 8; i += 1) await page.keyboard.press("+");
   await page.waitForFunction(() => [...document.querySelectorAll("img.detail:not([hidden])")].filter((image) => image.naturalWidth > 0).length === 3);
-  // 1.5^8 = 25.6 times: 1600 / 25.6 columns are in sight.
+  // 1.5^8 = 25.6 times: 800 / 25.6 columns are in sight.
   const detail = await figure.locator("img.detail").evaluate((image) => image.naturalWidth);
-  assert.ok(detail >= 63 && detail <= 65, `${detail} columns`);
+  assert.ok(detail >= 31 && detail <= 33, `${detail} columns`);
   await page.getByRole("button", { name: "Whole picture" }).click();
   assert.match(await figure.locator(".sheet").evaluate((sheet) => sheet.style.transform), /scale\(1\)/);
   assert.deepEqual(page.problems, []);
