@@ -20,7 +20,7 @@ use lightpath_optics::{
 use num_complex::{Complex32, Complex64};
 use peak_alloc::PeakAlloc;
 use rayon::{ThreadPool, ThreadPoolBuilder};
-use std::sync::Mutex;
+use std::sync::{Mutex, PoisonError};
 
 #[global_allocator]
 static ALLOCATOR: PeakAlloc = PeakAlloc;
@@ -28,8 +28,10 @@ static ALLOCATOR: PeakAlloc = PeakAlloc;
 /// Allocations that no function counts: those of threads, tables and small vectors \[bytes\].
 const SMALL_BYTES: u64 = 1_000_000;
 
-/// The wrong estimates.
+/// The wrong estimates of the test that runs. Only one runs at a time, because all allocations of the process are
+/// counted.
 static WRONG: Mutex<Vec<String>> = Mutex::new(Vec::new());
+static ALONE: Mutex<()> = Mutex::new(());
 
 /// Largest number of bytes that `work` allocates at a time.
 fn peak_bytes(pool: &ThreadPool, work: impl FnOnce() + Send) -> u64 {
@@ -94,13 +96,14 @@ fn check_hologram(pool: &ThreadPool, size: HologramSize, initial: &InitialPhase)
 
 fn check_quality(pool: &ThreadPool, frames: usize, model: DisplayModel) {
     let setup = model.setup;
+    let (height_px, width_px) = (setup.grid().height_px(), setup.grid().width_px());
     let size = EngineSize::of(&model, Detector::Pixel, 2);
     let work = || {
         let engine = Engine::new(&model, Detector::Pixel, None).unwrap();
-        let phases = vec![initial_phase(300, 400, 1.0, 1).unwrap(); frames];
-        let region = RegionOfInterest::middle(&Grid::try_new(300, 400, 8e-6).unwrap());
+        let phases = vec![initial_phase(height_px, width_px, 1.0, 1).unwrap(); frames];
+        let region = RegionOfInterest::middle(&setup.grid());
         for shown in ShownLight::of_sets(&engine, &[&phases, &phases]).unwrap() {
-            shown.quality(&target(300, 400), region).unwrap();
+            shown.quality(&target(height_px, width_px), region).unwrap();
         }
     };
     let n = size.pixels() * 4;
@@ -120,7 +123,7 @@ fn check_qualities(pool: &ThreadPool) {
     let modes = vec![FurtherMode { light: 1.0, errors: SmoothField::flat(2) }; 2];
     check_quality(pool, 1, DisplayModel { coherence: PartialCoherence::new(modes), ..learned.clone() });
     check_quality(pool, 1, learned.clone());
-    let all_orders = DisplayModel::ideal(first.with_orders(Orders::SQUARE).unwrap());
+    let all_orders = DisplayModel::ideal(setup(150, 200, 0.01).with_orders(Orders::SQUARE).unwrap());
     check_quality(pool, 1, all_orders.clone());
     check_quality(pool, 1, DisplayModel { kernel: learned.kernel, ..all_orders });
 }
@@ -161,7 +164,7 @@ fn check_other_orders(pool: &ThreadPool, orders: Orders) {
 }
 
 fn check_learning(pool: &ThreadPool, model: KernelModel, distances: usize, orders: Orders) {
-    let (height_px, width_px) = (90, 120);
+    let (height_px, width_px) = (60, 80);
     let region = RegionOfInterest::middle(&Grid::try_new(height_px, width_px, 8e-6).unwrap());
     let at = |i: usize| setup(height_px, width_px, 0.01 + 0.005 * i as f64).with_orders(orders).unwrap();
     let setups: Vec<_> = (0..distances).map(at).collect();
@@ -211,16 +214,6 @@ fn check_learning(pool: &ThreadPool, model: KernelModel, distances: usize, order
     let factor = if model == KernelModel::Varying { 3.0 } else { 1.5 };
     let name = format!("{model:?} at {distances} distances, {orders}");
     check(&name, size.fit_bytes(), peak_bytes(pool, work), factor);
-}
-
-fn check_all_learning(pool: &ThreadPool) {
-    for model in KernelModel::ALL {
-        check_learning(pool, model, 1, Orders::First);
-    }
-    check_learning(pool, KernelModel::Display, 3, Orders::First);
-    for (model, distances) in [(KernelModel::Smooth, 1), (KernelModel::Display, 2)] {
-        check_learning(pool, model, distances, Orders::SQUARE);
-    }
 }
 
 struct Planes(usize, Vec<Pair>);
@@ -280,53 +273,89 @@ fn check_simulations(pool: &ThreadPool) {
     );
 }
 
-#[test]
-fn counted_memory_is_that_of_the_functions() {
+/// Runs the checks alone, and fails if an estimate was wrong.
+fn right_estimates(checks: impl FnOnce(&ThreadPool)) {
+    let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
     let pool = ThreadPoolBuilder::new().num_threads(2).build().unwrap();
     // Tables that are made once and kept.
     pool.install(|| drop(TestCard::Leaf.render(64, 64, 1).unwrap()));
-    let random = InitialPhase::Random { range_rad: 1.0 };
-    let methods = [
-        HologramMethod::Adam { learning_rate: 0.1 },
-        HologramMethod::Lbfgs,
-        HologramMethod::GerchbergSaxton,
-        HologramMethod::WeightedGerchbergSaxton,
-        HologramMethod::DoublePhase,
-    ];
-    for method in methods {
-        for detector in Detector::ALL {
-            let engine = EngineSize::ideal(300, 400, detector, 2);
-            check_hologram(&pool, HologramSize::new(engine, method, 12), &random);
-            let several = HologramSize { planes: 3, frames: 2, ..HologramSize::new(engine, method, 12) };
-            check_hologram(&pool, several, &random);
+    checks(&pool);
+    let wrong = std::mem::take(&mut *WRONG.lock().unwrap());
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+#[test]
+fn counted_memory_of_holograms_is_that_of_the_functions() {
+    right_estimates(|pool| {
+        let random = InitialPhase::Random { range_rad: 1.0 };
+        let methods = [
+            HologramMethod::Adam { learning_rate: 0.1 },
+            HologramMethod::Lbfgs,
+            HologramMethod::GerchbergSaxton,
+            HologramMethod::WeightedGerchbergSaxton,
+            HologramMethod::DoublePhase,
+        ];
+        for method in methods {
+            for detector in Detector::ALL {
+                let engine = EngineSize::ideal(300, 400, detector, 2);
+                check_hologram(pool, HologramSize::new(engine, method, 12), &random);
+                let several = HologramSize { planes: 3, frames: 2, ..HologramSize::new(engine, method, 12) };
+                check_hologram(pool, several, &random);
+            }
+            let engine = EngineSize::ideal(300, 400, Detector::Pixel, 2);
+            let weighted = HologramSize { planes: 2, weighted: true, ..HologramSize::new(engine, method, 12) };
+            check_hologram(pool, weighted, &InitialPhase::BackPropagated { range_rad: 1.0 });
         }
         let engine = EngineSize::ideal(300, 400, Detector::Pixel, 2);
-        let weighted = HologramSize { planes: 2, weighted: true, ..HologramSize::new(engine, method, 12) };
-        check_hologram(&pool, weighted, &InitialPhase::BackPropagated { range_rad: 1.0 });
-    }
-    let engine = EngineSize::ideal(300, 400, Detector::Pixel, 2);
-    let partly_coherent = EngineSize { modes: 3, ..engine };
-    check_hologram(&pool, HologramSize::new(partly_coherent, methods[0], 12), &random);
-    check_hologram(&pool, HologramSize::new(partly_coherent, methods[1], 12), &random);
-    let rough = HologramSize { rough: true, ..HologramSize::new(engine, methods[0], 12) };
-    check_hologram(&pool, rough, &random);
-    check_hologram(&pool, HologramSize::new(engine, HologramMethod::Lbfgs, 3), &random);
-    check_qualities(&pool);
-    let filtered = Orders::Filtered(OrderFilter::rectangle(0.5, 1.0));
-    check_quality(&pool, 1, DisplayModel::ideal(setup(300, 400, 0.01).with_orders(filtered).unwrap()));
-    for orders in [Orders::First, filtered, Orders::SQUARE] {
-        check_other_orders(&pool, orders);
-        check_opinion(&pool, orders, |_| ());
-    }
-    check_opinion(&pool, Orders::First, |model| {
-        model.kernel = KernelShape::Bins(Plane::filled(600, 800, Complex32::ONE));
+        let partly_coherent = EngineSize { modes: 3, ..engine };
+        check_hologram(pool, HologramSize::new(partly_coherent, methods[0], 12), &random);
+        check_hologram(pool, HologramSize::new(partly_coherent, methods[1], 12), &random);
+        let rough = HologramSize { rough: true, ..HologramSize::new(engine, methods[0], 12) };
+        check_hologram(pool, rough, &random);
+        check_hologram(pool, HologramSize::new(engine, HologramMethod::Lbfgs, 3), &random);
     });
-    check_opinion(&pool, Orders::First, |model| {
-        model.kernel = KernelShape::Smooth(SmoothField::flat(3));
-        model.variation = SpatialVariation::new(std::array::from_fn(|_| SmoothField::flat(2)));
+}
+
+#[test]
+fn counted_memory_of_judging_is_that_of_the_functions() {
+    right_estimates(|pool| {
+        check_qualities(pool);
+        let filtered = Orders::Filtered(OrderFilter::rectangle(0.5, 1.0));
+        check_quality(pool, 1, DisplayModel::ideal(setup(300, 400, 0.01).with_orders(filtered).unwrap()));
+        for orders in [Orders::First, filtered, Orders::SQUARE] {
+            check_other_orders(pool, orders);
+            check_opinion(pool, orders, |_| ());
+        }
+        check_opinion(pool, Orders::First, |model| {
+            model.kernel = KernelShape::Bins(Plane::filled(600, 800, Complex32::ONE));
+        });
+        check_opinion(pool, Orders::First, |model| {
+            model.kernel = KernelShape::Smooth(SmoothField::flat(3));
+            model.variation = SpatialVariation::new(std::array::from_fn(|_| SmoothField::flat(2)));
+        });
     });
-    check_all_learning(&pool);
-    check_simulations(&pool);
-    let wrong = WRONG.lock().unwrap();
-    assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+#[test]
+fn counted_memory_of_learning_is_that_of_the_functions() {
+    right_estimates(|pool| {
+        for model in KernelModel::ALL {
+            check_learning(pool, model, 1, Orders::First);
+        }
+        check_learning(pool, KernelModel::Display, 3, Orders::First);
+    });
+}
+
+#[test]
+fn counted_memory_of_learning_all_orders_is_that_of_the_functions() {
+    right_estimates(|pool| {
+        for (model, distances) in [(KernelModel::Smooth, 1), (KernelModel::Display, 2)] {
+            check_learning(pool, model, distances, Orders::SQUARE);
+        }
+    });
+}
+
+#[test]
+fn counted_memory_of_simulated_displays_is_that_of_the_functions() {
+    right_estimates(check_simulations);
 }
