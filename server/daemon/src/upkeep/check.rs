@@ -86,7 +86,7 @@ impl FindingKind {
 ///
 /// # Errors
 ///
-/// [`UpkeepError::NoData`], or another error if the folder cannot be read at all. Problems inside are in the report.
+/// [`DatabaseError::NoData`](crate::database::DatabaseError::NoData), or another error if the folder cannot be read at all. Problems inside are in the report.
 pub async fn check(data_dir: &Path) -> Result<Report, UpkeepError> {
     check_with(data_dir, &Database::InFolder(data_dir.to_owned()), None).await
 }
@@ -96,7 +96,7 @@ pub async fn check(data_dir: &Path) -> Result<Report, UpkeepError> {
 ///
 /// # Errors
 ///
-/// The errors of [`check`]; [`UpkeepError::OtherArtifacts`] if the database belongs to other artifacts;
+/// The errors of [`check`]; [`DatabaseError::OtherArtifacts`](crate::database::DatabaseError::OtherArtifacts) if the database belongs to other artifacts;
 /// [`ArtifactError::Remote`](lightpath_artifacts::ArtifactError::Remote) if the bucket cannot be reached.
 pub async fn check_with(
     data_dir: &Path,

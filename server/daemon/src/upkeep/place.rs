@@ -1,6 +1,7 @@
 //! Where a check finds the blobs: in the data folder, or in a bucket.
 
 use super::UpkeepError;
+use crate::database::DatabaseError;
 use lightpath_artifacts::{ArtifactError, BlobKind, BucketInventory, Inventory, RemoteOptions};
 use lightpath_store::Inspection;
 use std::collections::HashSet;
@@ -29,7 +30,7 @@ impl Place {
             Self::Folder(inventory) => inventory.identity()?.unwrap_or_else(|| "none".to_owned()),
             Self::Bucket(inventory) => inventory.installation().to_owned(),
         };
-        if recorded == found { Ok(()) } else { Err(UpkeepError::OtherArtifacts { recorded, found }) }
+        if recorded == found { Ok(()) } else { Err(DatabaseError::OtherArtifacts { recorded, found }.into()) }
     }
 
     /// Whether it is an artifact, and the digest, of all blobs that exist before the rows are read. Those that remain

@@ -1,7 +1,8 @@
 //! Migrations of databases of every version since 0.1.0, with data as that version wrote it.
 
 use super::*;
-use crate::open::{MIGRATIONS, STEPS_OF_0_1_0, connect_options, migrator};
+use crate::connect::connect_options;
+use crate::migrations::{MIGRATIONS, STEPS_OF_0_1_0, migrator};
 use crate::{Inspection, JobFilter};
 use lightpath_domain::display::Display;
 use lightpath_domain::job::JobState;

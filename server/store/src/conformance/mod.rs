@@ -25,7 +25,7 @@ mod webhooks;
 
 use super::sql::{Builder, Connection};
 use super::{Inspection, Promotion, Store, StoreError};
-use crate::open::connect_options;
+use crate::connect::connect_options;
 use lightpath_domain::dataset::{Dataset, Encoding, Pair};
 use lightpath_domain::job::{FailureReason, JobEffect, JobError, JobResult, JobSpec, NewJob};
 use lightpath_domain::kernel::{Cause, KernelKey, KernelLineage, KernelMetrics, KernelModel, NewKernelVersion};

@@ -2,7 +2,7 @@
 
 use super::migrations::create_database;
 use super::*;
-use crate::open::MIGRATIONS;
+use crate::migrations::MIGRATIONS;
 use crate::sql::{query, scalar};
 use crate::transfer::TABLES;
 use crate::{Side, Transfer, TransferError};
