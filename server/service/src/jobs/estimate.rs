@@ -2,7 +2,6 @@
 
 use super::Jobs;
 use crate::error::ServiceError;
-use lightpath_domain::dataset::Dataset;
 use lightpath_domain::display::Display;
 use lightpath_domain::job::LearnKernel;
 use lightpath_domain::job::estimate::{KernelSize, PairsSize};
@@ -89,10 +88,6 @@ fn order_of(model: &DisplayModel) -> usize {
         KernelShape::Smooth(field) => field.order,
         KernelShape::Ideal | KernelShape::Bins(_) => 0,
     }
-}
-
-pub(super) fn key_of(dataset: &Dataset) -> KernelKey {
-    KernelKey { display: dataset.display.clone(), wavelength: dataset.wavelength, distance: dataset.distance }
 }
 
 /// Rows and columns of the region that the job compared which learned a version \[px\]; all if it is not known.
