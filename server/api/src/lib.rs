@@ -14,7 +14,7 @@
 //! - `event_log`: the latest changes. `events`: the stream of all changes, for dashboards.
 //! - `accounts`: what each client uses: calls, memory for messages, streams. `watch`: streams that follow changes.
 //! - `status`: conversion of errors into gRPC statuses.
-//! - [`http`]: health, metrics, JSON, and the gate that every request passes.
+//! - [`http`]: health, metrics, JSON, and the admission of every request.
 //! - [`connections`]: gRPC and HTTP on one port. [`tls`]: certificates. [`audit`]: log of changes and refusals.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 

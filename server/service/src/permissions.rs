@@ -1,7 +1,7 @@
 //! Permissions of callers: the displays that a caller may use, the owners for whom a caller may submit jobs, and before
 //! whose jobs.
 //!
-//! The gate has checked the role of the caller. Only the handler knows the display of a call, and passes the caller to
+//! Admission has checked the role of the caller. Only the handler knows the display of a call, and passes the caller to
 //! these functions.
 
 use crate::call::Call;

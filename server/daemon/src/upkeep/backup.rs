@@ -5,7 +5,7 @@
 //! can be removed during the copy: a job whose saved state is missing starts from the beginning after a restore, with
 //! the same result.
 
-use super::place::blob_problem;
+use super::blob_reader::blob_problem;
 use super::{Finding, FindingKind, UpkeepError};
 use crate::database::{DATABASE, DatabaseError};
 use lightpath_artifacts::{

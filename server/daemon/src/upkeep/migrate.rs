@@ -5,7 +5,7 @@
 //! keyring stay as they are. A restore raises them, because devices may have seen newer ones than those of the backup;
 //! a move takes the newest state along, so nothing that a device has seen is lost.
 
-use super::place::blob_problem;
+use super::blob_reader::blob_problem;
 use super::{Finding, FindingKind, UpkeepError, open_artifacts};
 use crate::config::Config;
 use crate::database::{DATABASE, DatabaseError};

@@ -7,12 +7,13 @@
 //!
 //! # Layout
 //!
-//! - `check`, `backup`, `restore`: these commands. `place`: where a check finds the blobs. `collect`: automatic removal of
+//! - `check`, `backup`, `restore`: these commands. `blob_reader`: reads the blobs of a check. `collect`: automatic removal of
 //!   old data; `removal`: from a bucket. `migrate`: a move to another database; `migrate_command`: its command.
 //! - `tokens`: creating, listing and revoking tokens. `keys`: keys that sign manifests; `key_commands`: `lightpathd key`.
 //!   `commands`: the other commands on the command line.
 
 mod backup;
+mod blob_reader;
 mod check;
 mod collect;
 mod commands;
@@ -22,7 +23,6 @@ mod migrate;
 mod migrate_command;
 #[cfg(test)]
 mod migrate_tests;
-mod place;
 mod removal;
 mod restore;
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! Where a check finds the blobs: in the data folder, or in a bucket.
+//! Reads the blobs of an installation for a check: in the data folder, or in a bucket.
 
 use super::UpkeepError;
 use crate::database::DatabaseError;
@@ -8,14 +8,14 @@ use std::collections::HashSet;
 use std::io;
 use std::path::Path;
 
-/// The blobs of an installation, for reading.
+/// The blobs of an installation.
 #[derive(Debug)]
-pub(super) enum Place {
+pub(super) enum BlobReader {
     Folder(Inventory),
     Bucket(BucketInventory),
 }
 
-impl Place {
+impl BlobReader {
     pub(super) async fn open(data_dir: &Path, bucket: Option<&RemoteOptions>) -> Result<Self, UpkeepError> {
         match bucket {
             Some(options) => Ok(Self::Bucket(BucketInventory::open(options).await?)),
