@@ -149,6 +149,25 @@ fn rules_cover_every_crate_of_the_workspace() {
 }
 
 #[test]
+fn fuzzing_uses_the_versions_of_the_workspace() {
+    let versions = |folder: &str| {
+        let lock: toml::Table =
+            std::fs::read_to_string(root().join(folder).join("Cargo.lock")).unwrap().parse().unwrap();
+        let text = |package: &toml::Value, key: &str| package[key].as_str().unwrap().to_owned();
+        let packages = lock["package"].as_array().unwrap().iter();
+        packages.map(|package| (text(package, "name"), text(package, "version"))).collect::<BTreeSet<_>>()
+    };
+    let (here, there) = (versions(""), versions("fuzz"));
+    let own = ["lightpath-fuzz", "libfuzzer-sys", "arbitrary"];
+    let differing: Vec<_> = there.difference(&here).filter(|(name, _)| !own.contains(&name.as_str())).collect();
+    assert!(differing.is_empty(), "take the versions of Cargo.lock into fuzz/Cargo.lock: {differing:?}");
+    let there: BTreeSet<_> = there.into_iter().map(|(name, _)| name).collect();
+    for name in ["server/daemon", "server/api", "server/service", "server/worker", "server/store", "optics"] {
+        assert!(dependencies(name).is_subset(&there), "fuzz/Cargo.lock lacks dependencies of {name}");
+    }
+}
+
+#[test]
 fn folders_of_optics_import_only_folders_below_them() {
     for (above, (name, allowed)) in OPTICS.iter().enumerate() {
         let below: Vec<_> = OPTICS[..above].iter().map(|(name, _)| *name).collect();
