@@ -61,22 +61,6 @@ async fn running_and_queued_jobs_can_be_cancelled_and_retried() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn repeated_request_returns_the_same_job() {
-    let (server, target) = start().await;
-    let client = &server.client;
-    let spec = || hologram("lab", &target, 3, 1);
-    let first = client.submit(request(spec(), "once")).await.unwrap();
-    let done = client.wait(&first.name, |_| ()).await.unwrap();
-    let second = client.submit(request(spec(), "once")).await.unwrap();
-    assert_eq!(second, done);
-    let other = client.submit(request(hologram("lab", &target, 4, 1), "once")).await.unwrap_err();
-    assert_eq!(other.code(), Some(Code::AlreadyExists));
-    let jobs = client.list_jobs(v1::ListJobsRequest::default()).await.unwrap().jobs;
-    assert_eq!(jobs.len(), 1);
-    server.stop().await;
-}
-
-#[tokio::test(flavor = "multi_thread")]
 async fn watch_reports_progress_and_end() {
     let (server, target) = start().await;
     let client = &server.client;

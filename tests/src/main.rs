@@ -48,7 +48,7 @@ mod fleet;
 mod hostile;
 /// The import rules of crates and modules.
 mod imports;
-/// Jobs: cancelling, retrying, watching, repeated requests, priorities.
+/// Jobs: cancelling, retrying, watching, priorities.
 mod jobs;
 /// `lightpath kernel watch` and `kernel fetch --dry-run`.
 mod kernel_watch;

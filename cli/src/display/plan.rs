@@ -34,46 +34,41 @@ pub(crate) struct Plan {
     #[arg(long, default_value = "auto", conflicts_with = "window", value_parser = propagation())]
     method: v1::PropagationMethod,
 
+    #[command(flatten)]
+    window: Window,
+}
+
+/// Where the light is computed.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Window")]
+struct Window {
     /// Compute a window of this size in the image: columns x rows in pixels [default: the SLM's own pixels]
-    #[arg(long, value_name = "WxH", value_parser = resolution, requires = "window_pitch", help_heading = "Window")]
+    #[arg(long, value_name = "WxH", value_parser = resolution, requires = "window_pitch")]
     window: Option<(u32, u32)>,
 
     /// Set the distance between the window's pixels, for example 2um; needs --window
-    #[arg(long, value_name = "LENGTH", value_parser = pixel_pitch, requires = "window", help_heading = "Window")]
+    #[arg(long, value_name = "LENGTH", value_parser = pixel_pitch, requires = "window")]
     window_pitch: Option<f64>,
 
     /// Shift the window's centre by this length to the right of the SLM's centre, for example 2mm [default: 0]
-    #[arg(
-        long,
-        value_name = "LENGTH",
-        value_parser = distance,
-        allow_hyphen_values = true,
-        requires = "window",
-        help_heading = "Window"
-    )]
+    #[arg(long, value_name = "LENGTH", value_parser = distance, allow_hyphen_values = true, requires = "window")]
     centre_x: Option<f64>,
 
     /// Shift the window's centre by this length below the SLM's centre, for example 2mm [default: 0]
-    #[arg(
-        long,
-        value_name = "LENGTH",
-        value_parser = distance,
-        allow_hyphen_values = true,
-        requires = "window",
-        help_heading = "Window"
-    )]
+    #[arg(long, value_name = "LENGTH", value_parser = distance, allow_hyphen_values = true, requires = "window")]
     centre_y: Option<f64>,
 }
 
 impl Plan {
     pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
-        let window = self.window.map(|(width_px, height_px)| v1::ImageWindow {
+        let Window { window, window_pitch, centre_x, centre_y } = self.window;
+        let window = window.map(|(width_px, height_px)| v1::ImageWindow {
             width_px,
             height_px,
-            pitch_x_m: self.window_pitch.unwrap_or_default(),
+            pitch_x_m: window_pitch.unwrap_or_default(),
             pitch_y_m: 0.0,
-            centre_x_m: self.centre_x.unwrap_or_default(),
-            centre_y_m: self.centre_y.unwrap_or_default(),
+            centre_x_m: centre_x.unwrap_or_default(),
+            centre_y_m: centre_y.unwrap_or_default(),
         });
         let request = v1::PlanPropagationRequest {
             display: names::display(&self.id),

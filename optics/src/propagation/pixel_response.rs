@@ -5,7 +5,7 @@
 //! g(x, y) = (ab)^{−1/2} ∫∫ h(x − s, y − t) ds dt   over |s| ≤ aΔ/2, |t| ≤ bΔ/2
 //! ```
 //!
-//! h is the [Rayleigh–Sommerfeld impulse response](super::impulse_response), Δ the pixel pitch \[m\], a and b the sides
+//! h is the [Rayleigh–Sommerfeld impulse response](super::impulse_response()), Δ the pixel pitch \[m\], a and b the sides
 //! of a pixel's bright area in pitches (the fill factor along x and y). Nothing stands between the pixels and the
 //! image, so g holds all diffraction orders. The factor (ab)^{−1/2} makes each pixel send the same light whatever its
 //! fill factor.

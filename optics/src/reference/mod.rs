@@ -5,7 +5,7 @@
 //!
 //! - [`fft2`], [`dft2`]: the two-dimensional Fourier transform, by fast transforms and by its definition.
 //! - [`propagate`]: convolution with a transfer function, zero-padded twofold.
-//! - [`rayleigh_sommerfeld`], [`rayleigh_sommerfeld_onto`]: diffraction as a direct sum, without Fourier transforms.
+//! - [`rayleigh_sommerfeld()`], [`rayleigh_sommerfeld_onto`]: diffraction as a direct sum, without Fourier transforms.
 //! - [`first_order_onto`]: diffraction of a display that shows the first order of its pixels, as a direct integral.
 //! - [`gaussian_beam`], [`square_aperture`]: fields with a closed form.
 //!

@@ -120,15 +120,15 @@ fn sharp_light(
 ) -> Vec<Plane<f64>> {
     let (window, pitch_m) = (model.setup.window(), model.setup.grid().pixel_pitch_m());
     let places = places.moved(window.centre_x_m() / pitch_m, window.centre_y_m() / pitch_m);
-    let mut work = Work::new(model, &places, rows, frequencies);
+    let mut tables = Tables::new(model, &places, rows, frequencies);
     let width_px = model.setup.grid().width_px();
     let mut lights = vec![Plane::filled(rows.len(), width_px, 0.0); places.count()];
     let all_light: f64 = 1.0 + model.coherence.modes().iter().map(|mode| mode.light).sum::<f64>();
     for mode in std::iter::once(None).chain(model.coherence.modes().iter().map(Some)) {
-        work.mode = mode.map(|mode| &mode.errors);
+        tables.mode = mode.map(|mode| &mode.errors);
         let share = mode.map_or(1.0, |mode| mode.light) / (all_light * phases.len() as f64);
         for phase in phases {
-            let image = work.image(&on_modulator(model, carrier, phase));
+            let image = tables.image(&on_modulator(model, carrier, phase));
             for (line, field) in image.chunks_exact(width_px).enumerate() {
                 let (row, place) = (line / places.count(), line % places.count());
                 let light = &mut lights[place].values_mut()[row * width_px..][..width_px];
@@ -239,7 +239,7 @@ fn dot(a: &[Complex64], b: &[Complex64]) -> Complex64 {
 }
 
 /// Tables and transforms for all frequencies.
-struct Work<'a> {
+struct Tables<'a> {
     model: &'a DisplayModel,
     /// Errors of the mode of light relative to the kernel; `None`: the first mode.
     mode: Option<&'a SmoothField>,
@@ -265,7 +265,7 @@ struct Work<'a> {
     waves_y: Vec<Vec<Complex64>>,
 }
 
-impl<'a> Work<'a> {
+impl<'a> Tables<'a> {
     fn new(model: &'a DisplayModel, places: &'a Places, rows: &[usize], frequencies: &'a Frequencies) -> Self {
         let Frequencies { along_x: x, along_y: y } = frequencies;
         let (mut planner, nodes_y) = (FftPlanner::new(), y.nodes());

@@ -1,6 +1,6 @@
 //! Passing gRPC requests to the methods that handle them, and their results to the client.
 //!
-//! The gate puts a [`Call`] into the extensions of each request. A request without one has not passed the gate and is
+//! Admission puts a [`Call`] into the extensions of each request. A request without one has not been admitted and is
 //! refused.
 
 use crate::api::Api;

@@ -1,7 +1,7 @@
 //! Connections with HTTP/1.1 and HTTP/2 on one port, with or without TLS (without TLS, HTTP/2 needs prior knowledge).
 //! Their number is limited, and they are closed gracefully.
 
-use crate::accounts::{OpenStream, StreamKind, Streams};
+use crate::accounts::{CONNECTIONS_MAX, OpenStream, StreamKind, Streams};
 use crate::tls::Tls;
 use axum::{Extension, Router};
 use hyper_util::rt::{TokioExecutor, TokioIo, TokioTimer};
@@ -19,9 +19,6 @@ use tokio::time::{sleep, timeout};
 use tokio_io_timeout::TimeoutStream;
 use tokio_util::sync::CancellationToken;
 
-/// Limit on open connections. More clients wait in the backlog of the system. Each connection needs a file handle, and
-/// processes commonly have 1024.
-pub(crate) const CONNECTIONS_MAX: usize = 800;
 /// Limit on the open requests of one connection, including streams that follow changes.
 const STREAMS_MAX: u32 = 256;
 /// Bytes that a client may send in a stream before the handler reads them: enough for a fast link across a continent.

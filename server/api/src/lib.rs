@@ -6,14 +6,15 @@
 //!   `displays`, `datasets`, `jobs` (with a file for each kind of job), `queue`, `kernels`, `rollouts`, `devices`, `photos`,
 //!   `webhooks`, `artifacts`.
 //! - `optics`: messages of the optics engine that several resources use, such as propagation methods and regions.
-//! - `api`: state shared by all services. `call`: passing gRPC requests with their callers to methods.
+//! - `api`: state shared by all services. `call`: passing gRPC requests with their callers to methods. `routes`: the routes
+//!   of all services.
 //! - `rules`: which roles may make each call.
 //! - `enumerations`, `names`, `pages`, `time`: numbers of values, resource names, pages of lists, and times.
 //! - `server_facts`: facts about the server and the caller's token.
-//! - `events`: the stream of all changes, for dashboards.
+//! - `event_log`: the latest changes. `events`: the stream of all changes, for dashboards.
 //! - `accounts`: what each client uses: calls, memory for messages, streams. `watch`: streams that follow changes.
 //! - `status`: conversion of errors into gRPC statuses.
-//! - [`http`]: health, metrics, JSON, and the gate that every request passes.
+//! - [`http`]: health, metrics, JSON, and the admission of every request.
 //! - [`connections`]: gRPC and HTTP on one port. [`tls`]: certificates. [`audit`]: log of changes and refusals.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
@@ -27,6 +28,7 @@ mod datasets;
 mod devices;
 mod displays;
 mod enumerations;
+mod event_log;
 mod events;
 pub mod http;
 mod jobs;
@@ -37,6 +39,7 @@ mod pages;
 mod photos;
 mod queue;
 mod rollouts;
+mod routes;
 mod rules;
 mod server_facts;
 mod status;

@@ -1,10 +1,12 @@
 //! The database of a server: a file in its data folder, or a database on a PostgreSQL server.
 
-use crate::upkeep::{DATABASE, UpkeepError};
-use lightpath_artifacts::Artifacts;
+use lightpath_artifacts::{ArtifactError, Artifacts};
 use lightpath_store::{Inspection, Store, StoreError};
 use std::fmt;
 use std::path::{Path, PathBuf};
+
+/// Name of the database in the data folder.
+pub const DATABASE: &str = "lightpath.db";
 
 /// How the URLs of PostgreSQL databases begin.
 const SCHEMES: [&str; 2] = ["postgres://", "postgresql://"];
@@ -16,6 +18,34 @@ pub enum Database {
     InFolder(PathBuf),
     /// A database of PostgreSQL with this URL. The URL may contain a password.
     OnServer(String),
+}
+
+/// Why the database of a server could not be opened.
+#[derive(Debug, thiserror::Error)]
+pub enum DatabaseError {
+    /// The folder has no database.
+    #[error("{} contains no {DATABASE}; give the data folder of the server with --data-dir", path.display())]
+    NoData {
+        /// Path of the folder.
+        path: PathBuf,
+    },
+    /// The database's artifacts are in another data folder or bucket.
+    #[error(
+        "the artifacts of this database are in the data folder or bucket with the identity {recorded}, but the settings lead \
+         to the one with {found}: set data_dir or artifacts_url to the other one, or database_url to another database"
+    )]
+    OtherArtifacts {
+        /// Identity that the database records.
+        recorded: String,
+        /// Identity of the data folder or the bucket.
+        found: String,
+    },
+    /// The database could not be used.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The artifacts could not be used.
+    #[error(transparent)]
+    Artifacts(#[from] ArtifactError),
 }
 
 impl fmt::Debug for Database {
@@ -48,9 +78,9 @@ impl Database {
     ///
     /// # Errors
     ///
-    /// [`UpkeepError::OtherArtifacts`] if the artifacts of the database are in another place; [`UpkeepError::Store`];
-    /// [`UpkeepError::Artifacts`].
-    pub async fn open(&self, artifacts: &Artifacts) -> Result<Store, UpkeepError> {
+    /// [`DatabaseError::OtherArtifacts`] if the artifacts of the database are in another place; [`DatabaseError::Store`];
+    /// [`DatabaseError::Artifacts`].
+    pub async fn open(&self, artifacts: &Artifacts) -> Result<Store, DatabaseError> {
         match self {
             Self::InFolder(folder) => Ok(Store::open(&folder.join(DATABASE)).await?),
             Self::OnServer(url) => {
@@ -58,7 +88,7 @@ impl Database {
                 let former = artifacts.former_identity().await?;
                 let store = Store::connect(url).await?;
                 let recorded = store.artifact_place(&found, former.as_deref()).await?;
-                if recorded == found { Ok(store) } else { Err(UpkeepError::OtherArtifacts { recorded, found }) }
+                if recorded == found { Ok(store) } else { Err(DatabaseError::OtherArtifacts { recorded, found }) }
             }
         }
     }
@@ -80,7 +110,7 @@ impl Database {
     /// # Errors
     ///
     /// The errors of [`Self::require`].
-    pub async fn inspect(&self) -> Result<Inspection, UpkeepError> {
+    pub async fn inspect(&self) -> Result<Inspection, DatabaseError> {
         match self {
             Self::InFolder(folder) => Ok(Inspection::open(&file_in(folder)?).await?),
             Self::OnServer(url) => Ok(Inspection::connect(url).await?),
@@ -91,9 +121,9 @@ impl Database {
     ///
     /// # Errors
     ///
-    /// [`UpkeepError::NoData`] if the data folder has no database; [`StoreError::EmptyDatabase`] if the one on the server
+    /// [`DatabaseError::NoData`] if the data folder has no database; [`StoreError::EmptyDatabase`] if the one on the server
     /// has no tables; other errors of the store.
-    pub async fn require(&self) -> Result<(), UpkeepError> {
+    pub async fn require(&self) -> Result<(), DatabaseError> {
         match self {
             Self::InFolder(folder) => file_in(folder).map(drop),
             Self::OnServer(_) => Ok(self.inspect().await?.close().await?),
@@ -101,7 +131,7 @@ impl Database {
     }
 }
 
-fn file_in(folder: &Path) -> Result<PathBuf, UpkeepError> {
+fn file_in(folder: &Path) -> Result<PathBuf, DatabaseError> {
     let file = folder.join(DATABASE);
-    if file.is_file() { Ok(file) } else { Err(UpkeepError::NoData { path: folder.to_owned() }) }
+    if file.is_file() { Ok(file) } else { Err(DatabaseError::NoData { path: folder.to_owned() }) }
 }

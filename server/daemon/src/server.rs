@@ -1,13 +1,14 @@
 //! Assembly of the server: store, artifacts, workers, gRPC and HTTP.
 
 use crate::config::{Config, ConfigError};
+use crate::database::DatabaseError;
 use crate::life::Life;
 use crate::upkeep::{self, Collected, Retention, UpkeepError};
 use crate::workers::Workers;
 use lightpath_api::Api;
 use lightpath_api::audit::Audit;
 use lightpath_api::connections;
-use lightpath_api::http::{self, EndedTokens, Gate, MemoryBudget, Rate};
+use lightpath_api::http::{self, Admission, EndedTokens, MemoryBudget, Rate};
 use lightpath_api::tls::{self, Tls, TlsError};
 use lightpath_artifacts::Artifacts;
 use lightpath_metrics as metrics;
@@ -40,10 +41,12 @@ const COLLECT_INTERVAL: Duration = Duration::from_secs(3600);
 /// Why the server could not start or had to stop.
 #[derive(Debug, thiserror::Error)]
 pub enum ServeError {
-    /// The artifacts or the database cannot be used, for example because another server uses the data folder, or because
-    /// the database belongs to other artifacts.
+    /// The artifacts cannot be used, for example because another server uses the data folder.
     #[error(transparent)]
     Data(#[from] UpkeepError),
+    /// The database cannot be opened, for example because it belongs to other artifacts.
+    #[error(transparent)]
+    Database(#[from] DatabaseError),
     /// The database failed.
     #[error(transparent)]
     Store(#[from] StoreError),
@@ -118,7 +121,7 @@ pub async fn run_and_announce(
     shutdown: impl Future<Output = ()> + Send,
 ) -> Result<(), ServeError> {
     metrics::install();
-    let (tls, retention) = (config.tls()?, config.retention());
+    let (tls, retention) = (config.tls()?, Retention::of(&config));
     let artifacts = open_artifacts(&config).await?;
     make_private(&config.data_dir);
     let store = config.database()?.open(&artifacts).await?;
@@ -150,9 +153,9 @@ pub async fn run_and_announce(
     let ended_tokens = EndedTokens::default();
     loops.spawn(token_loop(api.store().clone(), ended_tokens.clone(), stopping.clone()));
     let rate = shared_rate(&config, life, &mut loops, &stopping);
-    let gate = Gate { api, tokens_required, hosts, audit: Arc::clone(&audit), rate, ended_tokens };
+    let admission = Admission { api, tokens_required, hosts, audit: Arc::clone(&audit), rate, ended_tokens };
     let budget = Arc::new(MemoryBudget::new(config.under_way_bytes_max()));
-    let app = http::router(gate, budget, grpc);
+    let app = http::router(admission, budget, grpc);
     let connections = tokio::spawn(connections::serve(listener, tls, app, stopping.clone(), config.drain_deadline()));
 
     let early = tokio::select! {
@@ -199,7 +202,7 @@ pub(crate) async fn open_artifacts(config: &Config) -> Result<Artifacts, ServeEr
         config.require_shared("no_worker")?;
     }
     let config = config.clone();
-    Ok(tokio::task::spawn_blocking(move || config.open_artifacts()).await??)
+    Ok(tokio::task::spawn_blocking(move || upkeep::open_artifacts(&config)).await??)
 }
 
 /// The early end of the workers; without workers there is none.

@@ -8,6 +8,7 @@ pub use alignment::{Alignment, AlignmentMethod, CameraMap};
 pub use checks::{Finding, FindingKind, PairChecks};
 pub use prepared::{Finalization, PreparedDataset, Splits};
 
+use crate::kernel::KernelKey;
 use crate::units::{Distance, Wavelength};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -56,6 +57,12 @@ pub struct Dataset {
 }
 
 impl Dataset {
+    /// The kernel that is learned from the dataset.
+    #[must_use]
+    pub fn kernel_key(&self) -> KernelKey {
+        KernelKey { display: self.display.clone(), wavelength: self.wavelength, distance: self.distance }
+    }
+
     /// Creates an open dataset without pairs.
     #[must_use]
     pub fn empty(

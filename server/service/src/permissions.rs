@@ -1,12 +1,15 @@
-//! Permissions of callers: the displays that a caller may use, and the owners for whom a caller may submit jobs.
+//! Permissions of callers: the displays that a caller may use, the owners for whom a caller may submit jobs, and before
+//! whose jobs.
 //!
-//! The gate has checked the role of the caller. Only the handler knows the display of a call, and passes the caller to
+//! Admission has checked the role of the caller. Only the handler knows the display of a call, and passes the caller to
 //! these functions.
 
 use crate::call::Call;
 use crate::error::ServiceError;
-use crate::field::shortened;
+use crate::field::{Field, shortened};
 use lightpath_domain::access::Role;
+
+const PRIORITY_MAX: i32 = 100;
 
 /// Refuses a caller whose token is for other displays.
 ///
@@ -73,6 +76,23 @@ pub fn owner_of_job(call: &Call, given: String) -> Result<String, ServiceError> 
             "owner is {given:?}, but jobs of the token \"{name}\" must have its name as their owner; leave owner empty"
         ))),
     }
+}
+
+/// The priority of a job. Only curators and admins may let a job overtake those of others.
+///
+/// # Errors
+///
+/// [`ServiceError::Denied`]; [`ServiceError::Invalid`] if the number is too small or too large.
+pub fn priority_of_job(call: &Call, given: i32) -> Result<i32, ServiceError> {
+    let field = Field::new("priority");
+    let priority = field.integer(given, -PRIORITY_MAX..=PRIORITY_MAX)?;
+    if priority >= 0 || matches!(call.caller.role, Role::Curator | Role::Admin) {
+        return Ok(priority);
+    }
+    Err(ServiceError::Denied(format!(
+        "{field} is {priority}, but a job before those of others needs a token with the role curator or admin; use 0 to \
+         {PRIORITY_MAX}"
+    )))
 }
 
 #[cfg(test)]

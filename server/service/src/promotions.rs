@@ -5,9 +5,12 @@ use crate::error::ServiceError;
 use crate::kernels::Kernels;
 use lightpath_domain::kernel::{Cause, Kernel, KernelKey, KernelVersion};
 use lightpath_domain::kernel_format::KernelFormat;
-use lightpath_domain::promotion::{GateCheck, PromotionGate};
+use lightpath_domain::promotion::{GateChange, GateCheck, PromotionGate};
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_store::{AliasMove, Promotion, Store};
+
+/// Gates of a display's history that one answer shows.
+const GATES_SHOWN: u32 = 100;
 
 /// How a version did at the gate of its display.
 #[derive(Clone, Debug, PartialEq)]
@@ -75,15 +78,22 @@ impl Promotions {
         Ok(self.store.rollback(key, expected, &cause(call, reason), self.store.now_ms()).await?)
     }
 
-    /// Sets the gate of a display.
+    /// Sets the gate of a display. Returns it as [`Self::gates`].
     pub async fn set_gate(
         &self,
         call: &Call,
         display: &str,
         gate: &PromotionGate,
         reason: String,
-    ) -> Result<(), ServiceError> {
-        Ok(self.store.set_gate(display, gate, &cause(call, reason), self.store.now_ms()).await?)
+    ) -> Result<(PromotionGate, Vec<GateChange>), ServiceError> {
+        self.store.set_gate(display, gate, &cause(call, reason), self.store.now_ms()).await?;
+        self.gates(display).await
+    }
+
+    /// The gate of a display, and all that were set before, the newest first.
+    pub async fn gates(&self, display: &str) -> Result<(PromotionGate, Vec<GateChange>), ServiceError> {
+        let history = self.store.gates(display, GATES_SHOWN).await?;
+        Ok((history.first().map(|change| change.gate.clone()).unwrap_or_default(), history))
     }
 
     /// Sets an alias to `version` (`None`: removes it), if it is `expected` now (outer `None`: whatever it is).

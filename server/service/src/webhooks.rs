@@ -33,7 +33,7 @@ impl Webhooks {
     }
 
     /// Refuses an address that the operator does not allow.
-    pub fn require_origin(&self, url: &WebhookUrl) -> Result<(), ServiceError> {
+    fn require_origin(&self, url: &WebhookUrl) -> Result<(), ServiceError> {
         if self.origins.contains(url.origin()) {
             return Ok(());
         }
@@ -48,9 +48,10 @@ impl Webhooks {
         Err(ServiceError::Precondition { reason: PreconditionReason::WebhookOriginNotAllowed, message })
     }
 
-    /// Creates a webhook, whose secret only this answer tells.
+    /// Creates a webhook, whose secret only this answer tells. Refuses an address that the operator does not allow.
     pub async fn create(&self, call: &Call, new: NewWebhook) -> Result<(Webhook, WebhookSecret), ServiceError> {
         let NewWebhook { id, url, events, display } = new;
+        self.require_origin(&url)?;
         let (caller, create_time_ms) = (call.caller.name.clone(), self.store.now_ms());
         let webhook = Webhook { id, url, events, display, caller, create_time_ms };
         let secret = WebhookSecret::generate().map_err(|_| ServiceError::NoRandomness)?;

@@ -3,8 +3,8 @@
 //! In PostgreSQL it is the time of the database's clock, so that the clocks of other machines need not agree with it. A
 //! process asks for it from time to time and counts on evenly in between.
 
+use super::StoreError;
 use super::sql::{Pool, scalar};
-use super::{Store, StoreError};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
@@ -57,6 +57,16 @@ impl DatabaseTime {
         Ok(())
     }
 
+    /// Present time \[ms since 1970\]: of PostgreSQL's clock, or of the system's clock if it was never read.
+    pub(super) fn now_ms(&self) -> i64 {
+        self.state().reading.map_or_else(system_ms, |reading| reading.now_ms())
+    }
+
+    /// Time since PostgreSQL's clock was seen to be set; `None` if it was not.
+    pub(super) fn since_jump(&self) -> Option<Duration> {
+        self.state().jumped.map(|jumped| jumped.elapsed())
+    }
+
     fn note(&self, reading: Reading) {
         let mut state = self.state.lock().unwrap_or_else(PoisonError::into_inner);
         let ahead_ms = state.reading.map_or(0, |before| reading.now_ms() - before.now_ms());
@@ -68,26 +78,6 @@ impl DatabaseTime {
 
     fn state(&self) -> State {
         *self.state.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-}
-
-impl Store {
-    /// Present time \[ms since 1970\]: of PostgreSQL's clock, or of the system's clock for SQLite.
-    #[must_use]
-    pub fn now_ms(&self) -> i64 {
-        self.inner.time.state().reading.map_or_else(system_ms, |reading| reading.now_ms())
-    }
-
-    /// Whether other processes may work on the same database.
-    #[must_use]
-    pub fn is_shared(&self) -> bool {
-        self.readers().is_postgres()
-    }
-
-    /// Time since PostgreSQL's clock was seen to be set; `None` if it was not, and for SQLite.
-    #[must_use]
-    pub fn since_time_jump(&self) -> Option<Duration> {
-        self.inner.time.state().jumped.map(|jumped| jumped.elapsed())
     }
 }
 

@@ -1,10 +1,10 @@
 //! Read access to a database that a server may be using, for checks and backups.
 
+use super::connect::{connect_once, connect_options, create_private};
 use super::datasets::with_pairs;
-use super::open::{MIGRATIONS, connect_once, connect_options, create_private, has_table, require_suitable};
+use super::migrations::{MIGRATIONS, has_table, require_finished, require_suitable};
 use super::rows::{from_json, from_json_option, to_json};
 use super::sql::{Connection, query, query_as, scalar};
-use super::transfer::marked_source;
 use super::{Store, StoreError};
 use lightpath_domain::dataset::digest;
 use serde_json::Value;
@@ -102,7 +102,7 @@ impl Inspection {
         sqlx::query("pragma query_only = on").execute(&mut connection).await?;
         let mut inspection = Self { connection: Connection::SqliteFile(connection) };
         inspection.steps().await?;
-        inspection.require_finished().await?;
+        require_finished(&mut inspection.connection).await?;
         Ok(inspection)
     }
 
@@ -118,13 +118,8 @@ impl Inspection {
             return Err(StoreError::EmptyDatabase);
         }
         inspection.steps().await?;
-        inspection.require_finished().await?;
+        require_finished(&mut inspection.connection).await?;
         Ok(inspection)
-    }
-
-    /// Refuses the target of an unfinished transfer.
-    async fn require_finished(&mut self) -> Result<(), StoreError> {
-        marked_source(&mut self.connection).await?.map_or(Ok(()), |_| Err(StoreError::Unfinished))
     }
 
     async fn connect_to_any(url: &str) -> Result<Self, StoreError> {

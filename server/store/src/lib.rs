@@ -17,14 +17,15 @@
 //!
 //! - `tokens`: API tokens. `signing`: keyrings and private keys. `queue`: pauses and the state of the queue.
 //!   `dependencies`: jobs that wait for other jobs. `claims`: which job is next.
-//!   `processes`: those that live.
+//!   `processes`: their signs of life; `living`: those that live.
 //! - `gates`: what versions must show before they become active. `rollouts`, `devices`: versions on their way to the
 //!   displays in the field.
 //! - `webhooks`, `deliveries`: addresses that learn of events, and what they are to learn.
 //! - `collection`: automatic removal of old records. `inspect`: read access for checks and backups. `transfer`: copies all
 //!   tables to another database.
-//! - `open`: files, connections, migrations. `database_time`: the time of day on which processes agree. `sql`: statements
-//!   that both databases run. `write`: write transactions.
+//! - `store`: the handle. `open`: opens it; `connect`: single connections; `migrations`: the tables, and whether this program
+//!   can work on them. `database_time`: the time of day on which processes agree. `sql`: statements that both databases run.
+//!   `write`: write transactions.
 //!   `changes`: announcements. `notices`: those of other processes. `subscriptions`: receiving announcements. `rows`: text
 //!   and JSON. `job_rows`: jobs as rows.
 //! - `displays`, `artifacts`, `datasets`, `jobs`, `leases`, `endings`, `cancels`, `events`, `kernels`, `moves`,
@@ -39,6 +40,7 @@ mod claims;
 mod collection;
 #[cfg(test)]
 mod conformance;
+mod connect;
 mod database_time;
 mod datasets;
 mod deliveries;
@@ -55,6 +57,8 @@ mod job_rows;
 mod jobs;
 mod kernels;
 mod leases;
+mod living;
+mod migrations;
 mod moves;
 mod notices;
 mod open;
@@ -65,6 +69,7 @@ mod rollouts;
 mod rows;
 mod signing;
 mod sql;
+mod store;
 mod subscriptions;
 mod tokens;
 mod totals;
@@ -82,12 +87,12 @@ pub use inspect::{Counts, DanglingReference, Inspection, StoredBlob};
 pub use job_lists::JobFilter;
 pub use jobs::{QueueCounts, QueueLimits, Submitted};
 pub use leases::{ClaimLimits, Claimant, Heartbeat};
+pub use living::{LIFE, Process, ProcessKind};
 pub use moves::{ALIASES_MAX, AliasMove, Promotion};
-pub use open::Store;
-pub use processes::{LIFE, Process, ProcessKind};
 pub use queue::{BatchProgress, OwnerQueue, Pause};
 pub use rollouts::Widening;
 pub use signing::{PrivateKey, StoredKeyring};
+pub use store::Store;
 pub use tokens::TokenRecord;
 pub use totals::{QueueDepth, WaitingWork};
 pub use transfer::{ComparedTable, Side, Transfer, TransferError};

@@ -5,9 +5,9 @@
 //! workers look into the queue from time to time in any case. So a lost notice delays, and no more.
 
 use super::changes::Change;
-use super::open::Inner;
 use super::rows::to_json;
 use super::sql::scalar;
+use super::store::Inner;
 use super::{Changed, Store, StoreError};
 use serde::{Deserialize, Serialize};
 use sqlx::postgres::PgListener;

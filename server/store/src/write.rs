@@ -1,8 +1,8 @@
 //! Write transactions.
 
 use super::changes::{Change, Changed};
+use super::connect::POSTGRES_WRITERS;
 use super::notices;
-use super::open::POSTGRES_WRITERS;
 use super::sql::{Connection, Pool, query, run_all};
 use super::{Store, StoreError};
 use futures::future::BoxFuture;

@@ -72,7 +72,7 @@ pub(crate) fn optimize<'py>(
     let weight = weight.map(|weight| plane("weight", &weight)).transpose()?;
     let given = initial_phase.map(|phase| plane("initial_phase", &phase)).transpose()?;
     let options: Options = serde_json::from_str(options).map_err(Refused::from)?;
-    let work = |sender: &Sender<Progress>| Work { display, target, weight, options }.run(given, sender);
+    let work = |sender: &Sender<Progress>| Request { display, target, weight, options }.run(given, sender);
     let done = threads::compute_long(py, progress, work)?;
     Ok((
         array(py, done.phase)?,
@@ -84,14 +84,14 @@ pub(crate) fn optimize<'py>(
     ))
 }
 
-struct Work<'a> {
+struct Request<'a> {
     display: &'a DisplayModel,
     target: Plane<f32>,
     weight: Option<Plane<f32>>,
     options: Options,
 }
 
-impl Work<'_> {
+impl Request<'_> {
     fn run(self, given: Option<Plane<f32>>, sender: &Sender<Progress>) -> Result<Optimized, Refused> {
         let Options { compared, method, iterations, seed, initial_phase, bit_depth, quantization_aware } =
             &self.options;

@@ -21,4 +21,4 @@ mod streams;
 pub use memory_budget::MemoryBudget;
 pub(crate) use memory_budget::Share;
 pub use rate::Rate;
-pub(crate) use streams::{OpenStream, StreamKind, Streams};
+pub(crate) use streams::{CONNECTIONS_MAX, OpenStream, StreamKind, Streams};

@@ -1,10 +1,13 @@
 //! Limits on open streams and connections, for each client and for all clients together.
 
-use crate::connections::CONNECTIONS_MAX;
 use lightpath_service::{Client, LimitReason, ServiceError};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
+
+/// Limit on open connections. More clients wait in the backlog of the system. Each connection needs a file handle, and
+/// processes commonly have 1024.
+pub(crate) const CONNECTIONS_MAX: usize = 800;
 
 /// Share of the transfers that one client may run at once, so that one client cannot keep out all others.
 const TRANSFERS_SHARE: usize = 4;

@@ -5,10 +5,7 @@
 //!
 //! # Layout
 //!
-//! - `log`: the latest events. `publisher`: the task that fills it. `service`: the streams that read it.
+//! - `publisher`: the task that fills the log of events. `service`: the streams that read it.
 
-mod log;
 mod publisher;
 mod service;
-
-pub(crate) use log::EventLog;

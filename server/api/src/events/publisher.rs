@@ -1,6 +1,6 @@
 //! The task that turns announcements of the store into events.
 
-use super::log::EventLog;
+use crate::event_log::EventLog;
 use crate::jobs::to_wire;
 use lightpath_proto::v1::event::{Change, Changed as Named, Reset};
 use lightpath_service::Jobs;

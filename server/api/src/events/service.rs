@@ -1,10 +1,10 @@
 //! Streams of events.
 
-use super::log::{Entry, EventLog, Since};
 use super::publisher::publish;
 use crate::accounts::{OpenStream, StreamKind};
 use crate::api::Api;
 use crate::call::{Answers, StatusStream};
+use crate::event_log::{Entry, EventLog, Since};
 use futures::{StreamExt as _, stream};
 use lightpath_domain::access::Caller;
 use lightpath_proto::v1;

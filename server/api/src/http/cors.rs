@@ -21,7 +21,7 @@ const ANSWER_FIELDS: &str = "accept-ranges, content-range, etag, grpc-message, g
 const REMEMBERED_S: &str = "600";
 
 /// Answers the preflights of allowed pages, and lets their browsers hand them the answers to their calls. Other requests
-/// pass as they are: the gate refuses those of other pages.
+/// pass as they are: admission refuses those of other pages.
 pub(super) async fn with_cors(State(origins): State<Origins>, request: Request, next: Next) -> Response {
     let origin = request.headers().get(header::ORIGIN).cloned();
     let allowed = origin.filter(|origin| origin.to_str().is_ok_and(|origin| origins.contains(origin)));

@@ -18,7 +18,7 @@ pub(super) fn with_grpc_web(router: Router) -> Router {
 
 async fn translate(State(mut translating): State<Router>, request: Request, next: Next) -> Response {
     let content_type = request.headers().get(header::CONTENT_TYPE).map(|value| value.as_bytes());
-    // Other types are left to the gate. A page of another site sends this one only if the server agrees to it first.
+    // Other types are left to admission. A page of another site sends this one only if the server agrees to it first.
     let is_web = content_type.is_some_and(|value| value.starts_with(b"application/grpc-web"));
     if !is_web || !is_grpc(request.uri().path()) {
         return next.run(request).await;

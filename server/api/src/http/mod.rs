@@ -2,7 +2,7 @@
 //!
 //! # Layout
 //!
-//! - `gate`: identifies callers and checks their roles. `origin`: keeps out web pages of other sites. `protocol`: gRPC or
+//! - `admission`: identifies callers and checks their roles. `origin`: keeps out web pages of other sites. `protocol`: gRPC or
 //!   HTTP. `token_expiry`: ends calls of invalid tokens.
 //! - `cors`: pages of other sites that may call the server. `grpc_web`: gRPC for web pages.
 //! - `page`: the files of the dashboard. `compression`: gzip and zstd.
@@ -14,6 +14,7 @@
 //!   `artifact_pictures`: the same as pictures. `live_pictures`: pictures of running jobs. `file_answer`, `byte_range`:
 //!   files in ranges. `worker_status`: health and metrics of a process that only runs jobs. `etags`: conditions of requests. `refusal`: errors as answers.
 
+mod admission;
 mod artifact_files;
 mod artifact_pictures;
 mod byte_range;
@@ -22,7 +23,6 @@ mod compression;
 mod cors;
 mod etags;
 mod file_answer;
-mod gate;
 mod grpc_web;
 mod kernel_files;
 mod live_pictures;
@@ -40,13 +40,13 @@ mod worker_status;
 
 pub use crate::accounts::{MemoryBudget, Rate};
 use crate::api::Api;
+pub use admission::Admission;
 use axum::extract::{DefaultBodyLimit, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::middleware;
 use axum::response::{IntoResponse, Response};
 use axum::routing::{get, post, put};
 use axum::{Extension, Router};
-pub use gate::Gate;
 use lightpath_metrics as metrics;
 use lightpath_service::{Call, ServiceError};
 pub use origin::Hosts;
@@ -83,9 +83,9 @@ const PATHS: [&str; 14] = [
 ];
 
 /// The router for gRPC and HTTP.
-pub fn router(gate: Gate, budget: Arc<MemoryBudget>, grpc: tonic::service::Routes) -> Router {
+pub fn router(admission: Admission, budget: Arc<MemoryBudget>, grpc: tonic::service::Routes) -> Router {
     requests::expect_all();
-    let (api, origins) = (gate.api.clone(), gate.hosts.pages().clone());
+    let (api, origins) = (admission.api.clone(), admission.hosts.pages().clone());
     // Both routers have a fallback, and a merged router can have only one.
     let grpc = grpc.into_axum_router().reset_fallback();
     let methods = grpc.clone();
@@ -124,7 +124,7 @@ pub fn router(gate: Gate, budget: Arc<MemoryBudget>, grpc: tonic::service::Route
         .with_state(api.clone());
     let app = compression::with_compression(http)
         .merge(grpc)
-        .layer(middleware::from_fn_with_state(gate, gate::pass))
+        .layer(middleware::from_fn_with_state(admission, admission::pass))
         .layer(middleware::from_fn_with_state(budget, memory_use::with_memory_limit))
         .layer(middleware::from_fn_with_state(api, requests::with_deadline))
         .layer(middleware::from_fn(transcode::find_method));

@@ -11,11 +11,9 @@ use crate::time::ms;
 use lightpath_proto::v1;
 use lightpath_proto::v1::job_service_server::JobService;
 use lightpath_proto::v1::list_jobs_request::{Order, View};
-use lightpath_service::permissions::require_all_displays;
 use lightpath_service::{Call, Field, ServiceError, shortened};
 use lightpath_store::{BatchProgress, JobFilter};
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
-use std::mem;
 use tonic::{Request, Response, Status};
 
 #[tonic::async_trait]
@@ -86,21 +84,15 @@ impl Api {
         let filter = filter_of(call, &request)?;
         let page = Page::new(&["jobs", &hash_of(&filter)], request.page_size, &request.page_token)?;
         let after = page.after.as_deref();
+        let jobs = &self.service.jobs;
         if Field::new("view").wire_value::<View>(request.view)? == View::Basic {
-            let mut summaries = self.store.job_summaries(&filter, after, page.limit()).await?;
-            for error in summaries.iter_mut().filter_map(|job| job.error.as_mut()) {
-                error.message = self.service.jobs.text_for(&call.caller, mem::take(&mut error.message)).await?;
-            }
+            let summaries = jobs.summaries(call, &filter, after, page.limit()).await?;
             let (summaries, next_page_token) =
-                page.fill(summaries, |job| job.id.clone(), |job| to_wire::summary(&self.service.jobs, job));
+                page.fill(summaries, |job| job.id.clone(), |job| to_wire::summary(jobs, job));
             return Ok(v1::ListJobsResponse { summaries, next_page_token, ..Default::default() });
         }
-        let mut jobs = Vec::new();
-        for job in self.store.jobs(&filter, after, page.limit()).await? {
-            jobs.push(self.service.jobs.seen_by(&call.caller, job).await?);
-        }
-        let (jobs, next_page_token) =
-            page.fill(jobs, |job| job.id.clone(), |job| to_wire::job(&self.service.jobs, job));
+        let found = jobs.list(call, &filter, after, page.limit()).await?;
+        let (jobs, next_page_token) = page.fill(found, |job| job.id.clone(), |job| to_wire::job(jobs, job));
         Ok(v1::ListJobsResponse { jobs, next_page_token, ..Default::default() })
     }
 
@@ -126,10 +118,7 @@ impl Api {
         let id = names::job_id(&Field::new("name"), &request.name)?;
         self.service.jobs.visible(call, &id).await?;
         let page = Page::new(&["events", &id], request.page_size, &request.page_token)?;
-        let mut events = self.store.events(&id, page.after_number()?, page.limit()).await?;
-        for event in &mut events {
-            event.message = self.service.jobs.text_for(&call.caller, mem::take(&mut event.message)).await?;
-        }
+        let events = self.service.jobs.events(call, &id, page.after_number()?, page.limit()).await?;
         let (events, next_page_token) = page.fill(events, |event| event.sequence.to_string(), to_wire::event);
         Ok(v1::ListJobEventsResponse { events, next_page_token })
     }
@@ -137,9 +126,8 @@ impl Api {
     async fn get_batch(&self, call: &Call, request: v1::GetBatchRequest) -> Result<v1::Batch, ServiceError> {
         let batch = label(&Field::new("batch"), request.batch)?;
         let batch = batch.ok_or_else(|| Field::new("batch").invalid("is empty, but must name a batch"))?;
-        // The jobs of a batch may be about any display.
-        require_all_displays(call, "display in ListJobs")?;
-        let BatchProgress { queued, running, succeeded, failed, cancelled, done } = self.store.batch(&batch).await?;
+        let progress = self.service.jobs.batch(call, &batch).await?;
+        let BatchProgress { queued, running, succeeded, failed, cancelled, done } = progress;
         Ok(v1::Batch { batch, queued, running, succeeded, failed, cancelled, done })
     }
 }

@@ -2,8 +2,8 @@
 
 use super::{kinds, scheduling, to_wire};
 use crate::api::Api;
-use lightpath_domain::access::Role;
 use lightpath_proto::v1;
+use lightpath_service::permissions::priority_of_job;
 use lightpath_service::{Call, Field, ServiceError, Submission, check_all, is_about_fields};
 use uuid::Uuid;
 
@@ -12,7 +12,6 @@ const REQUEST_ID_BYTES_MAX: usize = 128;
 /// Limit on the attempts: a job that failed so often has a permanent problem.
 const ATTEMPTS_MAX: u32 = 20;
 const ATTEMPTS_DEFAULT: u32 = 3;
-const PRIORITY_MAX: i32 = 100;
 
 impl Api {
     /// Checks a submission, and puts the job into the queue. Named resources are looked up and pictures are decoded, so
@@ -48,23 +47,10 @@ fn submission(call: &Call, request: v1::SubmitJobRequest) -> Result<Submission, 
     check_all! {
         scheduling = scheduling::scheduling(call, &request);
         request_id = request_id(request.request_id);
-        priority = priority(call, request.priority);
+        priority = priority_of_job(call, request.priority);
         attempts_max = attempts_max.integer_or(request.attempts_max, ATTEMPTS_DEFAULT, 1..=ATTEMPTS_MAX);
     }
     Ok(Submission { scheduling, request_id, priority, attempts_max })
-}
-
-/// Checks a priority. Only curators and admins may let a job overtake those of others.
-fn priority(call: &Call, given: i32) -> Result<i32, ServiceError> {
-    let field = Field::new("priority");
-    let priority = field.integer(given, -PRIORITY_MAX..=PRIORITY_MAX)?;
-    if priority >= 0 || matches!(call.caller.role, Role::Curator | Role::Admin) {
-        return Ok(priority);
-    }
-    Err(ServiceError::Denied(format!(
-        "{field} is {priority}, but a job before those of others needs a token with the role curator or admin; use 0 to \
-         {PRIORITY_MAX}"
-    )))
 }
 
 fn request_id(given: String) -> Result<String, ServiceError> {

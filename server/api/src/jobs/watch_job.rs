@@ -10,7 +10,6 @@ use lightpath_domain::access::Caller;
 use lightpath_domain::job::Job;
 use lightpath_proto::v1;
 use lightpath_service::{Call, Field, Jobs, ServiceError};
-use lightpath_store::Store;
 
 impl Api {
     pub(crate) async fn watch_job(
@@ -23,8 +22,7 @@ impl Api {
         // The stream subscribes before the first read, so that it misses no change.
         let changes = self.store.subscribe_job_changes();
         let first = self.service.jobs.visible(call, &id).await?;
-        let source =
-            JobSource { jobs: self.service.jobs.clone(), store: self.store.clone(), caller: call.caller.clone(), id };
+        let source = JobSource { jobs: self.service.jobs.clone(), caller: call.caller.clone(), id };
         Ok(watch::stream(source, first, changes, self.stopping.clone(), open))
     }
 }
@@ -32,7 +30,6 @@ impl Api {
 /// The job that a stream follows, and the caller who sees it.
 struct JobSource {
     jobs: Jobs,
-    store: Store,
     caller: Caller,
     id: String,
 }
@@ -43,7 +40,7 @@ impl Watch for JobSource {
     type Message = v1::Job;
 
     async fn read(&self) -> Result<Job, ServiceError> {
-        self.jobs.seen_by(&self.caller, self.store.job(&self.id).await?).await
+        self.jobs.followed_by(&self.caller, &self.id).await
     }
 
     fn concerns(&self, change: &String) -> bool {

@@ -41,17 +41,10 @@ impl Api {
         call: &Call,
         request: v1::CompareKernelVersionsRequest,
     ) -> Result<v1::KernelComparison, ServiceError> {
-        let (first_key, first) = names::kernel_version(call, &Field::new("first"), &request.first)?;
-        let field = Field::new("second");
-        let (second_key, second) = names::kernel_version(call, &field, &request.second)?;
-        if (&first_key.display, first_key.wavelength) != (&second_key.display, second_key.wavelength) {
-            let rule = "must be of the same display and wavelength as the first one";
-            return Err(field.invalid(format!("is {:?}, but {rule}", request.second)));
-        }
-        let first = self.store.kernel_version(&first_key, first).await?;
-        let second = self.store.kernel_version(&second_key, second).await?;
-        let Comparison { transfer, source, parameters, picture_png } =
-            self.service.kernels.compare(call, [&first, &second]).await?;
+        let first = names::kernel_version(call, &Field::new("first"), &request.first)?;
+        let second = names::kernel_version(call, &Field::new("second"), &request.second)?;
+        let ([first, second], comparison) = self.service.kernels.compare(call, [first, second]).await?;
+        let Comparison { transfer, source, parameters, picture_png } = comparison;
         let parameter = |(name, [first, second]): (&str, [Option<String>; 2])| Parameter {
             name: name.to_owned(),
             first: first.unwrap_or_default(),

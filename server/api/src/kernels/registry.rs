@@ -4,12 +4,10 @@ use super::{REASON_BYTES_MAX, to_wire};
 use crate::api::Api;
 use crate::names;
 use lightpath_domain::kernel::{ACTIVE, KernelKey};
-use lightpath_domain::promotion::PromotionGate;
+use lightpath_domain::promotion::{GateChange, PromotionGate};
 use lightpath_proto::v1;
 use lightpath_service::{Call, Field, ServiceError};
 
-/// Gates of a display's history that one answer shows.
-const GATES_SHOWN: u32 = 100;
 /// Limit on the test pairs that a gate requires: no dataset has more.
 const TEST_PAIRS_MAX: u32 = 100_000;
 /// Names that cannot be aliases, because they have another meaning where a version is named.
@@ -25,8 +23,7 @@ impl Api {
         call.concerns(&request.display);
         let reason = Field::new("reason").line(request.reason, REASON_BYTES_MAX)?;
         let gate = gate_from_wire(&Field::new("gate"), request.gate.unwrap_or_default())?;
-        self.service.promotions.set_gate(call, &display.id, &gate, reason).await?;
-        self.display_gate(&display.id).await
+        Ok(display_gate(&display.id, self.service.promotions.set_gate(call, &display.id, &gate, reason).await?))
     }
 
     pub(crate) async fn get_promotion_gate(
@@ -35,17 +32,7 @@ impl Api {
         request: v1::GetPromotionGateRequest,
     ) -> Result<v1::DisplayGate, ServiceError> {
         let display = self.display_named(call, &Field::new("display"), &request.display).await?;
-        self.display_gate(&display.id).await
-    }
-
-    async fn display_gate(&self, display: &str) -> Result<v1::DisplayGate, ServiceError> {
-        let history = self.store.gates(display, GATES_SHOWN).await?;
-        let gate = history.first().map(|change| change.gate.clone()).unwrap_or_default();
-        Ok(v1::DisplayGate {
-            display: format!("displays/{display}"),
-            gate: Some(to_wire::gate(gate)),
-            history: history.into_iter().map(to_wire::gate_change).collect(),
-        })
+        Ok(display_gate(&display.id, self.service.promotions.gates(&display.id).await?))
     }
 
     pub(crate) async fn set_kernel_alias(
@@ -89,11 +76,19 @@ impl Api {
         let wavelength = Field::new("wavelength_m").wavelength_of(request.wavelength_m, &display)?;
         let distance = Field::new("distance_m").distance(request.distance_m)?;
         let key = KernelKey { display: display.id, wavelength, distance };
-        let kernels = self.store.nearest_kernels(&key).await?;
+        let (kernels, can_be_interpolated) = self.service.kernels.nearest(&key).await?;
         Ok(v1::FindNearestKernelsResponse {
             kernels: kernels.iter().map(to_wire::kernel).collect(),
-            can_be_interpolated: self.service.kernels.can_be_interpolated(&key).await?,
+            can_be_interpolated,
         })
+    }
+}
+
+fn display_gate(display: &str, (gate, history): (PromotionGate, Vec<GateChange>)) -> v1::DisplayGate {
+    v1::DisplayGate {
+        display: format!("displays/{display}"),
+        gate: Some(to_wire::gate(gate)),
+        history: history.into_iter().map(to_wire::gate_change).collect(),
     }
 }
 

@@ -2,10 +2,9 @@
 
 use super::{Config, ConfigError, SecretText};
 use crate::database::Database;
-use crate::upkeep::{Retention, UpkeepError};
 use lightpath_api::http::Hosts;
 use lightpath_api::tls::TlsFiles;
-use lightpath_artifacts::{Artifacts, RemoteOptions, SpaceLimits};
+use lightpath_artifacts::{RemoteOptions, SpaceLimits};
 use lightpath_domain::ability::Labels;
 use lightpath_domain::origin::Origins;
 use lightpath_service::{JobLimits, ManifestRules, ServiceLimits};
@@ -89,15 +88,6 @@ impl Config {
         }))
     }
 
-    /// Opens the artifacts: locks the data folder, and connects to the bucket if there is one. Blocks.
-    ///
-    /// # Errors
-    ///
-    /// [`UpkeepError::Config`] as [`Self::bucket`], [`UpkeepError::Artifacts`] as [`Artifacts::open_with`].
-    pub fn open_artifacts(&self) -> Result<Artifacts, UpkeepError> {
-        Ok(Artifacts::open_with(&self.data_dir, self.space(), self.bucket()?.as_ref())?)
-    }
-
     /// Files for TLS; `None`: no TLS.
     ///
     /// # Errors
@@ -174,15 +164,6 @@ impl Config {
             queued: self.queue_limit,
             queued_per_owner: self.owner_queue_limit,
             stored_bytes_per_owner: bytes(self.owner_stored_mib_max),
-        }
-    }
-
-    /// Ages at which artifacts and jobs are removed.
-    #[must_use]
-    pub fn retention(&self) -> Retention {
-        Retention {
-            artifacts: limit(self.collect_artifacts_after_days * DAY_S),
-            jobs: limit(self.collect_jobs_after_days * DAY_S),
         }
     }
 

@@ -5,8 +5,9 @@
 //! can be removed during the copy: a job whose saved state is missing starts from the beginning after a restore, with
 //! the same result.
 
-use super::place::blob_problem;
-use super::{DATABASE, Finding, FindingKind, UpkeepError};
+use super::blob_reader::blob_problem;
+use super::{Finding, FindingKind, UpkeepError};
+use crate::database::{DATABASE, DatabaseError};
 use lightpath_artifacts::{
     ArtifactError, BlobKind, FolderLock, Inventory, LOCK, create_private_folder, digest_of_file, private_file,
 };
@@ -58,12 +59,12 @@ pub struct Backup {
 ///
 /// # Errors
 ///
-/// [`UpkeepError::NoData`], [`UpkeepError::NotEmpty`], [`UpkeepError::Inside`]; [`ArtifactError::Locked`] if another
+/// [`DatabaseError::NoData`], [`UpkeepError::NotEmpty`], [`UpkeepError::Inside`]; [`ArtifactError::Locked`] if another
 /// process writes to the destination.
 pub async fn backup(data_dir: &Path, destination: &Path) -> Result<Backup, UpkeepError> {
     let database = data_dir.join(DATABASE);
     if !database.is_file() {
-        return Err(UpkeepError::NoData { path: data_dir.to_owned() });
+        return Err(DatabaseError::NoData { path: data_dir.to_owned() }.into());
     }
     require_outside(destination, data_dir)?;
     let _lock = lock_empty(destination)?;

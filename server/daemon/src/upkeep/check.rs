@@ -1,7 +1,7 @@
 //! Checks that a data folder contains everything to which its database refers.
 
 use super::UpkeepError;
-use super::place::Place;
+use super::blob_reader::BlobReader;
 use crate::database::Database;
 use futures::{StreamExt as _, stream};
 use lightpath_artifacts::{BlobKind, RemoteOptions};
@@ -86,7 +86,7 @@ impl FindingKind {
 ///
 /// # Errors
 ///
-/// [`UpkeepError::NoData`], or another error if the folder cannot be read at all. Problems inside are in the report.
+/// [`DatabaseError::NoData`](crate::database::DatabaseError::NoData), or another error if the folder cannot be read at all. Problems inside are in the report.
 pub async fn check(data_dir: &Path) -> Result<Report, UpkeepError> {
     check_with(data_dir, &Database::InFolder(data_dir.to_owned()), None).await
 }
@@ -96,7 +96,7 @@ pub async fn check(data_dir: &Path) -> Result<Report, UpkeepError> {
 ///
 /// # Errors
 ///
-/// The errors of [`check`]; [`UpkeepError::OtherArtifacts`] if the database belongs to other artifacts;
+/// The errors of [`check`]; [`DatabaseError::OtherArtifacts`](crate::database::DatabaseError::OtherArtifacts) if the database belongs to other artifacts;
 /// [`ArtifactError::Remote`](lightpath_artifacts::ArtifactError::Remote) if the bucket cannot be reached.
 pub async fn check_with(
     data_dir: &Path,
@@ -104,16 +104,16 @@ pub async fn check_with(
     bucket: Option<&RemoteOptions>,
 ) -> Result<Report, UpkeepError> {
     let mut inspection = database.inspect().await?;
-    let place = Place::open(data_dir, bucket).await?;
-    place.require(&mut inspection).await?;
+    let reader = BlobReader::open(data_dir, bucket).await?;
+    reader.require(&mut inspection).await?;
     let schema = inspection.steps().await?.pop().unwrap_or_else(|| "none".to_owned());
     let Counts { jobs, kernel_versions, .. } = inspection.counts().await?;
     let mut problems = database_problems(&mut inspection, database.name()).await?;
-    let mut blobs = place.blobs().await?;
-    let (artifacts, artifact_bytes) = check_artifacts(&mut inspection, &place, &mut blobs, &mut problems).await?;
-    let checkpoints = check_checkpoints(&mut inspection, &place, &mut blobs, &mut problems).await?;
+    let mut blobs = reader.blobs().await?;
+    let (artifacts, artifact_bytes) = check_artifacts(&mut inspection, &reader, &mut blobs, &mut problems).await?;
+    let checkpoints = check_checkpoints(&mut inspection, &reader, &mut blobs, &mut problems).await?;
     inspection.close().await?;
-    let unreferenced_files = (blobs.len() + place.temporary_files()?) as u64;
+    let unreferenced_files = (blobs.len() + reader.temporary_files()?) as u64;
     Ok(Report {
         data_dir: data_dir.to_owned(),
         bucket: bucket.map(|options| options.url.clone()),
@@ -149,7 +149,7 @@ async fn database_problems(inspection: &mut Inspection, name: &str) -> Result<Ve
 
 async fn check_artifacts(
     inspection: &mut Inspection,
-    place: &Place,
+    reader: &BlobReader,
     blobs: &mut HashSet<(bool, String)>,
     problems: &mut Vec<Finding>,
 ) -> Result<(u64, u64), UpkeepError> {
@@ -158,7 +158,7 @@ async fn check_artifacts(
         let page = inspection.artifacts_after(&after).await?;
         let Some(last) = page.last() else { return Ok((count, bytes)) };
         after.clone_from(&last.digest);
-        let verify = async |record: StoredBlob| (place.verify(BlobKind::Artifact, &record.digest).await, record);
+        let verify = async |record: StoredBlob| (reader.verify(BlobKind::Artifact, &record.digest).await, record);
         let verified: Vec<_> = stream::iter(page).map(verify).buffered(AT_ONCE).collect().await;
         for (found, record) in verified {
             blobs.remove(&(true, record.digest.clone()));
@@ -167,7 +167,7 @@ async fn check_artifacts(
                 Ok(size_bytes) => Some(format!("has {size_bytes} bytes, but {} are recorded", record.size_bytes)),
                 // A server may have removed the artifact in the meantime.
                 Err(_) if !inspection.has_artifact(&record.digest).await? => continue,
-                Err(error) => Some(place.problem(&error)),
+                Err(error) => Some(reader.problem(&error)),
             };
             count += 1;
             bytes += record.size_bytes;
@@ -180,7 +180,7 @@ async fn check_artifacts(
 
 async fn check_checkpoints(
     inspection: &mut Inspection,
-    place: &Place,
+    reader: &BlobReader,
     blobs: &mut HashSet<(bool, String)>,
     problems: &mut Vec<Finding>,
 ) -> Result<u64, UpkeepError> {
@@ -188,13 +188,13 @@ async fn check_checkpoints(
     for (job, mut digest) in inspection.checkpoints().await? {
         loop {
             blobs.remove(&(false, digest.clone()));
-            let Err(error) = place.verify(BlobKind::Checkpoint, &digest).await else { break };
+            let Err(error) = reader.verify(BlobKind::Checkpoint, &digest).await else { break };
             // A running job replaces its checkpoint often, and an ended job has none.
             match inspection.checkpoint_of(&job).await? {
                 None => break,
                 Some(newer) if newer != digest => digest = newer,
                 Some(_) => {
-                    let problem = format!("{digest} {}", place.problem(&error));
+                    let problem = format!("{digest} {}", reader.problem(&error));
                     problems.push(Finding { kind: FindingKind::Checkpoint, what: format!("jobs/{job}"), problem });
                     break;
                 }

@@ -1,7 +1,7 @@
 //! `lightpathd check`, `backup`, `restore`, `restored` and `collect`.
 
 use super::keys::raise_after_restore;
-use super::{Collected, Finding, Report, UpkeepError, backup, check_with, restore};
+use super::{Collected, Finding, Report, Retention, UpkeepError, backup, check_with, open_artifacts, restore};
 use crate::config::{BucketFlags, Config, Effective, ServeFlags, Settings};
 use crate::database::Database;
 use anyhow::Context as _;
@@ -238,7 +238,7 @@ impl RestoredArgs {
         let report = runtime()?.block_on(async {
             database.require().await?;
             // This fails while a server uses the folder.
-            let artifacts = config.open_artifacts()?;
+            let artifacts = open_artifacts(&config)?;
             let store = database.open(&artifacts).await?;
             raise_after_restore(&store, store.now_ms()).await?;
             store.close().await;
@@ -260,7 +260,7 @@ impl CollectArgs {
         let file = self.config.as_deref().map(Settings::read).transpose()?.unwrap_or_default();
         let config = Effective::merge(self.settings.0, file)?.config;
         let database = config.database()?;
-        let retention = config.retention();
+        let retention = Retention::of(&config);
         let collected = runtime()?.block_on(async {
             database.require().await?;
             if self.dry_run {
@@ -268,7 +268,7 @@ impl CollectArgs {
                 return retention.preview(&store, store.now_ms()).await;
             }
             // This fails while a server uses the folder, because two processes would not know of each other's uploads.
-            let artifacts = config.open_artifacts()?;
+            let artifacts = open_artifacts(&config)?;
             let store = database.open(&artifacts).await?;
             retention.collect(&store, &artifacts, store.now_ms()).await
         })?;

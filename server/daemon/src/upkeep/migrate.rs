@@ -5,9 +5,10 @@
 //! keyring stay as they are. A restore raises them, because devices may have seen newer ones than those of the backup;
 //! a move takes the newest state along, so nothing that a device has seen is lost.
 
-use super::place::blob_problem;
-use super::{DATABASE, Finding, FindingKind, UpkeepError};
+use super::blob_reader::blob_problem;
+use super::{Finding, FindingKind, UpkeepError, open_artifacts};
 use crate::config::Config;
+use crate::database::{DATABASE, DatabaseError};
 use lightpath_artifacts::{ArtifactError, Artifacts, BlobKind, Inventory};
 use lightpath_store::{ComparedTable, Inspection, Side, Transfer};
 use serde::Serialize;
@@ -66,13 +67,13 @@ impl Migration {
     ///
     /// # Errors
     ///
-    /// [`UpkeepError::NoData`] if the data folder has no database to move; [`ArtifactError::Locked`] while a server uses
-    /// the folder; [`UpkeepError::OtherArtifacts`] if the database on the server names files that are not in the data
+    /// [`DatabaseError::NoData`] if the data folder has no database to move; [`ArtifactError::Locked`] while a server uses
+    /// the folder; [`DatabaseError::OtherArtifacts`] if the database on the server names files that are not in the data
     /// folder; [`UpkeepError::Transfer`].
     pub async fn run(&self, progress: &mut Progress<'_>) -> Result<Moved, UpkeepError> {
         let file = self.config.data_dir.join(DATABASE);
         if self.to_server && !file.is_file() {
-            return Err(UpkeepError::NoData { path: self.config.data_dir.clone() });
+            return Err(DatabaseError::NoData { path: self.config.data_dir.clone() }.into());
         }
         progress("opening", 0, 0);
         let artifacts = self.open_artifacts().await?;
@@ -101,7 +102,7 @@ impl Migration {
         let recorded = inspection.artifact_place().await?;
         inspection.close().await?;
         match recorded.filter(|recorded| recorded != identity) {
-            Some(recorded) => Err(UpkeepError::OtherArtifacts { recorded, found: identity.to_owned() }),
+            Some(recorded) => Err(DatabaseError::OtherArtifacts { recorded, found: identity.to_owned() }.into()),
             None => Ok(()),
         }
     }
@@ -109,7 +110,7 @@ impl Migration {
     /// Locks the data folder. With a bucket, this stores the files of the folder there, which can take long.
     async fn open_artifacts(&self) -> Result<Artifacts, UpkeepError> {
         let config = self.config.clone();
-        match tokio::task::spawn_blocking(move || config.open_artifacts()).await {
+        match tokio::task::spawn_blocking(move || open_artifacts(&config)).await {
             Ok(opened) => opened,
             Err(error) => std::panic::resume_unwind(error.into_panic()),
         }

@@ -1,9 +1,9 @@
 //! `lightpathd migrate`.
 
-use super::DATABASE;
 use super::commands::{Form, exit, line, print, runtime};
 use super::migrate::{Migration, Moved};
 use crate::config::{BucketFlags, Effective, SecretText, Settings};
+use crate::database::DATABASE;
 use anyhow::{Context as _, bail};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::{Path, PathBuf};

@@ -3,8 +3,7 @@
 use super::tests::{TestData, file};
 use super::*;
 use crate::config::{Effective, SecretText, Settings};
-use crate::database::Database;
-use lightpath_artifacts::Artifacts;
+use crate::database::{DATABASE, Database, DatabaseError};
 use lightpath_fixtures::postgres_database;
 use lightpath_store::Store;
 use std::fs;
@@ -51,7 +50,7 @@ async fn a_server_moves_to_postgresql_and_back() {
     assert!(refused.contains("the target is not empty"), "{refused}");
     let other = tempfile::tempdir().unwrap();
     let refused = run(&migration(other.path(), &url, false, &[])).await;
-    assert!(matches!(refused, Err(UpkeepError::OtherArtifacts { .. })), "{refused:?}");
+    assert!(matches!(refused, Err(UpkeepError::Database(DatabaseError::OtherArtifacts { .. }))), "{refused:?}");
     assert!(!other.path().join(DATABASE).exists(), "a refused move leaves nothing behind");
     fs::rename(path.join(DATABASE), path.join("old.db")).unwrap();
     run(&back).await.unwrap();
@@ -85,5 +84,5 @@ async fn files_move_to_a_bucket_and_are_read_back() {
     assert_eq!(blobs.damaged.iter().map(|found| &found.what).collect::<Vec<_>>(), [&photo]);
     // Without the bucket, the server finds other artifacts than those of its database.
     let opened = Database::OnServer(url).open(&Artifacts::open(&path).unwrap()).await;
-    assert!(matches!(opened, Err(UpkeepError::OtherArtifacts { .. })), "{opened:?}");
+    assert!(matches!(opened, Err(DatabaseError::OtherArtifacts { .. })), "{opened:?}");
 }

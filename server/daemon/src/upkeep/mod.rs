@@ -7,12 +7,13 @@
 //!
 //! # Layout
 //!
-//! - `check`, `backup`, `restore`: these commands. `place`: where a check finds the blobs. `collect`: automatic removal of
+//! - `check`, `backup`, `restore`: these commands. `blob_reader`: reads the blobs of a check. `collect`: automatic removal of
 //!   old data; `removal`: from a bucket. `migrate`: a move to another database; `migrate_command`: its command.
 //! - `tokens`: creating, listing and revoking tokens. `keys`: keys that sign manifests; `key_commands`: `lightpathd key`.
 //!   `commands`: the other commands on the command line.
 
 mod backup;
+mod blob_reader;
 mod check;
 mod collect;
 mod commands;
@@ -22,7 +23,6 @@ mod migrate;
 mod migrate_command;
 #[cfg(test)]
 mod migrate_tests;
-mod place;
 mod removal;
 mod restore;
 #[cfg(test)]
@@ -41,35 +41,19 @@ pub use removal::Collected;
 pub use restore::restore;
 pub use tokens::TokenCommand;
 
-use crate::config::ConfigError;
-use lightpath_artifacts::ArtifactError;
+use crate::config::{Config, ConfigError};
+use crate::database::DatabaseError;
+use lightpath_artifacts::{ArtifactError, Artifacts};
 use lightpath_store::{StoreError, TransferError};
 use std::io;
 use std::path::PathBuf;
 
-/// Name of the database in the data folder.
-pub const DATABASE: &str = "lightpath.db";
-
 /// Why a data folder could not be checked, backed up or restored.
 #[derive(Debug, thiserror::Error)]
 pub enum UpkeepError {
-    /// The folder has no database.
-    #[error("{} contains no {DATABASE}; give the data folder of the server with --data-dir", path.display())]
-    NoData {
-        /// Path of the folder.
-        path: PathBuf,
-    },
-    /// The database's artifacts are in another data folder or bucket.
-    #[error(
-        "the artifacts of this database are in the data folder or bucket with the identity {recorded}, but the settings lead \
-         to the one with {found}: set data_dir or artifacts_url to the other one, or database_url to another database"
-    )]
-    OtherArtifacts {
-        /// Identity that the database records.
-        recorded: String,
-        /// Identity of the data folder or the bucket.
-        found: String,
-    },
+    /// The database could not be opened.
+    #[error(transparent)]
+    Database(#[from] DatabaseError),
     /// The database is on a PostgreSQL server, which has programs of its own for copies.
     #[error(
         "the database is on a PostgreSQL server: copy it with pg_dump and then the artifacts; without database_url this \
@@ -130,4 +114,13 @@ impl UpkeepError {
         let path = path.into();
         move |source| Self::Io { action, path, source }
     }
+}
+
+/// Opens the artifacts of a server: locks the data folder, and connects to the bucket if there is one. Blocks.
+///
+/// # Errors
+///
+/// [`UpkeepError::Config`] as [`Config::bucket`], [`UpkeepError::Artifacts`] as [`Artifacts::open_with`].
+pub(crate) fn open_artifacts(config: &Config) -> Result<Artifacts, UpkeepError> {
+    Ok(Artifacts::open_with(&config.data_dir, config.space(), config.bucket()?.as_ref())?)
 }

@@ -176,7 +176,8 @@ impl Deleted {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::upkeep::{DATABASE, Retention};
+    use crate::database::DATABASE;
+    use crate::upkeep::Retention;
     use lightpath_artifacts::{ArtifactError, RemoteOptions, SpaceLimits, digest_of};
     use lightpath_fixtures::{capture_job, display, test_database};
     use lightpath_worker::Clock;

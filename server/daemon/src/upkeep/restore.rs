@@ -2,7 +2,8 @@
 
 use super::backup::{MANIFEST, Manifest, lock_empty, require_outside};
 use super::keys::raise_after_restore;
-use super::{DATABASE, Report, UpkeepError, check};
+use super::{Report, UpkeepError, check};
+use crate::database::DATABASE;
 use lightpath_artifacts::{ArtifactError, BlobKind, Inventory, digest_of_file, private_file};
 use lightpath_fail_points as fail;
 use lightpath_store::{Inspection, Store};

@@ -1,7 +1,7 @@
 //! Tests of the commands on a data folder.
 
 use super::*;
-use lightpath_artifacts::Artifacts;
+use crate::database::DATABASE;
 use lightpath_domain::job::JobEffect;
 use lightpath_fixtures::{capture_job, capture_result, change_database, display};
 use lightpath_manifest::{PublicKey, SignedKeyring, SigningKey, Time, Trust};
@@ -83,7 +83,7 @@ async fn check_finds_no_problems_in_a_sound_folder_in_use() {
     // The server can still write.
     put(&data.artifacts, &data.store, b"more").await;
     let empty = tempfile::tempdir().unwrap();
-    assert!(matches!(check(empty.path()).await, Err(UpkeepError::NoData { .. })));
+    assert!(matches!(check(empty.path()).await, Err(UpkeepError::Database(DatabaseError::NoData { .. }))));
 }
 
 #[tokio::test]
@@ -140,7 +140,10 @@ async fn damaged_database_is_found() {
     match check(data.folder.path()).await {
         Ok(report) => assert!(report.problems.iter().any(|found| found.kind == FindingKind::Database), "{report:?}"),
         // The database is too damaged to be read.
-        Err(error) => assert!(matches!(error, UpkeepError::Store(_)), "{error:?}"),
+        Err(error) => assert!(
+            matches!(error, UpkeepError::Store(_) | UpkeepError::Database(DatabaseError::Store(_))),
+            "{error:?}"
+        ),
     }
 }
 

@@ -147,7 +147,7 @@ async fn fail_at(point: &str, kind: &str) -> bool {
 
 /// Asserts that the folder is sound, that everything acknowledged is stored, and that waiting jobs can continue.
 async fn assert_nothing_lost(work_folder: &WorkFolder, point: &str) {
-    if !work_folder.data().join(lightpath_server::upkeep::DATABASE).exists() {
+    if !work_folder.data().join(lightpath_server::database::DATABASE).exists() {
         assert_eq!(work_folder.acknowledgements(), [], "{point}");
         return;
     }

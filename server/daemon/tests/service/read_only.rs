@@ -2,7 +2,7 @@
 
 use lightpath_artifacts::Artifacts;
 use lightpath_fixtures::display;
-use lightpath_server::upkeep::DATABASE;
+use lightpath_server::database::DATABASE;
 use lightpath_store::Store;
 use std::fs::{self, Permissions};
 use std::os::unix::fs::{MetadataExt as _, PermissionsExt as _};

@@ -19,13 +19,13 @@ use tokio_util::sync::CancellationToken;
 const SOON: Duration = Duration::from_secs(60);
 
 /// A process that only runs jobs, in this process.
-struct Work {
+struct WorkerProcess {
     stop: CancellationToken,
     running: JoinHandle<()>,
     _folder: TempDir,
 }
 
-impl Work {
+impl WorkerProcess {
     fn start(settings: &Config, name: &str, labels: &str, memory_mib: f64) -> Self {
         let folder = TempDir::new().unwrap();
         let config = Config {
@@ -113,9 +113,9 @@ async fn jobs_run_where_their_labels_are() {
     let both = submit(&serving, both).await;
 
     // A job of a higher priority that nobody can run stops nobody.
-    let one = Work::start(&settings, "one", "bench-2", 4096.0);
+    let one = WorkerProcess::start(&settings, "one", "bench-2", 4096.0);
     assert_eq!(worker_of(&serving, &lonely).await, "one");
-    let two = Work::start(&settings, "two", "gpu", 4096.0);
+    let two = WorkerProcess::start(&settings, "two", "gpu", 4096.0);
     assert_eq!(worker_of(&serving, &gpu).await, "two");
     let processes = wait_for_processes(&serving, &["one", "server", "two"]).await;
     assert_eq!((processes[0].labels.as_slice(), processes[0].workers), (["bench-2".to_owned()].as_slice(), 1));
@@ -139,7 +139,7 @@ async fn jobs_run_where_their_labels_are() {
 
     one.stop().await;
     wait_for_processes(&serving, &["server", "two"]).await;
-    let three = Work::start(&settings, "three", "bench-2,gpu,lab", 4096.0);
+    let three = WorkerProcess::start(&settings, "three", "bench-2,gpu,lab", 4096.0);
     wait_for_processes(&serving, &["server", "three", "two"]).await;
     let none = submit(&serving, request(&target, &["lab", "gpu"])).await;
     assert_eq!(none.waits_for, "", "a process that has just come counts");
@@ -167,8 +167,8 @@ async fn jobs_run_where_their_memory_is() {
     };
     let refused = serving.jobs().submit_job(large(1)).await.unwrap_err();
     assert!(refused.message().contains("a job gets at most 56 MiB"), "{refused:?}");
-    let small = Work::start(&settings, "small", "", 128.0);
-    let big = Work::start(&settings, "big", "", 4096.0);
+    let small = WorkerProcess::start(&settings, "small", "", 128.0);
+    let big = WorkerProcess::start(&settings, "big", "", 4096.0);
     wait_for_processes(&serving, &["big", "server", "small"]).await;
     let jobs = [submit(&serving, large(1)).await, submit(&serving, large(2)).await];
     for job in &jobs {

@@ -3,18 +3,21 @@
 //! # Layout
 //!
 //! - `submit`: how a job comes into the queue. `kinds`: what each kind of job needs for that.
-//! - `estimate`: memory and time of a job, and their limits. `checked_targets`: pictures that need not be decoded again.
-//! - `seen_by`: what a caller sees of a job. `waits_for`: why it cannot start. `queue`: pauses.
+//! - `limits`: those on the memory and time of a job. `estimate`: sizes from which these are estimated.
+//!   `checked_targets`: pictures that need not be decoded again.
+//! - `seen_by`: what a caller sees of a job; `lists`: of many. `waits_for`: why it cannot start. `queue`: pauses.
 
 mod checked_targets;
 mod estimate;
 mod kinds;
+mod limits;
+mod lists;
 mod queue;
 mod seen_by;
 mod submit;
 mod waits_for;
 
-pub use estimate::JobLimits;
+pub use limits::JobLimits;
 pub use queue::QueueState;
 pub use submit::Submission;
 

@@ -22,8 +22,13 @@ impl Jobs {
         Err(StoreError::NotFound { resource: format!("jobs/{id}") }.into())
     }
 
+    /// The present state of a job that the caller may see.
+    pub async fn followed_by(&self, caller: &Caller, id: &str) -> Result<Job, ServiceError> {
+        self.seen_by(caller, self.store.job(id).await?).await
+    }
+
     /// A job without the names of other jobs that the caller may not see.
-    pub async fn seen_by(&self, caller: &Caller, mut job: Job) -> Result<Job, ServiceError> {
+    pub(super) async fn seen_by(&self, caller: &Caller, mut job: Job) -> Result<Job, ServiceError> {
         let mut ids = job.scheduling.after.clone();
         ids.extend(job.error.iter().flat_map(|error| job_ids(&error.message)));
         let hidden = self.hidden_jobs(caller, &ids).await?;

@@ -48,10 +48,11 @@ impl Kernels {
         let setup = planning::planned(setup, None).map_or(setup, |(planned, _)| planned);
         let need_bytes = importing_bytes(record.size_bytes);
         let (artifacts, name) = (self.artifacts.clone(), digest.clone());
-        let place = Place { field: field.clone(), display, key: key.clone(), any_display: from_another_display };
+        let destination =
+            Destination { field: field.clone(), display, key: key.clone(), any_display: from_another_display };
         let read = move || -> Result<_, ArtifactError> {
             let file = artifacts.read_blocking(&name)?;
-            Ok(imported(&file, &setup, &place))
+            Ok(imported(&file, &setup, &destination))
         };
         let Import { kind, form, native_file, origin, note } =
             self.computing.run(call, need_bytes, read).await??.map_err(|error| match error {
@@ -106,7 +107,7 @@ fn lineage(parameters_json: String, interpolated_from_m: Vec<f64>) -> KernelLine
 }
 
 /// Where an imported kernel belongs.
-struct Place {
+struct Destination {
     /// Field of the request that names the file.
     field: Field,
     display: Display,
@@ -134,14 +135,15 @@ enum ImportError {
 }
 
 /// Reads a kernel from a file, and converts it to the native format if the file has another one.
-fn imported(file: &[u8], setup: &OpticalSetup, place: &Place) -> Result<Import, ImportError> {
+fn imported(file: &[u8], setup: &OpticalSetup, destination: &Destination) -> Result<Import, ImportError> {
     let imported = kernel_formats::import(file, setup).map_err(ImportError::Format)?;
-    require_setup(&place.field, &imported.model.setup, &place.display, &place.key).map_err(ImportError::Refused)?;
-    require_display(place, &imported.origin).map_err(ImportError::Refused)?;
+    require_setup(&destination.field, &imported.model.setup, &destination.display, &destination.key)
+        .map_err(ImportError::Refused)?;
+    require_display(destination, &imported.origin).map_err(ImportError::Refused)?;
     let note = imported.note();
     let Imported { model, kind, form, native, origin, .. } = imported;
     let kept = Origin {
-        display: origin.display.as_ref().map(|_| place.key.display.clone()),
+        display: origin.display.as_ref().map(|_| destination.key.display.clone()),
         interpolated_from_m: origin.interpolated_from_m.clone(),
         record: None,
     };
@@ -151,8 +153,8 @@ fn imported(file: &[u8], setup: &OpticalSetup, place: &Place) -> Result<Import, 
 }
 
 /// Refuses the kernel of another display, unless the caller accepts it.
-fn require_display(place: &Place, origin: &Origin) -> Result<(), ServiceError> {
-    let Place { field, key, any_display, .. } = place;
+fn require_display(destination: &Destination, origin: &Origin) -> Result<(), ServiceError> {
+    let Destination { field, key, any_display, .. } = destination;
     match &origin.display {
         Some(other) if *other != key.display && !any_display => Err(field.invalid(format!(
             "is a kernel of displays/{other}, but must be one of displays/{}; set from_another_display if it fits this \

@@ -8,7 +8,7 @@ use crate::field::Field;
 use crate::propagation::distance_refusal;
 use lightpath_domain::display::Display;
 use lightpath_domain::kernel::{
-    KernelKey, KernelLineage, KernelMetrics, KernelVersion, LearnedDataset, NewKernelVersion,
+    Kernel, KernelKey, KernelLineage, KernelMetrics, KernelVersion, LearnedDataset, NewKernelVersion,
 };
 use lightpath_domain::planning;
 use lightpath_domain::reason::PreconditionReason;
@@ -65,10 +65,11 @@ impl Kernels {
         Ok(self.store.add_kernel_version(&key, version, self.store.now_ms()).await?)
     }
 
-    /// Whether [`Self::interpolate`] could make this kernel.
-    pub async fn can_be_interpolated(&self, key: &KernelKey) -> Result<bool, ServiceError> {
+    /// The kernels at the nearest distances, and whether [`Self::interpolate`] could make this one.
+    pub async fn nearest(&self, key: &KernelKey) -> Result<(Vec<Kernel>, bool), ServiceError> {
+        let nearest = self.store.nearest_kernels(key).await?;
         let versions = self.store.joint_versions(&key.display, key.wavelength, VERSIONS_MAX).await?;
-        Ok(fit_around(&Field::new("distance_m"), key, &versions).is_ok())
+        Ok((nearest, fit_around(&Field::new("distance_m"), key, &versions).is_ok()))
     }
 }
 

@@ -19,9 +19,9 @@ fn reason_of<T: std::fmt::Debug>(refused: Result<T, StoreError>) -> Precondition
 
 #[tokio::test]
 async fn display_takes_no_more_datasets_at_its_limit() {
-    let (store, place) = store().await;
+    let (store, database) = store().await;
     store.create_display(&display("other"), 1).await.unwrap();
-    place
+    database
         .change(&format!(
             "with recursive n(i) as (select 1 union all select i + 1 from n where i < {DATASETS_MAX}) \
              insert into dataset (id, display, wavelength_pm, distance_nm, photo_encoding, create_time_ms) \
@@ -39,10 +39,10 @@ async fn display_takes_no_more_datasets_at_its_limit() {
 
 #[tokio::test]
 async fn kernel_takes_no_more_versions_at_its_limit() {
-    let (store, place) = store().await;
+    let (store, database) = store().await;
     record(&store, 3).await;
     store.add_kernel_version(&key(), new_version(1), 5).await.unwrap();
-    place.change(&format!("update kernel set latest_version = {VERSIONS_MAX}")).await;
+    database.change(&format!("update kernel set latest_version = {VERSIONS_MAX}")).await;
     let refused = store.add_kernel_version(&key(), new_version(2), 6).await;
     assert_eq!(reason_of(refused), PreconditionReason::KernelFull);
     let far = KernelKey { distance: Distance { nm: 200_000_000 }, ..key() };
@@ -51,10 +51,10 @@ async fn kernel_takes_no_more_versions_at_its_limit() {
 
 #[tokio::test]
 async fn job_keeps_its_newest_events() {
-    let (store, place) = store().await;
+    let (store, database) = store().await;
     let id = submit(&store, "r", 1).await;
     let limit = i64::from(EVENTS_MAX);
-    place
+    database
         .change(&format!(
             "with recursive n(i) as (select 1 union all select i + 1 from n where i < {}) \
              insert into job_event (job, time_ms, attempt, message) select '{id}', i, 0, 'again' from n; \
@@ -76,8 +76,8 @@ async fn job_keeps_its_newest_events() {
     assert_eq!(store.events(&other, None, 9).await.unwrap().len(), 1);
 }
 
-async fn dependencies(place: &Place) -> i64 {
-    let mut connection = place.connect().await;
+async fn dependencies(database: &TestDatabase) -> i64 {
+    let mut connection = database.connect().await;
     let count = scalar("select count(*) from job_dependency").fetch_one(&mut connection).await.unwrap();
     connection.close().await.unwrap();
     count
@@ -91,34 +91,34 @@ async fn submit_after(store: &Store, request_id: &str, after: &[&String]) -> Res
 
 #[tokio::test]
 async fn only_waiting_jobs_have_stored_dependencies() {
-    let (store, place) = store().await;
+    let (store, database) = store().await;
     let [a, b] = [submit(&store, "a", 1).await, submit(&store, "b", 2).await];
     let c = submit_after(&store, "c", &[&a, &b]).await.unwrap();
     let d = submit_after(&store, "d", &[&a, &c]).await.unwrap();
-    assert_eq!(dependencies(&place).await, 4);
+    assert_eq!(dependencies(&database).await, 4);
     let (_, lease) = store.claim(20, LEASE_MS, "w").await.unwrap().unwrap();
     store.finish(&lease, result(), JobEffect::None, 21).await.unwrap();
-    assert_eq!(dependencies(&place).await, 2, "a has succeeded");
+    assert_eq!(dependencies(&database).await, 2, "a has succeeded");
     store.cancel(&b, 22).await.unwrap();
-    assert_eq!(dependencies(&place).await, 0, "c and d have failed");
+    assert_eq!(dependencies(&database).await, 0, "c and d have failed");
     for id in [&b, &c, &d] {
         assert_eq!(store.retry(id, 23).await.unwrap().state, JobState::Queued);
     }
-    assert_eq!((dependencies(&place).await, store.job(&d).await.unwrap().waiting_for), (2, 1));
+    assert_eq!((dependencies(&database).await, store.job(&d).await.unwrap().waiting_for), (2, 1));
     for expected in [&b, &c, &d] {
         let (job, lease) = store.claim(24, LEASE_MS, "w").await.unwrap().unwrap();
         assert_eq!(&job.id, expected);
         store.finish(&lease, result(), JobEffect::None, 25).await.unwrap();
     }
-    assert_eq!(dependencies(&place).await, 0);
+    assert_eq!(dependencies(&database).await, 0);
 }
 
 #[tokio::test]
 async fn jobs_wait_for_a_limited_number_of_other_jobs() {
-    let (store, place) = store().await;
+    let (store, database) = store().await;
     let first = submit(&store, "first", 1).await;
     let spec = serde_json::to_string(&new_job("", 1).spec).unwrap();
-    place.change(&format!(
+    database.change(&format!(
             "with recursive n(i) as (select 1 union all select i + 1 from n where i < 320) \
              insert into job (id, request_id, display, kind, words, spec, state, priority, attempts_max, create_time_ms, \
              run_time_ms) select 'j' || i, 'j' || i, 'lab', 'simulate_capture', 'j' || i, '{spec}', 'queued', 0, 3, 1, 1 from n; \
@@ -138,7 +138,7 @@ async fn jobs_wait_for_a_limited_number_of_other_jobs() {
 
 #[tokio::test]
 async fn dataset_is_deleted_when_no_job_needs_it() {
-    let (store, place) = store().await;
+    let (store, database) = store().await;
     record(&store, 12).await;
     for id in ["d", "e"] {
         store.create_dataset(&dataset(id), 5).await.unwrap();
@@ -164,7 +164,7 @@ async fn dataset_is_deleted_when_no_job_needs_it() {
     assert_eq!(store.artifact(&pair(1).photo).await.unwrap().unwrap().use_time_ms, 40, "the grace period begins");
     store.create_dataset(&dataset("d"), 50).await.unwrap();
     store.close().await;
-    let mut inspection = place.inspect().await;
+    let mut inspection = database.inspect().await;
     assert_eq!(inspection.damages().await.unwrap(), Vec::<String>::new());
     inspection.close().await.unwrap();
 }

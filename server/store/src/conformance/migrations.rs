@@ -1,7 +1,8 @@
 //! Migrations of databases of every version since 0.1.0, with data as that version wrote it.
 
 use super::*;
-use crate::open::{MIGRATIONS, STEPS_OF_0_1_0, connect_options, migrator};
+use crate::connect::connect_options;
+use crate::migrations::{MIGRATIONS, STEPS_OF_0_1_0, migrator};
 use crate::{Inspection, JobFilter};
 use lightpath_domain::display::Display;
 use lightpath_domain::job::JobState;
@@ -225,42 +226,44 @@ async fn assert_jobs_kept(store: &Store) {
 /// A program of the version before works on a database that a newer one has migrated only if each new migration says so.
 #[tokio::test]
 async fn older_program_works_where_newer_migrations_allow_it() {
-    let place = Place::new().await;
-    let old = place.open().await;
+    let database = TestDatabase::new().await;
+    let old = database.open().await;
     prepare(&old).await;
     let known = MIGRATIONS.len() as i64;
-    let bytes = if place.url.is_some() { "bytea" } else { "blob" };
+    let bytes = if database.url.is_some() { "bytea" } else { "blob" };
     let migrate = async |version: i64, allows: Option<i64>| {
         let insert = "insert into _sqlx_migrations (version, description, success, checksum, execution_time)";
-        place.change(&format!("{insert} values ({version}, '00{version}_later', true, cast('x' as {bytes}), 1)")).await;
+        database
+            .change(&format!("{insert} values ({version}, '00{version}_later', true, cast('x' as {bytes}), 1)"))
+            .await;
         if let Some(known_min) = allows {
-            place.change(&format!("insert into older_programs values ({version}, {known_min})")).await;
+            database.change(&format!("insert into older_programs values ({version}, {known_min})")).await;
         }
     };
     migrate(known + 1, Some(known)).await;
     // One that was open before goes on, and one of the same version starts.
     submit(&old, "before", 2).await;
-    let again = place.open().await;
+    let again = database.open().await;
     assert!(again.claim(3, LEASE_MS, "w").await.unwrap().is_some());
-    let mut inspection = place.inspect().await;
+    let mut inspection = database.inspect().await;
     assert_eq!(inspection.steps().await.unwrap().last().unwrap(), &format!("00{}_later", known + 1));
     inspection.close().await.unwrap();
     again.close().await;
 
     // The second one demands a program that knows the first one.
     migrate(known + 2, Some(known + 1)).await;
-    assert_newer(&place, known + 2).await;
-    place.change(&format!("delete from older_programs where migration = {}", known + 1)).await;
-    assert_newer(&place, known + 1).await;
+    assert_newer(&database, known + 2).await;
+    database.change(&format!("delete from older_programs where migration = {}", known + 1)).await;
+    assert_newer(&database, known + 1).await;
 }
 
 /// Checks that the database is refused because of this migration, and stays as it is.
-async fn assert_newer(place: &Place, step: i64) {
-    let (opened, shared, inspected) = match &place.url {
+async fn assert_newer(database: &TestDatabase, step: i64) {
+    let (opened, shared, inspected) = match &database.url {
         None => (
-            Store::open(&place.file()).await.map(drop),
-            Store::open_shared(&place.file()).await.map(drop),
-            Inspection::open(&place.file()).await.map(drop),
+            Store::open(&database.file()).await.map(drop),
+            Store::open_shared(&database.file()).await.map(drop),
+            Inspection::open(&database.file()).await.map(drop),
         ),
         Some(url) => (
             Store::connect(url).await.map(drop),

@@ -25,7 +25,7 @@ mod webhooks;
 
 use super::sql::{Builder, Connection};
 use super::{Inspection, Promotion, Store, StoreError};
-use crate::open::connect_options;
+use crate::connect::connect_options;
 use lightpath_domain::dataset::{Dataset, Encoding, Pair};
 use lightpath_domain::job::{FailureReason, JobEffect, JobError, JobResult, JobSpec, NewJob};
 use lightpath_domain::kernel::{Cause, KernelKey, KernelLineage, KernelMetrics, KernelModel, NewKernelVersion};
@@ -41,13 +41,13 @@ const QUEUE_LIMIT: u32 = 100;
 const LEASE_MS: i64 = 30_000;
 
 /// The database of a test.
-struct Place {
+struct TestDatabase {
     folder: TempDir,
     /// URL of a database of PostgreSQL; `None`: SQLite in the folder.
     url: Option<String>,
 }
 
-impl Place {
+impl TestDatabase {
     /// A new database. It stays at the end of the test, and goes with its server.
     async fn new() -> Self {
         Self { folder: tempfile::tempdir().unwrap(), url: test_database().await }
@@ -99,19 +99,19 @@ impl Place {
 }
 
 /// A store with the display `lab`, and its database.
-async fn store() -> (Store, Place) {
-    let place = Place::new().await;
-    let store = place.open().await;
+async fn store() -> (Store, TestDatabase) {
+    let database = TestDatabase::new().await;
+    let store = database.open().await;
     prepare(&store).await;
-    (store, place)
+    (store, database)
 }
 
 /// The same, always in SQLite.
-async fn sqlite_store() -> (Store, Place) {
-    let place = Place::sqlite();
-    let store = place.open().await;
+async fn sqlite_store() -> (Store, TestDatabase) {
+    let database = TestDatabase::sqlite();
+    let store = database.open().await;
     prepare(&store).await;
-    (store, place)
+    (store, database)
 }
 
 async fn prepare(store: &Store) {

@@ -35,7 +35,7 @@ async fn claims(store: &Store, claimant: &Claimant) -> Vec<String> {
 
 #[tokio::test]
 async fn job_runs_only_where_all_labels_are_that_it_needs() {
-    let (store, _place) = store().await;
+    let (store, _database) = store().await;
     for needs in ["", "bench-2", "gpu", "bench-2,gpu", "gpu-2"] {
         let job = store.submit(&needy_job(&format!("r {needs}"), needs, 0), 10, QUEUE_LIMIT).await.unwrap().0;
         assert_eq!(job.scheduling.needs, Labels::parse(needs).unwrap());
@@ -53,7 +53,7 @@ async fn job_runs_only_where_all_labels_are_that_it_needs() {
 
 #[tokio::test]
 async fn waiting_work_is_told_apart_by_needs() {
-    let (store, _place) = store().await;
+    let (store, _database) = store().await;
     for (n, needs) in ["", "gpu", "gpu", "bench-2,gpu"].iter().enumerate() {
         let mut new = needy_job(&format!("r{n}"), needs, 0);
         new.estimate.time_s = 10.0 + n as f64;
@@ -70,7 +70,7 @@ async fn waiting_work_is_told_apart_by_needs() {
 
 #[tokio::test]
 async fn jobs_for_others_block_nothing() {
-    let (store, _place) = store().await;
+    let (store, _database) = store().await;
     for (n, owner) in ["ada", "bob", "ada"].iter().enumerate() {
         let mut urgent = needy_job(&format!("gpu {n}"), "gpu", 0);
         (urgent.priority, urgent.scheduling.owner) = (-50, (*owner).to_owned());
@@ -94,7 +94,7 @@ async fn jobs_for_others_block_nothing() {
 
 #[tokio::test]
 async fn limits_count_the_jobs_of_all_processes() {
-    let (store, _place) = store().await;
+    let (store, _database) = store().await;
     for (n, needs) in ["gpu", "", ""].iter().enumerate() {
         submit_new(&store, &needy_job(&format!("r{n}"), needs, 0)).await;
     }
@@ -109,7 +109,7 @@ async fn limits_count_the_jobs_of_all_processes() {
 
 #[tokio::test]
 async fn job_runs_only_where_its_memory_is() {
-    let (store, _place) = store().await;
+    let (store, _database) = store().await;
     // The second and third count for 104 MiB.
     for bytes in [100 * MIB, 100 * MIB + 1, 101 * MIB, 200 * MIB, 0] {
         submit_new(&store, &needy_job(&format!("r {bytes}"), "", bytes)).await;

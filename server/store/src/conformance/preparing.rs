@@ -93,7 +93,7 @@ pub(super) async fn finalize(store: &Store, id: &str) -> Dataset {
 
 #[tokio::test]
 async fn finished_job_stores_alignment_checks_findings_and_digest() {
-    let (store, place) = store().await;
+    let (store, database) = store().await;
     let open = open_dataset(&store, "d").await;
     let lease = start_job(&store, "align", "d").await;
     let checks = PairChecks { contrast: 0.5, map: Some(alignment(2.0).map), ..PairChecks::default() };
@@ -126,7 +126,7 @@ async fn finished_job_stores_alignment_checks_findings_and_digest() {
 
     // The check for dangling references does not mistake the dataset's digest for an artifact.
     store.close().await;
-    let mut inspection = place.inspect().await;
+    let mut inspection = database.inspect().await;
     let dangling = inspection.dangling_references().await.unwrap();
     assert!(dangling.is_empty(), "{dangling:?}");
     inspection.close().await.unwrap();
@@ -179,7 +179,7 @@ fn orders() -> Vec<Vec<Step>> {
 
 #[tokio::test]
 async fn digest_matches_the_dataset_in_every_order_of_aligning_finalizing_and_adding() {
-    let (store, place) = store().await;
+    let (store, database) = store().await;
     let orders = orders();
     assert_eq!(orders.len(), 30);
     let (mut finalized_and_aligned, mut finalized_only) = (0, 0);
@@ -223,32 +223,32 @@ async fn digest_matches_the_dataset_in_every_order_of_aligning_finalizing_and_ad
     }
     assert!(finalized_and_aligned > 0 && finalized_only > 0);
     store.close().await;
-    let mut inspection = place.inspect().await;
+    let mut inspection = database.inspect().await;
     assert_eq!(inspection.changed_datasets().await.unwrap(), Vec::<String>::new());
     inspection.close().await.unwrap();
 }
 
 #[tokio::test]
 async fn check_finds_a_finalized_dataset_that_was_changed() {
-    let (store, place) = store().await;
+    let (store, database) = store().await;
     open_dataset(&store, "d").await;
     finalize(&store, "d").await;
     open_dataset(&store, "open").await;
     store.close().await;
     let changed = async || {
-        let mut inspection = place.inspect().await;
+        let mut inspection = database.inspect().await;
         let changed = inspection.changed_datasets().await.unwrap();
         inspection.close().await.unwrap();
         changed
     };
     assert_eq!(changed().await, Vec::<String>::new());
     // The database refuses such a change, unless its triggers are removed.
-    let mut connection = place.connect().await;
+    let mut connection = database.connect().await;
     let alignment = serde_json::to_string(&alignment(2.0)).unwrap();
     let change = || query("update dataset set alignment = $1 where id = 'd'").bind(&alignment);
     assert!(change().execute(&mut connection).await.is_err());
-    let on = if place.url.is_some() { " on dataset" } else { "" };
-    place.change(&format!("drop trigger finalized_dataset_stays{on}")).await;
+    let on = if database.url.is_some() { " on dataset" } else { "" };
+    database.change(&format!("drop trigger finalized_dataset_stays{on}")).await;
     change().execute(&mut connection).await.unwrap();
     connection.close().await.unwrap();
     assert_eq!(changed().await, ["d"]);

@@ -13,11 +13,11 @@ use tokio::time::timeout;
 /// Longest wait for something that happens at once.
 const SOON: Duration = Duration::from_secs(20);
 
-async fn two_processes() -> (Store, Store, Place) {
-    let place = Place::postgres().await;
-    let (one, other) = tokio::join!(place.open(), place.open());
+async fn two_processes() -> (Store, Store, TestDatabase) {
+    let database = TestDatabase::postgres().await;
+    let (one, other) = tokio::join!(database.open(), database.open());
     prepare(&one).await;
-    (one, other, place)
+    (one, other, database)
 }
 
 /// Receives until `is_wanted` comes. A receiver that fell behind has missed some.
@@ -28,7 +28,7 @@ async fn wait_for<T: Clone>(changes: &mut Receiver<T>, is_wanted: impl Fn(&T) ->
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn processes_hear_of_the_changes_of_others() {
-    let (one, other, _place) = two_processes().await;
+    let (one, other, _database) = two_processes().await;
     let (mut jobs, mut cancels) = (other.subscribe_job_changes(), other.subscribe_cancels());
     let (mut kernels, mut all) = (other.subscribe_kernel_changes(), other.subscribe_changes());
     let claimable = other.claimable();
@@ -47,13 +47,13 @@ async fn processes_hear_of_the_changes_of_others() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn what_happened_without_a_connection_is_announced_when_it_is_back() {
-    let (one, other, place) = two_processes().await;
+    let (one, other, database) = two_processes().await;
     let id = submit(&one, "r", 5).await;
     let mut jobs = other.subscribe_job_changes();
     // Ends the connections of both listeners, as a restart of the server does.
     let ended = "select pg_terminate_backend(pid) from pg_stat_activity \
                  where datname = current_database() and pid <> pg_backend_pid()";
-    place.change(ended).await;
+    database.change(ended).await;
     wait_for(&mut jobs, |changed| *changed == id).await;
     let later = submit(&one, "later", 6).await;
     wait_for(&mut jobs, |changed| *changed == later).await;
@@ -61,8 +61,8 @@ async fn what_happened_without_a_connection_is_announced_when_it_is_back() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn racing_processes_keep_turns_and_limits() {
-    let (one, other, place) = two_processes().await;
-    let third = place.open().await;
+    let (one, other, database) = two_processes().await;
+    let third = database.open().await;
     for n in 0..60 {
         let mut new = new_job(&format!("r{n}"), 1);
         new.scheduling.owner = format!("owner {}", n % 3);
@@ -97,13 +97,13 @@ async fn racing_processes_keep_turns_and_limits() {
         all.extend(worker.await.unwrap());
     }
     assert_eq!((all.len(), all.iter().collect::<HashSet<_>>().len()), (60, 60), "each job once");
-    let mut inspection = place.inspect().await;
+    let mut inspection = database.inspect().await;
     assert_eq!(inspection.contradictions().await.unwrap(), Vec::<String>::new());
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_panic_in_a_write_does_not_stop_the_writers() {
-    let (one, other, _place) = two_processes().await;
+    let (one, other, _database) = two_processes().await;
     for _ in 0..5 {
         let store = one.clone();
         let panicked =
@@ -119,11 +119,11 @@ async fn a_panic_in_a_write_does_not_stop_the_writers() {
 
 #[tokio::test]
 async fn both_databases_have_the_same_tables_and_columns() {
-    let (place, file) = (Place::postgres().await, Place::sqlite());
-    place.open().await.close().await;
+    let (database, file) = (TestDatabase::postgres().await, TestDatabase::sqlite());
+    database.open().await.close().await;
     file.open().await.close().await;
-    let columns = async |place: &Place, sql| {
-        let mut connection = place.connect().await;
+    let columns = async |database: &TestDatabase, sql| {
+        let mut connection = database.connect().await;
         let columns: Vec<(String, String)> = query_as(sql).fetch_all(&mut connection).await.unwrap();
         connection.close().await.unwrap();
         columns
@@ -134,10 +134,10 @@ async fn both_databases_have_the_same_tables_and_columns() {
                        where table_schema = 'public' and table_name not like '%sqlx%' order by 1, ordinal_position";
     let expected = columns(&file, of_sqlite).await;
     assert!(expected.len() > 100, "{expected:?}");
-    assert_eq!(columns(&place, of_postgres).await, expected);
+    assert_eq!(columns(&database, of_postgres).await, expected);
     // Names and indexes are in the order of their bytes, whatever the locale of the database.
     let others = columns(
-        &place,
+        &database,
         "select table_name::text, column_name::text from information_schema.columns where table_schema = 'public' \
          and table_name not like '%sqlx%' and data_type = 'text' and collation_name is distinct from 'C'",
     );
@@ -146,7 +146,7 @@ async fn both_databases_have_the_same_tables_and_columns() {
     let indexes = "select indexname::text, '' from pg_indexes where schemaname = 'public' \
                    and indexname in (select relname from pg_class c join pg_index i on i.indexrelid = c.oid \
                    where not exists (select 1 from pg_constraint where conindid = i.indexrelid)) order by 1";
-    assert_eq!(columns(&place, indexes).await, columns(&file, named).await);
+    assert_eq!(columns(&database, indexes).await, columns(&file, named).await);
 }
 
 /// A claimant of a process that shares the database.
@@ -156,7 +156,7 @@ fn claimant(process: &str) -> crate::Claimant {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_process_takes_back_its_own_jobs_only() {
-    let (one, other, _place) = two_processes().await;
+    let (one, other, _database) = two_processes().await;
     let mut jobs = Vec::new();
     for (request, store, process) in [("a", &one, "one"), ("b", &other, "other"), ("c", &one, "one")] {
         submit(store, request, 5).await;
@@ -175,7 +175,7 @@ async fn a_process_takes_back_its_own_jobs_only() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn lease_from_a_clock_that_was_ahead_ends() {
-    let (one, _other, _place) = two_processes().await;
+    let (one, _other, _database) = two_processes().await;
     let id = submit(&one, "r", 5).await;
     let day_ms = 24 * 3_600_000;
     one.claim(day_ms, LEASE_MS, "dead").await.unwrap().unwrap();
@@ -187,7 +187,7 @@ async fn lease_from_a_clock_that_was_ahead_ends() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn one_process_at_a_time_tells_a_webhook() {
-    let (one, other, _place) = two_processes().await;
+    let (one, other, _database) = two_processes().await;
     super::webhooks::add_webhook(&one, "ci").await;
     assert!(one.hold_webhook("ci", 10, 30).await.unwrap());
     assert!(one.hold_webhook("ci", 20, 30).await.unwrap(), "the holder holds on");
@@ -201,8 +201,8 @@ async fn one_process_at_a_time_tells_a_webhook() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn time_is_that_of_the_database() {
-    let (one, _other, place) = two_processes().await;
-    let mut connection = place.connect().await;
+    let (one, _other, database) = two_processes().await;
+    let mut connection = database.connect().await;
     let sql = "select cast(extract(epoch from clock_timestamp()) * 1000 as bigint)";
     let time_ms: i64 = crate::sql::scalar(sql).fetch_one(&mut connection).await.unwrap();
     assert!((one.now_ms() - time_ms).abs() < 1000, "{} {time_ms}", one.now_ms());
@@ -211,7 +211,7 @@ async fn time_is_that_of_the_database() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_process_that_is_suspended_in_a_write_does_not_stop_the_others() {
-    let (one, other, _place) = two_processes().await;
+    let (one, other, _database) = two_processes().await;
     let begun = std::sync::Arc::new(tokio::sync::Notify::new());
     let store = one.clone();
     let has_begun = std::sync::Arc::clone(&begun);
@@ -251,7 +251,7 @@ fn process(id: &str, labels: &str) -> Process {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn processes_know_of_the_life_and_death_of_others() {
-    let (one, other, place) = two_processes().await;
+    let (one, other, database) = two_processes().await;
     let ids = |store: &Store| store.living().iter().map(|process| process.id.clone()).collect::<Vec<_>>();
     one.sign_of_life(&process("a", "")).await.unwrap();
     assert_eq!(ids(&one), ["a"]);
@@ -267,17 +267,19 @@ async fn processes_know_of_the_life_and_death_of_others() {
 
     // The time of b, which died, is over in a moment.
     let (life_ms, rows) = (LIFE.as_millis(), "select count(*) from process");
-    place.change(&format!("update process set seen_time_ms = seen_time_ms - {} where id = 'b'", life_ms - 1000)).await;
+    database
+        .change(&format!("update process set seen_time_ms = seen_time_ms - {} where id = 'b'", life_ms - 1000))
+        .await;
     one.sign_of_life(&process("a", "")).await.unwrap();
     assert_eq!(ids(&one), ["a", "b"]);
     tokio::time::sleep(Duration::from_millis(1100)).await;
     one.sign_of_life(&process("a", "")).await.unwrap();
     assert_eq!(ids(&one), ["a"]);
-    let mut connection = place.connect().await;
+    let mut connection = database.connect().await;
     let count = async |connection: &mut Connection| -> i64 { scalar(rows).fetch_one(connection).await.unwrap() };
     assert_eq!(count(&mut connection).await, 1, "its row is removed");
     // A sign from a time when the clock was ahead counts no more than one that is over.
-    place.change("insert into process select 'c', kind, name, version, labels, memory_bytes, workers, 1, 9999999999999 from process").await;
+    database.change("insert into process select 'c', kind, name, version, labels, memory_bytes, workers, 1, 9999999999999 from process").await;
     one.read_living().await.unwrap();
     assert_eq!(ids(&one), ["a"]);
     one.sign_off("a").await.unwrap();

@@ -72,11 +72,11 @@ async fn interrupted_job_keeps_its_place() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn two_stores_claim_every_job_once() {
-    let (store, place) = store().await;
+    let (store, database) = store().await;
     for n in 0..40 {
         submit(&store, &format!("r{n}"), 1).await;
     }
-    let other = place.open().await;
+    let other = database.open().await;
     let run = |store: Store| {
         tokio::spawn(async move {
             let mut claimed = Vec::new();
@@ -437,8 +437,8 @@ async fn dropped_submit_leaves_no_partial_write() {
 #[tokio::test]
 async fn zombies_write_nothing() {
     let zombies = std::env::var("LIGHTPATH_ZOMBIES").map_or(50, |zombies| zombies.parse().unwrap());
-    let (store, place) = store().await;
-    let elsewhere = place.open().await;
+    let (store, database) = store().await;
+    let elsewhere = database.open().await;
     let mut rejected = 0;
     for n in 0..zombies {
         let now = 10 + i64::from(n) * 3 * LEASE_MS;
@@ -486,7 +486,7 @@ async fn zombies_write_nothing() {
 
 #[tokio::test]
 async fn job_of_a_claim_whose_answer_was_lost_returns_to_the_queue() {
-    let (store, _place) = store().await;
+    let (store, _database) = store().await;
     let id = submit(&store, "r", 5).await;
     let claimant = crate::Claimant::named("w");
     store.claim_within(ClaimLimits::default(), 6, LEASE_MS, &claimant).await.unwrap().unwrap();

@@ -41,7 +41,7 @@ async fn pause_ends_with_its_display() {
 
 #[tokio::test]
 async fn owners_without_jobs_and_artifacts_leave_no_rows() {
-    let (store, place) = store().await;
+    let (store, database) = store().await;
     for n in 0..20 {
         let mut new = new_job(&format!("r{n}"), 1);
         new.scheduling.owner = format!("owner {n}");
@@ -60,7 +60,7 @@ async fn owners_without_jobs_and_artifacts_leave_no_rows() {
         assert!(store.forget_artifact(&digest(100 + n), 10).await.unwrap());
     }
     store.close().await;
-    let mut connection = place.connect().await;
+    let mut connection = database.connect().await;
     let sql = "select (select count(*) from job_count), (select count(*) from lane), \
                (select count(*) from owner_bytes where owner <> '')";
     let rows: (i64, i64, i64) = query_as(sql).fetch_one(&mut connection).await.unwrap();
@@ -318,7 +318,7 @@ async fn only_one_of_two_rollbacks_goes_back() {
 /// the display, and after a restore.
 #[tokio::test]
 async fn generation_of_a_display_rises_with_every_move_and_never_falls() {
-    let (store, place) = store().await;
+    let (store, database) = store().await;
     record(&store, 5).await;
     let other = KernelKey { distance: Distance::from_m(0.2).unwrap(), ..key() };
     for key in [key(), other.clone()] {
@@ -343,7 +343,7 @@ async fn generation_of_a_display_rises_with_every_move_and_never_falls() {
     store.raise_generations(900).await.unwrap();
     assert_eq!(moment(key()).await.generation, 1_000);
     store.close().await;
-    let mut connection = place.connect().await;
+    let mut connection = database.connect().await;
     let fall = query("update display set generation = 999").execute(&mut connection).await.unwrap_err();
     assert!(fall.to_string().contains("never falls"), "{fall}");
 }

@@ -9,7 +9,7 @@ use lightpath_domain::reason::PreconditionReason;
 use lightpath_domain::rollout::{RolloutPlan, RolloutState, is_in_share};
 
 /// A store with three versions of the kernel, of which the first is active.
-async fn with_versions() -> (Store, Place) {
+async fn with_versions() -> (Store, TestDatabase) {
     let (store, folder) = store().await;
     record(&store, 5).await;
     for version in 1..=3 {

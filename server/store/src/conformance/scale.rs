@@ -86,7 +86,7 @@ async fn rate<F: Future<Output = ()> + Send>(
 }
 
 /// Fills the database with jobs as after months of use: the waiting jobs have 20 batches, 5 displays and 3 priorities.
-async fn fill(place: &Place, finished: u32, waiting: u32) {
+async fn fill(database: &TestDatabase, finished: u32, waiting: u32) {
     let owners = owners();
     let spec = serde_json::to_string(&new_job("", 1).spec).unwrap();
     let result = serde_json::to_string(&result()).unwrap();
@@ -107,14 +107,14 @@ async fn fill(place: &Place, finished: u32, waiting: u32) {
     {
         // In parts: PostgreSQL keeps every version of a counter until the transaction has ended.
         for from in (0..count).step_by(2000) {
-            place.change(&insert(from, count.min(from + 2000), prefix, state, times, result)).await;
+            database.change(&insert(from, count.min(from + 2000), prefix, state, times, result)).await;
         }
     }
     let events = "insert into job_event (job, time_ms, attempt, message) select id, 1, 0, 'queued' from job \
                   union all select id, 2, 1, 'succeeded' from job where state = 'succeeded'";
-    place.change(events).await;
-    if place.url.is_some() {
-        place.change("analyze").await;
+    database.change(events).await;
+    if database.url.is_some() {
+        database.change("analyze").await;
     }
 }
 
@@ -164,12 +164,12 @@ async fn lists(store: &Store, finished: u32) -> Times {
 async fn many_jobs_for_others_delay_no_claim() {
     const MIB: u64 = 1 << 20;
     let requested = std::env::var("LIGHTPATH_SCALE_WAITING").ok().map(|jobs| jobs.parse::<u32>().unwrap());
-    let (store, place) = store().await;
+    let (store, database) = store().await;
     let spec = serde_json::to_string(&new_job("", 1).spec).unwrap();
     for (counted, estimate, limit) in [(168 * MIB, 165 * MIB, 150 * MIB), (104 * MIB, 101 * MIB, 100 * MIB)] {
         for from in (0..requested.unwrap_or(1000)).step_by(2000) {
             let to = (from + 2000).min(requested.unwrap_or(1000));
-            place
+            database
                 .change(&format!(
                     "with recursive n(i) as (select {from} union all select i + 1 from n where i + 1 < {to}) \
                      insert into job (id, request_id, display, kind, words, spec, state, priority, attempts_max, \
@@ -178,8 +178,8 @@ async fn many_jobs_for_others_delay_no_claim() {
                 ))
                 .await;
         }
-        if place.url.is_some() {
-            place.change("vacuum analyze").await;
+        if database.url.is_some() {
+            database.change("vacuum analyze").await;
         }
         let small = super::needs::needy_job(&format!("small {limit}"), "", 98 * MIB);
         let (store, claimant) = (&store, || super::needs::able("", limit));
@@ -224,11 +224,11 @@ async fn many_jobs_keep_queries_fast() {
     let requested_jobs = std::env::var("LIGHTPATH_SCALE_JOBS").ok().map(|jobs| jobs.parse().unwrap());
     let finished = requested_jobs.unwrap_or(FINISHED);
     let waiting = std::env::var("LIGHTPATH_SCALE_WAITING").map_or(finished / 10, |jobs| jobs.parse().unwrap());
-    let (store, place) = store().await;
+    let (store, database) = store().await;
     for n in 0..5 {
         store.create_display(&display(&format!("lab-{n}")), 1).await.unwrap();
     }
-    fill(&place, finished, waiting).await;
+    fill(&database, finished, waiting).await;
     let store = &store;
     let counts = store.queue_counts().await.unwrap();
     assert_eq!((counts.succeeded, counts.queued), (u64::from(finished), u64::from(waiting)));
@@ -269,7 +269,7 @@ async fn many_jobs_keep_queries_fast() {
     let counts = store.queue_counts().await.unwrap();
     assert_eq!((counts.succeeded, counts.queued), (u64::from(finished + SAMPLES), u64::from(waiting + SAMPLES * 4)));
     if requested_jobs.is_some() {
-        match place.url {
+        match database.url {
             None => assert!(claim.p99() < CLAIM_MAX, "{:?}", claim.p99()),
             Some(_) => assert!(claims_per_s >= CLAIMS_PER_S_MIN && submits_per_s >= SUBMITS_PER_S_MIN),
         }

@@ -2,7 +2,7 @@
 
 use super::migrations::create_database;
 use super::*;
-use crate::open::MIGRATIONS;
+use crate::migrations::MIGRATIONS;
 use crate::sql::{query, scalar};
 use crate::transfer::TABLES;
 use crate::{Side, Transfer, TransferError};
@@ -79,7 +79,7 @@ async fn every_table_is_copied_behind_those_to_which_it_refers() {
 async fn a_database_is_the_same_after_two_moves() {
     let folder = tempfile::tempdir().unwrap();
     let (first, second) = (full(folder.path()).await, folder.path().join("second.db"));
-    let server = Place::postgres().await;
+    let server = TestDatabase::postgres().await;
     let url = Side::Server(server.url.clone().unwrap());
     copied(&Side::File(first.clone()), &url).await.unwrap();
     copied(&url, &Side::File(second.clone())).await.unwrap();
@@ -102,7 +102,7 @@ async fn a_database_is_the_same_after_two_moves() {
 async fn a_server_continues_where_the_other_database_ended() {
     let folder = tempfile::tempdir().unwrap();
     let first = full(folder.path()).await;
-    let server = Place::postgres().await;
+    let server = TestDatabase::postgres().await;
     copied(&Side::File(first.clone()), &Side::Server(server.url.clone().unwrap())).await.unwrap();
     let mut connection = server.connect().await;
     let newest: i64 = scalar("select max(sequence) from job_event").fetch_one(&mut connection).await.unwrap();
@@ -125,8 +125,8 @@ async fn a_server_continues_where_the_other_database_ended() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_killed_move_continues() {
     let folder = tempfile::tempdir().unwrap();
-    let (file, place) = (full(folder.path()).await, Place::postgres().await);
-    let servers = [place.url.clone().unwrap()];
+    let (file, database) = (full(folder.path()).await, TestDatabase::postgres().await);
+    let servers = [database.url.clone().unwrap()];
     let from = Side::File(file);
     for to in servers.map(Side::Server).into_iter().chain([Side::File(folder.path().join("other.db"))]) {
         // Ends in the middle of the events.
@@ -160,10 +160,10 @@ async fn a_killed_move_continues() {
 async fn targets_with_rows_and_databases_in_use_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let from = Side::File(full(folder.path()).await);
-    let place = Place::postgres().await;
-    let store = place.open().await;
+    let database = TestDatabase::postgres().await;
+    let store = database.open().await;
     store.create_display(&display("other"), 1).await.unwrap();
-    let to = Side::Server(place.url.clone().unwrap());
+    let to = Side::Server(database.url.clone().unwrap());
     let refused = copied(&from, &to).await;
     assert!(matches!(refused, Err(TransferError::Served)), "{refused:?}");
     store.close().await;
@@ -201,7 +201,7 @@ async fn a_change_behind_the_copy_is_found() {
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_database_that_has_worked_on_the_server_moves_back() {
-    let (server, folder) = (Place::postgres().await, tempfile::tempdir().unwrap());
+    let (server, folder) = (TestDatabase::postgres().await, tempfile::tempdir().unwrap());
     let store = server.open().await;
     prepare(&store).await;
     record(&store, 5).await;

@@ -164,7 +164,7 @@ async fn only_the_latest_ended_deliveries_stay_and_all_that_wait() {
 
 #[tokio::test]
 async fn webhooks_are_kept_apart_and_limited() {
-    let (store, place) = store().await;
+    let (store, database) = store().await;
     let ci = webhook("ci", &[WebhookEvent::JobFailed], Some("lab"));
     let secret = WebhookSecret::generate().unwrap();
     store.create_webhook(&ci, &secret).await.unwrap();
@@ -173,7 +173,7 @@ async fn webhooks_are_kept_apart_and_limited() {
     let elsewhere = store.create_webhook(&webhook("a", &[], Some("none")), &secret).await;
     assert!(matches!(elsewhere, Err(StoreError::NotFound { .. })), "{elsewhere:?}");
     store.close().await;
-    let store = place.open().await;
+    let store = database.open().await;
     assert_eq!(store.webhook("ci").await.unwrap(), ci);
     assert_eq!(store.webhook_secret("ci").await.unwrap(), secret);
     for n in 1..WEBHOOKS_MAX {

@@ -1,7 +1,7 @@
 //! Statements that run on SQLite and on PostgreSQL.
 //!
 //! The store has one text for each statement, and both databases run it. So they can differ only where this module, the
-//! migrations and `open` differ. Texts keep to what both understand:
+//! migrations and what opens a database differ. Texts keep to what both understand:
 //!
 //! - Parameters are `$1`, `$2`, …
 //! - Integers are 64 bits wide; a boolean column is an integer, 0 or 1, and is compared with one.
@@ -18,4 +18,4 @@ mod row;
 
 pub(super) use connection::{Connection, Pool};
 pub(super) use query::{Builder, Query, Value, query, query_as, run_all, scalar};
-pub(super) use row::{Place, Row};
+pub(super) use row::{ColumnId, Row};

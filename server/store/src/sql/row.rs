@@ -11,64 +11,64 @@ pub(crate) enum Row {
     Postgres(PgRow),
 }
 
-/// The place of a column: its name or its number from 0.
+/// A column: its name or its number from 0.
 #[derive(Clone, Copy)]
-pub(crate) enum Place<'n> {
+pub(crate) enum ColumnId<'n> {
     Name(&'n str),
     Number(usize),
 }
 
-impl<'n> From<&'n str> for Place<'n> {
+impl<'n> From<&'n str> for ColumnId<'n> {
     fn from(name: &'n str) -> Self {
         Self::Name(name)
     }
 }
 
-impl From<usize> for Place<'_> {
+impl From<usize> for ColumnId<'_> {
     fn from(number: usize) -> Self {
         Self::Number(number)
     }
 }
 
-/// Calls a method of a row of sqlx with the place of a column.
+/// Calls a method of a row of sqlx with a column.
 macro_rules! at {
-    ($row:expr, $method:ident $(::<$kind:ty>)?, $place:expr) => {
-        match $place {
-            Place::Name(name) => $row.$method$(::<$kind, _>)?(name),
-            Place::Number(number) => $row.$method$(::<$kind, _>)?(number),
+    ($row:expr, $method:ident $(::<$kind:ty>)?, $column:expr) => {
+        match $column {
+            ColumnId::Name(name) => $row.$method$(::<$kind, _>)?(name),
+            ColumnId::Number(number) => $row.$method$(::<$kind, _>)?(number),
         }
     };
 }
 
 /// A value that a column can have.
 pub(crate) trait Column: Sized {
-    /// Reads the column at `place`.
-    fn read(row: &Row, place: Place<'_>) -> Result<Self, sqlx::Error>;
+    /// Reads the column.
+    fn read(row: &Row, column: ColumnId<'_>) -> Result<Self, sqlx::Error>;
 }
 
 impl Row {
     /// The value of a column.
-    pub(crate) fn try_get<'n, T: Column>(&self, place: impl Into<Place<'n>>) -> Result<T, sqlx::Error> {
-        T::read(self, place.into())
+    pub(crate) fn try_get<'n, T: Column>(&self, column: impl Into<ColumnId<'n>>) -> Result<T, sqlx::Error> {
+        T::read(self, column.into())
     }
 
-    fn is_null(&self, place: Place<'_>) -> Result<bool, sqlx::Error> {
+    fn is_null(&self, column: ColumnId<'_>) -> Result<bool, sqlx::Error> {
         match self {
-            Self::Sqlite(row) => Ok(at!(row, try_get_raw, place)?.is_null()),
-            Self::Postgres(row) => Ok(at!(row, try_get_raw, place)?.is_null()),
+            Self::Sqlite(row) => Ok(at!(row, try_get_raw, column)?.is_null()),
+            Self::Postgres(row) => Ok(at!(row, try_get_raw, column)?.is_null()),
         }
     }
 }
 
 impl Column for i64 {
-    fn read(row: &Row, place: Place<'_>) -> Result<Self, sqlx::Error> {
+    fn read(row: &Row, column: ColumnId<'_>) -> Result<Self, sqlx::Error> {
         match row {
-            Row::Sqlite(row) => at!(row, try_get::<i64>, place),
+            Row::Sqlite(row) => at!(row, try_get::<i64>, column),
             // A literal and the truth of an expression have types of their own there.
-            Row::Postgres(row) => match at!(row, try_get_raw, place)?.type_info().name() {
-                "INT4" => at!(row, try_get::<i32>, place).map(i64::from),
-                "BOOL" => at!(row, try_get::<bool>, place).map(i64::from),
-                _ => at!(row, try_get::<i64>, place),
+            Row::Postgres(row) => match at!(row, try_get_raw, column)?.type_info().name() {
+                "INT4" => at!(row, try_get::<i32>, column).map(i64::from),
+                "BOOL" => at!(row, try_get::<bool>, column).map(i64::from),
+                _ => at!(row, try_get::<i64>, column),
             },
         }
     }
@@ -78,8 +78,8 @@ impl Column for i64 {
 macro_rules! narrow {
     ($($kind:ty),*) => {$(
         impl Column for $kind {
-            fn read(row: &Row, place: Place<'_>) -> Result<Self, sqlx::Error> {
-                let wide = i64::read(row, place)?;
+            fn read(row: &Row, column: ColumnId<'_>) -> Result<Self, sqlx::Error> {
+                let wide = i64::read(row, column)?;
                 Self::try_from(wide).map_err(|error| sqlx::Error::Decode(Box::new(error)))
             }
         }
@@ -89,32 +89,32 @@ macro_rules! narrow {
 narrow!(i32, u32, u8);
 
 impl Column for bool {
-    fn read(row: &Row, place: Place<'_>) -> Result<Self, sqlx::Error> {
-        Ok(i64::read(row, place)? != 0)
+    fn read(row: &Row, column: ColumnId<'_>) -> Result<Self, sqlx::Error> {
+        Ok(i64::read(row, column)? != 0)
     }
 }
 
 impl Column for f64 {
-    fn read(row: &Row, place: Place<'_>) -> Result<Self, sqlx::Error> {
+    fn read(row: &Row, column: ColumnId<'_>) -> Result<Self, sqlx::Error> {
         match row {
-            Row::Sqlite(row) => at!(row, try_get::<f64>, place),
-            Row::Postgres(row) => at!(row, try_get::<f64>, place),
+            Row::Sqlite(row) => at!(row, try_get::<f64>, column),
+            Row::Postgres(row) => at!(row, try_get::<f64>, column),
         }
     }
 }
 
 impl Column for String {
-    fn read(row: &Row, place: Place<'_>) -> Result<Self, sqlx::Error> {
+    fn read(row: &Row, column: ColumnId<'_>) -> Result<Self, sqlx::Error> {
         match row {
-            Row::Sqlite(row) => at!(row, try_get::<String>, place),
-            Row::Postgres(row) => at!(row, try_get::<String>, place),
+            Row::Sqlite(row) => at!(row, try_get::<String>, column),
+            Row::Postgres(row) => at!(row, try_get::<String>, column),
         }
     }
 }
 
 impl<T: Column> Column for Option<T> {
-    fn read(row: &Row, place: Place<'_>) -> Result<Self, sqlx::Error> {
-        if row.is_null(place)? { Ok(None) } else { T::read(row, place).map(Some) }
+    fn read(row: &Row, column: ColumnId<'_>) -> Result<Self, sqlx::Error> {
+        if row.is_null(column)? { Ok(None) } else { T::read(row, column).map(Some) }
     }
 }
 

@@ -12,12 +12,11 @@
 mod side;
 mod table;
 
-pub(super) use side::marked_source;
-
 #[cfg(test)]
 pub(super) use table::TABLES;
 
 use super::StoreError;
+use crate::migrations::marked_source;
 use crate::sql::{Builder, Connection, scalar};
 use std::fmt;
 use std::path::PathBuf;
@@ -117,7 +116,7 @@ impl Transfer {
             }
             tables.push(here);
         }
-        match side::marked_source(&mut to).await? {
+        match marked_source(&mut to).await? {
             Some(marked) if marked == source => {}
             Some(other) => {
                 return Err(TransferError::NotEmpty { holds: format!("a part of another database ({other})") });

@@ -2,8 +2,9 @@
 
 use super::{Side, Table, TransferError};
 use crate::StoreError;
+use crate::connect::{connect_once, connect_options, create_private};
 use crate::inspect::Inspection;
-use crate::open::{MIGRATIONS, connect_once, connect_options, create_private, has_table, migration_error, migrator};
+use crate::migrations::{MIGRATIONS, migration_error, migrator};
 use crate::rows::{from_json, to_json};
 use crate::sql::{Builder, Connection, query, run_all, scalar};
 use crate::write::turn;
@@ -13,9 +14,6 @@ use std::cmp::Ordering;
 use std::path::Path;
 use std::str::FromStr as _;
 use std::time::Duration;
-
-/// Table of an unfinished target, with the name of the source.
-const MARKER: &str = "unfinished_transfer";
 
 /// Number of looks for connections of a server, and time between two.
 const CLOSING_CHECKS: u32 = 10;
@@ -86,14 +84,6 @@ async fn connect_alone(url: &str) -> Result<PgConnection, TransferError> {
         tokio::time::sleep(CLOSING_PAUSE).await;
     }
     Err(TransferError::Served)
-}
-
-/// The source of an unfinished transfer into this database; `None`: there is none.
-pub(crate) async fn marked_source(connection: &mut Connection) -> Result<Option<String>, StoreError> {
-    if !has_table(connection, MARKER).await? {
-        return Ok(None);
-    }
-    Ok(Some(scalar("select source from unfinished_transfer").fetch_one(connection).await?))
 }
 
 /// Marks the target and turns its triggers off, in one transaction.

@@ -1,7 +1,7 @@
 //! A table on both sides of a transfer: its columns, its rows in pages, and its digest.
 
 use super::TransferError;
-use crate::sql::{Builder, Connection, Place, Row, Value, query};
+use crate::sql::{Builder, ColumnId, Connection, Row, Value, query};
 use sha2::{Digest as _, Sha256};
 
 /// The tables that are copied, each behind those to which it refers. `artifact_place` is none of them: where the artifacts
@@ -202,11 +202,11 @@ impl Table {
     }
 }
 
-fn value<'n>(row: &Row, place: impl Into<Place<'n>>, kind: Kind) -> Result<Value, TransferError> {
+fn value<'n>(row: &Row, column: impl Into<ColumnId<'n>>, kind: Kind) -> Result<Value, TransferError> {
     Ok(match kind {
-        Kind::Integer => Value::Integer(row.try_get(place)?),
-        Kind::Real => Value::Real(row.try_get(place)?),
-        Kind::Text => Value::Text(row.try_get(place)?),
+        Kind::Integer => Value::Integer(row.try_get(column)?),
+        Kind::Real => Value::Real(row.try_get(column)?),
+        Kind::Text => Value::Text(row.try_get(column)?),
     })
 }
 

@@ -25,18 +25,18 @@ const LIVE_SIDE_PX_MAX: usize = 320;
 
 pub(super) fn run(context: &JobContext, spec: &OptimizeHologram) -> Result<TaskOutput, TaskError> {
     let wavelengths = spec.wavelengths.len();
-    let mut work = Work { context, spec, state: HologramState::default(), current: None, eta: None };
+    let mut running = RunningJob { context, spec, state: HologramState::default(), current: None, eta: None };
     if let Some((state, current)) = context.take_saved_state().and_then(|bytes| from_bytes(&bytes)) {
-        (work.state, work.current) = (state, Some(current));
+        (running.state, running.current) = (state, Some(current));
     }
-    for index in work.state.finished.len()..wavelengths {
+    for index in running.state.finished.len()..wavelengths {
         let setup = HologramSetup::read(context, spec, index)?;
-        let mut optimization = work.begin(&setup, index)?;
-        let loss = work.iterate(&mut optimization, wavelengths, &setup)?;
+        let mut optimization = running.begin(&setup, index)?;
+        let loss = running.iterate(&mut optimization, wavelengths, &setup)?;
         let finished = Finished { setup: &setup, optimization, loss };
-        work.state.finished.push(finished.store(context, spec)?);
+        running.state.finished.push(finished.store(context, spec)?);
     }
-    let hologram = work.result()?;
+    let hologram = running.result()?;
     Ok(TaskOutput { result: JobResult::Hologram(Box::new(hologram)), effect: JobEffect::None })
 }
 
@@ -47,7 +47,7 @@ fn since_first_call() -> Duration {
 }
 
 /// A running hologram job.
-struct Work<'a> {
+struct RunningJob<'a> {
     context: &'a JobContext,
     spec: &'a OptimizeHologram,
     state: HologramState,
@@ -56,7 +56,7 @@ struct Work<'a> {
     eta: Option<Eta>,
 }
 
-impl Work<'_> {
+impl RunningJob<'_> {
     /// Resumes the optimization of an earlier attempt, or starts a new one.
     fn begin(&mut self, setup: &HologramSetup, index: usize) -> Result<Optimization, TaskError> {
         let (problem, options) = (setup.problem(self.spec)?, setup.options(self.spec)?);

@@ -34,18 +34,18 @@ pub(super) fn run(context: &JobContext, spec: &PrepareDataset) -> Result<TaskOut
             _ => Err(already_finalized(&dataset.id)),
         };
     }
-    let mut work = Work::begin(context, dataset)?;
+    let mut preparation = Preparation::begin(context, dataset)?;
     let closing = match &spec.step {
         PrepareStep::Align(by) => {
-            work.align(by)?;
+            preparation.align(by)?;
             None
         }
         PrepareStep::Finalize(finalization) => {
-            work.prepare_to_finalize(finalization.keep_alignment)?;
+            preparation.prepare_to_finalize(finalization.keep_alignment)?;
             Some(*finalization)
         }
     };
-    work.output(closing)
+    preparation.output(closing)
 }
 
 /// Output for a dataset that was finalized before with the same options. Nothing changes.
@@ -79,7 +79,7 @@ struct Saved {
 }
 
 /// A dataset during its preparation.
-struct Work<'a> {
+struct Preparation<'a> {
     context: &'a JobContext,
     display: Display,
     /// The dataset with the changes made so far.
@@ -93,25 +93,25 @@ struct Work<'a> {
     reconstructor: OnceCell<Option<Reconstructor>>,
 }
 
-impl<'a> Work<'a> {
+impl<'a> Preparation<'a> {
     /// Resumes the work of an earlier attempt if the dataset has not changed since, or starts from the beginning.
     fn begin(context: &'a JobContext, dataset: Dataset) -> Result<Self, TaskError> {
         let (display, _) = context.wait(context.store().display(&dataset.display))?;
         let (checks, reconstructor) = (BTreeMap::new(), OnceCell::new());
-        let mut work = Self { context, display, dataset, checks, aligned: false, reconstructor };
+        let mut preparation = Self { context, display, dataset, checks, aligned: false, reconstructor };
         let saved = context.take_saved_state().and_then(|bytes| serde_json::from_slice::<Saved>(&bytes).ok());
-        if let Some(saved) = saved.filter(|saved| saved.revision == work.dataset.revision) {
-            for pair in &mut work.dataset.pairs {
+        if let Some(saved) = saved.filter(|saved| saved.revision == preparation.dataset.revision) {
+            for pair in &mut preparation.dataset.pairs {
                 if let Some(checks) = saved.checks.get(&pair.id) {
                     pair.checks = Some(checks.clone());
                 }
             }
-            (work.checks, work.aligned) = (saved.checks, saved.aligned);
-            if work.aligned {
-                work.dataset.alignment = saved.alignment;
+            (preparation.checks, preparation.aligned) = (saved.checks, saved.aligned);
+            if preparation.aligned {
+                preparation.dataset.alignment = saved.alignment;
             }
         }
-        Ok(work)
+        Ok(preparation)
     }
 
     /// Gives the dataset the requested alignment.

@@ -25,7 +25,7 @@ struct Candidate {
 }
 
 /// Progress over all holograms.
-struct Work<'a> {
+struct SuggestionProgress<'a> {
     context: &'a JobContext,
     step: u32,
     steps_total: u32,
@@ -46,12 +46,12 @@ pub(super) fn run(context: &JobContext, spec: &SuggestHolograms) -> Result<TaskO
     })?;
     let photographed = from.pairs(Split::Train, usize::MAX).count();
     let steps_total = photographed.min(SAMPLED_PAIRS_MAX) as u32 + suggest_holograms::candidates(spec.holograms);
-    let mut work = Work { context, step: 0, steps_total };
+    let mut progress = SuggestionProgress { context, step: 0, steps_total };
     for pair in from.pairs(Split::Train, SAMPLED_PAIRS_MAX) {
         choice.add_photographed(from.captures.phase(&context.read_artifact(&pair.phase)?)?)?;
-        work.report("weigh photographed holograms")?;
+        progress.report("weigh photographed holograms")?;
     }
-    let candidates = work.candidates(spec, &from, &model, &mut choice)?;
+    let candidates = progress.candidates(spec, &from, &model, &mut choice)?;
     let found = choice.best(photographed, spec.holograms as usize);
     let error_db = found.last().map_or(0.0, |last| last.error_db);
     let worth_photographs = finite("the worth", photographed as f64 * (10f64.powf(-error_db / 10.0) - 1.0))?;
@@ -60,7 +60,7 @@ pub(super) fn run(context: &JobContext, spec: &SuggestHolograms) -> Result<TaskO
     Ok(TaskOutput { result: JobResult::Suggest(result), effect: JobEffect::None })
 }
 
-impl Work<'_> {
+impl SuggestionProgress<'_> {
     /// Optimizes holograms of test pictures, and adds them to the choice.
     fn candidates(
         &mut self,

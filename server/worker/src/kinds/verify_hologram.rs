@@ -17,11 +17,12 @@ pub(super) fn run(context: &JobContext, spec: &VerifyHologram) -> Result<TaskOut
         let message = format!("jobs/{} has no holograms", spec.job);
         return Err(TaskError::permanent(FailureReason::InvalidInput, message));
     };
-    let mut work = Work { context, request: &request, planes: Vec::new(), done: 0, steps: steps(&hologram) };
+    let mut verification =
+        Verification { context, request: &request, planes: Vec::new(), done: 0, steps: steps(&hologram) };
     for (index, wavelength) in hologram.wavelengths.iter().enumerate() {
-        work.judge(index, wavelength)?;
+        verification.judge(index, wavelength)?;
     }
-    let result = VerifyResult { planes: work.planes };
+    let result = VerifyResult { planes: verification.planes };
     Ok(TaskOutput { result: JobResult::Verify(result), effect: JobEffect::None })
 }
 
@@ -31,7 +32,7 @@ fn steps(hologram: &HologramResult) -> u32 {
     (pictures * Detector::ALL.len()) as u32
 }
 
-struct Work<'a> {
+struct Verification<'a> {
     context: &'a JobContext,
     request: &'a OptimizeHologram,
     planes: Vec<PlaneOpinion>,
@@ -39,7 +40,7 @@ struct Work<'a> {
     steps: u32,
 }
 
-impl Work<'_> {
+impl Verification<'_> {
     /// Judges the pictures of the hologram of one wavelength.
     fn judge(&mut self, index: usize, hologram: &WavelengthResult) -> Result<(), TaskError> {
         self.report()?;

@@ -35,9 +35,9 @@ const PLACES: usize = 32;
 /// Distance of places that count as the same \[reduced px\].
 const SAME_PX: f64 = 2.5;
 
-/// A place of the target and its z.
+/// Where the target may be in the photograph, how large and how turned, and its z.
 #[derive(Clone, Copy, Debug)]
-struct Place {
+struct Pose {
     z: f64,
     /// Scale \[camera px per target px\], turn and flip.
     scale: f64,
@@ -58,11 +58,11 @@ pub(super) fn places(target: &Pyramid, photo: &Pyramid) -> Vec<CameraMap> {
             (0..TURNS_DEG.len()).flat_map(move |turn| (0..FLIPS.len()).map(move |flip| (scale, turn, flip)))
         })
         .collect();
-    let mut found: Vec<Place> = all
+    let mut found: Vec<Pose> = all
         .into_par_iter()
         .filter_map(|(step, turn, flip)| {
             let scale = SCALES[0] * SCALE_STEP.powi(step as i32) * PHOTO_PX * px / longer;
-            scene.place(target, Place { z: 0.0, scale, turn, flip, centre: [0.0; 2] })
+            scene.place(target, Pose { z: 0.0, scale, turn, flip, centre: [0.0; 2] })
         })
         .collect();
     found.sort_by(|a, b| b.z.total_cmp(&a.z));
@@ -71,10 +71,10 @@ pub(super) fn places(target: &Pyramid, photo: &Pyramid) -> Vec<CameraMap> {
 }
 
 /// The best places without those that lead to the same refined place.
-fn distinct(found: Vec<Place>, px: f64) -> Vec<Place> {
-    let mut kept: Vec<Place> = Vec::new();
+fn distinct(found: Vec<Pose>, px: f64) -> Vec<Pose> {
+    let mut kept: Vec<Pose> = Vec::new();
     for place in found {
-        let same = |other: &Place| {
+        let same = |other: &Pose| {
             let apart = (place.centre[0] - other.centre[0]).hypot(place.centre[1] - other.centre[1]);
             let alike = (place.scale / other.scale).ln().abs() < 1.5 * SCALE_STEP.ln();
             place.flip == other.flip && alike && apart < SAME_PX * px
@@ -86,7 +86,7 @@ fn distinct(found: Vec<Place>, px: f64) -> Vec<Place> {
     kept
 }
 
-impl Place {
+impl Pose {
     /// The matrix from the target's pixels to the camera's.
     fn matrix(&self) -> [[f64; 2]; 2] {
         let (sine, cosine) = TURNS_DEG[self.turn].to_radians().sin_cos();
@@ -125,7 +125,7 @@ impl Scene {
     }
 
     /// The best shift of a scaled, turned and flipped target. `None` if it does not fit into the transform.
-    fn place(&self, target: &Pyramid, place: Place) -> Option<Place> {
+    fn place(&self, target: &Pyramid, place: Pose) -> Option<Pose> {
         let (template, start) = self.template(target, &place)?;
         let plane = |of: &dyn Fn(Option<f64>) -> Complex64| {
             fft2(&Plane::from_fn(SIDE, SIDE, |y, x| of(template.at(y, x).map(f64::from))), Direction::Forward)
@@ -153,12 +153,12 @@ impl Scene {
         let signed = |v: usize| if v < SIDE * 5 / 8 { v as f64 } else { v as f64 - SIDE as f64 };
         let at = |v: usize, start: f64| self.px * (signed(v) - start + 0.5) - 0.5;
         let centre = [at(i % SIDE, start[0]), at(i / SIDE, start[1])];
-        z.is_finite().then_some(Place { z, centre, ..place })
+        z.is_finite().then_some(Pose { z, centre, ..place })
     }
 
     /// The target as the place shows it, in reduced pixels from the upper left corner, and the position of that corner
     /// relative to the target's centre. `None` if the target is too large.
-    fn template(&self, target: &Pyramid, place: &Place) -> Option<(Plane<Option<f32>>, Point)> {
+    fn template(&self, target: &Pyramid, place: &Pose) -> Option<(Plane<Option<f32>>, Point)> {
         let [[xx, xy], [yx, yy]] = place.matrix();
         let size = [target.whole().width_px() as f64, target.whole().height_px() as f64];
         let half = [xx.abs() * size[0] + xy.abs() * size[1], yx.abs() * size[0] + yy.abs() * size[1]]

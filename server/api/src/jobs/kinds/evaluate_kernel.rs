@@ -7,7 +7,6 @@ use crate::names;
 use crate::optics::from_wire::region;
 use crate::optics::to_wire::{region_message, validity_report};
 use lightpath_domain::job::{EvaluateKernel, EvaluateResult, Job};
-use lightpath_domain::kernel::KernelKey;
 use lightpath_proto::v1;
 use lightpath_service::propagation::check_distance;
 use lightpath_service::{Call, Field, ServiceError};
@@ -26,7 +25,7 @@ pub(super) async fn from_wire(
     let (dataset, display) = api.service.datasets.finalized(call, &at("dataset"), &id).await?;
     check_distance(&at("dataset"), &display, dataset.wavelength, dataset.distance)?;
     let region_of_interest = region(&at("region_of_interest"), message.region_of_interest, &display)?;
-    let key = KernelKey { display: display.id, wavelength: dataset.wavelength, distance: dataset.distance };
+    let key = dataset.kernel_key();
     let kernel_version = api.service.jobs.evaluated_version(&at("kernel"), &message.kernel, &key, before).await?;
     Ok(EvaluateKernel { dataset: dataset.id, display: key.display, kernel_version, region_of_interest })
 }

@@ -8,7 +8,6 @@ use crate::names;
 use crate::optics::from_wire::region;
 use crate::optics::to_wire::{region_message, validity_report};
 use lightpath_domain::job::{LearnKernel, LearnResult, LearnedKernel};
-use lightpath_domain::kernel::KernelKey;
 use lightpath_optics::learning::BlockStrengths;
 use lightpath_optics::{Detector, KernelModel};
 use lightpath_proto::v1;
@@ -41,9 +40,8 @@ pub(super) async fn from_wire(
         .map(|(_, display)| region(&at("region_of_interest"), message.region_of_interest, display));
     let is_smooth = checked_model.is_smooth();
     let start_version = match &learned {
-        Ok((datasets, display)) => {
-            let (wavelength, distance) = (datasets[0].wavelength, datasets[0].distance);
-            let key = KernelKey { display: display.id.clone(), wavelength, distance };
+        Ok((datasets, _)) => {
+            let key = datasets[0].kernel_key();
             api.service.jobs.start_version(&at("start_version"), message.start_version, is_smooth, &key).await
         }
         Err(_) => Ok(None),
@@ -61,12 +59,7 @@ pub(super) async fn from_wire(
         region_of_interest = region_of_interest.transpose();
     }
     let (datasets, display) = learned;
-    if !is_smooth && display.orders.are_all() {
-        return Err(at("model").invalid(format!(
-            "has a value for each frequency, but displays/{} shows all diffraction orders; use smooth, display or varying",
-            display.id
-        )));
-    }
+    api.service.jobs.require_learnable(&at("model"), model, &display)?;
     Ok(LearnKernel {
         model,
         epochs: (epochs > 0).then_some(epochs),

@@ -37,13 +37,7 @@ pub(super) async fn from_wire(
         Step::Align(align) => PrepareStep::Align(align_by(api, call, align, &field.at("align")).await?),
         Step::Finalize(finalize) => PrepareStep::Finalize(finalization(&finalize, &field.at("finalize"))?),
     };
-    // A repeated request returns its job, even if the job has changed the dataset since.
-    if before.is_none() {
-        api.service.jobs.require_preparable(&dataset_field, &dataset, &step)?;
-    }
-    let spec = PrepareDataset { dataset: id, display: dataset.display, step };
-    let decoding_bytes = api.service.jobs.dots_decoding_bytes(call, field, &spec).await?;
-    Ok((spec, decoding_bytes))
+    api.service.jobs.complete_preparation(call, field, (dataset, step), before).await
 }
 
 async fn align_by(api: &Api, call: &Call, align: Align, field: &Field) -> Result<AlignBy, ServiceError> {

@@ -4,7 +4,6 @@ use crate::api::Api;
 use crate::optics::to_wire::validity_report;
 use lightpath_domain::job::{CaptureResult, SimulateCapture};
 use lightpath_proto::v1;
-use lightpath_service::propagation::check_distance;
 use lightpath_service::{Call, Field, ServiceError};
 
 /// Limit on the time since the bench was set up \[s\]: ten years.
@@ -28,8 +27,7 @@ pub(super) async fn from_wire(
         elapsed_s: at("elapsed_s").number(message.elapsed_s, 0.0..=ELAPSED_S_MAX)?,
         display: display.id.clone(),
     };
-    check_distance(&at("distance_m"), &display, spec.wavelength, spec.distance)?;
-    api.service.jobs.check_levels(call, &at("phase"), &spec.phase, &display).await?;
+    api.service.jobs.require_capturable(call, field, &spec, &display).await?;
     Ok(spec)
 }
 

@@ -18,8 +18,7 @@ pub(super) async fn from_wire(
 ) -> Result<SuggestHolograms, ServiceError> {
     let of_version = field.at("kernel_version");
     let (key, version) = names::kernel_version(call, &of_version, &message.kernel_version)?;
-    let found = api.service.kernels.existing_version(&of_version, &key, version).await?;
-    api.service.jobs.require_suggestible(&of_version, &found)?;
+    let found = api.service.jobs.suggestible_version(&of_version, &key, version).await?;
     let holograms = field.at("holograms").integer_or(message.holograms, SUGGESTIONS_DEFAULT, 1..=SUGGESTIONS_MAX)?;
     Ok(SuggestHolograms { kernel: found.key, version: found.version, holograms, seed: message.seed })
 }

@@ -4,7 +4,6 @@ use super::Kind;
 use crate::error::ServiceError;
 use crate::field::Field;
 use crate::jobs::Jobs;
-use crate::jobs::estimate::key_of;
 use lightpath_domain::job::estimate::{Need, PairsSize};
 use lightpath_domain::job::kinds::evaluate_kernel;
 use lightpath_domain::job::{EvaluateKernel, Job, JobSpec};
@@ -18,7 +17,8 @@ impl Kind for EvaluateKernel {
         let (display, _) = jobs.store.display(&self.display).await?;
         let dataset = jobs.store.dataset(&self.dataset).await?;
         // The detector is the one with which the kernel was learned. None that a camera measures with is larger.
-        let kernel = jobs.kernel_size(&display, &key_of(&dataset), self.kernel_version, Detector::Pixel, None).await?;
+        let kernel =
+            jobs.kernel_size(&display, &dataset.kernel_key(), self.kernel_version, Detector::Pixel, None).await?;
         Ok(evaluate_kernel::need(&kernel, &PairsSize::of(&dataset, &display)))
     }
 }

@@ -5,7 +5,6 @@ use crate::call::Call;
 use crate::error::ServiceError;
 use crate::field::Field;
 use crate::jobs::Jobs;
-use crate::jobs::estimate::key_of;
 use crate::propagation::check_distance;
 use lightpath_domain::dataset::Dataset;
 use lightpath_domain::display::Display;
@@ -30,7 +29,7 @@ impl Kind for LearnKernel {
         let (mut pairs, mut engine) = (Vec::with_capacity(self.datasets.len()), None);
         for id in &self.datasets {
             let dataset = jobs.store.dataset(id).await?;
-            let own = jobs.ideal_engine(&display, &key_of(&dataset), self.detector, None, false)?;
+            let own = jobs.ideal_engine(&display, &dataset.kernel_key(), self.detector, None, false)?;
             let before: EngineSize = engine.unwrap_or(own);
             let sampling_bytes = before.sampling_bytes.max(own.sampling_bytes);
             // A bench of all orders takes the most memory at the smallest distance.
@@ -90,6 +89,17 @@ impl Jobs {
             Some(display) => Ok((datasets, display)),
             None => Err(field.invalid("is empty, but must name a finalized dataset")),
         }
+    }
+
+    /// Refuses a model that cannot describe the display.
+    pub fn require_learnable(&self, field: &Field, model: KernelModel, display: &Display) -> Result<(), ServiceError> {
+        if model.is_smooth() || !display.orders.are_all() {
+            return Ok(());
+        }
+        Err(field.invalid(format!(
+            "has a value for each frequency, but displays/{} shows all diffraction orders; use smooth, display or varying",
+            display.id
+        )))
     }
 
     /// The version from which learning starts; `None` if the request names none.

@@ -5,6 +5,7 @@ use crate::call::Call;
 use crate::error::ServiceError;
 use crate::field::Field;
 use crate::jobs::Jobs;
+use crate::propagation::check_distance;
 use lightpath_domain::display::Display;
 use lightpath_domain::job::SimulateCapture;
 use lightpath_domain::job::estimate::Need;
@@ -38,17 +39,20 @@ impl Jobs {
         Err(ServiceError::Precondition { reason: PreconditionReason::NotSimulated, message })
     }
 
-    /// Refuses a hologram whose levels or size are not those of the display.
-    pub async fn check_levels(
+    /// Refuses a distance at which no method gives a correct image, and a hologram whose levels or size are not those of
+    /// the display.
+    pub async fn require_capturable(
         &self,
         call: &Call,
         field: &Field,
-        digest: &str,
+        spec: &SimulateCapture,
         display: &Display,
     ) -> Result<(), ServiceError> {
+        check_distance(&field.at("distance_m"), display, spec.wavelength, spec.distance)?;
         let (height_px, width_px) = (display.height_px as usize, display.width_px as usize);
         let bit_depth = display.bit_depth;
         let decode = move |bytes: &[u8]| pictures::levels(bytes, bit_depth, height_px, width_px).map(drop);
-        self.files.decoded(call, field, (digest, (height_px * width_px) as u64), decode).await.map(drop)
+        let hologram = (spec.phase.as_str(), (height_px * width_px) as u64);
+        self.files.decoded(call, &field.at("phase"), hologram, decode).await.map(drop)
     }
 }

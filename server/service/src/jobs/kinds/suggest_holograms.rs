@@ -8,7 +8,7 @@ use crate::jobs::estimate::learned_region_px;
 use lightpath_domain::job::SuggestHolograms;
 use lightpath_domain::job::estimate::Need;
 use lightpath_domain::job::kinds::suggest_holograms::{self, SuggestInputs};
-use lightpath_domain::kernel::KernelVersion;
+use lightpath_domain::kernel::{KernelKey, KernelVersion};
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_optics::Detector;
 use lightpath_optics::learning::KernelModel;
@@ -36,8 +36,14 @@ impl Kind for SuggestHolograms {
 }
 
 impl Jobs {
-    /// Refuses a version that has no model of the modulator or no dataset.
-    pub fn require_suggestible(&self, field: &Field, found: &KernelVersion) -> Result<(), ServiceError> {
+    /// The version that a field names. Refuses one that has no model of the modulator or no dataset.
+    pub async fn suggestible_version(
+        &self,
+        field: &Field,
+        key: &KernelKey,
+        version: u32,
+    ) -> Result<KernelVersion, ServiceError> {
+        let found = self.kernels.existing_version(field, key, version).await?;
         let name = format!("{}/versions/{}", found.key, found.version);
         if !matches!(found.content.model, KernelModel::Display | KernelModel::Varying) {
             let model = found.content.model.name();
@@ -48,6 +54,6 @@ impl Jobs {
             let fix = "but the suggestion needs the holograms of its dataset; name a version that was learned here";
             return Err(field.invalid(format!("names {name}, which was imported or interpolated, {fix}")));
         }
-        Ok(())
+        Ok(found)
     }
 }

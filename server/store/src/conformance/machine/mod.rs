@@ -46,7 +46,7 @@ proptest! {
     fn the_queue_agrees_with_its_model(commands in prop::collection::vec(command(), HISTORY)) {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
         runtime.block_on(async {
-            let (store, place) = store().await;
+            let (store, database) = store().await;
             store.create_display(&display("other"), 1).await.unwrap();
             let mut comparison = Comparison { store, model: Model { now_ms: 1000, ..Model::default() }, submitted: 0 };
             for command in commands {
@@ -56,7 +56,7 @@ proptest! {
             comparison.store.close().await;
             // Only a job with many revisions can have too many events.
             let more_events = "select count(*) from job where revision < (select count(*) from job_event where job = job.id)";
-            let mut connection = place.connect().await;
+            let mut connection = database.connect().await;
             let found: i64 = scalar(more_events).fetch_one(&mut connection).await.unwrap();
             assert_eq!(found, 0);
             // Lanes and their needs are those of the jobs that are ready.
@@ -70,7 +70,7 @@ proptest! {
             let found: i64 = scalar(needs).fetch_one(&mut connection).await.unwrap();
             assert_eq!(found, 0);
             connection.close().await.unwrap();
-            let mut inspection = place.inspect().await;
+            let mut inspection = database.inspect().await;
             assert_eq!(inspection.damages().await.unwrap(), Vec::<String>::new());
             assert_eq!(inspection.contradictions().await.unwrap(), Vec::<String>::new());
             inspection.close().await.unwrap();

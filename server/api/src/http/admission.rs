@@ -1,4 +1,4 @@
-//! The gate in front of every handler identifies the caller, refuses calls that are not allowed, and writes the audit
+//! Admission, in front of every handler, identifies the caller, refuses calls that are not allowed, and writes the audit
 //! log.
 //!
 //! A handler runs as a task of its own. When the client leaves, the call is cancelled: computations stop waiting, and a
@@ -33,10 +33,10 @@ use tracing::Instrument as _;
 /// Name in the audit log of all paths that no rule knows. Their own names could be long and many.
 const UNKNOWN_PATH: &str = "unknown path";
 
-/// Settings and state of the gate.
+/// Settings and state of admission.
 #[derive(Clone, Debug)]
-pub struct Gate {
-    /// The services behind the gate.
+pub struct Admission {
+    /// The services behind admission.
     pub api: Api,
     /// Whether calls need a token.
     pub tokens_required: bool,
@@ -50,7 +50,7 @@ pub struct Gate {
     pub ended_tokens: EndedTokens,
 }
 
-/// A request as the gate sees it.
+/// A request as admission sees it.
 struct Visit {
     /// `None` in tests without a connection.
     peer: Option<Peer>,
@@ -90,20 +90,20 @@ impl Visit {
 
 /// Passes a request to its handler, or refuses it.
 pub(super) async fn pass(
-    State(gate): State<Gate>,
+    State(admission): State<Admission>,
     peer: Option<Extension<Peer>>,
     mut request: Request,
     next: Next,
 ) -> Response {
     let visit = Visit::of(&request, peer.map(|Extension(peer)| peer));
-    let caller = match gate.check(&request, &visit) {
-        Ok(()) => gate.admit(request.headers(), &visit).await,
+    let caller = match admission.check(&request, &visit) {
+        Ok(()) => admission.admit(request.headers(), &visit).await,
         Err(status) => Err((String::new(), status)),
     };
     let caller = match caller {
         Ok(caller) => caller,
         Err((name, status)) => {
-            gate.note_refusal(&visit, name, status.code());
+            admission.note_refusal(&visit, name, status.code());
             return refuse(status, visit.is_grpc);
         }
     };
@@ -112,22 +112,22 @@ pub(super) async fn pass(
     // Dropped, and so cancelled, when the client leaves.
     let _waiting = call.cancelled.clone().drop_guard();
     let is_grpc = visit.is_grpc;
-    let handled = tokio::spawn(handle(gate, visit, call, next.run(request)).in_current_span());
+    let handled = tokio::spawn(handle(admission, visit, call, next.run(request)).in_current_span());
     handled.await.unwrap_or_else(|error| refuse(status::of(ServiceError::Task(error)), is_grpc))
 }
 
 /// Runs the handler of a call until it ends or its token is no longer accepted, and writes the audit log.
-async fn handle(gate: Gate, visit: Visit, call: Call, handler: impl Future<Output = Response>) -> Response {
-    let mut expiry = gate.ended_tokens.when_ended(&call.caller.name);
+async fn handle(admission: Admission, visit: Visit, call: Call, handler: impl Future<Output = Response>) -> Response {
+    let mut expiry = admission.ended_tokens.when_ended(&call.caller.name);
     let response = tokio::select! {
         response = handler => ending_at_expiry(response, expiry, visit.is_grpc),
         () = &mut expiry => refuse(status::of(not_accepted()), visit.is_grpc),
     };
-    gate.note(&visit, &call, code_of(&response, visit.is_grpc));
+    admission.note(&visit, &call, code_of(&response, visit.is_grpc));
     response
 }
 
-impl Gate {
+impl Admission {
     /// Refuses a request that may come from a web page of another site. Open calls may use any name of the server.
     fn check(&self, request: &Request, visit: &Visit) -> Result<(), Status> {
         let named = if visit.is_open() { Ok(()) } else { self.hosts.check(request) };

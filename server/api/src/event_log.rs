@@ -56,12 +56,12 @@ impl Default for EventLog {
 
 impl EventLog {
     /// Runs `start` at the first call.
-    pub(super) fn start_once(&self, start: impl FnOnce()) {
+    pub(crate) fn start_once(&self, start: impl FnOnce()) {
         self.0.publisher.call_once(start);
     }
 
     /// Appends events, each with what changed, its display and its message.
-    pub(super) fn append(&self, events: Vec<(Option<Changed>, Option<String>, Change)>) {
+    pub(crate) fn append(&self, events: Vec<(Option<Changed>, Option<String>, Change)>) {
         if events.is_empty() {
             return;
         }
@@ -80,7 +80,7 @@ impl EventLog {
     }
 
     /// The events after the one with this number.
-    pub(super) fn since(&self, number: u64) -> Since {
+    pub(crate) fn since(&self, number: u64) -> Since {
         let entries = self.entries();
         let latest = entries.back().map_or(0, |entry| entry.number);
         let oldest = entries.front().map_or(1, |entry| entry.number);
@@ -91,17 +91,17 @@ impl EventLog {
     }
 
     /// Learns of every new event, by the number of the latest one.
-    pub(super) fn subscribe(&self) -> watch::Receiver<u64> {
+    pub(crate) fn subscribe(&self) -> watch::Receiver<u64> {
         self.0.latest.subscribe()
     }
 
     /// The id of the event with this number.
-    pub(super) fn id(&self, number: u64) -> String {
+    pub(crate) fn id(&self, number: u64) -> String {
         format!("{}-{number}", self.0.start_ms)
     }
 
     /// The number in an id; `None`: the id is not of this log.
-    pub(super) fn number(&self, id: &str) -> Option<u64> {
+    pub(crate) fn number(&self, id: &str) -> Option<u64> {
         let (start_ms, number) = id.split_once('-')?;
         (start_ms.parse() == Ok(self.0.start_ms)).then(|| number.parse().ok())?
     }

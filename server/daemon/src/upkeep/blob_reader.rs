@@ -1,20 +1,21 @@
-//! Where a check finds the blobs: in the data folder, or in a bucket.
+//! Reads the blobs of an installation for a check: in the data folder, or in a bucket.
 
 use super::UpkeepError;
+use crate::database::DatabaseError;
 use lightpath_artifacts::{ArtifactError, BlobKind, BucketInventory, Inventory, RemoteOptions};
 use lightpath_store::Inspection;
 use std::collections::HashSet;
 use std::io;
 use std::path::Path;
 
-/// The blobs of an installation, for reading.
+/// The blobs of an installation.
 #[derive(Debug)]
-pub(super) enum Place {
+pub(super) enum BlobReader {
     Folder(Inventory),
     Bucket(BucketInventory),
 }
 
-impl Place {
+impl BlobReader {
     pub(super) async fn open(data_dir: &Path, bucket: Option<&RemoteOptions>) -> Result<Self, UpkeepError> {
         match bucket {
             Some(options) => Ok(Self::Bucket(BucketInventory::open(options).await?)),
@@ -29,7 +30,7 @@ impl Place {
             Self::Folder(inventory) => inventory.identity()?.unwrap_or_else(|| "none".to_owned()),
             Self::Bucket(inventory) => inventory.installation().to_owned(),
         };
-        if recorded == found { Ok(()) } else { Err(UpkeepError::OtherArtifacts { recorded, found }) }
+        if recorded == found { Ok(()) } else { Err(DatabaseError::OtherArtifacts { recorded, found }.into()) }
     }
 
     /// Whether it is an artifact, and the digest, of all blobs that exist before the rows are read. Those that remain
