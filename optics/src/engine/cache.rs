@@ -2,10 +2,9 @@
 
 use super::convolution::{Convolver, Kernels};
 use super::core::{EngineCore, convolver, sample_kernels};
-use super::detector::Detector;
 use super::single_precision::Engine;
 use super::sub_samples::offsets_px;
-use crate::display::{Carrier, DisplayModel, Ghost, KernelShape, OpticalSetup, SpatialVariation};
+use crate::display::{Carrier, Detector, DisplayModel, Ghost, KernelShape, OpticalSetup, SpatialVariation};
 use crate::error::Result;
 use crate::propagation_method::ConvolutionMethod;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};

@@ -1,7 +1,6 @@
 //! Computations of an engine, in f32 or f64.
 
 use super::convolution::{Convolver, Kernels, Real, Transfer};
-use super::detector::Detector;
 use super::order_products::OrderProducts;
 use super::sample_transfers::sample_transfers;
 use super::slm::{Shown, Slm};
@@ -9,7 +8,7 @@ use super::sub_samples::{offsets_px, sub_samples};
 use crate::display::parts::ghost::TransferErrors;
 use crate::display::parts::order_errors::OrderErrors;
 use crate::display::parts::spatial_variation::local_kernels;
-use crate::display::{Carrier, DisplayModel, Dust, KernelShape, LightBlur, OpticalSetup, ResponseVariation};
+use crate::display::{Carrier, Detector, DisplayModel, Dust, KernelShape, LightBlur, OpticalSetup, ResponseVariation};
 use crate::error::Result;
 use crate::interrupt;
 use crate::numerics::buffers::zeros;

@@ -8,11 +8,11 @@ use super::loss::{Loss, PlaneInput};
 use super::plain::{PlainPlane, PlainProblem};
 use super::processor::ProcessorProblem;
 use crate::display::{
-    Carrier, Crosstalk, DisplayModel, Dust, FurtherMode, Ghost, KernelShape, LightBlur, OpticalSetup, Orders,
+    Carrier, Crosstalk, Detector, DisplayModel, Dust, FurtherMode, Ghost, KernelShape, LightBlur, OpticalSetup, Orders,
     PartialCoherence, ResponseVariation, SpatialVariation,
 };
+use crate::engine::EngineCore;
 use crate::engine::photometry::Quantity;
-use crate::engine::{Detector, EngineCore};
 use crate::hologram::adam::AdamState;
 use crate::metrics::Gain;
 use crate::numerics::optimizer::limited_memory::{LimitedMemory, Workspace};

@@ -3,8 +3,8 @@
 
 use super::*;
 use crate::display::phase_response::PhaseResponse;
-use crate::display::{Carrier, DisplayModel, LightBlur, OpticalSetup};
-use crate::engine::{Detector, Engine};
+use crate::display::{Carrier, Detector, DisplayModel, LightBlur, OpticalSetup};
+use crate::engine::Engine;
 use crate::hologram::initial::InitialPhase;
 use crate::hologram::loss::{ImagePlane, Loss};
 use crate::hologram::quality::quality;

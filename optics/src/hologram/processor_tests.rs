@@ -2,8 +2,7 @@
 //! frames and planes.
 
 use super::*;
-use crate::display::{Carrier, DisplayModel, OpticalSetup, Orders};
-use crate::engine::Detector;
+use crate::display::{Carrier, Detector, DisplayModel, OpticalSetup, Orders};
 use crate::hologram::conformance_tests::Case;
 use crate::numerics::{Grid, Plane};
 

@@ -228,8 +228,9 @@ impl PairSource for Compared<'_> {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
+    use crate::display::Detector;
     use crate::display::{DisplayModel, OpticalSetup};
-    use crate::engine::{Detector, Engine};
+    use crate::engine::Engine;
     use crate::hologram::{HologramProblem, Optimization};
     use crate::learning::options::{KernelModel, LearnOptions};
     use crate::learning::pair::Pair;
