@@ -13,6 +13,7 @@ mod order_products;
 #[doc(hidden)]
 pub mod passes;
 pub mod photometry;
+pub mod prepared;
 mod propagator;
 mod sample_transfers;
 mod single_precision;
@@ -23,8 +24,9 @@ mod sub_samples;
 pub use cache::EngineCache;
 pub use convolution::Real;
 pub use core::EngineCore;
-pub(crate) use core::{Fields, Mode, kernel_grid, tabulate_gain, tabulate_source};
+pub(crate) use core::{Fields, Mode, kernels, tabulate_gain, tabulate_source};
 pub(crate) use order_products::{OrderProducts, OrderWeights, order_products, turns};
+pub use prepared::Prepared;
 pub use propagator::{Propagated, Propagator, PropagatorCore, propagate};
 pub(crate) use sample_transfers::sample_transfers;
 pub use single_precision::Engine;

@@ -9,13 +9,16 @@
 //! half-transformed fields, no passes, no adjoint. A gradient takes two evaluations for each pixel. Use it for a few
 //! hundred pixels, to judge what else computes holograms.
 
-use super::evaluate::{Evaluate, Evaluation, ProblemSize};
+use super::backend::{Backend, Picture};
+use super::evaluate::{Evaluate, Evaluation, ProblemSize, Project};
+use super::gerchberg_saxton::subtract;
 use super::loss::Loss;
 use super::roughness::EPSILON;
 use crate::display::parts::spatial_variation::local_kernels;
 use crate::display::parts::{crosstalk, light_blur};
 use crate::display::{Carrier, Detector, DisplayModel};
 use crate::engine::photometry::Quantity;
+use crate::engine::slm::Slm;
 use crate::error::{Error, Result};
 use crate::interrupt;
 use crate::metrics::Gain;
@@ -23,35 +26,50 @@ use crate::numerics::chebyshev::position;
 use crate::numerics::fourier::{Direction, fft2};
 use crate::numerics::grid::frequency;
 use crate::numerics::{Plane, RegionOfInterest};
-use num_complex::Complex64;
+use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
 /// h \[rad\]. The error of a difference is some h² of the gradient.
 const STEP_RAD: f64 = 1e-4;
 
-/// Target picture at one distance, for a [`PlainProblem`]. See [`ImagePlane`](super::ImagePlane).
-#[derive(Clone, Debug)]
-pub struct PlainPlane {
-    /// The display at the picture's distance. It shows the first order, or what a filter passes of it.
-    pub model: DisplayModel,
-    /// Target intensity in linear light, of the display's size.
-    pub target: Plane<f32>,
-    /// Weight of each pixel in the loss, 0 or above; `None`: all pixels have the same weight.
-    pub weight: Option<Plane<f32>>,
-    /// Weight of this plane among several planes, above 0.
-    pub share: f64,
+/// The [`Backend`] of [`PlainProblem`]s.
+#[derive(Clone, Copy, Debug)]
+pub struct Plain;
+
+impl Backend for Plain {
+    fn hologram(
+        &self,
+        pictures: Vec<Picture<'_>>,
+        frames: usize,
+        region: RegionOfInterest,
+        loss: Loss,
+    ) -> Result<Box<dyn Project>> {
+        Ok(Box::new(PlainProblem::new(pictures, frames, region, loss)?))
+    }
 }
 
 /// A hologram's problem, computed from definitions in f64. See [`HologramProblem`](super::HologramProblem).
 #[derive(Debug)]
 pub struct PlainProblem {
-    planes: Vec<(PlainPlane, Optics)>,
-    carrier: Option<Carrier>,
+    planes: Vec<PlainPlane>,
     detector: Detector,
+    slm: Slm<f32>,
     size: ProblemSize,
     region: RegionOfInterest,
     loss: Loss,
+}
+
+/// A target picture with the display that shows it.
+#[derive(Debug)]
+struct PlainPlane {
+    model: DisplayModel,
+    carrier: Option<Carrier>,
+    target: Plane<f32>,
+    weight: Option<Plane<f32>>,
+    /// The shares of all planes add up to 1.
+    share: f64,
+    optics: Optics,
 }
 
 /// Optics between the modulator and one image plane.
@@ -65,65 +83,60 @@ struct Optics {
 }
 
 impl PlainProblem {
-    /// Problem with pictures of one size, a detector and an optional carrier grating on the modulator. The caller has
-    /// checked what [`HologramProblem::with_planes`](super::HologramProblem::with_planes) checks.
+    /// Problem with pictures that [`HologramProblem::on`](super::HologramProblem::on) has checked.
     ///
     /// # Errors
     ///
-    /// [`Error::Empty`] for no planes, [`Error::Incompatible`] for a display that shows all orders of its pixels, and
-    /// the errors of [`DisplayModel::validate`].
-    pub fn new(
-        planes: Vec<PlainPlane>,
-        (detector, carrier): (Detector, Option<Carrier>),
-        frames: usize,
-        region: RegionOfInterest,
-        loss: Loss,
-    ) -> Result<Self> {
-        let Some(first) = planes.first() else {
+    /// [`Error::Incompatible`] for a display that shows all orders of its pixels.
+    pub fn new(pictures: Vec<Picture<'_>>, frames: usize, region: RegionOfInterest, loss: Loss) -> Result<Self> {
+        let Some(first) = pictures.first() else {
             return Err(Error::Empty { name: "planes", needed: "at least one picture is needed" });
         };
-        let (height_px, width_px) = (first.target.height_px(), first.target.width_px());
-        let size = ProblemSize { planes: planes.len(), frames, height_px, width_px };
-        let with_optics = planes.into_iter().map(|plane| {
-            plane.model.validate()?;
-            if plane.model.setup.orders().are_all() {
-                let reason = "the plain problem knows displays that show the first order only";
-                return Err(Error::Incompatible { name: "orders", reason });
-            }
-            let optics = Optics::new(&plane.model, detector);
-            Ok((plane, optics))
-        });
-        Ok(Self { planes: with_optics.collect::<Result<_>>()?, carrier, detector, size, region, loss })
+        if pictures.iter().any(|picture| picture.display.shows_all_orders()) {
+            let reason = "the plain problem knows displays that show the first order only";
+            return Err(Error::Incompatible { name: "orders", reason });
+        }
+        let (height_px, width_px) = (first.display.height_px(), first.display.width_px());
+        let size = ProblemSize { planes: pictures.len(), frames, height_px, width_px };
+        let (detector, slm) = (first.display.detector(), Slm::of(&first.display.modulator()));
+        let shares: f64 = pictures.iter().map(|picture| picture.share).sum();
+        let plane = |Picture { display, target, weight, share }: Picture<'_>| PlainPlane {
+            model: display.model().clone(),
+            carrier: display.modulator().carrier(),
+            target,
+            weight,
+            share: share / shares,
+            optics: Optics::new(display.model(), display.detector()),
+        };
+        Ok(Self { planes: pictures.into_iter().map(plane).collect(), detector, slm, size, region, loss })
     }
 
     /// Evaluates the loss of phases in f64.
     #[must_use]
     pub fn at(&self, phase: &[f64], gain: Gain) -> Evaluation {
-        let shares: f64 = self.planes.iter().map(|(plane, _)| plane.share).sum();
-        let mut compared = Vec::new();
+        let lights = self.lights_of_planes(phase);
         let mut roughness = 0.0;
-        for (plane, optics) in &self.planes {
-            let lights = self.lights(plane, optics, phase);
-            let share = plane.share / shares / lights.len() as f64;
-            let all: f64 = self.pixels().map(|(y, x)| plane.weight(y, x)).sum();
-            let target = plane.target.map(f64::from);
-            for light in &lights {
-                compared.extend(self.pixels().map(|(y, x)| {
-                    let [p, t] = [light.at(y, x), target.at(y, x)].map(|light| match self.loss.quantity {
-                        Quantity::Intensity => light,
-                        Quantity::Amplitude => light.sqrt(),
-                    });
-                    (share * plane.weight(y, x) / all, p, t)
-                }));
-                roughness += share
+        for (plane, lights) in self.planes.iter().zip(&lights) {
+            for light in lights {
+                roughness += plane.share / lights.len() as f64
                     * (self.loss.total_variation * self.total_variation(plane, light)
                         + self.loss.speckle * self.speckle(plane, light));
             }
         }
-        let sum = |of: &dyn Fn(f64, f64) -> f64| compared.iter().map(|&(w, p, t)| w * of(p, t)).sum::<f64>();
-        let (pp, tp) = (sum(&|p, _| p * p), sum(&|p, t| t * p));
-        let best_gain = if pp > 0.0 { tp / pp } else { 0.0 };
-        let loss_at = |gain: f64| sum(&|p, t| (gain * p - t).powi(2)) + roughness;
+        self.compare(&lights, gain, roughness)
+    }
+
+    /// Evaluates the loss of the light of all planes, with its roughness.
+    fn compare(&self, lights: &[Vec<Plane<f64>>], gain: Gain, roughness: f64) -> Evaluation {
+        let quantity = |light: f64| match self.loss.quantity {
+            Quantity::Intensity => light,
+            Quantity::Amplitude => light.sqrt(),
+        };
+        let targets: Vec<_> = self.planes.iter().map(|plane| plane.target.map(|t| quantity(t.into()))).collect();
+        let compared = self.compared(lights, quantity, &targets);
+        let (best_gain, loss_at) = (best_gain(&compared), |gain: f64| {
+            compared.iter().map(|&(w, p, t)| w * (gain * p - t).powi(2)).sum::<f64>() + roughness
+        });
         let best_loss = loss_at(best_gain);
         let loss = match gain {
             Gain::Given(gain) => loss_at(gain),
@@ -132,15 +145,41 @@ impl PlainProblem {
         Evaluation { loss, best_gain, best_loss }
     }
 
+    /// Weight, quantity and target of every pixel and light plane. The weights add up to 1.
+    fn compared(
+        &self,
+        lights: &[Vec<Plane<f64>>],
+        quantity: impl Fn(f64) -> f64,
+        targets: &[Plane<f64>],
+    ) -> Vec<(f64, f64, f64)> {
+        let mut compared = Vec::new();
+        for ((plane, lights), target) in self.planes.iter().zip(lights).zip(targets) {
+            let share = plane.share / lights.len() as f64;
+            let all: f64 = self.pixels().map(|(y, x)| plane.weight(y, x)).sum();
+            for light in lights {
+                let values = self
+                    .pixels()
+                    .map(|(y, x)| (share * plane.weight(y, x) / all, quantity(light.at(y, x)), target.at(y, x)));
+                compared.extend(values);
+            }
+        }
+        compared
+    }
+
+    /// Light planes of the detector in each image plane.
+    fn lights_of_planes(&self, phase: &[f64]) -> Vec<Vec<Plane<f64>>> {
+        self.planes.iter().map(|plane| self.lights(plane, phase)).collect()
+    }
+
     /// Light planes of the detector in an image plane, the mean over the frames.
-    fn lights(&self, plane: &PlainPlane, optics: &Optics, phase: &[f64]) -> Vec<Plane<f64>> {
+    fn lights(&self, plane: &PlainPlane, phase: &[f64]) -> Vec<Plane<f64>> {
         let ProblemSize { frames, height_px, width_px, .. } = self.size;
         let places = self.detector.places_px().len();
         let planes = if self.detector == Detector::Supersampled { places } else { 1 };
         let mut lights = vec![Plane::filled(height_px, width_px, 0.0); planes];
         for phase in phase.chunks_exact(self.size.frame_len()) {
-            let spectra = optics.spectra(&self.behind_modulator(&plane.model, phase));
-            for (share, to_places) in &optics.modes {
+            let spectra = plane.optics.spectra(&self.behind_modulator(plane, phase));
+            for (share, to_places) in &plane.optics.modes {
                 for (place, transfers) in to_places.iter().enumerate() {
                     let image = image(&spectra, transfers);
                     let part = share * planes as f64 / (places * frames) as f64;
@@ -155,9 +194,10 @@ impl PlainProblem {
     }
 
     /// Field k · source · dust · ( e^{ir(ψ)} + z₀ ) behind the modulator, with k = ±1 the sign of the carrier's grating.
-    fn behind_modulator(&self, model: &DisplayModel, phase: &[f64]) -> Plane<Complex64> {
+    fn behind_modulator(&self, plane: &PlainPlane, phase: &[f64]) -> Plane<Complex64> {
+        let PlainPlane { model, carrier, .. } = plane;
         let ProblemSize { height_px, width_px, .. } = self.size;
-        let sign = |y: usize, x: usize| self.carrier.map_or(1.0, |carrier| carrier.sign(y, x));
+        let sign = |y: usize, x: usize| carrier.map_or(1.0, |carrier| carrier.sign(y, x));
         let wrapped = Plane::from_fn(height_px, width_px, |y, x| {
             let grating = if sign(y, x) < 0.0 { PI } else { 0.0 };
             (phase[y * width_px + x] + grating).rem_euclid(TAU)
@@ -173,6 +213,57 @@ impl PlainProblem {
             let light = model.source.value(at_x, at_y) * model.dust.factor(y, x);
             sign(y, x) * light * (Complex64::cis(response) + model.zero_order)
         })
+    }
+
+    /// Excess of the field of all frames on the modulator, see [Gerchberg–Saxton](super::gerchberg_saxton): the mean over
+    /// the planes of Aᴴ[ Bᵀ( w · ( 1 − W√t / (s√p) ) ) · u ]. `wanted` holds W√t.
+    fn excess(&self, phase: &[f64], lights: &[Vec<Plane<f64>>], wanted: &[Plane<f64>]) -> Vec<Complex64> {
+        let gain = best_gain(&self.compared(lights, f64::sqrt, wanted));
+        let places = self.detector.places_px().len();
+        let mut excess = vec![Complex64::ZERO; phase.len()];
+        for ((plane, lights), wanted) in self.planes.iter().zip(lights).zip(wanted) {
+            let slope = |light: &Plane<f64>| {
+                let relative = |y, x| plane.weight(y, x) * (1.0 - wanted.at(y, x) / (gain * light.at(y, x).sqrt()));
+                let (height_px, width_px) = (self.size.height_px, self.size.width_px);
+                let inside = |y, x| self.region.columns(y).is_some_and(|columns| columns.contains(&x));
+                spread(
+                    &plane.model,
+                    &Plane::from_fn(height_px, width_px, |y, x| if inside(y, x) { relative(y, x) } else { 0.0 }),
+                )
+            };
+            let slopes: Vec<_> = lights.iter().map(slope).collect();
+            let frames = phase.chunks_exact(self.size.frame_len()).zip(excess.chunks_exact_mut(self.size.frame_len()));
+            for (phase, excess) in frames {
+                let spectra = plane.optics.spectra(&self.behind_modulator(plane, phase));
+                for (share, to_places) in &plane.optics.modes {
+                    for (place, transfers) in to_places.iter().enumerate() {
+                        let (image, slopes) = (image(&spectra, transfers), &slopes[place % slopes.len()]);
+                        let factor = plane.share * share / places as f64;
+                        let field = Plane::from_fn(slopes.height_px(), slopes.width_px(), |y, x| {
+                            image.at(y, x) * (slopes.at(y, x) * factor)
+                        });
+                        plane.optics.add_returned(&field, transfers, excess);
+                    }
+                }
+            }
+        }
+        excess
+    }
+
+    /// W ← W · √t / (s√p), with W between ⅓ and 3, at every pixel. `wanted` holds W√t.
+    fn raise(&self, lights: &[Vec<Plane<f64>>], wanted: &mut [Plane<f64>]) {
+        let amplitudes: Vec<_> = self.planes.iter().map(|plane| plane.target.map(|t| f64::from(t).sqrt())).collect();
+        let gain = best_gain(&self.compared(lights, f64::sqrt, &amplitudes));
+        for ((lights, amplitude), wanted) in lights.iter().zip(&amplitudes).zip(wanted) {
+            *wanted = Plane::from_fn(self.size.height_px, self.size.width_px, |y, x| {
+                let light = lights.iter().map(|light| light.at(y, x)).sum::<f64>() / lights.len() as f64;
+                let (target, shown) = (amplitude.at(y, x), gain * light.sqrt());
+                if target == 0.0 {
+                    return wanted.at(y, x);
+                }
+                (wanted.at(y, x) * target / shown.max(target / 3.0)).clamp(target / 3.0, 3.0 * target)
+            });
+        }
     }
 
     fn pixels(&self) -> impl Iterator<Item = (usize, usize)> + Clone {
@@ -258,6 +349,25 @@ impl Optics {
         Self { windows: (0..per_side * per_side).map(window).collect(), modes: modes.collect() }
     }
 
+    /// Adds what a field in the image sends back to the modulator through these transfer functions, the adjoint of
+    /// [`image`].
+    fn add_returned(&self, field: &Plane<Complex64>, transfers: &[Plane<Complex64>], sum: &mut [Complex64]) {
+        let (height_px, width_px) = (field.height_px(), field.width_px());
+        let padded = Plane::from_fn(2 * height_px, 2 * width_px, |y, x| {
+            if y < height_px && x < width_px { field.at(y, x) } else { Complex64::ZERO }
+        });
+        let spectrum = fft2(&padded, Direction::Forward);
+        for (window, transfer) in self.windows.iter().zip(transfers) {
+            let behind =
+                Plane::from_fn(2 * height_px, 2 * width_px, |v, u| spectrum.at(v, u) * transfer.at(v, u).conj());
+            let returned = fft2(&behind, Direction::Inverse);
+            for (i, sum) in sum.iter_mut().enumerate() {
+                let (y, x) = (i / width_px, i % width_px);
+                *sum += returned.at(y, x) * window.at(y, x);
+            }
+        }
+    }
+
     /// Padded spectra of a field in each window.
     fn spectra(&self, field: &Plane<Complex64>) -> Vec<Plane<Complex64>> {
         let (height_px, width_px) = (field.height_px(), field.width_px());
@@ -269,6 +379,23 @@ impl Optics {
         };
         self.windows.iter().map(|window| fft2(&padded(window), Direction::Forward)).collect()
     }
+}
+
+/// The gain s with the least Σ w (s p − t)².
+fn best_gain(compared: &[(f64, f64, f64)]) -> f64 {
+    let sum = |of: &dyn Fn(f64, f64) -> f64| compared.iter().map(|&(w, p, t)| w * of(p, t)).sum::<f64>();
+    let (pp, tp) = (sum(&|p, _| p * p), sum(&|p, t| t * p));
+    if pp > 0.0 { tp / pp } else { 0.0 }
+}
+
+/// The transpose of the blur of a display's light: each pixel gathers from those into which its light blurs.
+fn spread(model: &DisplayModel, slopes: &Plane<f64>) -> Plane<f64> {
+    let (height_px, width_px) = (slopes.height_px(), slopes.width_px());
+    Plane::from_fn(height_px, width_px, |y, x| {
+        let point = Plane::from_fn(height_px, width_px, |v, u| if (v, u) == (y, x) { 1.0 } else { 0.0 });
+        let blurred = light_blur::blurred_light(&point, &model.light_blur);
+        blurred.values().iter().zip(slopes.values()).map(|(light, slope)| light * slope).sum()
+    })
 }
 
 /// Part of the distance between a detector's places and the pixel's centre.
@@ -300,7 +427,7 @@ impl Evaluate for PlainProblem {
     }
 
     fn evaluate(&mut self, phase: &[f32], gain: Gain, gradient: &mut [f32]) -> Evaluation {
-        let phase: Vec<f64> = phase.iter().copied().map(f64::from).collect();
+        let phase = widened(phase);
         gradient.par_iter_mut().enumerate().for_each(|(i, slope)| {
             interrupt::check();
             let [above, below] = [STEP_RAD, -STEP_RAD].map(|step| {
@@ -314,15 +441,60 @@ impl Evaluate for PlainProblem {
     }
 
     fn measure(&mut self, phase: &[f32], gain: f64) -> Evaluation {
-        let phase: Vec<f64> = phase.iter().copied().map(f64::from).collect();
+        let phase = widened(phase);
         self.at(&phase, Gain::Given(gain))
     }
 
     fn light(&mut self, phase: &[f32]) -> Vec<f32> {
-        let phase: Vec<f64> = phase.iter().copied().map(f64::from).collect();
-        let (plane, optics) = &self.planes[0];
-        let lights = self.lights(plane, optics, &phase);
+        let phase = widened(phase);
+        let lights = self.lights(&self.planes[0], &phase);
         let rows = (0..self.size.height_px).flat_map(|y| lights.iter().flat_map(move |light| light.row(y)));
         rows.map(|&light| light as f32).collect()
     }
+}
+
+impl Project for PlainProblem {
+    fn slm(&self) -> &Slm<f32> {
+        &self.slm
+    }
+
+    fn target_amplitudes(&self) -> Vec<Plane<f32>> {
+        self.planes.iter().map(|plane| plane.target.map(f32::sqrt)).collect()
+    }
+
+    fn back_propagated(&self, image_phase: &[f32]) -> Vec<Complex32> {
+        let (height_px, width_px) = (self.size.height_px, self.size.width_px);
+        let mut field = vec![Complex64::ZERO; self.size.frame_len()];
+        for plane in &self.planes {
+            let image = Plane::from_fn(height_px, width_px, |y, x| {
+                let amplitude = f64::from(plane.target.at(y, x)).sqrt() * plane.weight(y, x) * plane.share;
+                Complex64::from_polar(amplitude, image_phase[y * width_px + x].into())
+            });
+            let to_points = Optics::new(&plane.model, Detector::Point);
+            let (_, first_mode) = &to_points.modes[0];
+            to_points.add_returned(&image, &first_mode[0], &mut field);
+        }
+        narrowed(&field)
+    }
+
+    fn project(&mut self, phase: &mut [f32], wanted: &mut [Plane<f32>], weighted: bool) -> Evaluation {
+        let exact = widened(phase);
+        let lights = self.lights_of_planes(&exact);
+        let mut wanted_exact: Vec<_> = wanted.iter().map(|wanted| wanted.map(f64::from)).collect();
+        if weighted {
+            self.raise(&lights, &mut wanted_exact);
+            wanted.iter_mut().zip(&wanted_exact).for_each(|(wanted, exact)| *wanted = exact.map(|value| value as f32));
+        }
+        let excess = narrowed(&self.excess(&exact, &lights, &wanted_exact));
+        subtract(&self.slm, self.size.frame_len(), &excess, phase);
+        self.compare(&lights, Gain::Given(1.0), 0.0)
+    }
+}
+
+fn widened(values: &[f32]) -> Vec<f64> {
+    values.iter().copied().map(f64::from).collect()
+}
+
+fn narrowed(field: &[Complex64]) -> Vec<Complex32> {
+    field.iter().map(|c| Complex32::new(c.re as f32, c.im as f32)).collect()
 }

@@ -3,7 +3,7 @@
 
 use super::*;
 use crate::display::{Carrier, Detector, DisplayModel, OpticalSetup, Orders};
-use crate::hologram::conformance_tests::Case;
+use crate::hologram::conformance::Case;
 use crate::numerics::{Grid, Plane};
 
 const SIZES: [(usize, usize); 3] = [(16, 24), (17, 13), (11, 30)];
