@@ -262,8 +262,9 @@ impl<'a> Modulator<'a> {
             along
         };
         let (log_amplitude, phase) = (along_x(&source.log_amplitude), along_x(&source.phase));
+        let width_px = self.width_px();
         for (x, value) in row.iter_mut().enumerate() {
-            let x = position(x, self.width_px());
+            let x = position(x, width_px);
             *value = Complex64::from_polar(clenshaw(&log_amplitude, x).exp(), clenshaw(&phase, x));
         }
     }

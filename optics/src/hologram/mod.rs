@@ -14,6 +14,7 @@ mod optimize;
 mod options;
 mod other_orders;
 mod plain;
+mod plain_project;
 mod preview;
 mod problem;
 mod processor;

@@ -6,12 +6,11 @@
 //! ```
 //!
 //! It shares the parts of a [display](DisplayModel) with the fast problem, and nothing of how that computes: no
-//! half-transformed fields, no passes, no adjoint. A gradient takes two evaluations for each pixel. Use it for a few
+//! half-transformed fields, no passes, no adjoint of the gradient. A gradient takes two evaluations for each pixel. Use it for a few
 //! hundred pixels, to judge what else computes holograms.
 
 use super::backend::{Backend, Picture};
 use super::evaluate::{Evaluate, Evaluation, ProblemSize, Project};
-use super::gerchberg_saxton::subtract;
 use super::loss::Loss;
 use super::roughness::EPSILON;
 use crate::display::parts::spatial_variation::local_kernels;
@@ -26,7 +25,7 @@ use crate::numerics::chebyshev::position;
 use crate::numerics::fourier::{Direction, fft2};
 use crate::numerics::grid::frequency;
 use crate::numerics::{Plane, RegionOfInterest};
-use num_complex::{Complex32, Complex64};
+use num_complex::Complex64;
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
@@ -52,34 +51,34 @@ impl Backend for Plain {
 /// A hologram's problem, computed from definitions in f64. See [`HologramProblem`](super::HologramProblem).
 #[derive(Debug)]
 pub struct PlainProblem {
-    planes: Vec<PlainPlane>,
-    detector: Detector,
-    slm: Slm<f32>,
-    size: ProblemSize,
-    region: RegionOfInterest,
+    pub(super) planes: Vec<PlainPlane>,
+    pub(super) detector: Detector,
+    pub(super) slm: Slm<f32>,
+    pub(super) size: ProblemSize,
+    pub(super) region: RegionOfInterest,
     loss: Loss,
 }
 
 /// A target picture with the display that shows it.
 #[derive(Debug)]
-struct PlainPlane {
-    model: DisplayModel,
+pub(super) struct PlainPlane {
+    pub(super) model: DisplayModel,
     carrier: Option<Carrier>,
-    target: Plane<f32>,
-    weight: Option<Plane<f32>>,
+    pub(super) target: Plane<f32>,
+    pub(super) weight: Option<Plane<f32>>,
     /// The shares of all planes add up to 1.
-    share: f64,
-    optics: Optics,
+    pub(super) share: f64,
+    pub(super) optics: Optics,
 }
 
 /// Optics between the modulator and one image plane.
 #[derive(Debug)]
-struct Optics {
+pub(super) struct Optics {
     /// Windows of the local kernels on the modulator; a single one that is 1 everywhere for a kernel that does not vary.
-    windows: Vec<Plane<f64>>,
+    pub(super) windows: Vec<Plane<f64>>,
     /// Part of the light of each mode, and its transfer functions at the padded bins: for each place in a pixel one for
     /// each window.
-    modes: Vec<(f64, Vec<Vec<Plane<Complex64>>>)>,
+    pub(super) modes: Vec<(f64, Vec<Vec<Plane<Complex64>>>)>,
 }
 
 impl PlainProblem {
@@ -127,7 +126,7 @@ impl PlainProblem {
     }
 
     /// Evaluates the loss of the light of all planes, with its roughness.
-    fn compare(&self, lights: &[Vec<Plane<f64>>], gain: Gain, roughness: f64) -> Evaluation {
+    pub(super) fn compare(&self, lights: &[Vec<Plane<f64>>], gain: Gain, roughness: f64) -> Evaluation {
         let quantity = |light: f64| match self.loss.quantity {
             Quantity::Intensity => light,
             Quantity::Amplitude => light.sqrt(),
@@ -146,7 +145,7 @@ impl PlainProblem {
     }
 
     /// Weight, quantity and target of every pixel and light plane. The weights add up to 1.
-    fn compared(
+    pub(super) fn compared(
         &self,
         lights: &[Vec<Plane<f64>>],
         quantity: impl Fn(f64) -> f64,
@@ -167,7 +166,7 @@ impl PlainProblem {
     }
 
     /// Light planes of the detector in each image plane.
-    fn lights_of_planes(&self, phase: &[f64]) -> Vec<Vec<Plane<f64>>> {
+    pub(super) fn lights_of_planes(&self, phase: &[f64]) -> Vec<Vec<Plane<f64>>> {
         self.planes.iter().map(|plane| self.lights(plane, phase)).collect()
     }
 
@@ -194,7 +193,7 @@ impl PlainProblem {
     }
 
     /// Field k · source · dust · ( e^{ir(ψ)} + z₀ ) behind the modulator, with k = ±1 the sign of the carrier's grating.
-    fn behind_modulator(&self, plane: &PlainPlane, phase: &[f64]) -> Plane<Complex64> {
+    pub(super) fn behind_modulator(&self, plane: &PlainPlane, phase: &[f64]) -> Plane<Complex64> {
         let PlainPlane { model, carrier, .. } = plane;
         let ProblemSize { height_px, width_px, .. } = self.size;
         let sign = |y: usize, x: usize| carrier.map_or(1.0, |carrier| carrier.sign(y, x));
@@ -213,57 +212,6 @@ impl PlainProblem {
             let light = model.source.value(at_x, at_y) * model.dust.factor(y, x);
             sign(y, x) * light * (Complex64::cis(response) + model.zero_order)
         })
-    }
-
-    /// Excess of the field of all frames on the modulator, see [Gerchberg–Saxton](super::gerchberg_saxton): the mean over
-    /// the planes of Aᴴ[ Bᵀ( w · ( 1 − W√t / (s√p) ) ) · u ]. `wanted` holds W√t.
-    fn excess(&self, phase: &[f64], lights: &[Vec<Plane<f64>>], wanted: &[Plane<f64>]) -> Vec<Complex64> {
-        let gain = best_gain(&self.compared(lights, f64::sqrt, wanted));
-        let places = self.detector.places_px().len();
-        let mut excess = vec![Complex64::ZERO; phase.len()];
-        for ((plane, lights), wanted) in self.planes.iter().zip(lights).zip(wanted) {
-            let slope = |light: &Plane<f64>| {
-                let relative = |y, x| plane.weight(y, x) * (1.0 - wanted.at(y, x) / (gain * light.at(y, x).sqrt()));
-                let (height_px, width_px) = (self.size.height_px, self.size.width_px);
-                let inside = |y, x| self.region.columns(y).is_some_and(|columns| columns.contains(&x));
-                spread(
-                    &plane.model,
-                    &Plane::from_fn(height_px, width_px, |y, x| if inside(y, x) { relative(y, x) } else { 0.0 }),
-                )
-            };
-            let slopes: Vec<_> = lights.iter().map(slope).collect();
-            let frames = phase.chunks_exact(self.size.frame_len()).zip(excess.chunks_exact_mut(self.size.frame_len()));
-            for (phase, excess) in frames {
-                let spectra = plane.optics.spectra(&self.behind_modulator(plane, phase));
-                for (share, to_places) in &plane.optics.modes {
-                    for (place, transfers) in to_places.iter().enumerate() {
-                        let (image, slopes) = (image(&spectra, transfers), &slopes[place % slopes.len()]);
-                        let factor = plane.share * share / places as f64;
-                        let field = Plane::from_fn(slopes.height_px(), slopes.width_px(), |y, x| {
-                            image.at(y, x) * (slopes.at(y, x) * factor)
-                        });
-                        plane.optics.add_returned(&field, transfers, excess);
-                    }
-                }
-            }
-        }
-        excess
-    }
-
-    /// W ← W · √t / (s√p), with W between ⅓ and 3, at every pixel. `wanted` holds W√t.
-    fn raise(&self, lights: &[Vec<Plane<f64>>], wanted: &mut [Plane<f64>]) {
-        let amplitudes: Vec<_> = self.planes.iter().map(|plane| plane.target.map(|t| f64::from(t).sqrt())).collect();
-        let gain = best_gain(&self.compared(lights, f64::sqrt, &amplitudes));
-        for ((lights, amplitude), wanted) in lights.iter().zip(&amplitudes).zip(wanted) {
-            *wanted = Plane::from_fn(self.size.height_px, self.size.width_px, |y, x| {
-                let light = lights.iter().map(|light| light.at(y, x)).sum::<f64>() / lights.len() as f64;
-                let (target, shown) = (amplitude.at(y, x), gain * light.sqrt());
-                if target == 0.0 {
-                    return wanted.at(y, x);
-                }
-                (wanted.at(y, x) * target / shown.max(target / 3.0)).clamp(target / 3.0, 3.0 * target)
-            });
-        }
     }
 
     fn pixels(&self) -> impl Iterator<Item = (usize, usize)> + Clone {
@@ -322,13 +270,13 @@ impl PlainProblem {
 }
 
 impl PlainPlane {
-    fn weight(&self, y: usize, x: usize) -> f64 {
+    pub(super) fn weight(&self, y: usize, x: usize) -> f64 {
         self.weight.as_ref().map_or(1.0, |weight| weight.at(y, x).into())
     }
 }
 
 impl Optics {
-    fn new(model: &DisplayModel, detector: Detector) -> Self {
+    pub(super) fn new(model: &DisplayModel, detector: Detector) -> Self {
         let (grid, part) = (model.setup.grid(), camera_part(model, detector));
         let per_side = model.local_kernels().map_or(1, |kernels| kernels.len().isqrt());
         let window = |k: usize| {
@@ -349,27 +297,8 @@ impl Optics {
         Self { windows: (0..per_side * per_side).map(window).collect(), modes: modes.collect() }
     }
 
-    /// Adds what a field in the image sends back to the modulator through these transfer functions, the adjoint of
-    /// [`image`].
-    fn add_returned(&self, field: &Plane<Complex64>, transfers: &[Plane<Complex64>], sum: &mut [Complex64]) {
-        let (height_px, width_px) = (field.height_px(), field.width_px());
-        let padded = Plane::from_fn(2 * height_px, 2 * width_px, |y, x| {
-            if y < height_px && x < width_px { field.at(y, x) } else { Complex64::ZERO }
-        });
-        let spectrum = fft2(&padded, Direction::Forward);
-        for (window, transfer) in self.windows.iter().zip(transfers) {
-            let behind =
-                Plane::from_fn(2 * height_px, 2 * width_px, |v, u| spectrum.at(v, u) * transfer.at(v, u).conj());
-            let returned = fft2(&behind, Direction::Inverse);
-            for (i, sum) in sum.iter_mut().enumerate() {
-                let (y, x) = (i / width_px, i % width_px);
-                *sum += returned.at(y, x) * window.at(y, x);
-            }
-        }
-    }
-
     /// Padded spectra of a field in each window.
-    fn spectra(&self, field: &Plane<Complex64>) -> Vec<Plane<Complex64>> {
+    pub(super) fn spectra(&self, field: &Plane<Complex64>) -> Vec<Plane<Complex64>> {
         let (height_px, width_px) = (field.height_px(), field.width_px());
         let padded = |window: &Plane<f64>| {
             Plane::from_fn(2 * height_px, 2 * width_px, |y, x| {
@@ -382,20 +311,10 @@ impl Optics {
 }
 
 /// The gain s with the least Σ w (s p − t)².
-fn best_gain(compared: &[(f64, f64, f64)]) -> f64 {
+pub(super) fn best_gain(compared: &[(f64, f64, f64)]) -> f64 {
     let sum = |of: &dyn Fn(f64, f64) -> f64| compared.iter().map(|&(w, p, t)| w * of(p, t)).sum::<f64>();
     let (pp, tp) = (sum(&|p, _| p * p), sum(&|p, t| t * p));
     if pp > 0.0 { tp / pp } else { 0.0 }
-}
-
-/// The transpose of the blur of a display's light: each pixel gathers from those into which its light blurs.
-fn spread(model: &DisplayModel, slopes: &Plane<f64>) -> Plane<f64> {
-    let (height_px, width_px) = (slopes.height_px(), slopes.width_px());
-    Plane::from_fn(height_px, width_px, |y, x| {
-        let point = Plane::from_fn(height_px, width_px, |v, u| if (v, u) == (y, x) { 1.0 } else { 0.0 });
-        let blurred = light_blur::blurred_light(&point, &model.light_blur);
-        blurred.values().iter().zip(slopes.values()).map(|(light, slope)| light * slope).sum()
-    })
 }
 
 /// Part of the distance between a detector's places and the pixel's centre.
@@ -414,7 +333,7 @@ fn sampled(kernel: &DisplayModel, [x_m, y_m]: [f64; 2]) -> Plane<Complex64> {
 }
 
 /// Padded image of a field with these spectra in the windows, each behind its transfer function.
-fn image(spectra: &[Plane<Complex64>], transfers: &[Plane<Complex64>]) -> Plane<Complex64> {
+pub(super) fn image(spectra: &[Plane<Complex64>], transfers: &[Plane<Complex64>]) -> Plane<Complex64> {
     let behind = Plane::from_fn(spectra[0].height_px(), spectra[0].width_px(), |v, u| {
         spectra.iter().zip(transfers).map(|(spectrum, transfer)| spectrum.at(v, u) * transfer.at(v, u)).sum()
     });
@@ -453,48 +372,6 @@ impl Evaluate for PlainProblem {
     }
 }
 
-impl Project for PlainProblem {
-    fn slm(&self) -> &Slm<f32> {
-        &self.slm
-    }
-
-    fn target_amplitudes(&self) -> Vec<Plane<f32>> {
-        self.planes.iter().map(|plane| plane.target.map(f32::sqrt)).collect()
-    }
-
-    fn back_propagated(&self, image_phase: &[f32]) -> Vec<Complex32> {
-        let (height_px, width_px) = (self.size.height_px, self.size.width_px);
-        let mut field = vec![Complex64::ZERO; self.size.frame_len()];
-        for plane in &self.planes {
-            let image = Plane::from_fn(height_px, width_px, |y, x| {
-                let amplitude = f64::from(plane.target.at(y, x)).sqrt() * plane.weight(y, x) * plane.share;
-                Complex64::from_polar(amplitude, image_phase[y * width_px + x].into())
-            });
-            let to_points = Optics::new(&plane.model, Detector::Point);
-            let (_, first_mode) = &to_points.modes[0];
-            to_points.add_returned(&image, &first_mode[0], &mut field);
-        }
-        narrowed(&field)
-    }
-
-    fn project(&mut self, phase: &mut [f32], wanted: &mut [Plane<f32>], weighted: bool) -> Evaluation {
-        let exact = widened(phase);
-        let lights = self.lights_of_planes(&exact);
-        let mut wanted_exact: Vec<_> = wanted.iter().map(|wanted| wanted.map(f64::from)).collect();
-        if weighted {
-            self.raise(&lights, &mut wanted_exact);
-            wanted.iter_mut().zip(&wanted_exact).for_each(|(wanted, exact)| *wanted = exact.map(|value| value as f32));
-        }
-        let excess = narrowed(&self.excess(&exact, &lights, &wanted_exact));
-        subtract(&self.slm, self.size.frame_len(), &excess, phase);
-        self.compare(&lights, Gain::Given(1.0), 0.0)
-    }
-}
-
-fn widened(values: &[f32]) -> Vec<f64> {
+pub(super) fn widened(values: &[f32]) -> Vec<f64> {
     values.iter().copied().map(f64::from).collect()
-}
-
-fn narrowed(field: &[Complex64]) -> Vec<Complex32> {
-    field.iter().map(|c| Complex32::new(c.re as f32, c.im as f32)).collect()
 }
