@@ -99,10 +99,10 @@ pub mod simulated_display;
 pub mod test_cards;
 
 pub use display::{
-    Carrier, Crosstalk, DisplayModel, Dust, FilterShape, FurtherMode, Ghost, KernelShape, LightBlur, OpticalSetup,
-    OrderFilter, Orders, PartialCoherence, ResponseVariation, SpatialVariation,
+    Carrier, Crosstalk, Detector, DisplayModel, Dust, FilterShape, FurtherMode, Ghost, KernelShape, LightBlur,
+    OpticalSetup, OrderFilter, Orders, PartialCoherence, ResponseVariation, SpatialVariation,
 };
-pub use engine::{Detector, Engine, EngineCache, Propagated, Propagator, propagate};
+pub use engine::{Engine, EngineCache, Propagated, Propagator, propagate};
 pub use error::{Error, Result};
 pub use hologram::{Evaluation, Hologram, HologramMethod, HologramProblem, InitialPhase, Optimization, optimize};
 pub use learning::KernelModel;

@@ -107,7 +107,7 @@ const OPTICS: [(&str, &[&str]); 16] = [
     ("engine", &["display", "error", "interrupt", "numerics", "propagation", "propagation_method"]),
     ("hologram", &["display", "engine", "error", "interrupt", "metrics", "numerics", "propagation"]),
     ("learning", &["display", "engine", "error", "interrupt", "numerics"]),
-    ("second_opinion", &["display", "engine", "error", "hologram", "interrupt", "numerics", "propagation"]),
+    ("second_opinion", &["display", "error", "hologram", "interrupt", "numerics", "propagation"]),
     (
         "memory",
         &[

@@ -2,6 +2,7 @@
 //! has a file for each of its [parts].
 
 pub mod carrier;
+pub mod detector;
 pub(crate) mod image_window;
 pub mod model;
 mod order_filter;
@@ -11,6 +12,7 @@ pub mod phase_response;
 pub mod setup;
 
 pub use carrier::Carrier;
+pub use detector::Detector;
 pub use image_window::ImageWindow;
 pub use model::{DisplayModel, KernelShape};
 pub use order_filter::{FilterShape, OrderFilter};

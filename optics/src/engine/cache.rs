@@ -2,12 +2,11 @@
 
 use super::convolution::{Convolver, Kernels};
 use super::core::{EngineCore, convolver, sample_kernels};
-use super::detector::Detector;
+use super::prepared::{Prepared, PreparedMode};
 use super::single_precision::Engine;
 use super::sub_samples::offsets_px;
-use crate::display::{Carrier, DisplayModel, Ghost, KernelShape, OpticalSetup, SpatialVariation};
+use crate::display::{Carrier, Detector, DisplayModel, Ghost, KernelShape, OpticalSetup, SpatialVariation};
 use crate::error::Result;
-use crate::propagation_method::ConvolutionMethod;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Largest number of FFT plans in the cache, one for each size and detector. A plan is much smaller than a transfer
@@ -55,24 +54,29 @@ impl EngineCache {
     ///
     /// The errors of [`Engine::new`].
     pub fn engine(&self, model: &DisplayModel, detector: Detector, carrier: Option<Carrier>) -> Result<Engine> {
-        model.validate()?;
-        let parts = (self.plans(model, detector), |mode: &DisplayModel| self.kernels(mode));
-        Ok(Engine { core: EngineCore::of_parts(model, detector, parts, carrier) })
+        Ok(self.engine_of(&Prepared::new(model, detector, carrier)?))
     }
 
-    fn plans(&self, model: &DisplayModel, detector: Detector) -> Arc<Convolver<f32>> {
-        if model.setup.method() == ConvolutionMethod::AllOrders {
-            return Arc::new(convolver(&model.setup, detector, model.order_errors().as_ref()));
+    /// Creates the engine of a prepared display.
+    #[must_use]
+    pub fn engine_of(&self, prepared: &Prepared<'_>) -> Engine {
+        Engine { core: EngineCore::of_parts(prepared, self.plans(prepared), |mode| self.kernels(mode)) }
+    }
+
+    fn plans(&self, prepared: &Prepared<'_>) -> Arc<Convolver<f32>> {
+        let (setup, detector) = (prepared.setup(), prepared.detector());
+        if prepared.shows_all_orders() {
+            return Arc::new(convolver(&setup, detector, prepared.order_errors().as_ref()));
         }
-        let (height_px, width_px) = (model.setup.grid().height_px(), model.setup.grid().width_px());
-        let offsets_px = offsets_px(&model.setup, detector);
+        let (height_px, width_px) = (prepared.height_px(), prepared.width_px());
+        let offsets_px = offsets_px(&setup, detector);
         let fits = |plans: &Arc<Convolver<f32>>| {
             (plans.height_px, plans.width_px, plans.offsets_px()) == (height_px, width_px, &*offsets_px)
         };
         let mut parts = self.lock();
         let plans = match parts.plans.iter().position(fits) {
             Some(at) => parts.plans.remove(at),
-            None => Arc::new(convolver(&model.setup, detector, None)),
+            None => Arc::new(convolver(&setup, detector, None)),
         };
         parts.plans.push(Arc::clone(&plans));
         if parts.plans.len() > PLANS_MAX {
@@ -81,11 +85,11 @@ impl EngineCache {
         plans
     }
 
-    fn kernels(&self, model: &DisplayModel) -> Arc<Kernels<f32>> {
-        if matches!(model.kernel, KernelShape::Bins(_)) {
-            return Arc::new(sample_kernels(model));
+    fn kernels(&self, mode: &PreparedMode<'_>) -> Arc<Kernels<f32>> {
+        if matches!(mode.model().kernel, KernelShape::Bins(_)) {
+            return Arc::new(sample_kernels(mode));
         }
-        let key = KernelKey::of(model);
+        let key = KernelKey::of(mode.model());
         let mut parts = self.lock();
         if let Some(at) = parts.kernels.iter().position(|(of, _)| *of == key) {
             let found = parts.kernels.remove(at);
@@ -96,7 +100,7 @@ impl EngineCache {
         // The lock is released while sampling, which is slow. Two jobs that need the same transfer function at once
         // both sample it.
         drop(parts);
-        let kernels = Arc::new(sample_kernels(model));
+        let kernels = Arc::new(sample_kernels(mode));
         self.lock().insert(key, &kernels, self.transfers_bytes_max);
         kernels
     }

@@ -1,20 +1,18 @@
-//! Computations of an engine, in f32 or f64.
+//! Computations of the processor's engine, in f32 or f64: a [`Prepared`] display in the layout of the passes.
 
 use super::convolution::{Convolver, Kernels, Real, Transfer};
-use super::detector::Detector;
 use super::order_products::OrderProducts;
+use super::prepared::{Modulator, Prepared, PreparedMode, TransferFunction, windows};
 use super::sample_transfers::sample_transfers;
 use super::slm::{Shown, Slm};
 use super::sub_samples::{offsets_px, sub_samples};
 use crate::display::parts::ghost::TransferErrors;
 use crate::display::parts::order_errors::OrderErrors;
-use crate::display::parts::spatial_variation::local_kernels;
-use crate::display::{Carrier, DisplayModel, Dust, KernelShape, LightBlur, OpticalSetup, ResponseVariation};
+use crate::display::{Carrier, Detector, DisplayModel, KernelShape, LightBlur, OpticalSetup};
 use crate::error::Result;
 use crate::interrupt;
+use crate::numerics::Plane;
 use crate::numerics::buffers::zeros;
-use crate::numerics::chebyshev::{clenshaw, polynomials, position};
-use crate::numerics::{Plane, SmoothField};
 use crate::propagation::passes::has_sample_transfers;
 use crate::propagation_method::ConvolutionMethod;
 use num_complex::{Complex, Complex64};
@@ -73,9 +71,15 @@ impl<T: Real> EngineCore<T> {
     ///
     /// The errors of [`DisplayModel::validate`].
     pub fn new(model: &DisplayModel, detector: Detector, carrier: Option<Carrier>) -> Result<Self> {
-        model.validate()?;
-        let convolver = Arc::new(convolver(&model.setup, detector, model.order_errors().as_ref()));
-        Ok(Self::of_parts(model, detector, (convolver, |mode| Arc::new(sample_kernels(mode))), carrier))
+        Ok(Self::of(&Prepared::new(model, detector, carrier)?))
+    }
+
+    /// Creates the engine of a prepared display.
+    #[must_use]
+    pub fn of(prepared: &Prepared<'_>) -> Self {
+        let errors = prepared.order_errors();
+        let convolver = Arc::new(convolver(&prepared.setup(), prepared.detector(), errors.as_ref()));
+        Self::of_parts(prepared, convolver, |mode| Arc::new(sample_kernels(mode)))
     }
 
     /// Engine of a display with all orders whose sub-samples are named later, by [`Self::light_at`].
@@ -84,29 +88,33 @@ impl<T: Real> EngineCore<T> {
     ///
     /// The errors of [`DisplayModel::validate`].
     pub(crate) fn without_samples(model: &DisplayModel) -> Result<Self> {
-        model.validate()?;
-        let grid = model.setup.grid();
-        let convolver = Arc::new(Convolver::new(grid.height_px(), grid.width_px(), &[0.0]));
-        Ok(Self::of_parts(model, Detector::Point, (convolver, |mode| Arc::new(sample_kernels(mode))), None))
+        let prepared = Prepared::new(model, Detector::Point, None)?;
+        let convolver = Arc::new(Convolver::new(prepared.height_px(), prepared.width_px(), &[0.0]));
+        Ok(Self::of_parts(&prepared, convolver, |mode| Arc::new(sample_kernels(mode))))
     }
 
-    /// Engine of a valid model, from plans that were made for it and the kernels of each of its modes.
+    /// Engine of a prepared display, from plans that were made for it and the kernels of each of its modes.
     pub(super) fn of_parts(
-        model: &DisplayModel,
-        detector: Detector,
-        (convolver, kernels_of): (Arc<Convolver<T>>, impl Fn(&DisplayModel) -> Arc<Kernels<T>>),
-        carrier: Option<Carrier>,
+        prepared: &Prepared<'_>,
+        convolver: Arc<Convolver<T>>,
+        kernels_of: impl Fn(&PreparedMode<'_>) -> Arc<Kernels<T>>,
     ) -> Self {
-        let slm = Arc::new(tabulate_slm(model, carrier));
-        let shares = model.coherence.shares();
-        let on_spectrum = model.on_spectrum();
-        let mut modes = on_spectrum.modes().zip(shares).map(|(mode, share)| Mode::of(&mode, kernels_of(&mode), share));
+        let slm = Arc::new(Slm::of(&prepared.modulator()));
+        let mut modes = prepared.modes().map(|mode| Mode::of(&mode, kernels_of(&mode)));
         let Mode { share, kernels, transmission } =
             modes.next().unwrap_or_else(|| unreachable!("every display has a first mode"));
-        let further = modes.collect();
-        let order_errors = model.order_errors().map(Arc::new);
-        let blur = (!model.light_blur.is_none()).then_some(model.light_blur);
-        Self { convolver, kernels, slm, detector, transmission, setup: model.setup, order_errors, share, further, blur }
+        Self {
+            convolver,
+            kernels,
+            slm,
+            detector: prepared.detector(),
+            transmission,
+            setup: prepared.setup(),
+            order_errors: prepared.order_errors().map(Arc::new),
+            share,
+            further: modes.collect(),
+            blur: prepared.blur(),
+        }
     }
 
     /// Whether all light of the display interferes.
@@ -301,13 +309,14 @@ impl<T> Mode<T> {
         Self { share: 1.0, kernels, transmission: Transmission::FreeSpace }
     }
 
-    fn of(model: &DisplayModel, kernels: Arc<Kernels<T>>, share: f64) -> Self {
+    fn of(mode: &PreparedMode<'_>, kernels: Arc<Kernels<T>>) -> Self {
+        let model = mode.model();
         let transmission = match (model.transfer_errors(), &model.kernel) {
             (Some(errors), _) => Transmission::Smooth(Arc::new(errors)),
             (None, KernelShape::Bins(_)) => Transmission::Bins,
             (None, _) => Transmission::FreeSpace,
         };
-        Self { share, kernels, transmission }
+        Self { share: mode.share(), kernels, transmission }
     }
 }
 
@@ -356,99 +365,94 @@ pub(crate) fn convolver<T: Real>(
     }
 }
 
-/// Samples the kernel of a display, or the grid of kernels that approximates a kernel that varies over the SLM.
-pub(crate) fn sample_kernels<T: Real>(model: &DisplayModel) -> Kernels<T> {
-    match model.local_kernels() {
-        Some(grid) => kernel_grid(grid.iter().map(sample_transfer).collect()),
-        None => Kernels::single(sample_transfer(model)),
-    }
+/// Samples the kernel of a mode, or the grid of kernels that approximates a kernel that varies over the SLM.
+pub(crate) fn sample_kernels<T: Real>(mode: &PreparedMode<'_>) -> Kernels<T> {
+    let grid = mode.model().setup.grid();
+    let sample = |transfer: &TransferFunction<'_>| sample_transfer(transfer, grid.height_px(), grid.width_px());
+    kernels(mode.transfers().iter().map(sample).collect())
 }
 
-/// Grid of kernels, with their windows, that approximates a kernel that varies over the SLM.
-pub(crate) fn kernel_grid<T: Real>(transfers: Vec<Transfer<T>>) -> Kernels<T> {
-    let windows = |side_px| local_kernels::windows(transfers.len().isqrt(), side_px);
-    let (along_x, along_y) = (windows(transfers[0].width_px), windows(transfers[0].height_px));
-    Kernels::grid(transfers, along_x, along_y)
-}
-
-fn sample_transfer<T: Real>(model: &DisplayModel) -> Transfer<T> {
-    let (height_px, width_px) = (model.setup.grid().height_px(), model.setup.grid().width_px());
-    let pitch_m = model.setup.grid().pixel_pitch_m();
-    match &model.kernel {
-        KernelShape::Ideal => {
-            let ideal = model.setup.sampled_kernel();
-            Transfer::sample(height_px, width_px, |fx, fy| ideal.at(fx / pitch_m, fy / pitch_m))
-        }
-        KernelShape::Bins(_) => {
-            let sampled = model.sampled();
-            Transfer::sample(height_px, width_px, |fx, fy| sampled(fx / pitch_m, fy / pitch_m))
-        }
-        KernelShape::Smooth(smooth) => {
-            let errors = TransferErrors { smooth: smooth.clone(), ghost: model.ghost };
-            let ideal = model.setup.sampled_kernel();
-            let mut transfer = Transfer::zeros(height_px, width_px);
-            transfer.fill_columns(|fx, fys, column| {
-                let series = errors.along_y(2.0 * fx);
-                for (value, &fy) in column.iter_mut().zip(fys) {
-                    let exact = ideal.at(fx / pitch_m, fy / pitch_m) * series.at(2.0 * fy);
-                    *value = Complex::new(T::of(exact.re), T::of(exact.im));
-                }
-            });
-            transfer
+/// A single kernel, or a grid of kernels with their windows.
+pub(crate) fn kernels<T: Real>(transfers: Vec<Transfer<T>>) -> Kernels<T> {
+    match <[_; 1]>::try_from(transfers) {
+        Ok([transfer]) => Kernels::single(transfer),
+        Err(transfers) => {
+            let windows = windows(transfers.len(), transfers[0].height_px, transfers[0].width_px);
+            let in_precision = |window: Vec<f64>| window.into_iter().map(T::of).collect();
+            let [along_x, along_y] = windows.map(|windows| windows.into_iter().map(in_precision).collect());
+            Kernels::grid(transfers, along_x, along_y)
         }
     }
 }
 
-pub(crate) fn tabulate_slm<T: Real>(model: &DisplayModel, carrier: Option<Carrier>) -> Slm<T> {
-    let grid = model.setup.grid();
-    let mut slm = Slm::ideal(grid.width_px(), carrier);
-    slm.harmonics = model.response.iter().map(|&[a, b]| [T::of(a), T::of(b)]).collect();
-    slm.zero_order = Complex::new(T::of(model.zero_order.re), T::of(model.zero_order.im));
-    slm.source = (!model.source.is_flat() || !model.dust.is_none()).then(|| {
-        let mut light = tabulate_source(&model.source, grid.height_px(), grid.width_px());
-        if let Some(steps) = model.dust.steps() {
-            let factor = |&steps: &[i16; 2]| Dust::factor_of(steps);
-            multiply(&mut light, steps.values().par_iter().map(factor).map(|d| Complex::new(T::of(d.re), T::of(d.im))));
-        }
-        light
+fn sample_transfer<T: Real>(of: &TransferFunction<'_>, height_px: usize, width_px: usize) -> Transfer<T> {
+    let sampler = of.sampler();
+    let mut transfer = Transfer::zeros(height_px, width_px);
+    transfer.fill_columns(|fx, fys, column| {
+        let mut exact = vec![Complex64::ZERO; column.len()];
+        sampler(fx, fys, &mut exact);
+        column.iter_mut().zip(exact).for_each(|(value, exact)| *value = in_precision(exact));
     });
-    slm.crosstalk = (!model.crosstalk.is_none()).then_some(model.crosstalk);
-    let variation = &model.response_variation;
-    slm.phase_gain = (!variation.is_none()).then(|| tabulate_gain(variation, grid.height_px(), grid.width_px()));
-    slm
+    transfer
 }
 
-/// Multiplies the light on each pixel by a factor.
-fn multiply<T: Real>(light: &mut [Complex<T>], factors: impl IndexedParallelIterator<Item = Complex<T>>) {
-    light.par_iter_mut().zip(factors).for_each(|(light, factor)| *light = *light * factor);
+impl<T: Real> Slm<T> {
+    /// Tables of the modulator of a display.
+    #[must_use]
+    pub fn of(modulator: &Modulator<'_>) -> Self {
+        let mut slm = Self::ideal(modulator.width_px(), modulator.carrier());
+        slm.harmonics = modulator.harmonics().iter().map(|&[a, b]| [T::of(a), T::of(b)]).collect();
+        slm.zero_order = in_precision(modulator.zero_order());
+        slm.source = modulator.has_source().then(|| {
+            let mut light = tabulate_source(modulator);
+            if modulator.has_dust() {
+                for_each_row(modulator, &mut light, |y, light, factors| {
+                    modulator.dust_row(y, factors);
+                    light.iter_mut().zip(factors).for_each(|(light, factor)| *light = *light * in_precision(*factor));
+                });
+            }
+            light
+        });
+        slm.crosstalk = modulator.crosstalk();
+        slm.phase_gain = modulator.is_uneven().then(|| tabulate_gain(modulator));
+        slm
+    }
 }
 
 /// 1 + v of a response that varies over the SLM, at every pixel.
-pub(crate) fn tabulate_gain<T: Real>(variation: &ResponseVariation, height_px: usize, width_px: usize) -> Vec<T> {
-    variation.tabulated(height_px, width_px).map(|v| T::of(1.0 + v)).collect()
+pub(crate) fn tabulate_gain<T: Real>(modulator: &Modulator<'_>) -> Vec<T> {
+    let mut row = vec![0.0; modulator.width_px()];
+    let of_row = |y| {
+        modulator.phase_gain_row(y, &mut row);
+        row.iter().copied().map(T::of).collect::<Vec<_>>()
+    };
+    (0..modulator.height_px()).flat_map(of_row).collect()
 }
 
 /// Complex amplitude of the source at every pixel.
-pub(crate) fn tabulate_source<T: Real>(source: &SmoothField, height_px: usize, width_px: usize) -> Vec<Complex<T>> {
-    // A row has one y, so the series runs along x, with x and y exchanged.
-    let basis = source.basis();
-    let along_x = |coefficients: &[f64], y: f64| {
-        let (at_y, mut along) = (polynomials(source.order, y), vec![0.0; source.order + 1]);
-        for ((i, j), c) in basis.degrees().zip(coefficients) {
-            along[i] += c * at_y[j];
-        }
-        along
-    };
-    let mut values: Vec<Complex<T>> = zeros(height_px * width_px);
-    values.par_chunks_mut(width_px).enumerate().for_each(|(row, out)| {
-        interrupt::check();
-        let y = position(row, height_px);
-        let (log_amplitude, phase) = (along_x(&source.log_amplitude, y), along_x(&source.phase, y));
-        for (column, value) in out.iter_mut().enumerate() {
-            let x = position(column, width_px);
-            let exact = Complex64::from_polar(clenshaw(&log_amplitude, x).exp(), clenshaw(&phase, x));
-            *value = Complex::new(T::of(exact.re), T::of(exact.im));
-        }
+pub(crate) fn tabulate_source<T: Real>(modulator: &Modulator<'_>) -> Vec<Complex<T>> {
+    let mut values: Vec<Complex<T>> = zeros(modulator.height_px() * modulator.width_px());
+    for_each_row(modulator, &mut values, |y, out, exact| {
+        modulator.source_row(y, exact);
+        out.iter_mut().zip(exact).for_each(|(out, exact)| *out = in_precision(*exact));
     });
     values
+}
+
+/// Calls `write(y, row, scratch)` in parallel with each row of an array, and a row in f64.
+fn for_each_row<T: Send>(
+    modulator: &Modulator<'_>,
+    values: &mut [T],
+    write: impl Fn(usize, &mut [T], &mut [Complex64]) + Sync + Send,
+) {
+    let width_px = modulator.width_px();
+    let scratch = || vec![Complex64::ZERO; width_px];
+    values.par_chunks_mut(width_px).enumerate().for_each_init(scratch, |scratch, (y, row)| {
+        interrupt::check();
+        write(y, row, scratch);
+    });
+}
+
+fn in_precision<T: Real>(exact: Complex64) -> Complex<T> {
+    Complex::new(T::of(exact.re), T::of(exact.im))
 }

@@ -8,10 +8,10 @@
 
 use super::convolution::Real;
 use super::core::{EngineCore, Fields, Transmission};
-use super::detector::Detector;
 use super::order_products::OrderProducts;
 use super::sample_transfers::for_each_sample_transfer;
 use super::sub_samples::{WeightedPlace, reported_places};
+use crate::display::Detector;
 use crate::error::Result;
 use crate::numerics::Plane;
 use rayon::prelude::*;

@@ -2,8 +2,8 @@
 
 use super::convolution::{Real, frequency_per_px, split_bin};
 use super::core::{EngineCore, Fields, Transmission};
-use super::detector::Detector;
 use super::order_products::passed;
+use crate::display::Detector;
 use crate::error::Result;
 use crate::interrupt;
 use crate::numerics::Plane;

@@ -244,9 +244,9 @@ pub(crate) fn passed(setup: &OpticalSetup, errors: &OrderErrors, column: usize, 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::display::Detector;
     use crate::display::{DisplayModel, KernelShape, Orders};
     use crate::engine::core::EngineCore;
-    use crate::engine::detector::Detector;
     use crate::hologram::initial_phase;
     use crate::numerics::{Grid, Plane};
 

@@ -1,8 +1,7 @@
 //! The engine in f32, which production uses.
 
 use super::core::EngineCore;
-use super::detector::Detector;
-use crate::display::{Carrier, DisplayModel};
+use crate::display::{Carrier, Detector, DisplayModel};
 use crate::error::Result;
 use crate::numerics::Plane;
 use num_complex::Complex32;

@@ -12,8 +12,7 @@
 //! pixel is integrated by the quadrature of Gauss and Legendre along each axis, which needs somewhat more than πν/2
 //! nodes. A camera whose pixels are sensitive in a part of their area only has its places nearer to the centre.
 
-use super::detector::Detector;
-use crate::display::OpticalSetup;
+use crate::display::{Detector, OpticalSetup};
 use crate::propagation::passes::gauss_legendre;
 use std::f64::consts::FRAC_PI_2;
 

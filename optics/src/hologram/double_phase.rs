@@ -80,8 +80,9 @@ fn low_pass(field: &mut [Complex32], height_px: usize, width_px: usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::display::Detector;
     use crate::display::{DisplayModel, OpticalSetup};
-    use crate::engine::{Detector, Engine};
+    use crate::engine::Engine;
     use crate::hologram::HologramProblem;
     use crate::metrics::{Gain, fitted_intensity_scale, psnr_db};
     use crate::numerics::{Grid, Plane, RegionOfInterest};

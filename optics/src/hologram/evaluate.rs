@@ -2,7 +2,7 @@
 //!
 //! A method sees a loss and its gradient ([`Evaluate`]) or a projection ([`Project`]), never a transform. What computes
 //! them (threads of the processor, the slow [`PlainProblem`](super::PlainProblem), a graphics card) knows planes,
-//! frames, detectors and displays, and no method. All of them pass the tests in `conformance_tests.rs`.
+//! frames, detectors and displays, and no method. All of them pass the tests in `conformance.rs`.
 //!
 //! Phases and gradients are plain vectors of the caller: the rows of one frame after the other.
 

@@ -15,6 +15,7 @@
 
 use super::evaluate::Evaluation;
 use super::processor::ProcessorProblem;
+use crate::engine::slm::Slm;
 use crate::interrupt;
 use crate::numerics::Plane;
 use num_complex::Complex32;
@@ -31,16 +32,20 @@ pub(super) fn round(
     let mut field = std::mem::take(&mut problem.field);
     field.resize(problem.parameters(), Complex32::ZERO);
     let evaluation = problem.excess(phase, wanted, weighted, &mut field);
-    let engine = problem.engine();
-    let (height_px, width_px) = (engine.height_px(), engine.width_px());
-    let (slm, frame_len) = (&engine.slm, height_px * width_px);
-    for (phase, excess) in phase.chunks_exact_mut(frame_len).zip(field.chunks_exact(frame_len)) {
+    subtract(&problem.engine().slm, problem.frame_len(), &field, phase);
+    problem.field = field;
+    evaluation
+}
+
+/// Replaces the phases of all frames by those that show the phase of the modulator's field without the `excess`.
+pub(super) fn subtract(slm: &Slm<f32>, frame_len: usize, excess: &[Complex32], phase: &mut [f32]) {
+    let width_px = slm.width_px;
+    for (phase, excess) in phase.chunks_exact_mut(frame_len).zip(excess.chunks_exact(frame_len)) {
         let shown = slm.wraps().then(|| slm.shown(phase).into_owned());
         phase.par_chunks_mut(width_px).zip(excess.par_chunks(width_px)).enumerate().for_each_init(
-            || engine.convolver.scratch.take(),
-            |scratch, (y, (phase, excess))| {
+            || vec![Complex32::ZERO; width_px],
+            |field, (y, (phase, excess))| {
                 interrupt::check();
-                let field = &mut scratch.row[..width_px];
                 let shown = shown.as_ref().map(|shown| shown.row(y));
                 if let Some(row) = shown.or_else(|| slm.displayed_row(phase)) {
                     slm.field_row(y, row, field);
@@ -53,6 +58,4 @@ pub(super) fn round(
             },
         );
     }
-    problem.field = field;
-    evaluation
 }

@@ -3,8 +3,7 @@
 use super::evaluate::{ProblemSize, Project};
 use super::options::HologramMethod;
 use super::problem::HologramProblem;
-use crate::display::OpticalSetup;
-use crate::engine::Detector;
+use crate::display::{Detector, OpticalSetup};
 use crate::error::{Error, Result};
 use crate::interrupt;
 use crate::numerics::Plane;

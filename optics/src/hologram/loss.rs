@@ -1,6 +1,7 @@
 //! Loss functions of hologram optimization and the image planes they compare.
 
 use super::roughness::{SpeckleBlocks, WeightedRegion};
+use crate::display::Detector;
 use crate::engine::EngineCore;
 use crate::engine::photometry::{Quantity, Sums};
 use crate::engine::{Engine, Real};
@@ -97,6 +98,18 @@ pub(super) struct PlaneInput<T> {
     pub(super) share: f64,
 }
 
+impl<T: Real> PlaneInput<T> {
+    pub(super) fn unchecked(&self) -> UncheckedPlane<'_, T> {
+        UncheckedPlane {
+            size_px: [self.engine.height_px(), self.engine.width_px()],
+            detector: self.engine.detector(),
+            target: &self.target,
+            weight: self.weight.as_ref(),
+            share: self.share,
+        }
+    }
+}
+
 impl From<ImagePlane> for PlaneInput<f32> {
     fn from(ImagePlane { engine, target, weight, share }: ImagePlane) -> Self {
         Self { engine: engine.core, target, weight, share }
@@ -122,30 +135,10 @@ pub(super) struct TargetPlane<T> {
 }
 
 impl<T: Real> TargetPlane<T> {
-    pub(super) fn new(plane: PlaneInput<T>, region: RegionOfInterest, loss: &Loss, shares: f64) -> Result<Self> {
+    /// Takes a plane that [`check_planes`] has checked.
+    pub(super) fn new(plane: PlaneInput<T>, region: RegionOfInterest, loss: &Loss, shares: f64) -> Self {
         let PlaneInput { engine, target, weight, share } = plane;
-        expect_light("target_intensity", &target, &engine)?;
-        if let Some(weight) = &weight {
-            expect_light("weight", weight, &engine)?;
-        }
-        let counts = |y: usize, x: usize| weight.as_ref().map_or(T::one(), |weight| weight.at(y, x));
-        let pixels = || {
-            (region.y_px()..region.y_px() + region.height_px())
-                .flat_map(|y| (region.x_px()..region.x_px() + region.width_px()).map(move |x| (y, x)))
-        };
-        let weight_sum = match &weight {
-            None => region.pixels() as f64,
-            Some(_) => pixels().map(|(y, x)| counts(y, x).wide()).sum(),
-        };
-        if weight_sum <= 0.0 {
-            return Err(Error::Empty {
-                name: "weight",
-                needed: "at least one pixel of the region of interest must have a positive weight",
-            });
-        }
-        if !(share > 0.0 && share.is_finite()) {
-            return Err(Error::OutOfRange { name: "share", value: share, allowed: "above 0" });
-        }
+        let weight_sum = weight_sum(weight.as_ref(), region);
         let blocks = (loss.speckle > 0.0).then(|| {
             let extent = WeightedRegion { region, weight: weight.as_ref(), weight_sum };
             SpeckleBlocks::new(&extent, &target, loss.speckle_block_px)
@@ -156,15 +149,7 @@ impl<T: Real> TargetPlane<T> {
         };
         let compares_amplitudes = loss.quantity == Quantity::Amplitude;
         let modes = engine.modes().collect();
-        Ok(Self { engine, modes, picture, weight, compares_amplitudes, weight_sum, share: share / shares, blocks })
-    }
-
-    /// Whether the target has a bright pixel with a positive weight in the region.
-    pub(super) fn is_lit(&self, region: RegionOfInterest) -> bool {
-        let lit = |y: usize, x: usize| {
-            self.picture.at(y, x) > T::zero() && self.weight.as_ref().is_none_or(|weight| weight.at(y, x) > T::zero())
-        };
-        (0..self.picture.height_px()).any(|y| region.columns(y).is_some_and(|mut columns| columns.any(|x| lit(y, x))))
+        Self { engine, modes, picture, weight, compares_amplitudes, weight_sum, share: share / shares, blocks }
     }
 
     pub(super) fn extent(&self, region: RegionOfInterest) -> WeightedRegion<'_, T> {
@@ -172,9 +157,84 @@ impl<T: Real> TargetPlane<T> {
     }
 }
 
-/// Checks that a plane has the engine's size and that its values are finite and not negative.
-fn expect_light<T: Real>(name: &'static str, plane: &Plane<T>, engine: &EngineCore<T>) -> Result<()> {
-    plane.expect_size(name, engine.height_px(), engine.width_px())?;
+/// What [`check_planes`] reads of an image plane.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct UncheckedPlane<'a, T> {
+    pub(super) size_px: [usize; 2],
+    pub(super) detector: Detector,
+    pub(super) target: &'a Plane<T>,
+    pub(super) weight: Option<&'a Plane<T>>,
+    pub(super) share: f64,
+}
+
+/// Checks a problem, see [`HologramProblem::with_planes`](super::HologramProblem::with_planes).
+pub(super) fn check_planes<T: Real>(
+    planes: &[UncheckedPlane<'_, T>],
+    frames: usize,
+    region: RegionOfInterest,
+    loss: &Loss,
+) -> Result<()> {
+    loss.validate(region)?;
+    let Some(first) = planes.first() else {
+        return Err(Error::Empty { name: "planes", needed: "at least one picture is needed" });
+    };
+    if frames == 0 {
+        return Err(Error::OutOfRange { name: "frames", value: 0.0, allowed: "at least 1" });
+    }
+    for plane in planes {
+        plane.target.expect_size("target_intensity", first.size_px[0], first.size_px[1])?;
+        if plane.detector != first.detector {
+            return Err(Error::Incompatible { name: "planes", reason: "all planes must have the same detector" });
+        }
+    }
+    planes.iter().try_for_each(|plane| plane.check(region))?;
+    if !planes.iter().any(|plane| plane.is_lit(region)) {
+        let needed = "some light is needed in the region of interest";
+        return Err(Error::Empty { name: "target_intensity", needed });
+    }
+    Ok(())
+}
+
+impl<T: Real> UncheckedPlane<'_, T> {
+    fn check(&self, region: RegionOfInterest) -> Result<()> {
+        expect_light("target_intensity", self.target, self.size_px)?;
+        if let Some(weight) = self.weight {
+            expect_light("weight", weight, self.size_px)?;
+        }
+        if weight_sum(self.weight, region) <= 0.0 {
+            return Err(Error::Empty {
+                name: "weight",
+                needed: "at least one pixel of the region of interest must have a positive weight",
+            });
+        }
+        if !(self.share > 0.0 && self.share.is_finite()) {
+            return Err(Error::OutOfRange { name: "share", value: self.share, allowed: "above 0" });
+        }
+        Ok(())
+    }
+
+    /// Whether the target has a bright pixel with a positive weight in the region.
+    fn is_lit(&self, region: RegionOfInterest) -> bool {
+        let lit = |y: usize, x: usize| {
+            self.target.at(y, x) > T::zero() && self.weight.is_none_or(|weight| weight.at(y, x) > T::zero())
+        };
+        (0..self.target.height_px()).any(|y| region.columns(y).is_some_and(|mut columns| columns.any(|x| lit(y, x))))
+    }
+}
+
+/// Sum of the weights over the region, Σ w.
+fn weight_sum<T: Real>(weight: Option<&Plane<T>>, region: RegionOfInterest) -> f64 {
+    let pixels = (region.y_px()..region.y_px() + region.height_px())
+        .flat_map(|y| (region.x_px()..region.x_px() + region.width_px()).map(move |x| (y, x)));
+    match weight {
+        None => region.pixels() as f64,
+        Some(weight) => pixels.map(|(y, x)| weight.at(y, x).wide()).sum(),
+    }
+}
+
+/// Checks that a plane has the display's size and that its values are finite and not negative.
+fn expect_light<T: Real>(name: &'static str, plane: &Plane<T>, [height_px, width_px]: [usize; 2]) -> Result<()> {
+    plane.expect_size(name, height_px, width_px)?;
     plane.map(|t| t.wide() as f32).expect_finite(name)?;
     match plane.values().iter().find(|value| **value < T::zero()) {
         None => Ok(()),

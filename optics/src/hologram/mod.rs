@@ -1,8 +1,9 @@
 //! Optimization of holograms: finds phases with which a display shows target pictures.
 
 mod adam;
-#[cfg(test)]
-mod conformance_tests;
+mod backend;
+#[cfg(any(test, feature = "conformance"))]
+pub mod conformance;
 mod double_phase;
 mod evaluate;
 mod gerchberg_saxton;
@@ -13,6 +14,7 @@ mod optimize;
 mod options;
 mod other_orders;
 mod plain;
+mod plain_project;
 mod preview;
 mod problem;
 mod processor;
@@ -26,6 +28,7 @@ mod stopwatch;
 mod two_pass_buffers;
 mod two_passes;
 
+pub use backend::{Backend, Picture};
 pub use evaluate::{Evaluate, Evaluation, ProblemSize, Project};
 pub use initial::{InitialPhase, RANDOM_RANGE_RAD, default_focal_length_m, initial_phase};
 pub use loss::{ImagePlane, Loss};
@@ -34,7 +37,7 @@ pub use optimize::{Hologram, optimize};
 pub use options::{HologramMethod, HologramOptions};
 pub(crate) use other_orders::OTHER_ORDERS_PIXELS_MAX;
 pub use other_orders::{pixel_psnr_db, with_other_orders};
-pub use plain::{PlainPlane, PlainProblem};
+pub use plain::{Plain, PlainProblem};
 pub use problem::HologramProblem;
 pub use quality::{DetectorQuality, Quality, quality};
 pub use rounded::Levels;

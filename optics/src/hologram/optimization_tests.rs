@@ -3,8 +3,8 @@
 
 use super::*;
 use crate::display::phase_response::PhaseResponse;
-use crate::display::{Carrier, DisplayModel, LightBlur, OpticalSetup};
-use crate::engine::{Detector, Engine};
+use crate::display::{Carrier, Detector, DisplayModel, LightBlur, OpticalSetup};
+use crate::engine::Engine;
 use crate::hologram::initial::InitialPhase;
 use crate::hologram::loss::{ImagePlane, Loss};
 use crate::hologram::quality::quality;
@@ -284,7 +284,7 @@ fn the_preview_is_the_light_of_the_evaluated_phases() {
         let mut optimization = start(problem(detector, 2, frames), HologramOptions::new(method, 3));
         let phases = optimization.phases().to_vec();
         optimization.step();
-        assert_previews(&mut optimization, &phases);
+        assert_previews(&mut optimization, detector, &phases);
     }
 }
 
@@ -295,7 +295,7 @@ fn the_preview_of_a_method_without_light_changes_nothing() {
     let (mut watched, mut alone) = (begin(), begin());
     for _ in 0..3 {
         let phases = watched.phases().to_vec();
-        assert_previews(&mut watched, &phases);
+        assert_previews(&mut watched, Detector::Pixel, &phases);
         watched.step();
         alone.step();
         assert_eq!(watched.phases(), alone.phases());
@@ -303,13 +303,13 @@ fn the_preview_of_a_method_without_light_changes_nothing() {
 }
 
 /// Checks that the preview is the light of `phases`.
-fn assert_previews(optimization: &mut Optimization, phases: &[f32]) {
+fn assert_previews(optimization: &mut Optimization, detector: Detector, phases: &[f32]) {
     let phases: Vec<Plane<f32>> = phases
         .chunks_exact(HEIGHT_PX * WIDTH_PX)
         .map(|phase| Plane::try_from_vec(HEIGHT_PX, WIDTH_PX, phase.to_vec()).unwrap())
         .collect();
     let shown = optimization.light_preview(1000);
-    let wanted = light_of_frames(&optimization.problem().engine(), &phases).unwrap();
+    let wanted = light_of_frames(&plane(12e-3, detector, TestCard::Portrait).engine, &phases).unwrap();
     let difference: f32 = shown.values().iter().zip(wanted.values()).map(|(a, b)| (a - b).powi(2)).sum();
     let size: f32 = wanted.values().iter().map(|light| light.powi(2)).sum();
     assert!(difference < 1e-8 * size, "{difference} of {size}");

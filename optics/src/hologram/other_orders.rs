@@ -2,8 +2,8 @@
 //! what a filter passes, or with the first instead of all.
 
 use super::shown_light::light_of_frames;
-use crate::display::{DisplayModel, KernelShape, Orders};
-use crate::engine::{Detector, Engine};
+use crate::display::{Detector, DisplayModel, KernelShape, Orders};
+use crate::engine::Engine;
 use crate::engine::{EngineCore, sub_samples};
 use crate::error::Result;
 use crate::metrics::{Gain, psnr_db};

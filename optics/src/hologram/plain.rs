@@ -6,17 +6,18 @@
 //! ```
 //!
 //! It shares the parts of a [display](DisplayModel) with the fast problem, and nothing of how that computes: no
-//! half-transformed fields, no passes, no adjoint. A gradient takes two evaluations for each pixel. Use it for a few
+//! half-transformed fields, no passes, no adjoint of the gradient. A gradient takes two evaluations for each pixel. Use it for a few
 //! hundred pixels, to judge what else computes holograms.
 
-use super::evaluate::{Evaluate, Evaluation, ProblemSize};
+use super::backend::{Backend, Picture};
+use super::evaluate::{Evaluate, Evaluation, ProblemSize, Project};
 use super::loss::Loss;
 use super::roughness::EPSILON;
 use crate::display::parts::spatial_variation::local_kernels;
 use crate::display::parts::{crosstalk, light_blur};
-use crate::display::{Carrier, DisplayModel};
-use crate::engine::Detector;
+use crate::display::{Carrier, Detector, DisplayModel};
 use crate::engine::photometry::Quantity;
+use crate::engine::slm::Slm;
 use crate::error::{Error, Result};
 use crate::interrupt;
 use crate::metrics::Gain;
@@ -31,100 +32,110 @@ use std::f64::consts::{PI, TAU};
 /// h \[rad\]. The error of a difference is some h² of the gradient.
 const STEP_RAD: f64 = 1e-4;
 
-/// Target picture at one distance, for a [`PlainProblem`]. See [`ImagePlane`](super::ImagePlane).
-#[derive(Clone, Debug)]
-pub struct PlainPlane {
-    /// The display at the picture's distance. It shows the first order, or what a filter passes of it.
-    pub model: DisplayModel,
-    /// Target intensity in linear light, of the display's size.
-    pub target: Plane<f32>,
-    /// Weight of each pixel in the loss, 0 or above; `None`: all pixels have the same weight.
-    pub weight: Option<Plane<f32>>,
-    /// Weight of this plane among several planes, above 0.
-    pub share: f64,
+/// The [`Backend`] of [`PlainProblem`]s.
+#[derive(Clone, Copy, Debug)]
+pub struct Plain;
+
+impl Backend for Plain {
+    fn hologram(
+        &self,
+        pictures: Vec<Picture<'_>>,
+        frames: usize,
+        region: RegionOfInterest,
+        loss: Loss,
+    ) -> Result<Box<dyn Project>> {
+        Ok(Box::new(PlainProblem::new(pictures, frames, region, loss)?))
+    }
 }
 
 /// A hologram's problem, computed from definitions in f64. See [`HologramProblem`](super::HologramProblem).
 #[derive(Debug)]
 pub struct PlainProblem {
-    planes: Vec<(PlainPlane, Optics)>,
-    carrier: Option<Carrier>,
-    detector: Detector,
-    size: ProblemSize,
-    region: RegionOfInterest,
+    pub(super) planes: Vec<PlainPlane>,
+    pub(super) detector: Detector,
+    pub(super) slm: Slm<f32>,
+    pub(super) size: ProblemSize,
+    pub(super) region: RegionOfInterest,
     loss: Loss,
+}
+
+/// A target picture with the display that shows it.
+#[derive(Debug)]
+pub(super) struct PlainPlane {
+    pub(super) model: DisplayModel,
+    carrier: Option<Carrier>,
+    pub(super) target: Plane<f32>,
+    pub(super) weight: Option<Plane<f32>>,
+    /// The shares of all planes add up to 1.
+    pub(super) share: f64,
+    pub(super) optics: Optics,
 }
 
 /// Optics between the modulator and one image plane.
 #[derive(Debug)]
-struct Optics {
+pub(super) struct Optics {
     /// Windows of the local kernels on the modulator; a single one that is 1 everywhere for a kernel that does not vary.
-    windows: Vec<Plane<f64>>,
+    pub(super) windows: Vec<Plane<f64>>,
     /// Part of the light of each mode, and its transfer functions at the padded bins: for each place in a pixel one for
     /// each window.
-    modes: Vec<(f64, Vec<Vec<Plane<Complex64>>>)>,
+    pub(super) modes: Vec<(f64, Vec<Vec<Plane<Complex64>>>)>,
 }
 
 impl PlainProblem {
-    /// Problem with pictures of one size, a detector and an optional carrier grating on the modulator. The caller has
-    /// checked what [`HologramProblem::with_planes`](super::HologramProblem::with_planes) checks.
+    /// Problem with pictures that [`HologramProblem::on`](super::HologramProblem::on) has checked.
     ///
     /// # Errors
     ///
-    /// [`Error::Empty`] for no planes, [`Error::Incompatible`] for a display that shows all orders of its pixels, and
-    /// the errors of [`DisplayModel::validate`].
-    pub fn new(
-        planes: Vec<PlainPlane>,
-        (detector, carrier): (Detector, Option<Carrier>),
-        frames: usize,
-        region: RegionOfInterest,
-        loss: Loss,
-    ) -> Result<Self> {
-        let Some(first) = planes.first() else {
+    /// [`Error::Incompatible`] for a display that shows all orders of its pixels.
+    pub fn new(pictures: Vec<Picture<'_>>, frames: usize, region: RegionOfInterest, loss: Loss) -> Result<Self> {
+        let Some(first) = pictures.first() else {
             return Err(Error::Empty { name: "planes", needed: "at least one picture is needed" });
         };
-        let (height_px, width_px) = (first.target.height_px(), first.target.width_px());
-        let size = ProblemSize { planes: planes.len(), frames, height_px, width_px };
-        let with_optics = planes.into_iter().map(|plane| {
-            plane.model.validate()?;
-            if plane.model.setup.orders().are_all() {
-                let reason = "the plain problem knows displays that show the first order only";
-                return Err(Error::Incompatible { name: "orders", reason });
-            }
-            let optics = Optics::new(&plane.model, detector);
-            Ok((plane, optics))
-        });
-        Ok(Self { planes: with_optics.collect::<Result<_>>()?, carrier, detector, size, region, loss })
+        if pictures.iter().any(|picture| picture.display.shows_all_orders()) {
+            let reason = "the plain problem knows displays that show the first order only";
+            return Err(Error::Incompatible { name: "orders", reason });
+        }
+        let (height_px, width_px) = (first.display.height_px(), first.display.width_px());
+        let size = ProblemSize { planes: pictures.len(), frames, height_px, width_px };
+        let (detector, slm) = (first.display.detector(), Slm::of(&first.display.modulator()));
+        let shares: f64 = pictures.iter().map(|picture| picture.share).sum();
+        let plane = |Picture { display, target, weight, share }: Picture<'_>| PlainPlane {
+            model: display.model().clone(),
+            carrier: display.modulator().carrier(),
+            target,
+            weight,
+            share: share / shares,
+            optics: Optics::new(display.model(), display.detector()),
+        };
+        Ok(Self { planes: pictures.into_iter().map(plane).collect(), detector, slm, size, region, loss })
     }
 
     /// Evaluates the loss of phases in f64.
     #[must_use]
     pub fn at(&self, phase: &[f64], gain: Gain) -> Evaluation {
-        let shares: f64 = self.planes.iter().map(|(plane, _)| plane.share).sum();
-        let mut compared = Vec::new();
+        let lights = self.lights_of_planes(phase);
         let mut roughness = 0.0;
-        for (plane, optics) in &self.planes {
-            let lights = self.lights(plane, optics, phase);
-            let share = plane.share / shares / lights.len() as f64;
-            let all: f64 = self.pixels().map(|(y, x)| plane.weight(y, x)).sum();
-            let target = plane.target.map(f64::from);
-            for light in &lights {
-                compared.extend(self.pixels().map(|(y, x)| {
-                    let [p, t] = [light.at(y, x), target.at(y, x)].map(|light| match self.loss.quantity {
-                        Quantity::Intensity => light,
-                        Quantity::Amplitude => light.sqrt(),
-                    });
-                    (share * plane.weight(y, x) / all, p, t)
-                }));
-                roughness += share
+        for (plane, lights) in self.planes.iter().zip(&lights) {
+            for light in lights {
+                roughness += plane.share / lights.len() as f64
                     * (self.loss.total_variation * self.total_variation(plane, light)
                         + self.loss.speckle * self.speckle(plane, light));
             }
         }
-        let sum = |of: &dyn Fn(f64, f64) -> f64| compared.iter().map(|&(w, p, t)| w * of(p, t)).sum::<f64>();
-        let (pp, tp) = (sum(&|p, _| p * p), sum(&|p, t| t * p));
-        let best_gain = if pp > 0.0 { tp / pp } else { 0.0 };
-        let loss_at = |gain: f64| sum(&|p, t| (gain * p - t).powi(2)) + roughness;
+        self.compare(&lights, gain, roughness)
+    }
+
+    /// Evaluates the loss of the light of all planes, with its roughness.
+    pub(super) fn compare(&self, lights: &[Vec<Plane<f64>>], gain: Gain, roughness: f64) -> Evaluation {
+        let quantity = |light: f64| match self.loss.quantity {
+            Quantity::Intensity => light,
+            Quantity::Amplitude => light.sqrt(),
+        };
+        let targets: Vec<_> = self.planes.iter().map(|plane| plane.target.map(|t| quantity(t.into()))).collect();
+        let compared = self.compared(lights, quantity, &targets);
+        let (best_gain, loss_at) = (best_gain(&compared), |gain: f64| {
+            compared.iter().map(|&(w, p, t)| w * (gain * p - t).powi(2)).sum::<f64>() + roughness
+        });
         let best_loss = loss_at(best_gain);
         let loss = match gain {
             Gain::Given(gain) => loss_at(gain),
@@ -133,15 +144,41 @@ impl PlainProblem {
         Evaluation { loss, best_gain, best_loss }
     }
 
+    /// Weight, quantity and target of every pixel and light plane. The weights add up to 1.
+    pub(super) fn compared(
+        &self,
+        lights: &[Vec<Plane<f64>>],
+        quantity: impl Fn(f64) -> f64,
+        targets: &[Plane<f64>],
+    ) -> Vec<(f64, f64, f64)> {
+        let mut compared = Vec::new();
+        for ((plane, lights), target) in self.planes.iter().zip(lights).zip(targets) {
+            let share = plane.share / lights.len() as f64;
+            let all: f64 = self.pixels().map(|(y, x)| plane.weight(y, x)).sum();
+            for light in lights {
+                let values = self
+                    .pixels()
+                    .map(|(y, x)| (share * plane.weight(y, x) / all, quantity(light.at(y, x)), target.at(y, x)));
+                compared.extend(values);
+            }
+        }
+        compared
+    }
+
+    /// Light planes of the detector in each image plane.
+    pub(super) fn lights_of_planes(&self, phase: &[f64]) -> Vec<Vec<Plane<f64>>> {
+        self.planes.iter().map(|plane| self.lights(plane, phase)).collect()
+    }
+
     /// Light planes of the detector in an image plane, the mean over the frames.
-    fn lights(&self, plane: &PlainPlane, optics: &Optics, phase: &[f64]) -> Vec<Plane<f64>> {
+    fn lights(&self, plane: &PlainPlane, phase: &[f64]) -> Vec<Plane<f64>> {
         let ProblemSize { frames, height_px, width_px, .. } = self.size;
         let places = self.detector.places_px().len();
         let planes = if self.detector == Detector::Supersampled { places } else { 1 };
         let mut lights = vec![Plane::filled(height_px, width_px, 0.0); planes];
         for phase in phase.chunks_exact(self.size.frame_len()) {
-            let spectra = optics.spectra(&self.behind_modulator(&plane.model, phase));
-            for (share, to_places) in &optics.modes {
+            let spectra = plane.optics.spectra(&self.behind_modulator(plane, phase));
+            for (share, to_places) in &plane.optics.modes {
                 for (place, transfers) in to_places.iter().enumerate() {
                     let image = image(&spectra, transfers);
                     let part = share * planes as f64 / (places * frames) as f64;
@@ -156,9 +193,10 @@ impl PlainProblem {
     }
 
     /// Field k · source · dust · ( e^{ir(ψ)} + z₀ ) behind the modulator, with k = ±1 the sign of the carrier's grating.
-    fn behind_modulator(&self, model: &DisplayModel, phase: &[f64]) -> Plane<Complex64> {
+    pub(super) fn behind_modulator(&self, plane: &PlainPlane, phase: &[f64]) -> Plane<Complex64> {
+        let PlainPlane { model, carrier, .. } = plane;
         let ProblemSize { height_px, width_px, .. } = self.size;
-        let sign = |y: usize, x: usize| self.carrier.map_or(1.0, |carrier| carrier.sign(y, x));
+        let sign = |y: usize, x: usize| carrier.map_or(1.0, |carrier| carrier.sign(y, x));
         let wrapped = Plane::from_fn(height_px, width_px, |y, x| {
             let grating = if sign(y, x) < 0.0 { PI } else { 0.0 };
             (phase[y * width_px + x] + grating).rem_euclid(TAU)
@@ -232,13 +270,13 @@ impl PlainProblem {
 }
 
 impl PlainPlane {
-    fn weight(&self, y: usize, x: usize) -> f64 {
+    pub(super) fn weight(&self, y: usize, x: usize) -> f64 {
         self.weight.as_ref().map_or(1.0, |weight| weight.at(y, x).into())
     }
 }
 
 impl Optics {
-    fn new(model: &DisplayModel, detector: Detector) -> Self {
+    pub(super) fn new(model: &DisplayModel, detector: Detector) -> Self {
         let (grid, part) = (model.setup.grid(), camera_part(model, detector));
         let per_side = model.local_kernels().map_or(1, |kernels| kernels.len().isqrt());
         let window = |k: usize| {
@@ -260,7 +298,7 @@ impl Optics {
     }
 
     /// Padded spectra of a field in each window.
-    fn spectra(&self, field: &Plane<Complex64>) -> Vec<Plane<Complex64>> {
+    pub(super) fn spectra(&self, field: &Plane<Complex64>) -> Vec<Plane<Complex64>> {
         let (height_px, width_px) = (field.height_px(), field.width_px());
         let padded = |window: &Plane<f64>| {
             Plane::from_fn(2 * height_px, 2 * width_px, |y, x| {
@@ -270,6 +308,13 @@ impl Optics {
         };
         self.windows.iter().map(|window| fft2(&padded(window), Direction::Forward)).collect()
     }
+}
+
+/// The gain s with the least Σ w (s p − t)².
+pub(super) fn best_gain(compared: &[(f64, f64, f64)]) -> f64 {
+    let sum = |of: &dyn Fn(f64, f64) -> f64| compared.iter().map(|&(w, p, t)| w * of(p, t)).sum::<f64>();
+    let (pp, tp) = (sum(&|p, _| p * p), sum(&|p, t| t * p));
+    if pp > 0.0 { tp / pp } else { 0.0 }
 }
 
 /// Part of the distance between a detector's places and the pixel's centre.
@@ -288,7 +333,7 @@ fn sampled(kernel: &DisplayModel, [x_m, y_m]: [f64; 2]) -> Plane<Complex64> {
 }
 
 /// Padded image of a field with these spectra in the windows, each behind its transfer function.
-fn image(spectra: &[Plane<Complex64>], transfers: &[Plane<Complex64>]) -> Plane<Complex64> {
+pub(super) fn image(spectra: &[Plane<Complex64>], transfers: &[Plane<Complex64>]) -> Plane<Complex64> {
     let behind = Plane::from_fn(spectra[0].height_px(), spectra[0].width_px(), |v, u| {
         spectra.iter().zip(transfers).map(|(spectrum, transfer)| spectrum.at(v, u) * transfer.at(v, u)).sum()
     });
@@ -301,7 +346,7 @@ impl Evaluate for PlainProblem {
     }
 
     fn evaluate(&mut self, phase: &[f32], gain: Gain, gradient: &mut [f32]) -> Evaluation {
-        let phase: Vec<f64> = phase.iter().copied().map(f64::from).collect();
+        let phase = widened(phase);
         gradient.par_iter_mut().enumerate().for_each(|(i, slope)| {
             interrupt::check();
             let [above, below] = [STEP_RAD, -STEP_RAD].map(|step| {
@@ -315,15 +360,18 @@ impl Evaluate for PlainProblem {
     }
 
     fn measure(&mut self, phase: &[f32], gain: f64) -> Evaluation {
-        let phase: Vec<f64> = phase.iter().copied().map(f64::from).collect();
+        let phase = widened(phase);
         self.at(&phase, Gain::Given(gain))
     }
 
     fn light(&mut self, phase: &[f32]) -> Vec<f32> {
-        let phase: Vec<f64> = phase.iter().copied().map(f64::from).collect();
-        let (plane, optics) = &self.planes[0];
-        let lights = self.lights(plane, optics, &phase);
+        let phase = widened(phase);
+        let lights = self.lights(&self.planes[0], &phase);
         let rows = (0..self.size.height_px).flat_map(|y| lights.iter().flat_map(move |light| light.row(y)));
         rows.map(|&light| light as f32).collect()
     }
+}
+
+pub(super) fn widened(values: &[f32]) -> Vec<f64> {
+    values.iter().copied().map(f64::from).collect()
 }

@@ -1,7 +1,8 @@
 //! A hologram's target pictures with the display that shows them.
 
+use super::backend::{Backend, Picture};
 use super::evaluate::{Evaluation, Project};
-use super::loss::{ImagePlane, Loss, PlaneInput};
+use super::loss::{ImagePlane, Loss, PlaneInput, check_planes};
 use super::processor::ProcessorProblem;
 use crate::engine::Engine;
 use crate::error::Result;
@@ -15,8 +16,6 @@ use crate::numerics::{Plane, RegionOfInterest};
 /// share one gain, as in a single exposure.
 #[derive(Debug)]
 pub struct HologramProblem {
-    /// Engine of the first plane.
-    engine: Engine,
     loss: Loss,
     /// What computes.
     pub(super) body: Box<dyn Project>,
@@ -42,15 +41,23 @@ impl HologramProblem {
     /// black wherever the weight is positive, or a loss out of range.
     pub fn with_planes(planes: Vec<ImagePlane>, frames: usize, region: RegionOfInterest, loss: Loss) -> Result<Self> {
         let planes = planes.into_iter().map(PlaneInput::from).collect();
-        let body = ProcessorProblem::<f32>::with_planes(planes, frames, region, loss)?;
-        let engine = Engine { core: body.engine().clone() };
-        Ok(Self { engine, loss, body: Box::new(body) })
+        Ok(Self { loss, body: Box::new(ProcessorProblem::<f32>::with_planes(planes, frames, region, loss)?) })
     }
 
-    /// Engine of the first plane, which models the display at that plane's distance.
-    #[must_use]
-    pub fn engine(&self) -> Engine {
-        self.engine.clone()
+    /// The same problem on any machine, which prepares the displays for itself.
+    ///
+    /// # Errors
+    ///
+    /// The errors of [`Self::with_planes`], and those of [`Backend::hologram`].
+    pub fn on(
+        backend: &dyn Backend,
+        pictures: Vec<Picture<'_>>,
+        frames: usize,
+        region: RegionOfInterest,
+        loss: Loss,
+    ) -> Result<Self> {
+        check_planes(&pictures.iter().map(Picture::unchecked).collect::<Vec<_>>(), frames, region, &loss)?;
+        Ok(Self { loss, body: backend.hologram(pictures, frames, region, loss)? })
     }
 
     /// Number of frames.

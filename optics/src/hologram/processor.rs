@@ -1,11 +1,11 @@
 //! A hologram's problem on the processor: the loss of its phases and the gradient, in fused passes on all threads.
 
 use super::evaluate::Evaluation;
-use super::loss::{Loss, PlaneInput, TargetPlane, weighted_sums};
+use super::loss::{Loss, PlaneInput, TargetPlane, check_planes, weighted_sums};
 use super::two_pass_buffers::Buffers;
 use crate::engine::photometry::{Comparison, Quantity};
 use crate::engine::{EngineCore, Fields, Real};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::metrics::Gain;
 use crate::numerics::RegionOfInterest;
 use num_complex::Complex;
@@ -39,27 +39,9 @@ impl<T: Real> ProcessorProblem<T> {
         region: RegionOfInterest,
         loss: Loss,
     ) -> Result<Self> {
-        loss.validate(region)?;
-        let Some(first) = planes.first() else {
-            return Err(Error::Empty { name: "planes", needed: "at least one picture is needed" });
-        };
-        if frames == 0 {
-            return Err(Error::OutOfRange { name: "frames", value: 0.0, allowed: "at least 1" });
-        }
-        let first = first.engine.clone();
-        for plane in &planes {
-            plane.target.expect_size("target_intensity", first.height_px(), first.width_px())?;
-            if plane.engine.detector() != first.detector() {
-                return Err(Error::Incompatible { name: "planes", reason: "all planes must have the same detector" });
-            }
-        }
+        check_planes(&planes.iter().map(PlaneInput::unchecked).collect::<Vec<_>>(), frames, region, &loss)?;
         let shares = planes.iter().map(|plane| plane.share).sum();
-        let checked = planes.into_iter().map(|plane| TargetPlane::new(plane, region, &loss, shares));
-        let planes = checked.collect::<Result<Vec<_>>>()?;
-        if !planes.iter().any(|plane| plane.is_lit(region)) {
-            let needed = "some light is needed in the region of interest";
-            return Err(Error::Empty { name: "target_intensity", needed });
-        }
+        let planes: Vec<_> = planes.into_iter().map(|plane| TargetPlane::new(plane, region, &loss, shares)).collect();
         let fields = Fields::for_all(planes.iter().map(|plane| &plane.engine));
         Ok(Self { planes, frames, region, loss, fields, buffers: Buffers::empty(), field: Vec::new() })
     }

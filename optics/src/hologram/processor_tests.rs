@@ -2,9 +2,8 @@
 //! frames and planes.
 
 use super::*;
-use crate::display::{Carrier, DisplayModel, OpticalSetup, Orders};
-use crate::engine::Detector;
-use crate::hologram::conformance_tests::Case;
+use crate::display::{Carrier, Detector, DisplayModel, OpticalSetup, Orders};
+use crate::hologram::conformance::Case;
 use crate::numerics::{Grid, Plane};
 
 const SIZES: [(usize, usize); 3] = [(16, 24), (17, 13), (11, 30)];

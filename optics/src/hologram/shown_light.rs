@@ -1,7 +1,8 @@
 //! Light of a hologram as each detector measures it.
 
+use crate::display::Detector;
 use crate::engine::EngineCore;
-use crate::engine::{Detector, Engine, Real};
+use crate::engine::{Engine, Real};
 use crate::error::{Error, Result};
 use crate::interrupt;
 use crate::numerics::Plane;

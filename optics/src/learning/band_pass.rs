@@ -187,8 +187,9 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::display::Detector;
     use crate::display::{DisplayModel, OpticalSetup};
-    use crate::engine::{Detector, Engine};
+    use crate::engine::Engine;
     use crate::hologram::initial_phase;
     use crate::learning::blocks::{Block, Blocks};
     use crate::learning::fit::Fit;

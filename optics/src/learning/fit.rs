@@ -6,11 +6,12 @@ use super::mode_buffers::ModeBuffers;
 use super::order_fit::{OrderFit, OrderSums};
 use super::pair::Example;
 use super::smooth_transfer::{ColumnSums, SmoothTransfer};
-use crate::display::{Carrier, DisplayModel, Dust, Ghost, KernelShape, OpticalSetup};
-use crate::engine::convolution::{Kernels, Transfer};
+use crate::display::{Carrier, Detector, DisplayModel, Dust, Ghost, KernelShape, OpticalSetup};
+use crate::engine::Real;
+use crate::engine::convolution::Transfer;
 use crate::engine::photometry::Sums;
-use crate::engine::{Detector, Real};
-use crate::engine::{EngineCore, Fields, Mode, kernel_grid, tabulate_gain, tabulate_source};
+use crate::engine::prepared::Modulator;
+use crate::engine::{EngineCore, Fields, Mode, kernels, tabulate_gain, tabulate_source};
 use crate::error::Error;
 use crate::numerics::buffers::zeros;
 use crate::numerics::chebyshev::{ChebyshevBasis, polynomials, position};
@@ -104,13 +105,7 @@ impl<T: Real> Fit<T> {
     /// Allocates `count` transfer functions for each mode of the light, and the fields for them.
     fn allocate_kernels(&mut self, count: usize, modes: usize) {
         let (height_px, width_px) = (self.engine.height_px(), self.engine.width_px());
-        let kernels = || {
-            let zeros = Transfer::zeros(height_px, width_px);
-            Arc::new(match count {
-                1 => Kernels::single(zeros),
-                _ => kernel_grid(vec![zeros; count]),
-            })
-        };
+        let kernels = || Arc::new(kernels(vec![Transfer::zeros(height_px, width_px); count]));
         // Frees memory before the new ones are allocated.
         (self.engine.further, self.modes) = (Vec::new(), ModeBuffers::empty());
         self.engine.kernels = kernels();
@@ -159,18 +154,17 @@ impl<T: Real> Fit<T> {
         });
         self.ghost = model.ghost;
         if self.layout.has_slm() {
-            let (height_px, width_px) = (self.engine.height_px(), self.engine.width_px());
+            let modulator = Modulator::of(&model, self.engine.slm.carrier);
             let slm = Arc::make_mut(&mut self.engine.slm);
             slm.harmonics = model.response.iter().map(|&[a, b]| [T::of(a), T::of(b)]).collect();
             slm.zero_order = Complex::new(T::of(model.zero_order.re), T::of(model.zero_order.im));
-            let mut source = tabulate_source(&model.source, height_px, width_px);
+            let mut source = tabulate_source(&modulator);
             if let Some(dust) = &self.dust {
                 source.par_iter_mut().zip(dust).for_each(|(a, d)| *a = *a * d);
             }
             slm.source = Some(source);
             slm.crosstalk = self.layout.blocks.crosstalk.then_some(model.crosstalk);
-            let variation = &model.response_variation;
-            slm.phase_gain = self.layout.blocks.uneven_response.then(|| tabulate_gain(variation, height_px, width_px));
+            slm.phase_gain = self.layout.blocks.uneven_response.then(|| tabulate_gain(&modulator));
         }
     }
 

@@ -1,6 +1,5 @@
 use super::*;
-use crate::display::{Carrier, OpticalSetup, Orders};
-use crate::engine::Detector;
+use crate::display::{Carrier, Detector, OpticalSetup, Orders};
 use crate::hologram::initial_phase;
 use crate::learning::blocks::Blocks;
 use crate::learning::layout::Layout;

@@ -1,8 +1,7 @@
 //! What is learned, and how.
 
 use super::pair::PairSource;
-use crate::display::{Carrier, DisplayModel, OpticalSetup};
-use crate::engine::Detector;
+use crate::display::{Carrier, Detector, DisplayModel, OpticalSetup};
 use crate::error::Error;
 use crate::numerics::RegionOfInterest;
 use serde::{Deserialize, Serialize};

@@ -9,10 +9,10 @@
 //! functions, g_o the back-propagated gradient at the sub-sample o, c the coefficient of T_i T_j in the logarithm of E.
 
 use super::columns::project;
-use crate::display::OpticalSetup;
 use crate::display::parts::order_errors::{OrderErrors, place};
+use crate::display::{Detector, OpticalSetup};
+use crate::engine::Real;
 use crate::engine::convolution::{Convolver, Transfer};
-use crate::engine::{Detector, Real};
 use crate::engine::{OrderProducts, OrderWeights, sample_transfers, sub_samples, turns};
 use crate::numerics::buffers::zeros;
 use crate::numerics::chebyshev::{ChebyshevBasis, polynomials};

@@ -3,8 +3,7 @@
 use super::sampling::{ExactSize, RESPONSE_STAGES, quadrant, sampling_bytes, sampling_work};
 use super::value_bytes::{COMPLEX, COMPLEX_F64, REAL};
 use crate::display::parts::spatial_variation::local_kernels;
-use crate::display::{DisplayModel, KernelShape, OpticalSetup, Orders};
-use crate::engine::Detector;
+use crate::display::{Detector, DisplayModel, KernelShape, OpticalSetup, Orders};
 use crate::engine::convolution::{ROWS, padded_columns, tile_columns};
 use crate::engine::{order_products, sub_samples};
 use crate::hologram::OTHER_ORDERS_PIXELS_MAX;

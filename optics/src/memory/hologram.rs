@@ -2,7 +2,7 @@
 
 use super::engine::EngineSize;
 use super::value_bytes::{COMPLEX, REAL};
-use crate::engine::Detector;
+use crate::display::Detector;
 use crate::hologram::{HologramMethod, SAMPLES_BYTES_MAX};
 use crate::numerics::optimizer::vectors::HISTORY;
 

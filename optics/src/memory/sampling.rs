@@ -1,8 +1,7 @@
 //! Memory and work of sampling a transfer function.
 
 use super::value_bytes::{COMPLEX, COMPLEX_F64};
-use crate::display::OpticalSetup;
-use crate::engine::Detector;
+use crate::display::{Detector, OpticalSetup};
 use crate::engine::{reported_nodes, sub_samples};
 use crate::propagation::passes::{band_samples, frequencies, is_even, peak_values};
 use crate::propagation_method::ConvolutionMethod;

@@ -8,8 +8,7 @@ mod frequencies;
 mod kernels;
 mod model;
 
-use crate::display::{Carrier, DisplayModel, KernelShape, OpticalSetup, Orders};
-use crate::engine::Detector;
+use crate::display::{Carrier, Detector, DisplayModel, KernelShape, OpticalSetup, Orders};
 use crate::error::Result;
 use crate::hologram::ShownLight;
 use crate::numerics::{Plane, RegionOfInterest};

@@ -312,8 +312,9 @@ impl AllOrders {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::display::Detector;
     use crate::display::{DisplayModel, Orders};
-    use crate::engine::{Detector, EngineCore};
+    use crate::engine::EngineCore;
     use crate::hologram::initial_phase;
     use crate::numerics::Grid;
     use crate::propagation::passes::gauss_legendre;

@@ -1,9 +1,8 @@
 //! Tests of the fused passes against the plain padded transform in f64, on odd, prime and non-square sizes.
 
-use crate::display::{DisplayModel, KernelShape, OpticalSetup, SpatialVariation};
+use crate::display::{Detector, DisplayModel, KernelShape, OpticalSetup, SpatialVariation};
 use crate::engine::convolution::Real;
 use crate::engine::core::{EngineCore, Fields};
-use crate::engine::detector::Detector;
 use crate::numerics::{Grid, Plane, SmoothField};
 use crate::reference;
 use num_complex::{Complex, Complex64};

@@ -1,8 +1,8 @@
 //! Computes the light, its comparison with a picture, and the gradient in one pass over the field.
 
 use super::{Comparison, Quantity, Sums};
+use crate::display::Detector;
 use crate::engine::convolution::{Convolver, Real, Scratch};
-use crate::engine::detector::Detector;
 use num_complex::Complex;
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;

@@ -9,8 +9,8 @@
 
 use super::fused::{BLOCKS, mean_light, total};
 use super::{Comparison, Sums};
+use crate::display::Detector;
 use crate::engine::convolution::{Convolver, Real, Scratch};
-use crate::engine::detector::Detector;
 use crate::interrupt;
 use num_complex::Complex;
 use pulp::{Arch, Simd, WithSimd};

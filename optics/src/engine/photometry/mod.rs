@@ -16,7 +16,7 @@
 mod fused;
 pub(crate) mod lights;
 
-use super::detector::Detector;
+use crate::display::Detector;
 use crate::numerics::{Plane, RegionOfInterest};
 use serde::{Deserialize, Serialize};
 

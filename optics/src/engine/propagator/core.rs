@@ -1,9 +1,8 @@
 //! Computations of a propagator, in f32 or f64.
 
-use crate::display::{DisplayModel, OpticalSetup};
+use crate::display::{Detector, DisplayModel, OpticalSetup};
 use crate::engine::convolution::Real;
 use crate::engine::core::EngineCore;
-use crate::engine::detector::Detector;
 use crate::error::Result;
 use crate::numerics::Plane;
 use crate::propagation::passes::{

@@ -17,7 +17,7 @@
 
 use super::ParametricLearner;
 use super::surface_start::Compared;
-use crate::engine::Detector;
+use crate::display::Detector;
 use crate::learning::band_pass::{BandPass, FilteredPhoto};
 use crate::learning::blocks::SOURCE_ORDER;
 use crate::learning::fit::Fit;

@@ -228,8 +228,9 @@ impl PairSource for Compared<'_> {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
+    use crate::display::Detector;
     use crate::display::{DisplayModel, OpticalSetup};
-    use crate::engine::{Detector, Engine};
+    use crate::engine::Engine;
     use crate::hologram::{HologramProblem, Optimization};
     use crate::learning::options::{KernelModel, LearnOptions};
     use crate::learning::pair::Pair;
@@ -272,8 +273,7 @@ pub(super) mod tests {
         let pair = |(number, card): (usize, TestCard)| {
             let target = card.render(setup.grid().height_px(), setup.grid().width_px(), 1).unwrap();
             let problem = HologramProblem::new(engine.clone(), target, region).unwrap();
-            let phases =
-                crate::hologram::initial_phase(problem.engine().height_px(), problem.engine().width_px(), 1.0, 3);
+            let phases = crate::hologram::initial_phase(setup.grid().height_px(), setup.grid().width_px(), 1.0, 3);
             let options = crate::hologram::HologramOptions::new(crate::hologram::HologramMethod::Lbfgs, 12);
             let mut run = Optimization::start(problem, options, phases.unwrap().values().to_vec()).unwrap();
             while run.step().is_some() {}

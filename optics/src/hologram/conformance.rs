@@ -1,42 +1,83 @@
-//! Tests that everything passes that computes holograms: one suite, run on each [body](Evaluate).
+//! What everything must pass that computes holograms: one suite, run on each [`Backend`].
 //!
-//! The slow [`PlainProblem`] tells what is right. To add a body, add a line at `conforms!`.
+//! The slow [`Plain`] twin tells what is right. A crate with a backend of its own runs the suite with the feature
+//! `conformance` in its tests: a test for each of [`CHECKS`].
 
-use super::evaluate::{Evaluate, Evaluation};
+use super::adam::AdamState;
+use super::backend::{Backend, Picture};
+use super::evaluate::{Evaluate, Evaluation, Project};
 use super::initial::random;
-use super::loss::{Loss, PlaneInput};
-use super::plain::{PlainPlane, PlainProblem};
-use super::processor::ProcessorProblem;
+use super::loss::Loss;
+use super::plain::Plain;
+use super::problem::HologramProblem;
 use crate::display::{
-    Carrier, Crosstalk, DisplayModel, Dust, FurtherMode, Ghost, KernelShape, LightBlur, OpticalSetup, Orders,
+    Carrier, Crosstalk, Detector, DisplayModel, Dust, FurtherMode, Ghost, KernelShape, LightBlur, OpticalSetup, Orders,
     PartialCoherence, ResponseVariation, SpatialVariation,
 };
+use crate::engine::Prepared;
 use crate::engine::photometry::Quantity;
-use crate::engine::{Detector, EngineCore};
-use crate::hologram::adam::AdamState;
 use crate::metrics::Gain;
 use crate::numerics::optimizer::limited_memory::{LimitedMemory, Workspace};
 use crate::numerics::{Grid, Plane, RegionOfInterest, SmoothField};
-use num_complex::Complex64;
+use num_complex::{Complex32, Complex64};
 use rayon::ThreadPoolBuilder;
 
-/// A body of a problem under test.
-type Make = fn(&Case) -> Box<dyn Evaluate>;
+/// A check of a backend, which panics where the backend fails it.
+pub type Check = fn(&dyn Backend);
 
-fn processor(case: &Case) -> Box<dyn Evaluate> {
-    let engine = |model: &DisplayModel| EngineCore::new(model, case.detector, case.carrier).unwrap();
-    let planes = case.planes().into_iter().map(|PlainPlane { model, target, weight, share }| PlaneInput {
-        engine: engine(&model),
-        target,
-        weight,
-        share,
-    });
-    Box::new(ProcessorProblem::<f32>::with_planes(planes.collect(), case.frames, case.region(), case.loss).unwrap())
-}
+/// All checks, each with its name.
+pub const CHECKS: [(&str, Check); 7] = [
+    ("gradient_is_that_of_the_loss", |backend| cases().iter().for_each(|case| check_gradient(case, backend))),
+    ("fitted_gain_is_the_best", |backend| cases().iter().for_each(|case| check_gain(case, backend))),
+    ("calls_depend_on_their_arguments_only", |backend| cases().iter().for_each(|case| check_calls(case, backend))),
+    ("results_do_not_depend_on_threads", |backend| cases().iter().for_each(|case| check_threads(case, backend))),
+    ("results_are_the_plain_ones", |backend| cases().iter().for_each(|case| check_agreement(case, backend))),
+    ("projections_are_the_plain_ones", |backend| cases().iter().for_each(|case| check_projection(case, backend))),
+    ("methods_take_the_plain_steps", check_methods),
+];
 
-fn plain(case: &Case) -> Box<dyn Evaluate> {
-    let seen = (case.detector, case.carrier);
-    Box::new(PlainProblem::new(case.planes(), seen, case.frames, case.region(), case.loss).unwrap())
+#[cfg(test)]
+mod on_backends {
+    use super::*;
+    use crate::engine::EngineCache;
+
+    macro_rules! conforms {
+        ($($body:ident: $backend:expr,)*) => {$(
+            mod $body {
+                use super::*;
+
+                conforms! {
+                    of $backend;
+                    gradient_is_that_of_the_loss,
+                    fitted_gain_is_the_best,
+                    calls_depend_on_their_arguments_only,
+                    results_do_not_depend_on_threads,
+                    results_are_the_plain_ones,
+                    projections_are_the_plain_ones,
+                    methods_take_the_plain_steps,
+                }
+            }
+        )*};
+        (of $backend:expr; $($check:ident,)*) => {
+            $(
+                #[test]
+                fn $check() {
+                    let (_, check) = CHECKS.iter().find(|(name, _)| *name == stringify!($check)).unwrap();
+                    check(&$backend);
+                }
+            )*
+
+            #[test]
+            fn every_check_has_a_test() {
+                assert_eq!(CHECKS.map(|(name, _)| name), [$(stringify!($check)),*]);
+            }
+        };
+    }
+
+    conforms! {
+        on_processor: EngineCache::new(1 << 20),
+        on_plain: Plain,
+    }
 }
 
 /// Relative error of what a body computes in f32: a transform of n values loses some log₂ n roundings, the light has
@@ -44,49 +85,6 @@ fn plain(case: &Case) -> Box<dyn Evaluate> {
 fn rounding(case: &Case) -> f64 {
     let padded = 4 * case.height_px * case.width_px;
     4.0 * f64::from(f32::EPSILON) * (padded as f64).log2()
-}
-
-macro_rules! conforms {
-    ($($body:ident: $make:expr,)*) => {$(
-        mod $body {
-            use super::*;
-
-            #[test]
-            fn gradient_is_that_of_the_loss() {
-                cases().iter().for_each(|case| check_gradient(case, $make));
-            }
-
-            #[test]
-            fn fitted_gain_is_the_best() {
-                cases().iter().for_each(|case| check_gain(case, $make));
-            }
-
-            #[test]
-            fn calls_depend_on_their_arguments_only() {
-                cases().iter().for_each(|case| check_calls(case, $make));
-            }
-
-            #[test]
-            fn results_do_not_depend_on_threads() {
-                cases().iter().for_each(|case| check_threads(case, $make));
-            }
-
-            #[test]
-            fn results_are_the_plain_ones() {
-                cases().iter().for_each(|case| check_agreement(case, $make));
-            }
-
-            #[test]
-            fn methods_take_the_plain_steps() {
-                check_methods($make);
-            }
-        }
-    )*};
-}
-
-conforms! {
-    on_processor: processor,
-    on_plain: plain,
 }
 
 /// Every detector and quantity, several planes and frames, weights, roughness, a grating, and displays with all parts.
@@ -118,9 +116,9 @@ fn difference(found: &[f32], expected: &[f32]) -> f64 {
 
 /// Compares the gradient along two directions with differences of the loss over a step and twice the step, whose third
 /// derivatives cancel. The step is long enough that the rounding of the loss hardly counts.
-fn check_gradient(case: &Case, make: Make) {
+fn check_gradient(case: &Case, backend: &dyn Backend) {
     const STEP_RAD: f32 = 0.01;
-    let (mut body, phase) = (make(case), case.phase());
+    let (mut body, phase) = (case.body(backend), case.phase());
     for gain in GAINS {
         let (_, gradient) = evaluated(&mut *body, &phase, gain);
         let mut loss = |phase: &[f32]| match gain {
@@ -150,8 +148,8 @@ fn check_gradient(case: &Case, make: Make) {
     }
 }
 
-fn check_gain(case: &Case, make: Make) {
-    let (mut body, phase) = (make(case), case.phase());
+fn check_gain(case: &Case, backend: &dyn Backend) {
+    let (mut body, phase) = (case.body(backend), case.phase());
     let (fitted, _) = evaluated(&mut *body, &phase, Gain::Fitted);
     let at_best = body.measure(&phase, fitted.best_gain);
     for loss in [fitted.best_loss, at_best.loss, at_best.best_loss] {
@@ -163,8 +161,8 @@ fn check_gain(case: &Case, make: Make) {
 }
 
 /// Calls with other arguments in between change nothing.
-fn check_calls(case: &Case, make: Make) {
-    let (mut body, phase) = (make(case), case.phase());
+fn check_calls(case: &Case, backend: &dyn Backend) {
+    let (mut body, phase) = (case.body(backend), case.phase());
     assert_eq!(body.size().parameters(), phase.len());
     let other: Vec<f32> = phase.iter().map(|phase| 1.0 - phase).collect();
     let light = body.light(&phase);
@@ -179,19 +177,19 @@ fn check_calls(case: &Case, make: Make) {
     assert_eq!((body.measure(&phase, 0.7), body.light(&phase)), (measured, light), "{case:?}");
 }
 
-fn check_threads(case: &Case, make: Make) {
+fn check_threads(case: &Case, backend: &dyn Backend) {
     let run = |threads: usize| {
-        let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let pool = ThreadPoolBuilder::new().num_threads(threads).build().expect("a valid test problem");
         pool.install(|| {
-            let (mut body, phase) = (make(case), case.phase());
+            let (mut body, phase) = (case.body(backend), case.phase());
             (GAINS.map(|gain| evaluated(&mut *body, &phase, gain)), body.light(&phase))
         })
     };
     assert_eq!(run(1), run(2), "{case:?}");
 }
 
-fn check_agreement(case: &Case, make: Make) {
-    let (mut body, mut expected, phase) = (make(case), plain(case), case.phase());
+fn check_agreement(case: &Case, backend: &dyn Backend) {
+    let (mut body, mut expected, phase) = (case.body(backend), case.body(&Plain), case.phase());
     let bound = rounding(case);
     for gain in GAINS {
         let (of_body, gradient) = evaluated(&mut *body, &phase, gain);
@@ -209,10 +207,37 @@ fn check_agreement(case: &Case, make: Make) {
     assert!(error < bound, "{case:?}: light {error:e} of {bound:e}");
 }
 
+/// The field that targets send back, and rounds of Gerchberg–Saxton with their weights.
+fn check_projection(case: &Case, backend: &dyn Backend) {
+    // The phase of a field is as exact as the field is bright. Some pixels are dark.
+    let bound = 30.0 * rounding(case);
+    let (mut body, mut expected) = (case.body(backend), case.body(&Plain));
+    let image_phase = random(1, case.height_px * case.width_px, 6.0, 7).expect("a valid range");
+    let flat = |field: Vec<Complex32>| field.iter().flat_map(|c| [c.re, c.im]).collect::<Vec<_>>();
+    let [found, wanted] = [&body, &expected].map(|body| flat(body.back_propagated(&image_phase)));
+    let error = difference(&found, &wanted);
+    assert!(error < bound, "{case:?}: field {error:e} of {bound:e}");
+    for weighted in [false, true] {
+        let round = |body: &mut dyn Project| {
+            let (mut phase, mut wanted) = (case.phase(), body.target_amplitudes());
+            let evaluation = body.project(&mut phase, &mut wanted, weighted);
+            let turns = flat(phase.iter().map(|&phase| Complex32::cis(phase)).collect());
+            let wanted: Vec<f32> = wanted.iter().flat_map(|wanted| wanted.values()).copied().collect();
+            (evaluation, turns, wanted)
+        };
+        let ((found, turns, weights), (told, told_turns, told_weights)) = (round(&mut *body), round(&mut *expected));
+        for (found, told) in [(found.loss, told.loss), (found.best_gain, told.best_gain)] {
+            assert!((found / told - 1.0).abs() < bound, "{case:?}: {found} {told}");
+        }
+        let errors = [difference(&turns, &told_turns), difference(&weights, &told_weights)];
+        assert!(errors.iter().all(|&error| error < bound), "{case:?}, {weighted}: {errors:?} of {bound:e}");
+    }
+}
+
 /// Some steps of Adam and of L-BFGS end at the same phases. They divide by gradients, some of which are small.
-fn check_methods(make: Make) {
+fn check_methods(backend: &dyn Backend) {
     let case = Case::plain((6, 10), Detector::Pixel);
-    let found = [make(&case), plain(&case)].map(|mut body| {
+    let found = [case.body(backend), case.body(&Plain)].map(|mut body| {
         let mut gradient = vec![0.0; case.phase().len()];
         let mut adam = AdamState::new(&mut *body, case.phase());
         (0..3).for_each(|_| _ = adam.step(&mut *body, 0.1, &mut gradient));
@@ -228,6 +253,15 @@ fn check_methods(make: Make) {
         let error = difference(&found, &wanted);
         assert!(error < 10.0 * rounding(&case), "{error:e}");
     }
+}
+
+/// A target picture of a test problem with the display that shows it.
+#[derive(Debug)]
+pub(super) struct CasePlane {
+    pub(super) model: DisplayModel,
+    pub(super) target: Plane<f32>,
+    pub(super) weight: Option<Plane<f32>>,
+    pub(super) share: f64,
 }
 
 /// Parameters of a test problem.
@@ -263,24 +297,34 @@ impl Case {
         }
     }
 
+    fn body(&self, backend: &dyn Backend) -> Box<dyn Project> {
+        let planes = self.planes();
+        let pictures = planes.iter().map(|CasePlane { model, target, weight, share }| {
+            let display = Prepared::new(model, self.detector, self.carrier).expect("the display is valid");
+            Picture { display, target: target.clone(), weight: weight.clone(), share: *share }
+        });
+        let problem = HologramProblem::on(backend, pictures.collect(), self.frames, self.region(), self.loss);
+        problem.expect("the backend computes the problem").body
+    }
+
     pub(super) fn region(&self) -> RegionOfInterest {
-        RegionOfInterest::middle(&Grid::try_new(self.height_px, self.width_px, 8e-6).unwrap())
+        RegionOfInterest::middle(&Grid::try_new(self.height_px, self.width_px, 8e-6).expect("a valid test problem"))
     }
 
     /// The pictures, each with its display.
-    pub(super) fn planes(&self) -> Vec<PlainPlane> {
+    pub(super) fn planes(&self) -> Vec<CasePlane> {
         let (height_px, width_px) = (self.height_px, self.width_px);
-        let grid = Grid::try_new(height_px, width_px, 8e-6).unwrap();
+        let grid = Grid::try_new(height_px, width_px, 8e-6).expect("a valid test problem");
         let plane = |p: usize| {
-            let setup = OpticalSetup::try_new(grid, 515e-9, 3e-3 - 2e-3 * p as f64).unwrap();
-            let setup = setup.with_orders(self.orders).unwrap();
+            let setup = OpticalSetup::try_new(grid, 515e-9, 3e-3 - 2e-3 * p as f64).expect("a valid test problem");
+            let setup = setup.with_orders(self.orders).expect("a valid test problem");
             // The kernel varies for odd heights, and in the second plane.
             let varies = self.all_flaws || height_px % 2 == 1 || p == 1;
             // Some sizes have cross-talk in one plane only, or a varying response.
             let wraps = [width_px != 13 && p == 0, width_px == 30 || p == 1].map(|flaw| self.all_flaws || flaw);
             let wave = |y: usize, x: usize| 0.5 + 0.4 * ((3 * y + (5 + p) * x) as f32).sin();
             let weight = |y: usize, x: usize| [1.0, 0.0, 0.4][(y + 2 * x + p) % 3];
-            PlainPlane {
+            CasePlane {
                 model: flawed(setup, varies, wraps),
                 target: Plane::from_fn(height_px, width_px, wave),
                 weight: self.masked.then(|| Plane::from_fn(height_px, width_px, weight)),
@@ -291,7 +335,7 @@ impl Case {
     }
 
     pub(super) fn phase(&self) -> Vec<f32> {
-        random(self.frames, self.height_px * self.width_px, 6.0, 5).unwrap()
+        random(self.frames, self.height_px * self.width_px, 6.0, 5).expect("a valid test problem")
     }
 }
 
