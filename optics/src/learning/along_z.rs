@@ -273,7 +273,8 @@ fn lagrange(points: &[f64], nodes: &[usize], at: f64) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::learning::blocks::{Block, Blocks};
+    use crate::display::parts::Block;
+    use crate::display::parts::blocks::Blocks;
     use crate::learning::options::KernelModel;
     use crate::numerics::Grid;
 

@@ -188,10 +188,11 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 mod tests {
     use super::*;
     use crate::display::Detector;
+    use crate::display::parts::Block;
+    use crate::display::parts::blocks::Blocks;
     use crate::display::{DisplayModel, OpticalSetup};
     use crate::engine::Engine;
     use crate::hologram::initial_phase;
-    use crate::learning::blocks::{Block, Blocks};
     use crate::learning::fit::Fit;
     use crate::learning::layout::Layout;
     use crate::learning::options::KernelModel;

@@ -3,11 +3,11 @@
 //! They are fitted by Adam with a constant learning rate, one pair at a time in the order of the pair source, as in the
 //! paper.
 
-use super::blocks::Blocks;
 use super::options::{KernelModel, LearnOptions};
 use super::pair::{BoxError, PairSource};
 use super::pair::{Example, measure_each, total};
 use super::progress::{LearnStage, LearnStep};
+use crate::display::parts::blocks::Blocks;
 use crate::display::{DisplayModel, KernelShape, OpticalSetup};
 use crate::engine::convolution::{Kernels, Transfer, split_bin};
 use crate::engine::{EngineCore, Fields};

@@ -1,11 +1,13 @@
 //! A parametric model during the fit: its loss for one pair, and the gradient with respect to all its parameters.
 
 use super::ghost::{GhostSums, NO_GHOST_SUMS, ghost_gradient};
-use super::layout::{Layout, RESPONSE_VARIATION_ORDER};
+use super::layout::Layout;
 use super::mode_buffers::ModeBuffers;
 use super::order_fit::{OrderFit, OrderSums};
 use super::pair::Example;
 use super::smooth_transfer::{ColumnSums, SmoothTransfer};
+use crate::display::parts::response_variation::RESPONSE_VARIATION_ORDER;
+use crate::display::parts::{Block, ModelPart};
 use crate::display::{Carrier, Detector, DisplayModel, Dust, Ghost, KernelShape, OpticalSetup};
 use crate::engine::Real;
 use crate::engine::convolution::Transfer;
@@ -137,7 +139,7 @@ impl<T: Real> Fit<T> {
         if (self.engine.kernels.transfers.len(), self.engine.further.len() + 1) != (local[0].len(), local.len()) {
             self.allocate_kernels(local[0].len(), local.len());
         }
-        let blur = self.layout.blocks.light_blur.then_some(model.light_blur);
+        let blur = self.layout.blocks.contains(Block::LightBlur).then_some(model.light_blur);
         let had_blur = std::mem::replace(&mut self.engine.blur, blur).is_some();
         if had_blur != blur.is_some() {
             self.modes = ModeBuffers::of(&self.engine);
@@ -163,8 +165,9 @@ impl<T: Real> Fit<T> {
                 source.par_iter_mut().zip(dust).for_each(|(a, d)| *a = *a * d);
             }
             slm.source = Some(source);
-            slm.crosstalk = self.layout.blocks.crosstalk.then_some(model.crosstalk);
-            slm.phase_gain = self.layout.blocks.uneven_response.then(|| tabulate_gain(&modulator));
+            let blocks = self.layout.blocks;
+            slm.crosstalk = blocks.contains(Block::Crosstalk).then_some(model.crosstalk);
+            slm.phase_gain = blocks.contains(Block::UnevenResponse).then(|| tabulate_gain(&modulator));
         }
     }
 
@@ -186,7 +189,7 @@ impl<T: Real> Fit<T> {
     /// The loss of one pair at its best gain and offset, and the gradient with respect to θ. The derivatives with
     /// respect to gain and offset are zero at their optimum, so the gradient is the one at fixed gain and offset.
     pub(super) fn evaluate(&mut self, example: &Example<T>) -> (Sums, Vec<f64>) {
-        let ghost = self.layout.blocks.ghost.then_some(self.ghost);
+        let ghost = self.layout.blocks.contains(Block::Ghost).then_some(self.ghost);
         let (sums, columns) = self.correlate(example, |smooth, column, [h, u, g]| {
             let of_ghost = ghost.map_or(NO_GHOST_SUMS, |ghost| smooth.ghost_sums(&ghost, column, [h, u, g]));
             (smooth.column_sums(h, u, g), of_ghost)
@@ -246,10 +249,10 @@ impl<T: Real> Fit<T> {
         }
         if let Some(ghost) = ghost {
             let of_ghost = ghost_gradient(&ghost, columns.iter().map(|(_, of_ghost)| of_ghost));
-            gradient[self.layout.ghost()..][..of_ghost.len()].copy_from_slice(&of_ghost);
+            gradient[self.layout.start(ModelPart::Ghost)..][..of_ghost.len()].copy_from_slice(&of_ghost);
         }
-        if self.layout.blocks.light_blur {
-            gradient[self.layout.light_blur()..][..2].copy_from_slice(&self.modes.by_blur);
+        if self.layout.blocks.contains(Block::LightBlur) {
+            gradient[self.layout.start(ModelPart::LightBlur)..][..2].copy_from_slice(&self.modes.by_blur);
         }
         if self.layout.has_slm() {
             let slm = self.slm_gradient(example);
@@ -369,8 +372,9 @@ pub(super) fn tabulate<T: Real>(order: usize, n: usize) -> Vec<Vec<T>> {
 mod tests {
     use super::*;
     use crate::display::Orders;
+    use crate::display::parts::Block;
+    use crate::display::parts::blocks::Blocks;
     use crate::hologram::initial_phase;
-    use crate::learning::blocks::{Block, Blocks};
     use crate::learning::options::KernelModel;
     use crate::learning::pair::Pair;
     use crate::numerics::{Grid, Plane, RegionOfInterest};
@@ -378,7 +382,7 @@ mod tests {
     const ALL_ORDERS: Orders = Orders::All { fill_factor_x: 0.9, fill_factor_y: 0.7 };
 
     /// All blocks but the varying kernel.
-    const ALL: Blocks = Blocks { varying: false, ..Blocks::ALL };
+    const ALL: Blocks = Blocks::ALL.without(Block::Varying);
 
     #[test]
     fn gradient_of_every_parameter_matches_central_differences() {
@@ -409,8 +413,8 @@ mod tests {
             let mut fit = Fit::<f64>::new(vec![setup], layout, detector, carrier).unwrap();
             let photo = Plane::from_fn(18, 23, |y, x| 0.5 + 0.5 * ((y * 2 + x * 3) as f32).sin());
             let mut theta: Vec<f64> = (0..fit.layout.len()).map(|i| 0.1 * (i as f64 * 1.3 + 0.5).sin()).collect();
-            theta[layout.crosstalk()..layout.response_variation()].iter_mut().for_each(|q| *q = 0.1 + q.abs());
-            theta[layout.light_blur()..layout.variation(0)].iter_mut().for_each(|q| *q = 0.2 + q.abs());
+            theta[layout.range(ModelPart::Crosstalk)].iter_mut().for_each(|q| *q = 0.1 + q.abs());
+            theta[layout.range(ModelPart::LightBlur)].iter_mut().for_each(|q| *q = 0.2 + q.abs());
             fit.set(0, &theta);
             let example = |seed| {
                 let pair = Pair { phase: initial_phase(18, 23, 6.0, seed).unwrap(), photo: photo.clone() };
@@ -459,9 +463,9 @@ mod tests {
             let phase = initial_phase(12, 17, 6.0, 3).unwrap();
             let example = Example::new(&Pair { phase, photo }, &fit.engine, RegionOfInterest::middle(&grid)).unwrap();
             let mut theta: Vec<f64> = (0..fit.layout.len()).map(|i| 0.1 * (i as f64 * 1.3 + 0.5).sin()).collect();
-            theta[layout.crosstalk()..layout.response_variation()].iter_mut().for_each(|q| *q = 0.1 + q.abs());
+            theta[layout.range(ModelPart::Crosstalk)].iter_mut().for_each(|q| *q = 0.1 + q.abs());
             // With much of a blur the light would not correlate with the photograph.
-            theta[layout.light_blur()..layout.variation(0)].iter_mut().for_each(|q| *q = 0.02 + 0.2 * q.abs());
+            theta[layout.range(ModelPart::LightBlur)].iter_mut().for_each(|q| *q = 0.02 + 0.2 * q.abs());
             let mut exponents: Vec<f32> = (0..2 * 12 * 17).map(|i| 0.3 * (i as f32 * 1.9).sin()).collect();
             let mut evaluate = |exponents: &[f32], gradient: &mut [f64]| {
                 fit.set_dust(Some(exponents));

@@ -19,6 +19,7 @@ use super::fit::{Fit, tabulate, variation_degrees};
 use super::pair::Example;
 use super::products::Products;
 use crate::display::parts::light_blur::Blur;
+use crate::display::parts::{Block, ModelPart};
 use crate::display::{LightBlur, SpatialVariation};
 use crate::engine::EngineCore;
 use crate::engine::Real;
@@ -98,7 +99,7 @@ impl<T: Real> Fit<T> {
                 self.kernel_derivatives(&engine, series, jacobian);
             }
         }
-        if layout.blocks.ghost {
+        if layout.blocks.contains(Block::Ghost) {
             self.ghost_derivatives(&engine, jacobian);
         }
         // The derivatives by the source change the windows of the kernels, which then must have one owner.
@@ -136,7 +137,7 @@ impl<T: Real> Fit<T> {
 
     /// Adds the derivatives by the numbers of the ghost.
     fn ghost_derivatives(&mut self, engine: &EngineCore<T>, jacobian: &mut Jacobian<T>) {
-        let (start, convolver) = (self.layout.ghost(), &engine.convolver);
+        let (start, convolver) = (self.layout.start(ModelPart::Ghost), &engine.convolver);
         let mut kernels = (*engine.kernels).clone();
         for (number, slots) in [
             (0, [Some(start), Some(start + 1)]),
@@ -158,7 +159,7 @@ impl<T: Real> Fit<T> {
         let shown = slm.shown(example.phase.values());
         self.source_derivatives(&shown, &slm, jacobian);
         // ∂c is i e^{ir} times a real number for each of these, so the derivative is the one of a phase.
-        for k in 0..layout.harmonics {
+        for k in 0..layout.range(ModelPart::PhaseResponse).len() / 2 {
             for cosine in [false, true] {
                 self.send_rows(|y, row| {
                     turned_row(&slm, y, shown.row(y), row, |BlockResponse { turn, .. }| {
@@ -166,20 +167,30 @@ impl<T: Real> Fit<T> {
                         if cosine { power.re } else { power.im }
                     });
                 });
-                jacobian.add_derivatives(self, None, None, Some(layout.response() + 2 * k + usize::from(cosine)));
+                jacobian.add_derivatives(
+                    self,
+                    None,
+                    None,
+                    Some(layout.start(ModelPart::PhaseResponse) + 2 * k + usize::from(cosine)),
+                );
             }
         }
         self.send_rows(|y, row| undiffracted_row(&slm, y, row));
-        jacobian.add_derivatives(self, None, Some(layout.zero_order()), Some(layout.zero_order() + 1));
+        jacobian.add_derivatives(
+            self,
+            None,
+            Some(layout.start(ModelPart::ZeroOrder)),
+            Some(layout.start(ModelPart::ZeroOrder) + 1),
+        );
         for (axis, slopes) in slm.shown_slopes(example.phase.values()).into_iter().flatten().enumerate() {
             let width_px = self.engine.width_px();
             self.send_rows(|y, row| {
                 turned_row(&slm, y, shown.row(y), row, |response| response.slope);
                 row.iter_mut().zip(&slopes[y * width_px..]).for_each(|(c, &slope)| *c = c.scale(slope));
             });
-            jacobian.add_derivatives(self, None, None, Some(layout.crosstalk() + axis));
+            jacobian.add_derivatives(self, None, None, Some(layout.start(ModelPart::Crosstalk) + axis));
         }
-        if layout.response_variation > 0 {
+        if layout.blocks.contains(Block::UnevenResponse) {
             let polynomials_y: Vec<Vec<T>> = tabulate(layout.source.order(), self.engine.height_px());
             for (slot, (i, j)) in variation_degrees().enumerate() {
                 let along_x = std::mem::take(&mut self.polynomials_x[i]);
@@ -191,7 +202,7 @@ impl<T: Real> Fit<T> {
                     }
                 });
                 self.polynomials_x[i] = along_x;
-                jacobian.add_derivatives(self, None, None, Some(layout.response_variation() + slot));
+                jacobian.add_derivatives(self, None, None, Some(layout.start(ModelPart::UnevenResponse) + slot));
             }
         }
     }
@@ -409,7 +420,7 @@ impl<T: Real> Jacobian<T> {
         self.add_blurred(&[(fit.layout.len(), T::one())], 0);
         let slopes = self.blur.map(|blur| Blur::slopes(blur.ratios()));
         for (axis, slope) in slopes.iter().flatten().enumerate() {
-            self.add(&[(fit.layout.light_blur() + axis, T::one())], 0, Some(slope));
+            self.add(&[(fit.layout.start(ModelPart::LightBlur) + axis, T::one())], 0, Some(slope));
         }
     }
 

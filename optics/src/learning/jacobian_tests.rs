@@ -1,7 +1,8 @@
 use super::*;
+use crate::display::parts::blocks::Blocks;
+use crate::display::parts::{Block, ModelPart};
 use crate::display::{Carrier, Detector, OpticalSetup, Orders};
 use crate::hologram::initial_phase;
-use crate::learning::blocks::Blocks;
 use crate::learning::layout::Layout;
 use crate::learning::options::KernelModel;
 use crate::learning::pair::Pair;
@@ -20,8 +21,8 @@ fn fit_away_from_optimum((model, order, blocks, carrier, orders): Case) -> (Fit<
     let pair = Pair { phase: initial_phase(18, 23, 6.0, 3).unwrap(), photo };
     let example = Example::new(&pair, &fit.engine, RegionOfInterest::middle(&grid)).unwrap();
     let mut theta: Vec<f64> = (0..fit.layout.len()).map(|i| 0.1 * (i as f64 * 1.3 + 0.5).sin()).collect();
-    theta[layout.crosstalk()..layout.response_variation()].iter_mut().for_each(|q| *q = 0.1 + q.abs());
-    theta[layout.light_blur()..layout.variation(0)].iter_mut().for_each(|q| *q = 0.2 + q.abs());
+    theta[layout.range(ModelPart::Crosstalk)].iter_mut().for_each(|q| *q = 0.1 + q.abs());
+    theta[layout.range(ModelPart::LightBlur)].iter_mut().for_each(|q| *q = 0.2 + q.abs());
     fit.set(0, &theta);
     (fit, example, theta)
 }
@@ -31,11 +32,11 @@ const MODELS: [Case; 8] = [
     (KernelModel::Smooth, 3, Blocks::NONE, None, Orders::First),
     (KernelModel::Display, 4, Blocks::NONE, None, Orders::First),
     (KernelModel::Display, 2, Blocks::NONE, Some(Carrier::HalfOrderX), Orders::First),
-    (KernelModel::Varying, 5, Blocks { varying: true, ..Blocks::NONE }, Some(Carrier::HalfOrderX), Orders::First),
-    (KernelModel::Display, 2, Blocks { light_blur: true, ..Blocks::NONE }, None, Orders::First),
-    (KernelModel::Display, 2, Blocks { varying: false, ..Blocks::ALL }, Some(Carrier::HalfOrderX), Orders::First),
-    (KernelModel::Varying, 3, Blocks { varying: true, ..Blocks::NONE }, None, ALL_ORDERS),
-    (KernelModel::Display, 2, Blocks { varying: false, ..Blocks::ALL }, None, ALL_ORDERS),
+    (KernelModel::Varying, 5, Blocks::NONE.with(Block::Varying), Some(Carrier::HalfOrderX), Orders::First),
+    (KernelModel::Display, 2, Blocks::NONE.with(Block::LightBlur), None, Orders::First),
+    (KernelModel::Display, 2, Blocks::ALL.without(Block::Varying), Some(Carrier::HalfOrderX), Orders::First),
+    (KernelModel::Varying, 3, Blocks::NONE.with(Block::Varying), None, ALL_ORDERS),
+    (KernelModel::Display, 2, Blocks::ALL.without(Block::Varying), None, ALL_ORDERS),
 ];
 
 #[test]

@@ -17,7 +17,6 @@
 mod along_z;
 mod band_pass;
 pub mod bins;
-mod blocks;
 mod columns;
 mod course;
 mod dust;
@@ -41,23 +40,23 @@ mod schedule;
 mod screening;
 mod slm_gradient;
 mod smooth_transfer;
+mod strengths;
 mod suggestion;
 mod uncertainty;
 
 /// Sizes that determine the memory of a fit.
 pub(crate) mod sizes {
-    pub(crate) use super::blocks::{FINE_SOURCE_ORDER, SOURCE_ORDER};
-    pub(crate) use super::layout::{FURTHER_MODES, HARMONICS, MODE_ORDER, RESPONSE_VARIATION_ORDER, VARIATION_ORDER};
-    pub(crate) use super::order_fit::BEYOND_ORDER;
     pub(crate) use super::parametric::CURVATURE_PX;
 }
 
+pub use crate::display::parts::blocks::Blocks;
+pub use crate::display::parts::{Block, ModelPart, without_each_part};
 pub use along_z::interpolated;
-pub use blocks::{Block, BlockStrengths, Blocks};
 pub use learner::{LearnState, Learner};
 pub use options::{KernelModel, LearnOptions};
 pub use pair::{BoxError, LearningPairs, Pair, PairSource, compare, unsaturated_px};
-pub use parts::{ModelPart, PartCost, without_each_part};
+pub use parts::PartCost;
 pub use progress::{LearnStage, LearnStep};
+pub use strengths::BlockStrengths;
 pub use suggestion::{HologramChoice, Suggestion};
 pub use uncertainty::{ModelUncertainty, ResponseCovariance, StrengthUncertainty};

@@ -1,6 +1,7 @@
 //! What is learned, and how.
 
 use super::pair::PairSource;
+use crate::display::parts::Block;
 use crate::display::{Carrier, Detector, DisplayModel, OpticalSetup};
 use crate::error::Error;
 use crate::numerics::RegionOfInterest;
@@ -49,6 +50,16 @@ impl KernelModel {
         match self {
             Self::Smooth | Self::Display | Self::Varying => true,
             Self::Paper | Self::Dense => false,
+        }
+    }
+}
+
+impl Block {
+    /// Whether validation pairs may choose the block in a fit of `model`.
+    pub(super) fn belongs_to(self, model: KernelModel) -> bool {
+        match self {
+            Self::Varying => model == KernelModel::Varying,
+            _ => matches!(model, KernelModel::Display | KernelModel::Varying),
         }
     }
 }

@@ -10,6 +10,7 @@
 
 use super::columns::project;
 use crate::display::parts::order_errors::{OrderErrors, place};
+use crate::display::parts::transfer_function::BEYOND_ORDER;
 use crate::display::{Detector, OpticalSetup};
 use crate::engine::Real;
 use crate::engine::convolution::{Convolver, Transfer};
@@ -17,9 +18,6 @@ use crate::engine::{OrderProducts, OrderWeights, sample_transfers, sub_samples, 
 use crate::numerics::buffers::zeros;
 use crate::numerics::chebyshev::{ChebyshevBasis, polynomials};
 use num_complex::{Complex, Complex64};
-
-/// Highest total degree of the errors beyond the band: a shift, a defocus, and light that is lost there.
-pub(crate) const BEYOND_ORDER: usize = 2;
 
 /// Terms along an axis.
 const TERMS: usize = ChebyshevBasis::ORDER_MAX + 1;

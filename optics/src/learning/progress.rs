@@ -1,6 +1,7 @@
 //! Progress of learning.
 
-use super::blocks::{Block, Blocks};
+use crate::display::parts::Block;
+use crate::display::parts::blocks::Blocks;
 
 /// Progress after one step of learning.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,10 +1,12 @@
 //! The gradient of a pair's loss by the parameters of the SLM.
 
-use super::blocks::FINE_SOURCE_ORDER;
 use super::columns::project;
 use super::fit::{Fit, variation_degrees};
-use super::layout::{HARMONICS, RESPONSE_VARIATION_ORDER};
 use super::pair::Example;
+use crate::display::parts::Block;
+use crate::display::parts::phase_response::HARMONICS;
+use crate::display::parts::response_variation::RESPONSE_VARIATION_ORDER;
+use crate::display::parts::source::FINE_SOURCE_ORDER;
 use crate::engine::Real;
 use crate::engine::slm::{BLOCK, BlockResponse, ShownRow, Slm};
 use crate::numerics::chebyshev::{polynomials, position};
@@ -44,7 +46,7 @@ impl<T: Real> Fit<T> {
         let (shown, slopes) = (slm.shown(example.phase.values()), slm.shown_slopes(example.phase.values()));
         convolver.inverse_rows(tiles, &kernels.along_x, &mut rows, |y, b, out| {
             out[0] = arch.dispatch(|| row_sums(slm, y, shown.row(y), b, &self.polynomials_x[..=layout.source.order()]));
-            if layout.response_variation > 0 {
+            if layout.blocks.contains(Block::UnevenResponse) {
                 let polynomials_x = &self.polynomials_x[..=RESPONSE_VARIATION_ORDER];
                 out[0].variation = arch.dispatch(|| variation_sums(slm, y, shown.row(y), b, polynomials_x));
             }
@@ -78,10 +80,10 @@ impl<T: Real> Fit<T> {
         gradient.extend(layout.source.degrees().map(|(i, j)| -2.0 * source[j][i].im));
         gradient.extend(response.as_flattened().iter().map(|sum| -2.0 * sum));
         gradient.extend([2.0 * zero_order.re, -2.0 * zero_order.im]);
-        if layout.blocks.crosstalk {
+        if layout.blocks.contains(Block::Crosstalk) {
             gradient.extend(crosstalk);
         }
-        if layout.response_variation > 0 {
+        if layout.blocks.contains(Block::UnevenResponse) {
             gradient.extend(variation_degrees().map(|(i, j)| -2.0 * variation[j][i]));
         }
         gradient

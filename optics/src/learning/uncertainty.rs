@@ -12,12 +12,17 @@
 //! θ can have parameters that the model lacks, such as cross-talk, with the value 0. Their scatter says how much of
 //! them the photographs could hide.
 
-use super::blocks::{Block, BlockStrengths, Blocks};
 use super::fit::Fit;
-use super::layout::{HARMONICS, Layout};
+use super::layout::Layout;
 use super::options::KernelModel;
 use super::pair::{Example, Pair};
 use super::parametric::{CURVATURE_PAIRS, CURVATURE_PX};
+use super::strengths::BlockStrengths;
+use crate::display::parts::Block;
+use crate::display::parts::ModelPart;
+use crate::display::parts::blocks::Blocks;
+use crate::display::parts::phase_response::HARMONICS;
+use crate::display::parts::response_variation::RESPONSE_VARIATION_ORDER;
 use crate::display::{Carrier, Detector, DisplayModel, KernelShape, LightBlur, ResponseVariation};
 use crate::error::Error;
 use crate::numerics::RegionOfInterest;
@@ -120,7 +125,7 @@ impl ModelUncertainty {
     /// response.
     #[must_use]
     pub fn response(&self) -> Option<ResponseCovariance> {
-        let (scatter, first) = (self.scatter(0..0)?, self.fit.layout.response());
+        let (scatter, first) = (self.scatter(0..0)?, self.fit.layout.start(ModelPart::PhaseResponse));
         let changes: [Vec<f64>; 2 * HARMONICS] = std::array::from_fn(|i| scatter.changes(&[(first + i, 1.0)]));
         Some(ResponseCovariance {
             matrix: std::array::from_fn(|a| std::array::from_fn(|b| scatter.covariance(&changes[a], &changes[b]))),
@@ -135,32 +140,34 @@ impl ModelUncertainty {
         let scatter = self.scatter(0..0)?;
         let variation = |scatter: &Scatter<'_>| scatter.response_variation(&all);
         let of_light = |axis: usize| {
-            self.deviation(&scatter, all.mode_light(0)..all.len(), |strengths| {
+            self.deviation(&scatter, all.range(ModelPart::PartialCoherence), |strengths| {
                 strengths.image_spread_px?.get(axis).copied()
             })
         };
         let deviations = BlockStrengths {
             surface_rms_rad: self
-                .deviation(&scatter, all.source()..all.response(), |strengths| strengths.surface_rms_rad),
-            crosstalk_px: has.crosstalk.then(|| scatter.sigma_px(all.crosstalk(), self.model.crosstalk.ratios())),
-            light_blur_px: has.light_blur.then(|| scatter.sigma_px(all.light_blur(), self.model.light_blur.ratios())),
-            response_variation_rms: has.uneven_response.then(|| variation(&scatter)),
+                .deviation(&scatter, all.range(ModelPart::Source), |strengths| strengths.surface_rms_rad),
+            crosstalk_px: has
+                .contains(Block::Crosstalk)
+                .then(|| scatter.sigma_px(all.start(ModelPart::Crosstalk), self.model.crosstalk.ratios())),
+            light_blur_px: has
+                .contains(Block::LightBlur)
+                .then(|| scatter.sigma_px(all.start(ModelPart::LightBlur), self.model.light_blur.ratios())),
+            response_variation_rms: has.contains(Block::UnevenResponse).then(|| variation(&scatter)),
             image_spread_px: of_light(0).zip(of_light(1)).map(|(x, y)| [x, y]),
-            ghost_share: self.deviation(&scatter, all.ghost()..all.light_blur(), |strengths| strengths.ghost_share),
+            ghost_share: self.deviation(&scatter, all.range(ModelPart::Ghost), |strengths| strengths.ghost_share),
             ..BlockStrengths::default()
         };
         let with = |range: Range<usize>| self.scatter(range);
         let hidden = BlockStrengths {
-            crosstalk_px: match has.crosstalk {
+            crosstalk_px: match has.contains(Block::Crosstalk) {
                 true => None,
-                false => {
-                    with(all.crosstalk()..all.response_variation()).map(|scatter| scatter.hidden_crosstalk_px(&all))
-                }
+                false => with(all.range(ModelPart::Crosstalk)).map(|scatter| scatter.hidden_crosstalk_px(&all)),
             },
-            response_variation_rms: match has.uneven_response {
+            response_variation_rms: match has.contains(Block::UnevenResponse) {
                 true => None,
                 false => {
-                    with(all.response_variation()..all.ghost()).map(|scatter| HIDDEN_DEVIATIONS * variation(&scatter))
+                    with(all.range(ModelPart::UnevenResponse)).map(|scatter| HIDDEN_DEVIATIONS * variation(&scatter))
                 }
             },
             ..BlockStrengths::default()
@@ -247,19 +254,19 @@ impl Scatter<'_> {
 
     /// σ of the most cross-talk that could be hidden along x and along y \[px\].
     fn hidden_crosstalk_px(&self, layout: &Layout) -> [f64; 2] {
-        sigma_px(self.ratios(layout.crosstalk()).map(|deviation| HIDDEN_DEVIATIONS * deviation))
+        sigma_px(self.ratios(layout.start(ModelPart::Crosstalk)).map(|deviation| HIDDEN_DEVIATIONS * deviation))
     }
 
     /// Root mean square over the SLM of the standard deviation of the response's variation v.
     fn response_variation(&self, layout: &Layout) -> f64 {
         /// Number of places along each axis.
         const SIDE: usize = 8;
-        let range = layout.response_variation()..layout.ghost();
+        let range = layout.range(ModelPart::UnevenResponse);
         let variance = |x: f64, y: f64| {
             let slope = |term: usize| {
                 let mut coefficients = vec![0.0; range.len()];
                 coefficients[term] = 1.0;
-                ResponseVariation { order: super::layout::RESPONSE_VARIATION_ORDER, coefficients }.value(x, y)
+                ResponseVariation { order: RESPONSE_VARIATION_ORDER, coefficients }.value(x, y)
             };
             let slopes: Vec<_> = (0..range.len()).map(|term| (range.start + term, slope(term))).collect();
             self.deviation(&slopes).powi(2)
@@ -278,8 +285,9 @@ fn sigma_px(ratios: [f64; 2]) -> [f64; 2] {
 pub(super) fn layout_of(model: &DisplayModel) -> Option<Layout> {
     let KernelShape::Smooth(kernel) = &model.kernel else { return None };
     let layout = Layout::of(KernelModel::Display, kernel.order, Blocks::of(model)).on(&model.setup);
-    let is_of_layout = (model.source.order, model.response.len()) == (layout.source.order(), layout.harmonics)
-        && [0, layout.response_variation].contains(&model.response_variation.coefficients.len())
+    let is_of_layout = (model.source.order, model.response.len())
+        == (layout.source.order(), layout.range(ModelPart::PhaseResponse).len() / 2)
+        && [0, layout.range(ModelPart::UnevenResponse).len()].contains(&model.response_variation.coefficients.len())
         && model.coherence.modes().len() == layout.modes
         && model.coherence.modes().iter().all(|mode| mode.errors.order == layout.mode.order());
     is_of_layout.then_some(layout)

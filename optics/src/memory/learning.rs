@@ -5,12 +5,15 @@ use super::engine::{FOLD_STAGES, ORDER_STAGES};
 use super::value_bytes::{COMPLEX, COMPLEX_F64, REAL};
 use crate::display::SpatialVariation;
 use crate::display::parts::light_blur;
+use crate::display::parts::partial_coherence::{FURTHER_MODES, MODE_ORDER};
+use crate::display::parts::phase_response::HARMONICS;
+use crate::display::parts::response_variation::RESPONSE_VARIATION_ORDER;
+use crate::display::parts::source::{FINE_SOURCE_ORDER, SOURCE_ORDER};
+use crate::display::parts::spatial_variation::VARIATION_ORDER;
+use crate::display::parts::transfer_function::BEYOND_ORDER;
 use crate::engine::convolution::tile_columns;
-use crate::learning::sizes::{
-    BEYOND_ORDER, CURVATURE_PX, FINE_SOURCE_ORDER, FURTHER_MODES, HARMONICS, MODE_ORDER, RESPONSE_VARIATION_ORDER,
-    SOURCE_ORDER, VARIATION_ORDER,
-};
-use crate::learning::{Blocks, KernelModel};
+use crate::learning::sizes::CURVATURE_PX;
+use crate::learning::{Block, Blocks, KernelModel};
 use crate::numerics::chebyshev::ChebyshevBasis;
 use crate::numerics::optimizer::vectors::HISTORY;
 
@@ -40,14 +43,14 @@ impl LearningSize {
         EngineSize {
             kernels_per_side: if varies { EngineSize::KERNELS_PER_SIDE_MAX } else { 1 },
             // A varying kernel has more transfer functions than the modes, and no display has both.
-            modes: if self.model == KernelModel::Display && self.blocks.partial_coherence {
+            modes: if self.model == KernelModel::Display && self.blocks.contains(Block::PartialCoherence) {
                 1 + FURTHER_MODES
             } else {
                 1
             },
             has_source: has_slm,
             wraps_phase: has_slm,
-            blurs_light: has_slm && self.blocks.light_blur,
+            blurs_light: has_slm && self.blocks.contains(Block::LightBlur),
             ..self.engine
         }
     }
@@ -125,7 +128,11 @@ impl LearningSize {
     /// Derivatives of one mode's transfer functions by a number of the ghost.
     fn ghost_bytes(&self) -> u64 {
         let engine = self.engine();
-        if engine.has_source && self.blocks.ghost { engine.kernels() * engine.transfer_bytes() } else { 0 }
+        if engine.has_source && self.blocks.contains(Block::Ghost) {
+            engine.kernels() * engine.transfer_bytes()
+        } else {
+            0
+        }
     }
 
     /// Exponents of the dust and factors at each pixel, and vectors of the fit: those of its state, and a point, a
@@ -166,10 +173,10 @@ impl LearningSize {
         let beyond = if self.engine.all_orders { terms(BEYOND_ORDER) } else { 0 };
         let kernel = 2 * (terms(self.order) + beyond);
         let some = |has: bool, count: usize| if has { count } else { 0 };
-        let Blocks { fine_source, uneven_response, partial_coherence, .. } = self.blocks;
-        let variation_of_response = some(uneven_response, terms(RESPONSE_VARIATION_ORDER) + 1);
-        let modes = some(partial_coherence, FURTHER_MODES * (1 + 2 * terms(MODE_ORDER)));
-        let source = if fine_source { FINE_SOURCE_ORDER } else { SOURCE_ORDER };
+        let has = |block| self.blocks.contains(block);
+        let variation_of_response = some(has(Block::UnevenResponse), terms(RESPONSE_VARIATION_ORDER) + 1);
+        let modes = some(has(Block::PartialCoherence), FURTHER_MODES * (1 + 2 * terms(MODE_ORDER)));
+        let source = if has(Block::FineSource) { FINE_SOURCE_ORDER } else { SOURCE_ORDER };
         let slm = 2 * terms(source) + 2 * HARMONICS + 2 + 2 + 2 + variation_of_response + modes;
         let variation = SpatialVariation::POWERS * 2 * terms(VARIATION_ORDER);
         let all = match self.model {
@@ -232,7 +239,7 @@ impl LearningSize {
     #[must_use]
     pub fn curvature_work(&self) -> f64 {
         let engine = self.engine();
-        let source_order = if self.blocks.fine_source { FINE_SOURCE_ORDER } else { SOURCE_ORDER };
+        let source_order = if self.blocks.contains(Block::FineSource) { FINE_SOURCE_ORDER } else { SOURCE_ORDER };
         let source = ChebyshevBasis::new(source_order).terms();
         let propagations = self.order + 1 + if engine.has_source { source + 2 * HARMONICS + 1 + 12 } else { 0 };
         let [rows, columns] = self.region_px.map(|side| side as f64);

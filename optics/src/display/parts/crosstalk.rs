@@ -10,6 +10,10 @@
 //! the phases of the edge continue. Measured modulators: S. Moser, M. Ritsch-Marte and G. Thalhammer, Optics Express
 //! 27, 25046 (2019).
 
+use super::layout::Layout;
+use super::terms::Terms;
+use super::{Block, Part};
+use crate::display::DisplayModel;
 use crate::error::Result;
 use crate::numerics::Plane;
 use crate::numerics::gaussian_blur::{GaussianBlur, by_definition, ratio_of_sigma_px, sigma_px_of_ratio};
@@ -75,6 +79,50 @@ pub(crate) type Blur<T> = GaussianBlur<T, TAPS>;
 #[must_use]
 pub fn shown_phase(wrapped: &Plane<f64>, crosstalk: &Crosstalk) -> Plane<f64> {
     by_definition::<TAPS>(wrapped, crosstalk.ratios())
+}
+
+/// Its numbers are q along x and along y.
+pub(super) struct Row;
+
+impl Part for Row {
+    fn name(&self) -> &'static str {
+        "crosstalk"
+    }
+
+    fn title(&self) -> &'static str {
+        "cross-talk between neighbouring pixels"
+    }
+
+    fn is_in(&self, model: &DisplayModel) -> bool {
+        !model.crosstalk.is_none()
+    }
+
+    fn remove(&self, model: &mut DisplayModel) {
+        model.crosstalk = Crosstalk::NONE;
+    }
+
+    fn count(&self, layout: &Layout) -> usize {
+        if layout.blocks.contains(Block::Crosstalk) { 2 } else { 0 }
+    }
+
+    fn numbers(&self, layout: &Layout, model: &DisplayModel) -> Vec<f64> {
+        model.crosstalk.ratios().into_iter().take(self.count(layout)).collect()
+    }
+
+    fn set(&self, _layout: &Layout, numbers: &[f64], model: &mut DisplayModel) {
+        model.crosstalk = match *numbers {
+            [ratio_x, ratio_y] => Crosstalk { ratio_x, ratio_y },
+            _ => Crosstalk::NONE,
+        };
+    }
+
+    fn limited(&self, _layout: &Layout, _position: usize, value: f64) -> f64 {
+        value.clamp(0.0, Crosstalk::RATIO_MAX)
+    }
+
+    fn terms(&self) -> Option<Terms> {
+        Some(Terms::USUAL)
+    }
 }
 
 #[cfg(test)]

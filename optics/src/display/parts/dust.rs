@@ -8,11 +8,18 @@
 //! before the SLM some dozens (J. W. Goodman, *Speckle Phenomena in Optics*, 2007), so no short series holds them. A
 //! and B are integers, so that every form of a kernel holds the same factors.
 
+use super::Part;
+use super::terms::{Terms, Turn};
+use crate::display::DisplayModel;
 use crate::error::Result;
 use crate::numerics::Plane;
 use crate::numerics::smooth_field::out_of_range;
 use num_complex::Complex64;
 use std::sync::Arc;
+
+/// Least relative decrease of the validation loss by which learning keeps dust, which makes a kernel of some kilobytes
+/// one of megabytes.
+const GAIN_MIN: f64 = 0.2;
 
 /// Dust and fringes in the light on the SLM; cheap to clone.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -100,6 +107,31 @@ impl Dust {
             }
             None => Ok(()),
         }
+    }
+}
+
+/// It has no numbers in θ: a fit of its own finds the factor of each pixel.
+pub(super) struct Row;
+
+impl Part for Row {
+    fn name(&self) -> &'static str {
+        "dust"
+    }
+
+    fn title(&self) -> &'static str {
+        "dust and fringes"
+    }
+
+    fn is_in(&self, model: &DisplayModel) -> bool {
+        !model.dust.is_none()
+    }
+
+    fn remove(&self, model: &mut DisplayModel) {
+        model.dust = Dust::none();
+    }
+
+    fn terms(&self) -> Option<Terms> {
+        Some(Terms::new(Turn::OwnFit, GAIN_MIN, GAIN_MIN))
     }
 }
 

@@ -8,6 +8,10 @@
 //! the band along an axis, and g its complex amplitude relative to the image. Ghosts come from light that surfaces of
 //! the optics reflect twice. Their factor turns too often over the band for a smooth series.
 
+use super::layout::Layout;
+use super::terms::{GAIN_MIN, Terms, Turn};
+use super::{Block, Part};
+use crate::display::DisplayModel;
 use crate::error::Result;
 use crate::numerics::SmoothField;
 use crate::numerics::smooth_field::SeriesAlongY;
@@ -105,6 +109,49 @@ pub(crate) struct ErrorsAlongY {
 impl ErrorsAlongY {
     pub(crate) fn at(&self, y: f64) -> Complex64 {
         self.smooth.at(y) * self.ghost.factor(self.x, y)
+    }
+}
+
+/// Its numbers are [those of the ghost](Ghost::numbers).
+pub(super) struct Row;
+
+impl Part for Row {
+    fn name(&self) -> &'static str {
+        "ghost"
+    }
+
+    fn title(&self) -> &'static str {
+        "ghost"
+    }
+
+    fn is_in(&self, model: &DisplayModel) -> bool {
+        !model.ghost.is_none()
+    }
+
+    fn remove(&self, model: &mut DisplayModel) {
+        model.ghost = Ghost::NONE;
+    }
+
+    fn count(&self, layout: &Layout) -> usize {
+        if layout.blocks.contains(Block::Ghost) { Ghost::NONE.numbers().len() } else { 0 }
+    }
+
+    fn numbers(&self, layout: &Layout, model: &DisplayModel) -> Vec<f64> {
+        model.ghost.numbers().into_iter().take(self.count(layout)).collect()
+    }
+
+    fn set(&self, _layout: &Layout, numbers: &[f64], model: &mut DisplayModel) {
+        model.ghost = numbers.first_chunk().map_or(Ghost::NONE, |&numbers| Ghost::of_numbers(numbers));
+    }
+
+    fn limited(&self, _layout: &Layout, position: usize, value: f64) -> f64 {
+        // Both parts of the amplitude, so that it stays within its limit.
+        let limit = Ghost::AMPLITUDE_MAX / std::f64::consts::SQRT_2;
+        if position < 2 { value.clamp(-limit, limit) } else { value }
+    }
+
+    fn terms(&self) -> Option<Terms> {
+        Some(Terms::new(Turn::Last, GAIN_MIN, GAIN_MIN))
     }
 }
 

@@ -1,10 +1,250 @@
-//! The parts of a display that its [model](super::model) describes, one file for each.
+//! The parts of a display that its [model](super::model) describes: one file for each, and one table of all.
+//!
+//! A file says what its part is, and implements [`Part`]: the part's names, its numbers in θ with their limits, how a
+//! model is left without it, and on which terms learning tries it. Whatever treats all parts alike goes through
+//! [`PARTS`].
 
+pub(crate) mod blocks;
 pub mod crosstalk;
 pub(crate) mod dust;
 pub(crate) mod ghost;
+pub(crate) mod layout;
 pub mod light_blur;
 pub(crate) mod order_errors;
 pub(crate) mod partial_coherence;
+pub(crate) mod phase_response;
 pub(crate) mod response_variation;
+pub(crate) mod source;
 pub mod spatial_variation;
+pub(crate) mod terms;
+pub(crate) mod transfer_function;
+pub(crate) mod zero_order;
+
+use super::model::{DisplayModel, KernelShape};
+use layout::Layout;
+use serde::{Deserialize, Serialize};
+use terms::Terms;
+
+/// What everything that treats all parts alike needs to know of one.
+pub(crate) trait Part: Sync {
+    /// Name as it is stored.
+    fn name(&self) -> &'static str;
+
+    /// Name of the [`Block`] that adds the part to a model, as it is stored.
+    fn block_name(&self) -> &'static str {
+        self.name()
+    }
+
+    /// Name for people.
+    fn title(&self) -> &'static str;
+
+    /// Whether a model has the part.
+    fn is_in(&self, model: &DisplayModel) -> bool;
+
+    /// Whether a model has the part's block.
+    fn has_block(&self, model: &DisplayModel) -> bool {
+        self.is_in(model)
+    }
+
+    /// Takes the part out of a model that has it.
+    fn remove(&self, model: &mut DisplayModel);
+
+    /// How many numbers the part has in θ.
+    fn count(&self, _layout: &Layout) -> usize {
+        0
+    }
+
+    /// The part's numbers in θ, of a model with a smooth kernel. What the layout cannot describe is left out.
+    fn numbers(&self, _layout: &Layout, _model: &DisplayModel) -> Vec<f64> {
+        Vec::new()
+    }
+
+    /// Gives a model the part with these numbers. Without numbers the model does not get the part.
+    fn set(&self, _layout: &Layout, _numbers: &[f64], _model: &mut DisplayModel) {}
+
+    /// Converts the part's numbers to another layout.
+    fn converted(&self, from: &Layout, to: &Layout, numbers: &[f64]) -> Vec<f64> {
+        let count = self.count(to);
+        if self.count(from) == count { numbers.to_vec() } else { vec![0.0; count] }
+    }
+
+    /// The value of the number at a position among the part's own, moved into its limits.
+    fn limited(&self, _layout: &Layout, _position: usize, value: f64) -> f64 {
+        value
+    }
+
+    /// On which terms learning tries the part's block and keeps it; `None` for a part that each model has.
+    fn terms(&self) -> Option<Terms> {
+        None
+    }
+}
+
+/// Makes the table of the parts: `Part / Block: file`, where only parts have a block that only some displays need.
+macro_rules! parts {
+    ($($(#[$doc:meta])* $part:ident $(/ $block:ident)?: $row:path,)*) => {
+        /// A part of a display that changes its light.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+        #[serde(rename_all = "snake_case")]
+        pub enum ModelPart { $($(#[$doc])* $part,)* }
+
+        impl ModelPart {
+            /// All parts.
+            pub const ALL: &[Self] = &[$(Self::$part),*];
+        }
+
+        /// The parts, in the order of [`ModelPart::ALL`].
+        pub(crate) static PARTS: [&dyn Part; ModelPart::ALL.len()] = [$(&$row),*];
+
+        /// A part of the display model that only some displays need. Learning tries each block when the simpler model is
+        /// fitted, and keeps it if it lowers the validation loss enough.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+        #[serde(rename_all = "snake_case")]
+        pub enum Block {
+            $($(#[doc = concat!("The block of [`ModelPart::", stringify!($part), "`].")] $block,)?)*
+        }
+
+        impl Block {
+            /// How many blocks there are.
+            const COUNT: usize = [$($(Self::$block,)?)*].len();
+            /// All blocks, in the order in which learning tries them.
+            pub const ALL: [Self; Self::COUNT] = [$($(Self::$block,)?)*];
+
+            /// The part that the block adds.
+            #[must_use]
+            pub fn part(self) -> ModelPart {
+                match self { $($(Self::$block => ModelPart::$part,)?)* }
+            }
+        }
+    };
+}
+
+parts! {
+    /// Errors of the transfer function: aberrations, and light that the optics lose at some frequencies.
+    TransferFunction: transfer_function::Row,
+    /// The profile of the light on the SLM, and the uneven surface of the SLM. As a block: a source profile of order 10
+    /// instead of 4, for the uneven surface of a modulator.
+    Source / FineSource: source::Row,
+    /// [`Crosstalk`](crate::Crosstalk) between neighbouring pixels.
+    Crosstalk / Crosstalk: crosstalk::Row,
+    /// A phase response that [varies over the SLM](crate::ResponseVariation).
+    UnevenResponse / UnevenResponse: response_variation::Row,
+    /// A [blur of the light](crate::LightBlur), by the camera or by a source with an extent.
+    LightBlur / LightBlur: light_blur::Row,
+    /// Light of several modes that do not interfere: [partial coherence](crate::PartialCoherence).
+    PartialCoherence / PartialCoherence: partial_coherence::Row,
+    /// A kernel that [varies over the SLM](crate::SpatialVariation).
+    VaryingTransferFunction / Varying: spatial_variation::Row,
+    /// A [`Ghost`](crate::Ghost): a second image.
+    Ghost / Ghost: ghost::Row,
+    /// [`Dust`](crate::Dust) and fringes in the light on the SLM.
+    Dust / Dust: dust::Row,
+    /// The bend of the phase response.
+    PhaseResponse: phase_response::Row,
+    /// Undiffracted light.
+    ZeroOrder: zero_order::Row,
+}
+
+/// The parts with numbers in θ, in θ's order. A new part goes to the end.
+pub(crate) const THETA: [ModelPart; 10] = [
+    ModelPart::TransferFunction,
+    ModelPart::Source,
+    ModelPart::PhaseResponse,
+    ModelPart::ZeroOrder,
+    ModelPart::Crosstalk,
+    ModelPart::UnevenResponse,
+    ModelPart::Ghost,
+    ModelPart::LightBlur,
+    ModelPart::VaryingTransferFunction,
+    ModelPart::PartialCoherence,
+];
+
+impl ModelPart {
+    /// Name of the part as it is stored.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        self.row().name()
+    }
+
+    /// Name of the part for people.
+    #[must_use]
+    pub fn title(self) -> &'static str {
+        self.row().title()
+    }
+
+    /// Whether a model has the part.
+    #[must_use]
+    pub fn is_in(self, model: &DisplayModel) -> bool {
+        self.row().is_in(model)
+    }
+
+    pub(crate) fn row(self) -> &'static dyn Part {
+        PARTS[self as usize]
+    }
+}
+
+/// The parts that a model has, each with the model without it. Empty for kernels with a value for each frequency.
+#[must_use]
+pub fn without_each_part(model: &DisplayModel) -> Vec<(ModelPart, DisplayModel)> {
+    let KernelShape::Smooth(_) = &model.kernel else { return Vec::new() };
+    let without = |part: ModelPart| {
+        let mut without = model.clone();
+        part.row().remove(&mut without);
+        (part, without)
+    };
+    ModelPart::ALL.iter().copied().filter(|part| part.is_in(model)).map(without).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::display::{
+        Crosstalk, Dust, FurtherMode, Ghost, LightBlur, OpticalSetup, PartialCoherence, ResponseVariation,
+        SpatialVariation,
+    };
+    use crate::numerics::{Grid, Plane, SmoothField};
+    use num_complex::Complex64;
+
+    #[test]
+    fn each_part_that_a_model_has_is_left_out_alone() {
+        let setup = OpticalSetup::try_new(Grid::try_new(4, 6, 8e-6).unwrap(), 515e-9, 2e-3).unwrap();
+        let ideal = DisplayModel::ideal(setup);
+        assert_eq!(without_each_part(&ideal), []);
+        let wavy = SmoothField { order: 1, log_amplitude: vec![0.1, 0.0], phase: vec![0.0, 0.2] };
+        let all = DisplayModel {
+            kernel: KernelShape::Smooth(wavy.clone()),
+            variation: SpatialVariation::new([(); 5].map(|()| wavy.clone())),
+            coherence: PartialCoherence::new(vec![FurtherMode { light: 0.5, errors: wavy.clone() }]),
+            source: wavy,
+            dust: Dust::new(Plane::filled(4, 6, [10, -20])),
+            response: vec![[0.1, 0.0]],
+            response_variation: ResponseVariation { order: 0, coefficients: vec![0.1] },
+            crosstalk: Crosstalk { ratio_x: 0.1, ratio_y: 0.0 },
+            light_blur: LightBlur { ratio_x: 0.0, ratio_y: 0.1 },
+            zero_order: Complex64::new(0.1, 0.0),
+            ghost: Ghost { amplitude: Complex64::new(0.1, 0.0), ..Ghost::NONE },
+            ..ideal.clone()
+        };
+        let parts = without_each_part(&all);
+        assert_eq!(parts.len(), 11);
+        for (part, without) in &parts {
+            without.validate().unwrap();
+            let left: Vec<ModelPart> = without_each_part(without).into_iter().map(|(part, _)| part).collect();
+            // The change of the transfer function goes with it.
+            let together = [ModelPart::TransferFunction, ModelPart::VaryingTransferFunction];
+            let goes = |other: &ModelPart| other == part || *part == together[0] && *other == together[1];
+            assert!(parts.iter().all(|(other, _)| left.contains(other) != goes(other)), "{part:?}");
+        }
+    }
+
+    #[test]
+    fn names_are_those_that_are_stored() {
+        let stored = |value| serde_json::to_value(value).unwrap();
+        for part in ModelPart::ALL {
+            assert_eq!(stored(part), part.name());
+        }
+        for block in Block::ALL {
+            assert_eq!(serde_json::to_value(block).unwrap(), block.name());
+            assert!(block.part().row().terms().is_some());
+        }
+    }
+}

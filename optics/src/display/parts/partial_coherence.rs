@@ -10,10 +10,25 @@
 //! (1982)), and a few of them describe a display with a partially coherent source (S. Choi et al., Nature 629, 791
 //! (2024)).
 
+use super::layout::{Layout, field, of_field};
+use super::terms::{Dear, Terms, Turn};
+use super::{Block, Part};
+use crate::display::DisplayModel;
 use crate::error::Result;
 use crate::numerics::SmoothField;
 use crate::numerics::smooth_field::out_of_range;
 use std::f64::consts::PI;
+
+/// Number of further modes of partially coherent light: with the first one, three directions have any spread along both
+/// axes.
+pub(crate) const FURTHER_MODES: usize = 2;
+/// Highest total degree of a mode's transfer function relative to the kernel: a shift, and a defocus.
+pub(crate) const MODE_ORDER: usize = 2;
+/// Limits of the logarithm of a mode's light relative to that of the first mode.
+const LOG_LIGHT: (f64, f64) = (-7.0, 3.0);
+/// Least relative decrease of the validation loss by which learning keeps further modes, which make every hologram three
+/// times as expensive.
+const GAIN_MIN: f64 = 0.3;
 
 /// Light of a display that does not interfere with that of its first mode.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -101,6 +116,58 @@ impl PartialCoherence {
             errors.validate()?;
         }
         Ok(())
+    }
+}
+
+/// Its numbers are, for each further mode, ln(w_m/w_0), α_m and ψ_m.
+pub(super) struct Row;
+
+impl Part for Row {
+    fn name(&self) -> &'static str {
+        "partial_coherence"
+    }
+
+    fn title(&self) -> &'static str {
+        "further modes of the light, which do not interfere"
+    }
+
+    fn is_in(&self, model: &DisplayModel) -> bool {
+        !model.coherence.is_none()
+    }
+
+    fn remove(&self, model: &mut DisplayModel) {
+        *model = model.in_one_mode();
+    }
+
+    fn count(&self, layout: &Layout) -> usize {
+        layout.modes * (1 + 2 * layout.mode.terms())
+    }
+
+    fn numbers(&self, layout: &Layout, model: &DisplayModel) -> Vec<f64> {
+        let of_mode = |m| {
+            let mode: Option<&FurtherMode> = model.coherence.modes().get(m);
+            let light = mode.map_or(LOG_LIGHT.0, |mode| mode.light.ln().clamp(LOG_LIGHT.0, LOG_LIGHT.1));
+            std::iter::once(light).chain(of_field(layout.mode, mode.map(|mode| &mode.errors)))
+        };
+        (0..layout.modes).flat_map(of_mode).collect()
+    }
+
+    fn set(&self, layout: &Layout, numbers: &[f64], model: &mut DisplayModel) {
+        let modes = numbers.chunks_exact(1 + 2 * layout.mode.terms());
+        let mode = |mode: &[f64]| FurtherMode { light: mode[0].exp(), errors: field(layout.mode, &mode[1..]) };
+        model.coherence = PartialCoherence::new(modes.map(mode).collect());
+    }
+
+    fn limited(&self, layout: &Layout, position: usize, value: f64) -> f64 {
+        let is_light = position.is_multiple_of(1 + 2 * layout.mode.terms());
+        if is_light { value.clamp(LOG_LIGHT.0, LOG_LIGHT.1) } else { value }
+    }
+
+    fn terms(&self) -> Option<Terms> {
+        Some(Terms {
+            dear: Some(Dear { hopeful: 1.0 / 3.0, replaces: Block::LightBlur, loss_max: 1.25 }),
+            ..Terms::new(Turn::First, GAIN_MIN, GAIN_MIN)
+        })
     }
 }
 

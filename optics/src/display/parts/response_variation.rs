@@ -8,9 +8,16 @@
 //! polynomials. The thickness of the liquid crystal and its temperature change over a panel: X. Xun and R. W. Cohn,
 //! Applied Optics 43, 6400 (2004).
 
+use super::layout::{Layout, coefficients};
+use super::terms::Terms;
+use super::{Block, Part};
+use crate::display::DisplayModel;
 use crate::error::Result;
 use crate::numerics::chebyshev::{ChebyshevBasis, position};
 use crate::numerics::smooth_field::{expect_finite, out_of_range};
+
+/// Highest total degree of the variation that learning finds.
+pub(crate) const RESPONSE_VARIATION_ORDER: usize = 3;
 
 /// Relative change v of the phase response over the SLM, a Chebyshev series. Without coefficients the response is the
 /// same everywhere.
@@ -75,5 +82,54 @@ impl ResponseVariation {
             return Err(out_of_range("coefficients", len as f64, "the number of terms of the order"));
         }
         expect_finite("coefficient", &self.coefficients)
+    }
+}
+
+/// Its numbers are the coefficients of the series v.
+pub(super) struct Row;
+
+impl Part for Row {
+    fn name(&self) -> &'static str {
+        "uneven_response"
+    }
+
+    fn title(&self) -> &'static str {
+        "change of the phase response over the modulator"
+    }
+
+    fn is_in(&self, model: &DisplayModel) -> bool {
+        !model.response_variation.is_none()
+    }
+
+    fn remove(&self, model: &mut DisplayModel) {
+        model.response_variation = ResponseVariation::none();
+    }
+
+    fn count(&self, layout: &Layout) -> usize {
+        match layout.blocks.contains(Block::UnevenResponse) {
+            true => ResponseVariation::terms(RESPONSE_VARIATION_ORDER),
+            false => 0,
+        }
+    }
+
+    fn numbers(&self, layout: &Layout, model: &DisplayModel) -> Vec<f64> {
+        if self.count(layout) == 0 {
+            return Vec::new();
+        }
+        let ResponseVariation { order, coefficients: values } = &model.response_variation;
+        let (constant, rest) = values.split_first().map_or((0.0, &[][..]), |(&constant, rest)| (constant, rest));
+        let [to, from] = [RESPONSE_VARIATION_ORDER, *order].map(ChebyshevBasis::new);
+        std::iter::once(constant).chain(coefficients(to, from, rest)).collect()
+    }
+
+    fn set(&self, _layout: &Layout, numbers: &[f64], model: &mut DisplayModel) {
+        model.response_variation = match numbers {
+            [] => ResponseVariation::none(),
+            numbers => ResponseVariation { order: RESPONSE_VARIATION_ORDER, coefficients: numbers.to_vec() },
+        };
+    }
+
+    fn terms(&self) -> Option<Terms> {
+        Some(Terms::USUAL)
     }
 }

@@ -35,14 +35,14 @@
 
 mod model;
 mod round;
-mod terms;
 #[cfg(test)]
 mod tests;
 
 pub(super) use model::Model;
 pub(super) use round::{Round, TrialStage};
 
-use super::blocks::{Block, Blocks};
+use crate::display::parts::Block;
+use crate::display::parts::blocks::Blocks;
 use serde::{Deserialize, Serialize};
 
 /// Order of the kernel when neither the options nor validation pairs choose it.

@@ -1,6 +1,6 @@
 //! A model as the course knows it.
 
-use crate::learning::blocks::Blocks;
+use crate::display::parts::blocks::Blocks;
 use serde::{Deserialize, Serialize};
 
 /// A model whose validation loss is known.

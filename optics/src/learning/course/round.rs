@@ -1,8 +1,9 @@
 //! Rounds of trials of [blocks](Block): which are tried when, and which of them pass.
 
 use super::model::Model;
-use super::terms::Turn;
-use crate::learning::blocks::{Block, Blocks};
+use crate::display::parts::Block;
+use crate::display::parts::blocks::Blocks;
+use crate::display::parts::terms::Turn;
 use serde::{Deserialize, Serialize};
 
 /// Validation loss, relative to the largest with which it passes, above which a trial without a block ends after one

@@ -405,6 +405,6 @@ fn check_round(course: &Course, round: &Round, rules: &Rules) -> Result<(), Test
         prop_assert!(round.before.blocks.contains(*block) != round.stage.adds());
         prop_assert!(round.stage.adds() || !course.needed.contains(*block));
     }
-    prop_assert!(round.added() != Some(Varying) || !round.before.blocks.partial_coherence);
+    prop_assert!(round.added() != Some(Varying) || !round.before.blocks.contains(Block::PartialCoherence));
     Ok(())
 }

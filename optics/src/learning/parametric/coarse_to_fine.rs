@@ -18,8 +18,8 @@
 use super::ParametricLearner;
 use super::surface_start::Compared;
 use crate::display::Detector;
+use crate::display::parts::source::SOURCE_ORDER;
 use crate::learning::band_pass::{BandPass, FilteredPhoto};
-use crate::learning::blocks::SOURCE_ORDER;
 use crate::learning::fit::Fit;
 use crate::learning::pair::PairSource;
 use crate::learning::pair::{BoxError, Example};
@@ -150,7 +150,8 @@ mod tests {
     use super::super::surface_start::tests::pairs;
     use super::*;
     use crate::display::OpticalSetup;
-    use crate::learning::blocks::{Block, Blocks};
+    use crate::display::parts::Block;
+    use crate::display::parts::blocks::Blocks;
     use crate::learning::options::{KernelModel, LearnOptions};
     use crate::learning::pair::Pair;
     use crate::numerics::{Grid, RegionOfInterest};

@@ -6,7 +6,6 @@
 //! on the distance.
 
 use super::along_z::JointLayout;
-use super::blocks::{Block, Blocks};
 use super::course::{Course, Model, Phase, Rules, Verdict};
 use super::dust::DustFit;
 use super::fit::Fit;
@@ -17,6 +16,8 @@ use super::pair::{BoxError, LearningPairs, PairSource};
 use super::progress::{LearnStage, LearnStep};
 use super::schedule::{one_cycle, shuffled};
 use super::screening::Predictor;
+use crate::display::parts::Block;
+use crate::display::parts::blocks::Blocks;
 use crate::display::{DisplayModel, Dust, KernelShape, OpticalSetup};
 use crate::error::Error;
 use crate::numerics::optimizer::adam::AdamStep;
@@ -277,7 +278,7 @@ impl ParametricLearner {
             Phase::Done => steps_total,
             _ => (fitted.adam.steps + evaluations * kept).min(steps_total),
         };
-        let blocks = Blocks { dust: fitted.dust.is_some(), ..fitted.blocks };
+        let blocks = if fitted.dust.is_some() { fitted.blocks.with(Block::Dust) } else { fitted.blocks };
         let (order, trial, validation_loss) = (fitted.order as u32, course.trial(), course.validation_loss());
         LearnStep { stage, step, steps_total, loss, validation_loss, order, blocks, trial }
     }

@@ -1,8 +1,9 @@
 //! Refinement by Levenberg and Marquardt's method, on all pairs in use, and its validation.
 
 use super::{CURVATURE_PAIRS, CURVATURE_PX, ParametricLearner};
+use crate::display::parts::Block;
+use crate::display::parts::blocks::Blocks;
 use crate::engine::photometry::Sums;
-use crate::learning::blocks::Blocks;
 use crate::learning::course::{Model, Refined, Verdict};
 use crate::learning::pair::{BoxError, Example};
 use crate::learning::pair::{LearningPairs, PairSource};
@@ -83,7 +84,7 @@ impl ParametricLearner {
         let mut all_chosen = true;
         for (plane, indices) in in_use.iter().enumerate() {
             let order = shuffled(indices.len(), 1000 + round, options.seed);
-            let pairs_max = match joint.layout.blocks.fine_source {
+            let pairs_max = match joint.layout.blocks.contains(Block::FineSource) {
                 false => CURVATURE_PAIRS,
                 true if few_suffice => CURVATURE_PAIRS_FINE_OF_FEW,
                 true => CURVATURE_PAIRS_FINE,

@@ -1,6 +1,6 @@
 //! What a fit has reached, and all that its next step depends on.
 
-use crate::learning::blocks::Blocks;
+use crate::display::parts::blocks::Blocks;
 use crate::learning::course::Course;
 use crate::learning::dust::DustFit;
 use crate::numerics::Plane;

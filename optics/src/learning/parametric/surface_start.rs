@@ -18,7 +18,7 @@
 
 use super::ParametricLearner;
 use super::pairs_in_use::few;
-use crate::learning::blocks::Block;
+use crate::display::parts::Block;
 use crate::learning::pair::SATURATION;
 use crate::learning::pair::{BoxError, PairSource};
 use crate::numerics::RegionOfInterest;

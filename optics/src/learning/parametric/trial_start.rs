@@ -1,7 +1,8 @@
 //! Starts of the trials of [blocks](Block) that would not find the optimum from nothing.
 
 use super::ParametricLearner;
-use crate::learning::blocks::Block;
+use crate::display::parts::Block;
+use crate::display::parts::ModelPart;
 use crate::learning::course::Round;
 use crate::learning::ghost_search::GhostSearch;
 use crate::learning::pair::{BoxError, PairSource};
@@ -33,7 +34,7 @@ impl ParametricLearner {
     /// because the modes may describe better what it describes.
     fn separate_modes(&mut self) {
         let layout = self.joint.layout;
-        let blur = layout.blocks.light_blur.then_some(layout.light_blur());
+        let blur = layout.blocks.contains(Block::LightBlur).then_some(layout.start(ModelPart::LightBlur));
         let radii_px = blur.map_or([MODE_RADIUS_PX; 2], |start| {
             let theta = self.joint.plane_parameters(0, &self.state.fitted.parameters);
             (0..2).for_each(|axis| self.joint.set_shared(&mut self.state.fitted.parameters, start + axis, 0.0));
@@ -74,7 +75,11 @@ impl ParametricLearner {
         })?;
         let Some(ghost) = search.found() else { return Ok(false) };
         for (i, number) in ghost.numbers().into_iter().enumerate() {
-            self.joint.set_shared(&mut self.state.fitted.parameters, self.joint.layout.ghost() + i, number);
+            self.joint.set_shared(
+                &mut self.state.fitted.parameters,
+                self.joint.layout.start(ModelPart::Ghost) + i,
+                number,
+            );
         }
         Ok(true)
     }

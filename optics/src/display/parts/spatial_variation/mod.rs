@@ -14,10 +14,17 @@
 
 pub mod local_kernels;
 
+use super::layout::{Layout, field, fields_in, of_field};
+use super::terms::{GAIN_MIN, Terms, Turn};
+use super::{Block, Part};
+use crate::display::DisplayModel;
 use crate::error::Result;
 use crate::numerics::SmoothField;
 use crate::numerics::smooth_field::out_of_range;
 use num_complex::Complex64;
+
+/// Highest total degree of the variation that learning finds: that of third-order aberrations.
+pub(crate) const VARIATION_ORDER: usize = 4;
 
 /// Variation of a kernel over the SLM: one field for each of x, y, x², xy and y². Without fields the kernel is uniform.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -102,5 +109,57 @@ impl SpatialVariation {
             return Err(out_of_range("fields of spatial variation", self.fields.len() as f64, allowed));
         }
         self.fields.iter().try_for_each(SmoothField::validate)
+    }
+}
+
+/// Its numbers are α_m and ψ_m of each power of the position.
+pub(super) struct Row;
+
+impl Part for Row {
+    fn name(&self) -> &'static str {
+        "varying_transfer_function"
+    }
+
+    fn block_name(&self) -> &'static str {
+        "varying"
+    }
+
+    fn title(&self) -> &'static str {
+        "their change over the modulator"
+    }
+
+    fn is_in(&self, model: &DisplayModel) -> bool {
+        !model.variation.is_none()
+    }
+
+    fn remove(&self, model: &mut DisplayModel) {
+        model.variation = SpatialVariation::none();
+    }
+
+    fn count(&self, layout: &Layout) -> usize {
+        SpatialVariation::POWERS * 2 * layout.variation.terms()
+    }
+
+    fn numbers(&self, layout: &Layout, model: &DisplayModel) -> Vec<f64> {
+        let of_power = |power| of_field(layout.variation, model.variation.fields().get(power));
+        (0..SpatialVariation::POWERS).flat_map(of_power).collect()
+    }
+
+    fn set(&self, layout: &Layout, numbers: &[f64], model: &mut DisplayModel) {
+        let along = |power| {
+            field(layout.variation, &numbers[2 * layout.variation.terms() * power..][..2 * layout.variation.terms()])
+        };
+        model.variation = match layout.varies() {
+            true => SpatialVariation::new(std::array::from_fn(along)),
+            false => SpatialVariation::none(),
+        };
+    }
+
+    fn converted(&self, from: &Layout, to: &Layout, numbers: &[f64]) -> Vec<f64> {
+        fields_in(to.variation, from.variation, SpatialVariation::POWERS, numbers)
+    }
+
+    fn terms(&self) -> Option<Terms> {
+        Some(Terms { never_beside: Some(Block::PartialCoherence), ..Terms::new(Turn::Last, GAIN_MIN, GAIN_MIN) })
     }
 }
