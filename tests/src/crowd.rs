@@ -18,8 +18,8 @@ const AT_ONCE: usize = 16;
 #[tokio::test(flavor = "multi_thread")]
 async fn each_of_500_jobs_of_two_clients_runs_once() {
     let server = TestServer::with(|config| config.workers = 2).await;
-    declare(&server.client, "lab", 64, 64).await;
-    let target = server.client.upload_bytes(target(64, 64, 0)).await.unwrap();
+    declare(&server.client, "lab", 32, 32).await;
+    let target = server.client.upload_bytes(target(32, 32, 0)).await.unwrap();
     let (ended, listening) = watch::channel(());
     let lister = tokio::spawn(list_until(Client::connect(server.url()).unwrap(), listening));
 

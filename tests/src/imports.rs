@@ -1,10 +1,10 @@
 //! The import rules of the architecture: which crates and modules each crate may use.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Every crate, with the crates of the workspace that it may depend on.
-const CRATES: [(&str, &[&str]); 23] = [
+pub(super) const CRATES: [(&str, &[&str]); 23] = [
     ("optics", &[]),
     ("optics/camera", &["optics"]),
     ("manifest", &[]),
@@ -191,15 +191,6 @@ fn folders_of_optics_import_only_folders_below_them() {
 }
 
 #[test]
-fn no_files_or_folders_of_a_crate_import_each_other_in_a_circle() {
-    for (name, _) in CRATES {
-        let modules = sources(&format!("{name}/src")).into_iter().filter(|(path, _)| !is_test(path));
-        let circle = circle(&modules.map(|(path, source)| (module_of(&path), source)).collect());
-        assert!(circle.is_empty(), "{name}: {circle:#?}");
-    }
-}
-
-#[test]
 fn optics_and_domain_use_no_files_sockets_or_clock() {
     let mut broken = Vec::new();
     for folder in ["optics/src", "optics/camera/src", "server/domain/src"] {
@@ -256,27 +247,6 @@ fn check_finds_forbidden_imports() {
     assert!(mentions("use tonic_types::StatusExt;", "tonic"), "`tonic` includes `tonic_types`");
 }
 
-#[test]
-fn check_finds_circles() {
-    let modules = |last: &str| {
-        let sources = [
-            ("", "mod a; mod b; mod c; pub use c::d::D;"),
-            ("a", "use crate::{b::B, std::fmt}; use super::b;"),
-            ("b", "fn f() -> crate::D { todo!() } mod tests { use crate::a; }"),
-            ("c", "mod d; mod e; use d::D;"),
-            ("c::d", "use super::e::E;"),
-            ("c::e", last),
-        ];
-        let path = |name: &str| name.split("::").filter(|name| !name.is_empty()).map(str::to_owned).collect();
-        sources.map(|(name, source)| (path(name), source.to_owned())).into()
-    };
-    assert_eq!(circle(&modules("use super::fmt; use std::b::B;")), BTreeSet::new());
-    let found = |pairs: &[(&str, &str)]| pairs.iter().map(|(a, b)| ((*a).to_owned(), (*b).to_owned())).collect();
-    assert_eq!(circle(&modules("use super::super::b;")), found(&[("b", "c"), ("c", "b")]));
-    assert_eq!(circle(&modules("use crate::c::{self, D};")), found(&[("c::d", "c::e"), ("c::e", "c::d")]));
-    assert_eq!(circle(&modules("fn f(a: crate::a::A)")), found(&[("a", "b"), ("b", "c"), ("c", "a")]));
-}
-
 /// Names in the `[dependencies]` of a crate.
 fn dependencies(name: &str) -> BTreeSet<String> {
     let text = std::fs::read_to_string(root().join(name).join("Cargo.toml")).unwrap();
@@ -291,7 +261,7 @@ fn dependencies(name: &str) -> BTreeSet<String> {
 }
 
 /// The source files below a folder, without comments and string literals. Paths are relative to the folder.
-fn sources(folder: &str) -> Vec<(PathBuf, String)> {
+pub(super) fn sources(folder: &str) -> Vec<(PathBuf, String)> {
     fn walk(folder: &Path, found: &mut Vec<PathBuf>) {
         for entry in std::fs::read_dir(folder).unwrap() {
             let path = entry.unwrap().path();
@@ -314,12 +284,12 @@ fn sources(folder: &str) -> Vec<(PathBuf, String)> {
 }
 
 /// True for a file that holds only tests.
-fn is_test(path: &Path) -> bool {
+pub(super) fn is_test(path: &Path) -> bool {
     path.file_stem().and_then(|name| name.to_str()).is_some_and(|name| name.ends_with("tests"))
 }
 
 /// The source without its tests, which are at its end.
-fn without_tests(source: &str) -> &str {
+pub(super) fn without_tests(source: &str) -> &str {
     source.split("mod tests {").next().unwrap()
 }
 
@@ -328,95 +298,6 @@ fn named_in_crate(source: &str) -> Vec<&str> {
     let direct = source.match_indices("crate::").map(|(start, path)| first_name(&source[start + path.len()..]));
     let grouped = groups(source, "crate").into_iter().flat_map(top_level).map(first_name);
     direct.filter(|name| !name.is_empty()).chain(grouped).collect()
-}
-
-/// The path of a module: names from the root of its crate, which has none.
-type Module = Vec<String>;
-
-fn module_of(path: &Path) -> Module {
-    let names = path.with_extension("");
-    let mut names: Module = names.iter().map(|name| name.to_str().unwrap().to_owned()).collect();
-    names.pop_if(|name| ["lib", "main", "mod"].contains(&name.as_str()));
-    names
-}
-
-/// The imports between the files and folders of a folder that are part of a circle, or lead from one to another. A folder
-/// and what is in it may know each other.
-fn circle(modules: &BTreeMap<Module, String>) -> BTreeSet<(String, String)> {
-    let in_crate = |find: fn(&str) -> Vec<Module>| {
-        let of = |(module, source): (&Module, &String)| {
-            let paths = find(without_tests(source)).into_iter();
-            (module.clone(), paths.filter_map(|path| from_root(module, &path, modules)).collect())
-        };
-        modules.iter().map(of).collect::<BTreeMap<Module, Vec<Module>>>()
-    };
-    let (imported, named) = (in_crate(imports), in_crate(inline_paths));
-    let mut arrows = BTreeSet::new();
-    for (module, path) in
-        imported.iter().chain(&named).flat_map(|(module, paths)| paths.iter().map(move |p| (module, p)))
-    {
-        let target = defining(path, &imported);
-        let shared = module.iter().zip(&target).take_while(|(a, b)| a == b).count();
-        if shared < module.len().min(target.len()) {
-            arrows.insert((module[..=shared].join("::"), target[..=shared].join("::")));
-        }
-    }
-    loop {
-        let (from, to): (BTreeSet<_>, BTreeSet<_>) = arrows.iter().cloned().unzip();
-        let before = arrows.len();
-        arrows.retain(|(a, b)| to.contains(a) && from.contains(b));
-        if arrows.len() == before {
-            return arrows;
-        }
-    }
-}
-
-/// The module in which a path ends, also where another module hands on what it imported from there.
-fn defining(path: &[String], imported: &BTreeMap<Module, Vec<Module>>) -> Module {
-    let length = (0..=path.len()).rev().find(|length| imported.contains_key(&path[..*length])).unwrap_or(0);
-    let (module, names) = path.split_at(length);
-    let handed_on = names.first().and_then(|name| imported.get(module)?.iter().find(|path| path.last() == Some(name)));
-    match handed_on.filter(|from| *from != path) {
-        Some(from) => defining(&[from.as_slice(), &names[1..]].concat(), imported),
-        None => module.to_vec(),
-    }
-}
-
-/// The path from the root of the crate to what `module` calls `path`; `None`: it is in another crate.
-fn from_root(module: &Module, path: &Module, modules: &BTreeMap<Module, String>) -> Option<Module> {
-    let ups = path.iter().take_while(|name| *name == "super").count();
-    let names = match path.first()?.as_str() {
-        "crate" => return Some(path[1..].to_vec()),
-        "super" => &path[ups..],
-        child if modules.contains_key(&[module.as_slice(), &[child.to_owned()]].concat()) => path,
-        _ => return None,
-    };
-    Some([&module[..module.len().saturating_sub(ups)], names].concat())
-}
-
-/// The paths of all imports.
-fn imports(source: &str) -> Vec<Module> {
-    source.split("use ").skip(1).filter_map(|rest| rest.split(';').next()).flat_map(ungrouped).collect()
-}
-
-/// The paths of an import without its groups.
-fn ungrouped(import: &str) -> Vec<Module> {
-    let is_name = |name: &&str| !name.is_empty() && *name != "self";
-    let names = |path: &str| path.split("::").map(first_name).filter(is_name).map(str::to_owned).collect::<Module>();
-    let Some((parent, group)) = import.split_once("::{") else { return vec![names(import)] };
-    let items = top_level(inside(group)).into_iter().flat_map(ungrouped);
-    items.map(|item| [names(parent), item].concat()).collect()
-}
-
-/// The paths in a source that begin in its crate, outside and inside of imports.
-fn inline_paths(source: &str) -> Vec<Module> {
-    let starts = ["crate::", "super::"].into_iter().flat_map(|start| source.match_indices(start));
-    let path =
-        |rest: &str| rest.split(|c: char| !(c.is_alphanumeric() || c == '_' || c == ':')).next().map(str::to_owned);
-    let paths = starts
-        .filter(|(start, _)| !source[..*start].ends_with("super::"))
-        .filter_map(|(start, _)| path(&source[start..]));
-    paths.map(|path| path.split("::").map(str::to_owned).filter(|name| !name.is_empty()).collect()).collect()
 }
 
 /// The root folder of the workspace.
@@ -488,7 +369,7 @@ fn groups<'a>(source: &'a str, parent: &str) -> Vec<&'a str> {
 }
 
 /// The text up to the brace that closes the group.
-fn inside(text: &str) -> &str {
+pub(super) fn inside(text: &str) -> &str {
     let mut depth = 1;
     let end = text.find(|c| {
         depth += i32::from(c == '{') - i32::from(c == '}');
@@ -498,7 +379,7 @@ fn inside(text: &str) -> &str {
 }
 
 /// The items of a group. An item may contain groups.
-fn top_level(group: &str) -> Vec<&str> {
+pub(super) fn top_level(group: &str) -> Vec<&str> {
     let mut depth = 0;
     group
         .split(move |c| {
@@ -509,7 +390,7 @@ fn top_level(group: &str) -> Vec<&str> {
 }
 
 /// The first name of a path.
-fn first_name(item: &str) -> &str {
+pub(super) fn first_name(item: &str) -> &str {
     let item = item.trim();
     item.split(|c: char| !(c.is_alphanumeric() || c == '_')).next().unwrap_or(item)
 }

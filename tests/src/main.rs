@@ -47,6 +47,7 @@ mod fleet;
 /// Slow connections, and connections with invalid bytes.
 mod hostile;
 /// The import rules of crates and modules.
+mod import_circles;
 mod imports;
 /// Jobs: cancelling, retrying, watching, priorities.
 mod jobs;

@@ -3,10 +3,12 @@
 //! Over HTTP/1 a server that answers early and closes the connection resets it under a client that still sends, and
 //! then the answer is lost: the client reports a broken pipe where the answer names its mistake. So the rest is read
 //! and dropped for a while. Over HTTP/2 the answer ends only its stream, and nothing is lost.
+//!
+//! A client that asks first whether it may send (`expect: 100-continue`) sends nothing as long as nobody reads.
 
 use axum::body::Body;
 use axum::extract::Request;
-use axum::http::Version;
+use axum::http::{Version, header};
 use axum::middleware::Next;
 use axum::response::Response;
 use futures::StreamExt as _;
@@ -26,37 +28,43 @@ pub(super) async fn with_rest_read(request: Request, next: Next) -> Response {
     if matches!(request.version(), Version::HTTP_2 | Version::HTTP_3) {
         return next.run(request).await;
     }
-    next.run(request.map(|body| Body::new(WithRestRead(body)))).await
+    let sends = !request.headers().contains_key(header::EXPECT);
+    next.run(request.map(|body| Body::new(WithRestRead { body, sends }))).await
 }
 
 /// A body whose rest is read when it is dropped.
-struct WithRestRead(Body);
+struct WithRestRead {
+    body: Body,
+    /// Whether the client sends it: at once, or because somebody has begun to read.
+    sends: bool,
+}
 
 impl http_body::Body for WithRestRead {
     type Data = Bytes;
     type Error = axum::Error;
 
     fn poll_frame(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Option<Result<Frame<Bytes>, axum::Error>>> {
-        Pin::new(&mut self.0).poll_frame(cx)
+        self.sends = true;
+        Pin::new(&mut self.body).poll_frame(cx)
     }
 
     fn is_end_stream(&self) -> bool {
-        self.0.is_end_stream()
+        self.body.is_end_stream()
     }
 
     fn size_hint(&self) -> SizeHint {
-        self.0.size_hint()
+        self.body.size_hint()
     }
 }
 
 impl Drop for WithRestRead {
     fn drop(&mut self) {
-        if self.0.is_end_stream() {
+        if !self.sends || self.body.is_end_stream() {
             return;
         }
         // Without a runtime the server has ended, and with it the connection.
         if let Ok(runtime) = tokio::runtime::Handle::try_current() {
-            runtime.spawn(tokio::time::timeout(READ_FOR, read_rest(std::mem::take(&mut self.0))));
+            runtime.spawn(tokio::time::timeout(READ_FOR, read_rest(std::mem::take(&mut self.body))));
         }
     }
 }

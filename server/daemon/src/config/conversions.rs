@@ -241,6 +241,11 @@ fn bytes(mib: f64) -> u64 {
     (mib * MIB) as u64
 }
 
+/// Converts a limit in days; 0 means `None`, no limit.
+pub(crate) fn days(days: f64) -> Option<Duration> {
+    limit(days * DAY_S)
+}
+
 /// Converts a time limit; 0 means `None`, no limit.
 fn limit(seconds: f64) -> Option<Duration> {
     (seconds != 0.0).then(|| Duration::from_secs_f64(seconds))

@@ -13,6 +13,7 @@ mod machine_memory;
 mod secret_text;
 mod setting;
 
+pub(crate) use conversions::days;
 pub use layers::{BucketFlags, Effective, Origin, ServeFlags, Settings, WorkerFlags};
 pub use secret_text::SecretText;
 pub use setting::Allowed;

@@ -7,13 +7,11 @@
 
 use super::removal::{Collected, STEP};
 use super::{UpkeepError, removal};
-use crate::config::Config;
+use crate::config::{Config, days};
 use lightpath_artifacts::Artifacts;
 use lightpath_metrics as metrics;
 use lightpath_store::Store;
 use std::time::Duration;
-
-const DAY_S: f64 = 24.0 * 3600.0;
 
 /// Ages at which artifacts and jobs are removed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -28,8 +26,7 @@ impl Retention {
     /// The ages in the settings.
     #[must_use]
     pub fn of(config: &Config) -> Self {
-        let age = |days: f64| (days != 0.0).then(|| Duration::from_secs_f64(days * DAY_S));
-        Self { artifacts: age(config.collect_artifacts_after_days), jobs: age(config.collect_jobs_after_days) }
+        Self { artifacts: days(config.collect_artifacts_after_days), jobs: days(config.collect_jobs_after_days) }
     }
 
     /// Counts what a collection would remove now.

@@ -207,3 +207,15 @@ async fn early_answer_reaches_a_client_that_still_sends() {
     assert!(answers.starts_with("HTTP/1.1 413 ") && answers.contains("more than 262144 bytes"), "{answers}");
     assert!(answers.ends_with("serving\n"), "{answers}");
 }
+
+/// A client that asks first gets a refusal in place of leave to send a body that nobody reads.
+#[tokio::test]
+async fn refused_client_that_asks_first_is_not_told_to_send() {
+    let serving = Serving::start().await;
+    let mut connection = TcpStream::connect(serving.address).await.unwrap();
+    let head = "POST /v1/nothing HTTP/1.1\r\nhost: localhost\r\ncontent-length: 9\r\nexpect: 100-continue\r\n\r\n";
+    connection.write_all(head.as_bytes()).await.unwrap();
+    let mut answer = String::new();
+    connection.read_to_string(&mut answer).await.unwrap();
+    assert!(answer.starts_with("HTTP/1.1 404 "), "{answer}");
+}
