@@ -32,20 +32,29 @@ pub(super) fn round(
     let mut field = std::mem::take(&mut problem.field);
     field.resize(problem.parameters(), Complex32::ZERO);
     let evaluation = problem.excess(phase, wanted, weighted, &mut field);
-    subtract(&problem.engine().slm, problem.frame_len(), &field, phase);
+    let engine = problem.engine();
+    subtract(&engine.slm, problem.frame_len(), || engine.convolver.scratch.take(), &field, phase);
     problem.field = field;
     evaluation
 }
 
-/// Replaces the phases of all frames by those that show the phase of the modulator's field without the `excess`.
-pub(super) fn subtract(slm: &Slm<f32>, frame_len: usize, excess: &[Complex32], phase: &mut [f32]) {
+/// Replaces the phases of all frames by those that show the phase of the modulator's field without the `excess`. `room`
+/// gives room for at least a row of the field.
+pub(super) fn subtract<R: AsMut<[Complex32]>>(
+    slm: &Slm<f32>,
+    frame_len: usize,
+    room: impl Fn() -> R + Sync + Send,
+    excess: &[Complex32],
+    phase: &mut [f32],
+) {
     let width_px = slm.width_px;
     for (phase, excess) in phase.chunks_exact_mut(frame_len).zip(excess.chunks_exact(frame_len)) {
         let shown = slm.wraps().then(|| slm.shown(phase).into_owned());
         phase.par_chunks_mut(width_px).zip(excess.par_chunks(width_px)).enumerate().for_each_init(
-            || vec![Complex32::ZERO; width_px],
-            |field, (y, (phase, excess))| {
+            &room,
+            |room, (y, (phase, excess))| {
                 interrupt::check();
+                let field = &mut room.as_mut()[..width_px];
                 let shown = shown.as_ref().map(|shown| shown.row(y));
                 if let Some(row) = shown.or_else(|| slm.displayed_row(phase)) {
                     slm.field_row(y, row, field);

@@ -48,7 +48,7 @@ impl Project for PlainProblem {
             wanted.iter_mut().zip(&wanted_exact).for_each(|(wanted, exact)| *wanted = exact.map(|value| value as f32));
         }
         let excess = narrowed(&self.excess(&exact, &lights, &wanted_exact));
-        subtract(&self.slm, self.size.frame_len(), &excess, phase);
+        subtract(&self.slm, self.size.frame_len(), || vec![Complex32::ZERO; self.size.width_px], &excess, phase);
         self.compare(&lights, Gain::Given(1.0), 0.0)
     }
 }

@@ -114,6 +114,13 @@ impl<T> DerefMut for PooledScratch<'_, T> {
     }
 }
 
+/// Room for two half-transformed rows.
+impl<T> AsMut<[Complex<T>]> for PooledScratch<'_, T> {
+    fn as_mut(&mut self) -> &mut [Complex<T>] {
+        &mut self.row
+    }
+}
+
 impl<T> Drop for PooledScratch<'_, T> {
     fn drop(&mut self) {
         if let Some(scratch) = self.scratch.take() {
