@@ -105,8 +105,8 @@ const OPTICS: [(&str, &[&str]); 16] = [
     ("reference", &["display", "error", "interrupt", "numerics", "propagation"]),
     ("simulated_display", &["display", "error", "interrupt", "numerics", "propagation", "reference"]),
     ("engine", &["display", "error", "interrupt", "numerics", "propagation", "propagation_method"]),
-    ("hologram", &["display", "engine", "error", "interrupt", "metrics", "numerics", "propagation"]),
-    ("learning", &["display", "engine", "error", "interrupt", "numerics"]),
+    ("hologram", &["display", "engine", "error", "interrupt", "metrics", "numerics", "propagation", "reference"]),
+    ("learning", &["display", "engine", "error", "interrupt", "numerics", "reference"]),
     ("second_opinion", &["display", "error", "hologram", "interrupt", "numerics", "propagation"]),
     (
         "memory",

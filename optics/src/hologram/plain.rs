@@ -13,21 +13,16 @@ use super::backend::{Backend, Picture};
 use super::evaluate::{Evaluate, Evaluation, ProblemSize, Project};
 use super::loss::Loss;
 use super::roughness::EPSILON;
-use crate::display::parts::spatial_variation::local_kernels;
-use crate::display::parts::{crosstalk, light_blur};
+use crate::display::parts::light_blur;
 use crate::display::{Carrier, Detector, DisplayModel};
 use crate::engine::photometry::Quantity;
 use crate::engine::slm::Slm;
 use crate::error::{Error, Result};
 use crate::interrupt;
 use crate::metrics::Gain;
-use crate::numerics::chebyshev::position;
-use crate::numerics::fourier::{Direction, fft2};
-use crate::numerics::grid::frequency;
 use crate::numerics::{Plane, RegionOfInterest};
-use num_complex::Complex64;
+use crate::reference::display_light::{Optics, behind_modulator, image};
 use rayon::prelude::*;
-use std::f64::consts::{PI, TAU};
 
 /// h \[rad\]. The error of a difference is some h² of the gradient.
 const STEP_RAD: f64 = 1e-4;
@@ -63,22 +58,12 @@ pub struct PlainProblem {
 #[derive(Debug)]
 pub(super) struct PlainPlane {
     pub(super) model: DisplayModel,
-    carrier: Option<Carrier>,
+    pub(super) carrier: Option<Carrier>,
     pub(super) target: Plane<f32>,
     pub(super) weight: Option<Plane<f32>>,
     /// The shares of all planes add up to 1.
     pub(super) share: f64,
     pub(super) optics: Optics,
-}
-
-/// Optics between the modulator and one image plane.
-#[derive(Debug)]
-pub(super) struct Optics {
-    /// Windows of the local kernels on the modulator; a single one that is 1 everywhere for a kernel that does not vary.
-    pub(super) windows: Vec<Plane<f64>>,
-    /// Part of the light of each mode, and its transfer functions at the padded bins: for each place in a pixel one for
-    /// each window.
-    pub(super) modes: Vec<(f64, Vec<Vec<Plane<Complex64>>>)>,
 }
 
 impl PlainProblem {
@@ -177,7 +162,7 @@ impl PlainProblem {
         let planes = if self.detector == Detector::Supersampled { places } else { 1 };
         let mut lights = vec![Plane::filled(height_px, width_px, 0.0); planes];
         for phase in phase.chunks_exact(self.size.frame_len()) {
-            let spectra = plane.optics.spectra(&self.behind_modulator(plane, phase));
+            let spectra = plane.optics.spectra(&behind_modulator(&plane.model, plane.carrier, phase));
             for (share, to_places) in &plane.optics.modes {
                 for (place, transfers) in to_places.iter().enumerate() {
                     let image = image(&spectra, transfers);
@@ -190,28 +175,6 @@ impl PlainProblem {
             }
         }
         lights.iter().map(|light| light_blur::blurred_light(light, &plane.model.light_blur)).collect()
-    }
-
-    /// Field k · source · dust · ( e^{ir(ψ)} + z₀ ) behind the modulator, with k = ±1 the sign of the carrier's grating.
-    pub(super) fn behind_modulator(&self, plane: &PlainPlane, phase: &[f64]) -> Plane<Complex64> {
-        let PlainPlane { model, carrier, .. } = plane;
-        let ProblemSize { height_px, width_px, .. } = self.size;
-        let sign = |y: usize, x: usize| carrier.map_or(1.0, |carrier| carrier.sign(y, x));
-        let wrapped = Plane::from_fn(height_px, width_px, |y, x| {
-            let grating = if sign(y, x) < 0.0 { PI } else { 0.0 };
-            (phase[y * width_px + x] + grating).rem_euclid(TAU)
-        });
-        let shown = crosstalk::shown_phase(&wrapped, &model.crosstalk);
-        Plane::from_fn(height_px, width_px, |y, x| {
-            let (at_x, at_y, psi) = (position(x, width_px), position(y, height_px), shown.at(y, x));
-            let harmonics = model.response.iter().zip(1..).map(|([a, b], k)| {
-                let (sin, cos) = (f64::from(k) * psi).sin_cos();
-                a * sin + b * cos
-            });
-            let response = (1.0 + model.response_variation.value(at_x, at_y)) * psi + harmonics.sum::<f64>();
-            let light = model.source.value(at_x, at_y) * model.dust.factor(y, x);
-            sign(y, x) * light * (Complex64::cis(response) + model.zero_order)
-        })
     }
 
     fn pixels(&self) -> impl Iterator<Item = (usize, usize)> + Clone {
@@ -275,69 +238,11 @@ impl PlainPlane {
     }
 }
 
-impl Optics {
-    pub(super) fn new(model: &DisplayModel, detector: Detector) -> Self {
-        let (grid, part) = (model.setup.grid(), camera_part(model, detector));
-        let per_side = model.local_kernels().map_or(1, |kernels| kernels.len().isqrt());
-        let window = |k: usize| {
-            Plane::from_fn(grid.height_px(), grid.width_px(), |y, x| {
-                let along_y = local_kernels::window(k / per_side, per_side, position(y, grid.height_px()));
-                along_y * local_kernels::window(k % per_side, per_side, position(x, grid.width_px()))
-            })
-        };
-        let to_place = |kernels: &[DisplayModel], [x_px, y_px]: [f64; 2]| {
-            let [x_m, y_m] = [x_px, y_px].map(|px| part * px * grid.pixel_pitch_m());
-            kernels.iter().map(|kernel| sampled(kernel, [x_m, y_m])).collect()
-        };
-        let of_mode = |mode: &DisplayModel| {
-            let kernels = mode.local_kernels().unwrap_or_else(|| vec![mode.clone()]);
-            detector.places_px().into_iter().map(|place_px| to_place(&kernels, place_px)).collect()
-        };
-        let modes = model.modes().zip(model.coherence.shares()).map(|(mode, share)| (share, of_mode(&mode)));
-        Self { windows: (0..per_side * per_side).map(window).collect(), modes: modes.collect() }
-    }
-
-    /// Padded spectra of a field in each window.
-    pub(super) fn spectra(&self, field: &Plane<Complex64>) -> Vec<Plane<Complex64>> {
-        let (height_px, width_px) = (field.height_px(), field.width_px());
-        let padded = |window: &Plane<f64>| {
-            Plane::from_fn(2 * height_px, 2 * width_px, |y, x| {
-                let inside = y < height_px && x < width_px;
-                if inside { field.at(y, x) * window.at(y, x) } else { Complex64::ZERO }
-            })
-        };
-        self.windows.iter().map(|window| fft2(&padded(window), Direction::Forward)).collect()
-    }
-}
-
 /// The gain s with the least Σ w (s p − t)².
 pub(super) fn best_gain(compared: &[(f64, f64, f64)]) -> f64 {
     let sum = |of: &dyn Fn(f64, f64) -> f64| compared.iter().map(|&(w, p, t)| w * of(p, t)).sum::<f64>();
     let (pp, tp) = (sum(&|p, _| p * p), sum(&|p, t| t * p));
     if pp > 0.0 { tp / pp } else { 0.0 }
-}
-
-/// Part of the distance between a detector's places and the pixel's centre.
-fn camera_part(model: &DisplayModel, detector: Detector) -> f64 {
-    if detector == Detector::Pixel { model.setup.camera_fill_factor() } else { 1.0 }
-}
-
-/// Transfer function of a kernel to points beside the pixels' centres, at the padded bins.
-fn sampled(kernel: &DisplayModel, [x_m, y_m]: [f64; 2]) -> Plane<Complex64> {
-    let (grid, transfer) = (kernel.setup.grid(), kernel.sampled());
-    let (rows, columns, pitch_m) = (2 * grid.height_px(), 2 * grid.width_px(), grid.pixel_pitch_m());
-    Plane::from_fn(rows, columns, |v, u| {
-        let (fx, fy) = (frequency(u, columns, pitch_m), frequency(v, rows, pitch_m));
-        transfer(fx, fy) * Complex64::cis(TAU * (fx * x_m + fy * y_m))
-    })
-}
-
-/// Padded image of a field with these spectra in the windows, each behind its transfer function.
-pub(super) fn image(spectra: &[Plane<Complex64>], transfers: &[Plane<Complex64>]) -> Plane<Complex64> {
-    let behind = Plane::from_fn(spectra[0].height_px(), spectra[0].width_px(), |v, u| {
-        spectra.iter().zip(transfers).map(|(spectrum, transfer)| spectrum.at(v, u) * transfer.at(v, u)).sum()
-    });
-    fft2(&behind, Direction::Inverse)
 }
 
 impl Evaluate for PlainProblem {

@@ -6,13 +6,12 @@
 
 use super::evaluate::{Evaluation, Project};
 use super::gerchberg_saxton::subtract;
-use super::plain::{Optics, PlainProblem, best_gain, image, widened};
-use crate::display::parts::light_blur;
-use crate::display::{Detector, DisplayModel};
+use super::plain::{PlainProblem, best_gain, widened};
+use crate::display::Detector;
 use crate::engine::slm::Slm;
 use crate::metrics::Gain;
 use crate::numerics::Plane;
-use crate::numerics::fourier::{Direction, fft2};
+use crate::reference::display_light::{Optics, behind_modulator, image, spread};
 use num_complex::{Complex32, Complex64};
 
 impl Project for PlainProblem {
@@ -73,7 +72,7 @@ impl PlainProblem {
             let slopes: Vec<_> = lights.iter().map(slope).collect();
             let frames = phase.chunks_exact(self.size.frame_len()).zip(excess.chunks_exact_mut(self.size.frame_len()));
             for (phase, excess) in frames {
-                let spectra = plane.optics.spectra(&self.behind_modulator(plane, phase));
+                let spectra = plane.optics.spectra(&behind_modulator(&plane.model, plane.carrier, phase));
                 for (share, to_places) in &plane.optics.modes {
                     for (place, transfers) in to_places.iter().enumerate() {
                         let (image, slopes) = (image(&spectra, transfers), &slopes[place % slopes.len()]);
@@ -104,37 +103,6 @@ impl PlainProblem {
             });
         }
     }
-}
-
-impl Optics {
-    /// Adds what a field in the image sends back to the modulator through these transfer functions, the adjoint of
-    /// [`image`].
-    fn add_returned(&self, field: &Plane<Complex64>, transfers: &[Plane<Complex64>], sum: &mut [Complex64]) {
-        let (height_px, width_px) = (field.height_px(), field.width_px());
-        let padded = Plane::from_fn(2 * height_px, 2 * width_px, |y, x| {
-            if y < height_px && x < width_px { field.at(y, x) } else { Complex64::ZERO }
-        });
-        let spectrum = fft2(&padded, Direction::Forward);
-        for (window, transfer) in self.windows.iter().zip(transfers) {
-            let behind =
-                Plane::from_fn(2 * height_px, 2 * width_px, |v, u| spectrum.at(v, u) * transfer.at(v, u).conj());
-            let returned = fft2(&behind, Direction::Inverse);
-            for (i, sum) in sum.iter_mut().enumerate() {
-                let (y, x) = (i / width_px, i % width_px);
-                *sum += returned.at(y, x) * window.at(y, x);
-            }
-        }
-    }
-}
-
-/// The transpose of the blur of a display's light: each pixel gathers from those into which its light blurs.
-fn spread(model: &DisplayModel, slopes: &Plane<f64>) -> Plane<f64> {
-    let (height_px, width_px) = (slopes.height_px(), slopes.width_px());
-    Plane::from_fn(height_px, width_px, |y, x| {
-        let point = Plane::from_fn(height_px, width_px, |v, u| if (v, u) == (y, x) { 1.0 } else { 0.0 });
-        let blurred = light_blur::blurred_light(&point, &model.light_blur);
-        blurred.values().iter().zip(slopes.values()).map(|(light, slope)| light * slope).sum()
-    })
 }
 
 fn narrowed(field: &[Complex64]) -> Vec<Complex32> {

@@ -1,13 +1,14 @@
 //! A parametric model during the fit: its loss for one pair, and the gradient with respect to all its parameters.
 
+use super::adjoint::{Adjoint, FieldAdjoint, ModeAdjoint};
 use super::ghost::{GhostSums, NO_GHOST_SUMS, ghost_gradient};
 use super::layout::Layout;
 use super::mode_buffers::ModeBuffers;
 use super::order_fit::{OrderFit, OrderSums};
 use super::pair::Example;
 use super::smooth_transfer::{ColumnSums, SmoothTransfer};
+use crate::display::parts::Block;
 use crate::display::parts::response_variation::RESPONSE_VARIATION_ORDER;
-use crate::display::parts::{Block, ModelPart};
 use crate::display::{Carrier, Detector, DisplayModel, Dust, Ghost, KernelShape, OpticalSetup};
 use crate::engine::Real;
 use crate::engine::convolution::Transfer;
@@ -126,8 +127,13 @@ impl<T: Real> Fit<T> {
         self.dust = exponents.map(|exponents| exponents.as_chunks().0.par_iter().map(factor).collect());
     }
 
+    /// Takes the display that θ describes at a plane.
     pub(super) fn set(&mut self, plane: usize, parameters: &[f64]) {
-        let model = self.layout.model(&self.setups[plane], (1.0, 0.0), parameters);
+        let layout = self.layout;
+        FieldAdjoint::set(self, plane, &layout, &layout.model(&self.setups[plane], (1.0, 0.0), parameters));
+    }
+
+    fn take(&mut self, plane: usize, model: &DisplayModel) {
         let shares = model.coherence.shares();
         if let (Some(orders), Some(errors)) = (&mut self.orders, model.order_errors()) {
             orders.set(plane, &errors);
@@ -156,7 +162,7 @@ impl<T: Real> Fit<T> {
         });
         self.ghost = model.ghost;
         if self.layout.has_slm() {
-            let modulator = Modulator::of(&model, self.engine.slm.carrier);
+            let modulator = Modulator::of(model, self.engine.slm.carrier);
             let slm = Arc::make_mut(&mut self.engine.slm);
             slm.harmonics = model.response.iter().map(|&[a, b]| [T::of(a), T::of(b)]).collect();
             slm.zero_order = Complex::new(T::of(model.zero_order.re), T::of(model.zero_order.im));
@@ -175,27 +181,15 @@ impl<T: Real> Fit<T> {
     /// display. If the light does not correlate with the photograph, the gain is 0 and nothing is learned from the
     /// pair.
     pub(super) fn propagate_and_fit_exposure(&mut self, example: &Example<T>) {
-        let sums = if self.engine.needs_all_light() {
-            self.measure_modes(example)
-        } else {
-            let Self { engine, out, .. } = self;
-            engine.send(example.phase.values(), out);
-            engine.convolver.measure(&out.tiles, &example.comparison(engine, 1.0, 0.0))
-        };
+        let sums = self.measure(example);
         let (gain, offset) = sums.best_gain_and_offset();
         (self.gain, self.offset) = if gain > 0.0 { (gain, offset) } else { (0.0, sums.t / sums.w) };
     }
 
-    /// The loss of one pair at its best gain and offset, and the gradient with respect to θ. The derivatives with
-    /// respect to gain and offset are zero at their optimum, so the gradient is the one at fixed gain and offset.
+    /// The loss of one pair at its best gain and offset, and the gradient with respect to θ.
     pub(super) fn evaluate(&mut self, example: &Example<T>) -> (Sums, Vec<f64>) {
-        let ghost = self.layout.blocks.contains(Block::Ghost).then_some(self.ghost);
-        let (sums, columns) = self.correlate(example, |smooth, column, [h, u, g]| {
-            let of_ghost = ghost.map_or(NO_GHOST_SUMS, |ghost| smooth.ghost_sums(&ghost, column, [h, u, g]));
-            (smooth.column_sums(h, u, g), of_ghost)
-        });
-        let gradient = self.gradient(example, ghost, &columns);
-        (sums, gradient)
+        let (sums, adjoint) = self.adjoint(example);
+        (sums, self.layout.gradient(&adjoint))
     }
 
     /// A loss of the light of one pair, and its gradient with respect to θ. `loss(light, slopes)` writes its derivative
@@ -216,49 +210,28 @@ impl<T: Real> Fit<T> {
         engine.convolver.weigh_sampled_tiles(&out.tiles, &slopes, factor, back);
         self.order_sums.clear();
         let columns = self.correlate_mode(&|smooth, _, [h, u, g]| (smooth.column_sums(h, u, g), NO_GHOST_SUMS));
-        let gradient = self.gradient(example, None, &columns);
-        (loss, gradient)
+        (loss, self.layout.gradient(&self.gradient(example, None, &columns)))
     }
 
-    /// The gradient with respect to θ from the sums of all columns, and from what was propagated back to the SLM.
-    fn gradient(&self, example: &Example<T>, ghost: Option<Ghost>, columns: &[(ColumnSums, GhostSums)]) -> Vec<f64> {
-        let mut gradient = vec![0.0; self.layout.len()];
+    /// The gradient from the sums of all columns, and from what was propagated back to the SLM.
+    fn gradient(&self, example: &Example<T>, ghost: Option<Ghost>, columns: &[(ColumnSums, GhostSums)]) -> Adjoint {
         let (count, modes) = (self.engine.kernels.transfers.len(), self.engine.further.len() + 1);
-        for (m, columns) in columns.chunks_exact(columns.len() / modes).enumerate() {
+        let of_mode = |columns: &[(ColumnSums, GhostSums)]| {
             let of_kernel = |kernel| columns.iter().skip(kernel).step_by(count).map(|(smooth, _)| smooth);
-            let local: Vec<_> = (0..count).map(|kernel| self.smooth.gradient(of_kernel(kernel))).collect();
-            self.layout.add_local_gradients(self.engine.kernels.lanes(), &local, &mut gradient);
-            if let Some(further) = m.checked_sub(1) {
-                self.layout.add_mode_gradients(further, &local, &mut gradient);
-                // The share of the light is the square of an amplitude, and the gain compensates what the other modes
-                // lose.
-                gradient[self.layout.mode_light(further)] = columns.iter().map(|(smooth, _)| smooth[0].re).sum();
+            ModeAdjoint {
+                light: columns.iter().map(|(smooth, _)| smooth[0].re).sum(),
+                kernels: (0..count).map(|kernel| self.smooth.gradient(of_kernel(kernel))).collect(),
             }
+        };
+        let of_orders =
+            |orders: &OrderFit<T>| orders.gradient(self.layout.kernel, self.layout.beyond, &self.order_sums);
+        Adjoint {
+            modes: columns.chunks_exact(columns.len() / modes).map(of_mode).collect(),
+            orders: self.orders.as_ref().map(of_orders),
+            ghost: ghost.map(|ghost| ghost_gradient(&ghost, columns.iter().map(|(_, of_ghost)| of_ghost))),
+            blur: self.engine.blur.is_some().then_some(self.modes.by_blur),
+            modulator: self.layout.has_slm().then(|| self.slm_gradient(example)),
         }
-        if let Some(orders) = &self.orders {
-            let (kernel, beyond) = (self.layout.kernel, self.layout.beyond);
-            let (parts, of_tilts) = orders.gradient(kernel, beyond, &self.order_sums);
-            for (start, (alpha, psi)) in [0, self.layout.beyond()].into_iter().zip(parts) {
-                gradient[start..][..alpha.len()].copy_from_slice(&alpha);
-                gradient[start + alpha.len()..][..psi.len()].copy_from_slice(&psi);
-            }
-            // The tilts go on beyond the band.
-            for (tilt, beyond) in self.layout.tilts().zip(of_tilts) {
-                gradient[tilt] += beyond;
-            }
-        }
-        if let Some(ghost) = ghost {
-            let of_ghost = ghost_gradient(&ghost, columns.iter().map(|(_, of_ghost)| of_ghost));
-            gradient[self.layout.start(ModelPart::Ghost)..][..of_ghost.len()].copy_from_slice(&of_ghost);
-        }
-        if self.layout.blocks.contains(Block::LightBlur) {
-            gradient[self.layout.start(ModelPart::LightBlur)..][..2].copy_from_slice(&self.modes.by_blur);
-        }
-        if self.layout.has_slm() {
-            let slm = self.slm_gradient(example);
-            gradient[self.layout.source()..][..slm.len()].copy_from_slice(&slm);
-        }
-        gradient
     }
 
     /// Propagates a pair and the gradient of its loss, and calls `visit(smooth, column, [h, u, g])` for each column of
@@ -357,6 +330,31 @@ impl<T: Real> Fit<T> {
     }
 }
 
+impl<T: Real> FieldAdjoint<T> for Fit<T> {
+    fn set(&mut self, plane: usize, layout: &Layout, model: &DisplayModel) {
+        self.change_layout(*layout);
+        self.take(plane, model);
+    }
+
+    fn measure(&mut self, example: &Example<T>) -> Sums {
+        if self.engine.needs_all_light() {
+            return self.measure_modes(example);
+        }
+        let Self { engine, out, .. } = self;
+        engine.send(example.phase.values(), out);
+        engine.convolver.measure(&out.tiles, &example.comparison(engine, 1.0, 0.0))
+    }
+
+    fn adjoint(&mut self, example: &Example<T>) -> (Sums, Adjoint) {
+        let ghost = self.layout.blocks.contains(Block::Ghost).then_some(self.ghost);
+        let (sums, columns) = self.correlate(example, |smooth, column, [h, u, g]| {
+            let of_ghost = ghost.map_or(NO_GHOST_SUMS, |ghost| smooth.ghost_sums(&ghost, column, [h, u, g]));
+            (smooth.column_sums(h, u, g), of_ghost)
+        });
+        (sums, self.gradient(example, ghost, &columns))
+    }
+}
+
 /// Degrees (i, j) of the terms of the response's variation, in the order of their coefficients.
 pub(super) fn variation_degrees() -> impl Iterator<Item = (usize, usize)> {
     std::iter::once((0, 0)).chain(ChebyshevBasis::new(RESPONSE_VARIATION_ORDER).degrees())
@@ -372,7 +370,7 @@ pub(super) fn tabulate<T: Real>(order: usize, n: usize) -> Vec<Vec<T>> {
 mod tests {
     use super::*;
     use crate::display::Orders;
-    use crate::display::parts::Block;
+    use crate::display::parts::ModelPart;
     use crate::display::parts::blocks::Blocks;
     use crate::hologram::initial_phase;
     use crate::learning::options::KernelModel;

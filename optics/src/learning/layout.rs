@@ -1,10 +1,12 @@
 //! What the fits of learning ask of a [layout](Layout) of θ.
 
+use super::adjoint::{Adjoint, ModeAdjoint, OrdersAdjoint, SeriesGradient};
 use super::options::KernelModel;
 use crate::display::SpatialVariation;
 use crate::display::parts::blocks::Blocks;
 pub(super) use crate::display::parts::layout::Layout;
 use crate::display::parts::spatial_variation::local_kernels;
+use crate::display::parts::{Block, ModelPart};
 use crate::engine::Real;
 use crate::numerics::chebyshev::ChebyshevBasis;
 
@@ -55,9 +57,56 @@ impl Layout {
         }
     }
 
+    /// The gradient with respect to θ.
+    pub(super) fn gradient(&self, adjoint: &Adjoint) -> Vec<f64> {
+        let mut gradient = vec![0.0; self.len()];
+        for (m, ModeAdjoint { light, kernels }) in adjoint.modes.iter().enumerate() {
+            self.add_local_gradients(kernels.len().isqrt(), kernels, &mut gradient);
+            if let Some(further) = m.checked_sub(1) {
+                self.add_mode_gradients(further, kernels, &mut gradient);
+                // The share of the light is the square of an amplitude, and the gain compensates what the other modes
+                // lose.
+                gradient[self.mode_light(further)] = *light;
+            }
+        }
+        let mut write = |start: usize, values: &[f64]| gradient[start..][..values.len()].copy_from_slice(values);
+        if let Some(OrdersAdjoint { band, beyond, .. }) = &adjoint.orders {
+            for (start, (alpha, psi)) in [(0, band), (self.beyond(), beyond)] {
+                write(start, alpha);
+                write(start + alpha.len(), psi);
+            }
+        }
+        if let (Some(ghost), true) = (adjoint.ghost, self.blocks.contains(Block::Ghost)) {
+            write(self.start(ModelPart::Ghost), &ghost);
+        }
+        if let (Some(blur), true) = (adjoint.blur, self.blocks.contains(Block::LightBlur)) {
+            write(self.start(ModelPart::LightBlur), &blur);
+        }
+        if let Some(modulator) = &adjoint.modulator {
+            let (alpha, psi) = &modulator.source;
+            write(self.source(), alpha);
+            write(self.source() + alpha.len(), psi);
+            write(self.start(ModelPart::PhaseResponse), modulator.response.as_flattened());
+            write(self.start(ModelPart::ZeroOrder), &modulator.zero_order);
+            if self.blocks.contains(Block::Crosstalk) {
+                write(self.start(ModelPart::Crosstalk), &modulator.crosstalk);
+            }
+            if self.blocks.contains(Block::UnevenResponse) {
+                write(self.start(ModelPart::UnevenResponse), &modulator.variation);
+            }
+        }
+        if let Some(orders) = &adjoint.orders {
+            // The tilts go on beyond the band.
+            for (tilt, beyond) in self.tilts().zip(orders.tilts_beyond) {
+                gradient[tilt] += beyond;
+            }
+        }
+        gradient
+    }
+
     /// Adds to the gradient of θ the contributions of all local kernels of a grid, given the gradients with respect to
     /// their α and ψ.
-    pub(super) fn add_local_gradients(&self, side: usize, local: &[(Vec<f64>, Vec<f64>)], gradient: &mut [f64]) {
+    fn add_local_gradients(&self, side: usize, local: &[SeriesGradient], gradient: &mut [f64]) {
         let slots = self.terms_in_kernel(self.variation);
         for ((alpha, psi), powers) in local.iter().zip(self.local_powers(side)) {
             let terms = self.kernel.terms();
@@ -83,7 +132,7 @@ impl Layout {
 
     /// Adds to the gradient of θ what the gradients with respect to α and ψ of the local kernels of further mode `m`
     /// say of the mode's own errors.
-    pub(super) fn add_mode_gradients(&self, m: usize, local: &[(Vec<f64>, Vec<f64>)], gradient: &mut [f64]) {
+    fn add_mode_gradients(&self, m: usize, local: &[SeriesGradient], gradient: &mut [f64]) {
         let (start, slots) = (self.mode_errors(m), self.terms_in_kernel(self.mode));
         for (alpha, psi) in local {
             for &(slot, term) in &slots {

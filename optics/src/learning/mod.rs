@@ -14,6 +14,9 @@
 //! Learning is a sequence of [steps](Learner::step). It can stop after any step and go on later: [`Learner::state`] is
 //! all that the next step depends on.
 
+mod adjoint;
+#[cfg(test)]
+mod adjoint_tests;
 mod along_z;
 mod band_pass;
 pub mod bins;
@@ -34,6 +37,8 @@ mod order_jacobian;
 mod pair;
 pub mod parametric;
 mod parts;
+#[cfg(test)]
+mod plain_adjoint;
 mod products;
 mod progress;
 mod schedule;

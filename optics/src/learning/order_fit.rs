@@ -8,6 +8,7 @@
 //! The [products](OrderProducts) explain the symbols. v is the spectrum of the field in front of these transfer
 //! functions, g_o the back-propagated gradient at the sub-sample o, c the coefficient of T_i T_j in the logarithm of E.
 
+use super::adjoint::OrdersAdjoint;
 use super::columns::project;
 use crate::display::parts::order_errors::{OrderErrors, place};
 use crate::display::parts::transfer_function::BEYOND_ORDER;
@@ -48,9 +49,6 @@ pub(super) struct OrderSums {
     band: [[Complex64; TERMS]; 3],
     beyond: [[Complex64; TERMS_BEYOND]; TERMS_BEYOND],
 }
-
-/// ∂L/∂α and ∂L/∂ψ of each coefficient.
-type SeriesGradient = (Vec<f64>, Vec<f64>);
 
 impl OrderSums {
     const NONE: Self =
@@ -228,7 +226,7 @@ impl<T: Real> OrderFit<T> {
         basis: ChebyshevBasis,
         beyond: ChebyshevBasis,
         columns: &[OrderSums],
-    ) -> ([SeriesGradient; 2], [f64; 2]) {
+    ) -> OrdersAdjoint {
         let x = &self.products.axes[0];
         let mut band = vec![[Complex64::ZERO; TERMS]; basis.order() + 1];
         let mut outside = [[Complex64::ZERO; TERMS_BEYOND]; TERMS_BEYOND];
@@ -244,11 +242,11 @@ impl<T: Real> OrderFit<T> {
             }
         }
         let parts = |sum: Complex64| (2.0 * sum.re, -2.0 * sum.im);
-        let series = [
-            basis.degrees().map(|(i, j)| parts(band[i][j])).unzip(),
-            beyond.degrees().map(|(p, q)| parts(outside[p][q])).unzip(),
-        ];
-        (series, [parts(outside[TILT][0]).1, parts(outside[0][TILT]).1])
+        OrdersAdjoint {
+            band: basis.degrees().map(|(i, j)| parts(band[i][j])).unzip(),
+            beyond: beyond.degrees().map(|(p, q)| parts(outside[p][q])).unzip(),
+            tilts_beyond: [parts(outside[TILT][0]).1, parts(outside[0][TILT]).1],
+        }
     }
 }
 

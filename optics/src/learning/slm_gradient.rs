@@ -1,5 +1,6 @@
 //! The gradient of a pair's loss by the parameters of the SLM.
 
+use super::adjoint::ModulatorAdjoint;
 use super::columns::project;
 use super::fit::{Fit, variation_degrees};
 use super::pair::Example;
@@ -37,8 +38,8 @@ const NO_SUMS: RowSums = RowSums {
 };
 
 impl<T: Real> Fit<T> {
-    /// The gradient by all parameters of the SLM, from the half-transformed gradient that was propagated back.
-    pub(super) fn slm_gradient(&self, example: &Example<T>) -> Vec<f64> {
+    /// The gradient by all numbers of the SLM, from the half-transformed gradient that was propagated back.
+    pub(super) fn slm_gradient(&self, example: &Example<T>) -> ModulatorAdjoint {
         let (height_px, convolver, kernels) = (self.engine.height_px(), &self.engine.convolver, &self.engine.kernels);
         let (arch, mut rows) = (Arch::new(), vec![NO_SUMS; height_px]);
         let tiles = &self.out.tiles[..kernels.half_spectrum_len(convolver)];
@@ -76,17 +77,14 @@ impl<T: Real> Fit<T> {
             zero_order += row.zero_order;
             crosstalk.iter_mut().zip(row.crosstalk).for_each(|(sum, value)| *sum += value);
         }
-        let mut gradient: Vec<f64> = layout.source.degrees().map(|(i, j)| 2.0 * source[j][i].re).collect();
-        gradient.extend(layout.source.degrees().map(|(i, j)| -2.0 * source[j][i].im));
-        gradient.extend(response.as_flattened().iter().map(|sum| -2.0 * sum));
-        gradient.extend([2.0 * zero_order.re, -2.0 * zero_order.im]);
-        if layout.blocks.contains(Block::Crosstalk) {
-            gradient.extend(crosstalk);
+        let of_source = |(i, j): (usize, usize)| (2.0 * source[j][i].re, -2.0 * source[j][i].im);
+        ModulatorAdjoint {
+            source: layout.source.degrees().map(of_source).unzip(),
+            response: response.iter().map(|of_harmonic| of_harmonic.map(|sum| -2.0 * sum)).collect(),
+            zero_order: [2.0 * zero_order.re, -2.0 * zero_order.im],
+            crosstalk,
+            variation: variation_degrees().map(|(i, j)| -2.0 * variation[j][i]).collect(),
         }
-        if layout.blocks.contains(Block::UnevenResponse) {
-            gradient.extend(variation_degrees().map(|(i, j)| -2.0 * variation[j][i]));
-        }
-        gradient
     }
 }
 

@@ -13,6 +13,7 @@
 //! propagator in either precision. In f64 they show which part of an error is rounding.
 
 mod closed_forms;
+pub(crate) mod display_light;
 mod first_order;
 mod propagation;
 mod rayleigh_sommerfeld;

@@ -2,10 +2,11 @@
 
 use super::ParametricLearner;
 use crate::engine::photometry::Sums;
+use crate::learning::adjoint::FieldAdjoint;
 use crate::learning::course::Verdict;
 use crate::learning::fit::Fit;
 use crate::learning::pair::PairSource;
-use crate::learning::pair::{BoxError, Example, measure, total};
+use crate::learning::pair::{BoxError, Example, total};
 use crate::learning::schedule::shuffled;
 use crate::learning::screening::{self, Predictor};
 use crate::numerics::RegionOfInterest;
@@ -65,7 +66,7 @@ impl ParametricLearner {
             if set.replace(plane) != Some(plane) {
                 fit.set(plane, &joint.plane_parameters(plane, theta));
             }
-            Ok(measure(&fit.engine, &mut fit.out, &pairs.pair(index)?, options.region)?)
+            Ok(fit.measure(&Example::new(&pairs.pair(index)?, &fit.engine, options.region)?))
         };
         (0..pairs.len()).map(one).collect()
     }
