@@ -11,6 +11,7 @@
 //! (2024)).
 
 use super::layout::{Layout, field, of_field};
+use super::measures::{Measures, Scale, Unit};
 use super::terms::{Dear, Terms, Turn};
 use super::{Block, Part};
 use crate::display::DisplayModel;
@@ -168,6 +169,21 @@ impl Part for Row {
             dear: Some(Dear { hopeful: 1.0 / 3.0, replaces: Block::LightBlur, loss_max: 1.25 }),
             ..Terms::new(Turn::First, GAIN_MIN, GAIN_MIN)
         })
+    }
+
+    fn measures(&self) -> &'static Measures {
+        &Measures {
+            phrase: "the places of their images spread by σ {} along x, {} along y",
+            scales: &[
+                Scale { name: "spread_x", unit: Unit::Pixels, digits: 2 },
+                Scale { name: "spread_y", unit: Unit::Pixels, digits: 2 },
+            ],
+            note: "Pictures of the kernel show its first mode.",
+        }
+    }
+
+    fn strengths(&self, model: &DisplayModel) -> Vec<f64> {
+        model.coherence.spread_px().to_vec()
     }
 }
 
