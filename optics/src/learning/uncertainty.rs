@@ -18,9 +18,9 @@ use super::options::KernelModel;
 use super::pair::{Example, Pair};
 use super::parametric::{CURVATURE_PAIRS, CURVATURE_PX};
 use super::strengths::PartStrength;
-use crate::display::parts::ModelPart;
 use crate::display::parts::blocks::Blocks;
 use crate::display::parts::phase_response::HARMONICS;
+use crate::display::parts::{ModelPart, THETA};
 use crate::display::{Carrier, Detector, DisplayModel, KernelShape};
 use crate::error::Error;
 use crate::numerics::RegionOfInterest;
@@ -184,12 +184,8 @@ impl Scatter<'_> {
 pub(super) fn layout_of(model: &DisplayModel) -> Option<Layout> {
     let KernelShape::Smooth(kernel) = &model.kernel else { return None };
     let layout = Layout::of(KernelModel::Display, kernel.order, Blocks::of(model)).on(&model.setup);
-    let is_of_layout = (model.source.order, model.response.len())
-        == (layout.source.order(), layout.range(ModelPart::PhaseResponse).len() / 2)
-        && [0, layout.range(ModelPart::UnevenResponse).len()].contains(&model.response_variation.coefficients.len())
-        && model.coherence.modes().len() == layout.modes
-        && model.coherence.modes().iter().all(|mode| mode.errors.order == layout.mode.order());
-    is_of_layout.then_some(layout)
+    let has_form = THETA.into_iter().all(|part| part.row().has_form_of(&layout, model));
+    has_form.then_some(layout)
 }
 
 impl ResponseCovariance {

@@ -70,6 +70,11 @@ pub(crate) trait Part: Sync {
     /// Gives a model the part with these numbers. Without numbers the model does not get the part.
     fn set(&self, _layout: &Layout, _numbers: &[f64], _model: &mut DisplayModel) {}
 
+    /// Whether the part of a model has the form that a layout gives it.
+    fn has_form_of(&self, _layout: &Layout, _model: &DisplayModel) -> bool {
+        true
+    }
+
     /// Converts the part's numbers to another layout.
     fn converted(&self, from: &Layout, to: &Layout, numbers: &[f64]) -> Vec<f64> {
         let count = self.count(to);

@@ -159,6 +159,11 @@ impl Part for Row {
         model.coherence = PartialCoherence::new(modes.map(mode).collect());
     }
 
+    fn has_form_of(&self, layout: &Layout, model: &DisplayModel) -> bool {
+        let modes = model.coherence.modes();
+        modes.len() == layout.modes && modes.iter().all(|mode| mode.errors.order == layout.mode.order())
+    }
+
     fn limited(&self, layout: &Layout, position: usize, value: f64) -> f64 {
         let is_light = position.is_multiple_of(1 + 2 * layout.mode.terms());
         if is_light { value.clamp(LOG_LIGHT.0, LOG_LIGHT.1) } else { value }

@@ -130,6 +130,10 @@ impl Part for Row {
         };
     }
 
+    fn has_form_of(&self, layout: &Layout, model: &DisplayModel) -> bool {
+        [0, self.count(layout)].contains(&model.response_variation.coefficients.len())
+    }
+
     fn terms(&self) -> Option<Terms> {
         Some(Terms::USUAL)
     }

@@ -57,6 +57,10 @@ impl Part for Row {
         model.source = field(layout.source, numbers);
     }
 
+    fn has_form_of(&self, layout: &Layout, model: &DisplayModel) -> bool {
+        model.source.order == layout.source.order()
+    }
+
     fn converted(&self, from: &Layout, to: &Layout, numbers: &[f64]) -> Vec<f64> {
         fields_in(to.source, from.source, 1, numbers)
     }
