@@ -74,18 +74,16 @@ fn parts(strengths: &[PartStrength]) -> String {
             titles.join("; ")
         );
     }
-    let hidden = |strength: &&PartStrength| Some(strength.text(0)).filter(|text| !text.is_empty());
-    let hidden: Vec<String> = lacking
-        .iter()
-        .filter_map(|strength| hidden(strength).map(|text| format!("{} ({text})", strength.title())))
-        .collect();
+    let hidden =
+        lacking.iter().map(|strength| (strength.title(), strength.text(0))).filter(|(_, text)| !text.is_empty());
+    let hidden: Vec<String> = hidden.map(|(title, text)| format!("{title}, up to {text}")).collect();
     if !hidden.is_empty() {
         let _ = write!(
             text,
             "<p>The display could have more than the photographs show: {}. With less than these two standard deviations \
              the photographs would look the same. Photographs of other holograms can tell (lightpath dataset \
              suggest).</p>",
-            hidden.join(", and ")
+            hidden.join("; ")
         );
     }
     text
@@ -95,8 +93,11 @@ fn parts(strengths: &[PartStrength]) -> String {
 fn paragraph(strength: &PartStrength) -> String {
     let title = strength.title();
     let (first, rest) = title.split_at(title.chars().next().map_or(0, char::len_utf8));
-    let (text, note) = (strength.text(0), strength.note());
-    format!("<p>{}{rest}: {text}. {note}</p>", first.to_uppercase())
+    let note = match strength.note() {
+        "" => String::new(),
+        note => format!(" {note}"),
+    };
+    format!("<p>{}{rest}: {}.{note}</p>", first.to_uppercase(), strength.text(0))
 }
 
 /// Number of steps in the curve of the phase response.
@@ -125,5 +126,33 @@ fn response_chart(curve: &[f64], deviations: &[f64]) -> Chart<'static> {
             Line { label: "linear".to_owned(), points: vec![(0.0, 0.0), (TAU, 0.0)], dashed: true },
         ],
         band,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lightpath_optics::{Crosstalk, Grid, OpticalSetup};
+
+    #[test]
+    fn parts_are_told_with_their_strengths_and_what_could_hide() {
+        let setup = OpticalSetup::try_new(Grid::try_new(8, 8, 8e-6).unwrap(), 515e-9, 3e-3).unwrap();
+        let ideal = DisplayModel::ideal(setup);
+        let text = parts(&PartStrength::all_of(&ideal));
+        assert!(text.starts_with("<p>The model has none of these parts: uneven surface of the modulator; "), "{text}");
+        let crossed = DisplayModel { crosstalk: Crosstalk::of_sigma_px([0.45, 0.3]), ..ideal };
+        let mut strengths = PartStrength::all_of(&crossed);
+        for measure in strengths.iter_mut().filter(|strength| !strength.kept).flat_map(|other| &mut other.measures) {
+            measure.hidden = (measure.name == "rms").then_some(0.012);
+        }
+        assert_eq!(
+            parts(&strengths).split_inclusive("</p>").collect::<Vec<_>>(),
+            [
+                "<p>Cross-talk between neighbouring pixels: σ 0.45 px along x, 0.30 px along y.</p>",
+                "<p>The display could have more than the photographs show: change of the phase response over the \
+                 modulator, up to 1.2 % RMS. With less than these two standard deviations the photographs would look the \
+                 same. Photographs of other holograms can tell (lightpath dataset suggest).</p>",
+            ]
+        );
     }
 }
