@@ -2,7 +2,6 @@
 
 use super::show;
 use super::table::{Facts, Table};
-use lightpath::Words as _;
 use lightpath::v1::KernelMetrics;
 
 /// A loss and that of the ideal kernel, for example `0.00139 (ideal kernel 0.0213)`.
@@ -24,7 +23,7 @@ pub(crate) fn parts(metrics: &KernelMetrics) -> String {
     let mut table = Table::new(&["part of the model", ">worse without it", ">over the photographs?"]);
     for part in &metrics.parts {
         let range = format!("{:.1} to {:.1} dB", part.least_db, part.most_db);
-        table.row([part.part().word().replace('-', " "), show::decibel(part.cost_db), range]);
+        table.row([part.part.replace('_', " "), show::decibel(part.cost_db), range]);
     }
     table.text()
 }

@@ -8,8 +8,8 @@ use crate::kernel_choice::KernelChoice;
 use crate::session::Session;
 use crate::table::{Facts, Table};
 use clap::Args;
+use lightpath::suggest_result;
 use lightpath::v1::{Job, SuggestHolograms, SuggestResult, job_spec};
-use lightpath::{Words as _, suggest_result};
 use std::path::PathBuf;
 
 const HOLOGRAM: Destination =
@@ -102,7 +102,7 @@ fn suggestions(found: &SuggestResult) -> String {
             hologram.picture.clone(),
             format!("{:.2} rad", hologram.phase_range_rad),
             format!("{:+.1} dB", hologram.error_db),
-            hologram.part().word().replace('-', " "),
+            hologram.part.replace('_', " "),
             format!("{:+.1} dB", hologram.part_db),
         ]);
     }

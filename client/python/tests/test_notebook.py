@@ -92,7 +92,7 @@ def test_names_and_notes_never_become_markup(lab: lightpath.Lab) -> None:
 
 def test_kernels_and_evaluations_show_themselves(bench: lightpath.Display) -> None:
     metrics = v1.KernelMetrics(test_loss=1e-4, ideal_test_loss=1e-2)
-    metrics.parts.add(part=v1.MODEL_PART_SOURCE, cost_db=3.21)
+    metrics.parts.add(part="source", cost_db=3.21)
     version = v1.KernelVersion(name="displays/a/kernels/k/versions/1", version=1, metrics=metrics)
     page = shown(lightpath.KernelVersion(bench._connection, version))
     assert "without source" in page

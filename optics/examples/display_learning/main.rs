@@ -36,7 +36,7 @@ mod photographed;
 use evaluation::{ModelEvaluation, ModelScore};
 use lab::Lab;
 use lightpath_optics::learning::{
-    BlockStrengths, Blocks, KernelModel, LearnOptions, LearnStage, Learner, LearningPairs, PairSource as _,
+    KernelModel, LearnOptions, LearnStage, Learner, LearningPairs, PairSource as _, PartStrength,
 };
 use lightpath_optics::{DisplayModel, KernelShape};
 use options::{Failure, Options};
@@ -123,14 +123,13 @@ fn learn(
             adam_s = began.elapsed().as_secs_f64();
         }
     }
-    let (kept, order) = (learner.kept_pairs(training.len()).len(), order(&learner.model()));
+    let (kept_pairs, order) = (learner.kept_pairs(training.len()).len(), order(&learner.model()));
     let total_s = began.elapsed().as_secs_f64();
     let memory = memory::peak_mb().map_or_else(String::new, |mb| format!("{mb:5.0}"));
-    let mut blocks: String = Blocks::of(&learner.model()).iter().map(|block| format!(", {}", block.name())).collect();
-    if let Some([x, y]) = BlockStrengths::of(&learner.model()).light_blur_px {
-        blocks.push_str(&format!(", σ of the blur {x:.2} and {y:.2} px"));
-    }
-    let how = format!("({adam_s:.1} s of Adam, order {order}{blocks}, {kept} pairs)");
+    let parts = PartStrength::all_of(&learner.model());
+    let kept = parts.iter().filter(|strength| strength.kept);
+    let parts: String = kept.map(|strength| format!(", {} ({})", strength.part.name(), strength.text(0))).collect();
+    let how = format!("({adam_s:.1} s of Adam, order {order}{parts}, {kept_pairs} pairs)");
     Ok((learner.model(), format!("{total_s:7.1} {memory}  {how}")))
 }
 

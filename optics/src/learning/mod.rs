@@ -55,6 +55,7 @@ pub(crate) mod sizes {
 }
 
 pub use crate::display::parts::blocks::Blocks;
+pub use crate::display::parts::measures::Unit;
 pub use crate::display::parts::{Block, ModelPart, without_each_part};
 pub use along_z::interpolated;
 pub use learner::{LearnState, Learner};
@@ -62,6 +63,6 @@ pub use options::{KernelModel, LearnOptions};
 pub use pair::{BoxError, LearningPairs, Pair, PairSource, compare, unsaturated_px};
 pub use parts::PartCost;
 pub use progress::{LearnStage, LearnStep};
-pub use strengths::BlockStrengths;
+pub use strengths::{Measure, PartStrength};
 pub use suggestion::{HologramChoice, Suggestion};
-pub use uncertainty::{ModelUncertainty, ResponseCovariance, StrengthUncertainty};
+pub use uncertainty::{ModelUncertainty, ResponseCovariance};

@@ -1,72 +1,138 @@
-//! How strong the [blocks](Block) of a learned display are.
+//! How strong the parts of a learned display are that only some displays need.
 
 use crate::display::DisplayModel;
-use crate::display::parts::Block;
 use crate::display::parts::blocks::Blocks;
-use crate::numerics::SmoothField;
-use crate::numerics::chebyshev::position;
+use crate::display::parts::measures::{Measures, Scale, Unit};
+use crate::display::parts::{Block, ModelPart};
 use serde::{Deserialize, Serialize};
 
-/// Strengths of the blocks that a display needed; `None` for a block that it has not.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct BlockStrengths {
-    /// Root mean square of the phase of the uneven surface, without its mean and its tilt \[rad\].
-    pub surface_rms_rad: Option<f64>,
-    /// Standard deviation of the cross-talk along x and along y \[px\].
-    pub crosstalk_px: Option<[f64; 2]>,
-    /// Root mean square of the relative change of the phase response over the SLM.
-    pub response_variation_rms: Option<f64>,
-    /// Standard deviation of the blur of the light along x and along y \[px\].
-    pub light_blur_px: Option<[f64; 2]>,
-    /// Standard deviation of the places of the images of modes that do not interfere, along x and along y \[px\].
-    pub image_spread_px: Option<[f64; 2]>,
-    /// Whether the kernel varies over the SLM.
-    pub kernel_varies: bool,
-    /// Light of the ghost relative to that of the image.
-    pub ghost_share: Option<f64>,
-    /// Contrast of the dust and fringes in the light on the SLM.
-    pub dust_contrast: Option<f64>,
+/// A part that only some displays need: whether a display needed it, and how strong it is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PartStrength {
+    /// The part.
+    pub part: ModelPart,
+    /// Whether the display needed the part's block.
+    pub kept: bool,
+    /// What tells how strong the part is; empty for a part that no number describes.
+    pub measures: Vec<Measure>,
 }
 
-impl BlockStrengths {
-    /// The strengths of the blocks of a display model.
+/// A number that tells how strong a part is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Measure {
+    /// Its name, unique among those of the part.
+    pub name: String,
+    /// Its unit.
+    pub unit: Unit,
+    /// Its value; `None` for a part that was not kept.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub value: Option<f64>,
+    /// One standard deviation of the value; `None` if it is not known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub std: Option<f64>,
+    /// Two standard deviations, for a part that was not kept: with less, the photographs would look the same. `None` if
+    /// that is not known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub hidden: Option<f64>,
+}
+
+impl PartStrength {
+    /// The parts of a display model that only some displays need, whether it has them or not.
     #[must_use]
-    pub fn of(model: &DisplayModel) -> Self {
+    pub fn all_of(model: &DisplayModel) -> Vec<Self> {
         let blocks = Blocks::of(model);
-        let has = |block| blocks.contains(block);
-        Self {
-            surface_rms_rad: has(Block::FineSource).then(|| surface_rms_rad(&model.source)),
-            crosstalk_px: has(Block::Crosstalk).then(|| model.crosstalk.sigma_px()),
-            response_variation_rms: has(Block::UnevenResponse).then(|| model.response_variation.rms()),
-            light_blur_px: has(Block::LightBlur).then(|| model.light_blur.sigma_px()),
-            image_spread_px: has(Block::PartialCoherence).then(|| model.coherence.spread_px()),
-            kernel_varies: has(Block::Varying),
-            ghost_share: has(Block::Ghost).then(|| model.ghost.share()),
-            dust_contrast: has(Block::Dust).then(|| model.dust.contrast()),
+        let strength = |block: Block| {
+            let (part, kept) = (block.part(), blocks.contains(block));
+            let values = if kept { part.row().strengths(model) } else { Vec::new() };
+            let measure = |(i, scale): (usize, &Scale)| Measure {
+                name: scale.name.to_owned(),
+                unit: scale.unit,
+                value: values.get(i).copied(),
+                std: None,
+                hidden: None,
+            };
+            Self { part, kept, measures: part.row().measures().scales.iter().enumerate().map(measure).collect() }
+        };
+        Block::ALL.into_iter().map(strength).collect()
+    }
+
+    /// Name of the part for people.
+    #[must_use]
+    pub fn title(&self) -> &'static str {
+        self.part.row().block_title()
+    }
+
+    /// For people: how strong a part is that was kept, or how strong one could be that was not. Values whose certainty
+    /// is not known have `more_digits` decimal places more than usual. Empty if nothing is known.
+    #[must_use]
+    pub fn text(&self, more_digits: usize) -> String {
+        let Measures { phrase, scales, .. } = self.part.row().measures();
+        let text = |scale: &Scale| {
+            let measure = self.measures.iter().find(|measure| measure.name == scale.name)?;
+            match self.kept {
+                true => Some(scale.text(measure.value?, measure.std, more_digits)),
+                false => Some(scale.text(measure.hidden?, None, more_digits)),
+            }
+        };
+        match scales.iter().map(text).collect::<Option<Vec<String>>>() {
+            Some(texts) if self.kept || !texts.is_empty() => {
+                texts.iter().fold((*phrase).to_owned(), |phrase, text| phrase.replacen("{}", text, 1))
+            }
+            _ => String::new(),
         }
     }
 
-    /// Whether the display needed no block.
+    /// What people should know of the part besides; empty for nothing.
     #[must_use]
-    pub fn is_none(&self) -> bool {
-        *self == Self::default()
+    pub fn note(&self) -> &'static str {
+        self.part.row().measures().note
     }
 }
 
-/// Root mean square of a source's phase over the SLM without its mean and its tilt, which only moves the image.
-fn surface_rms_rad(source: &SmoothField) -> f64 {
-    /// Number of positions along each axis.
-    const SIDE: usize = 64;
-    let basis = source.basis();
-    let places = || (0..SIDE * SIDE).map(|i| (position(i % SIDE, SIDE), position(i / SIDE, SIDE)));
-    let phases: Vec<f64> = places().map(|(x, y)| basis.value(&source.phase, x, y)).collect();
-    // The mean and both tilts are orthogonal to each other on this grid.
-    let share = |of: fn((f64, f64)) -> f64| {
-        let product: f64 = places().zip(&phases).map(|(place, phase)| of(place) * phase).sum();
-        product / places().map(|place| of(place).powi(2)).sum::<f64>()
-    };
-    let (mean, tilt_x, tilt_y) = (share(|_| 1.0), share(|place| place.0), share(|place| place.1));
-    let rest = places().zip(&phases).map(|((x, y), phase)| (phase - mean - tilt_x * x - tilt_y * y).powi(2));
-    (rest.sum::<f64>() / phases.len() as f64).sqrt()
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn strength(part: ModelPart, kept: bool, numbers: &[(f64, Option<f64>)]) -> PartStrength {
+        let measure = |(scale, &(number, std)): (&Scale, &(f64, Option<f64>))| Measure {
+            name: scale.name.to_owned(),
+            unit: scale.unit,
+            value: kept.then_some(number),
+            std,
+            hidden: (!kept).then_some(number),
+        };
+        PartStrength { part, kept, measures: part.row().measures().scales.iter().zip(numbers).map(measure).collect() }
+    }
+
+    #[test]
+    fn strengths_in_words_have_the_digits_that_their_certainty_allows() {
+        let text = |part, kept, numbers: &[(f64, Option<f64>)]| strength(part, kept, numbers).text(0);
+        let crosstalk = text(ModelPart::Crosstalk, true, &[(0.45, Some(0.011)), (0.3, Some(0.0023))]);
+        assert_eq!(crosstalk, "σ 0.45 ± 0.01 px along x, 0.300 ± 0.002 px along y");
+        assert_eq!(text(ModelPart::LightBlur, true, &[(0.5, None); 2]), "σ 0.50 px along x, 0.50 px along y");
+        assert_eq!(text(ModelPart::Dust, true, &[(0.1, None)]), "contrast of 10.0 %");
+        assert_eq!(text(ModelPart::UnevenResponse, false, &[(0.004, None)]), "0.4 % RMS");
+        assert_eq!(
+            text(ModelPart::Source, true, &[(0.31, Some(1e-7))]),
+            "phase of 0.3100 ± 0.0000 rad RMS without tilt"
+        );
+        let ghost = [(0.02, Some(0.001)), (3.0, Some(0.04)), (-4.5, None)];
+        assert_eq!(
+            text(ModelPart::Ghost, true, &ghost),
+            "2.00 ± 0.10 % of the light, 3.00 ± 0.04 px beside the image along x and -4.5 px along y"
+        );
+        assert_eq!(strength(ModelPart::Dust, true, &[(0.1, None)]).text(1), "contrast of 10.00 %");
+    }
+
+    #[test]
+    fn nothing_is_said_of_a_part_of_which_nothing_is_known() {
+        let [ghost, varying] = [ModelPart::Ghost, ModelPart::VaryingTransferFunction];
+        assert_eq!(strength(ghost, false, &[]).text(0), "");
+        assert_eq!(strength(varying, false, &[]).text(0), "");
+        assert_eq!(strength(varying, true, &[]).text(0), "differs from place to place");
+        // A result that was stored before the part had all of its measures.
+        assert_eq!(strength(ghost, true, &[(0.02, None)]).text(0), "");
+    }
 }

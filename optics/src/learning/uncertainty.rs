@@ -17,26 +17,19 @@ use super::layout::Layout;
 use super::options::KernelModel;
 use super::pair::{Example, Pair};
 use super::parametric::{CURVATURE_PAIRS, CURVATURE_PX};
-use super::strengths::BlockStrengths;
-use crate::display::parts::Block;
-use crate::display::parts::ModelPart;
+use super::strengths::PartStrength;
 use crate::display::parts::blocks::Blocks;
 use crate::display::parts::phase_response::HARMONICS;
-use crate::display::parts::response_variation::RESPONSE_VARIATION_ORDER;
-use crate::display::{Carrier, Detector, DisplayModel, KernelShape, LightBlur, ResponseVariation};
+use crate::display::parts::{ModelPart, THETA};
+use crate::display::{Carrier, Detector, DisplayModel, KernelShape};
 use crate::error::Error;
 use crate::numerics::RegionOfInterest;
-use crate::numerics::chebyshev::position;
 use crate::numerics::cholesky::Cholesky;
-use crate::numerics::gaussian_blur::sigma_px_of_ratio;
 use crate::numerics::optimizer::damped::FLOOR;
-use serde::{Deserialize, Serialize};
 use std::ops::Range;
 
 /// Fewest pairs from which the scatter between pairs can be estimated.
 const PAIRS_MIN: usize = 3;
-/// Change of a parameter by which the slope of a strength is computed.
-const CHANGE: f64 = 1e-4;
 /// Number of standard deviations that a part can have without being noticed.
 const HIDDEN_DEVIATIONS: f64 = 2.0;
 
@@ -44,7 +37,7 @@ const HIDDEN_DEVIATIONS: f64 = 2.0;
 #[derive(Debug)]
 pub struct ModelUncertainty {
     model: DisplayModel,
-    /// Layout of the model. That of the fit has cross-talk and an uneven response besides.
+    /// Layout of the model. That of the fit has besides what photographs can hide.
     layout: Layout,
     fit: Fit<f32>,
     region: RegionOfInterest,
@@ -59,18 +52,6 @@ pub struct ModelUncertainty {
 pub struct ResponseCovariance {
     /// Covariance matrix \[rad²\], row after row.
     matrix: [[f64; 2 * HARMONICS]; 2 * HARMONICS],
-}
-
-/// Uncertainty of the strengths of a model's blocks.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct StrengthUncertainty {
-    /// One standard deviation of the strength of each block that the model has; `None` for dust, and for blocks that it
-    /// lacks.
-    pub deviations: BlockStrengths,
-    /// Two standard deviations of the strength of cross-talk and of an uneven response, if the model lacks them: with
-    /// less, the photographs would look the same.
-    pub hidden: BlockStrengths,
 }
 
 /// Scatter of some parameters between fits that leave out one pair each.
@@ -96,8 +77,8 @@ impl ModelUncertainty {
     ) -> Result<Option<Self>, Error> {
         model.validate()?;
         let Some(layout) = layout_of(model) else { return Ok(None) };
-        let blocks = layout.blocks.with(Block::Crosstalk).with(Block::UnevenResponse);
-        let extended = Layout::of(KernelModel::Display, layout.kernel.order(), blocks).on(&model.setup);
+        let extended =
+            Layout::of(KernelModel::Display, layout.kernel.order(), layout.blocks.with_hidden()).on(&model.setup);
         let fit = Fit::of_model(model, extended, detector, carrier)?;
         let curvature = vec![0.0; extended.len() * extended.len()];
         Ok(Some(Self { model: model.clone(), layout, fit, region, curvature, gradients: Vec::new() }))
@@ -126,73 +107,32 @@ impl ModelUncertainty {
     #[must_use]
     pub fn response(&self) -> Option<ResponseCovariance> {
         let (scatter, first) = (self.scatter(0..0)?, self.fit.layout.start(ModelPart::PhaseResponse));
-        let changes: [Vec<f64>; 2 * HARMONICS] = std::array::from_fn(|i| scatter.changes(&[(first + i, 1.0)]));
+        let changes: [Vec<f64>; 2 * HARMONICS] = std::array::from_fn(|i| scatter.changes(first + i, &[1.0]));
         Some(ResponseCovariance {
             matrix: std::array::from_fn(|a| std::array::from_fn(|b| scatter.covariance(&changes[a], &changes[b]))),
         })
     }
 
-    /// The uncertainty of the strengths of the model's blocks. `None` for fewer than three pairs, or pairs that do not
-    /// determine the model.
+    /// How strong the parts are that only some displays need, how certain that is, and what the photographs could hide.
+    /// `None` for fewer than three pairs, or pairs that do not determine the model.
     #[must_use]
-    pub fn strengths(&self) -> Option<StrengthUncertainty> {
-        let (all, has) = (self.fit.layout, self.layout.blocks);
-        let scatter = self.scatter(0..0)?;
-        let variation = |scatter: &Scatter<'_>| scatter.response_variation(&all);
-        let of_light = |axis: usize| {
-            self.deviation(&scatter, all.range(ModelPart::PartialCoherence), |strengths| {
-                strengths.image_spread_px?.get(axis).copied()
-            })
-        };
-        let deviations = BlockStrengths {
-            surface_rms_rad: self
-                .deviation(&scatter, all.range(ModelPart::Source), |strengths| strengths.surface_rms_rad),
-            crosstalk_px: has
-                .contains(Block::Crosstalk)
-                .then(|| scatter.sigma_px(all.start(ModelPart::Crosstalk), self.model.crosstalk.ratios())),
-            light_blur_px: has
-                .contains(Block::LightBlur)
-                .then(|| scatter.sigma_px(all.start(ModelPart::LightBlur), self.model.light_blur.ratios())),
-            response_variation_rms: has.contains(Block::UnevenResponse).then(|| variation(&scatter)),
-            image_spread_px: of_light(0).zip(of_light(1)).map(|(x, y)| [x, y]),
-            ghost_share: self.deviation(&scatter, all.range(ModelPart::Ghost), |strengths| strengths.ghost_share),
-            ..BlockStrengths::default()
-        };
-        let with = |range: Range<usize>| self.scatter(range);
-        let hidden = BlockStrengths {
-            crosstalk_px: match has.contains(Block::Crosstalk) {
-                true => None,
-                false => with(all.range(ModelPart::Crosstalk)).map(|scatter| scatter.hidden_crosstalk_px(&all)),
-            },
-            response_variation_rms: match has.contains(Block::UnevenResponse) {
-                true => None,
-                false => {
-                    with(all.range(ModelPart::UnevenResponse)).map(|scatter| HIDDEN_DEVIATIONS * variation(&scatter))
-                }
-            },
-            ..BlockStrengths::default()
-        };
-        Some(StrengthUncertainty { deviations, hidden })
-    }
-
-    /// Standard deviation of a strength that depends on a range of θ; `None` if the model lacks its block.
-    fn deviation(
-        &self,
-        scatter: &Scatter<'_>,
-        range: Range<usize>,
-        strength: impl Fn(&BlockStrengths) -> Option<f64>,
-    ) -> Option<f64> {
-        strength(&BlockStrengths::of(&self.model))?;
-        let (layout, theta) = (&self.fit.layout, self.fit.layout.parameters(&self.model));
-        let at = |position: usize, change: f64| {
-            let mut theta = theta.clone();
-            theta[position] += change;
-            strength(&BlockStrengths::of(&layout.model(&self.model.setup, (1.0, 0.0), &theta)))
-        };
-        let slope = |position| Some((at(position, CHANGE)? - at(position, -CHANGE)?) / (2.0 * CHANGE));
-        let slopes: Option<Vec<(usize, f64)>> =
-            range.map(|position| slope(position).map(|slope| (position, slope))).collect();
-        Some(scatter.deviation(&slopes?))
+    pub fn strengths(&self) -> Option<Vec<PartStrength>> {
+        let own = self.scatter(0..0)?;
+        let mut strengths = PartStrength::all_of(&self.model);
+        for PartStrength { part, kept, measures } in &mut strengths {
+            let (row, range) = (part.row(), self.fit.layout.range(*part));
+            if *kept {
+                let deviation = |slopes: &[f64]| own.deviation(range.start, slopes);
+                let stds = row.deviations(&self.fit.layout, &self.model, &deviation);
+                measures.iter_mut().zip(stds.into_iter().flatten()).for_each(|(measure, std)| measure.std = Some(std));
+            } else if let Some(hidden) = row.hidden()
+                && let Some(scatter) = self.scatter(range.clone())
+            {
+                let most = |slopes: &[f64]| HIDDEN_DEVIATIONS * scatter.deviation(range.start, slopes);
+                measures.iter_mut().zip(hidden(&most)).for_each(|(measure, most)| measure.hidden = Some(most));
+            }
+        }
+        Some(strengths)
     }
 
     /// The scatter of the model's own parameters and of those in a range. `None` for fewer than three pairs, or pairs
@@ -216,9 +156,10 @@ impl ModelUncertainty {
 }
 
 impl Scatter<'_> {
-    /// First-order change, when a pair is left out, of a function with these slopes by parameters, times P.
-    fn changes(&self, slopes: &[(usize, f64)]) -> Vec<f64> {
-        let slope = |at: &usize| slopes.iter().filter(|(of, _)| of == at).map(|(_, slope)| slope).sum();
+    /// First-order change, when a pair is left out, of a function with these slopes by parameters from `start` on, times
+    /// P.
+    fn changes(&self, start: usize, slopes: &[f64]) -> Vec<f64> {
+        let slope = |at: &usize| at.checked_sub(start).and_then(|at| slopes.get(at)).copied().unwrap_or(0.0);
         let row = self.curvature.solve(self.positions.iter().map(slope).collect());
         let change = |gradient: &Vec<f64>| {
             self.positions.iter().zip(&row).map(|(&at, a)| a * (gradient[at] - self.mean[at])).sum()
@@ -232,65 +173,19 @@ impl Scatter<'_> {
         a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>() / (pairs * (pairs - 1)) as f64
     }
 
-    /// Standard deviation of a function with these slopes by parameters.
-    fn deviation(&self, slopes: &[(usize, f64)]) -> f64 {
-        let changes = self.changes(slopes);
+    /// Standard deviation of a function with these slopes by parameters from `start` on.
+    fn deviation(&self, start: usize, slopes: &[f64]) -> f64 {
+        let changes = self.changes(start, slopes);
         self.covariance(&changes, &changes).sqrt()
     }
-
-    /// Standard deviation of the q of a blur along x and along y, which begin at a position of θ.
-    fn ratios(&self, start: usize) -> [f64; 2] {
-        [0, 1].map(|axis| self.deviation(&[(start + axis, 1.0)]))
-    }
-
-    /// Standard deviation of the σ of a blur along x and along y \[px\], whose `ratios` q begin at a position of θ:
-    /// half the distance between the σ of the limits of q, because σ changes infinitely fast at q = 0.
-    fn sigma_px(&self, start: usize, ratios: [f64; 2]) -> [f64; 2] {
-        let deviations = self.ratios(start);
-        let moved = |by: f64| sigma_px(std::array::from_fn(|axis| ratios[axis] + by * deviations[axis]));
-        let (most, least) = (moved(1.0), moved(-1.0));
-        std::array::from_fn(|axis| (most[axis] - least[axis]) / 2.0)
-    }
-
-    /// σ of the most cross-talk that could be hidden along x and along y \[px\].
-    fn hidden_crosstalk_px(&self, layout: &Layout) -> [f64; 2] {
-        sigma_px(self.ratios(layout.start(ModelPart::Crosstalk)).map(|deviation| HIDDEN_DEVIATIONS * deviation))
-    }
-
-    /// Root mean square over the SLM of the standard deviation of the response's variation v.
-    fn response_variation(&self, layout: &Layout) -> f64 {
-        /// Number of places along each axis.
-        const SIDE: usize = 8;
-        let range = layout.range(ModelPart::UnevenResponse);
-        let variance = |x: f64, y: f64| {
-            let slope = |term: usize| {
-                let mut coefficients = vec![0.0; range.len()];
-                coefficients[term] = 1.0;
-                ResponseVariation { order: RESPONSE_VARIATION_ORDER, coefficients }.value(x, y)
-            };
-            let slopes: Vec<_> = (0..range.len()).map(|term| (range.start + term, slope(term))).collect();
-            self.deviation(&slopes).powi(2)
-        };
-        let places = (0..SIDE * SIDE).map(|i| (position(i % SIDE, SIDE), position(i / SIDE, SIDE)));
-        (places.map(|(x, y)| variance(x, y)).sum::<f64>() / (SIDE * SIDE) as f64).sqrt()
-    }
-}
-
-/// σ along x and along y \[px\] of a blur with these q, moved into the limits of a blur of the light.
-fn sigma_px(ratios: [f64; 2]) -> [f64; 2] {
-    ratios.map(|q| sigma_px_of_ratio(q.clamp(0.0, LightBlur::RATIO_MAX)))
 }
 
 /// The layout of a learned model with a phase response; `None` for a model of another shape.
 pub(super) fn layout_of(model: &DisplayModel) -> Option<Layout> {
     let KernelShape::Smooth(kernel) = &model.kernel else { return None };
     let layout = Layout::of(KernelModel::Display, kernel.order, Blocks::of(model)).on(&model.setup);
-    let is_of_layout = (model.source.order, model.response.len())
-        == (layout.source.order(), layout.range(ModelPart::PhaseResponse).len() / 2)
-        && [0, layout.range(ModelPart::UnevenResponse).len()].contains(&model.response_variation.coefficients.len())
-        && model.coherence.modes().len() == layout.modes
-        && model.coherence.modes().iter().all(|mode| mode.errors.order == layout.mode.order());
-    is_of_layout.then_some(layout)
+    let has_form = THETA.into_iter().all(|part| part.row().has_form_of(&layout, model));
+    has_form.then_some(layout)
 }
 
 impl ResponseCovariance {

@@ -2,7 +2,9 @@
 
 use super::{HEIGHT_PX, WIDTH_PX, bench, held_out_loss, learned, options, pairs, simulated_display};
 use lightpath_optics::hologram::initial_phase;
-use lightpath_optics::learning::{BlockStrengths, HologramChoice, LearnOptions, LearningPairs, ModelUncertainty, Pair};
+use lightpath_optics::learning::{
+    HologramChoice, LearnOptions, LearningPairs, Measure, ModelPart, ModelUncertainty, Pair, PartStrength,
+};
 use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::{Detector, DisplayModel, RegionOfInterest};
 
@@ -47,6 +49,17 @@ fn uncertainty(model: &DisplayModel, training: &[Pair]) -> ModelUncertainty {
     uncertainty
 }
 
+/// Of each measure of a part, one of its numbers.
+fn numbers(strengths: &[PartStrength], part: ModelPart, of: impl Fn(&Measure) -> Option<f64>) -> Vec<Option<f64>> {
+    let strength = strengths.iter().find(|strength| strength.part == part).unwrap();
+    strength.measures.iter().map(of).collect()
+}
+
+/// Both numbers of a part.
+fn both(numbers: Vec<Option<f64>>) -> [f64; 2] {
+    numbers.into_iter().flatten().collect::<Vec<_>>().try_into().unwrap()
+}
+
 #[test]
 fn uncertainty_of_strengths_matches_scatter() {
     let flawed = SimulatedBench { seed: 12, crosstalk_px: 0.4, crosstalk_y_px: 0.3, ..SimulatedBench::FAIR };
@@ -58,12 +71,13 @@ fn uncertainty_of_strengths_matches_scatter() {
         let validation = pairs(&bench, 2, 9000 + 1000 * set);
         let learning_pairs = LearningPairs { training: &training, validation: &validation };
         let model = learned(&bench, options(&bench, Some(5)), learning_pairs).model();
-        found.push(BlockStrengths::of(&model).crosstalk_px.unwrap());
         let strengths = uncertainty(&model, &training).strengths().unwrap();
-        let deviations = strengths.deviations.crosstalk_px.unwrap();
+        let crosstalk = |of: fn(&Measure) -> Option<f64>| numbers(&strengths, ModelPart::Crosstalk, of);
+        found.push(both(crosstalk(|measure| measure.value)));
+        let deviations = both(crosstalk(|measure| measure.std));
         (0..2).for_each(|axis| predicted[axis] += deviations[axis].powi(2) / sets as f64);
-        assert_eq!(strengths.hidden.crosstalk_px, None, "cross-talk that was found is not hidden");
-        assert_eq!(strengths.deviations.ghost_share, None);
+        assert_eq!(crosstalk(|measure| measure.hidden), [None; 2], "cross-talk that was found is not hidden");
+        assert_eq!(numbers(&strengths, ModelPart::Ghost, |measure| measure.std.or(measure.value)), [None; 3]);
     }
     for axis in 0..2 {
         let mean = found.iter().map(|sigma| sigma[axis]).sum::<f64>() / found.len() as f64;
@@ -80,9 +94,10 @@ fn less_cross_talk_can_hide_among_more_photographs() {
     let model = learned(&bench, options(&bench, Some(5)), LearningPairs::training_only(&training)).model();
     let hidden_px = |count: usize| {
         let strengths = uncertainty(&model, &training[..count]).strengths().unwrap();
-        assert_eq!(strengths.deviations.crosstalk_px, None);
-        assert!(strengths.hidden.response_variation_rms.unwrap() < 0.05, "{:?}", strengths.hidden);
-        strengths.hidden.crosstalk_px.unwrap()
+        let hidden = |part| numbers(&strengths, part, |measure| measure.hidden);
+        assert_eq!(numbers(&strengths, ModelPart::Crosstalk, |measure| measure.std.or(measure.value)), [None; 2]);
+        assert!(hidden(ModelPart::UnevenResponse)[0].unwrap() < 0.05, "{strengths:?}");
+        both(hidden(ModelPart::Crosstalk))
     };
     let ([x4, y4], [x16, y16]) = (hidden_px(4), hidden_px(16));
     assert!(x16 < x4 && y16 < y4 && x4 < 0.6 && x16 > 0.0, "{x4} and {y4} px, then {x16} and {y16} px");

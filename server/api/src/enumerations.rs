@@ -5,7 +5,6 @@ use lightpath_domain::job::{Fit, JobState};
 use lightpath_domain::rollout::RolloutState;
 use lightpath_media::kernel_formats::{KernelFormat, Loss};
 use lightpath_optics::engine::photometry::Quantity;
-use lightpath_optics::learning::ModelPart;
 use lightpath_optics::{Carrier, Detector, FilterShape, KernelModel, PropagationMethod};
 use lightpath_proto::v1;
 use lightpath_service::{Field, ServiceError};
@@ -81,9 +80,6 @@ convert_by_name! {
     KernelFormat = v1::KernelFormat { Safetensors Compact Pt Npy Npz Complex64 F16 Bundle }
     Loss = v1::KernelLoss {
         Source Dust Ghost Coherence PhaseResponse ResponseVariation Crosstalk LightBlur ZeroOrder GainAndOffset Variation OuterSpectrum Parameters Interpolation Precision
-    }
-    ModelPart = v1::ModelPart {
-        TransferFunction VaryingTransferFunction PartialCoherence Ghost Source Dust PhaseResponse UnevenResponse Crosstalk LightBlur ZeroOrder
     }
     AlignmentMethod = v1::alignment::Method { Points Dots Pairs }
     FindingKind = v1::finding::Kind {

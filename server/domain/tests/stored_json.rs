@@ -20,7 +20,7 @@ use lightpath_domain::planning;
 use lightpath_domain::units::{Distance, Wavelength};
 use lightpath_optics::engine::photometry::Quantity;
 use lightpath_optics::hologram::{DetectorQuality, Loss, Quality};
-use lightpath_optics::learning::{BlockStrengths, ModelPart, PartCost, StrengthUncertainty};
+use lightpath_optics::learning::{Measure, ModelPart, PartCost, PartStrength, Unit};
 use lightpath_optics::second_opinion::SecondOpinion;
 use lightpath_optics::{
     Carrier, ConvolutionMethod, Detector, Grid, HologramMethod, InitialPhase, KernelModel, Orders, RegionOfInterest,
@@ -306,27 +306,18 @@ fn learning_results_are_stored_as_before() {
         left_out_pairs: vec!["p01".to_owned()],
         propagation: propagation(),
     };
+    let measure = |name: &str, unit, value, std, hidden| Measure { name: name.to_owned(), unit, value, std, hidden };
+    let sigma = |axis, value, std| measure(axis, Unit::Pixels, Some(value), Some(std), None);
+    let strength = |part, kept, measures| PartStrength { part, kept, measures };
+    let parts = vec![
+        strength(ModelPart::Source, true, vec![measure("surface_rms", Unit::Radians, Some(1.5), None, None)]),
+        strength(ModelPart::Crosstalk, true, vec![sigma("sigma_x", 0.5, 0.01), sigma("sigma_y", 0.25, 0.02)]),
+        strength(ModelPart::UnevenResponse, false, vec![measure("rms", Unit::Fraction, None, None, Some(0.004))]),
+        strength(ModelPart::VaryingTransferFunction, false, Vec::new()),
+    ];
     check_stored(
         "learn_result",
-        &JobResult::Learn(LearnResult {
-            kernels: vec![kernel],
-            loss_history: vec![0.5],
-            order: 8,
-            blocks: BlockStrengths {
-                surface_rms_rad: Some(1.5),
-                crosstalk_px: Some([0.5, 0.25]),
-                response_variation_rms: None,
-                ghost_share: None,
-                dust_contrast: Some(0.08),
-                light_blur_px: Some([0.5, 0.75]),
-                image_spread_px: None,
-                kernel_varies: false,
-            },
-            certainty: Box::new(StrengthUncertainty {
-                deviations: BlockStrengths { crosstalk_px: Some([0.01, 0.02]), ..BlockStrengths::default() },
-                hidden: BlockStrengths { response_variation_rms: Some(0.004), ..BlockStrengths::default() },
-            }),
-        }),
+        &JobResult::Learn(LearnResult { kernels: vec![kernel], loss_history: vec![0.5], order: 8, parts }),
     );
 }
 

@@ -48,6 +48,12 @@ impl Blocks {
         self
     }
 
+    /// The set with those blocks besides that a display can have without photographs showing them.
+    #[must_use]
+    pub fn with_hidden(self) -> Self {
+        Block::ALL.into_iter().filter(|block| block.part().row().hidden().is_some()).fold(self, Self::with)
+    }
+
     /// The blocks of the set, in the order of [`Block::ALL`].
     pub fn iter(self) -> impl Iterator<Item = Block> {
         Block::ALL.into_iter().filter(move |&block| self.contains(block))

@@ -11,8 +11,9 @@
 //! 27, 25046 (2019).
 
 use super::layout::Layout;
+use super::measures::{Deviation, Hidden, Measures};
 use super::terms::Terms;
-use super::{Block, Part};
+use super::{Block, Part, sigma};
 use crate::display::DisplayModel;
 use crate::error::Result;
 use crate::numerics::Plane;
@@ -122,6 +123,22 @@ impl Part for Row {
 
     fn terms(&self) -> Option<Terms> {
         Some(Terms::USUAL)
+    }
+
+    fn measures(&self) -> &'static Measures {
+        &sigma::MEASURES
+    }
+
+    fn strengths(&self, model: &DisplayModel) -> Vec<f64> {
+        model.crosstalk.sigma_px().to_vec()
+    }
+
+    fn deviations(&self, _layout: &Layout, model: &DisplayModel, deviation: Deviation<'_>) -> Option<Vec<f64>> {
+        Some(sigma::deviations_px(model.crosstalk.ratios(), deviation))
+    }
+
+    fn hidden(&self) -> Option<Hidden> {
+        Some(sigma::hidden_px)
     }
 }
 

@@ -9,6 +9,7 @@
 //! and B are integers, so that every form of a kernel holds the same factors.
 
 use super::Part;
+use super::measures::{Measures, Scale, Unit};
 use super::terms::{Terms, Turn};
 use crate::display::DisplayModel;
 use crate::error::Result;
@@ -132,6 +133,18 @@ impl Part for Row {
 
     fn terms(&self) -> Option<Terms> {
         Some(Terms::new(Turn::OwnFit, GAIN_MIN, GAIN_MIN))
+    }
+
+    fn measures(&self) -> &'static Measures {
+        &Measures {
+            phrase: "contrast of {}",
+            scales: &[Scale { name: "contrast", unit: Unit::Fraction, digits: 1 }],
+            note: "",
+        }
+    }
+
+    fn strengths(&self, model: &DisplayModel) -> Vec<f64> {
+        vec![model.dust.contrast()]
     }
 }
 

@@ -9,6 +9,7 @@
 //! the optics reflect twice. Their factor turns too often over the band for a smooth series.
 
 use super::layout::Layout;
+use super::measures::{Measures, Scale, Unit};
 use super::terms::{GAIN_MIN, Terms, Turn};
 use super::{Block, Part};
 use crate::display::DisplayModel;
@@ -121,7 +122,7 @@ impl Part for Row {
     }
 
     fn title(&self) -> &'static str {
-        "ghost"
+        "ghost, a second image"
     }
 
     fn is_in(&self, model: &DisplayModel) -> bool {
@@ -152,6 +153,23 @@ impl Part for Row {
 
     fn terms(&self) -> Option<Terms> {
         Some(Terms::new(Turn::Last, GAIN_MIN, GAIN_MIN))
+    }
+
+    fn measures(&self) -> &'static Measures {
+        &Measures {
+            phrase: "{} of the light, {} beside the image along x and {} along y",
+            scales: &[
+                Scale { name: "share", unit: Unit::Fraction, digits: 2 },
+                Scale { name: "shift_x", unit: Unit::Pixels, digits: 1 },
+                Scale { name: "shift_y", unit: Unit::Pixels, digits: 1 },
+            ],
+            note: "",
+        }
+    }
+
+    fn strengths(&self, model: &DisplayModel) -> Vec<f64> {
+        let [x, y] = model.ghost.shift_px;
+        vec![model.ghost.share(), x, y]
     }
 }
 

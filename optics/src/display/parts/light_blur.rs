@@ -12,8 +12,9 @@
 //! direction times distance, and the images do not interfere. Photographs of one distance cannot tell the two apart.
 
 use super::layout::Layout;
+use super::measures::{Deviation, Measures};
 use super::terms::{Terms, Turn};
-use super::{Block, Part};
+use super::{Block, Part, sigma};
 use crate::display::DisplayModel;
 use crate::error::Result;
 use crate::numerics::Plane;
@@ -125,6 +126,18 @@ impl Part for Row {
 
     fn terms(&self) -> Option<Terms> {
         Some(Terms::new(Turn::First, GAIN_MIN, GAIN_MIN))
+    }
+
+    fn measures(&self) -> &'static Measures {
+        &Measures { note: "Photographs at one distance cannot tell the two apart.", ..sigma::MEASURES }
+    }
+
+    fn strengths(&self, model: &DisplayModel) -> Vec<f64> {
+        model.light_blur.sigma_px().to_vec()
+    }
+
+    fn deviations(&self, _layout: &Layout, model: &DisplayModel, deviation: Deviation<'_>) -> Option<Vec<f64>> {
+        Some(sigma::deviations_px(model.light_blur.ratios(), deviation))
     }
 }
 

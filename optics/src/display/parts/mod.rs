@@ -1,8 +1,8 @@
 //! The parts of a display that its [model](super::model) describes: one file for each, and one table of all.
 //!
-//! A file says what its part is, and implements [`Part`]: the part's names, its numbers in θ with their limits, how a
-//! model is left without it, and on which terms learning tries it. Whatever treats all parts alike goes through
-//! [`PARTS`].
+//! A file says what its part is, and implements `Part`: the part's names, its numbers in θ with their limits, how a
+//! model is left without it, on which terms learning tries it, and how strong it is. Whatever treats all parts alike goes
+//! through `PARTS`.
 
 pub(crate) mod blocks;
 pub mod crosstalk;
@@ -10,10 +10,12 @@ pub(crate) mod dust;
 pub(crate) mod ghost;
 pub(crate) mod layout;
 pub mod light_blur;
+pub(crate) mod measures;
 pub(crate) mod order_errors;
 pub(crate) mod partial_coherence;
 pub(crate) mod phase_response;
 pub(crate) mod response_variation;
+mod sigma;
 pub(crate) mod source;
 pub mod spatial_variation;
 pub(crate) mod terms;
@@ -22,6 +24,7 @@ pub(crate) mod zero_order;
 
 use super::model::{DisplayModel, KernelShape};
 use layout::Layout;
+use measures::{Deviation, Hidden, Measures};
 use serde::{Deserialize, Serialize};
 use terms::Terms;
 
@@ -37,6 +40,11 @@ pub(crate) trait Part: Sync {
 
     /// Name for people.
     fn title(&self) -> &'static str;
+
+    /// Name for people of what the part's block adds.
+    fn block_title(&self) -> &'static str {
+        self.title()
+    }
 
     /// Whether a model has the part.
     fn is_in(&self, model: &DisplayModel) -> bool;
@@ -62,6 +70,11 @@ pub(crate) trait Part: Sync {
     /// Gives a model the part with these numbers. Without numbers the model does not get the part.
     fn set(&self, _layout: &Layout, _numbers: &[f64], _model: &mut DisplayModel) {}
 
+    /// Whether the part of a model has the form that a layout gives it.
+    fn has_form_of(&self, _layout: &Layout, _model: &DisplayModel) -> bool {
+        true
+    }
+
     /// Converts the part's numbers to another layout.
     fn converted(&self, from: &Layout, to: &Layout, numbers: &[f64]) -> Vec<f64> {
         let count = self.count(to);
@@ -77,7 +90,44 @@ pub(crate) trait Part: Sync {
     fn terms(&self) -> Option<Terms> {
         None
     }
+
+    /// What tells how strong the part is.
+    fn measures(&self) -> &'static Measures {
+        &Measures::NONE
+    }
+
+    /// The measures of a model that has the part's block.
+    fn strengths(&self, _model: &DisplayModel) -> Vec<f64> {
+        Vec::new()
+    }
+
+    /// One standard deviation of each measure of a model that has the part's block, from the slopes of the measures;
+    /// `None` for a part without numbers in θ.
+    fn deviations(&self, layout: &Layout, model: &DisplayModel, deviation: Deviation<'_>) -> Option<Vec<f64>> {
+        let numbers = self.numbers(layout, model);
+        let changed = |position: usize, change: f64| {
+            let (mut numbers, mut model) = (numbers.clone(), model.clone());
+            numbers[position] += change;
+            self.set(layout, &numbers, &mut model);
+            self.strengths(&model)
+        };
+        let slopes = |position| -> Vec<f64> {
+            let (more, less) = (changed(position, CHANGE), changed(position, -CHANGE));
+            more.iter().zip(less).map(|(more, less)| (more - less) / (2.0 * CHANGE)).collect()
+        };
+        let slopes: Vec<Vec<f64>> = (0..numbers.len()).map(slopes).collect();
+        let of_measure = |i| deviation(&slopes.iter().map(|slopes| slopes[i]).collect::<Vec<_>>());
+        (!numbers.is_empty()).then(|| (0..self.measures().scales.len()).map(of_measure).collect())
+    }
+
+    /// How strong the part could be in a display whose photographs do not show it; `None` if nothing says that.
+    fn hidden(&self) -> Option<Hidden> {
+        None
+    }
 }
+
+/// Change of a number in θ by which the slope of a measure is computed.
+const CHANGE: f64 = 1e-4;
 
 /// Makes the table of the parts: `Part / Block: file`, where only parts have a block that only some displays need.
 macro_rules! parts {
@@ -245,6 +295,22 @@ mod tests {
         for block in Block::ALL {
             assert_eq!(serde_json::to_value(block).unwrap(), block.name());
             assert!(block.part().row().terms().is_some());
+        }
+    }
+
+    #[test]
+    fn each_block_says_how_strong_it_is() {
+        let setup = OpticalSetup::try_new(Grid::try_new(4, 6, 8e-6).unwrap(), 515e-9, 2e-3).unwrap();
+        let ideal = DisplayModel::ideal(setup);
+        for block in Block::ALL {
+            let row = block.part().row();
+            let measures = row.measures();
+            assert!(!measures.phrase.is_empty(), "{block:?}");
+            assert_eq!(measures.scales.is_empty(), block == Block::Varying, "{block:?}");
+            assert_eq!(measures.phrase.matches("{}").count(), measures.scales.len(), "{block:?}");
+            assert_eq!(row.strengths(&ideal).len(), measures.scales.len(), "{block:?}");
+            let hidden = row.hidden().map(|hidden| hidden(&|_| 0.1));
+            assert!(hidden.is_none_or(|hidden| hidden.len() == measures.scales.len()), "{block:?}");
         }
     }
 }

@@ -11,6 +11,7 @@
 //! (2024)).
 
 use super::layout::{Layout, field, of_field};
+use super::measures::{Measures, Scale, Unit};
 use super::terms::{Dear, Terms, Turn};
 use super::{Block, Part};
 use crate::display::DisplayModel;
@@ -158,6 +159,11 @@ impl Part for Row {
         model.coherence = PartialCoherence::new(modes.map(mode).collect());
     }
 
+    fn has_form_of(&self, layout: &Layout, model: &DisplayModel) -> bool {
+        let modes = model.coherence.modes();
+        modes.len() == layout.modes && modes.iter().all(|mode| mode.errors.order == layout.mode.order())
+    }
+
     fn limited(&self, layout: &Layout, position: usize, value: f64) -> f64 {
         let is_light = position.is_multiple_of(1 + 2 * layout.mode.terms());
         if is_light { value.clamp(LOG_LIGHT.0, LOG_LIGHT.1) } else { value }
@@ -168,6 +174,21 @@ impl Part for Row {
             dear: Some(Dear { hopeful: 1.0 / 3.0, replaces: Block::LightBlur, loss_max: 1.25 }),
             ..Terms::new(Turn::First, GAIN_MIN, GAIN_MIN)
         })
+    }
+
+    fn measures(&self) -> &'static Measures {
+        &Measures {
+            phrase: "the places of their images spread by σ {} along x, {} along y",
+            scales: &[
+                Scale { name: "spread_x", unit: Unit::Pixels, digits: 2 },
+                Scale { name: "spread_y", unit: Unit::Pixels, digits: 2 },
+            ],
+            note: "Pictures of the kernel show its first mode.",
+        }
+    }
+
+    fn strengths(&self, model: &DisplayModel) -> Vec<f64> {
+        model.coherence.spread_px().to_vec()
     }
 }
 

@@ -39,4 +39,8 @@ impl Part for Row {
     fn set(&self, _layout: &Layout, numbers: &[f64], model: &mut DisplayModel) {
         model.response = numbers.as_chunks().0.to_vec();
     }
+
+    fn has_form_of(&self, layout: &Layout, model: &DisplayModel) -> bool {
+        2 * model.response.len() == self.count(layout)
+    }
 }

@@ -9,6 +9,7 @@
 //! Applied Optics 43, 6400 (2004).
 
 use super::layout::{Layout, coefficients};
+use super::measures::{Deviation, Hidden, Measures, Scale, Unit};
 use super::terms::Terms;
 use super::{Block, Part};
 use crate::display::DisplayModel;
@@ -129,7 +130,44 @@ impl Part for Row {
         };
     }
 
+    fn has_form_of(&self, layout: &Layout, model: &DisplayModel) -> bool {
+        [0, self.count(layout)].contains(&model.response_variation.coefficients.len())
+    }
+
     fn terms(&self) -> Option<Terms> {
         Some(Terms::USUAL)
     }
+
+    fn measures(&self) -> &'static Measures {
+        &Measures { phrase: "{} RMS", scales: &[Scale { name: "rms", unit: Unit::Fraction, digits: 1 }], note: "" }
+    }
+
+    fn strengths(&self, model: &DisplayModel) -> Vec<f64> {
+        vec![model.response_variation.rms()]
+    }
+
+    fn deviations(&self, _layout: &Layout, _model: &DisplayModel, deviation: Deviation<'_>) -> Option<Vec<f64>> {
+        Some(deviation_rms(deviation))
+    }
+
+    fn hidden(&self) -> Option<Hidden> {
+        Some(deviation_rms)
+    }
+}
+
+/// Root mean square over the SLM of the standard deviation of v.
+fn deviation_rms(deviation: Deviation<'_>) -> Vec<f64> {
+    /// Number of places along each axis.
+    const SIDE: usize = 8;
+    let terms = ResponseVariation::terms(RESPONSE_VARIATION_ORDER);
+    let variance = |x: f64, y: f64| {
+        let slope = |term: usize| {
+            let mut coefficients = vec![0.0; terms];
+            coefficients[term] = 1.0;
+            ResponseVariation { order: RESPONSE_VARIATION_ORDER, coefficients }.value(x, y)
+        };
+        deviation(&(0..terms).map(slope).collect::<Vec<_>>()).powi(2)
+    };
+    let places = (0..SIDE * SIDE).map(|i| (position(i % SIDE, SIDE), position(i / SIDE, SIDE)));
+    vec![(places.map(|(x, y)| variance(x, y)).sum::<f64>() / (SIDE * SIDE) as f64).sqrt()]
 }

@@ -92,7 +92,8 @@ pub(crate) fn metrics(metrics: &KernelMetrics) -> v1::KernelMetrics {
 }
 
 fn part_cost(&PartCost { part, cost_db, least_db, most_db }: &PartCost) -> v1::kernel_metrics::PartCost {
-    v1::kernel_metrics::PartCost { part: part.to_wire(), cost_db, least_db, most_db }
+    let (title, part) = (part.title().to_owned(), part.name().to_owned());
+    v1::kernel_metrics::PartCost { part, title, cost_db, least_db, most_db }
 }
 
 /// Converts a move into its message.

@@ -5,7 +5,7 @@ use super::input::KernelDifference;
 use super::optics::{SAMPLES, band, heat, ratio};
 use crate::figures::{Axis, Canvas, ColourMap, Heatmap};
 use crate::pictures::PictureError;
-use lightpath_optics::learning::BlockStrengths;
+use lightpath_optics::learning::PartStrength;
 use lightpath_optics::{DisplayModel, KernelShape, Plane};
 use num_complex::Complex64;
 use std::f64::consts::PI;
@@ -17,7 +17,7 @@ pub struct Comparison {
     pub transfer: KernelDifference,
     /// Difference of the light on the modulator.
     pub source: KernelDifference,
-    /// Name with unit, value in the first and in the second model; `None`: the model is without this part.
+    /// Name, value in the first and in the second model; `None`: the model is without this part.
     pub parameters: Vec<(&'static str, [Option<String>; 2])>,
     /// The ratio of the transfer functions and the sources, as PNG.
     pub picture_png: Vec<u8>,
@@ -118,12 +118,8 @@ fn light_picture(model: &DisplayModel, title: &str, values: &Plane<f32>, top: f3
 }
 
 fn parameters(models: [&DisplayModel; 2]) -> Vec<(&'static str, [Option<String>; 2])> {
-    let strengths = models.map(BlockStrengths::of);
     let of_model = |of: &dyn Fn(&DisplayModel) -> Option<String>| models.map(of);
-    let of_blocks = |of: &dyn Fn(&BlockStrengths) -> Option<String>| [of(&strengths[0]), of(&strengths[1])];
     let number = |value: f64| format!("{value:.4}");
-    let percent = |value: f64| format!("{:.2}", 100.0 * value);
-    let pair = |pair: [f64; 2]| format!("{:.3}, {:.3}", pair[0], pair[1]);
     let rows = vec![
         (
             "degree of the kernel",
@@ -145,15 +141,12 @@ fn parameters(models: [&DisplayModel; 2]) -> Vec<(&'static str, [Option<String>;
             "bend of the response, first harmonic [rad]",
             of_model(&|model| model.response.first().map(|&[sine, cosine]| number(sine.hypot(cosine)))),
         ),
-        ("surface, rms [rad]", of_blocks(&|blocks| blocks.surface_rms_rad.map(number))),
-        ("cross-talk along x, y, σ [px]", of_blocks(&|blocks| blocks.crosstalk_px.map(pair))),
-        ("blur of the light along x, y, σ [px]", of_blocks(&|blocks| blocks.light_blur_px.map(pair))),
-        ("uneven response, rms [%]", of_blocks(&|blocks| blocks.response_variation_rms.map(percent))),
-        ("ghost, share of the light [%]", of_blocks(&|blocks| blocks.ghost_share.map(percent))),
-        ("dust, contrast [%]", of_blocks(&|blocks| blocks.dust_contrast.map(percent))),
-        ("spread of the modes along x, y [px]", of_blocks(&|blocks| blocks.image_spread_px.map(pair))),
     ];
-    rows.into_iter().filter(|(_, values)| values.iter().any(Option::is_some)).collect()
+    // A small difference shows in one more digit than a strength alone needs.
+    let text = |strength: &PartStrength| strength.kept.then(|| strength.text(1));
+    let [first, second] = models.map(PartStrength::all_of);
+    let strengths = first.iter().zip(&second).map(|(first, second)| (first.title(), [text(first), text(second)]));
+    rows.into_iter().chain(strengths).filter(|(_, values)| values.iter().any(Option::is_some)).collect()
 }
 
 #[cfg(test)]

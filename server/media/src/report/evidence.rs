@@ -4,7 +4,7 @@ use super::chapter::{Chapter, ReportError};
 use crate::figures::{Axis, Canvas, CaptionedPicture, ColourMap, ContactRow, ContactSheet, Heatmap, escaped};
 use lightpath_domain::dataset::Split;
 use lightpath_optics::diagnostics::LitBand;
-use lightpath_optics::learning::{Pair, ResponseCovariance, StrengthUncertainty, compare};
+use lightpath_optics::learning::{Pair, PartStrength, ResponseCovariance, compare};
 use lightpath_optics::{Engine, Error, Plane, RegionOfInterest};
 use std::fmt::Write as _;
 
@@ -17,8 +17,8 @@ pub struct Evidence {
     lit: LitBand,
     /// Uncertainty of the phase response. `None`: the training pairs do not determine it.
     pub response: Option<ResponseCovariance>,
-    /// Uncertainty of the strengths of the model's parts. `None`: the training pairs do not determine it.
-    pub strengths: Option<StrengthUncertainty>,
+    /// How strong the model's parts are, and how certain that is. `None`: the training pairs do not determine it.
+    pub strengths: Option<Vec<PartStrength>>,
 }
 
 /// Comparison of one pair with the kernel, with small pictures.

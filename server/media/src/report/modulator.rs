@@ -4,14 +4,14 @@ use super::chapter::Chapter;
 use super::evidence::Evidence;
 use crate::figures::{Chart, Line};
 use lightpath_optics::DisplayModel;
-use lightpath_optics::learning::{BlockStrengths, StrengthUncertainty};
+use lightpath_optics::learning::PartStrength;
 use std::f64::consts::TAU;
 use std::fmt::Write as _;
 
 /// The chapter about the modulator.
 pub(super) fn chapter(model: &DisplayModel, evidence: Option<&Evidence>) -> Chapter {
     let uncertainty = evidence.and_then(|evidence| evidence.response.as_ref());
-    let certainty = evidence.and_then(|evidence| evidence.strengths.as_ref());
+    let strengths = evidence.and_then(|evidence| evidence.strengths.clone());
     let zero = model.zero_order.norm();
     let mut body = format!(
         "<p>Undiffracted light: its amplitude is {:.4} of that of the modulated light, its phase is {:.2} rad, and its \
@@ -20,7 +20,7 @@ pub(super) fn chapter(model: &DisplayModel, evidence: Option<&Evidence>) -> Chap
         model.zero_order.arg(),
         100.0 * zero * zero
     );
-    body.push_str(&parts(model, certainty));
+    body.push_str(&parts(&strengths.unwrap_or_else(|| PartStrength::all_of(model))));
     let mut chapter = Chapter { title: "Modulator", ..Chapter::default() };
     if model.response.is_empty() {
         body.push_str(
@@ -61,96 +61,43 @@ pub(super) fn chapter(model: &DisplayModel, evidence: Option<&Evidence>) -> Chap
     chapter
 }
 
-/// The parts of the model that this display needed, how strong they are, and how certain that is.
-fn parts(model: &DisplayModel, certainty: Option<&StrengthUncertainty>) -> String {
-    let (blocks, certainty) = (BlockStrengths::of(model), certainty.copied().unwrap_or_default());
-    let (deviations, mut text) = (certainty.deviations, String::new());
-    let pair = |values: [f64; 2], deviations: Option<[f64; 2]>| -> [String; 2] {
-        std::array::from_fn(|axis| with(values[axis], deviations.map(|both| both[axis]), 1.0, 2))
-    };
-    let mut say = |paragraph: String| text.push_str(&format!("<p>{paragraph}</p>"));
-    if let Some(rms) = blocks.surface_rms_rad {
-        let rms = with(rms, deviations.surface_rms_rad, 1.0, 2);
-        say(format!(
-            "The light on the modulator needs a fine profile. Its phase, the surface of the modulator, has {rms} rad RMS \
-             without tilt."
-        ));
-    }
-    if let Some(sigma) = blocks.crosstalk_px {
-        let [x, y] = pair(sigma, deviations.crosstalk_px);
-        say(format!(
-            "Cross-talk: the phases of neighbouring pixels blur into each other with a standard deviation of {x} px along \
-             x and {y} px along y."
-        ));
-    }
-    if let Some(sigma) = blocks.light_blur_px {
-        let [x, y] = pair(sigma, deviations.light_blur_px);
-        say(format!(
-            "The light blurs with a standard deviation of {x} px along x and {y} px along y. The lens of a camera does \
-             this, and so does a source with an extent; photographs at one distance cannot tell which."
-        ));
-    }
-    if let Some(rms) = blocks.response_variation_rms {
-        let rms = with(rms, deviations.response_variation_rms, 100.0, 1);
-        say(format!("The phase response varies over the modulator by {rms} % RMS."));
-    }
-    if let Some(share) = blocks.ghost_share {
-        let ([x, y], share) = (model.ghost.shift_px, with(share, deviations.ghost_share, 100.0, 2));
-        say(format!(
-            "A ghost, a second image with {share} % of the light, lies {x:.1} px and {y:.1} px beside the image along x \
-             and y."
-        ));
-    }
-    if let Some(contrast) = blocks.dust_contrast {
-        let contrast = with(contrast, None, 100.0, 1);
-        say(format!("Dust and fringes in the light on the modulator, with a contrast of {contrast} %."));
-    }
-    if let Some(spread) = blocks.image_spread_px {
-        let [x, y] = pair(spread, deviations.image_spread_px);
-        say(format!(
-            "The light is partially coherent: it has several modes that do not interfere, and the places of their images \
-             have a standard deviation of {x} px along x and {y} px along y. Pictures of the kernel show its first mode."
-        ));
-    }
+/// The parts of the model that this display needed, how strong they are, how certain that is, and what the photographs
+/// could not show.
+fn parts(strengths: &[PartStrength]) -> String {
+    let (kept, lacking): (Vec<_>, Vec<_>) = strengths.iter().partition(|strength| strength.kept);
+    let mut text: String = kept.into_iter().map(paragraph).collect();
     if text.is_empty() {
-        text.push_str(
-            "<p>The model has no uneven surface, no cross-talk, no variation of the phase response, no blur of the \
-             light, no ghost, no dust and no further modes of light: the photographs did not need them, or the model does not know them.</p>",
+        let titles: Vec<&str> = lacking.iter().map(|strength| strength.title()).collect();
+        text = format!(
+            "<p>The model has none of these parts: {}. The photographs did not need them, or the model does not know \
+             them.</p>",
+            titles.join("; ")
         );
     }
-    text + &hidden(&certainty.hidden)
-}
-
-/// Largest number of decimal places of a strength.
-const DIGITS_MAX: usize = 4;
-
-/// A strength in a unit, with one standard deviation if it is known.
-fn with(value: f64, deviation: Option<f64>, unit: f64, digits: usize) -> String {
-    let value = unit * value;
-    let Some(deviation) = deviation.map(|deviation| unit * deviation) else { return format!("{value:.digits$}") };
-    // As many digits as a small deviation needs.
-    let digits = (digits..digits + 2).find(|&digits| deviation >= 0.5 * 0.1f64.powi(digits as i32));
-    let digits = digits.unwrap_or(DIGITS_MAX);
-    format!("{value:.digits$} ± {deviation:.digits$}")
-}
-
-/// What the photographs could not show.
-fn hidden(hidden: &BlockStrengths) -> String {
-    let crosstalk = hidden
-        .crosstalk_px
-        .map(|[x, y]| format!("cross-talk with a standard deviation of up to {x:.2} px along x and {y:.2} px along y"));
-    let uneven = hidden
-        .response_variation_rms
-        .map(|rms| format!("a phase response that varies over the modulator by up to {:.1} % RMS", 100.0 * rms));
-    let all: Vec<String> = crosstalk.into_iter().chain(uneven).collect();
-    if all.is_empty() {
-        return String::new();
+    let hidden =
+        lacking.iter().map(|strength| (strength.title(), strength.text(0))).filter(|(_, text)| !text.is_empty());
+    let hidden: Vec<String> = hidden.map(|(title, text)| format!("{title}, up to {text}")).collect();
+    if !hidden.is_empty() {
+        let _ = write!(
+            text,
+            "<p>The display could have more than the photographs show: {}. With less than these two standard deviations \
+             the photographs would look the same. Photographs of other holograms can tell (lightpath dataset \
+             suggest).</p>",
+            hidden.join("; ")
+        );
     }
-    format!(
-        "<p>The display could have more than the photographs show: {}. With less than these two standard deviations the \
-         photographs would look the same. Photographs of other holograms can tell (lightpath dataset suggest).</p>",
-        all.join(", and ")
-    )
+    text
+}
+
+/// A part and its strength.
+fn paragraph(strength: &PartStrength) -> String {
+    let title = strength.title();
+    let (first, rest) = title.split_at(title.chars().next().map_or(0, char::len_utf8));
+    let note = match strength.note() {
+        "" => String::new(),
+        note => format!(" {note}"),
+    };
+    format!("<p>{}{rest}: {}.{note}</p>", first.to_uppercase(), strength.text(0))
 }
 
 /// Number of steps in the curve of the phase response.
@@ -179,5 +126,33 @@ fn response_chart(curve: &[f64], deviations: &[f64]) -> Chart<'static> {
             Line { label: "linear".to_owned(), points: vec![(0.0, 0.0), (TAU, 0.0)], dashed: true },
         ],
         band,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lightpath_optics::{Crosstalk, Grid, OpticalSetup};
+
+    #[test]
+    fn parts_are_told_with_their_strengths_and_what_could_hide() {
+        let setup = OpticalSetup::try_new(Grid::try_new(8, 8, 8e-6).unwrap(), 515e-9, 3e-3).unwrap();
+        let ideal = DisplayModel::ideal(setup);
+        let text = parts(&PartStrength::all_of(&ideal));
+        assert!(text.starts_with("<p>The model has none of these parts: uneven surface of the modulator; "), "{text}");
+        let crossed = DisplayModel { crosstalk: Crosstalk::of_sigma_px([0.45, 0.3]), ..ideal };
+        let mut strengths = PartStrength::all_of(&crossed);
+        for measure in strengths.iter_mut().filter(|strength| !strength.kept).flat_map(|other| &mut other.measures) {
+            measure.hidden = (measure.name == "rms").then_some(0.012);
+        }
+        assert_eq!(
+            parts(&strengths).split_inclusive("</p>").collect::<Vec<_>>(),
+            [
+                "<p>Cross-talk between neighbouring pixels: σ 0.45 px along x, 0.30 px along y.</p>",
+                "<p>The display could have more than the photographs show: change of the phase response over the \
+                 modulator, up to 1.2 % RMS. With less than these two standard deviations the photographs would look the \
+                 same. Photographs of other holograms can tell (lightpath dataset suggest).</p>",
+            ]
+        );
     }
 }

@@ -5,7 +5,7 @@ use super::chapter::{Chapter, Figure};
 use super::input::ReportInput;
 use crate::figures::escaped;
 use lightpath_domain::kernel::KernelMetrics;
-use lightpath_optics::learning::{ModelPart, PartCost};
+use lightpath_optics::learning::PartCost;
 use std::fmt::Write as _;
 
 const STYLE: &str = "\
@@ -101,7 +101,7 @@ fn parts(metrics: &KernelMetrics) -> String {
         let db = |value: f64| format!("{value:.1}").replace('-', "−");
         format!(
             "<tr><td>{}</td><td class=n>{} dB</td><td class=n>{} to {} dB</td><td>{certain}</td></tr>",
-            part_name(cost.part),
+            cost.part.title(),
             db(cost.cost_db),
             db(cost.least_db),
             db(cost.most_db)
@@ -112,22 +112,6 @@ fn parts(metrics: &KernelMetrics) -> String {
          equal.</p><table><tr><th>part of the display</th><th class=n>median</th><th class=n>over the photographs</th><th></th></tr>{}</table>",
         metrics.parts.iter().map(row).collect::<String>()
     )
-}
-
-fn part_name(part: ModelPart) -> &'static str {
-    match part {
-        ModelPart::TransferFunction => "aberrations and losses of the optics",
-        ModelPart::VaryingTransferFunction => "their change over the modulator",
-        ModelPart::PartialCoherence => "further modes of the light, which do not interfere",
-        ModelPart::Ghost => "ghost",
-        ModelPart::Source => "profile of the light on the modulator, and its surface",
-        ModelPart::Dust => "dust and fringes",
-        ModelPart::PhaseResponse => "bend of the phase response",
-        ModelPart::UnevenResponse => "change of the phase response over the modulator",
-        ModelPart::Crosstalk => "cross-talk between neighbouring pixels",
-        ModelPart::LightBlur => "blur of the light, by the camera or an extended source",
-        ModelPart::ZeroOrder => "undiffracted light",
-    }
 }
 
 fn losses(name: &str, learned: f64, ideal: f64) -> String {

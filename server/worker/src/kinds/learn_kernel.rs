@@ -15,8 +15,8 @@ use lightpath_domain::kernel::{KernelLineage, KernelMetrics, LearnedDataset, New
 use lightpath_media::captures::Captures;
 use lightpath_media::kernel_file::{self, Origin};
 use lightpath_optics::learning::{
-    BlockStrengths, LearnOptions, LearnStage, Learner, LearningPairs, ModelPart, ModelUncertainty, PairSource,
-    PartCost, StrengthUncertainty, unsaturated_px, without_each_part,
+    LearnOptions, LearnStage, Learner, LearningPairs, ModelPart, ModelUncertainty, PairSource, PartCost, PartStrength,
+    unsaturated_px, without_each_part,
 };
 use lightpath_optics::{Detector, DisplayModel, KernelModel, KernelShape, OpticalSetup, RegionOfInterest};
 
@@ -63,14 +63,13 @@ pub(super) fn run(context: &JobContext, job: &Job, spec: &LearnKernel) -> Result
         let version = NewKernelVersion { model: kind, artifact, size_bytes, metrics, lineage };
         learned.push((plane.0.key.clone(), version));
     }
-    let blocks = BlockStrengths::of(&models[0]);
-    let certainty = certainty(context, &planes[0], &models[0], (spec.detector, region), &learned_from_first)?;
+    let parts = strengths(context, &planes[0], &models[0], (spec.detector, region), &learned_from_first)?;
     let order = match &models[0].kernel {
         KernelShape::Smooth(field) => field.order as u32,
         KernelShape::Ideal | KernelShape::Bins(_) => 0,
     };
     Ok(TaskOutput {
-        result: JobResult::Learn(LearnResult { kernels, loss_history, order, blocks, certainty: Box::new(certainty) }),
+        result: JobResult::Learn(LearnResult { kernels, loss_history, order, parts }),
         effect: JobEffect::Kernels(learned),
     })
 }
@@ -223,16 +222,16 @@ fn measure(
     })
 }
 
-/// How certain the strengths of a model's parts are, from training pairs that learning used.
-fn certainty(
+/// How strong a model's parts are, and how certain that is, from training pairs that learning used.
+fn strengths(
     context: &JobContext,
     (display, dataset): &(DisplaySetup, Dataset),
     model: &DisplayModel,
     (detector, region): (Detector, RegionOfInterest),
     kept: &[usize],
-) -> Result<StrengthUncertainty, TaskError> {
+) -> Result<Vec<PartStrength>, TaskError> {
     let Some(mut uncertainty) = ModelUncertainty::of(model, detector, display.carrier, region)? else {
-        return Ok(StrengthUncertainty::default());
+        return Ok(PartStrength::all_of(model));
     };
     let training = Pairs::of(context, display, dataset, Split::Train)?;
     let used = &kept[..kept.len().min(CERTAINTY_PAIRS_MAX)];
@@ -242,7 +241,7 @@ fn certainty(
         let (stage, step) = ("measure the certainty".to_owned(), done as u32 + 1);
         context.report(Progress { stage, step, steps_total, loss: 0.0, eta_s: None })?;
     }
-    Ok(uncertainty.strengths().unwrap_or_default())
+    Ok(uncertainty.strengths().unwrap_or_else(|| PartStrength::all_of(model)))
 }
 
 /// What the model loses without each of its parts, on pairs whose losses with all parts are known.

@@ -9,6 +9,7 @@ use lightpath_domain::job::{
 use lightpath_domain::kernel::{KernelKey, KernelModel};
 use lightpath_fixtures::WAVELENGTH;
 use lightpath_media::pictures;
+use lightpath_optics::learning::ModelPart;
 
 fn suggest(version: u32, holograms: u32) -> JobSpec {
     let kernel = KernelKey { display: "lab".to_owned(), wavelength: WAVELENGTH, distance: DISTANCE };
@@ -39,8 +40,9 @@ async fn suggested(lab: &Lab, request_id: &str, compute_threads: usize) -> Sugge
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn suggested_holograms_can_be_shown_and_tell_more_than_the_others() {
     let (lab, learned) = lab_with_kernel().await;
-    let hidden = learned.certainty.hidden;
-    assert!(hidden.crosstalk_px.is_some_and(|[x, y]| x > 0.0 && y > 0.0), "{hidden:?}");
+    let crosstalk = learned.parts.iter().find(|strength| strength.part == ModelPart::Crosstalk).unwrap();
+    let could_hide = crosstalk.measures.iter().all(|measure| measure.hidden.is_some_and(|sigma_px| sigma_px > 0.0));
+    assert!(crosstalk.measures.len() == 2 && could_hide, "{crosstalk:?}");
     let suggestions = suggested(&lab, "suggest", 2).await;
     let [first, second] = &suggestions.holograms[..] else { panic!("{suggestions:?}") };
     assert!(first.error_db < 0.0 && second.error_db < first.error_db && first.part_db < 0.0, "{suggestions:?}");

@@ -226,8 +226,7 @@ class KernelVersion:
             ("loss of the test pairs", f"{metrics.test_loss:.3g}"),
             ("with the ideal kernel", f"{metrics.ideal_test_loss:.3g}"),
         ]
-        parts = [(words.name_of(v1.ModelPart, part.part), part.cost_db) for part in metrics.parts]
-        rows += [(f"without {part.replace('-', ' ')}", f"{cost_db:+.1f} dB") for part, cost_db in parts]
+        rows += [(f"without {part.part.replace('_', ' ')}", f"{part.cost_db:+.1f} dB") for part in metrics.parts]
         if self.message.HasField("deprecation"):
             rows.append(("deprecated", self.message.deprecation.reason))
         return html.table(self.name, rows)

@@ -15,6 +15,7 @@
 pub mod local_kernels;
 
 use super::layout::{Layout, field, fields_in, of_field};
+use super::measures::Measures;
 use super::terms::{GAIN_MIN, Terms, Turn};
 use super::{Block, Part};
 use crate::display::DisplayModel;
@@ -128,6 +129,10 @@ impl Part for Row {
         "their change over the modulator"
     }
 
+    fn block_title(&self) -> &'static str {
+        "change of the aberrations over the modulator"
+    }
+
     fn is_in(&self, model: &DisplayModel) -> bool {
         !model.variation.is_none()
     }
@@ -161,5 +166,10 @@ impl Part for Row {
 
     fn terms(&self) -> Option<Terms> {
         Some(Terms { never_beside: Some(Block::PartialCoherence), ..Terms::new(Turn::Last, GAIN_MIN, GAIN_MIN) })
+    }
+
+    fn measures(&self) -> &'static Measures {
+        // No number says it: a chapter of the report shows what differs from place to place.
+        &Measures { phrase: "differs from place to place", ..Measures::NONE }
     }
 }

@@ -8,7 +8,7 @@ use crate::names;
 use crate::optics::from_wire::region;
 use crate::optics::to_wire::{region_message, validity_report};
 use lightpath_domain::job::{LearnKernel, LearnResult, LearnedKernel};
-use lightpath_optics::learning::BlockStrengths;
+use lightpath_optics::learning::{Measure, PartStrength};
 use lightpath_optics::{Detector, KernelModel};
 use lightpath_proto::v1;
 use lightpath_service::{Call, Field, ServiceError, check_all};
@@ -115,26 +115,18 @@ pub(super) fn result(result: LearnResult) -> v1::LearnResult {
         kernels: result.kernels.into_iter().map(kernel).collect(),
         loss_history: result.loss_history,
         order: result.order,
-        blocks: Some(blocks(&result.blocks)),
-        deviations: Some(blocks(&result.certainty.deviations)),
-        hidden: Some(blocks(&result.certainty.hidden)),
+        parts: result.parts.into_iter().map(part).collect(),
     }
 }
 
-fn blocks(blocks: &BlockStrengths) -> v1::learn_result::BlockStrengths {
-    v1::learn_result::BlockStrengths {
-        surface_rms_rad: blocks.surface_rms_rad,
-        crosstalk_x_px: blocks.crosstalk_px.map(|[x, _]| x),
-        crosstalk_y_px: blocks.crosstalk_px.map(|[_, y]| y),
-        response_variation_rms: blocks.response_variation_rms,
-        kernel_varies: blocks.kernel_varies,
-        dust_contrast: blocks.dust_contrast,
-        ghost_share: blocks.ghost_share,
-        image_spread_x_px: blocks.image_spread_px.map(|[x, _]| x),
-        image_spread_y_px: blocks.image_spread_px.map(|[_, y]| y),
-        light_blur_x_px: blocks.light_blur_px.map(|[x, _]| x),
-        light_blur_y_px: blocks.light_blur_px.map(|[_, y]| y),
-    }
+fn part(strength: PartStrength) -> v1::learn_result::Part {
+    let (name, title, text) = (strength.part.name().to_owned(), strength.title().to_owned(), strength.text(0));
+    let measure = |Measure { name, unit, value, std, hidden }: Measure| {
+        let unit = unit.name().to_owned();
+        v1::learn_result::Measure { name, unit, value, std, hidden }
+    };
+    let measures = strength.measures.into_iter().map(measure).collect();
+    v1::learn_result::Part { name, title, kept: strength.kept, measures, text }
 }
 
 fn kernel(kernel: LearnedKernel) -> v1::learn_result::LearnedKernel {

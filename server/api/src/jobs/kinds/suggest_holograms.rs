@@ -1,7 +1,6 @@
 //! Jobs that suggest holograms to photograph.
 
 use crate::api::Api;
-use crate::enumerations::OnWire as _;
 use crate::names;
 use lightpath_domain::job::kinds::suggest_holograms::{SUGGESTIONS_DEFAULT, SUGGESTIONS_MAX};
 use lightpath_domain::job::{SuggestHolograms, SuggestResult, SuggestedHologram};
@@ -37,5 +36,5 @@ pub(super) fn result(result: SuggestResult) -> v1::SuggestResult {
 
 fn suggestion(hologram: SuggestedHologram) -> suggest_result::Suggestion {
     let SuggestedHologram { phase, picture, phase_range_rad, error_db, part, part_db } = hologram;
-    suggest_result::Suggestion { phase, picture, phase_range_rad, error_db, part: part.to_wire(), part_db }
+    suggest_result::Suggestion { phase, picture, phase_range_rad, error_db, part: part.name().to_owned(), part_db }
 }

@@ -4,7 +4,7 @@ use super::Kind;
 use crate::job::estimate::{CAPTURED_ITERATIONS, LEARNING_FACTOR, Need, PairsSize, REAL};
 use crate::kernel::KernelMetrics;
 use lightpath_optics::hologram::HologramMethod;
-use lightpath_optics::learning::{BlockStrengths, Blocks, KernelModel, LearnOptions, StrengthUncertainty};
+use lightpath_optics::learning::{Blocks, KernelModel, LearnOptions, PartStrength};
 use lightpath_optics::memory::{EngineSize, HologramSize, LearningSize};
 use lightpath_optics::{Detector, RegionOfInterest, SimulatedBench, ValidityReport};
 use serde::{Deserialize, Serialize};
@@ -45,10 +45,10 @@ pub struct LearnResult {
     pub loss_history: Vec<f64>,
     /// Polynomial degree of the kernels; 0 for the models `paper` and `dense`.
     pub order: u32,
-    /// Parts of the model that this display needed, with their strengths.
-    pub blocks: BlockStrengths,
-    /// How certain these strengths are, and what the photographs could hide.
-    pub certainty: Box<StrengthUncertainty>,
+    /// The parts of the model that only some displays need: which this one needed, how strong they are, how certain that
+    /// is, and what the photographs could hide.
+    #[serde(default)]
+    pub parts: Vec<PartStrength>,
 }
 
 /// Kernel learned for the distance of one dataset.

@@ -3,7 +3,7 @@
 use super::Kind;
 use crate::job::estimate::{KernelSize, Need, PairsSize, REAL};
 use crate::kernel::KernelKey;
-use lightpath_optics::learning::{Block, KernelModel};
+use lightpath_optics::learning::KernelModel;
 use lightpath_optics::memory::{EngineSize, LearningSize};
 use serde::{Deserialize, Serialize};
 
@@ -96,7 +96,7 @@ pub fn need(inputs: &ReportInputs) -> Need {
             distances: 1,
             region_px: inputs.region_px,
             // What the photographs could hide is among the parameters.
-            blocks: kernel.blocks.with(Block::Crosstalk).with(Block::UnevenResponse),
+            blocks: kernel.blocks.with_hidden(),
         };
         let fit =
             if matches!(inputs.model, KernelModel::Display | KernelModel::Varying) { size.fit_bytes() } else { 0 };
