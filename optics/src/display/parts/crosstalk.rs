@@ -11,6 +11,7 @@
 //! 27, 25046 (2019).
 
 use super::layout::Layout;
+use super::stored::{Entry, Restored, Stored, StoredParts};
 use super::terms::Terms;
 use super::{Block, Part};
 use crate::display::DisplayModel;
@@ -99,6 +100,21 @@ impl Part for Row {
 
     fn remove(&self, model: &mut DisplayModel) {
         model.crosstalk = Crosstalk::NONE;
+    }
+
+    fn store(&self, model: &DisplayModel, to: &mut Stored) {
+        if !model.crosstalk.is_none() {
+            to.sometimes("has_crosstalk", Entry::Flag(true));
+            to.list("crosstalk", &model.crosstalk.ratios());
+        }
+    }
+
+    fn restore(&self, from: &dyn StoredParts, model: &mut DisplayModel) -> Restored {
+        if from.flag("has_crosstalk")? {
+            let [ratio_x, ratio_y] = from.exactly("crosstalk", "two f64")?;
+            model.crosstalk = Crosstalk { ratio_x, ratio_y };
+        }
+        Ok(())
     }
 
     fn count(&self, layout: &Layout) -> usize {

@@ -9,8 +9,9 @@
 //! the optics reflect twice. Their factor turns too often over the band for a smooth series.
 
 use super::layout::Layout;
+use super::stored::{Entry, Restored, Stored, StoredParts};
 use super::terms::{GAIN_MIN, Terms, Turn};
-use super::{Block, Part};
+use super::{Block, InBins, Part};
 use crate::display::DisplayModel;
 use crate::error::Result;
 use crate::numerics::SmoothField;
@@ -130,6 +131,24 @@ impl Part for Row {
 
     fn remove(&self, model: &mut DisplayModel) {
         model.ghost = Ghost::NONE;
+    }
+
+    fn store(&self, model: &DisplayModel, to: &mut Stored) {
+        if !model.ghost.is_none() {
+            to.sometimes("has_ghost", Entry::Flag(true));
+            to.list("ghost", &model.ghost.numbers());
+        }
+    }
+
+    fn restore(&self, from: &dyn StoredParts, model: &mut DisplayModel) -> Restored {
+        if from.flag("has_ghost")? {
+            model.ghost = Ghost::of_numbers(from.exactly("ghost", "five f64")?);
+        }
+        Ok(())
+    }
+
+    fn in_bins(&self) -> InBins {
+        InBins::Held
     }
 
     fn count(&self, layout: &Layout) -> usize {

@@ -12,6 +12,7 @@
 //! direction times distance, and the images do not interfere. Photographs of one distance cannot tell the two apart.
 
 use super::layout::Layout;
+use super::stored::{Entry, Restored, Stored, StoredParts};
 use super::terms::{Terms, Turn};
 use super::{Block, Part};
 use crate::display::DisplayModel;
@@ -102,6 +103,21 @@ impl Part for Row {
 
     fn remove(&self, model: &mut DisplayModel) {
         model.light_blur = LightBlur::NONE;
+    }
+
+    fn store(&self, model: &DisplayModel, to: &mut Stored) {
+        if !model.light_blur.is_none() {
+            to.sometimes("has_light_blur", Entry::Flag(true));
+            to.list("light_blur", &model.light_blur.ratios());
+        }
+    }
+
+    fn restore(&self, from: &dyn StoredParts, model: &mut DisplayModel) -> Restored {
+        if from.flag("has_light_blur")? {
+            let [ratio_x, ratio_y] = from.exactly("light_blur", "two f64")?;
+            model.light_blur = LightBlur { ratio_x, ratio_y };
+        }
+        Ok(())
     }
 
     fn count(&self, layout: &Layout) -> usize {

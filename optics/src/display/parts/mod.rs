@@ -16,6 +16,7 @@ pub(crate) mod phase_response;
 pub(crate) mod response_variation;
 pub(crate) mod source;
 pub mod spatial_variation;
+pub mod stored;
 pub(crate) mod terms;
 pub(crate) mod transfer_function;
 pub(crate) mod zero_order;
@@ -23,6 +24,7 @@ pub(crate) mod zero_order;
 use super::model::{DisplayModel, KernelShape};
 use layout::Layout;
 use serde::{Deserialize, Serialize};
+use stored::{Restored, Stored, StoredParts};
 use terms::Terms;
 
 /// What everything that treats all parts alike needs to know of one.
@@ -48,6 +50,17 @@ pub(crate) trait Part: Sync {
 
     /// Takes the part out of a model that has it.
     fn remove(&self, model: &mut DisplayModel);
+
+    /// Writes what is stored of the part.
+    fn store(&self, model: &DisplayModel, to: &mut Stored);
+
+    /// Reads what is stored of the part, and gives it to a model without the part.
+    fn restore(&self, from: &dyn StoredParts, model: &mut DisplayModel) -> Restored;
+
+    /// What H at each frequency holds of the part.
+    fn in_bins(&self) -> InBins {
+        InBins::Beside
+    }
 
     /// How many numbers the part has in θ.
     fn count(&self, _layout: &Layout) -> usize {
@@ -83,7 +96,7 @@ pub(crate) trait Part: Sync {
 macro_rules! parts {
     ($($(#[$doc:meta])* $part:ident $(/ $block:ident)?: $row:path,)*) => {
         /// A part of a display that changes its light.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
         #[serde(rename_all = "snake_case")]
         pub enum ModelPart { $($(#[$doc])* $part,)* }
 
@@ -158,6 +171,32 @@ pub(crate) const THETA: [ModelPart; 10] = [
     ModelPart::PartialCoherence,
 ];
 
+/// The parts in the order in which they are stored. A new part goes to the end.
+pub(crate) const STORED: [ModelPart; ModelPart::ALL.len()] = [
+    ModelPart::ZeroOrder,
+    ModelPart::TransferFunction,
+    ModelPart::Source,
+    ModelPart::VaryingTransferFunction,
+    ModelPart::PhaseResponse,
+    ModelPart::UnevenResponse,
+    ModelPart::Crosstalk,
+    ModelPart::LightBlur,
+    ModelPart::Ghost,
+    ModelPart::PartialCoherence,
+    ModelPart::Dust,
+];
+
+/// What a transfer function H with a number for each frequency holds of a part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum InBins {
+    /// The part is beside the transfer function.
+    Beside,
+    /// H holds the part.
+    Held,
+    /// The part needs a smooth transfer function, and a single H does not hold it.
+    Lost,
+}
+
 impl ModelPart {
     /// Name of the part as it is stored.
     #[must_use]
@@ -175,6 +214,23 @@ impl ModelPart {
     #[must_use]
     pub fn is_in(self, model: &DisplayModel) -> bool {
         self.row().is_in(model)
+    }
+
+    /// Takes the part out of a model.
+    pub fn remove(self, model: &mut DisplayModel) {
+        self.row().remove(model);
+    }
+
+    /// What H at each frequency holds of the part.
+    #[must_use]
+    pub fn in_bins(self) -> InBins {
+        self.row().in_bins()
+    }
+
+    /// Whether two models have the same part, to the last digit.
+    #[must_use]
+    pub fn is_same_in(self, one: &DisplayModel, other: &DisplayModel) -> bool {
+        Stored::of_part(self, one) == Stored::of_part(self, other)
     }
 
     pub(crate) fn row(self) -> &'static dyn Part {

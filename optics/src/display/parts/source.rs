@@ -2,6 +2,7 @@
 
 use super::Part;
 use super::layout::{Layout, field, fields_in, of_field};
+use super::stored::{Entry, Restored, Stored, StoredParts};
 use super::terms::Terms;
 use crate::display::DisplayModel;
 use crate::numerics::SmoothField;
@@ -10,6 +11,9 @@ use crate::numerics::SmoothField;
 pub(crate) const SOURCE_ORDER: usize = 4;
 /// Highest total degree of a fine source profile. Order 8 leaves 3 dB less light in place on a surface of 1.5 waves.
 pub(crate) const FINE_SOURCE_ORDER: usize = 10;
+
+/// Names of the stored arrays.
+const ARRAYS: [&str; 2] = ["source.log_amplitude", "source.phase"];
 
 /// Its numbers are log amplitude and phase. The block makes the profile a fine one.
 pub(super) struct Row;
@@ -37,6 +41,16 @@ impl Part for Row {
 
     fn remove(&self, model: &mut DisplayModel) {
         model.source = SmoothField::flat(0);
+    }
+
+    fn store(&self, model: &DisplayModel, to: &mut Stored) {
+        to.always("source_order", Entry::Order(model.source.order));
+        to.fields(ARRAYS, &[], std::iter::once(&model.source));
+    }
+
+    fn restore(&self, from: &dyn StoredParts, model: &mut DisplayModel) -> Restored {
+        model.source = from.field(from.order("source_order")?, ARRAYS)?;
+        Ok(())
     }
 
     fn count(&self, layout: &Layout) -> usize {
