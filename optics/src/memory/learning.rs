@@ -1,7 +1,6 @@
 //! Memory and work of a fit of a display model.
 
-use super::engine::EngineSize;
-use super::engine::{FOLD_STAGES, ORDER_STAGES};
+use super::engine::{EngineSize, FOLD_STAGES, ORDER_STAGES};
 use super::value_bytes::{COMPLEX, COMPLEX_F64, REAL};
 use crate::display::SpatialVariation;
 use crate::display::parts::light_blur;

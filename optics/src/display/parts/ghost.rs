@@ -15,8 +15,7 @@ use super::{Block, InBins, Part};
 use crate::display::DisplayModel;
 use crate::error::Result;
 use crate::numerics::SmoothField;
-use crate::numerics::smooth_field::SeriesAlongY;
-use crate::numerics::smooth_field::{expect_finite, out_of_range};
+use crate::numerics::smooth_field::{SeriesAlongY, expect_finite, out_of_range};
 use num_complex::Complex64;
 use std::f64::consts::PI;
 
