@@ -5,6 +5,7 @@
 //! [`PARTS`].
 
 pub(crate) mod blocks;
+pub mod blur_ratios;
 pub mod crosstalk;
 pub(crate) mod dust;
 pub(crate) mod ghost;
