@@ -1,8 +1,8 @@
 //! The parts of a display that its [model](super::model) describes: one file for each, and one table of all.
 //!
 //! A file says what its part is, and implements [`Part`]: the part's names, its numbers in θ with their limits, how a
-//! model is left without it, and on which terms learning tries it. Whatever treats all parts alike goes through
-//! [`PARTS`].
+//! model is left without it, what is stored of it, and on which terms learning tries it. Whatever treats all parts
+//! alike goes through [`PARTS`].
 
 pub(crate) mod blocks;
 pub mod blur_ratios;
@@ -253,6 +253,7 @@ pub fn without_each_part(model: &DisplayModel) -> Vec<(ModelPart, DisplayModel)>
 
 #[cfg(test)]
 mod tests {
+    use super::blocks::Blocks;
     use super::*;
     use crate::display::{
         Crosstalk, Dust, FurtherMode, Ghost, LightBlur, OpticalSetup, PartialCoherence, ResponseVariation,
@@ -290,6 +291,16 @@ mod tests {
             let together = [ModelPart::TransferFunction, ModelPart::VaryingTransferFunction];
             let goes = |other: &ModelPart| other == part || *part == together[0] && *other == together[1];
             assert!(parts.iter().all(|(other, _)| left.contains(other) != goes(other)), "{part:?}");
+        }
+    }
+
+    #[test]
+    fn each_part_with_numbers_stands_in_theta_and_each_part_is_stored_once() {
+        let layout = Layout::new(true, 5, Blocks::ALL);
+        for part in ModelPart::ALL {
+            let has_numbers = part.row().count(&layout) > 0;
+            assert_eq!(THETA.iter().filter(|other| *other == part).count(), usize::from(has_numbers), "{part:?}");
+            assert_eq!(STORED.iter().filter(|other| *other == part).count(), 1, "{part:?}");
         }
     }
 

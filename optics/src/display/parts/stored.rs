@@ -259,3 +259,163 @@ impl dyn StoredParts + '_ {
         Ok(SmoothField { order, log_amplitude: self.f64s(log_amplitude)?, phase: self.f64s(phase)? })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::display::{
+        Crosstalk, Dust, FurtherMode, Ghost, KernelShape, LightBlur, PartialCoherence, ResponseVariation,
+        SpatialVariation,
+    };
+    use crate::numerics::Grid;
+    use num_complex::Complex64;
+    use proptest::prelude::*;
+    use rand::SeedableRng as _;
+    use rand_chacha::ChaCha8Rng;
+
+    /// What was stored, as a file gives it back.
+    impl StoredParts for Stored {
+        fn has_bins(&self) -> bool {
+            self.arrays.iter().any(|array| matches!(array.numbers, Numbers::F32(_)))
+        }
+
+        fn entry(&self, key: &'static str) -> Result<Option<Entry>, StoredError> {
+            Ok(self.entries().find(|(other, _)| *other == key).map(|(_, entry)| entry.clone()))
+        }
+
+        fn f64s(&self, name: &'static str) -> Result<Vec<f64>, StoredError> {
+            match self.arrays.iter().find(|array| array.name == name) {
+                Some(StoredArray { numbers: Numbers::F64(numbers), .. }) => Ok(numbers.clone()),
+                _ => Err(StoredError::Array { name, expected: "f64" }),
+            }
+        }
+
+        fn complex32s(&self, name: &'static str) -> Result<Plane<Complex32>, StoredError> {
+            match self.arrays.iter().find(|array| array.name == name) {
+                Some(StoredArray { numbers: Numbers::F32(numbers), shape, .. }) => {
+                    let values = numbers.as_chunks().0.iter().map(|&[re, im]| Complex32::new(re, im)).collect();
+                    Ok(Plane::try_from_vec(shape[0], shape[1], values).unwrap())
+                }
+                _ => Err(StoredError::Array { name, expected: "f32" }),
+            }
+        }
+
+        fn i16_pairs(&self, name: &'static str) -> Result<Plane<[i16; 2]>, StoredError> {
+            match self.arrays.iter().find(|array| array.name == name) {
+                Some(StoredArray { numbers: Numbers::I16(numbers), shape, .. }) => {
+                    Ok(Plane::try_from_vec(shape[0], shape[1], numbers.as_chunks().0.to_vec()).unwrap())
+                }
+                _ => Err(StoredError::Array { name, expected: "i16" }),
+            }
+        }
+    }
+
+    /// A display that has all parts, with drawn numbers and orders.
+    fn with_all_parts(seed: u64) -> DisplayModel {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let mut field = |order_max| {
+            let mut field = SmoothField::flat(random.random_range(1..=order_max));
+            field.log_amplitude.iter_mut().chain(&mut field.phase).for_each(|c| *c = random.random_range(-1.0..1.0));
+            field
+        };
+        let (kernel, beyond, source) = (field(6), field(2), field(4));
+        let modes = (0..1 + seed % 3).map(|m| FurtherMode { light: 0.3 * m as f64, errors: field(3) }).collect();
+        let variation = field(4);
+        let mut number = || random.random_range(0.01..0.5);
+        let setup = OpticalSetup::try_new(Grid::try_new(4, 6, 8e-6).unwrap(), 515e-9, 2e-3).unwrap();
+        DisplayModel {
+            kernel: KernelShape::Smooth(kernel),
+            beyond,
+            source,
+            ghost: Ghost::of_numbers(std::array::from_fn(|_| number())),
+            variation: SpatialVariation::new(std::array::from_fn(|power| {
+                let mut variation = variation.clone();
+                variation.phase[0] = power as f64;
+                variation
+            })),
+            coherence: PartialCoherence::new(modes),
+            dust: Dust::new(Plane::from_fn(4, 6, |y, x| [(seed % 99) as i16 * y as i16, 1 - x as i16])),
+            response: (0..1 + seed % 4).map(|_| [number(), -number()]).collect(),
+            response_variation: ResponseVariation { order: 1, coefficients: vec![number(), -number(), number()] },
+            crosstalk: Crosstalk::of_ratios([number(), 0.0]),
+            light_blur: LightBlur::of_ratios([number(), number()]),
+            zero_order: Complex64::new(number(), -number()),
+            gain: number(),
+            offset: number(),
+            ..DisplayModel::ideal(setup)
+        }
+    }
+
+    fn read_back(model: &DisplayModel) -> DisplayModel {
+        let stored: &dyn StoredParts = &Stored::of(model);
+        stored.model(model.setup).unwrap()
+    }
+
+    proptest! {
+        #[test]
+        fn what_is_stored_of_any_parts_comes_back_equal(seed: u64, without: u16) {
+            let mut model = with_all_parts(seed);
+            for &part in ModelPart::ALL {
+                prop_assert!(part.is_in(&model), "{part:?}");
+            }
+            for (_, &part) in ModelPart::ALL.iter().enumerate().filter(|(i, _)| without >> i & 1 == 1) {
+                part.remove(&mut model);
+            }
+            let read = read_back(&model);
+            prop_assert_eq!(&read, &model);
+            for part in ModelPart::ALL {
+                prop_assert!(part.is_same_in(&read, &model), "{part:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_part_that_differs_is_not_the_same_and_no_other_part_stores_it() {
+        let model = with_all_parts(7);
+        for &part in ModelPart::ALL {
+            let mut without = model.clone();
+            part.remove(&mut without);
+            assert!(!part.is_same_in(&model, &without), "{part:?}");
+        }
+        let names: Vec<&str> = Stored::of(&model).into_arrays().iter().map(|array| array.name).collect();
+        let keys: Vec<&str> = Stored::of(&model).entries().map(|(key, _)| *key).collect();
+        for names in [names, keys] {
+            assert!(names.iter().enumerate().all(|(i, name)| !names[..i].contains(name)), "{names:?}");
+        }
+    }
+
+    #[test]
+    fn kernels_of_bins_come_back_equal() {
+        let bins = Plane::from_fn(8, 12, |y, x| Complex32::new(y as f32 + 0.1, -(x as f32) / 3.0));
+        let mut model = with_all_parts(3);
+        let parts = ModelPart::ALL.iter().filter(|part| part.in_bins() != super::super::InBins::Beside);
+        parts.for_each(|part| part.remove(&mut model));
+        model.kernel = KernelShape::Bins(bins);
+        assert_eq!(read_back(&model), model);
+    }
+
+    #[test]
+    fn what_is_missing_or_has_another_length_is_refused_by_name() {
+        let model = with_all_parts(5);
+        let whole = Stored::of(&model);
+        let refusal = |stored: Stored| {
+            let stored: &dyn StoredParts = &stored;
+            stored.model(model.setup).unwrap_err().to_string()
+        };
+        for (i, StoredArray { name, .. }) in whole.arrays.iter().enumerate() {
+            let mut without = whole.clone();
+            without.arrays.remove(i);
+            assert!(refusal(without).contains(&format!("`{name}`")), "{name}");
+        }
+        for (key, _) in &whole.always {
+            let mut without = whole.clone();
+            without.always.retain(|(other, _)| other != key);
+            assert_eq!(refusal(without), format!("the header has no entry `{key}`"));
+        }
+        let mut huge = whole;
+        huge.sometimes.iter_mut().filter(|(key, _)| *key == "mode_orders").for_each(|(_, entry)| {
+            *entry = Entry::Orders(vec![1 << 40]);
+        });
+        assert!(refusal(huge).contains("`mode_orders`"));
+    }
+}
