@@ -54,7 +54,12 @@ impl Layout {
 
     /// The same layout for a display of this setup.
     pub(crate) fn on(self, setup: &OpticalSetup) -> Self {
-        let order = if setup.orders().are_all() { BEYOND_ORDER } else { 0 };
+        self.with_all_orders(setup.orders().are_all())
+    }
+
+    /// The same layout for a display that shows all orders, or only the first.
+    pub(crate) fn with_all_orders(self, all: bool) -> Self {
+        let order = if all { BEYOND_ORDER } else { 0 };
         Self { beyond: ChebyshevBasis::new(order), ..self }.placed()
     }
 
