@@ -321,6 +321,12 @@ mod tests {
                 model.setup = model.setup.with_orders(Orders::Filtered(half)).unwrap();
             }
             model.setup = model.setup.planned().unwrap().0;
+            let stored = Stored::of(&model);
+            let keys = stored.entries().map(|(key, _)| *key);
+            for name in keys.chain(stored.clone().into_arrays().iter().map(|array| array.name)) {
+                let is_described = |line: &str| line.starts_with("//! |") && line.contains(&format!("`{name}`"));
+                assert!(include_str!("kernel_file.rs").lines().any(is_described), "no row describes `{name}`");
+            }
             let bytes = encode(&model, kind).unwrap();
             assert_eq!(bytes, encode(&model, kind).unwrap());
             assert_eq!(origin(&bytes).unwrap(), Origin::default());

@@ -72,7 +72,7 @@ impl Header {
         Ok(header)
     }
 
-    /// The entry of a part; `None` if there is none.
+    /// The entry of a part; `None` if there is none, or `null`.
     pub(crate) fn entry(&self, key: &'static str) -> Result<Option<Entry>, StoredError> {
         let entry = self.parts.get(key).map(Option::<Entry>::deserialize).transpose();
         let refused = |_| StoredError::Entry { key, expected: "true or false, a whole number, or whole numbers" };
