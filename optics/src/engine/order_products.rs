@@ -244,8 +244,7 @@ pub(crate) fn passed(setup: &OpticalSetup, errors: &OrderErrors, column: usize, 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::display::Detector;
-    use crate::display::{DisplayModel, KernelShape, Orders};
+    use crate::display::{Detector, DisplayModel, KernelShape, Orders};
     use crate::engine::core::EngineCore;
     use crate::hologram::initial_phase;
     use crate::numerics::{Grid, Plane};

@@ -148,10 +148,8 @@ impl Passes {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::display::Detector;
-    use crate::display::{DisplayModel, OpticalSetup};
-    use crate::hologram::HologramProblem;
-    use crate::hologram::initial_phase;
+    use crate::display::{Detector, DisplayModel, OpticalSetup};
+    use crate::hologram::{HologramProblem, initial_phase};
     use crate::numerics::Grid;
 
     #[test]

@@ -80,8 +80,7 @@ fn low_pass(field: &mut [Complex32], height_px: usize, width_px: usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::display::Detector;
-    use crate::display::{DisplayModel, OpticalSetup};
+    use crate::display::{Detector, DisplayModel, OpticalSetup};
     use crate::engine::Engine;
     use crate::hologram::HologramProblem;
     use crate::metrics::{Gain, fitted_intensity_scale, psnr_db};

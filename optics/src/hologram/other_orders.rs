@@ -3,8 +3,7 @@
 
 use super::shown_light::light_of_frames;
 use crate::display::{Detector, DisplayModel, KernelShape, Orders};
-use crate::engine::Engine;
-use crate::engine::{EngineCore, sub_samples};
+use crate::engine::{Engine, EngineCore, sub_samples};
 use crate::error::Result;
 use crate::metrics::{Gain, psnr_db};
 use crate::numerics::{Plane, RegionOfInterest, SmoothField};

@@ -120,8 +120,7 @@ pub(super) fn detector_quality(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::display::Detector;
-    use crate::display::{DisplayModel, OpticalSetup};
+    use crate::display::{Detector, DisplayModel, OpticalSetup};
     use crate::engine::EngineCore;
     use crate::hologram::initial::initial_phase;
     use crate::hologram::optimization::Optimization;

@@ -1,8 +1,7 @@
 //! Light of a hologram as each detector measures it.
 
 use crate::display::Detector;
-use crate::engine::EngineCore;
-use crate::engine::{Engine, Real};
+use crate::engine::{Engine, EngineCore, Real};
 use crate::error::{Error, Result};
 use crate::interrupt;
 use crate::numerics::Plane;

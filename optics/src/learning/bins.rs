@@ -4,8 +4,7 @@
 //! paper.
 
 use super::options::{KernelModel, LearnOptions};
-use super::pair::{BoxError, PairSource};
-use super::pair::{Example, measure_each, total};
+use super::pair::{BoxError, Example, PairSource, measure_each, total};
 use super::progress::{LearnStage, LearnStep};
 use crate::display::parts::blocks::Blocks;
 use crate::display::{DisplayModel, KernelShape, OpticalSetup};

@@ -10,8 +10,8 @@
 
 use super::adjoint::OrdersAdjoint;
 use super::columns::project;
+use crate::display::parts::layout::BEYOND_ORDER;
 use crate::display::parts::order_errors::{OrderErrors, place};
-use crate::display::parts::transfer_function::BEYOND_ORDER;
 use crate::display::{Detector, OpticalSetup};
 use crate::engine::Real;
 use crate::engine::convolution::{Convolver, Transfer};

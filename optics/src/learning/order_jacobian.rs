@@ -7,8 +7,7 @@
 use super::fit::Fit;
 use super::jacobian::Jacobian;
 use super::order_fit::OrderFit;
-use crate::engine::EngineCore;
-use crate::engine::Real;
+use crate::engine::{EngineCore, Real};
 
 impl<T: Real> Fit<T> {
     /// Adds the derivatives by the errors of a kernel that differ from order to order: in the band, where those of the

@@ -201,8 +201,7 @@ static NO_PAIRS: Vec<Pair> = Vec::new();
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::display::Detector;
-    use crate::display::{DisplayModel, OpticalSetup};
+    use crate::display::{Detector, DisplayModel, OpticalSetup};
     use crate::hologram::initial_phase;
     use crate::numerics::Grid;
 

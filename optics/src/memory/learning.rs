@@ -1,19 +1,13 @@
 //! Memory and work of a fit of a display model.
 
-use super::engine::EngineSize;
-use super::engine::{FOLD_STAGES, ORDER_STAGES};
+use super::engine::{EngineSize, FOLD_STAGES, ORDER_STAGES};
 use super::value_bytes::{COMPLEX, COMPLEX_F64, REAL};
-use crate::display::SpatialVariation;
+use crate::display::parts::layout::Layout;
+use crate::display::parts::layout::{FURTHER_MODES, VARIATION_ORDER};
 use crate::display::parts::light_blur;
-use crate::display::parts::partial_coherence::{FURTHER_MODES, MODE_ORDER};
-use crate::display::parts::phase_response::HARMONICS;
-use crate::display::parts::response_variation::RESPONSE_VARIATION_ORDER;
-use crate::display::parts::source::{FINE_SOURCE_ORDER, SOURCE_ORDER};
-use crate::display::parts::spatial_variation::VARIATION_ORDER;
-use crate::display::parts::transfer_function::BEYOND_ORDER;
 use crate::engine::convolution::tile_columns;
 use crate::learning::sizes::CURVATURE_PX;
-use crate::learning::{Block, Blocks, KernelModel};
+use crate::learning::{Block, Blocks, KernelModel, ModelPart};
 use crate::numerics::chebyshev::ChebyshevBasis;
 use crate::numerics::optimizer::vectors::HISTORY;
 
@@ -167,33 +161,36 @@ impl LearningSize {
         derivatives + rows * parameters * parameters / 2 * 8 + 4 * parameters * parameters * 8 + 6 * joint * joint * 8
     }
 
-    /// Number of parameters of the model at one distance.
+    /// Number of parameters of the model at one distance, with gain and offset.
     fn parameters(&self) -> u64 {
-        let terms = |order: usize| ChebyshevBasis::new(order).terms();
-        let beyond = if self.engine.all_orders { terms(BEYOND_ORDER) } else { 0 };
-        let kernel = 2 * (terms(self.order) + beyond);
-        let some = |has: bool, count: usize| if has { count } else { 0 };
-        let has = |block| self.blocks.contains(block);
-        let variation_of_response = some(has(Block::UnevenResponse), terms(RESPONSE_VARIATION_ORDER) + 1);
-        let modes = some(has(Block::PartialCoherence), FURTHER_MODES * (1 + 2 * terms(MODE_ORDER)));
-        let source = if has(Block::FineSource) { FINE_SOURCE_ORDER } else { SOURCE_ORDER };
-        let slm = 2 * terms(source) + 2 * HARMONICS + 2 + 2 + 2 + variation_of_response + modes;
-        let variation = SpatialVariation::POWERS * 2 * terms(VARIATION_ORDER);
-        let all = match self.model {
-            KernelModel::Display => kernel + slm,
-            KernelModel::Varying => kernel + slm + variation,
-            _ => kernel,
-        };
-        all as u64 + 2
+        let beside = self.beside_kernel();
+        (self.kernel().len() + beside.len() - beside.range(ModelPart::TransferFunction).len()) as u64 + 2
     }
 
     fn joint_parameters(&self) -> u64 {
         // The kernel is a polynomial of the distance of degree 2 at most, and each distance has its own tilts. The
         // modulator is the same at all distances.
-        let terms = |order: usize| ChebyshevBasis::new(order).terms() as u64;
-        let (beyond, tilts) = if self.engine.all_orders { (terms(BEYOND_ORDER), 4) } else { (0, 2) };
-        let kernel = 2 * (terms(self.order) + beyond);
-        self.parameters() + kernel * (self.distances.min(3) as u64 - 1) + tilts * self.distances as u64
+        let tilts = if self.engine.all_orders { 4 } else { 2 };
+        let more = self.kernel().len() as u64 * (self.distances.min(3) as u64 - 1);
+        self.parameters() + more + tilts * self.distances as u64
+    }
+
+    /// Layout of the transfer function.
+    fn kernel(&self) -> Layout {
+        Layout::new(false, self.order, Blocks::NONE).with_all_orders(self.engine.all_orders)
+    }
+
+    /// Layout of what the model may have beside its transfer function, with the highest orders, which a kernel of a low
+    /// order does not allow.
+    fn beside_kernel(&self) -> Layout {
+        let blocks = match self.model {
+            KernelModel::Display => self.blocks.without(Block::Varying),
+            KernelModel::Varying => self.blocks.with(Block::Varying),
+            _ => return self.kernel(),
+        };
+        // The few numbers of the blurs count in any case, and those of a ghost in none.
+        let blocks = blocks.with(Block::Crosstalk).with(Block::LightBlur).without(Block::Ghost);
+        Layout::new(true, self.order.max(VARIATION_ORDER), blocks)
     }
 
     /// What a model of bins needs in addition: its state, and the gradient of every bin.
@@ -239,13 +236,13 @@ impl LearningSize {
     #[must_use]
     pub fn curvature_work(&self) -> f64 {
         let engine = self.engine();
-        let source_order = if self.blocks.contains(Block::FineSource) { FINE_SOURCE_ORDER } else { SOURCE_ORDER };
-        let source = ChebyshevBasis::new(source_order).terms();
-        let propagations = self.order + 1 + if engine.has_source { source + 2 * HARMONICS + 1 + 12 } else { 0 };
+        let beside = self.beside_kernel();
+        let (source, harmonics) = (beside.source.terms(), beside.range(ModelPart::PhaseResponse).len());
+        let propagations = self.order + 1 + if engine.has_source { source + harmonics + 1 + 12 } else { 0 };
         let [rows, columns] = self.region_px.map(|side| side as f64);
         let products = (rows * columns).min(2.0 * CURVATURE_PX as f64) * (self.parameters() as f64).powi(2) / 8.0;
         // Transforms along y for the orders at, below and above the first along each axis.
-        let (groups, beyond) = ((2 * (self.order + 1) + 6) as f64, ChebyshevBasis::new(BEYOND_ORDER).terms() as f64);
+        let (groups, beyond) = ((2 * (self.order + 1) + 6) as f64, self.kernel().beyond.terms() as f64);
         let orders = match engine.all_orders {
             true => {
                 (groups + beyond) * engine.light_work()

@@ -12,9 +12,8 @@
 
 use super::rows::{transform_rows, transposed};
 use super::transfer_function::phasor;
-use crate::display::ImageWindow;
-use crate::display::OpticalSetup;
 use crate::display::image_window::from_middle;
+use crate::display::{ImageWindow, OpticalSetup};
 use crate::numerics::Plane;
 use crate::numerics::real::Number;
 use num_complex::{Complex, Complex64};

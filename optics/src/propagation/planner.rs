@@ -33,12 +33,10 @@
 //! ends sharply, so on a frame of twice the side some of it wraps around even within the critical distance. The impulse
 //! response is that of points: it also holds the light that the first order lacks.
 
-use super::band_response;
-use super::limits;
 use super::quantity::{digits, length};
 use super::report::{ValidityReport, neglected_phase_rad};
-use crate::display::ImageWindow;
-use crate::display::{OpticalSetup, Orders};
+use super::{band_response, limits};
+use crate::display::{ImageWindow, OpticalSetup, Orders};
 use crate::error::Result;
 use crate::propagation_method::{ConvolutionMethod, PropagationMethod};
 

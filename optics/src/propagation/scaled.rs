@@ -16,8 +16,7 @@
 
 use super::frequency_window::FrequencyAxis;
 use super::shifted::frequency_landing_at;
-use crate::display::ImageWindow;
-use crate::display::OpticalSetup;
+use crate::display::{ImageWindow, OpticalSetup};
 
 /// The frequencies of the scaled method along x and y.
 pub(crate) fn scaled_axes(setup: &OpticalSetup, window: &ImageWindow) -> [FrequencyAxis; 2] {

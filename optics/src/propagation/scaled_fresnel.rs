@@ -14,9 +14,8 @@
 use super::chirp_z::{ChirpZ, Sign, Span};
 use super::rows::{transform_rows, transposed};
 use super::transfer_function::phasor;
-use crate::display::ImageWindow;
-use crate::display::OpticalSetup;
 use crate::display::image_window::from_middle;
+use crate::display::{ImageWindow, OpticalSetup};
 use crate::numerics::Plane;
 use crate::numerics::real::Number;
 use num_complex::{Complex, Complex64};

@@ -5,8 +5,7 @@ use crate::display::{
 };
 use crate::engine::Engine;
 use crate::error::Error;
-use crate::hologram::{HologramMethod, HologramOptions, initial_phase};
-use crate::hologram::{HologramProblem, Optimization};
+use crate::hologram::{HologramMethod, HologramOptions, HologramProblem, Optimization, initial_phase};
 use crate::numerics::{Grid, SmoothField};
 use crate::propagation::{ImageWindow, WarningCode};
 use crate::propagation_method::ConvolutionMethod;

@@ -312,8 +312,7 @@ impl AllOrders {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::display::Detector;
-    use crate::display::{DisplayModel, Orders};
+    use crate::display::{Detector, DisplayModel, Orders};
     use crate::engine::EngineCore;
     use crate::hologram::initial_phase;
     use crate::numerics::Grid;

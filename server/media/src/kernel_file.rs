@@ -1,5 +1,8 @@
 //! The native form of a kernel: a learned display model as a safetensors file.
 //!
+//! Each part of a display says itself which entries and tensors it has (`optics/src/display/parts/`); the tables below
+//! list all of them.
+//!
 //! The file's metadata has one entry, `lightpath`, whose value is a JSON object. It has only one entry, because
 //! safetensors keeps several entries in no particular order, and equal kernels must have equal bytes. The keys of the
 //! object:
@@ -44,22 +47,16 @@
 //! Coefficients are in the order of `lightpath_optics::numerics::chebyshev::ChebyshevBasis::degrees`.
 
 mod header;
-mod parts;
 
 pub(crate) use header::Header;
 
-use lightpath_optics::{
-    Crosstalk, DisplayModel, Dust, Ghost, KernelModel, KernelShape, LightBlur, Plane, ResponseVariation, SmoothField,
-    SpatialVariation,
-};
-use num_complex::{Complex32, Complex64};
+use lightpath_optics::display::parts::stored::{Entry, Numbers, Stored, StoredArray, StoredError, StoredParts};
+use lightpath_optics::{DisplayModel, KernelModel, Plane};
+use num_complex::Complex32;
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
 use serde_json::Value;
 use std::collections::HashMap;
-
-/// Name of the tensor with the dust.
-pub(crate) const DUST: &str = "dust";
 
 pub(crate) const METADATA_KEY: &str = "lightpath";
 const FORMAT: &str = "lightpath-kernel";
@@ -85,14 +82,9 @@ pub enum KernelFileError {
         /// Format version in the file's metadata.
         version: u32,
     },
-    /// A tensor has another type or shape.
-    #[error("tensor `{name}` must be {expected}")]
-    Tensor {
-        /// Name of the tensor.
-        name: &'static str,
-        /// Expected type and shape.
-        expected: &'static str,
-    },
+    /// An entry of the header or a tensor is not as the format has it.
+    #[error(transparent)]
+    Stored(#[from] StoredError),
     /// The numbers do not describe a possible display.
     #[error("the kernel is impossible: {0}")]
     Model(#[from] lightpath_optics::Error),
@@ -124,126 +116,42 @@ pub struct Origin {
 ///
 /// The errors of [`encode`].
 pub fn encode_with(model: &DisplayModel, kind: KernelModel, origin: &Origin) -> Result<Vec<u8>, KernelFileError> {
-    let tensors = tensors(model);
-    let metadata = HashMap::from([(METADATA_KEY.to_owned(), header_text(model, kind, origin)?)]);
+    let stored = Stored::of(model);
+    let metadata = HashMap::from([(METADATA_KEY.to_owned(), header_text(model, kind, &stored, origin)?)]);
+    let tensor = |StoredArray { name, shape, numbers }| (name, shape, dtype(&numbers), bytes(&numbers));
+    let tensors: Vec<_> = stored.into_arrays().into_iter().map(tensor).collect();
     let views = tensors
         .iter()
-        .map(|tensor| Ok((tensor.name, TensorView::new(tensor.dtype, tensor.shape.clone(), &tensor.bytes)?)))
+        .map(|(name, shape, dtype, bytes)| Ok((*name, TensorView::new(*dtype, shape.clone(), bytes)?)))
         .collect::<Result<Vec<_>, SafeTensorError>>()?;
     Ok(safetensors::serialize(views, Some(metadata))?)
 }
 
-/// A tensor of a kernel file, with little-endian numbers.
-pub(crate) struct Tensor {
-    pub(crate) name: &'static str,
-    pub(crate) dtype: Dtype,
-    pub(crate) shape: Vec<usize>,
-    pub(crate) bytes: Vec<u8>,
+fn dtype(numbers: &Numbers) -> Dtype {
+    match numbers {
+        Numbers::F64(_) => Dtype::F64,
+        Numbers::F32(_) => Dtype::F32,
+        Numbers::I16(_) => Dtype::I16,
+    }
+}
+
+/// The numbers, little-endian.
+pub(crate) fn bytes(numbers: &Numbers) -> Vec<u8> {
+    match numbers {
+        Numbers::F64(numbers) => numbers.iter().flat_map(|number| number.to_le_bytes()).collect(),
+        Numbers::F32(numbers) => numbers.iter().flat_map(|number| number.to_le_bytes()).collect(),
+        Numbers::I16(numbers) => numbers.iter().flat_map(|number| number.to_le_bytes()).collect(),
+    }
 }
 
 /// The metadata of a kernel, as JSON.
-pub(crate) fn header_text(model: &DisplayModel, kind: KernelModel, origin: &Origin) -> Result<String, KernelFileError> {
-    let grid = model.setup.grid();
-    Ok(serde_json::to_string(&Header {
-        format: FORMAT.to_owned(),
-        format_version: FORMAT_VERSION,
-        model: kind,
-        height_px: grid.height_px(),
-        width_px: grid.width_px(),
-        pixel_pitch_m: grid.pixel_pitch_m(),
-        wavelength_m: model.setup.wavelength_m(),
-        distance_m: model.setup.distance_m(),
-        kernel_order: if let KernelShape::Smooth(errors) = &model.kernel { errors.order } else { 0 },
-        source_order: model.source.order,
-        beyond_order: model.beyond.order,
-        variation_order: model.variation.order(),
-        response_variation_order: (!model.response_variation.is_none()).then_some(model.response_variation.order),
-        has_crosstalk: !model.crosstalk.is_none(),
-        has_light_blur: !model.light_blur.is_none(),
-        has_ghost: !model.ghost.is_none(),
-        mode_orders: model.coherence.modes().iter().map(|mode| mode.errors.order).collect(),
-        has_dust: !model.dust.is_none(),
-        propagation: model.setup.method(),
-        orders: model.setup.orders(),
-        interpolated_from_m: origin.interpolated_from_m.clone(),
-        display: origin.display.clone(),
-        record: origin.record.clone(),
-    })?)
-}
-
-/// The tensors of a kernel.
-fn tensors(model: &DisplayModel) -> Vec<Tensor> {
-    let mut tensors = series(model);
-    if let KernelShape::Bins(bins) = &model.kernel {
-        let bytes = bins.values().iter().flat_map(|h| [h.re, h.im]).flat_map(f32::to_le_bytes).collect();
-        let shape = vec![bins.height_px(), bins.width_px(), 2];
-        tensors.push(Tensor { name: "kernel.bins", dtype: Dtype::F32, shape, bytes });
-    }
-    tensors
-}
-
-/// The tensors of a kernel without `kernel.bins`. All of them are f64, except for `dust`.
-pub(crate) fn series(model: &DisplayModel) -> Vec<Tensor> {
-    let mut tensors = Vec::new();
-    let mut add = |name, shape, values: &[f64]| {
-        tensors.push(Tensor { name, dtype: Dtype::F64, shape, bytes: bytes_f64(values) });
-    };
-    add("photometry", vec![4], &[model.gain, model.offset, model.zero_order.re, model.zero_order.im]);
-    let flat = SmoothField::flat(0);
-    let kernel = match &model.kernel {
-        KernelShape::Smooth(errors) => Some(errors),
-        KernelShape::Ideal => Some(&flat),
-        KernelShape::Bins(_) => None,
-    };
-    if let Some(errors) = kernel {
-        add("kernel.log_amplitude", vec![errors.log_amplitude.len()], &errors.log_amplitude);
-        add("kernel.phase", vec![errors.phase.len()], &errors.phase);
-    }
-    if model.beyond.order > 0 {
-        add("beyond.log_amplitude", vec![model.beyond.log_amplitude.len()], &model.beyond.log_amplitude);
-        add("beyond.phase", vec![model.beyond.phase.len()], &model.beyond.phase);
-    }
-    add("source.log_amplitude", vec![model.source.log_amplitude.len()], &model.source.log_amplitude);
-    add("source.phase", vec![model.source.phase.len()], &model.source.phase);
-    if !model.variation.is_none() {
-        let mut per_power = |name, of: fn(&SmoothField) -> &[f64]| {
-            let values: Vec<f64> = model.variation.fields().iter().flat_map(of).copied().collect();
-            add(name, vec![SpatialVariation::POWERS, values.len() / SpatialVariation::POWERS], &values);
-        };
-        per_power("variation.log_amplitude", |field| &field.log_amplitude);
-        per_power("variation.phase", |field| &field.phase);
-    }
-    add("response", vec![model.response.len(), 2], model.response.as_flattened());
-    if !model.response_variation.is_none() {
-        let coefficients = &model.response_variation.coefficients;
-        add("response_variation", vec![coefficients.len()], coefficients);
-    }
-    if !model.crosstalk.is_none() {
-        add("crosstalk", vec![2], &model.crosstalk.ratios());
-    }
-    if !model.light_blur.is_none() {
-        add("light_blur", vec![2], &model.light_blur.ratios());
-    }
-    if !model.ghost.is_none() {
-        add("ghost", vec![5], &model.ghost.numbers());
-    }
-    let modes = model.coherence.modes();
-    if !modes.is_empty() {
-        let lights: Vec<f64> = modes.iter().map(|mode| mode.light).collect();
-        add("mode.light", vec![modes.len()], &lights);
-        let mut of_all = |name, of: fn(&SmoothField) -> &[f64]| {
-            let values: Vec<f64> = modes.iter().flat_map(|mode| of(&mode.errors)).copied().collect();
-            add(name, vec![values.len()], &values);
-        };
-        of_all("mode.log_amplitude", |field| &field.log_amplitude);
-        of_all("mode.phase", |field| &field.phase);
-    }
-    if let Some(steps) = model.dust.steps() {
-        let bytes = steps.values().as_flattened().iter().flat_map(|step| step.to_le_bytes()).collect();
-        let shape = vec![steps.height_px(), steps.width_px(), 2];
-        tensors.push(Tensor { name: DUST, dtype: Dtype::I16, shape, bytes });
-    }
-    tensors
+pub(crate) fn header_text(
+    model: &DisplayModel,
+    kind: KernelModel,
+    stored: &Stored,
+    origin: &Origin,
+) -> Result<String, KernelFileError> {
+    Ok(serde_json::to_string(&Header::of(model, kind, stored, origin))?)
 }
 
 /// Reads a kernel file and checks that it describes a possible display. Returns the model and its parametrization.
@@ -253,69 +161,14 @@ pub(crate) fn series(model: &DisplayModel) -> Vec<Tensor> {
 /// [`KernelFileError`] for a file that is damaged, of another format or version, or not a possible kernel.
 pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFileError> {
     let header = header(bytes)?;
-    let tensors = SafeTensors::deserialize(bytes)?;
-    let model = assemble(&header, |name| floats(&tensors, name), || bins(&tensors), || dust(&tensors))?;
-    Ok((model, header.model))
+    let file = File { header: &header, tensors: SafeTensors::deserialize(bytes)? };
+    Ok((assemble(&header, &file)?, header.model))
 }
 
-/// Makes the model of a header from its tensors. `floats` reads a tensor by its name, `bins` reads `kernel.bins`, and
-/// `dust` reads `dust`.
-pub(crate) fn assemble<E: From<KernelFileError>>(
-    header: &Header,
-    floats: impl Fn(&'static str) -> Result<Vec<f64>, E>,
-    bins: impl FnOnce() -> Result<Plane<Complex32>, E>,
-    dust: impl FnOnce() -> Result<Plane<[i16; 2]>, E>,
-) -> Result<DisplayModel, E> {
-    let setup = header.setup()?;
-    let [gain, offset, re, im] = floats("photometry")?[..] else {
-        return Err(KernelFileError::Tensor { name: "photometry", expected: "four f64" }.into());
-    };
-    let model = DisplayModel {
-        setup,
-        kernel: match header.model {
-            KernelModel::Paper | KernelModel::Dense => KernelShape::Bins(bins()?),
-            KernelModel::Smooth | KernelModel::Display | KernelModel::Varying => KernelShape::Smooth(SmoothField {
-                order: header.kernel_order,
-                log_amplitude: floats("kernel.log_amplitude")?,
-                phase: floats("kernel.phase")?,
-            }),
-        },
-        beyond: match header.beyond_order {
-            0 => SmoothField::flat(0),
-            order => {
-                SmoothField { order, log_amplitude: floats("beyond.log_amplitude")?, phase: floats("beyond.phase")? }
-            }
-        },
-        ghost: match header.has_ghost {
-            true => parts::ghost(&floats("ghost")?)?,
-            false => Ghost::NONE,
-        },
-        variation: parts::variation(&floats, header.variation_order)?,
-        coherence: parts::coherence(&floats, &header.mode_orders)?,
-        source: SmoothField {
-            order: header.source_order,
-            log_amplitude: floats("source.log_amplitude")?,
-            phase: floats("source.phase")?,
-        },
-        dust: if header.has_dust { Dust::new(dust()?) } else { Dust::none() },
-        response: floats("response")?.as_chunks().0.to_vec(),
-        response_variation: match header.response_variation_order {
-            Some(order) => ResponseVariation { order, coefficients: floats("response_variation")? },
-            None => ResponseVariation::none(),
-        },
-        crosstalk: match header.has_crosstalk {
-            true => parts::crosstalk(&floats("crosstalk")?)?,
-            false => Crosstalk::NONE,
-        },
-        light_blur: match header.has_light_blur {
-            true => parts::light_blur(&floats("light_blur")?)?,
-            false => LightBlur::NONE,
-        },
-        zero_order: Complex64::new(re, im),
-        gain,
-        offset,
-    };
-    model.validate().map_err(KernelFileError::from)?;
+/// Makes the model of a header from the arrays of a file.
+pub(crate) fn assemble(header: &Header, file: &dyn StoredParts) -> Result<DisplayModel, KernelFileError> {
+    let model = file.model(header.setup()?)?;
+    model.validate()?;
     Ok(model)
 }
 
@@ -334,39 +187,66 @@ fn header(bytes: &[u8]) -> Result<Header, KernelFileError> {
     Header::parse(header.ok_or(KernelFileError::NoHeader)?)
 }
 
-fn bytes_f64(values: &[f64]) -> Vec<u8> {
-    values.iter().flat_map(|value| value.to_le_bytes()).collect()
+/// A kernel file.
+struct File<'a> {
+    header: &'a Header,
+    tensors: SafeTensors<'a>,
 }
 
-fn floats(tensors: &SafeTensors<'_>, name: &'static str) -> Result<Vec<f64>, KernelFileError> {
-    let tensor = tensors.tensor(name)?;
-    if tensor.dtype() != Dtype::F64 {
-        return Err(KernelFileError::Tensor { name, expected: "f64" });
+impl File<'_> {
+    fn tensor(&self, name: &'static str) -> Result<TensorView<'_>, StoredError> {
+        self.tensors.tensor(name).map_err(|error| StoredError::Form(Box::new(KernelFileError::from(error))))
     }
-    Ok(tensor.data().as_chunks().0.iter().map(|&bytes| f64::from_le_bytes(bytes)).collect())
+
+    /// Rows, columns and bytes of a tensor of pairs.
+    fn pairs(
+        &self,
+        name: &'static str,
+        dtype: Dtype,
+        expected: &'static str,
+    ) -> Result<(usize, usize, &[u8]), StoredError> {
+        let tensor = self.tensor(name)?;
+        match (tensor.dtype() == dtype, tensor.shape()) {
+            (true, &[height_px, width_px, 2]) => Ok((height_px, width_px, tensor.data())),
+            _ => Err(StoredError::Array { name, expected }),
+        }
+    }
 }
 
-fn bins(tensors: &SafeTensors<'_>) -> Result<Plane<Complex32>, KernelFileError> {
-    let expected = "f32 of shape [rows, columns, 2]";
-    let tensor = tensors.tensor("kernel.bins")?;
-    let (Dtype::F32, &[height_px, width_px, 2]) = (tensor.dtype(), tensor.shape()) else {
-        return Err(KernelFileError::Tensor { name: "kernel.bins", expected });
-    };
-    let numbers: Vec<f32> = tensor.data().as_chunks().0.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect();
-    let values = numbers.as_chunks().0.iter().map(|&[re, im]| Complex32::new(re, im)).collect();
-    Ok(Plane::try_from_vec(height_px, width_px, values)?)
+impl StoredParts for File<'_> {
+    fn has_bins(&self) -> bool {
+        !self.header.model.is_smooth()
+    }
+
+    fn entry(&self, key: &'static str) -> Result<Option<Entry>, StoredError> {
+        self.header.entry(key)
+    }
+
+    fn f64s(&self, name: &'static str) -> Result<Vec<f64>, StoredError> {
+        let tensor = self.tensor(name)?;
+        match tensor.dtype() {
+            Dtype::F64 => Ok(tensor.data().as_chunks().0.iter().map(|&bytes| f64::from_le_bytes(bytes)).collect()),
+            _ => Err(StoredError::Array { name, expected: "f64" }),
+        }
+    }
+
+    fn complex32s(&self, name: &'static str) -> Result<Plane<Complex32>, StoredError> {
+        let expected = "f32 of shape [rows, columns, 2]";
+        let (height_px, width_px, bytes) = self.pairs(name, Dtype::F32, expected)?;
+        let numbers: Vec<f32> = bytes.as_chunks().0.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect();
+        let values = numbers.as_chunks().0.iter().map(|&[re, im]| Complex32::new(re, im)).collect();
+        Plane::try_from_vec(height_px, width_px, values).map_err(|_| StoredError::Array { name, expected })
+    }
+
+    fn i16_pairs(&self, name: &'static str) -> Result<Plane<[i16; 2]>, StoredError> {
+        let expected = "i16 of shape [rows, columns, 2]";
+        let (height_px, width_px, bytes) = self.pairs(name, Dtype::I16, expected)?;
+        Plane::try_from_vec(height_px, width_px, i16_pairs(bytes)).map_err(|_| StoredError::Array { name, expected })
+    }
 }
 
-fn dust(tensors: &SafeTensors<'_>) -> Result<Plane<[i16; 2]>, KernelFileError> {
-    let tensor = tensors.tensor(DUST)?;
-    let (Dtype::I16, &[height_px, width_px, 2]) = (tensor.dtype(), tensor.shape()) else {
-        return Err(KernelFileError::Tensor { name: DUST, expected: "i16 of shape [rows, columns, 2]" });
-    };
-    Ok(Plane::try_from_vec(height_px, width_px, dust_steps(tensor.data()))?)
-}
-
-/// A and B of each pixel, from little-endian bytes.
-pub(crate) fn dust_steps(bytes: &[u8]) -> Vec<[i16; 2]> {
+/// Pairs of numbers from little-endian bytes.
+pub(crate) fn i16_pairs(bytes: &[u8]) -> Vec<[i16; 2]> {
     let numbers =
         bytes.as_chunks().0.iter().map(|&[a, b, c, d]| [i16::from_le_bytes([a, b]), i16::from_le_bytes([c, d])]);
     numbers.collect()
@@ -375,8 +255,11 @@ pub(crate) fn dust_steps(bytes: &[u8]) -> Vec<[i16; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use lightpath_optics::OrderFilter;
-    use lightpath_optics::{FurtherMode, Grid, OpticalSetup, Orders, PartialCoherence};
+    use lightpath_optics::{
+        Crosstalk, Dust, FurtherMode, Ghost, Grid, KernelShape, LightBlur, OpticalSetup, OrderFilter, Orders,
+        PartialCoherence, ResponseVariation, SmoothField, SpatialVariation,
+    };
+    use num_complex::Complex64;
 
     fn model(kernel: KernelShape) -> DisplayModel {
         let grid = Grid::try_new(32, 48, 8e-6).unwrap();
@@ -438,6 +321,12 @@ mod tests {
                 model.setup = model.setup.with_orders(Orders::Filtered(half)).unwrap();
             }
             model.setup = model.setup.planned().unwrap().0;
+            let stored = Stored::of(&model);
+            let keys = stored.entries().map(|(key, _)| *key);
+            for name in keys.chain(stored.clone().into_arrays().iter().map(|array| array.name)) {
+                let is_described = |line: &str| line.starts_with("//! |") && line.contains(&format!("`{name}`"));
+                assert!(include_str!("kernel_file.rs").lines().any(is_described), "no row describes `{name}`");
+            }
             let bytes = encode(&model, kind).unwrap();
             assert_eq!(bytes, encode(&model, kind).unwrap());
             assert_eq!(origin(&bytes).unwrap(), Origin::default());

@@ -1,7 +1,6 @@
 //! Blur by means over squares. Running sums make the cost independent of the radius.
 
-use lightpath_optics::Plane;
-use lightpath_optics::interrupt;
+use lightpath_optics::{Plane, interrupt};
 
 /// Replaces each pixel by the mean over the (2·radius + 1)² square around it, as far as that lies inside the plane, and
 /// repeats that `passes` times. Three passes come near a Gaussian.

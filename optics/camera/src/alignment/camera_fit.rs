@@ -15,8 +15,7 @@
 
 use super::camera_map::{CameraMap, Frame, PARAMETERS};
 use super::error::AlignmentError;
-use super::homography::{Homography, PointPair};
-use super::homography::{distance, huber_weights, inliers};
+use super::homography::{Homography, PointPair, distance, huber_weights, inliers};
 use lightpath_optics::numerics::least_squares::NormalEquations;
 
 /// A camera's map that was fitted to points, and the quality of the fit.

@@ -10,8 +10,7 @@
 //! quadratic terms scale and shear. The higher terms matter also where only the turn is wanted: the affine map that
 //! fits the gradient of x³y best is turned.
 
-use super::homography::Point;
-use super::homography::distance;
+use super::homography::{Point, distance};
 use lightpath_optics::numerics::least_squares::NormalEquations;
 
 /// A rotation that was found in displacements.

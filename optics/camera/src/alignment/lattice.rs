@@ -3,8 +3,7 @@
 //! The coordinates spread from neighbour to neighbour, starting at a spot with two nearest neighbours at about a right
 //! angle. Each neighbour is expected one step further, so the step can change gradually over the photograph.
 
-use super::homography::Point;
-use super::homography::distance;
+use super::homography::{Point, distance};
 use std::collections::HashMap;
 
 /// Largest distance of a neighbour from its expected position, as a part of a step.

@@ -10,8 +10,7 @@
 
 use super::camera_map::CameraMap;
 use super::homography::{Homography, Point};
-use lightpath_optics::Plane;
-use lightpath_optics::interrupt;
+use lightpath_optics::{Plane, interrupt};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 

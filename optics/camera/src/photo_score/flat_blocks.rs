@@ -8,8 +8,7 @@
 //! corner. In each of them the target varies by at most 2 % of its brightest value in the region, and its mean is at
 //! least half of that value. A camera's gain does not change C. Uneven light over more than a block does not count.
 
-use lightpath_optics::interrupt;
-use lightpath_optics::{Plane, RegionOfInterest};
+use lightpath_optics::{Plane, RegionOfInterest, interrupt};
 
 /// Side of a block \[px\].
 pub const BLOCK_PX: usize = 16;

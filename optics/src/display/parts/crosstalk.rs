@@ -10,66 +10,30 @@
 //! the phases of the edge continue. Measured modulators: S. Moser, M. Ritsch-Marte and G. Thalhammer, Optics Express
 //! 27, 25046 (2019).
 
+use super::blur_ratios::BlurRatios;
 use super::layout::Layout;
 use super::measures::{Deviation, Hidden, Measures};
+use super::stored::{Entry, Restored, Stored, StoredParts};
 use super::terms::Terms;
 use super::{Block, Part, sigma};
 use crate::display::DisplayModel;
 use crate::error::Result;
 use crate::numerics::Plane;
-use crate::numerics::gaussian_blur::{GaussianBlur, by_definition, ratio_of_sigma_px, sigma_px_of_ratio};
-use crate::numerics::smooth_field::out_of_range;
+use crate::numerics::gaussian_blur::{GaussianBlur, by_definition};
 
 /// Number of weights along an axis: three pixels on either side blur into a pixel.
 const TAPS: usize = 7;
 
-/// Cross-talk between neighbouring pixels: the weight q of a neighbour's phase relative to the pixel's own, along x and
-/// along y.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Crosstalk {
-    /// q along x, 0 to [`Self::RATIO_MAX`].
-    pub ratio_x: f64,
-    /// q along y, 0 to [`Self::RATIO_MAX`].
-    pub ratio_y: f64,
-}
+/// Cross-talk between neighbouring pixels, as a blur of their phases.
+pub type Crosstalk = BlurRatios<TAPS>;
 
 impl Crosstalk {
-    /// No cross-talk.
-    pub const NONE: Self = Self { ratio_x: 0.0, ratio_y: 0.0 };
     /// Largest q, of a standard deviation of 0.99 px. With a larger one, more than three pixels on either side would
     /// count.
     pub const RATIO_MAX: f64 = 0.6;
 
-    /// Cross-talk with a standard deviation along x and one along y \[px\].
-    #[must_use]
-    pub fn of_sigma_px(sigma_px: [f64; 2]) -> Self {
-        let [ratio_x, ratio_y] = sigma_px.map(ratio_of_sigma_px);
-        Self { ratio_x, ratio_y }
-    }
-
-    /// Standard deviation of the blur along x and along y \[px\].
-    #[must_use]
-    pub fn sigma_px(&self) -> [f64; 2] {
-        self.ratios().map(sigma_px_of_ratio)
-    }
-
-    /// Whether each pixel shows its own phase.
-    #[must_use]
-    pub fn is_none(&self) -> bool {
-        *self == Self::NONE
-    }
-
-    /// q along x and along y.
-    #[must_use]
-    pub fn ratios(&self) -> [f64; 2] {
-        [self.ratio_x, self.ratio_y]
-    }
-
     pub(crate) fn validate(&self) -> Result<()> {
-        match self.ratios().into_iter().find(|q| !(0.0..=Self::RATIO_MAX).contains(q)) {
-            Some(q) => Err(out_of_range("crosstalk", q, "0 to 0.6")),
-            None => Ok(()),
-        }
+        self.validate_within("crosstalk", Self::RATIO_MAX, "0 to 0.6")
     }
 }
 
@@ -102,6 +66,20 @@ impl Part for Row {
         model.crosstalk = Crosstalk::NONE;
     }
 
+    fn store(&self, model: &DisplayModel, to: &mut Stored) {
+        if !model.crosstalk.is_none() {
+            to.sometimes("has_crosstalk", Entry::Flag(true));
+            to.list("crosstalk", &model.crosstalk.ratios());
+        }
+    }
+
+    fn restore(&self, from: &dyn StoredParts, model: &mut DisplayModel) -> Restored {
+        if from.flag("has_crosstalk")? {
+            model.crosstalk = Crosstalk::of_ratios(from.exactly("crosstalk", "two f64")?);
+        }
+        Ok(())
+    }
+
     fn count(&self, layout: &Layout) -> usize {
         if layout.blocks.contains(Block::Crosstalk) { 2 } else { 0 }
     }
@@ -111,10 +89,7 @@ impl Part for Row {
     }
 
     fn set(&self, _layout: &Layout, numbers: &[f64], model: &mut DisplayModel) {
-        model.crosstalk = match *numbers {
-            [ratio_x, ratio_y] => Crosstalk { ratio_x, ratio_y },
-            _ => Crosstalk::NONE,
-        };
+        model.crosstalk = numbers.first_chunk().map_or(Crosstalk::NONE, |&ratios| Crosstalk::of_ratios(ratios));
     }
 
     fn limited(&self, _layout: &Layout, _position: usize, value: f64) -> f64 {

@@ -10,6 +10,7 @@
 
 use super::Part;
 use super::measures::{Measures, Scale, Unit};
+use super::stored::{Entry, Numbers, Restored, Stored, StoredParts};
 use super::terms::{Terms, Turn};
 use crate::display::DisplayModel;
 use crate::error::Result;
@@ -129,6 +130,21 @@ impl Part for Row {
 
     fn remove(&self, model: &mut DisplayModel) {
         model.dust = Dust::none();
+    }
+
+    fn store(&self, model: &DisplayModel, to: &mut Stored) {
+        if let Some(steps) = model.dust.steps() {
+            to.sometimes("has_dust", Entry::Flag(true));
+            let numbers = Numbers::I16(steps.values().as_flattened().to_vec());
+            to.array("dust", &[steps.height_px(), steps.width_px(), 2], numbers);
+        }
+    }
+
+    fn restore(&self, from: &dyn StoredParts, model: &mut DisplayModel) -> Restored {
+        if from.flag("has_dust")? {
+            model.dust = Dust::new(from.i16_pairs("dust")?);
+        }
+        Ok(())
     }
 
     fn terms(&self) -> Option<Terms> {

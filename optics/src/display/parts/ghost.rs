@@ -10,13 +10,13 @@
 
 use super::layout::Layout;
 use super::measures::{Measures, Scale, Unit};
+use super::stored::{Entry, Restored, Stored, StoredParts};
 use super::terms::{GAIN_MIN, Terms, Turn};
-use super::{Block, Part};
+use super::{Block, InBins, Part};
 use crate::display::DisplayModel;
 use crate::error::Result;
 use crate::numerics::SmoothField;
-use crate::numerics::smooth_field::SeriesAlongY;
-use crate::numerics::smooth_field::{expect_finite, out_of_range};
+use crate::numerics::smooth_field::{SeriesAlongY, expect_finite, out_of_range};
 use num_complex::Complex64;
 use std::f64::consts::PI;
 
@@ -131,6 +131,24 @@ impl Part for Row {
 
     fn remove(&self, model: &mut DisplayModel) {
         model.ghost = Ghost::NONE;
+    }
+
+    fn store(&self, model: &DisplayModel, to: &mut Stored) {
+        if !model.ghost.is_none() {
+            to.sometimes("has_ghost", Entry::Flag(true));
+            to.list("ghost", &model.ghost.numbers());
+        }
+    }
+
+    fn restore(&self, from: &dyn StoredParts, model: &mut DisplayModel) -> Restored {
+        if from.flag("has_ghost")? {
+            model.ghost = Ghost::of_numbers(from.exactly("ghost", "five f64")?);
+        }
+        Ok(())
+    }
+
+    fn in_bins(&self) -> InBins {
+        InBins::Held
     }
 
     fn count(&self, layout: &Layout) -> usize {

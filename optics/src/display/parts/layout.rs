@@ -5,15 +5,25 @@
 //! each photograph has its own.
 
 use super::blocks::Blocks;
-use super::partial_coherence::{FURTHER_MODES, MODE_ORDER};
-use super::source::{FINE_SOURCE_ORDER, SOURCE_ORDER};
-use super::spatial_variation::VARIATION_ORDER;
-use super::transfer_function::BEYOND_ORDER;
 use super::{Block, ModelPart, THETA};
 use crate::display::{DisplayModel, KernelShape, OpticalSetup};
 use crate::numerics::SmoothField;
 use crate::numerics::chebyshev::ChebyshevBasis;
 use std::ops::Range;
+
+/// Highest total degree of the errors beyond the band: a shift, a defocus, and light that is lost there.
+pub(crate) const BEYOND_ORDER: usize = 2;
+/// Highest total degree of the source profile.
+pub(crate) const SOURCE_ORDER: usize = 4;
+/// Highest total degree of a fine source profile. Order 8 leaves 3 dB less light in place on a surface of 1.5 waves.
+pub(crate) const FINE_SOURCE_ORDER: usize = 10;
+/// Highest total degree of the variation over the SLM that learning finds: that of third-order aberrations.
+pub(crate) const VARIATION_ORDER: usize = 4;
+/// Number of further modes of partially coherent light: with the first one, three directions have any spread along both
+/// axes.
+pub(crate) const FURTHER_MODES: usize = 2;
+/// Highest total degree of a mode's transfer function relative to the kernel: a shift, and a defocus.
+pub(crate) const MODE_ORDER: usize = 2;
 
 /// Positions of the parameters in θ.
 #[derive(Clone, Copy, Debug)]
@@ -54,7 +64,12 @@ impl Layout {
 
     /// The same layout for a display of this setup.
     pub(crate) fn on(self, setup: &OpticalSetup) -> Self {
-        let order = if setup.orders().are_all() { BEYOND_ORDER } else { 0 };
+        self.with_all_orders(setup.orders().are_all())
+    }
+
+    /// The same layout for a display that shows all orders, or only the first.
+    pub(crate) fn with_all_orders(self, all: bool) -> Self {
+        let order = if all { BEYOND_ORDER } else { 0 };
         Self { beyond: ChebyshevBasis::new(order), ..self }.placed()
     }
 

@@ -11,15 +11,16 @@
 //! The lens of a camera blurs the light, and so does a source with an extent: each of its directions moves the image by
 //! direction times distance, and the images do not interfere. Photographs of one distance cannot tell the two apart.
 
+use super::blur_ratios::BlurRatios;
 use super::layout::Layout;
 use super::measures::{Deviation, Measures};
+use super::stored::{Entry, Restored, Stored, StoredParts};
 use super::terms::{Terms, Turn};
 use super::{Block, Part, sigma};
 use crate::display::DisplayModel;
 use crate::error::Result;
 use crate::numerics::Plane;
-use crate::numerics::gaussian_blur::{GaussianBlur, by_definition, ratio_of_sigma_px, sigma_px_of_ratio};
-use crate::numerics::smooth_field::out_of_range;
+use crate::numerics::gaussian_blur::{GaussianBlur, by_definition};
 
 /// Least relative decrease of the validation loss by which learning keeps a blur. The sub-samples of a pixel stand for
 /// its integral to 2 % of the light's variation, and a small blur mends some of that: on a display without a flaw it
@@ -28,51 +29,15 @@ const GAIN_MIN: f64 = 0.3;
 /// Number of weights along an axis: six pixels on either side blur into a pixel.
 pub(crate) const TAPS: usize = 13;
 
-/// Blur of the light: the weight q of a neighbour's light relative to the pixel's own, along x and along y.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct LightBlur {
-    /// q along x, 0 to [`Self::RATIO_MAX`].
-    pub ratio_x: f64,
-    /// q along y, 0 to [`Self::RATIO_MAX`].
-    pub ratio_y: f64,
-}
+/// Blur of the light, along x and along y.
+pub type LightBlur = BlurRatios<TAPS>;
 
 impl LightBlur {
-    /// No blur.
-    pub const NONE: Self = Self { ratio_x: 0.0, ratio_y: 0.0 };
     /// Largest q, of a standard deviation of 1.98 px: six pixels on either side are three standard deviations.
-    pub const RATIO_MAX: f64 = 0.88;
-
-    /// Blur with a standard deviation along x and one along y \[px\].
-    #[must_use]
-    pub fn of_sigma_px(sigma_px: [f64; 2]) -> Self {
-        let [ratio_x, ratio_y] = sigma_px.map(ratio_of_sigma_px);
-        Self { ratio_x, ratio_y }
-    }
-
-    /// Standard deviation along x and along y \[px\].
-    #[must_use]
-    pub fn sigma_px(&self) -> [f64; 2] {
-        self.ratios().map(sigma_px_of_ratio)
-    }
-
-    /// Whether each pixel shows its own light.
-    #[must_use]
-    pub fn is_none(&self) -> bool {
-        *self == Self::NONE
-    }
-
-    /// q along x and along y.
-    #[must_use]
-    pub fn ratios(&self) -> [f64; 2] {
-        [self.ratio_x, self.ratio_y]
-    }
+    pub const RATIO_MAX: f64 = sigma::RATIO_MAX;
 
     pub(crate) fn validate(&self) -> Result<()> {
-        match self.ratios().into_iter().find(|q| !(0.0..=Self::RATIO_MAX).contains(q)) {
-            Some(q) => Err(out_of_range("light blur", q, "0 to 0.88")),
-            None => Ok(()),
-        }
+        self.validate_within("light blur", Self::RATIO_MAX, "0 to 0.88")
     }
 }
 
@@ -105,6 +70,20 @@ impl Part for Row {
         model.light_blur = LightBlur::NONE;
     }
 
+    fn store(&self, model: &DisplayModel, to: &mut Stored) {
+        if !model.light_blur.is_none() {
+            to.sometimes("has_light_blur", Entry::Flag(true));
+            to.list("light_blur", &model.light_blur.ratios());
+        }
+    }
+
+    fn restore(&self, from: &dyn StoredParts, model: &mut DisplayModel) -> Restored {
+        if from.flag("has_light_blur")? {
+            model.light_blur = LightBlur::of_ratios(from.exactly("light_blur", "two f64")?);
+        }
+        Ok(())
+    }
+
     fn count(&self, layout: &Layout) -> usize {
         if layout.blocks.contains(Block::LightBlur) { 2 } else { 0 }
     }
@@ -114,10 +93,7 @@ impl Part for Row {
     }
 
     fn set(&self, _layout: &Layout, numbers: &[f64], model: &mut DisplayModel) {
-        model.light_blur = match *numbers {
-            [ratio_x, ratio_y] => LightBlur { ratio_x, ratio_y },
-            _ => LightBlur::NONE,
-        };
+        model.light_blur = numbers.first_chunk().map_or(LightBlur::NONE, |&ratios| LightBlur::of_ratios(ratios));
     }
 
     fn limited(&self, _layout: &Layout, _position: usize, value: f64) -> f64 {

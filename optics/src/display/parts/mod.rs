@@ -1,10 +1,11 @@
-//! The parts of a display that its [model](super::model) describes: one file for each, and one table of all.
+//! The parts of a display that its [model](super) describes: one file for each, and one table of all.
 //!
 //! A file says what its part is, and implements `Part`: the part's names, its numbers in θ with their limits, how a
-//! model is left without it, on which terms learning tries it, and how strong it is. Whatever treats all parts alike goes
-//! through `PARTS`.
+//! model is left without it, what is stored of it, on which terms learning tries it, and how strong it is. Whatever
+//! treats all parts alike goes through `PARTS`.
 
 pub(crate) mod blocks;
+pub mod blur_ratios;
 pub mod crosstalk;
 pub(crate) mod dust;
 pub(crate) mod ghost;
@@ -18,14 +19,16 @@ pub(crate) mod response_variation;
 mod sigma;
 pub(crate) mod source;
 pub mod spatial_variation;
+pub mod stored;
 pub(crate) mod terms;
 pub(crate) mod transfer_function;
 pub(crate) mod zero_order;
 
-use super::model::{DisplayModel, KernelShape};
+use super::{DisplayModel, KernelShape};
 use layout::Layout;
 use measures::{Deviation, Hidden, Measures};
 use serde::{Deserialize, Serialize};
+use stored::{Restored, Stored, StoredParts};
 use terms::Terms;
 
 /// What everything that treats all parts alike needs to know of one.
@@ -56,6 +59,17 @@ pub(crate) trait Part: Sync {
 
     /// Takes the part out of a model that has it.
     fn remove(&self, model: &mut DisplayModel);
+
+    /// Writes what is stored of the part.
+    fn store(&self, model: &DisplayModel, to: &mut Stored);
+
+    /// Reads what is stored of the part, and gives it to a model without the part.
+    fn restore(&self, from: &dyn StoredParts, model: &mut DisplayModel) -> Restored;
+
+    /// What H at each frequency holds of the part.
+    fn in_bins(&self) -> InBins {
+        InBins::Beside
+    }
 
     /// How many numbers the part has in θ.
     fn count(&self, _layout: &Layout) -> usize {
@@ -133,7 +147,7 @@ const CHANGE: f64 = 1e-4;
 macro_rules! parts {
     ($($(#[$doc:meta])* $part:ident $(/ $block:ident)?: $row:path,)*) => {
         /// A part of a display that changes its light.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
         #[serde(rename_all = "snake_case")]
         pub enum ModelPart { $($(#[$doc])* $part,)* }
 
@@ -208,6 +222,32 @@ pub(crate) const THETA: [ModelPart; 10] = [
     ModelPart::PartialCoherence,
 ];
 
+/// The parts in the order in which they are stored. A new part goes to the end.
+pub(crate) const STORED: [ModelPart; ModelPart::ALL.len()] = [
+    ModelPart::ZeroOrder,
+    ModelPart::TransferFunction,
+    ModelPart::Source,
+    ModelPart::VaryingTransferFunction,
+    ModelPart::PhaseResponse,
+    ModelPart::UnevenResponse,
+    ModelPart::Crosstalk,
+    ModelPart::LightBlur,
+    ModelPart::Ghost,
+    ModelPart::PartialCoherence,
+    ModelPart::Dust,
+];
+
+/// What a transfer function H with a number for each frequency holds of a part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum InBins {
+    /// The part is beside the transfer function.
+    Beside,
+    /// H holds the part.
+    Held,
+    /// The part needs a smooth transfer function, and a single H does not hold it.
+    Lost,
+}
+
 impl ModelPart {
     /// Name of the part as it is stored.
     #[must_use]
@@ -225,6 +265,23 @@ impl ModelPart {
     #[must_use]
     pub fn is_in(self, model: &DisplayModel) -> bool {
         self.row().is_in(model)
+    }
+
+    /// Takes the part out of a model.
+    pub fn remove(self, model: &mut DisplayModel) {
+        self.row().remove(model);
+    }
+
+    /// What H at each frequency holds of the part.
+    #[must_use]
+    pub fn in_bins(self) -> InBins {
+        self.row().in_bins()
+    }
+
+    /// Whether two models have the same part, to the last digit.
+    #[must_use]
+    pub fn is_same_in(self, one: &DisplayModel, other: &DisplayModel) -> bool {
+        Stored::of_part(self, one) == Stored::of_part(self, other)
     }
 
     pub(crate) fn row(self) -> &'static dyn Part {
@@ -246,6 +303,7 @@ pub fn without_each_part(model: &DisplayModel) -> Vec<(ModelPart, DisplayModel)>
 
 #[cfg(test)]
 mod tests {
+    use super::blocks::Blocks;
     use super::*;
     use crate::display::{
         Crosstalk, Dust, FurtherMode, Ghost, LightBlur, OpticalSetup, PartialCoherence, ResponseVariation,
@@ -283,6 +341,16 @@ mod tests {
             let together = [ModelPart::TransferFunction, ModelPart::VaryingTransferFunction];
             let goes = |other: &ModelPart| other == part || *part == together[0] && *other == together[1];
             assert!(parts.iter().all(|(other, _)| left.contains(other) != goes(other)), "{part:?}");
+        }
+    }
+
+    #[test]
+    fn each_part_with_numbers_stands_in_theta_and_each_part_is_stored_once() {
+        let layout = Layout::new(true, 5, Blocks::ALL);
+        for part in ModelPart::ALL {
+            let has_numbers = part.row().count(&layout) > 0;
+            assert_eq!(THETA.iter().filter(|other| *other == part).count(), usize::from(has_numbers), "{part:?}");
+            assert_eq!(STORED.iter().filter(|other| *other == part).count(), 1, "{part:?}");
         }
     }
 

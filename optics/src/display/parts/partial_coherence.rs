@@ -12,24 +12,24 @@
 
 use super::layout::{Layout, field, of_field};
 use super::measures::{Measures, Scale, Unit};
+use super::stored::{Entry, Restored, Stored, StoredError, StoredParts};
 use super::terms::{Dear, Terms, Turn};
-use super::{Block, Part};
+use super::{Block, InBins, Part};
 use crate::display::DisplayModel;
 use crate::error::Result;
 use crate::numerics::SmoothField;
+use crate::numerics::chebyshev::ChebyshevBasis;
 use crate::numerics::smooth_field::out_of_range;
 use std::f64::consts::PI;
 
-/// Number of further modes of partially coherent light: with the first one, three directions have any spread along both
-/// axes.
-pub(crate) const FURTHER_MODES: usize = 2;
-/// Highest total degree of a mode's transfer function relative to the kernel: a shift, and a defocus.
-pub(crate) const MODE_ORDER: usize = 2;
 /// Limits of the logarithm of a mode's light relative to that of the first mode.
 const LOG_LIGHT: (f64, f64) = (-7.0, 3.0);
 /// Least relative decrease of the validation loss by which learning keeps further modes, which make every hologram three
 /// times as expensive.
 const GAIN_MIN: f64 = 0.3;
+/// Names of the stored arrays.
+const LIGHT: &str = "mode.light";
+const ERRORS: [&str; 2] = ["mode.log_amplitude", "mode.phase"];
 
 /// Light of a display that does not interfere with that of its first mode.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -138,6 +138,50 @@ impl Part for Row {
 
     fn remove(&self, model: &mut DisplayModel) {
         *model = model.in_one_mode();
+    }
+
+    fn store(&self, model: &DisplayModel, to: &mut Stored) {
+        let modes = model.coherence.modes();
+        if !modes.is_empty() {
+            to.sometimes("mode_orders", Entry::Orders(modes.iter().map(|mode| mode.errors.order).collect()));
+            to.list(LIGHT, &modes.iter().map(|mode| mode.light).collect::<Vec<_>>());
+            to.fields(ERRORS, &[], modes.iter().map(|mode| &mode.errors));
+        }
+    }
+
+    fn restore(&self, from: &dyn StoredParts, model: &mut DisplayModel) -> Restored {
+        let orders = from.orders("mode_orders")?;
+        if orders.is_empty() {
+            return Ok(());
+        }
+        let refused =
+            |name| Err(StoredError::Array { name, expected: "f64 with the numbers of all modes in `mode_orders`" });
+        // Coefficients of such an order would be made before the field is refused.
+        if orders.iter().any(|&order| order > ChebyshevBasis::ORDER_MAX) {
+            return refused(ERRORS[1]);
+        }
+        let lights = from.f64s(LIGHT)?;
+        let SmoothField { log_amplitude, phase, .. } = from.field(0, ERRORS)?;
+        let terms = orders.iter().map(|&order| ChebyshevBasis::new(order).terms());
+        let all: usize = terms.clone().sum();
+        let found =
+            [(LIGHT, lights.len(), orders.len()), (ERRORS[0], log_amplitude.len(), all), (ERRORS[1], phase.len(), all)];
+        if let Some((name, ..)) = found.into_iter().find(|(_, found, expected)| found != expected) {
+            return refused(name);
+        }
+        let mut start = 0;
+        let errors = orders.iter().zip(terms).map(|(&order, terms)| {
+            let range = start..start + terms;
+            start = range.end;
+            SmoothField { order, log_amplitude: log_amplitude[range.clone()].to_vec(), phase: phase[range].to_vec() }
+        });
+        let modes = lights.into_iter().zip(errors).map(|(light, errors)| FurtherMode { light, errors });
+        model.coherence = PartialCoherence::new(modes.collect());
+        Ok(())
+    }
+
+    fn in_bins(&self) -> InBins {
+        InBins::Lost
     }
 
     fn count(&self, layout: &Layout) -> usize {

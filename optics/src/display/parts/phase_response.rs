@@ -2,6 +2,7 @@
 
 use super::Part;
 use super::layout::Layout;
+use super::stored::{Numbers, Restored, Stored, StoredParts};
 use crate::display::DisplayModel;
 
 /// Number of harmonics of the phase response.
@@ -25,6 +26,16 @@ impl Part for Row {
 
     fn remove(&self, model: &mut DisplayModel) {
         model.response.clear();
+    }
+
+    fn store(&self, model: &DisplayModel, to: &mut Stored) {
+        let numbers = Numbers::F64(model.response.as_flattened().to_vec());
+        to.array("response", &[model.response.len(), 2], numbers);
+    }
+
+    fn restore(&self, from: &dyn StoredParts, model: &mut DisplayModel) -> Restored {
+        model.response = from.f64s("response")?.as_chunks().0.to_vec();
+        Ok(())
     }
 
     fn count(&self, layout: &Layout) -> usize {

@@ -10,6 +10,7 @@
 
 use super::layout::{Layout, coefficients};
 use super::measures::{Deviation, Hidden, Measures, Scale, Unit};
+use super::stored::{Entry, Restored, Stored, StoredParts};
 use super::terms::Terms;
 use super::{Block, Part};
 use crate::display::DisplayModel;
@@ -104,6 +105,20 @@ impl Part for Row {
 
     fn remove(&self, model: &mut DisplayModel) {
         model.response_variation = ResponseVariation::none();
+    }
+
+    fn store(&self, model: &DisplayModel, to: &mut Stored) {
+        if !model.response_variation.is_none() {
+            to.sometimes("response_variation_order", Entry::Order(model.response_variation.order));
+            to.list("response_variation", &model.response_variation.coefficients);
+        }
+    }
+
+    fn restore(&self, from: &dyn StoredParts, model: &mut DisplayModel) -> Restored {
+        if let Some(order) = from.order_if_any("response_variation_order")? {
+            model.response_variation = ResponseVariation { order, coefficients: from.f64s("response_variation")? };
+        }
+        Ok(())
     }
 
     fn count(&self, layout: &Layout) -> usize {

@@ -1,9 +1,10 @@
 //! The strength of a blur: its standard deviation σ along x and along y, and how certain that is.
 
-use super::light_blur::LightBlur;
 use super::measures::{Deviation, Measures, Scale, Unit};
 use crate::numerics::gaussian_blur::sigma_px_of_ratio;
 
+/// Largest q of any blur.
+pub(super) const RATIO_MAX: f64 = 0.88;
 /// σ along x and along y.
 pub(super) const SCALES: &[Scale] = &[
     Scale { name: "sigma_x", unit: Unit::Pixels, digits: 2 },
@@ -31,7 +32,7 @@ fn ratio_deviations(deviation: Deviation<'_>) -> [f64; 2] {
     [&[1.0, 0.0], &[0.0, 1.0]].map(|slopes| deviation(slopes))
 }
 
-/// σ along x and along y \[px\] of a blur with these q, moved into the limits of a blur of the light.
+/// σ along x and along y \[px\] of a blur with these q, moved into the limits of a blur.
 fn sigma_px(ratios: [f64; 2]) -> [f64; 2] {
-    ratios.map(|q| sigma_px_of_ratio(q.clamp(0.0, LightBlur::RATIO_MAX)))
+    ratios.map(|q| sigma_px_of_ratio(q.clamp(0.0, RATIO_MAX)))
 }

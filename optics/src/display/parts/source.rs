@@ -1,17 +1,16 @@
 //! The source profile: the light that falls on the SLM, and the uneven surface of the SLM.
 
 use super::Part;
-use super::layout::{Layout, field, fields_in, of_field};
+use super::layout::{Layout, SOURCE_ORDER, field, fields_in, of_field};
 use super::measures::{Measures, Scale, Unit};
+use super::stored::{Entry, Restored, Stored, StoredParts};
 use super::terms::Terms;
 use crate::display::DisplayModel;
 use crate::numerics::SmoothField;
 use crate::numerics::chebyshev::position;
 
-/// Highest total degree of the source profile.
-pub(crate) const SOURCE_ORDER: usize = 4;
-/// Highest total degree of a fine source profile. Order 8 leaves 3 dB less light in place on a surface of 1.5 waves.
-pub(crate) const FINE_SOURCE_ORDER: usize = 10;
+/// Names of the stored arrays.
+const ARRAYS: [&str; 2] = ["source.log_amplitude", "source.phase"];
 
 /// Its numbers are log amplitude and phase. The block makes the profile a fine one.
 pub(super) struct Row;
@@ -43,6 +42,16 @@ impl Part for Row {
 
     fn remove(&self, model: &mut DisplayModel) {
         model.source = SmoothField::flat(0);
+    }
+
+    fn store(&self, model: &DisplayModel, to: &mut Stored) {
+        to.always("source_order", Entry::Order(model.source.order));
+        to.fields(ARRAYS, &[], std::iter::once(&model.source));
+    }
+
+    fn restore(&self, from: &dyn StoredParts, model: &mut DisplayModel) -> Restored {
+        model.source = from.field(from.order("source_order")?, ARRAYS)?;
+        Ok(())
     }
 
     fn count(&self, layout: &Layout) -> usize {

@@ -1,12 +1,15 @@
 //! Errors of the transfer function, which every model has: aberrations, and light that the optics lose.
 
-use super::Part;
 use super::layout::{Layout, field, fields_in, of_field};
+use super::stored::{Entry, Numbers, Restored, Stored, StoredParts};
+use super::{InBins, Part};
 use crate::display::{DisplayModel, KernelShape, SpatialVariation};
 use crate::numerics::SmoothField;
 
-/// Highest total degree of the errors beyond the band: a shift, a defocus, and light that is lost there.
-pub(crate) const BEYOND_ORDER: usize = 2;
+/// Names of the stored arrays.
+const ERRORS: [&str; 2] = ["kernel.log_amplitude", "kernel.phase"];
+const BEYOND: [&str; 2] = ["beyond.log_amplitude", "beyond.phase"];
+const BINS: &str = "kernel.bins";
 
 /// Its numbers are α and ψ of the kernel, then those beyond the band of a display that shows all orders.
 pub(super) struct Row;
@@ -27,6 +30,43 @@ impl Part for Row {
     fn remove(&self, model: &mut DisplayModel) {
         (model.kernel, model.variation) = (KernelShape::Smooth(SmoothField::flat(0)), SpatialVariation::none());
         model.beyond = SmoothField::flat(0);
+    }
+
+    fn store(&self, model: &DisplayModel, to: &mut Stored) {
+        let (flat, beyond) = (SmoothField::flat(0), &model.beyond);
+        let smooth = match &model.kernel {
+            KernelShape::Smooth(errors) => Some(errors),
+            KernelShape::Ideal => Some(&flat),
+            KernelShape::Bins(bins) => {
+                let numbers = bins.values().iter().flat_map(|h| [h.re, h.im]).collect();
+                to.array(BINS, &[bins.height_px(), bins.width_px(), 2], Numbers::F32(numbers));
+                None
+            }
+        };
+        to.always("kernel_order", Entry::Order(smooth.map_or(0, |errors| errors.order)));
+        if let Some(errors) = smooth {
+            to.fields(ERRORS, &[], std::iter::once(errors));
+        }
+        if beyond.order > 0 {
+            to.sometimes("beyond_order", Entry::Order(beyond.order));
+            to.fields(BEYOND, &[], std::iter::once(beyond));
+        }
+    }
+
+    fn restore(&self, from: &dyn StoredParts, model: &mut DisplayModel) -> Restored {
+        let order = from.order("kernel_order")?;
+        model.kernel = match from.has_bins() {
+            true => KernelShape::Bins(from.complex32s(BINS)?),
+            false => KernelShape::Smooth(from.field(order, ERRORS)?),
+        };
+        if let Some(order) = from.order_if_any("beyond_order")?.filter(|&order| order > 0) {
+            model.beyond = from.field(order, BEYOND)?;
+        }
+        Ok(())
+    }
+
+    fn in_bins(&self) -> InBins {
+        InBins::Held
     }
 
     fn count(&self, layout: &Layout) -> usize {

@@ -2,6 +2,7 @@
 
 use super::Part;
 use super::layout::Layout;
+use super::stored::{PHOTOMETRY, Restored, Stored, StoredParts};
 use crate::display::DisplayModel;
 use num_complex::Complex64;
 
@@ -23,6 +24,16 @@ impl Part for Row {
 
     fn remove(&self, model: &mut DisplayModel) {
         model.zero_order = Complex64::ZERO;
+    }
+
+    fn store(&self, model: &DisplayModel, to: &mut Stored) {
+        to.append(PHOTOMETRY, &[model.zero_order.re, model.zero_order.im]);
+    }
+
+    fn restore(&self, from: &dyn StoredParts, model: &mut DisplayModel) -> Restored {
+        let [_, _, re, im] = from.photometry()?;
+        model.zero_order = Complex64::new(re, im);
+        Ok(())
     }
 
     fn count(&self, layout: &Layout) -> usize {

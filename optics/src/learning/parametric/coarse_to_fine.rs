@@ -18,11 +18,10 @@
 use super::ParametricLearner;
 use super::surface_start::Compared;
 use crate::display::Detector;
-use crate::display::parts::source::SOURCE_ORDER;
+use crate::display::parts::layout::SOURCE_ORDER;
 use crate::learning::band_pass::{BandPass, FilteredPhoto};
 use crate::learning::fit::Fit;
-use crate::learning::pair::PairSource;
-use crate::learning::pair::{BoxError, Example};
+use crate::learning::pair::{BoxError, Example, PairSource};
 use crate::learning::screening::median;
 use crate::numerics::chebyshev::ChebyshevBasis;
 use crate::numerics::optimizer::limited_memory::{LimitedMemory, Workspace};

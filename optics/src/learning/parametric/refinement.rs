@@ -5,8 +5,7 @@ use crate::display::parts::Block;
 use crate::display::parts::blocks::Blocks;
 use crate::engine::photometry::Sums;
 use crate::learning::course::{Model, Refined, Verdict};
-use crate::learning::pair::{BoxError, Example};
-use crate::learning::pair::{LearningPairs, PairSource};
+use crate::learning::pair::{BoxError, Example, LearningPairs, PairSource};
 use crate::learning::schedule::shuffled;
 use crate::numerics::optimizer::damped::DampedState;
 

@@ -19,8 +19,7 @@
 use super::ParametricLearner;
 use super::pairs_in_use::few;
 use crate::display::parts::Block;
-use crate::learning::pair::SATURATION;
-use crate::learning::pair::{BoxError, PairSource};
+use crate::learning::pair::{BoxError, PairSource, SATURATION};
 use crate::numerics::RegionOfInterest;
 use crate::numerics::chebyshev::{ChebyshevBasis, polynomials, position};
 use crate::numerics::least_squares::NormalEquations;
@@ -228,8 +227,7 @@ impl PairSource for Compared<'_> {
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
-    use crate::display::Detector;
-    use crate::display::{DisplayModel, OpticalSetup};
+    use crate::display::{Detector, DisplayModel, OpticalSetup};
     use crate::engine::Engine;
     use crate::hologram::{HologramProblem, Optimization};
     use crate::learning::options::{KernelModel, LearnOptions};

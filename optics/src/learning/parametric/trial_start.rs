@@ -1,8 +1,7 @@
 //! Starts of the trials of [blocks](Block) that would not find the optimum from nothing.
 
 use super::ParametricLearner;
-use crate::display::parts::Block;
-use crate::display::parts::ModelPart;
+use crate::display::parts::{Block, ModelPart};
 use crate::learning::course::Round;
 use crate::learning::ghost_search::GhostSearch;
 use crate::learning::pair::{BoxError, PairSource};

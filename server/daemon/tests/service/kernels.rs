@@ -183,7 +183,7 @@ async fn every_format_is_fetched_and_imported_again() {
         let form = imported.lineage.unwrap().parameters_json;
         assert!(form.contains("imported_from") && form.contains(&file.digest), "{form}");
         assert_eq!(
-            form.contains("\"note\":\"the file does not hold source, dust, further modes of the light, phase response"),
+            form.contains("\"note\":\"the file does not hold source, crosstalk, uneven response, light blur"),
             !is_whole,
             "{form}"
         );

@@ -1,48 +1,65 @@
 //! The metadata of a kernel file.
 
 use super::{FORMAT, FORMAT_VERSION, KernelFileError, Origin};
-use lightpath_optics::{ConvolutionMethod, Grid, KernelModel, OpticalSetup, Orders};
-use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use lightpath_optics::display::parts::stored::{Entry, Stored, StoredError};
+use lightpath_optics::{ConvolutionMethod, DisplayModel, Grid, KernelModel, OpticalSetup, Orders};
+use serde::{Deserialize, Serialize, Serializer};
+use serde_json::{Map, Value};
 
-/// The kernel's metadata.
+/// The kernel's metadata. `Parts` are the entries of the parts: all other entries of a header that was read.
 #[derive(Serialize, Deserialize)]
-pub(crate) struct Header {
-    pub(super) format: String,
-    pub(super) format_version: u32,
+pub(crate) struct Header<Parts = Map<String, Value>> {
+    format: String,
+    format_version: u32,
     pub(crate) model: KernelModel,
-    pub(super) height_px: usize,
-    pub(super) width_px: usize,
-    pub(super) pixel_pitch_m: f64,
-    pub(super) wavelength_m: f64,
-    pub(super) distance_m: f64,
-    pub(super) kernel_order: usize,
-    pub(super) source_order: usize,
-    #[serde(default, skip_serializing_if = "is_zero")]
-    pub(super) beyond_order: usize,
-    #[serde(default, skip_serializing_if = "is_zero")]
-    pub(super) variation_order: usize,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(super) response_variation_order: Option<usize>,
-    #[serde(default, skip_serializing_if = "is_false")]
-    pub(super) has_crosstalk: bool,
-    #[serde(default, skip_serializing_if = "is_false")]
-    pub(super) has_light_blur: bool,
-    #[serde(default, skip_serializing_if = "is_false")]
-    pub(super) has_ghost: bool,
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub(super) mode_orders: Vec<usize>,
-    #[serde(default, skip_serializing_if = "is_false")]
-    pub(super) has_dust: bool,
-    pub(super) propagation: ConvolutionMethod,
+    height_px: usize,
+    width_px: usize,
+    pixel_pitch_m: f64,
+    wavelength_m: f64,
+    distance_m: f64,
+    #[serde(flatten)]
+    parts: Parts,
+    propagation: ConvolutionMethod,
     #[serde(default, skip_serializing_if = "is_first")]
-    pub(super) orders: Orders,
+    orders: Orders,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub(super) interpolated_from_m: Vec<f64>,
+    interpolated_from_m: Vec<f64>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(super) display: Option<String>,
+    display: Option<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub(super) record: Option<Value>,
+    record: Option<Value>,
+}
+
+/// The entries of the parts, in their order.
+pub(super) struct Entries<'a>(&'a Stored);
+
+impl Serialize for Entries<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_map(self.0.entries().map(|(key, value)| (key, value)))
+    }
+}
+
+impl<'a> Header<Entries<'a>> {
+    /// The metadata of a model.
+    pub(super) fn of(model: &DisplayModel, kind: KernelModel, stored: &'a Stored, origin: &Origin) -> Self {
+        let grid = model.setup.grid();
+        Self {
+            format: FORMAT.to_owned(),
+            format_version: FORMAT_VERSION,
+            model: kind,
+            height_px: grid.height_px(),
+            width_px: grid.width_px(),
+            pixel_pitch_m: grid.pixel_pitch_m(),
+            wavelength_m: model.setup.wavelength_m(),
+            distance_m: model.setup.distance_m(),
+            parts: Entries(stored),
+            propagation: model.setup.method(),
+            orders: model.setup.orders(),
+            interpolated_from_m: origin.interpolated_from_m.clone(),
+            display: origin.display.clone(),
+            record: origin.record.clone(),
+        }
+    }
 }
 
 impl Header {
@@ -53,6 +70,13 @@ impl Header {
             return Err(KernelFileError::Format { format: header.format, version: header.format_version });
         }
         Ok(header)
+    }
+
+    /// The entry of a part; `None` if there is none, or `null`.
+    pub(crate) fn entry(&self, key: &'static str) -> Result<Option<Entry>, StoredError> {
+        let entry = self.parts.get(key).map(Option::<Entry>::deserialize).transpose();
+        let refused = |_| StoredError::Entry { key, expected: "true or false, a whole number, or whole numbers" };
+        Ok(entry.map_err(refused)?.flatten())
     }
 
     pub(crate) fn origin(&self) -> Origin {
@@ -72,12 +96,4 @@ impl Header {
 
 fn is_first(orders: &Orders) -> bool {
     *orders == Orders::First
-}
-
-fn is_false(value: &bool) -> bool {
-    !value
-}
-
-fn is_zero(order: &usize) -> bool {
-    *order == 0
 }

@@ -2,7 +2,7 @@
 
 use super::error::KernelFormatError;
 use super::half;
-use crate::kernel_file::dust_steps;
+use crate::kernel_file::i16_pairs;
 use crate::npy;
 use lightpath_optics::Plane;
 use npyz::{DType, Order};
@@ -143,7 +143,7 @@ impl<'a> NpyFile<'a> {
     pub(super) fn i16_pairs(&self) -> Result<Plane<[i16; 2]>, KernelFormatError> {
         let refused = || self.refused("of int16 of shape [rows, columns, 2]");
         let (I16, &[height_px, width_px, 2]) = (self.descr.as_str(), &self.shape[..]) else { return Err(refused()) };
-        Plane::try_from_vec(height_px, width_px, dust_steps(self.data)).map_err(|_| refused())
+        Plane::try_from_vec(height_px, width_px, i16_pairs(self.data)).map_err(|_| refused())
     }
 
     /// The text of an array that holds a single one.

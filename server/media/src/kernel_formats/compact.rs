@@ -44,8 +44,8 @@ use super::error::KernelFormatError;
 use lightpath_optics::KernelModel;
 use lightpath_optics::numerics::chebyshev::ChebyshevBasis;
 use lightpath_optics::{
-    ConvolutionMethod, Crosstalk, DisplayModel, Dust, Ghost, Grid, KernelShape, LightBlur, OpticalSetup,
-    PartialCoherence, ResponseVariation, SmoothField, SpatialVariation,
+    ConvolutionMethod, Crosstalk, DisplayModel, Grid, KernelShape, OpticalSetup, ResponseVariation, SmoothField,
+    SpatialVariation,
 };
 use num_complex::Complex64;
 
@@ -192,21 +192,16 @@ pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFormatE
         order => SpatialVariation::new([(); SpatialVariation::POWERS].map(|()| take_field(&mut numbers, order))),
     };
     let model = DisplayModel {
-        setup: setup_of(content)?.with_method_regardless(method),
         kernel: KernelShape::Smooth(kernel),
-        beyond: SmoothField::flat(0),
-        ghost: Ghost::NONE,
         variation,
-        coherence: PartialCoherence::none(),
         source,
-        dust: Dust::none(),
         response,
         response_variation,
         crosstalk,
-        light_blur: LightBlur::NONE,
         zero_order: Complex64::new(photometry[2], photometry[3]),
         gain: photometry[0],
         offset: photometry[1],
+        ..DisplayModel::ideal(setup_of(content)?.with_method_regardless(method))
     };
     model.validate()?;
     Ok((model, kind))

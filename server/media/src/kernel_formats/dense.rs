@@ -3,7 +3,7 @@
 use super::array::Array;
 use super::error::KernelFormatError;
 use super::imported::Imported;
-use super::losses::Loss;
+use super::losses::{Loss, beside_bins};
 use lightpath_optics::numerics::grid::frequency;
 use lightpath_optics::{DisplayModel, KernelModel, KernelShape, OpticalSetup, Plane};
 use num_complex::Complex32;
@@ -82,20 +82,8 @@ pub(super) fn of_array(array: &Array, setup: &OpticalSetup, form: &'static str) 
     let kernel = KernelShape::Bins(Plane::try_from_vec(rows, columns, values)?);
     let model = DisplayModel { kernel, ..DisplayModel::ideal(*setup) };
     model.validate()?;
-    let whole = [
-        Loss::Source,
-        Loss::Dust,
-        Loss::Coherence,
-        Loss::PhaseResponse,
-        Loss::ResponseVariation,
-        Loss::Crosstalk,
-        Loss::LightBlur,
-        Loss::ZeroOrder,
-        Loss::GainAndOffset,
-        Loss::Variation,
-    ];
     let outer = (kind == KernelModel::Paper).then_some(Loss::OuterSpectrum);
-    Ok(Imported { kind, absent: whole.into_iter().chain(outer).collect(), ..Imported::new(form, model) })
+    Ok(Imported { kind, absent: beside_bins().chain(outer).collect(), ..Imported::new(form, model) })
 }
 
 fn complex_of(numbers: &[f32]) -> Vec<Complex32> {

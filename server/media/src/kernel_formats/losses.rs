@@ -1,5 +1,7 @@
 //! What a file form does not hold of a model.
 
+use lightpath_optics::display::parts::InBins;
+use lightpath_optics::learning::ModelPart;
 use lightpath_optics::{DisplayModel, KernelShape};
 use std::fmt;
 
@@ -7,31 +9,14 @@ use std::fmt;
 /// half of the band.
 const ROUNDING: f64 = 1e-6;
 
-/// A part of a model that a file does not hold.
+/// What a file does not hold of a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Loss {
-    /// The source profile.
-    Source,
-    /// Dust and fringes in the light on the SLM.
-    Dust,
-    /// A ghost. Forms with H at each frequency hold it as a part of H.
-    Ghost,
-    /// The further modes of partially coherent light. All light is in one mode between them.
-    Coherence,
-    /// The phase response of the SLM.
-    PhaseResponse,
-    /// The variation of the phase response over the SLM.
-    ResponseVariation,
-    /// Cross-talk between neighbouring pixels of the SLM.
-    Crosstalk,
-    /// The blur of the light.
-    LightBlur,
-    /// The undiffracted light.
-    ZeroOrder,
+    /// A part of the display. Without a variation over the SLM the kernel on the axis remains, and without further modes
+    /// of the light all of it is in one mode between them.
+    Part(ModelPart),
     /// Gain and offset of the camera.
     GainAndOffset,
-    /// The variation of the kernel over the SLM. H on the axis remains.
-    Variation,
     /// H outside the inner half of the band along each axis: three quarters of the spectrum.
     OuterSpectrum,
     /// The series of a smooth kernel and its method. H remains as a number for each frequency.
@@ -42,76 +27,46 @@ pub enum Loss {
     Precision,
 }
 
-/// The part as words in a sentence.
+/// The loss as words in a sentence.
 impl fmt::Display for Loss {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Source => "source",
-            Self::Dust => "dust",
-            Self::Ghost => "ghost",
-            Self::Coherence => "further modes of the light",
-            Self::PhaseResponse => "phase response",
-            Self::ResponseVariation => "variation of the phase response",
-            Self::Crosstalk => "cross-talk",
-            Self::LightBlur => "blur of the light",
-            Self::ZeroOrder => "zero order",
-            Self::GainAndOffset => "gain and offset",
-            Self::Variation => "variation over the SLM",
-            Self::OuterSpectrum => "H outside the inner half of the band",
-            Self::Parameters => "parameters of the kernel",
-            Self::Interpolation => "distances of an interpolation",
-            Self::Precision => "digits",
-        })
+        match self {
+            Self::Part(part) => f.write_str(&part.name().replace('_', " ")),
+            Self::GainAndOffset => f.write_str("gain and offset"),
+            Self::OuterSpectrum => f.write_str("H outside the inner half of the band"),
+            Self::Parameters => f.write_str("parameters of the kernel"),
+            Self::Interpolation => f.write_str("distances of an interpolation"),
+            Self::Precision => f.write_str("digits"),
+        }
     }
 }
 
-/// The parts of `model` that the model `read` from a file lacks. `relative_error` is that of H.
+/// What a form does not hold that has nothing but H at each frequency.
+pub(super) fn beside_bins() -> impl Iterator<Item = Loss> {
+    let parts = ModelPart::ALL.iter().copied().filter(|part| part.in_bins() != InBins::Held);
+    parts.map(Loss::Part).chain([Loss::GainAndOffset])
+}
+
+/// What the model `read` from a file lacks of `model`. `relative_error` is that of H.
 pub(super) fn losses(model: &DisplayModel, read: &DisplayModel, relative_error: f64) -> Vec<Loss> {
-    let source_lost = !model.source.is_flat() && read.source.is_flat();
-    let dust_lost = !model.dust.is_none() && read.dust.is_none();
-    let holds_all_h = matches!(read.kernel, KernelShape::Bins(_));
-    let ghost_lost = !model.ghost.is_none() && read.ghost.is_none() && !holds_all_h;
-    let coherence_lost = !model.coherence.is_none() && read.coherence.is_none();
-    let is_linear = |model: &DisplayModel| model.response.as_flattened().iter().all(|&harmonic| harmonic == 0.0);
-    let response_lost = !is_linear(model) && is_linear(read);
-    let variation_lost = !model.response_variation.is_none() && read.response_variation.is_none();
-    let crosstalk_lost = !model.crosstalk.is_none() && read.crosstalk.is_none();
-    let light_blur_lost = !model.light_blur.is_none() && read.light_blur.is_none();
-    let zero_order_lost = model.zero_order.norm_sqr() > 0.0 && read.zero_order.norm_sqr() == 0.0;
+    let is_smooth = |model: &DisplayModel| !matches!(model.kernel, KernelShape::Bins(_));
+    let outside_h = |part: &ModelPart| is_smooth(read) || part.in_bins() != InBins::Held;
+    let parts = ModelPart::ALL.iter().copied().filter(outside_h);
+    let (lost, kept): (Vec<_>, Vec<_>) = parts.partition(|part| part.is_in(model) && !part.is_in(read));
     let camera = |model: &DisplayModel| [model.gain, model.offset];
     let camera_lost = camera(model) != [1.0, 0.0] && camera(read) == [1.0, 0.0];
     let precision_lost = relative_error > 0.0
-        || !source_lost && read.source != model.source
-        || !coherence_lost && read.coherence != model.coherence
-        || !ghost_lost && !holds_all_h && read.ghost != model.ghost
-        || !dust_lost && read.dust != model.dust
-        || !response_lost && read.response != model.response
-        || !variation_lost && read.response_variation != model.response_variation
-        || !crosstalk_lost && read.crosstalk != model.crosstalk
-        || !light_blur_lost && read.light_blur != model.light_blur
-        || !zero_order_lost && read.zero_order != model.zero_order
+        || kept.iter().any(|part| !part.is_same_in(model, read))
         || !camera_lost && camera(read) != camera(model);
-    let is_smooth = |model: &DisplayModel| !matches!(model.kernel, KernelShape::Bins(_));
     let (all, kept) = (bins(model), bins(read));
-    [
-        (Loss::Source, source_lost),
-        (Loss::Dust, dust_lost),
-        (Loss::Ghost, ghost_lost),
-        (Loss::Coherence, coherence_lost),
-        (Loss::PhaseResponse, response_lost),
-        (Loss::ResponseVariation, variation_lost),
-        (Loss::Crosstalk, crosstalk_lost),
-        (Loss::LightBlur, light_blur_lost),
-        (Loss::ZeroOrder, zero_order_lost),
+    let others = [
         (Loss::GainAndOffset, camera_lost),
-        (Loss::Variation, !model.variation.is_none() && read.variation.is_none()),
         (Loss::OuterSpectrum, (kept.0 < all.0 || kept.1 < all.1) && relative_error > ROUNDING),
         (Loss::Parameters, is_smooth(model) && !is_smooth(read)),
         (Loss::Precision, precision_lost),
-    ]
-    .into_iter()
-    .filter_map(|(loss, is_lost)| is_lost.then_some(loss))
-    .collect()
+    ];
+    let others = others.into_iter().filter_map(|(loss, is_lost)| is_lost.then_some(loss));
+    lost.into_iter().map(Loss::Part).chain(others).collect()
 }
 
 /// Rows and columns of the padded spectrum at which a model has values of H.
@@ -128,6 +83,7 @@ mod tests {
     use super::Loss::*;
     use super::*;
     use crate::kernel_file::Origin;
+    use ModelPart::*;
     use lightpath_optics::{
         FurtherMode, Grid, KernelModel, OpticalSetup, PartialCoherence, Plane, SmoothField, SpatialVariation,
     };
@@ -142,18 +98,20 @@ mod tests {
     }
 
     /// What a form loses that holds the first mode's H only.
-    const PARTS: [Loss; 10] = [
-        Source,
-        Dust,
-        Coherence,
-        PhaseResponse,
-        ResponseVariation,
-        Crosstalk,
-        LightBlur,
-        ZeroOrder,
+    const BESIDE_H: [Loss; 10] = [
+        Part(Source),
+        Part(Crosstalk),
+        Part(UnevenResponse),
+        Part(LightBlur),
+        Part(PartialCoherence),
+        Part(VaryingTransferFunction),
+        Part(Dust),
+        Part(PhaseResponse),
+        Part(ZeroOrder),
         GainAndOffset,
-        Variation,
     ];
+    /// The parts that the compact form does not hold.
+    const NOT_COMPACT: [Loss; 4] = [Part(LightBlur), Part(PartialCoherence), Part(Ghost), Part(Dust)];
 
     /// A model that has everything that a form can lose.
     fn varying() -> DisplayModel {
@@ -177,11 +135,11 @@ mod tests {
     #[test]
     fn each_form_names_what_it_lost() {
         let lost = |model: &DisplayModel, kind, format| export(model, kind, format).unwrap().losses;
-        let array = [&PARTS[..], &[Parameters, Precision]].concat();
-        let published = [&PARTS[..], &[OuterSpectrum, Parameters, Precision]].concat();
+        let array = [&BESIDE_H[..], &[Parameters, Precision]].concat();
+        let published = [&BESIDE_H[..], &[OuterSpectrum, Parameters, Precision]].concat();
         for (format, losses) in [
             (KernelFormat::Safetensors, vec![]),
-            (KernelFormat::Compact, vec![Dust, Ghost, Coherence, LightBlur, Precision]),
+            (KernelFormat::Compact, [&NOT_COMPACT[..], &[Precision]].concat()),
             (KernelFormat::Npz, vec![]),
             (KernelFormat::Complex64, array.clone()),
             (KernelFormat::F16, array),
@@ -231,15 +189,16 @@ mod tests {
             let back = import(&exported.bytes, &setup()).unwrap();
             assert_eq!((back.origin, back.model), (Origin { record, ..origin.clone() }, varying()), "{format:?}");
         }
-        assert_eq!(export(KernelFormat::Compact).losses, [Dust, Ghost, Coherence, LightBlur, Interpolation, Precision]);
+        let compact = [&NOT_COMPACT[..], &[Interpolation, Precision]].concat();
+        assert_eq!(export(KernelFormat::Compact).losses, compact);
     }
 
     #[test]
     fn imports_say_what_their_file_did_not_hold() {
         let (model, kind) = (varying(), KernelModel::Varying);
         let absent = |format| import(&export(&model, kind, format).unwrap().bytes, &setup()).unwrap().absent;
-        assert_eq!(absent(KernelFormat::Complex64), PARTS);
-        assert_eq!(absent(KernelFormat::Pt), [&PARTS[..], &[OuterSpectrum]].concat());
+        assert_eq!(absent(KernelFormat::Complex64), BESIDE_H);
+        assert_eq!(absent(KernelFormat::Pt), [&BESIDE_H[..], &[OuterSpectrum]].concat());
         for format in [KernelFormat::Safetensors, KernelFormat::Compact, KernelFormat::Npz] {
             assert_eq!(absent(format), []);
         }

@@ -30,9 +30,12 @@ use super::dense::{f32_bytes, of_array, padded, parts};
 use super::error::KernelFormatError;
 use super::imported::Imported;
 use super::losses::Loss;
-use crate::kernel_file::{self, DUST, Header, METADATA_KEY, Origin};
+use crate::kernel_file::{self, Header, METADATA_KEY, Origin};
 use lightpath_artifacts::digest_of;
-use lightpath_optics::{DisplayModel, Ghost, KernelModel, KernelShape, OpticalSetup, Plane, SpatialVariation};
+use lightpath_optics::display::parts::InBins;
+use lightpath_optics::display::parts::stored::{Entry, Numbers, Stored, StoredArray, StoredError, StoredParts};
+use lightpath_optics::learning::ModelPart;
+use lightpath_optics::{DisplayModel, KernelModel, KernelShape, OpticalSetup, Plane};
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
 
@@ -61,11 +64,18 @@ pub(super) fn write(model: &DisplayModel, kind: KernelModel, origin: &Origin) ->
     if let KernelShape::Bins(bins) = &model.kernel {
         add_f64(BINS_SHAPE, &[2], &[bins.height_px() as f64, bins.width_px() as f64]);
     }
-    for tensor in kernel_file::series(model) {
-        let descr = if tensor.name == DUST { array::I16 } else { "<f8" };
-        add(array_name(tensor.name), array::npy(descr, &tensor.shape, &tensor.bytes));
+    let stored = Stored::of(model);
+    let header = kernel_file::header_text(model, kind, &stored, origin)?;
+    for StoredArray { name, shape, numbers } in stored.into_arrays() {
+        let descr = match numbers {
+            Numbers::F64(_) => "<f8",
+            Numbers::I16(_) => array::I16,
+            // The bins are the middle of `transfer`.
+            Numbers::F32(_) => continue,
+        };
+        add(array_name(name), array::npy(descr, &shape, &kernel_file::bytes(&numbers)));
     }
-    add(METADATA_KEY, array::npy_text(&kernel_file::header_text(model, kind, origin)?));
+    add(METADATA_KEY, array::npy_text(&header));
     let files: Vec<(&str, &[u8])> = files.iter().map(|(name, file)| (name.as_str(), &file[..])).collect();
     archive::write(&files)
 }
@@ -105,21 +115,13 @@ pub(super) fn read(files: &archive::Files, setup: &OpticalSetup) -> Result<Impor
 
 fn read_own(files: &archive::Files, header: &[u8]) -> Result<Imported, KernelFormatError> {
     let header = Header::parse(&NpyFile::open(METADATA_KEY, header)?.text()?)?;
-    let require = |name: &str| named(files, name).ok_or_else(|| absent(name));
-    let floats = |tensor| {
-        let name = array_name(tensor);
-        NpyFile::open(name, require(name)?)?.f64s()
-    };
-    let bins = || {
-        let shape = NpyFile::open(BINS_SHAPE, require(BINS_SHAPE)?)?.f64s()?;
-        middle(&Array::read_npy(TRANSFER, require(TRANSFER)?)?, &shape)
-    };
+    let archive = Archive { header: &header, files };
     let is_changed = |name: &str| -> Result<bool, KernelFormatError> {
         let digest = format!("{name}.digest");
-        Ok(NpyFile::open(&digest, require(&digest)?)?.text()? != digest_of_numbers(name, require(name)?)?)
+        let expected = NpyFile::open(&digest, archive.require(&digest)?)?.text()?;
+        Ok(expected != digest_of_numbers(name, archive.require(name)?)?)
     };
-    let dust = || NpyFile::open(DUST, require(DUST)?)?.i16_pairs();
-    let model = kernel_file::assemble(&header, floats, bins, dust)?;
+    let model = kernel_file::assemble(&header, &archive)?;
     let mut imported = Imported { kind: header.model, origin: header.origin(), ..Imported::new("npz", model) };
     if is_changed(SOURCE)? {
         imported.remarks.push(
@@ -128,21 +130,67 @@ fn read_own(files: &archive::Files, header: &[u8]) -> Result<Imported, KernelFor
         );
     }
     if is_changed(TRANSFER)? {
-        take_transfer(&mut imported, &Array::read_npy(TRANSFER, require(TRANSFER)?)?)?;
+        take_transfer(&mut imported, &Array::read_npy(TRANSFER, archive.require(TRANSFER)?)?)?;
     }
     Ok(imported)
+}
+
+/// An archive that [`write()`] wrote.
+struct Archive<'a> {
+    header: &'a Header,
+    files: &'a archive::Files,
+}
+
+impl Archive<'_> {
+    fn require(&self, name: &str) -> Result<&[u8], KernelFormatError> {
+        named(self.files, name).ok_or_else(|| absent(name))
+    }
+
+    /// Reads the array of a name.
+    fn read<T>(
+        &self,
+        name: &str,
+        of: impl FnOnce(NpyFile<'_>) -> Result<T, KernelFormatError>,
+    ) -> Result<T, StoredError> {
+        let read = self.require(name).and_then(|file| of(NpyFile::open(name, file)?));
+        read.map_err(|error| StoredError::Form(Box::new(error)))
+    }
+}
+
+impl StoredParts for Archive<'_> {
+    fn has_bins(&self) -> bool {
+        !self.header.model.is_smooth()
+    }
+
+    fn entry(&self, key: &'static str) -> Result<Option<Entry>, StoredError> {
+        self.header.entry(key)
+    }
+
+    fn f64s(&self, name: &'static str) -> Result<Vec<f64>, StoredError> {
+        self.read(array_name(name), |file| file.f64s())
+    }
+
+    fn i16_pairs(&self, name: &'static str) -> Result<Plane<[i16; 2]>, StoredError> {
+        self.read(name, |file| file.i16_pairs())
+    }
+
+    /// The bins are in `transfer`.
+    fn complex32s(&self, _name: &'static str) -> Result<Plane<Complex32>, StoredError> {
+        let shape = self.f64s(BINS_SHAPE)?;
+        let transfer = self.require(TRANSFER).and_then(|file| middle(&Array::read_npy(TRANSFER, file)?, &shape));
+        transfer.map_err(|error| StoredError::Form(Box::new(error)))
+    }
 }
 
 /// Replaces the kernel of an imported model by the changed H of its archive.
 fn take_transfer(imported: &mut Imported, transfer: &Array) -> Result<(), KernelFormatError> {
     let Imported { model, kind, absent, remarks, .. } = imported;
     let changed = of_array(transfer, &model.setup, "npz")?;
-    absent.extend((!model.coherence.is_none()).then_some(Loss::Coherence));
-    absent.extend((!model.variation.is_none()).then_some(Loss::Variation));
-    *model = model.in_one_mode();
-    (model.kernel, model.variation, *kind) = (changed.model.kernel, SpatialVariation::none(), changed.kind);
-    // H holds the ghost.
-    model.ghost = Ghost::NONE;
+    let parts = || ModelPart::ALL.iter().copied().filter(|part| part.is_in(model));
+    absent.extend(parts().filter(|part| part.in_bins() == InBins::Lost).map(Loss::Part));
+    let replaced: Vec<ModelPart> = parts().filter(|part| part.in_bins() != InBins::Beside).collect();
+    replaced.into_iter().for_each(|part| part.remove(model));
+    (model.kernel, *kind) = (changed.model.kernel, changed.kind);
     remarks.push("the array `transfer` was changed, so H is taken from it and not from the parameters");
     Ok(())
 }
@@ -206,14 +254,14 @@ fn read_foreign(files: &archive::Files, setup: &OpticalSetup) -> Result<Imported
     if let Some(bytes) = named(files, "response_harmonics") {
         let harmonics = NpyFile::open("response_harmonics", bytes)?.f64s()?;
         imported.model.response = harmonics.as_chunks().0.to_vec();
-        imported.absent.retain(|loss| *loss != Loss::PhaseResponse);
+        imported.absent.retain(|loss| *loss != Loss::Part(ModelPart::PhaseResponse));
     }
     if let Some(bytes) = named(files, "photometry")
         && let [gain, offset, re, im] = NpyFile::open("photometry", bytes)?.f64s()?[..]
     {
         (imported.model.gain, imported.model.offset) = (gain, offset);
         imported.model.zero_order = Complex64::new(re, im);
-        imported.absent.retain(|loss| !matches!(loss, Loss::ZeroOrder | Loss::GainAndOffset));
+        imported.absent.retain(|loss| !matches!(loss, Loss::Part(ModelPart::ZeroOrder) | Loss::GainAndOffset));
     }
     imported.model.validate()?;
     Ok(imported)
@@ -225,7 +273,7 @@ mod tests {
     use super::*;
     use lightpath_optics::{
         ConvolutionMethod, Crosstalk, Dust, FurtherMode, Ghost, Grid, LightBlur, PartialCoherence, ResponseVariation,
-        SmoothField,
+        SmoothField, SpatialVariation,
     };
 
     /// A series with many digits.
@@ -314,8 +362,8 @@ mod tests {
             assert_eq!((&back.model.source, back.kind), (&model.source, KernelModel::Dense));
             assert_eq!((&back.model.response, back.model.gain), (&model.response, model.gain));
             assert!(back.remarks[0].contains("`transfer` was changed"), "{:?}", back.remarks);
-            let lost = [(Loss::Coherence, !model.coherence.is_none()), (Loss::Variation, !model.variation.is_none())];
-            let lost: Vec<Loss> = lost.into_iter().filter_map(|(loss, is_lost)| is_lost.then_some(loss)).collect();
+            let lost = [ModelPart::PartialCoherence, ModelPart::VaryingTransferFunction];
+            let lost: Vec<Loss> = lost.into_iter().filter(|part| part.is_in(&model)).map(Loss::Part).collect();
             assert_eq!((back.absent, back.model.coherence.is_none()), (lost, true));
         }
     }
@@ -359,14 +407,15 @@ mod tests {
         let foreign = without("lightpath.npy").unwrap();
         assert_eq!((foreign.kind, &foreign.model.response), (KernelModel::Dense, &model.response));
         let lost = [
-            Loss::Source,
-            Loss::Dust,
-            Loss::Coherence,
-            Loss::ResponseVariation,
-            Loss::Crosstalk,
-            Loss::LightBlur,
-            Loss::Variation,
-        ];
+            ModelPart::Source,
+            ModelPart::Crosstalk,
+            ModelPart::UnevenResponse,
+            ModelPart::LightBlur,
+            ModelPart::PartialCoherence,
+            ModelPart::VaryingTransferFunction,
+            ModelPart::Dust,
+        ]
+        .map(Loss::Part);
         assert_eq!(foreign.absent, lost);
     }
 }

@@ -2,8 +2,7 @@
 
 use crate::alignment::box_blur::box_blur;
 use crate::alignment::homography::Point;
-use lightpath_optics::Plane;
-use lightpath_optics::interrupt;
+use lightpath_optics::{Plane, interrupt};
 
 /// A picture and its reductions. Step k has one pixel for 2ᵏ × 2ᵏ pixels of the picture.
 #[derive(Clone, Debug)]

@@ -71,9 +71,9 @@ pub(crate) fn windows<T: Number>(n: usize, side_px: usize) -> Vec<Vec<T>> {
 mod tests {
     use super::*;
     use crate::display::Detector;
-    use crate::display::model::{DisplayModel, KernelShape};
     use crate::display::parts::spatial_variation::SpatialVariation;
     use crate::display::setup::OpticalSetup;
+    use crate::display::{DisplayModel, KernelShape};
     use crate::engine::EngineCore;
     use crate::hologram::initial_phase;
     use crate::numerics::{Grid, Plane, SmoothField};

@@ -16,16 +16,17 @@ pub mod local_kernels;
 
 use super::layout::{Layout, field, fields_in, of_field};
 use super::measures::Measures;
+use super::stored::{Entry, Restored, Stored, StoredError, StoredParts};
 use super::terms::{GAIN_MIN, Terms, Turn};
-use super::{Block, Part};
+use super::{Block, InBins, Part};
 use crate::display::DisplayModel;
 use crate::error::Result;
 use crate::numerics::SmoothField;
 use crate::numerics::smooth_field::out_of_range;
 use num_complex::Complex64;
 
-/// Highest total degree of the variation that learning finds: that of third-order aberrations.
-pub(crate) const VARIATION_ORDER: usize = 4;
+/// Names of the stored arrays.
+const ARRAYS: [&str; 2] = ["variation.log_amplitude", "variation.phase"];
 
 /// Variation of a kernel over the SLM: one field for each of x, y, x², xy and y². Without fields the kernel is uniform.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -139,6 +140,36 @@ impl Part for Row {
 
     fn remove(&self, model: &mut DisplayModel) {
         model.variation = SpatialVariation::none();
+    }
+
+    fn store(&self, model: &DisplayModel, to: &mut Stored) {
+        if !model.variation.is_none() {
+            // Without an order there are no coefficients to read.
+            if model.variation.order() > 0 {
+                to.sometimes("variation_order", Entry::Order(model.variation.order()));
+            }
+            to.fields(ARRAYS, &[SpatialVariation::POWERS], model.variation.fields().iter());
+        }
+    }
+
+    fn restore(&self, from: &dyn StoredParts, model: &mut DisplayModel) -> Restored {
+        let Some(order) = from.order_if_any("variation_order")?.filter(|&order| order > 0) else { return Ok(()) };
+        let per_power = |name| {
+            let values = from.f64s(name)?;
+            let terms = values.len() / SpatialVariation::POWERS;
+            if terms == 0 || values.len() % SpatialVariation::POWERS != 0 {
+                return Err(StoredError::Array { name, expected: "f64 of shape [5, terms]" });
+            }
+            Ok(move |power: usize| values[power * terms..][..terms].to_vec())
+        };
+        let (log_amplitude, phase) = (per_power(ARRAYS[0])?, per_power(ARRAYS[1])?);
+        let field = |power| SmoothField { order, log_amplitude: log_amplitude(power), phase: phase(power) };
+        model.variation = SpatialVariation::new(std::array::from_fn(field));
+        Ok(())
+    }
+
+    fn in_bins(&self) -> InBins {
+        InBins::Lost
     }
 
     fn count(&self, layout: &Layout) -> usize {
