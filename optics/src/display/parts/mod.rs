@@ -1,8 +1,8 @@
 //! The parts of a display that its [model](super::model) describes: one file for each, and one table of all.
 //!
-//! A file says what its part is, and implements [`Part`]: the part's names, its numbers in θ with their limits, how a
+//! A file says what its part is, and implements `Part`: the part's names, its numbers in θ with their limits, how a
 //! model is left without it, what is stored of it, and on which terms learning tries it. Whatever treats all parts
-//! alike goes through [`PARTS`].
+//! alike goes through `PARTS`.
 
 pub(crate) mod blocks;
 pub mod blur_ratios;
