@@ -231,8 +231,8 @@ async fn describe(session: &Session, kernel: &KernelChoice, version: u32, file: 
 
 /// A warning for a file that lacks parts of the kernel; `None` if only digits are lost.
 fn warning(file: &v1::KernelFile) -> Option<String> {
-    let lost = file.losses().filter(|loss| *loss != v1::KernelLoss::Precision);
-    let lost: Vec<String> = lost.map(|loss| loss.word().replace('-', " ")).collect();
+    let lost = file.losses.iter().filter(|loss| loss.name != "precision");
+    let lost: Vec<&str> = lost.map(|loss| loss.title.as_str()).collect();
     let change = match file.relative_error {
         0.0 => "H stays the same".to_owned(),
         error if error < 0.01 => format!("H changes by {error:.1e}"),
@@ -246,23 +246,23 @@ fn warning(file: &v1::KernelFile) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use v1::KernelLoss::{OuterSpectrum, PhaseResponse, Precision, Source};
 
-    fn file(format: v1::KernelFormat, losses: &[v1::KernelLoss], relative_error: f64) -> v1::KernelFile {
-        let losses = losses.iter().map(|&loss| loss.into()).collect();
+    fn file(format: v1::KernelFormat, losses: &[&str], relative_error: f64) -> v1::KernelFile {
+        let loss = |name: &&str| v1::KernelLoss { name: (*name).to_owned(), title: name.replace('_', " ") };
+        let losses = losses.iter().map(loss).collect();
         v1::KernelFile { format: format.into(), losses, relative_error, ..Default::default() }
     }
 
     #[test]
     fn lost_parts_are_named_in_a_warning_but_lost_digits_are_not() {
-        let pt = file(v1::KernelFormat::Pt, &[Source, PhaseResponse, OuterSpectrum, Precision], 0.8123);
+        let pt = file(v1::KernelFormat::Pt, &["source", "phase_response", "outer_spectrum", "precision"], 0.8123);
         assert_eq!(
             warning(&pt).unwrap(),
             "warning: pt does not hold the whole kernel; lost: source, phase response, outer spectrum; H changes by 81 %"
         );
-        let bare = file(v1::KernelFormat::Complex64, &[Source], 2e-8);
+        let bare = file(v1::KernelFormat::Complex64, &["source"], 2e-8);
         assert!(warning(&bare).unwrap().ends_with("lost: source; H changes by 2.0e-8"));
-        assert_eq!(warning(&file(v1::KernelFormat::Compact, &[Precision], 1e-7)), None);
+        assert_eq!(warning(&file(v1::KernelFormat::Compact, &["precision"], 1e-7)), None);
         assert_eq!(warning(&file(v1::KernelFormat::Npz, &[], 0.0)), None);
     }
 
@@ -287,8 +287,8 @@ mod tests {
     fn json_is_the_version_with_its_file() {
         let version = v1::KernelVersion { version: 3, ..Default::default() };
         let json = |file| serde_json::to_value(Fetched { version: version.clone(), file }).unwrap();
-        let whole = json(Some(file(v1::KernelFormat::Pt, &[Source], 0.5)));
-        assert_eq!((&whole["version"], &whole["file"]["losses"][0]), (&3.into(), &"KERNEL_LOSS_SOURCE".into()));
+        let whole = json(Some(file(v1::KernelFormat::Pt, &["source"], 0.5)));
+        assert_eq!((&whole["version"], &whole["file"]["losses"][0]["name"]), (&3.into(), &"source".into()));
         assert!(json(None).get("file").is_none());
     }
 }

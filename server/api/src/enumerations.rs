@@ -3,7 +3,7 @@
 use lightpath_domain::dataset::{AlignmentMethod, Encoding, FindingKind, Split};
 use lightpath_domain::job::{Fit, JobState};
 use lightpath_domain::rollout::RolloutState;
-use lightpath_media::kernel_formats::{KernelFormat, Loss};
+use lightpath_media::kernel_formats::KernelFormat;
 use lightpath_optics::engine::photometry::Quantity;
 use lightpath_optics::{Carrier, Detector, FilterShape, KernelModel, PropagationMethod};
 use lightpath_proto::v1;
@@ -82,27 +82,6 @@ convert_by_name! {
     FindingKind = v1::finding::Kind {
         Black Saturated BlackClipped LowContrast Duplicate WrongHologram Misaligned Stretched Vignetting ExposureUnknown
         FewPairs
-    }
-}
-
-/// The value of a loss in messages. Messages have names of their own for parts.
-pub(crate) fn loss_to_wire(loss: Loss) -> v1::KernelLoss {
-    match loss {
-        Loss::Part(ModelPart::Source) => v1::KernelLoss::Source,
-        Loss::Part(ModelPart::Crosstalk) => v1::KernelLoss::Crosstalk,
-        Loss::Part(ModelPart::UnevenResponse) => v1::KernelLoss::ResponseVariation,
-        Loss::Part(ModelPart::LightBlur) => v1::KernelLoss::LightBlur,
-        Loss::Part(ModelPart::PartialCoherence) => v1::KernelLoss::Coherence,
-        Loss::Part(ModelPart::VaryingTransferFunction) => v1::KernelLoss::Variation,
-        Loss::Part(ModelPart::Ghost) => v1::KernelLoss::Ghost,
-        Loss::Part(ModelPart::Dust) => v1::KernelLoss::Dust,
-        Loss::Part(ModelPart::PhaseResponse) => v1::KernelLoss::PhaseResponse,
-        Loss::Part(ModelPart::ZeroOrder) => v1::KernelLoss::ZeroOrder,
-        Loss::Part(ModelPart::TransferFunction) | Loss::Parameters => v1::KernelLoss::Parameters,
-        Loss::GainAndOffset => v1::KernelLoss::GainAndOffset,
-        Loss::OuterSpectrum => v1::KernelLoss::OuterSpectrum,
-        Loss::Interpolation => v1::KernelLoss::Interpolation,
-        Loss::Precision => v1::KernelLoss::Precision,
     }
 }
 

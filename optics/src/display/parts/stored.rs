@@ -1,8 +1,7 @@
 //! What is stored of a display model: entries of a header, and arrays of numbers.
 //!
-//! The row of each part writes the part's own, and reads them back ([`Part::store`](super::Part::store),
-//! [`Part::restore`](super::Part::restore)). How entries and arrays become a file is the matter of its form: the native
-//! form is described in `server/media/src/kernel_file.rs`, with all entries and arrays.
+//! The row of each part writes the part's own, and reads them back. How entries and arrays become a file is the matter
+//! of its form: the native form is described in `server/media/src/kernel_file.rs`, with all entries and arrays.
 
 use super::{ModelPart, STORED};
 use crate::display::{DisplayModel, OpticalSetup};

@@ -5,7 +5,7 @@ use crate::accounts::StreamKind;
 use crate::api::Api;
 use crate::artifacts::download::chunks;
 use crate::call::Answers;
-use crate::enumerations::{OnWire as _, WireField as _, loss_to_wire};
+use crate::enumerations::{OnWire as _, WireField as _};
 use crate::names;
 use crate::status;
 use futures::stream::{self, StreamExt as _};
@@ -53,7 +53,7 @@ impl Api {
                 digest: converted.digest,
                 size_bytes: converted.size_bytes,
                 relative_error: converted.relative_error,
-                losses: converted.losses.into_iter().map(|loss| loss_to_wire(loss).into()).collect(),
+                losses: converted.losses.into_iter().map(to_wire::loss).collect(),
             })
         });
         let head = [Part::Version(to_wire::version(version))].into_iter().chain(converted);

@@ -6,6 +6,7 @@ use lightpath_domain::kernel::{
     CapturedQuality, Deprecation, Kernel, KernelLineage, KernelMetrics, KernelMove, KernelVersion, LearnedDataset,
 };
 use lightpath_domain::promotion::{GateChange, GateCheck, PromotionGate};
+use lightpath_media::kernel_formats::Loss;
 use lightpath_optics::learning::PartCost;
 use lightpath_proto::v1;
 
@@ -97,6 +98,10 @@ fn part_cost(&PartCost { part, cost_db, least_db, most_db }: &PartCost) -> v1::k
 }
 
 /// Converts a move into its message.
+pub(crate) fn loss(loss: Loss) -> v1::KernelLoss {
+    v1::KernelLoss { name: loss.name().to_owned(), title: loss.to_string() }
+}
+
 pub(crate) fn kernel_move(moved: KernelMove) -> v1::KernelMove {
     v1::KernelMove {
         time: Some(timestamp(moved.time_ms)),

@@ -8,7 +8,7 @@ use crate::serving::Serving;
 use lightpath_proto::v1::fetch_kernel_response::Part;
 use lightpath_proto::v1::job_result::Kind as JobResult;
 use lightpath_proto::v1::job_spec::Kind;
-use lightpath_proto::v1::{self, KernelFormat, KernelLoss, KernelModel};
+use lightpath_proto::v1::{self, KernelFormat, KernelModel};
 use tonic::{Code, Status};
 
 const KERNEL: &str = "displays/lab/kernels/515nm-4mm";
@@ -91,14 +91,14 @@ async fn every_form_of_every_model_is_restored_or_its_losses_are_announced() {
             let back = import(&serving, "displays/lab", &bytes, false).await.unwrap();
             let after = loss(&serving, &dataset, back.version).await;
             let change = (after / before - 1.0).abs();
-            let lost: Vec<KernelLoss> = file.losses().collect();
+            let lost: Vec<&str> = file.losses.iter().map(|loss| loss.name.as_str()).collect();
             let about = format!("{model:?} {form:?}: {before} {after} {lost:?} {:e}", file.relative_error);
             match lost[..] {
                 // The form said that it loses nothing, or only digits of the numbers.
                 [] => assert_eq!(before, after, "{about}"),
-                [KernelLoss::Precision] => assert!(change < 0.02, "{about}"),
+                ["precision"] => assert!(change < 0.02, "{about}"),
                 // H remains at each frequency, but no series.
-                [KernelLoss::Parameters, KernelLoss::Precision] => assert!(change < 0.02, "{about}"),
+                ["parameters", "precision"] => assert!(change < 0.02, "{about}"),
                 _ => {}
             }
             restored += u32::from(lost.is_empty());

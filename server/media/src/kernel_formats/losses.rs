@@ -27,6 +27,21 @@ pub enum Loss {
     Precision,
 }
 
+impl Loss {
+    /// Name in messages.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Part(part) => part.name(),
+            Self::GainAndOffset => "gain_and_offset",
+            Self::OuterSpectrum => "outer_spectrum",
+            Self::Parameters => "parameters",
+            Self::Interpolation => "interpolation",
+            Self::Precision => "precision",
+        }
+    }
+}
+
 /// The loss as words in a sentence.
 impl fmt::Display for Loss {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
