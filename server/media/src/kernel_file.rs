@@ -351,4 +351,16 @@ mod tests {
         let foreign = safetensors::serialize(Vec::<(&str, TensorView<'_>)>::new(), None).unwrap();
         assert!(matches!(decode(&foreign), Err(KernelFileError::NoHeader)));
     }
+
+    #[test]
+    fn entry_that_stands_twice_is_refused() {
+        let model = model(KernelShape::Smooth(SmoothField::flat(3)));
+        let text = header_text(&model, KernelModel::Smooth, &Stored::of(&model), &Origin::default()).unwrap();
+        assert!(Header::parse(&text).is_ok());
+        for key in ["height_px", "kernel_order"] {
+            let twice = text.replacen('{', &format!("{{\"{key}\":3,"), 1);
+            let refusal = Header::parse(&twice).err().unwrap().to_string();
+            assert!(refusal.contains(&format!("duplicate field `{key}`")), "{refusal}");
+        }
+    }
 }

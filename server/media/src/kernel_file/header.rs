@@ -3,12 +3,14 @@
 use super::{FORMAT, FORMAT_VERSION, KernelFileError, Origin};
 use lightpath_optics::display::parts::stored::{Entry, Stored, StoredError};
 use lightpath_optics::{ConvolutionMethod, DisplayModel, Grid, KernelModel, OpticalSetup, Orders};
-use serde::{Deserialize, Serialize, Serializer};
+use serde::de::{Error as _, MapAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::{Map, Value};
+use std::fmt;
 
 /// The kernel's metadata. `Parts` are the entries of the parts: all other entries of a header that was read.
 #[derive(Serialize, Deserialize)]
-pub(crate) struct Header<Parts = Map<String, Value>> {
+pub(crate) struct Header<Parts = OtherEntries> {
     format: String,
     format_version: u32,
     pub(crate) model: KernelModel,
@@ -28,6 +30,37 @@ pub(crate) struct Header<Parts = Map<String, Value>> {
     display: Option<String>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     record: Option<Value>,
+}
+
+/// The entries of a header that was read, beside those of [`Header`].
+pub(crate) struct OtherEntries(Map<String, Value>);
+
+/// Refuses a key that stands twice, as the keys of [`Header`] may not either.
+impl<'de> Deserialize<'de> for OtherEntries {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct EachOnce;
+
+        impl<'de> Visitor<'de> for EachOnce {
+            type Value = OtherEntries;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a JSON object")
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<OtherEntries, A::Error> {
+                let mut entries = Map::new();
+                while let Some((key, value)) = map.next_entry::<String, Value>()? {
+                    if entries.contains_key(&key) {
+                        return Err(A::Error::custom(format_args!("duplicate field `{key}`")));
+                    }
+                    entries.insert(key, value);
+                }
+                Ok(OtherEntries(entries))
+            }
+        }
+
+        deserializer.deserialize_map(EachOnce)
+    }
 }
 
 /// The entries of the parts, in their order.
@@ -74,7 +107,7 @@ impl Header {
 
     /// The entry of a part; `None` if there is none, or `null`.
     pub(crate) fn entry(&self, key: &'static str) -> Result<Option<Entry>, StoredError> {
-        let entry = self.parts.get(key).map(Option::<Entry>::deserialize).transpose();
+        let entry = self.parts.0.get(key).map(Option::<Entry>::deserialize).transpose();
         let refused = |_| StoredError::Entry { key, expected: "true or false, a whole number, or whole numbers" };
         Ok(entry.map_err(refused)?.flatten())
     }
