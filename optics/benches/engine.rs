@@ -174,7 +174,7 @@ fn learning(criterion: &mut Criterion) {
         let mut group = criterion.benchmark_group("learn");
         group.throughput(Throughput::Elements(job.phase.values().len() as u64));
         for (name, model) in [("display", KernelModel::Display), ("dense", KernelModel::Dense)] {
-            let options = LearnOptions { epochs: 1_000_000, order: Some(5), ..LearnOptions::new(model, job.region) };
+            let options = LearnOptions { epochs: 1_000_000, degree: Some(5), ..LearnOptions::new(model, job.region) };
             let mut learner = Learner::start(job.setup, options, &pairs).unwrap();
             group.bench_function(BenchmarkId::new(name, size), |bencher| {
                 bencher.iter(|| learner.step(LearningPairs::training_only(&pairs)).unwrap().unwrap());

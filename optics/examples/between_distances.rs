@@ -99,7 +99,7 @@ fn learned(seed: u64, distances_m: &[f64]) -> Result<Vec<DisplayModel>, BoxError
     let training = Photographs(pairs.collect::<Result<_, _>>()?);
     let setups: Vec<OpticalSetup> = benches.iter().map(SimulatedDisplay::setup).collect();
     let region = RegionOfInterest::middle(&setups[0].grid());
-    let options = LearnOptions { order: Some(8), ..LearnOptions::new(KernelModel::Display, region) };
+    let options = LearnOptions { degree: Some(8), ..LearnOptions::new(KernelModel::Display, region) };
     let mut learner = Learner::start_joint(&setups, options, &training)?;
     while learner.step(LearningPairs::training_only(&training))?.is_some() {}
     Ok(learner.models())

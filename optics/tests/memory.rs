@@ -200,7 +200,7 @@ fn check_learning(pool: &ThreadPool, model: KernelModel, distances: usize, order
         let options = LearnOptions {
             warm_start: has_slm.then(|| needs_blocks.clone()),
             epochs: 1,
-            order: Some(5),
+            degree: Some(5),
             refinement_evaluations: if model.is_smooth() { 2 } else { 0 },
             ..LearnOptions::new(model, region)
         };

@@ -199,7 +199,7 @@ async fn dataset_specs(
         datasets: vec![dataset.clone()],
         model: model.into(),
         epochs: 1,
-        order: if smooth { 5 } else { 0 },
+        degree: if smooth { 5 } else { 0 },
         refinement_evaluations: smooth.then_some(4),
         ..Default::default()
     };

@@ -54,8 +54,8 @@ pub(crate) struct Learn {
 
     /// Set the highest polynomial degree of the smooth errors, 1 to 12; auto takes the one of 5, 8 and 12 that predicts
     /// the validation pairs best, and 8 without validation pairs
-    #[arg(long, value_name = "N", default_value = "auto", value_parser = order)]
-    order: u32,
+    #[arg(long, value_name = "N", default_value = "auto", value_parser = degree)]
+    degree: u32,
 
     /// Start from this version of the kernel, which must be smooth, display or varying [default: the ideal kernel]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
@@ -82,7 +82,7 @@ impl Learn {
         let kind = job_spec::Kind::LearnKernel(LearnKernel {
             datasets: self.datasets.iter().map(|name| names::dataset(name)).collect(),
             model: self.model.into(),
-            order: self.order,
+            degree: self.degree,
             start_version: self.start_version.unwrap_or(0),
             epochs: self.epochs.unwrap_or(0),
             learning_rate: self.learning_rate.unwrap_or(0.0),
@@ -96,9 +96,9 @@ impl Learn {
 }
 
 /// Parses a polynomial degree. 0 stands for auto.
-fn order(text: &str) -> Result<u32, String> {
+fn degree(text: &str) -> Result<u32, String> {
     match text.parse() {
-        Ok(order) if (1..=12).contains(&order) => Ok(order),
+        Ok(degree) if (1..=12).contains(&degree) => Ok(degree),
         _ if text == "auto" => Ok(0),
         _ => Err("must be 1 to 12, or auto".to_owned()),
     }
@@ -131,8 +131,8 @@ impl JobKind for LearnKernel {
                 facts.add("left out", format!("{ids}: the photographs do not match their holograms"));
             }
         }
-        if result.order > 0 {
-            facts.add("order", result.order.to_string());
+        if result.degree > 0 {
+            facts.add("degree", result.degree.to_string());
         }
         strengths::add(result, facts);
         let parts = result.kernels.iter().filter_map(|kernel| kernel.metrics.as_ref()).map(metrics_text::parts);

@@ -97,7 +97,7 @@ pub(crate) struct Finalize {
     /// Name of the dataset
     name: String,
 
-    /// Draw this fraction of the pairs without a split for validation, 0 to 0.8; validation pairs choose the order of a
+    /// Draw this fraction of the pairs without a split for validation, 0 to 0.8; validation pairs choose the degree of a
     /// kernel and the parts of a display model [default: 0.2]
     #[arg(long, value_name = "X")]
     validation_fraction: Option<f64>,

@@ -47,7 +47,7 @@ dataset
 # Learning gives a version of the kernel. The losses are those of photographs that it has not seen.
 
 # %%
-version = dataset.learn(epochs=3, refinement_evaluations=8, order=5)
+version = dataset.learn(epochs=3, refinement_evaluations=8, degree=5)
 version
 
 # %%

@@ -43,7 +43,7 @@ dataset.finalize()
 dataset
 
 # %%
-version = dataset.learn(epochs=3, refinement_evaluations=8, order=5)
+version = dataset.learn(epochs=3, refinement_evaluations=8, degree=5)
 kernel = version.promote()
 for part in version.metrics.parts:
     print(part.title, f"explains {part.cost_db:.1f} dB")

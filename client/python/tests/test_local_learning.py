@@ -39,7 +39,7 @@ def pairs(display: local.SimulatedDisplay) -> tuple[npt.NDArray[Any], npt.NDArra
 
 @pytest.fixture(scope="module")
 def learned(pairs: tuple[npt.NDArray[Any], npt.NDArray[Any]]) -> local.DisplayModel:
-    return local.learn(*pairs, order=5, **OPTICS)
+    return local.learn(*pairs, degree=5, **OPTICS)
 
 
 def psnr_db(photo: npt.NDArray[Any], wanted: npt.NDArray[Any]) -> float:
@@ -81,7 +81,7 @@ def test_learning_is_reproducible_and_can_start_from_a_model(
 
     def learn(**options: Any) -> local.DisplayModel:
         steps.clear()
-        return local.learn(phases, captures, order=5, progress=lambda step, *_: steps.append(step), **options, **OPTICS)
+        return local.learn(phases, captures, degree=5, progress=lambda step, *_: steps.append(step), **options, **OPTICS)
 
     alone, again = learn(epochs=1, refinement_evaluations=2), learn(epochs=1, refinement_evaluations=2)
     np.testing.assert_array_equal(alone.transfer_function, again.transfer_function)
@@ -169,7 +169,7 @@ def test_arrays_of_pairs_are_checked(pairs: tuple[npt.NDArray[Any], npt.NDArray[
         (phases.astype(np.uint16), captures, {}, "phases has values of type uint16: give radians as floats"),
         (phases, captures.astype(float), {}, "captures has values from .* but light is 0 to 1"),
         (phases, captures, {"validation": 1.0}, "validation is 1.0"),
-        (phases, captures, {"order": 20}, "order is 20, but must be 1 to 12"),
+        (phases, captures, {"degree": 20}, "degree is 20, but must be 1 to 12"),
         (phases, np.full_like(captures, 255), {}, "saturated"),
         (phases, noise, {}, "do not match their holograms"),
     ]

@@ -105,7 +105,7 @@ fn learn(
     let defaults = LearnOptions::new(model, lab.region());
     let learn_options = LearnOptions {
         seed,
-        order: options.order,
+        degree: options.degree,
         epochs: options.epochs.unwrap_or(defaults.epochs),
         refinement_evaluations: options.evaluations.unwrap_or(defaults.refinement_evaluations),
         ..defaults
@@ -123,17 +123,17 @@ fn learn(
             adam_s = began.elapsed().as_secs_f64();
         }
     }
-    let (kept_pairs, order) = (learner.kept_pairs(training.len()).len(), order(&learner.model()));
+    let (kept_pairs, degree) = (learner.kept_pairs(training.len()).len(), degree(&learner.model()));
     let total_s = began.elapsed().as_secs_f64();
     let memory = memory::peak_mb().map_or_else(String::new, |mb| format!("{mb:5.0}"));
     let parts = PartStrength::all_of(&learner.model());
     let kept = parts.iter().filter(|strength| strength.kept);
     let parts: String = kept.map(|strength| format!(", {} ({})", strength.part.name(), strength.text(0))).collect();
-    let how = format!("({adam_s:.1} s of Adam, order {order}{parts}, {kept_pairs} pairs)");
+    let how = format!("({adam_s:.1} s of Adam, degree {degree}{parts}, {kept_pairs} pairs)");
     Ok((learner.model(), format!("{total_s:7.1} {memory}  {how}")))
 }
 
-fn order(model: &DisplayModel) -> usize {
+fn degree(model: &DisplayModel) -> usize {
     match &model.kernel {
         KernelShape::Smooth(field) => field.order,
         KernelShape::Ideal | KernelShape::Bins(_) => 0,

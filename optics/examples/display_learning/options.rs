@@ -18,7 +18,7 @@ pub(crate) struct Options {
     pub(crate) seeds: Vec<u64>,
     pub(crate) models: Vec<KernelModel>,
     /// Order of the learned kernels. `None`: the validation pairs choose it.
-    pub(crate) order: Option<usize>,
+    pub(crate) degree: Option<usize>,
     pub(crate) pairs: usize,
     pub(crate) validation: usize,
     pub(crate) test: usize,
@@ -67,7 +67,7 @@ impl Options {
             orders: orders(&text("orders", "first"), number("fill-factor", &text("fill-factor", "1"))?)?,
             seeds: text("seeds", "1").split(',').map(|seed| number("seeds", seed)).collect::<Result<_, _>>()?,
             models: models.split(',').map(model).collect::<Result<_, _>>()?,
-            order: some_number("order", &text("order", "auto"))?,
+            degree: some_number("degree", &text("degree", "auto"))?,
             pairs: number("pairs", &text("pairs", "16"))?,
             validation: number("validation", &text("validation", "2"))?,
             test: number("test", &text("test", "4"))?,

@@ -71,7 +71,7 @@ pub struct LearnOptions {
     pub model: KernelModel,
     /// Highest total degree of α and ψ, 1 to 12; [smooth](KernelModel::is_smooth) models only. `None`: the validation
     /// pairs choose among 5, 8 and 12, and without validation pairs it is 8.
-    pub order: Option<usize>,
+    pub degree: Option<usize>,
     /// Passes of Adam over the pairs. Each step of Adam uses one pair.
     pub epochs: u32,
     /// Learning rate of Adam, above 0 and at most 10. Parametric models follow a schedule, of which it is the peak.
@@ -103,7 +103,7 @@ impl LearnOptions {
         };
         Self {
             model,
-            order: None,
+            degree: None,
             epochs,
             learning_rate,
             refinement_evaluations,
@@ -140,10 +140,10 @@ impl LearnOptions {
             let allowed = "above 0 and at most 10";
             return Err(Error::OutOfRange { name: "learning_rate", value: self.learning_rate, allowed });
         }
-        if let Some(order) = self.order
-            && !(1..=12).contains(&order)
+        if let Some(degree) = self.degree
+            && !(1..=12).contains(&degree)
         {
-            return Err(Error::OutOfRange { name: "order", value: order as f64, allowed: "1 to 12" });
+            return Err(Error::OutOfRange { name: "degree", value: degree as f64, allowed: "1 to 12" });
         }
         Ok(())
     }

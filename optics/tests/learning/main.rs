@@ -38,9 +38,9 @@ fn pairs(bench: &SimulatedDisplay, count: u64, seed: u64) -> Vec<Pair> {
     (0..count).map(one).collect()
 }
 
-fn options(bench: &SimulatedDisplay, order: Option<usize>) -> LearnOptions {
+fn options(bench: &SimulatedDisplay, degree: Option<usize>) -> LearnOptions {
     let region = RegionOfInterest::middle(&bench.setup().grid());
-    LearnOptions { seed: 3, order, ..LearnOptions::new(KernelModel::Display, region) }
+    LearnOptions { seed: 3, degree, ..LearnOptions::new(KernelModel::Display, region) }
 }
 
 fn learned(bench: &SimulatedDisplay, options: LearnOptions, learning_pairs: LearningPairs<'_>) -> Learner {

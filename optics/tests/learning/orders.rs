@@ -53,7 +53,7 @@ fn display_with_all_orders_is_learned() {
     };
     let (training, test) = (pairs(5, 100), pairs(2, 900));
     let region = RegionOfInterest::middle(&grid);
-    let options = LearnOptions { seed: 3, order: Some(4), ..LearnOptions::new(KernelModel::Smooth, region) };
+    let options = LearnOptions { seed: 3, degree: Some(4), ..LearnOptions::new(KernelModel::Smooth, region) };
     let mut learner = Learner::start(setup, options, &training).unwrap();
     while learner.step(LearningPairs::training_only(&training)).unwrap().is_some() {}
     let learned = learner.model();

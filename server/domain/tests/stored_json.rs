@@ -141,7 +141,7 @@ fn learning_capture_and_evaluation_jobs_are_stored_as_before() {
         datasets: vec!["near".to_owned(), "far".to_owned()],
         display: display.clone(),
         model: KernelModel::Varying,
-        order: Some(8),
+        degree: Some(8),
         start_version: None,
         epochs: Some(4),
         learning_rate: Some(0.05),
@@ -317,7 +317,7 @@ fn learning_results_are_stored_as_before() {
     ];
     check_stored(
         "learn_result",
-        &JobResult::Learn(LearnResult { kernels: vec![kernel], loss_history: vec![0.5], order: 8, parts }),
+        &JobResult::Learn(LearnResult { kernels: vec![kernel], loss_history: vec![0.5], degree: 8, parts }),
     );
 }
 

@@ -18,7 +18,7 @@ use std::sync::mpsc::Sender;
 struct Options {
     optics: Optics,
     model: KernelModel,
-    order: Option<usize>,
+    degree: Option<usize>,
     epochs: Option<u32>,
     learning_rate: Option<f64>,
     refinement_evaluations: Option<u32>,
@@ -63,7 +63,7 @@ pub(crate) fn learn(
         let (setup, validity) = options.optics.convolution()?;
         let defaults = LearnOptions::new(options.model, optics::region(setup.grid(), options.region)?);
         let learn_options = LearnOptions {
-            order: options.order,
+            degree: options.degree,
             epochs: options.epochs.unwrap_or(defaults.epochs),
             learning_rate: options.learning_rate.unwrap_or(defaults.learning_rate),
             refinement_evaluations: options.refinement_evaluations.unwrap_or(defaults.refinement_evaluations),

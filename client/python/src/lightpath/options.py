@@ -89,7 +89,7 @@ class LearnOptions(SubmitOptions, total=False):
 
     model: words.Model
     """What is learned: `display` (default), `varying`, `smooth`, `dense` or `paper`."""
-    order: int
+    degree: int
     """Highest polynomial degree of the smooth errors, 1 to 12. Default: what predicts the validation pairs best."""
     start_version: int
     """Version from which learning starts. Default: the ideal kernel."""
@@ -170,7 +170,7 @@ def learn_message(datasets: Sequence[str], options: LearnOptions) -> v1.LearnKer
     return v1.LearnKernel(
         datasets=datasets,
         model=words.number("model", v1.KernelModel, options.get("model")),
-        order=options.get("order", 0),
+        degree=options.get("degree", 0),
         start_version=options.get("start_version", 0),
         epochs=options.get("epochs", 0),
         learning_rate=options.get("learning_rate", 0.0),

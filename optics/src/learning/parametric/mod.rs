@@ -87,7 +87,7 @@ impl ParametricLearner {
     ) -> Result<Self, Error> {
         let rules = Rules {
             orders: kernel_orders(&options),
-            chooses_order: options.order.is_none(),
+            chooses_order: options.degree.is_none(),
             blocks: Block::ALL.into_iter().filter(|block| block.belongs_to(options.model)).collect(),
             evaluations: options.refinement_evaluations,
         };
@@ -298,7 +298,7 @@ fn kernel_orders(options: &LearnOptions) -> Vec<usize> {
         _ => 0,
     };
     let candidates = ORDERS.into_iter().filter(|&candidate| candidate >= lowest.min(ORDERS[2]));
-    match options.order {
+    match options.degree {
         None => candidates.collect(),
         Some(order) => candidates.filter(|&candidate| candidate < order.min(ORDERS[1])).chain([order]).collect(),
     }

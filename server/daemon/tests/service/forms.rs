@@ -70,7 +70,7 @@ async fn every_form_of_every_model_is_restored_or_its_losses_are_announced() {
         let learn = v1::LearnKernel {
             datasets: vec![dataset.clone()],
             model: model.into(),
-            order: if matches!(model, KernelModel::Paper | KernelModel::Dense) { 0 } else { 4 },
+            degree: if matches!(model, KernelModel::Paper | KernelModel::Dense) { 0 } else { 4 },
             epochs: 3,
             ..Default::default()
         };
@@ -118,7 +118,7 @@ async fn a_bundle_brings_all_of_a_version_to_another_server() {
     let serving = Serving::start().await;
     serving.display("lab").await;
     let dataset = create_dataset_at(&serving, 4).await;
-    let learn = v1::LearnKernel { datasets: vec![dataset], order: 4, epochs: 2, ..Default::default() };
+    let learn = v1::LearnKernel { datasets: vec![dataset], degree: 4, epochs: 2, ..Default::default() };
     run_job(&serving, Kind::LearnKernel(learn)).await.unwrap();
     let (bundle, file) = fetch(&serving, 1, KernelFormat::Bundle).await.unwrap();
     assert_eq!((file.losses.len(), file.relative_error), (0, 0.0));
@@ -135,7 +135,7 @@ async fn a_bundle_brings_all_of_a_version_to_another_server() {
     assert_eq!((&lineage.job, &lineage.datasets, lineage.seed), (&origin.job, &origin.datasets, origin.seed));
     let parameters: serde_json::Value = serde_json::from_str(&lineage.parameters_json).unwrap();
     assert_eq!(parameters["bundle"]["version"], first.name);
-    assert_eq!(parameters["order"], 4, "{parameters}");
+    assert_eq!(parameters["degree"], 4, "{parameters}");
 
     let refused = import(&other, "displays/lab-3", &bundle, false).await.unwrap_err();
     assert_eq!(refused.code(), Code::InvalidArgument);

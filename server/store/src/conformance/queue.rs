@@ -292,7 +292,7 @@ async fn learned_kernel_becomes_a_version_when_its_job_ends() {
         propagation,
     };
     let learned =
-        LearnResult { kernels: vec![kernel.clone(), kernel], loss_history: vec![0.5], order: 0, parts: Vec::new() };
+        LearnResult { kernels: vec![kernel.clone(), kernel], loss_history: vec![0.5], degree: 0, parts: Vec::new() };
     let learned = JobResult::Learn(learned);
     let far = KernelKey { distance: Distance { nm: 200_000_000 }, ..key() };
     let both = |artifact| JobEffect::Kernels(vec![(key(), new_version(artifact)), (far.clone(), new_version(2))]);

@@ -64,12 +64,12 @@ pub(super) fn run(context: &JobContext, job: &Job, spec: &LearnKernel) -> Result
         learned.push((plane.0.key.clone(), version));
     }
     let parts = strengths(context, &planes[0], &models[0], (spec.detector, region), &learned_from_first)?;
-    let order = match &models[0].kernel {
+    let degree = match &models[0].kernel {
         KernelShape::Smooth(field) => field.order as u32,
         KernelShape::Ideal | KernelShape::Bins(_) => 0,
     };
     Ok(TaskOutput {
-        result: JobResult::Learn(LearnResult { kernels, loss_history, order, parts }),
+        result: JobResult::Learn(LearnResult { kernels, loss_history, degree, parts }),
         effect: JobEffect::Kernels(learned),
     })
 }
@@ -147,8 +147,8 @@ fn learn(
         let stage = match done.stage {
             LearnStage::Adam => "learn".to_owned(),
             LearnStage::Refinement => match done.trial {
-                Some(block) => format!("try {} at order {}", block.name().replace('_', " "), done.order),
-                None => format!("refine to order {}", done.order),
+                Some(block) => format!("try {} at degree {}", block.name().replace('_', " "), done.order),
+                None => format!("refine to degree {}", done.order),
             },
         };
         let progress = Progress {
@@ -166,7 +166,7 @@ fn learn(
 fn options(spec: &LearnKernel, display: &DisplaySetup, region: RegionOfInterest) -> LearnOptions {
     let defaults = LearnOptions::new(spec.model, region);
     LearnOptions {
-        order: spec.order.map(|order| order as usize),
+        degree: spec.degree.map(|degree| degree as usize),
         epochs: spec.epochs.unwrap_or(defaults.epochs),
         learning_rate: spec.learning_rate.unwrap_or(defaults.learning_rate),
         refinement_evaluations: spec.refinement_evaluations.unwrap_or(defaults.refinement_evaluations),

@@ -358,11 +358,11 @@ fn few_pairs(splits: &[(String, Split)]) -> Vec<Finding> {
     match count(Split::Validation) {
         0 => messages.push(
             "no pair is held out for validation, so that learning tries no part of the display model (uneven surface, \
-             cross-talk, uneven response) and no other order of the kernel; better have at least 2"
+             cross-talk, uneven response) and no other degree of the kernel; better have at least 2"
                 .to_owned(),
         ),
         1 => messages.push(
-            "only 1 pair is held out for validation, by which learning chooses the parts of the display model and the order \
+            "only 1 pair is held out for validation, by which learning chooses the parts of the display model and the degree \
              of the kernel; better have at least 2"
                 .to_owned(),
         ),
@@ -372,7 +372,7 @@ fn few_pairs(splits: &[(String, Split)]) -> Vec<Finding> {
     if training < TRAINING_PAIRS_FEW {
         messages.push(format!(
             "only {training} pairs are left to learn from; better have at least {TRAINING_PAIRS_FEW}, and more for kernels of \
-             high order"
+             high degree"
         ));
     }
     let whole = |message| Finding { pair: String::new(), kind: FindingKind::FewPairs, excludes: false, message };

@@ -231,7 +231,7 @@ pub(super) fn learn(model: KernelModel, epochs: u32, refinement_evaluations: u32
         refinement_evaluations: Some(refinement_evaluations),
         learning_rate: None,
         seed: 1,
-        order: Some(4),
+        degree: Some(4),
         start_version: None,
         detector: Detector::Pixel,
         region_of_interest: region(),
@@ -265,7 +265,7 @@ async fn learned_kernel_gives_better_holograms() {
     let captured = metrics.captured.unwrap();
     assert!(captured.psnr_db > captured.ideal_psnr_db + 3.0, "{captured:?}");
     assert!(!metrics.no_better_than_ideal());
-    assert_eq!((learned.order, kernel.left_out_pairs.as_slice()), (4, [].as_slice()));
+    assert_eq!((learned.degree, kernel.left_out_pairs.as_slice()), (4, [].as_slice()));
 
     for (request_id, version, expected) in
         [("learned", Some(1), metrics.test_loss), ("ideal", None, metrics.ideal_test_loss)]

@@ -29,7 +29,7 @@ def learn(
     distance: Length,
     propagation: Method = "auto",
     model: words.Model = "display",
-    order: int | None = None,
+    degree: int | None = None,
     epochs: int | None = None,
     learning_rate: float | None = None,
     refinement_evaluations: int | None = None,
@@ -65,7 +65,7 @@ def learn(
     options = {
         "optics": json.loads(optics),
         "model": choose("model", model, get_args(words.Model)),
-        "order": order,
+        "degree": degree,
         "epochs": epochs,
         "learning_rate": learning_rate,
         "refinement_evaluations": refinement_evaluations,

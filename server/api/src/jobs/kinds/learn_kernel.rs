@@ -16,8 +16,8 @@ use lightpath_service::{Call, Field, ServiceError, check_all};
 /// Limit on the epochs: thirty times as many as the paper uses.
 const EPOCHS_MAX: u32 = 1000;
 const REFINEMENT_EVALUATIONS_MAX: u32 = 10_000;
-/// Limit on the order of the polynomials: those of higher orders do not describe smooth errors.
-const ORDER_MAX: u32 = 12;
+/// Limit on the degree of the polynomials: those of higher degrees do not describe smooth errors.
+const DEGREE_MAX: u32 = 12;
 
 /// Checks a request, looks up the named resources, fills in defaults, and converts the request.
 pub(super) async fn from_wire(
@@ -53,7 +53,7 @@ pub(super) async fn from_wire(
         refinement_evaluations =
             refinement(&at("refinement_evaluations"), message.refinement_evaluations, is_smooth);
         learning_rate = learning_rate(&at("learning_rate"), message.learning_rate);
-        order = (message.order > 0).then(|| at("order").integer(message.order, 1..=ORDER_MAX)).transpose();
+        degree = (message.degree > 0).then(|| at("degree").integer(message.degree, 1..=DEGREE_MAX)).transpose();
         start_version = start_version;
         detector = detector(&at("detector"), message.detector);
         region_of_interest = region_of_interest.transpose();
@@ -66,7 +66,7 @@ pub(super) async fn from_wire(
         refinement_evaluations,
         learning_rate,
         seed: message.seed,
-        order,
+        degree,
         start_version,
         detector,
         region_of_interest: at("region_of_interest").required(region_of_interest)?,
@@ -98,7 +98,7 @@ pub(super) fn to_wire(spec: LearnKernel) -> v1::LearnKernel {
     v1::LearnKernel {
         datasets: spec.datasets.iter().map(|id| format!("datasets/{id}")).collect(),
         model: spec.model.to_wire(),
-        order: spec.order.unwrap_or(0),
+        degree: spec.degree.unwrap_or(0),
         start_version: spec.start_version.unwrap_or(0),
         epochs: spec.epochs.unwrap_or(0),
         learning_rate: spec.learning_rate.unwrap_or(0.0),
@@ -114,7 +114,7 @@ pub(super) fn result(result: LearnResult) -> v1::LearnResult {
     v1::LearnResult {
         kernels: result.kernels.into_iter().map(kernel).collect(),
         loss_history: result.loss_history,
-        order: result.order,
+        degree: result.degree,
         parts: result.parts.into_iter().map(part).collect(),
     }
 }

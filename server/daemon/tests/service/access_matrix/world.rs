@@ -197,7 +197,7 @@ impl Builder<'_> {
     async fn add_kernels(&self, world: &mut World) {
         let datasets = vec![world.text("$near").to_owned(), world.text("$far").to_owned()];
         let (epochs, refinement_evaluations) = (1, Some(0));
-        let learn = v1::LearnKernel { datasets, order: 4, epochs, refinement_evaluations, ..Default::default() };
+        let learn = v1::LearnKernel { datasets, degree: 4, epochs, refinement_evaluations, ..Default::default() };
         let job = self.run(job_spec::Kind::LearnKernel(learn)).await;
         world.set("ended", job.name);
         let name = format!("{}/versions/1", self.kernel());

@@ -19,7 +19,8 @@ pub struct LearnKernel {
     /// Model of the kernel.
     pub model: KernelModel,
     /// Highest polynomial degree of the smooth errors; `None`: the validation pairs decide.
-    pub order: Option<u32>,
+    #[serde(alias = "order")]
+    pub degree: Option<u32>,
     /// Version of the first dataset's kernel from which learning starts; `None`: the ideal kernel.
     pub start_version: Option<u32>,
     /// Number of passes over the training pairs; `None`: the model's default.
@@ -44,7 +45,8 @@ pub struct LearnResult {
     /// Training loss after each epoch and refinement evaluation.
     pub loss_history: Vec<f64>,
     /// Polynomial degree of the kernels; 0 for the models `paper` and `dense`.
-    pub order: u32,
+    #[serde(alias = "order")]
+    pub degree: u32,
     /// The parts of the model that only some displays need: which this one needed, how strong they are, how certain that
     /// is, and what the photographs could hide.
     #[serde(default)]
@@ -94,9 +96,9 @@ pub struct LearningInputs {
 pub fn need(spec: &LearnKernel, inputs: &LearningInputs) -> Need {
     let (n, datasets) = (inputs.engine.pixels(), inputs.pairs.len());
     let region_px = [spec.region_of_interest.height_px(), spec.region_of_interest.width_px()];
-    let order = spec.order.map_or(12, |order| order as usize);
+    let degree = spec.degree.map_or(12, |degree| degree as usize);
     let (engine, model, blocks) = (inputs.engine, spec.model, Blocks::ALL);
-    let size = LearningSize { engine, model, order, distances: datasets, region_px, blocks };
+    let size = LearningSize { engine, model, order: degree, distances: datasets, region_px, blocks };
     let kept: Vec<[u64; 3]> = inputs.pairs.iter().map(|pairs| pairs.kept_bytes(n, datasets)).collect();
     let kept_of = |splits: &[usize]| -> u64 { kept.iter().flat_map(|kept| splits.iter().map(|&i| kept[i])).sum() };
     let reading = inputs.pairs.iter().map(|pairs| pairs.reading_bytes(n)).max().unwrap_or(0);

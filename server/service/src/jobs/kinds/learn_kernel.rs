@@ -22,7 +22,7 @@ const DATASETS_MAX: usize = 8;
 
 impl Kind for LearnKernel {
     const ADVICE: &'static str =
-        "use a smooth or display model, a lower order, fewer datasets, epochs or pairs, or a smaller display";
+        "use a smooth or display model, a lower degree, fewer datasets, epochs or pairs, or a smaller display";
 
     async fn need(&self, jobs: &Jobs, _: u64) -> Result<Need, ServiceError> {
         let (display, _) = jobs.store.display(&self.display).await?;
