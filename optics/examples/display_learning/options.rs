@@ -17,7 +17,7 @@ pub(crate) struct Options {
     pub(crate) orders: Orders,
     pub(crate) seeds: Vec<u64>,
     pub(crate) models: Vec<KernelModel>,
-    /// Order of the learned kernels. `None`: the validation pairs choose it.
+    /// Degree of the learned kernels. `None`: the validation pairs choose it.
     pub(crate) degree: Option<usize>,
     pub(crate) pairs: usize,
     pub(crate) validation: usize,

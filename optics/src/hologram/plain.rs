@@ -6,8 +6,8 @@
 //! ```
 //!
 //! It shares the parts of a [display](DisplayModel) with the fast problem, and nothing of how that computes: no
-//! half-transformed fields, no passes, no adjoint of the gradient. A gradient takes two evaluations for each pixel. Use it for a few
-//! hundred pixels, to judge what else computes holograms.
+//! half-transformed fields and no passes. A gradient takes two evaluations for each pixel. Use it for a few hundred
+//! pixels, to judge what else computes holograms.
 
 use super::backend::{Backend, Picture};
 use super::evaluate::{Evaluate, Evaluation, ProblemSize, Project};
@@ -71,7 +71,7 @@ impl PlainProblem {
     ///
     /// # Errors
     ///
-    /// [`Error::Incompatible`] for a display that shows all orders of its pixels.
+    /// [`Error::Empty`] without pictures; [`Error::Incompatible`] for a display that shows all orders of its pixels.
     pub fn new(pictures: Vec<Picture<'_>>, frames: usize, region: RegionOfInterest, loss: Loss) -> Result<Self> {
         let Some(first) = pictures.first() else {
             return Err(Error::Empty { name: "planes", needed: "at least one picture is needed" });

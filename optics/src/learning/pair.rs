@@ -177,7 +177,7 @@ fn is_saturated(value: f32) -> bool {
 pub struct LearningPairs<'a> {
     /// Pairs that the model is fitted to.
     pub training: &'a dyn PairSource,
-    /// Pairs that choose the order and decide when learning ends; may be empty. Only parametric models use them.
+    /// Pairs that choose the degree and decide when learning ends; may be empty. Only parametric models use them.
     pub validation: &'a dyn PairSource,
 }
 

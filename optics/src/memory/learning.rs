@@ -2,8 +2,7 @@
 
 use super::engine::{EngineSize, FOLD_STAGES, ORDER_STAGES};
 use super::value_bytes::{COMPLEX, COMPLEX_F64, REAL};
-use crate::display::parts::layout::Layout;
-use crate::display::parts::layout::{FURTHER_MODES, VARIATION_ORDER};
+use crate::display::parts::layout::{FURTHER_MODES, Layout, VARIATION_ORDER};
 use crate::display::parts::light_blur;
 use crate::engine::convolution::tile_columns;
 use crate::learning::sizes::CURVATURE_PX;

@@ -97,11 +97,12 @@ fn part_cost(&PartCost { part, cost_db, least_db, most_db }: &PartCost) -> v1::k
     v1::kernel_metrics::PartCost { part, title, cost_db, least_db, most_db }
 }
 
-/// Converts a move into its message.
+/// Converts what a form does not hold into its message.
 pub(crate) fn loss(loss: Loss) -> v1::KernelLoss {
     v1::KernelLoss { name: loss.name().to_owned(), title: loss.to_string() }
 }
 
+/// Converts a move into its message.
 pub(crate) fn kernel_move(moved: KernelMove) -> v1::KernelMove {
     v1::KernelMove {
         time: Some(timestamp(moved.time_ms)),

@@ -135,7 +135,7 @@ async fn a_bundle_brings_all_of_a_version_to_another_server() {
     assert_eq!((&lineage.job, &lineage.datasets, lineage.seed), (&origin.job, &origin.datasets, origin.seed));
     let parameters: serde_json::Value = serde_json::from_str(&lineage.parameters_json).unwrap();
     assert_eq!(parameters["bundle"]["version"], first.name);
-    assert_eq!(parameters["degree"], 4, "{parameters}");
+    assert_eq!(parameters["order"], 4, "{parameters}");
 
     let refused = import(&other, "displays/lab-3", &bundle, false).await.unwrap_err();
     assert_eq!(refused.code(), Code::InvalidArgument);

@@ -143,7 +143,7 @@ fn parameters(models: [&DisplayModel; 2]) -> Vec<(&'static str, [Option<String>;
         ),
     ];
     // A small difference shows in one more digit than a strength alone needs.
-    let text = |strength: &PartStrength| strength.kept.then(|| strength.text(1));
+    let text = |strength: &PartStrength| strength.kept.then(|| strength.text(2));
     let [first, second] = models.map(PartStrength::all_of);
     let strengths = first.iter().zip(&second).map(|(first, second)| (first.title(), [text(first), text(second)]));
     rows.into_iter().chain(strengths).filter(|(_, values)| values.iter().any(Option::is_some)).collect()

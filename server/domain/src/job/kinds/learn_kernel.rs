@@ -19,7 +19,7 @@ pub struct LearnKernel {
     /// Model of the kernel.
     pub model: KernelModel,
     /// Highest polynomial degree of the smooth errors; `None`: the validation pairs decide.
-    #[serde(alias = "order")]
+    #[serde(rename = "order")]
     pub degree: Option<u32>,
     /// Version of the first dataset's kernel from which learning starts; `None`: the ideal kernel.
     pub start_version: Option<u32>,
@@ -45,7 +45,7 @@ pub struct LearnResult {
     /// Training loss after each epoch and refinement evaluation.
     pub loss_history: Vec<f64>,
     /// Polynomial degree of the kernels; 0 for the models `paper` and `dense`.
-    #[serde(alias = "order")]
+    #[serde(rename = "order")]
     pub degree: u32,
     /// The parts of the model that only some displays need: which this one needed, how strong they are, how certain that
     /// is, and what the photographs could hide.
