@@ -81,7 +81,9 @@ def test_learning_is_reproducible_and_can_start_from_a_model(
 
     def learn(**options: Any) -> local.DisplayModel:
         steps.clear()
-        return local.learn(phases, captures, degree=5, progress=lambda step, *_: steps.append(step), **options, **OPTICS)
+        return local.learn(
+            phases, captures, degree=5, progress=lambda step, *_: steps.append(step), **options, **OPTICS
+        )
 
     alone, again = learn(epochs=1, refinement_evaluations=2), learn(epochs=1, refinement_evaluations=2)
     np.testing.assert_array_equal(alone.transfer_function, again.transfer_function)
