@@ -8,7 +8,7 @@
 //! H₀ is the kernel, a transfer function that may [vary over the SLM](crate::SpatialVariation) and have a [`Ghost`];
 //! the H_m of further modes make the light [partially coherent](PartialCoherence). a is the source profile with the
 //! SLM's uneven surface, d the [`Dust`], ψ the hologram's phase after [`Crosstalk`], r the SLM's phase response, which
-//! may [vary](ResponseVariation), z₀ undiffracted light, D the [`Detector`](crate::Detector), and B the [`LightBlur`].
+//! may [vary](ResponseVariation), z₀ undiffracted light, D the [`Detector`], and B the [`LightBlur`].
 //! Smooth parts are [Chebyshev series](crate::numerics::chebyshev): of fx and fy over the band [−1/2Δ, 1/2Δ] for the kernel, of x
 //! and y over the SLM for the source.
 
