@@ -66,6 +66,6 @@ impl Backend for EngineCache {
             PlaneInput { engine, target, weight, share }
         };
         let planes = pictures.into_iter().map(input).collect();
-        Ok(Box::new(ProcessorProblem::<f32>::with_planes(planes, frames, region, loss)?))
+        Ok(Box::new(ProcessorProblem::with_planes(planes, frames, region, loss)))
     }
 }

@@ -40,8 +40,9 @@ impl HologramProblem {
     /// another size or with values that are negative or not finite, a plane in which all weights are 0, targets that are
     /// black wherever the weight is positive, or a loss out of range.
     pub fn with_planes(planes: Vec<ImagePlane>, frames: usize, region: RegionOfInterest, loss: Loss) -> Result<Self> {
-        let planes = planes.into_iter().map(PlaneInput::from).collect();
-        Ok(Self { loss, body: Box::new(ProcessorProblem::<f32>::with_planes(planes, frames, region, loss)?) })
+        let planes: Vec<_> = planes.into_iter().map(PlaneInput::from).collect();
+        check_planes(&planes.iter().map(PlaneInput::unchecked).collect::<Vec<_>>(), frames, region, &loss)?;
+        Ok(Self { loss, body: Box::new(ProcessorProblem::with_planes(planes, frames, region, loss)) })
     }
 
     /// The same problem on any machine, which prepares the displays for itself.

@@ -1,11 +1,10 @@
 //! A hologram's problem on the processor: the loss of its phases and the gradient, in fused passes on all threads.
 
 use super::evaluate::Evaluation;
-use super::loss::{Loss, PlaneInput, TargetPlane, check_planes, weighted_sums};
+use super::loss::{Loss, PlaneInput, TargetPlane, weighted_sums};
 use super::two_pass_buffers::Buffers;
 use crate::engine::photometry::{Comparison, Quantity};
 use crate::engine::{EngineCore, Fields, Real};
-use crate::error::Result;
 use crate::metrics::Gain;
 use crate::numerics::RegionOfInterest;
 use num_complex::Complex;
@@ -32,18 +31,12 @@ pub(super) enum Sink<'a, T> {
 }
 
 impl<T: Real> ProcessorProblem<T> {
-    /// Creates and checks a problem, see [`HologramProblem::with_planes`](super::HologramProblem::with_planes).
-    pub(super) fn with_planes(
-        planes: Vec<PlaneInput<T>>,
-        frames: usize,
-        region: RegionOfInterest,
-        loss: Loss,
-    ) -> Result<Self> {
-        check_planes(&planes.iter().map(PlaneInput::unchecked).collect::<Vec<_>>(), frames, region, &loss)?;
+    /// Takes planes that [`check_planes`](super::loss::check_planes) has checked.
+    pub(super) fn with_planes(planes: Vec<PlaneInput<T>>, frames: usize, region: RegionOfInterest, loss: Loss) -> Self {
         let shares = planes.iter().map(|plane| plane.share).sum();
         let planes: Vec<_> = planes.into_iter().map(|plane| TargetPlane::new(plane, region, &loss, shares)).collect();
         let fields = Fields::for_all(planes.iter().map(|plane| &plane.engine));
-        Ok(Self { planes, frames, region, loss, fields, buffers: Buffers::empty(), field: Vec::new() })
+        Self { planes, frames, region, loss, fields, buffers: Buffers::empty(), field: Vec::new() }
     }
 
     pub(super) fn engine(&self) -> &EngineCore<T> {

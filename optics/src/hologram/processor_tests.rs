@@ -4,6 +4,7 @@
 use super::*;
 use crate::display::{Carrier, Detector, DisplayModel, OpticalSetup, Orders};
 use crate::hologram::conformance::Case;
+use crate::hologram::loss::check_planes;
 use crate::numerics::{Grid, Plane};
 
 const SIZES: [(usize, usize); 3] = [(16, 24), (17, 13), (11, 30)];
@@ -17,7 +18,7 @@ impl Case {
             weight: plane.weight.map(|weight| weight.map(f64::from)),
             share: plane.share,
         });
-        ProcessorProblem::with_planes(planes.collect(), self.frames, self.region(), self.loss).unwrap()
+        ProcessorProblem::with_planes(planes.collect(), self.frames, self.region(), self.loss)
     }
 
     fn phase_f64(&self) -> Vec<f64> {
@@ -140,8 +141,10 @@ fn invalid_problems_are_refused_by_name() {
     let input =
         |engine: EngineCore<f64>| PlaneInput { engine, target: Plane::filled(16, 16, 0.5), weight: None, share: 1.0 };
     let plane = || input(engine.clone());
-    let refusal =
-        |planes, frames, loss| ProcessorProblem::with_planes(planes, frames, region, loss).unwrap_err().to_string();
+    let refusal = |planes: Vec<PlaneInput<f64>>, frames, loss| {
+        let planes: Vec<_> = planes.iter().map(PlaneInput::unchecked).collect();
+        check_planes(&planes, frames, region, &loss).unwrap_err().to_string()
+    };
     let plain = Loss::default();
     assert!(refusal(vec![], 1, plain).starts_with("planes is empty"));
     assert!(refusal(vec![plane()], 0, plain).starts_with("frames is 0"));

@@ -2,7 +2,7 @@
 
 use super::engine::{EngineSize, FOLD_STAGES, ORDER_STAGES};
 use super::value_bytes::{COMPLEX, COMPLEX_F64, REAL};
-use crate::display::parts::layout::{FURTHER_MODES, Layout, VARIATION_ORDER};
+use crate::display::parts::layout::{FURTHER_MODES, Layout};
 use crate::display::parts::light_blur;
 use crate::engine::convolution::tile_columns;
 use crate::learning::sizes::CURVATURE_PX;
@@ -162,34 +162,25 @@ impl LearningSize {
 
     /// Number of parameters of the model at one distance, with gain and offset.
     fn parameters(&self) -> u64 {
-        let beside = self.beside_kernel();
-        (self.kernel().len() + beside.len() - beside.range(ModelPart::TransferFunction).len()) as u64 + 2
+        self.layout().len() as u64 + 2
     }
 
     fn joint_parameters(&self) -> u64 {
         // The kernel is a polynomial of the distance of degree 2 at most, and each distance has its own tilts. The
         // modulator is the same at all distances.
         let tilts = if self.engine.all_orders { 4 } else { 2 };
-        let more = self.kernel().len() as u64 * (self.distances.min(3) as u64 - 1);
-        self.parameters() + more + tilts * self.distances as u64
+        let kernel = self.layout().range(ModelPart::TransferFunction).len() as u64;
+        self.parameters() + kernel * (self.distances.min(3) as u64 - 1) + tilts * self.distances as u64
     }
 
-    /// Layout of the transfer function.
-    fn kernel(&self) -> Layout {
-        Layout::new(false, self.order, Blocks::NONE).with_all_orders(self.engine.all_orders)
-    }
-
-    /// Layout of what the model may have beside its transfer function, with the highest orders, which a kernel of a low
-    /// order does not allow.
-    fn beside_kernel(&self) -> Layout {
-        let blocks = match self.model {
-            KernelModel::Display => self.blocks.without(Block::Varying),
-            KernelModel::Varying => self.blocks.with(Block::Varying),
-            _ => return self.kernel(),
+    /// Layout of the model.
+    fn layout(&self) -> Layout {
+        let (has_slm, blocks) = match self.model {
+            KernelModel::Display => (true, self.blocks.without(Block::Varying)),
+            KernelModel::Varying => (true, self.blocks.with(Block::Varying)),
+            _ => (false, Blocks::NONE),
         };
-        // The few numbers of the blurs count in any case, and those of a ghost in none.
-        let blocks = blocks.with(Block::Crosstalk).with(Block::LightBlur).without(Block::Ghost);
-        Layout::new(true, self.order.max(VARIATION_ORDER), blocks)
+        Layout::new(has_slm, self.order, blocks).with_all_orders(self.engine.all_orders)
     }
 
     /// What a model of bins needs in addition: its state, and the gradient of every bin.
@@ -235,13 +226,13 @@ impl LearningSize {
     #[must_use]
     pub fn curvature_work(&self) -> f64 {
         let engine = self.engine();
-        let beside = self.beside_kernel();
-        let (source, harmonics) = (beside.source.terms(), beside.range(ModelPart::PhaseResponse).len());
+        let layout = self.layout();
+        let (source, harmonics) = (layout.source.terms(), layout.range(ModelPart::PhaseResponse).len());
         let propagations = self.order + 1 + if engine.has_source { source + harmonics + 1 + 12 } else { 0 };
         let [rows, columns] = self.region_px.map(|side| side as f64);
         let products = (rows * columns).min(2.0 * CURVATURE_PX as f64) * (self.parameters() as f64).powi(2) / 8.0;
         // Transforms along y for the orders at, below and above the first along each axis.
-        let (groups, beyond) = ((2 * (self.order + 1) + 6) as f64, self.kernel().beyond.terms() as f64);
+        let (groups, beyond) = ((2 * (self.order + 1) + 6) as f64, layout.beyond.terms() as f64);
         let orders = match engine.all_orders {
             true => {
                 (groups + beyond) * engine.light_work()

@@ -359,8 +359,12 @@ mod tests {
         assert!(Header::parse(&text).is_ok());
         for key in ["height_px", "kernel_order"] {
             let twice = text.replacen('{', &format!("{{\"{key}\":3,"), 1);
-            let refusal = Header::parse(&twice).err().unwrap().to_string();
+            let entry = |header: Header| Ok(header.entry(key)?);
+            let refusal = Header::parse(&twice).and_then(entry).unwrap_err().to_string();
             assert!(refusal.contains(&format!("duplicate field `{key}`")), "{refusal}");
         }
+        let wrong = Header::parse(&text.replace("\"kernel_order\":3", "\"kernel_order\":\"3\"")).unwrap();
+        let refusal = wrong.entry("kernel_order").unwrap_err().to_string();
+        assert!(refusal.contains("`kernel_order`: invalid type: string \"3\""), "{refusal}");
     }
 }

@@ -11,12 +11,9 @@
 //! 27, 25046 (2019).
 
 use super::blur_ratios::BlurRatios;
-use super::layout::Layout;
-use super::measures::{Deviation, Hidden, Measures};
-use super::stored::{Entry, Restored, Stored, StoredParts};
+use super::blur_row::BlurRow;
 use super::terms::Terms;
-use super::{Block, Part, sigma};
-use crate::display::DisplayModel;
+use super::{Block, blur_row};
 use crate::error::Result;
 use crate::numerics::Plane;
 use crate::numerics::gaussian_blur::{GaussianBlur, by_definition};
@@ -46,76 +43,18 @@ pub fn shown_phase(wrapped: &Plane<f64>, crosstalk: &Crosstalk) -> Plane<f64> {
     by_definition::<TAPS>(wrapped, crosstalk.ratios())
 }
 
-/// Its numbers are q along x and along y.
-pub(super) struct Row;
-
-impl Part for Row {
-    fn name(&self) -> &'static str {
-        "crosstalk"
-    }
-
-    fn title(&self) -> &'static str {
-        "cross-talk between neighbouring pixels"
-    }
-
-    fn is_in(&self, model: &DisplayModel) -> bool {
-        !model.crosstalk.is_none()
-    }
-
-    fn remove(&self, model: &mut DisplayModel) {
-        model.crosstalk = Crosstalk::NONE;
-    }
-
-    fn store(&self, model: &DisplayModel, to: &mut Stored) {
-        if !model.crosstalk.is_none() {
-            to.sometimes("has_crosstalk", Entry::Flag(true));
-            to.list("crosstalk", &model.crosstalk.ratios());
-        }
-    }
-
-    fn restore(&self, from: &dyn StoredParts, model: &mut DisplayModel) -> Restored {
-        if from.flag("has_crosstalk")? {
-            model.crosstalk = Crosstalk::of_ratios(from.exactly("crosstalk", "two f64")?);
-        }
-        Ok(())
-    }
-
-    fn count(&self, layout: &Layout) -> usize {
-        if layout.blocks.contains(Block::Crosstalk) { 2 } else { 0 }
-    }
-
-    fn numbers(&self, layout: &Layout, model: &DisplayModel) -> Vec<f64> {
-        model.crosstalk.ratios().into_iter().take(self.count(layout)).collect()
-    }
-
-    fn set(&self, _layout: &Layout, numbers: &[f64], model: &mut DisplayModel) {
-        model.crosstalk = numbers.first_chunk().map_or(Crosstalk::NONE, |&ratios| Crosstalk::of_ratios(ratios));
-    }
-
-    fn limited(&self, _layout: &Layout, _position: usize, value: f64) -> f64 {
-        value.clamp(0.0, Crosstalk::RATIO_MAX)
-    }
-
-    fn terms(&self) -> Option<Terms> {
-        Some(Terms::USUAL)
-    }
-
-    fn measures(&self) -> &'static Measures {
-        &sigma::MEASURES
-    }
-
-    fn strengths(&self, model: &DisplayModel) -> Vec<f64> {
-        model.crosstalk.sigma_px().to_vec()
-    }
-
-    fn deviations(&self, _layout: &Layout, model: &DisplayModel, deviation: Deviation<'_>) -> Option<Vec<f64>> {
-        Some(sigma::deviations_px(model.crosstalk.ratios(), deviation))
-    }
-
-    fn hidden(&self) -> Option<Hidden> {
-        Some(sigma::hidden_px)
-    }
-}
+pub(super) const ROW: BlurRow<TAPS> = BlurRow {
+    block: Block::Crosstalk,
+    name: "crosstalk",
+    title: "cross-talk between neighbouring pixels",
+    entry: "has_crosstalk",
+    ratio_max: Crosstalk::RATIO_MAX,
+    of: |model| model.crosstalk,
+    of_mut: |model| &mut model.crosstalk,
+    terms: Terms::USUAL,
+    measures: &blur_row::MEASURES,
+    hidden: Some(blur_row::hidden_px),
+};
 
 #[cfg(test)]
 mod tests {

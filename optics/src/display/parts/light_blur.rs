@@ -12,12 +12,10 @@
 //! direction times distance, and the images do not interfere. Photographs of one distance cannot tell the two apart.
 
 use super::blur_ratios::BlurRatios;
-use super::layout::Layout;
-use super::measures::{Deviation, Measures};
-use super::stored::{Entry, Restored, Stored, StoredParts};
+use super::blur_row::BlurRow;
+use super::measures::Measures;
 use super::terms::{Terms, Turn};
-use super::{Block, Part, sigma};
-use crate::display::DisplayModel;
+use super::{Block, blur_row};
 use crate::error::Result;
 use crate::numerics::Plane;
 use crate::numerics::gaussian_blur::{GaussianBlur, by_definition};
@@ -34,7 +32,7 @@ pub type LightBlur = BlurRatios<TAPS>;
 
 impl LightBlur {
     /// Largest q, of a standard deviation of 1.98 px: six pixels on either side are three standard deviations.
-    pub const RATIO_MAX: f64 = sigma::RATIO_MAX;
+    pub const RATIO_MAX: f64 = blur_row::RATIO_MAX;
 
     pub(crate) fn validate(&self) -> Result<()> {
         self.validate_within("light blur", Self::RATIO_MAX, "0 to 0.88")
@@ -50,72 +48,18 @@ pub fn blurred_light(light: &Plane<f64>, blur: &LightBlur) -> Plane<f64> {
     by_definition::<TAPS>(light, blur.ratios())
 }
 
-/// Its numbers are q along x and along y.
-pub(super) struct Row;
-
-impl Part for Row {
-    fn name(&self) -> &'static str {
-        "light_blur"
-    }
-
-    fn title(&self) -> &'static str {
-        "blur of the light, by the camera or an extended source"
-    }
-
-    fn is_in(&self, model: &DisplayModel) -> bool {
-        !model.light_blur.is_none()
-    }
-
-    fn remove(&self, model: &mut DisplayModel) {
-        model.light_blur = LightBlur::NONE;
-    }
-
-    fn store(&self, model: &DisplayModel, to: &mut Stored) {
-        if !model.light_blur.is_none() {
-            to.sometimes("has_light_blur", Entry::Flag(true));
-            to.list("light_blur", &model.light_blur.ratios());
-        }
-    }
-
-    fn restore(&self, from: &dyn StoredParts, model: &mut DisplayModel) -> Restored {
-        if from.flag("has_light_blur")? {
-            model.light_blur = LightBlur::of_ratios(from.exactly("light_blur", "two f64")?);
-        }
-        Ok(())
-    }
-
-    fn count(&self, layout: &Layout) -> usize {
-        if layout.blocks.contains(Block::LightBlur) { 2 } else { 0 }
-    }
-
-    fn numbers(&self, layout: &Layout, model: &DisplayModel) -> Vec<f64> {
-        model.light_blur.ratios().into_iter().take(self.count(layout)).collect()
-    }
-
-    fn set(&self, _layout: &Layout, numbers: &[f64], model: &mut DisplayModel) {
-        model.light_blur = numbers.first_chunk().map_or(LightBlur::NONE, |&ratios| LightBlur::of_ratios(ratios));
-    }
-
-    fn limited(&self, _layout: &Layout, _position: usize, value: f64) -> f64 {
-        value.clamp(0.0, LightBlur::RATIO_MAX)
-    }
-
-    fn terms(&self) -> Option<Terms> {
-        Some(Terms::new(Turn::First, GAIN_MIN, GAIN_MIN))
-    }
-
-    fn measures(&self) -> &'static Measures {
-        &Measures { note: "Photographs at one distance cannot tell the two apart.", ..sigma::MEASURES }
-    }
-
-    fn strengths(&self, model: &DisplayModel) -> Vec<f64> {
-        model.light_blur.sigma_px().to_vec()
-    }
-
-    fn deviations(&self, _layout: &Layout, model: &DisplayModel, deviation: Deviation<'_>) -> Option<Vec<f64>> {
-        Some(sigma::deviations_px(model.light_blur.ratios(), deviation))
-    }
-}
+pub(super) const ROW: BlurRow<TAPS> = BlurRow {
+    block: Block::LightBlur,
+    name: "light_blur",
+    title: "blur of the light, by the camera or an extended source",
+    entry: "has_light_blur",
+    ratio_max: LightBlur::RATIO_MAX,
+    of: |model| model.light_blur,
+    of_mut: |model| &mut model.light_blur,
+    terms: Terms::new(Turn::First, GAIN_MIN, GAIN_MIN),
+    measures: &Measures { note: "Photographs at one distance cannot tell the two apart.", ..blur_row::MEASURES },
+    hidden: None,
+};
 
 #[cfg(test)]
 mod tests {

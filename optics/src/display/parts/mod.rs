@@ -6,6 +6,7 @@
 
 pub(crate) mod blocks;
 pub mod blur_ratios;
+mod blur_row;
 pub mod crosstalk;
 pub(crate) mod dust;
 pub(crate) mod ghost;
@@ -16,7 +17,6 @@ pub(crate) mod order_errors;
 pub(crate) mod partial_coherence;
 pub(crate) mod phase_response;
 pub(crate) mod response_variation;
-mod sigma;
 pub(crate) mod source;
 pub mod spatial_variation;
 pub mod stored;
@@ -185,15 +185,15 @@ macro_rules! parts {
 parts! {
     /// Errors of the transfer function: aberrations, and light that the optics lose at some frequencies.
     TransferFunction: transfer_function::Row,
-    /// The profile of the light on the SLM, and the uneven surface of the SLM. As a block: a source profile of order 10
-    /// instead of 4, for the uneven surface of a modulator.
+    /// The profile of the light on the SLM, and the uneven surface of the SLM. As a block: a source profile of degree
+    /// 10 instead of 4, for the uneven surface of a modulator.
     Source / FineSource: source::Row,
     /// [`Crosstalk`](crate::Crosstalk) between neighbouring pixels.
-    Crosstalk / Crosstalk: crosstalk::Row,
+    Crosstalk / Crosstalk: crosstalk::ROW,
     /// A phase response that [varies over the SLM](crate::ResponseVariation).
     UnevenResponse / UnevenResponse: response_variation::Row,
     /// A [blur of the light](crate::LightBlur), by the camera or by a source with an extent.
-    LightBlur / LightBlur: light_blur::Row,
+    LightBlur / LightBlur: light_blur::ROW,
     /// Light of several modes that do not interfere: [partial coherence](crate::PartialCoherence).
     PartialCoherence / PartialCoherence: partial_coherence::Row,
     /// A kernel that [varies over the SLM](crate::SpatialVariation).

@@ -7,13 +7,15 @@ use super::{ModelPart, STORED};
 use crate::display::{DisplayModel, OpticalSetup};
 use crate::numerics::{Plane, SmoothField};
 use num_complex::Complex32;
-use serde::{Deserialize, Serialize};
+use serde::de::{self, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
+use std::fmt;
 
 /// The array with gain and offset of the camera, which belong to no part, and the undiffracted light after them.
 pub(super) const PHOTOMETRY: &str = "photometry";
 
 /// The value of an entry of the header.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[serde(untagged)]
 pub enum Entry {
     /// Whether the display has a part.
@@ -22,6 +24,39 @@ pub enum Entry {
     Order(usize),
     /// Highest total degree of each of several series.
     Orders(Vec<usize>),
+}
+
+/// Reads the value as it comes, and keeps nothing of one that no entry has.
+impl<'de> Deserialize<'de> for Entry {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Value;
+
+        impl<'de> Visitor<'de> for Value {
+            type Value = Entry;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("true or false, a whole number, or a list of whole numbers")
+            }
+
+            fn visit_bool<E>(self, flag: bool) -> Result<Entry, E> {
+                Ok(Entry::Flag(flag))
+            }
+
+            fn visit_u64<E: de::Error>(self, order: u64) -> Result<Entry, E> {
+                Ok(Entry::Order(usize::try_from(order).map_err(E::custom)?))
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Entry, A::Error> {
+                let mut orders = Vec::new();
+                while let Some(order) = list.next_element()? {
+                    orders.push(order);
+                }
+                Ok(Entry::Orders(orders))
+            }
+        }
+
+        deserializer.deserialize_any(Value)
+    }
 }
 
 /// The numbers of an array, in C order.

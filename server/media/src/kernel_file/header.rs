@@ -3,14 +3,14 @@
 use super::{FORMAT, FORMAT_VERSION, KernelFileError, Origin};
 use lightpath_optics::display::parts::stored::{Entry, Stored, StoredError};
 use lightpath_optics::{ConvolutionMethod, DisplayModel, Grid, KernelModel, OpticalSetup, Orders};
-use serde::de::{Error as _, MapAccess, Visitor};
-use serde::{Deserialize, Deserializer, Serialize, Serializer};
-use serde_json::{Map, Value};
+use serde::de::{Deserializer as _, Error as _, IgnoredAny, MapAccess, Visitor};
+use serde::{Deserialize, Serialize, Serializer};
+use serde_json::Value;
 use std::fmt;
 
-/// The kernel's metadata. `Parts` are the entries of the parts: all other entries of a header that was read.
+/// The kernel's metadata. `Parts` are the entries of the parts.
 #[derive(Serialize, Deserialize)]
-pub(crate) struct Header<Parts = OtherEntries> {
+pub(crate) struct Header<Parts = Text> {
     format: String,
     format_version: u32,
     pub(crate) model: KernelModel,
@@ -19,7 +19,7 @@ pub(crate) struct Header<Parts = OtherEntries> {
     pixel_pitch_m: f64,
     wavelength_m: f64,
     distance_m: f64,
-    #[serde(flatten)]
+    #[serde(flatten, skip_deserializing)]
     parts: Parts,
     propagation: ConvolutionMethod,
     #[serde(default, skip_serializing_if = "is_first")]
@@ -32,34 +32,33 @@ pub(crate) struct Header<Parts = OtherEntries> {
     record: Option<Value>,
 }
 
-/// The entries of a header that was read, beside those of [`Header`].
-pub(crate) struct OtherEntries(Map<String, Value>);
+/// The text of a header that was read. A part reads its entries from it, so that nothing of other entries is kept.
+#[derive(Default)]
+pub(crate) struct Text(String);
 
-/// Refuses a key that stands twice, as the keys of [`Header`] may not either.
-impl<'de> Deserialize<'de> for OtherEntries {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct EachOnce;
+/// Reads the entry with a key, and passes over all others.
+struct EntryOf(&'static str);
 
-        impl<'de> Visitor<'de> for EachOnce {
-            type Value = OtherEntries;
+impl<'de> Visitor<'de> for EntryOf {
+    type Value = Option<Entry>;
 
-            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("a JSON object")
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a JSON object")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Option<Entry>, A::Error> {
+        let mut found = None;
+        while let Some(key) = map.next_key::<String>()? {
+            if key != self.0 {
+                map.next_value::<IgnoredAny>()?;
+                continue;
             }
-
-            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<OtherEntries, A::Error> {
-                let mut entries = Map::new();
-                while let Some((key, value)) = map.next_entry::<String, Value>()? {
-                    if entries.contains_key(&key) {
-                        return Err(A::Error::custom(format_args!("duplicate field `{key}`")));
-                    }
-                    entries.insert(key, value);
-                }
-                Ok(OtherEntries(entries))
+            let named = |error| A::Error::custom(format_args!("`{}`: {error}", self.0));
+            if found.replace(map.next_value::<Option<Entry>>().map_err(named)?).is_some() {
+                return Err(A::Error::duplicate_field(self.0));
             }
         }
-
-        deserializer.deserialize_map(EachOnce)
+        Ok(found.flatten())
     }
 }
 
@@ -98,7 +97,7 @@ impl<'a> Header<Entries<'a>> {
 impl Header {
     /// Reads the metadata, and refuses another format or a later version.
     pub(crate) fn parse(text: &str) -> Result<Self, KernelFileError> {
-        let header: Self = serde_json::from_str(text)?;
+        let header = Self { parts: Text(text.to_owned()), ..serde_json::from_str(text)? };
         if header.format != FORMAT || header.format_version != FORMAT_VERSION {
             return Err(KernelFileError::Format { format: header.format, version: header.format_version });
         }
@@ -107,9 +106,8 @@ impl Header {
 
     /// The entry of a part; `None` if there is none, or `null`.
     pub(crate) fn entry(&self, key: &'static str) -> Result<Option<Entry>, StoredError> {
-        let entry = self.parts.0.get(key).map(Option::<Entry>::deserialize).transpose();
-        let refused = |_| StoredError::Entry { key, expected: "true or false, a whole number, or whole numbers" };
-        Ok(entry.map_err(refused)?.flatten())
+        let mut json = serde_json::Deserializer::from_str(&self.parts.0);
+        json.deserialize_map(EntryOf(key)).map_err(|error| StoredError::Form(Box::new(KernelFileError::Header(error))))
     }
 
     pub(crate) fn origin(&self) -> Origin {
