@@ -5,7 +5,8 @@ use super::core::{EngineCore, convolver, sample_kernels};
 use super::prepared::{Prepared, PreparedMode};
 use super::single_precision::Engine;
 use super::sub_samples::offsets_px;
-use crate::display::{Carrier, Detector, DisplayModel, Ghost, KernelShape, OpticalSetup, SpatialVariation};
+use crate::display::parts::{InBins, ModelPart};
+use crate::display::{Carrier, Detector, DisplayModel, KernelShape, PartialCoherence};
 use crate::error::Result;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -28,16 +29,8 @@ pub struct EngineCache {
 #[derive(Debug, Default)]
 struct CachedParts {
     plans: Vec<Arc<Convolver<f32>>>,
-    kernels: Vec<(KernelKey, Arc<Kernels<f32>>)>,
-}
-
-/// Parameters that determine sampled transfer functions.
-#[derive(Debug, PartialEq)]
-struct KernelKey {
-    setup: OpticalSetup,
-    kernel: KernelShape,
-    ghost: Ghost,
-    variation: SpatialVariation,
+    /// Sampled transfer functions, each with the [model](transfer_alone) that determines it.
+    kernels: Vec<(DisplayModel, Arc<Kernels<f32>>)>,
 }
 
 impl EngineCache {
@@ -89,7 +82,7 @@ impl EngineCache {
         if matches!(mode.model().kernel, KernelShape::Bins(_)) {
             return Arc::new(sample_kernels(mode));
         }
-        let key = KernelKey::of(mode.model());
+        let key = transfer_alone(mode.model());
         let mut parts = self.lock();
         if let Some(at) = parts.kernels.iter().position(|(of, _)| *of == key) {
             let found = parts.kernels.remove(at);
@@ -110,19 +103,17 @@ impl EngineCache {
     }
 }
 
-impl KernelKey {
-    fn of(model: &DisplayModel) -> Self {
-        Self {
-            setup: model.setup,
-            kernel: model.kernel.clone(),
-            ghost: model.ghost,
-            variation: model.variation.clone(),
-        }
+/// A display with the same transfer function, without the parts beside it.
+fn transfer_alone(model: &DisplayModel) -> DisplayModel {
+    let mut alone = DisplayModel { coherence: PartialCoherence::none(), gain: 1.0, offset: 0.0, ..model.clone() };
+    for part in ModelPart::ALL.iter().filter(|part| part.in_bins() == InBins::Beside) {
+        part.remove(&mut alone);
     }
+    alone
 }
 
 impl CachedParts {
-    fn insert(&mut self, key: KernelKey, kernels: &Arc<Kernels<f32>>, bytes_max: usize) {
+    fn insert(&mut self, key: DisplayModel, kernels: &Arc<Kernels<f32>>, bytes_max: usize) {
         if kernels.bytes() > bytes_max {
             return;
         }
@@ -136,6 +127,7 @@ impl CachedParts {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::display::OpticalSetup;
     use crate::numerics::{Grid, Plane, SmoothField};
 
     fn model(distance_m: f64) -> DisplayModel {

@@ -1,4 +1,4 @@
-//! Compressed answers, for clients that accept gzip or zstd.
+//! Compressed answers, for clients that accept gzip.
 //!
 //! A strong ETag names bytes, so the compressed form of an answer has an ETag of its own: that of the answer with the
 //! name of the compression. A client that sends it back has the answer, so the suffix is taken off again.
@@ -15,8 +15,8 @@ use tower_http::compression::predicate::{And, Predicate as _, SizeAbove};
 
 /// Shorter answers are sent as they are \[bytes\].
 const COMPRESSED_FROM: u16 = 512;
-/// Names of the compressions in ETags.
-const SUFFIXES: [(&str, &str); 2] = [("gzip", "-gzip\""), ("zstd", "-zstd\"")];
+/// End of the ETag of a compressed answer.
+const SUFFIX: &str = "-gzip\"";
 
 /// Compresses the answers of a router that are text.
 pub(super) fn with_compression<S: Clone + Send + Sync + 'static>(router: Router<S>) -> Router<S> {
@@ -39,7 +39,7 @@ fn predicate() -> Predicate {
 async fn name_compression(mut request: Request, next: Next) -> Response {
     let tags = request.headers().get(header::IF_NONE_MATCH).and_then(|value| value.to_str().ok());
     if let Some(tags) = tags {
-        let plain = SUFFIXES.iter().fold(tags.to_owned(), |tags, (_, suffix)| tags.replace(suffix, "\""));
+        let plain = tags.replace(SUFFIX, "\"");
         request.headers_mut().insert(header::IF_NONE_MATCH, text_value(&plain));
     }
     named(next.run(request).await)
@@ -47,10 +47,9 @@ async fn name_compression(mut request: Request, next: Next) -> Response {
 
 fn named<B>(mut response: HttpResponse<B>) -> HttpResponse<B> {
     let field = |name| response.headers().get(name).and_then(|value| value.to_str().ok());
-    let suffix = SUFFIXES.iter().find(|(encoding, _)| field(header::CONTENT_ENCODING) == Some(encoding));
     let etag = field(header::ETAG).and_then(|etag| etag.strip_suffix('"'));
-    if let (Some((_, suffix)), Some(etag)) = (suffix, etag) {
-        let value = text_value(&format!("{etag}{suffix}"));
+    if let (Some("gzip"), Some(etag)) = (field(header::CONTENT_ENCODING), etag) {
+        let value = text_value(&format!("{etag}{SUFFIX}"));
         response.headers_mut().insert(header::ETAG, value);
     }
     response

@@ -5,7 +5,7 @@
 //! - `admission`: identifies callers and checks their roles. `origin`: keeps out web pages of other sites. `protocol`: gRPC or
 //!   HTTP. `token_expiry`: ends calls of invalid tokens.
 //! - `cors`: pages of other sites that may call the server. `grpc_web`: gRPC for web pages.
-//! - `page`: the files of the dashboard. `compression`: gzip and zstd.
+//! - `page`: the files of the dashboard. `compression`: gzip.
 //! - `unread_body`: the rest of requests that are answered before it has arrived.
 //! - `memory_use`: memory of each call, taken from the memory budget. `checked_body`: bodies whose frames these check.
 //! - `requests`: deadlines and metrics of requests, including gRPC. `transcode`: the methods of the API as JSON.

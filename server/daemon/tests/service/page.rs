@@ -44,17 +44,15 @@ async fn compressed_answers_have_etags_of_their_own() {
     let plain = curl(&serving, "/openapi.json", &[]).await;
     assert_eq!(plain.field("content-encoding"), None);
     let etag = plain.field("etag").unwrap().trim_matches('"').to_owned();
-    for (encoding, most) in [("gzip", 3), ("zstd", 3)] {
-        let accept = format!("accept-encoding: {encoding}");
-        let packed = curl(&serving, "/openapi.json", &["--header", &accept]).await;
-        assert_eq!(packed.field("content-encoding"), Some(encoding));
-        assert!(packed.body.len() * most < plain.body.len(), "{encoding}: {} bytes", packed.body.len());
-        let own = format!("\"{etag}-{encoding}\"");
-        assert_eq!(packed.field("etag"), Some(own.as_str()));
-        let tag = format!("if-none-match: {own}");
-        let again = curl(&serving, "/openapi.json", &["--header", &tag, "--header", &accept]).await;
-        assert_eq!((again.status, again.body.len()), (304, 0));
-    }
+    let accept = ["--header", "accept-encoding: gzip"];
+    let packed = curl(&serving, "/openapi.json", &accept).await;
+    assert_eq!(packed.field("content-encoding"), Some("gzip"));
+    assert!(packed.body.len() * 3 < plain.body.len(), "{} bytes", packed.body.len());
+    let own = format!("\"{etag}-gzip\"");
+    assert_eq!(packed.field("etag"), Some(own.as_str()));
+    let tag = format!("if-none-match: {own}");
+    let again = curl(&serving, "/openapi.json", &[&accept[..], &["--header", &tag]].concat()).await;
+    assert_eq!((again.status, again.body.len()), (304, 0));
     let short = curl(&serving, "/healthz", &["--compressed"]).await;
     assert_eq!((short.field("content-encoding"), short.text().as_str()), (None, "serving\n"));
     let events = curl_until(&serving, "/v1/events", &["--compressed"], |_| true).await;
