@@ -316,7 +316,7 @@ mod tests {
     use crate::engine::EngineCore;
     use crate::hologram::initial_phase;
     use crate::numerics::Grid;
-    use crate::propagation::passes::gauss_legendre;
+    use crate::numerics::quadrature::gauss_legendre;
     use crate::propagation::transfer_function::phasor;
     use crate::reference::{offset, propagate};
     use crate::simulated_display::bench::SimulatedBench;

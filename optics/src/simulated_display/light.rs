@@ -202,7 +202,7 @@ impl SimulatedDisplay {
         }
         let sizes = all_orders::sizes(&self.setup, &self.bench);
         let all = |(mode, size): (&Mode, [AxisSize; 2])| {
-            let setup = self.setup.at_wavelength(mode.wavelength * self.setup.wavelength_m())?;
+            let setup = self.setup.with_wavelength(mode.wavelength * self.setup.wavelength_m())?;
             let ghost = self.ghost.map(|ghost| (ghost, mode.ghost));
             let errors = |x: f64, y: f64| self.aberrations(x, y, mode);
             Ok(Passage::AllOrders(Box::new(AllOrders::new(&setup, size, self.shift_px, ghost, errors))))
@@ -216,7 +216,7 @@ impl SimulatedDisplay {
         let pitch_m = self.setup.grid().pixel_pitch_m();
         let ideal = match mode.wavelength {
             1.0 => None,
-            ratio => Some(self.setup.at_wavelength(ratio * self.setup.wavelength_m())?.sampled()),
+            ratio => Some(self.setup.with_wavelength(ratio * self.setup.wavelength_m())?.sampled()),
         };
         let ideal = ideal.as_ref().unwrap_or(&self.ideal);
         let mut transfer = Plane::filled(width_px, height_px, Complex64::ZERO);

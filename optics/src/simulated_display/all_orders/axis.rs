@@ -1,7 +1,7 @@
 //! Size and tables of the computation along one axis of a display that shows all orders.
 
 use crate::display::OpticalSetup;
-use crate::propagation::passes::gauss_legendre;
+use crate::numerics::quadrature::gauss_legendre;
 use crate::propagation::transfer_function::phasor;
 use crate::simulated_display::bench::SimulatedBench;
 use crate::simulated_display::modes;
