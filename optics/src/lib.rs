@@ -91,6 +91,8 @@ pub mod learning;
 pub mod memory;
 pub mod metrics;
 pub mod numerics;
+#[cfg(test)]
+mod pictures_of_tests;
 pub mod propagation;
 mod propagation_method;
 pub mod reference;
