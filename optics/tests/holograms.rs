@@ -1,8 +1,8 @@
 //! How well holograms show test cards: by each method, on cameras with small pixels, and through light that blurs.
 #![allow(clippy::unwrap_used)]
 
+use lightpath_bench::TestCard;
 use lightpath_optics::hologram::{HologramOptions, ShownLight, initial_phase, quality};
-use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{
     Detector, DisplayModel, Engine, Grid, HologramMethod, HologramProblem, InitialPhase, LightBlur, OpticalSetup,
     Optimization, Plane, RegionOfInterest,
