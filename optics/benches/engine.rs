@@ -13,10 +13,10 @@
 #![allow(clippy::unwrap_used)]
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use lightpath_bench::TestCard;
 use lightpath_optics::engine::passes::{Pass, Passes};
 use lightpath_optics::hologram::{HologramMethod, HologramOptions, initial_phase, quality};
 use lightpath_optics::learning::{KernelModel, LearnOptions, Learner, LearningPairs, Pair};
-use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{
     Crosstalk, Detector, DisplayModel, Dust, Engine, FurtherMode, Ghost, Grid, HologramProblem, KernelShape, LightBlur,
     OpticalSetup, Optimization, PartialCoherence, Plane, RegionOfInterest, ResponseVariation, SmoothField,

@@ -6,10 +6,10 @@
 //! ```
 #![allow(clippy::print_stdout)]
 
+use lightpath_bench::TestCard;
 use lightpath_optics::hologram::{HologramMethod, HologramOptions, ShownLight, initial_phase};
 use lightpath_optics::propagation::assess;
 use lightpath_optics::second_opinion::{Effort, SecondOpinion};
-use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{
     ConvolutionMethod, Detector, DisplayModel, Engine, FilterShape, Grid, HologramProblem, OpticalSetup, Optimization,
     OrderFilter, Orders, Plane, RegionOfInterest,

@@ -10,8 +10,8 @@
 
 mod npy;
 
+use lightpath_bench::TestCard;
 use lightpath_optics::hologram::{HologramMethod, HologramOptions, InitialPhase, RANDOM_RANGE_RAD, Step};
-use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{
     ConvolutionMethod, Detector, DisplayModel, Engine, Evaluation, Grid, HologramProblem, OpticalSetup, Optimization,
     Plane, RegionOfInterest,

@@ -9,11 +9,11 @@
 //! them.
 #![allow(clippy::print_stdout)] // an example prints its results
 
+use lightpath_bench::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::hologram::initial_phase;
 use lightpath_optics::learning::{
     BoxError, KernelModel, LearnOptions, Learner, LearningPairs, Pair, PairSource, compare, interpolated,
 };
-use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::{Detector, DisplayModel, Engine, Grid, OpticalSetup, RegionOfInterest};
 use std::time::Instant;
 

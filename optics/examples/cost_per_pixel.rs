@@ -8,8 +8,8 @@
 //! The sizes take turns, so that other load on the machine affects all of them alike. Each time is the median of the
 //! steps.
 
+use lightpath_bench::TestCard;
 use lightpath_optics::hologram::{HologramMethod, HologramOptions, initial_phase};
-use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{
     Detector, DisplayModel, Engine, Grid, HologramProblem, OpticalSetup, Optimization, RegionOfInterest,
 };

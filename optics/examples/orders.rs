@@ -6,8 +6,8 @@
 //! ```
 #![allow(clippy::print_stdout)]
 
+use lightpath_bench::TestCard;
 use lightpath_optics::hologram::{HologramMethod, HologramOptions, initial_phase, quality, with_other_orders};
-use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{
     Detector, DisplayModel, Engine, Error, Grid, HologramProblem, OpticalSetup, Optimization, Plane, RegionOfInterest,
 };

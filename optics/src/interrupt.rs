@@ -8,10 +8,10 @@
 //!
 //! ```
 //! use lightpath_optics::interrupt::{Interrupt, Interrupted};
-//! use lightpath_optics::{Grid, OpticalSetup, optimize, test_cards::TestCard};
+//! use lightpath_optics::{Grid, OpticalSetup, Plane, optimize};
 //!
 //! let setup = OpticalSetup::try_new(Grid::try_new(90, 160, 8e-6)?, 515e-9, 0.02)?;
-//! let target = TestCard::Portrait.render(90, 160, 1)?;
+//! let target = Plane::filled(90, 160, 0.5);
 //! let interrupt = Interrupt::default();
 //! // Another thread would raise the flag, on a clone of `interrupt`.
 //! interrupt.raise();

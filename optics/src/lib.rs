@@ -6,12 +6,13 @@
 //! distance from the display.
 //!
 //! ```
-//! use lightpath_optics::{Grid, OpticalSetup, optimize, propagate, test_cards::TestCard};
+//! use lightpath_optics::{Grid, OpticalSetup, Plane, optimize, propagate};
 //!
 //! // A display of 160×90 pixels of 8 µm, green light of 515 nm, and an image 20 mm away.
 //! let setup = OpticalSetup::try_new(Grid::try_new(90, 160, 8e-6)?, 515e-9, 0.02)?;
-//! // A generated picture; 1 is its seed.
-//! let target = TestCard::Portrait.render(90, 160, 1)?;
+//! // A bright ring on a dim ramp.
+//! let ring = |y: usize, x: usize| (30.0..40.0).contains(&(y as f32 - 45.0).hypot(x as f32 - 80.0));
+//! let target = Plane::from_fn(90, 160, |y, x| if ring(y, x) { 1.0 } else { x as f32 / 400.0 });
 //! // Finds the hologram, with a simulated picture and its quality.
 //! let hologram = optimize(&target, &setup)?;
 //! println!("{}", hologram.validity);
@@ -74,7 +75,7 @@
 //! | simulate a display | [`Engine`], [`EngineCache`] |
 //! | learn a display from photographs | [`learning`]; the crate `lightpath-camera` maps a camera's pixels to the display's |
 //! | inspect a learned display | [`diagnostics`]: aberrations, point spread, frequencies without light |
-//! | work without a display | [`simulated_display`]: display and camera with flaws; [`test_cards`]: target pictures |
+//! | work without a display | the crate `lightpath-bench`: a display and a camera with flaws, and target pictures |
 //! | end a computation early | [`interrupt`] |
 //! | know memory and work before | [`memory`] |
 //! | judge a hologram by an independent model | [`second_opinion`] |
@@ -91,12 +92,12 @@ pub mod learning;
 pub mod memory;
 pub mod metrics;
 pub mod numerics;
+#[cfg(test)]
+mod pictures_of_tests;
 pub mod propagation;
 mod propagation_method;
 pub mod reference;
 pub mod second_opinion;
-pub mod simulated_display;
-pub mod test_cards;
 
 pub use display::{
     Carrier, Crosstalk, Detector, DisplayModel, Dust, FilterShape, FurtherMode, Ghost, KernelShape, LightBlur,
@@ -108,4 +109,3 @@ pub use hologram::{Evaluation, Hologram, HologramMethod, HologramProblem, Initia
 pub use learning::KernelModel;
 pub use numerics::{Grid, Plane, RegionOfInterest, SmoothField};
 pub use propagation::{ConvolutionMethod, PropagationMethod, ValidityReport, plan, plan_onto};
-pub use simulated_display::SimulatedBench;

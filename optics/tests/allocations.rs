@@ -3,8 +3,8 @@
 //! This test is a binary of its own, because it counts the allocations of the whole process.
 #![allow(clippy::unwrap_used)]
 
+use lightpath_bench::TestCard;
 use lightpath_optics::hologram::{HologramMethod, HologramOptions, ImagePlane, InitialPhase, Loss};
-use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{
     Detector, DisplayModel, Engine, Grid, HologramProblem, OpticalSetup, Optimization, RegionOfInterest,
 };

@@ -10,12 +10,10 @@ use lightpath_optics::hologram::{
 use lightpath_optics::learning::{Blocks, KernelModel, LearnOptions, Learner, LearningPairs, Pair};
 use lightpath_optics::memory::{EngineSize, HologramSize, LearningSize};
 use lightpath_optics::second_opinion::{Effort, SecondOpinion};
-use lightpath_optics::simulated_display::SimulatedDisplay;
-use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{
     Crosstalk, Detector, DisplayModel, Dust, Engine, EngineCache, FurtherMode, Ghost, Grid, HologramProblem,
     KernelShape, LightBlur, OpticalSetup, Optimization, OrderFilter, Orders, PartialCoherence, Plane, RegionOfInterest,
-    ResponseVariation, SimulatedBench, SmoothField, SpatialVariation,
+    ResponseVariation, SmoothField, SpatialVariation,
 };
 use num_complex::{Complex32, Complex64};
 use peak_alloc::PeakAlloc;
@@ -244,41 +242,10 @@ fn photographed(model: &DisplayModel) -> Vec<Pair> {
     (0..4).map(pair).collect()
 }
 
-fn check_simulation(pool: &ThreadPool, name: &str, orders: Orders, bench: SimulatedBench) {
-    let setup = setup(120, 160, 0.01).with_orders(orders).unwrap();
-    let engine = EngineSize::ideal(120, 160, Detector::Pixel, 2).sampled_with(&setup, false);
-    let phase = initial_phase(120, 160, 6.0, 1).unwrap();
-    let work = || {
-        let display = SimulatedDisplay::draw(setup, None, bench).unwrap();
-        display.capture(&phase, 1).unwrap();
-    };
-    check(name, engine.simulation_bytes(&bench), peak_bytes(pool, work), 1.1);
-}
-
-fn check_simulations(pool: &ThreadPool) {
-    let fair = SimulatedBench { speckle_contrast: 0.1, ..SimulatedBench::FAIR };
-    let varying = SimulatedBench { field_aberration_rad: 2.0, ..fair };
-    for (orders, name) in [(Orders::First, "bench"), (Orders::SQUARE, "bench of all orders")] {
-        check_simulation(pool, name, orders, fair);
-        check_simulation(pool, &format!("{name}, varying"), orders, varying);
-    }
-    let flaws = SimulatedBench { surface_waves: 1.0, dust_contrast: 0.1, response_variation: 0.1, ..fair };
-    let six = SimulatedBench { source_angle_mrad: 0.3, bandwidth: 0.01, ..flaws };
-    check_simulation(pool, "bench, six modes", Orders::First, six);
-    check_simulation(
-        pool,
-        "bench of all orders, two modes",
-        Orders::SQUARE,
-        SimulatedBench { bandwidth: 0.01, ..fair },
-    );
-}
-
 /// Runs the checks alone, and fails if an estimate was wrong.
 fn right_estimates(checks: impl FnOnce(&ThreadPool)) {
     let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
     let pool = ThreadPoolBuilder::new().num_threads(2).build().unwrap();
-    // Tables that are made once and kept.
-    pool.install(|| drop(TestCard::Leaf.render(64, 64, 1).unwrap()));
     checks(&pool);
     let wrong = std::mem::take(&mut *WRONG.lock().unwrap());
     assert!(wrong.is_empty(), "{wrong:#?}");
@@ -353,9 +320,4 @@ fn counted_memory_of_learning_all_orders_is_that_of_the_functions() {
             check_learning(pool, model, distances, Orders::SQUARE);
         }
     });
-}
-
-#[test]
-fn counted_memory_of_simulated_displays_is_that_of_the_functions() {
-    right_estimates(check_simulations);
 }

@@ -1,11 +1,10 @@
 //! Alignment by pairs on simulated displays whose surface bends the light.
 #![allow(clippy::unwrap_used)]
 
+use lightpath_bench::{SimulatedBench, SimulatedDisplay, TestCard};
 use lightpath_camera::alignment::{Homography, Registration, warp};
 use lightpath_optics::hologram::{HologramMethod, HologramOptions, ImagePlane, Loss, initial_phase};
 use lightpath_optics::numerics::tiles::Tiles;
-use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
-use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{
     Detector, DisplayModel, Engine, Grid, HologramProblem, OpticalSetup, Optimization, Plane, RegionOfInterest,
 };

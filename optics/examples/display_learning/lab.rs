@@ -3,12 +3,11 @@
 use super::camera_mistakes::{overexposed, rotated_and_shifted};
 use super::options::{Failure, Options};
 use super::photographed::{PhotographedPairs, phase};
+use lightpath_bench::{SimulatedBench, SimulatedDisplay, TestCard};
 use lightpath_camera::alignment::{CameraMap, DotGrid, Registration, warp};
 use lightpath_optics::display::phase_response::PhaseResponse;
 use lightpath_optics::hologram::{HologramMethod, HologramOptions, initial_phase};
 use lightpath_optics::numerics::tiles::Tiles;
-use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
-use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{
     Detector, DisplayModel, Engine, Grid, HologramProblem, KernelShape, OpticalSetup, Optimization, Plane,
     RegionOfInterest,

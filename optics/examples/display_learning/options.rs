@@ -1,8 +1,8 @@
 //! Options of the example: the displays to simulate and the models to learn.
 
+use lightpath_bench::SimulatedBench;
 use lightpath_optics::Orders;
 use lightpath_optics::learning::KernelModel;
-use lightpath_optics::simulated_display::SimulatedBench;
 use std::collections::BTreeMap;
 
 /// Any error of the example.

@@ -59,12 +59,12 @@ impl OpticalSetup {
         })
     }
 
-    /// The same setup for light of another wavelength.
+    /// Returns this setup for light of another wavelength \[m\], with the same method.
     ///
     /// # Errors
     ///
     /// [`Error::OutOfRange`] for a wavelength outside the range of [`Self::try_new`].
-    pub(crate) fn at_wavelength(self, wavelength_m: f64) -> Result<Self> {
+    pub fn with_wavelength(self, wavelength_m: f64) -> Result<Self> {
         Self::try_new(self.grid, wavelength_m, self.distance_m)?;
         Ok(Self { wavelength_m, ..self })
     }

@@ -13,7 +13,7 @@
 //! nodes. A camera whose pixels are sensitive in a part of their area only has its places nearer to the centre.
 
 use crate::display::{Detector, OpticalSetup};
-use crate::propagation::passes::gauss_legendre;
+use crate::numerics::quadrature::gauss_legendre;
 use std::f64::consts::FRAC_PI_2;
 
 /// A place (x, y) from the centre of the pixel \[px\], and the weight of its light. The weights add up to 1.

@@ -85,7 +85,7 @@ mod tests {
     use crate::hologram::HologramProblem;
     use crate::metrics::{Gain, fitted_intensity_scale, psnr_db};
     use crate::numerics::{Grid, Plane, RegionOfInterest};
-    use crate::test_cards::TestCard;
+    use crate::pictures_of_tests::picture;
 
     #[test]
     fn filtered_light_matches_target_divided_by_squared_amplitude() {
@@ -94,7 +94,7 @@ mod tests {
         let setup = OpticalSetup::try_new(grid, 515e-9, 8e-3).unwrap();
         let region = RegionOfInterest::middle(&grid);
         let engine = Engine::new(&DisplayModel::ideal(setup), Detector::Point, None).unwrap();
-        let target = TestCard::Portrait.render(height_px, width_px, 2).unwrap();
+        let target = picture(height_px, width_px, 2);
         let problem = HologramProblem::new(engine.clone(), target.clone(), region).unwrap();
         let (phase, largest) = double_phase(&*problem.body, &vec![0.0; height_px * width_px]);
         let mut field: Vec<Complex32> = phase.iter().map(|&phi| Complex32::cis(phi)).collect();

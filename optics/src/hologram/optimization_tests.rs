@@ -3,7 +3,7 @@
 
 use super::*;
 use crate::display::phase_response::PhaseResponse;
-use crate::display::{Carrier, Detector, DisplayModel, LightBlur, OpticalSetup};
+use crate::display::{Carrier, Detector, DisplayModel, OpticalSetup};
 use crate::engine::Engine;
 use crate::hologram::initial::InitialPhase;
 use crate::hologram::loss::{ImagePlane, Loss};
@@ -11,7 +11,7 @@ use crate::hologram::quality::quality;
 use crate::hologram::rounded::Levels;
 use crate::hologram::shown_light::light_of_frames;
 use crate::numerics::{Grid, RegionOfInterest};
-use crate::test_cards::TestCard;
+use crate::pictures_of_tests::picture;
 use rayon::ThreadPoolBuilder;
 
 const HEIGHT_PX: usize = 90;
@@ -25,14 +25,13 @@ fn setup(distance_m: f64) -> OpticalSetup {
     OpticalSetup::try_new(grid(), 515e-9, distance_m).unwrap()
 }
 
-fn plane(distance_m: f64, detector: Detector, card: TestCard) -> ImagePlane {
+fn plane(distance_m: f64, detector: Detector, seed: u64) -> ImagePlane {
     let engine = Engine::new(&DisplayModel::ideal(setup(distance_m)), detector, None).unwrap();
-    ImagePlane::new(engine, card.render(HEIGHT_PX, WIDTH_PX, 3).unwrap())
+    ImagePlane::new(engine, picture(HEIGHT_PX, WIDTH_PX, seed))
 }
 
 fn problem(detector: Detector, planes: usize, frames: usize) -> HologramProblem {
-    let cards = [TestCard::Portrait, TestCard::Spheres, TestCard::Wedges];
-    let planes = (0..planes).map(|p| plane(12e-3 + 8e-3 * p as f64, detector, cards[p])).collect();
+    let planes = (0..planes).map(|p| plane(12e-3 + 8e-3 * p as f64, detector, p as u64)).collect();
     HologramProblem::with_planes(planes, frames, RegionOfInterest::middle(&grid()), Loss::default()).unwrap()
 }
 
@@ -49,10 +48,6 @@ fn finished(mut optimization: Optimization) -> (f64, Optimization) {
     (optimization.measure(&phases).unwrap().best_loss, optimization)
 }
 
-fn psnr_db(method: HologramMethod, detector: Detector, iterations: u32) -> f64 {
-    -10.0 * finished(start(problem(detector, 1, 1), HologramOptions::new(method, iterations))).0.log10()
-}
-
 const ADAM: HologramMethod = HologramMethod::Adam { learning_rate: 0.1 };
 const ALL: [HologramMethod; 5] = [
     ADAM,
@@ -65,51 +60,6 @@ const ALL: [HologramMethod; 5] = [
 /// Levels of a display with `bit_depth` bits. Tests choose few bits, so that rounding matters.
 fn coarse(bit_depth: u32) -> Levels {
     Levels::new(PhaseResponse::linear(bit_depth).unwrap(), Some(Carrier::HalfOrderX)).unwrap()
-}
-
-#[test]
-fn methods_reach_expected_quality() {
-    let one_step = psnr_db(ADAM, Detector::Point, 1);
-    let [adam, lbfgs, gs, wgs] =
-        [ADAM, HologramMethod::Lbfgs, HologramMethod::GerchbergSaxton, HologramMethod::WeightedGerchbergSaxton]
-            .map(|method| psnr_db(method, Detector::Point, 60));
-    assert!(gs > 14.0 && gs > one_step + 5.0, "gs {gs} dB, after one step {one_step} dB");
-    assert!(wgs > gs, "wgs {wgs} dB, gs {gs} dB");
-    assert!(adam > gs && lbfgs > adam + 3.0, "adam {adam} dB, lbfgs {lbfgs} dB");
-}
-
-#[test]
-fn lbfgs_beats_adam_with_every_detector() {
-    for detector in Detector::ALL {
-        let (adam, lbfgs) = (psnr_db(ADAM, detector, 60), psnr_db(HologramMethod::Lbfgs, detector, 60));
-        assert!(lbfgs > adam, "{detector:?}: adam {adam} dB, lbfgs {lbfgs} dB");
-    }
-}
-
-#[test]
-fn holograms_through_a_blur_are_sharper_and_do_not_depend_on_threads() {
-    let (target, region) =
-        (TestCard::Spheres.render(HEIGHT_PX, WIDTH_PX, 3).unwrap(), RegionOfInterest::middle(&grid()));
-    let sharp = DisplayModel::ideal(setup(12e-3));
-    let blurred = DisplayModel { light_blur: LightBlur::of_sigma_px([0.9, 0.6]), ..sharp.clone() };
-    let [sharp, blurred] = [sharp, blurred].map(|model| Engine::new(&model, Detector::Pixel, None).unwrap());
-    let run = |engine: &Engine, method: HologramMethod, threads: usize| {
-        let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| {
-            let problem = HologramProblem::new(engine.clone(), target.clone(), region).unwrap();
-            let (_, optimization) = finished(start(problem, HologramOptions::new(method, 60)));
-            Plane::try_from_vec(HEIGHT_PX, WIDTH_PX, optimization.phases().to_vec()).unwrap()
-        })
-    };
-    let photographed_db = |phase: &Plane<f32>| quality(&blurred, phase, &target, region).unwrap().pixel.psnr_db;
-    for method in
-        [ADAM, HologramMethod::Lbfgs, HologramMethod::GerchbergSaxton, HologramMethod::WeightedGerchbergSaxton]
-    {
-        let through = run(&blurred, method, 2);
-        let (with, without) = (photographed_db(&through), photographed_db(&run(&sharp, method, 2)));
-        assert!(with > without + 0.5, "{method:?}: {with} dB through the blur, {without} dB without it");
-        assert_eq!(through, run(&blurred, method, 8), "{method:?}");
-    }
 }
 
 #[test]
@@ -167,7 +117,7 @@ fn hologram_of_several_planes_shows_each_plane() {
     while both.step().is_some() {}
     let mut first = start(problem(Detector::Pixel, 1, 1), HologramOptions::new(HologramMethod::Lbfgs, 60));
     while first.step().is_some() {}
-    let far = plane(20e-3, Detector::Pixel, TestCard::Spheres);
+    let far = plane(20e-3, Detector::Pixel, 1);
     let psnr_db = |phases: &[f32]| {
         let phase = Plane::try_from_vec(HEIGHT_PX, WIDTH_PX, phases.to_vec()).unwrap();
         quality(&far.engine, &phase, &far.target, RegionOfInterest::middle(&grid())).unwrap().pixel.psnr_db
@@ -186,7 +136,7 @@ fn frames_average_their_light() {
     let ((one, _), (four, optimization)) = (run(1), run(4));
     assert!(four < one / 2.0, "{four} with four frames, {one} with one");
     // The mean light of the frames is compared with a sum over single frames.
-    let shown = plane(12e-3, Detector::Pixel, TestCard::Portrait);
+    let shown = plane(12e-3, Detector::Pixel, 0);
     let frames = optimization.phases().chunks_exact(HEIGHT_PX * WIDTH_PX);
     let frames: Vec<_> =
         frames.map(|phase| Plane::try_from_vec(HEIGHT_PX, WIDTH_PX, phase.to_vec()).unwrap()).collect();
@@ -309,7 +259,7 @@ fn assert_previews(optimization: &mut Optimization, detector: Detector, phases: 
         .map(|phase| Plane::try_from_vec(HEIGHT_PX, WIDTH_PX, phase.to_vec()).unwrap())
         .collect();
     let shown = optimization.light_preview(1000);
-    let wanted = light_of_frames(&plane(12e-3, detector, TestCard::Portrait).engine, &phases).unwrap();
+    let wanted = light_of_frames(&plane(12e-3, detector, 0).engine, &phases).unwrap();
     let difference: f32 = shown.values().iter().zip(wanted.values()).map(|(a, b)| (a - b).powi(2)).sum();
     let size: f32 = wanted.values().iter().map(|light| light.powi(2)).sum();
     assert!(difference < 1e-8 * size, "{difference} of {size}");

@@ -78,14 +78,14 @@ mod tests {
     use crate::error::Error;
     use crate::metrics::{Gain, psnr_db};
     use crate::numerics::Grid;
+    use crate::pictures_of_tests::picture;
     use crate::propagation::PropagationMethod;
-    use crate::test_cards::TestCard;
 
     #[test]
     fn near_and_far_holograms_show_their_targets() {
         for distance_m in [5e-3, 30e-3] {
             let setup = OpticalSetup::try_new(Grid::try_new(90, 128, 8e-6).unwrap(), 515e-9, distance_m).unwrap();
-            let target = TestCard::Portrait.render(90, 128, 3).unwrap();
+            let target = picture(90, 128, 3);
             let hologram = optimize(&target, &setup).unwrap();
             assert_eq!(hologram.validity.method, PropagationMethod::BandResponse);
             let region = RegionOfInterest::middle(&setup.grid());

@@ -62,7 +62,7 @@ mod tests {
     use crate::hologram::problem::HologramProblem;
     use crate::hologram::quality::quality;
     use crate::numerics::Grid;
-    use crate::test_cards::TestCard;
+    use crate::pictures_of_tests::picture;
 
     fn optimized(model: &DisplayModel, target: &Plane<f32>, region: RegionOfInterest) -> Plane<f32> {
         let (height_px, width_px) = (target.height_px(), target.width_px());
@@ -83,7 +83,7 @@ mod tests {
         let first = DisplayModel::ideal(setup);
         let all = with_other_orders(&first).unwrap();
         assert_eq!(with_other_orders(&all), Some(first.clone()));
-        let (target, region) = (TestCard::Portrait.render(100, 160, 3).unwrap(), RegionOfInterest::middle(&grid));
+        let (target, region) = (picture(100, 160, 3), RegionOfInterest::middle(&grid));
         let engine = Engine::new(&all, Detector::Pixel, None).unwrap();
         let [of_first, of_all] = [&first, &all].map(|model| {
             let phase = optimized(model, &target, region);

@@ -154,38 +154,3 @@ fn integrated<T: Real>(samples: &Plane<T>, height_px: usize, width_px: usize) ->
     );
     light
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::display::{DisplayModel, OpticalSetup};
-    use crate::hologram::initial::initial_phase;
-    use crate::hologram::optimization::Optimization;
-    use crate::hologram::options::{HologramMethod, HologramOptions};
-    use crate::hologram::problem::HologramProblem;
-    use crate::numerics::{Grid, RegionOfInterest};
-    use crate::test_cards::TestCard;
-
-    #[test]
-    fn holograms_are_optimized_for_what_the_camera_sees() {
-        let grid = Grid::try_new(64, 96, 8e-6).unwrap();
-        let (setup, _) = OpticalSetup::try_new(grid, 515e-9, 15e-3).unwrap().planned().unwrap();
-        let (target, region) = (TestCard::Portrait.render(64, 96, 3).unwrap(), RegionOfInterest::middle(&grid));
-        let engine = |part: f64| {
-            let model = DisplayModel::ideal(setup.with_camera_fill_factor(part).unwrap());
-            Engine::new(&model, Detector::Pixel, None).unwrap()
-        };
-        let seen_by_small_pixels = |optimized_for: f64| {
-            let problem = HologramProblem::new(engine(optimized_for), target.clone(), region).unwrap();
-            let start = initial_phase(64, 96, 0.5, 4).unwrap().into_vec();
-            let mut optimization =
-                Optimization::start(problem, HologramOptions::new(HologramMethod::Lbfgs, 40), start).unwrap();
-            while optimization.step().is_some() {}
-            let phase = Plane::try_from_vec(64, 96, optimization.phases().to_vec()).unwrap();
-            let shown = ShownLight::of_frames(&engine(0.5), &[phase]).unwrap();
-            shown.quality(&target, region).unwrap().pixel.psnr_db
-        };
-        let (for_small, for_whole) = (seen_by_small_pixels(0.5), seen_by_small_pixels(1.0));
-        assert!(for_small > for_whole + 3.0, "{for_small} {for_whole}");
-    }
-}

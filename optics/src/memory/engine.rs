@@ -10,21 +10,7 @@ use crate::hologram::OTHER_ORDERS_PIXELS_MAX;
 use crate::propagation::passes::has_sample_transfers;
 use crate::propagation_method::ConvolutionMethod;
 use crate::second_opinion::OpinionSize;
-use crate::simulated_display::{AxisSize, POSITIONS, SimulatedBench, all_orders_sizes};
 
-/// Memory of a simulated bench while it exists, for each pixel of its display \[bytes\]: source, speckle, and tables of
-/// free space.
-const BENCH_BYTES_PER_PX: u64 = 32;
-/// Memory of each mode of a bench's source, for each pixel of its display \[bytes\]: a transfer function in
-/// f64.
-const MODE_BYTES_PER_PX: u64 = 64;
-/// Memory for drawing a bench or taking a photograph with it, besides the bench, for each pixel of its display
-/// \[bytes\]: padded fields and spectra in f64, and their transposed copies.
-const EXPOSURE_BYTES_PER_PX: u64 = 324;
-/// Memory of a field and of an image in f64, for each pixel \[bytes\].
-const FIELD_BYTES_PER_PX: u64 = 48;
-/// Time of a value of the transfer function of all orders, in radix-2 stages of a value.
-const TRANSFER_STAGES: f64 = 8.0;
 /// Time of a product of an order: its part of free space, and its errors.
 pub(super) const ORDER_STAGES: f64 = 300.0;
 /// Time of a product's part in the transfer function to a sub-sample.
@@ -37,8 +23,6 @@ const OPINION_STAGES: f64 = 330.0;
 const OPINION_ROW_STAGES: f64 = 6.0;
 /// Work of a pass over the values besides their transform, in radix-2 stages.
 const STAGES_BESIDE: f64 = 4.0;
-/// Time of a transform of single rows in f64, relative to the engine's in f32.
-const F64_FACTOR: f64 = 4.0;
 
 /// Size of an engine: of its display, its detector and its kernel.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,8 +46,8 @@ pub struct EngineSize {
     pub blurs_light: bool,
     /// Whether the display shows all orders of its pixels, so that each sub-sample has a transfer function.
     pub all_orders: bool,
-    /// Setup of a display that shows all orders, on which the size of its simulated bench depends. `None`: the size
-    /// depends on the number of pixels alone.
+    /// Setup of a display that shows all orders, whose numbers of places in a pixel and of orders depend on it. `None`:
+    /// the display shows the first order.
     pub orders_setup: Option<OpticalSetup>,
     /// Whether the display's kernel has errors that differ from order to order.
     pub has_order_errors: bool,
@@ -391,71 +375,4 @@ impl EngineSize {
     pub fn evaluation_work(&self) -> f64 {
         2.0 * self.light_work()
     }
-
-    /// Memory of a simulated bench of this display.
-    #[must_use]
-    pub fn bench_bytes(&self, bench: &SimulatedBench) -> u64 {
-        // The dust is complex.
-        let flaws = [bench.surface_waves, bench.response_variation, bench.dust_contrast, bench.dust_contrast];
-        let planes = flaws.iter().filter(|&&flaw| flaw > 0.0).count() as u64;
-        let transfers = match self.orders_setup {
-            Some(setup) => all_orders_sizes(&setup, bench).iter().map(passage_bytes).sum(),
-            None => bench.modes() as u64 * MODE_BYTES_PER_PX * self.pixels(),
-        };
-        (BENCH_BYTES_PER_PX + 8 * planes) * self.pixels() + transfers
-    }
-
-    /// Memory for drawing a simulated bench of this display and for its exposures, with the bench.
-    #[must_use]
-    pub fn simulation_bytes(&self, bench: &SimulatedBench) -> u64 {
-        let exposure = EXPOSURE_BYTES_PER_PX * self.pixels();
-        let orders = self.orders_setup.map_or(0, |setup| {
-            let of_mode = |[x, y]: &[AxisSize; 2]| {
-                let parts = if bench.field_aberration_rad > 0.0 { POSITIONS as u64 } else { 1 };
-                let columns = (y.places as u64 * frequencies(x) + parts * x.padded_px as u64) * self.height_px as u64;
-                // Of each thread: the transfer function and the spectrum at a frequency along x, before and behind it.
-                let scratch = 3 * frequencies(y) + (2 * parts * parts + 1) * y.padded_px as u64;
-                (columns + self.threads as u64 * scratch) * COMPLEX_F64
-            };
-            all_orders_sizes(&setup, bench).iter().map(of_mode).max().unwrap_or(0)
-        });
-        self.bench_bytes(bench) + exposure.max(orders + FIELD_BYTES_PER_PX * self.pixels())
-    }
-
-    /// Work of one photograph of a simulated bench: sixteen images in f64 for each mode of its source.
-    #[must_use]
-    pub fn simulation_work(&self, bench: &SimulatedBench) -> f64 {
-        let (w, h) = (self.width_px as f64, self.height_px as f64);
-        let images = bench.modes() as f64 * if bench.flicker > 0.0 { 2.0 } else { 1.0 };
-        let kernels = if bench.field_aberration_rad > 0.0 { 49.0 } else { 1.0 };
-        if let Some(setup) = self.orders_setup {
-            let of_mode = |size: &[AxisSize; 2]| orders_work(size, h, kernels);
-            let work: f64 = all_orders_sizes(&setup, bench).iter().map(of_mode).sum();
-            return F64_FACTOR * images / bench.modes() as f64 * work;
-        }
-        let transforms = 4.0 * w * h * ((16.0 + 4.0) * w.log2() + (8.0 + 2.0 * kernels) * h.log2());
-        F64_FACTOR * images * transforms
-    }
-}
-
-/// What the light of one mode passes, of a bench that shows all orders: errors of the optics, and tables of each axis.
-fn passage_bytes([x, y]: &[AxisSize; 2]) -> u64 {
-    let tables = |size: &AxisSize| (size.places as u64 + 1) * frequencies(size);
-    ((x.padded_px as u64 + 1) * (y.padded_px as u64 + 1) + tables(x) + tables(y)) * COMPLEX_F64
-}
-
-/// Number of frequencies along an axis.
-fn frequencies(size: &AxisSize) -> u64 {
-    (size.orders() * size.padded_px) as u64
-}
-
-/// Work of an image of one mode, of a bench that shows all orders, whose aberrations take `kernels` transfer functions.
-fn orders_work([x, y]: &[AxisSize; 2], height_px: f64, kernels: f64) -> f64 {
-    let stages = |size: &AxisSize| size.padded_px as f64 * (size.padded_px as f64).log2();
-    let (orders_x, orders_y, places_x, places_y) =
-        (x.orders() as f64, y.orders() as f64, x.places as f64, y.places as f64);
-    let columns = x.padded_px as f64 * (kernels + orders_x * places_y) * stages(y);
-    let rows = height_px * places_x * places_y * stages(x);
-    let values = orders_x * orders_y * (x.padded_px * y.padded_px) as f64;
-    columns + rows + values * (TRANSFER_STAGES + 2.0 * places_y + 3.0 * kernels)
 }

@@ -1,7 +1,7 @@
 //! Memory of computations at their peak \[bytes\] and their work, counted before they start.
 //!
 //! The functions mirror the buffers of the engine, the optimizations and the fits: `convolution` (half-transformed
-//! fields, transfer functions, scratch), `engine`, `hologram`, `optimizer`, `learning` and `simulated_display`. The
+//! fields, transfer functions, scratch), `engine`, `hologram`, `optimizer` and `learning`. The
 //! test `tests/memory.rs` compares them with counted allocations, so a change of a buffer must change its function
 //! here.
 //!

@@ -11,6 +11,7 @@ pub mod grid;
 pub mod least_squares;
 pub mod optimizer;
 pub mod plane;
+pub mod quadrature;
 pub(crate) mod real;
 pub mod region;
 pub(crate) mod smooth_field;

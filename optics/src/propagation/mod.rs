@@ -72,7 +72,6 @@ pub(crate) mod passes {
     pub(crate) use super::fraunhofer::Fraunhofer;
     pub(crate) use super::frequency_window::{FrequencyWindow, check_frequencies};
     pub(crate) use super::limits::check;
-    pub(crate) use super::pixel_response::gauss_legendre;
     pub(crate) use super::planner::{method_onto, own_window};
     pub(crate) use super::row_spectra::{RowSpectra, has_sample_transfers, narrowed, widened};
     pub(crate) use super::scaled::scaled_axes;

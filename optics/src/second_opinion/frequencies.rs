@@ -25,7 +25,7 @@
 //! are exact.
 
 use crate::display::{OpticalSetup, Orders};
-use crate::propagation::passes::gauss_legendre;
+use crate::numerics::quadrature::gauss_legendre;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Panels along an axis.

@@ -7,10 +7,10 @@ use crate::engine::Engine;
 use crate::error::Error;
 use crate::hologram::{HologramMethod, HologramOptions, HologramProblem, Optimization, initial_phase};
 use crate::numerics::{Grid, SmoothField};
+use crate::pictures_of_tests::picture;
 use crate::propagation::{ImageWindow, WarningCode};
 use crate::propagation_method::ConvolutionMethod;
 use crate::reference::{first_order_onto, rayleigh_sommerfeld_onto};
-use crate::test_cards::TestCard;
 use num_complex::{Complex32, Complex64};
 
 fn setup(height_px: usize, width_px: usize, distance_m: f64) -> OpticalSetup {
@@ -179,7 +179,7 @@ fn learned_display_matches_the_engine() {
 /// A hologram of a setup, and the second opinion on it.
 fn judged(setup: OpticalSetup, detector: Detector, effort: Effort) -> SecondOpinion {
     let (grid, model) = (setup.grid(), DisplayModel::ideal(setup));
-    let target = TestCard::Portrait.render(grid.height_px(), grid.width_px(), 3).unwrap();
+    let target = picture(grid.height_px(), grid.width_px(), 3);
     let region = RegionOfInterest::middle(&grid);
     let engine = Engine::new(&model, detector, None).unwrap();
     let problem = HologramProblem::new(engine.clone(), target.clone(), region).unwrap();

@@ -1,11 +1,11 @@
 //! How certain learned models are, and which holograms would make them more certain.
 
 use super::{HEIGHT_PX, WIDTH_PX, bench, held_out_loss, learned, options, pairs, simulated_display};
+use lightpath_bench::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::hologram::initial_phase;
 use lightpath_optics::learning::{
     HologramChoice, LearnOptions, LearningPairs, Measure, ModelPart, ModelUncertainty, Pair, PartStrength,
 };
-use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::{Detector, DisplayModel, RegionOfInterest};
 
 #[test]

@@ -1,10 +1,10 @@
 //! One display at several distances.
 
 use super::{held_out_loss, learned, options, pairs, simulated_display};
+use lightpath_bench::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::learning::{
     Block, Blocks, BoxError, KernelModel, LearnOptions, Learner, LearningPairs, Pair, PairSource, interpolated,
 };
-use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::{DisplayModel, OpticalSetup};
 use rayon::ThreadPoolBuilder;
 

@@ -1,11 +1,11 @@
 //! Learning a display from photographs, including photographs of wrong holograms.
 #![allow(clippy::unwrap_used)]
 
+use lightpath_bench::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::hologram::initial_phase;
 use lightpath_optics::learning::{
     KernelModel, LearnOptions, LearnStage, LearnState, Learner, LearningPairs, Pair, compare,
 };
-use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::{Detector, DisplayModel, Engine, Error, Grid, OpticalSetup, RegionOfInterest};
 
 mod certainty;

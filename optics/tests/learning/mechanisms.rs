@@ -1,8 +1,8 @@
 //! Mechanisms of a display are found, and what is learned of them is what the display has.
 
 use super::{HEIGHT_PX, WIDTH_PX, bench, held_out_loss, learned, options, pairs, simulated_display};
+use lightpath_bench::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::learning::{Block, Blocks, LearningPairs};
-use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::{DisplayModel, LightBlur, RegionOfInterest};
 use std::f64::consts::TAU;
 

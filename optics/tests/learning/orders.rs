@@ -1,9 +1,9 @@
 //! Displays that show all orders of their pixels.
 
 use super::{HEIGHT_PX, WIDTH_PX, held_out_loss, learned, options, pairs, simulated_display};
+use lightpath_bench::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::hologram::initial_phase;
 use lightpath_optics::learning::{KernelModel, LearnOptions, Learner, LearningPairs, Pair, compare};
-use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::{
     Detector, DisplayModel, Engine, Grid, KernelShape, OpticalSetup, Orders, RegionOfInterest, SmoothField,
 };

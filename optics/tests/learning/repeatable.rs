@@ -2,8 +2,8 @@
 
 use super::orders::bench_of_all_orders;
 use super::{learned, options, pairs, simulated_display};
+use lightpath_bench::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::learning::{KernelModel, LearnOptions, Learner, LearningPairs};
-use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
 use rayon::ThreadPoolBuilder;
 
 #[test]

@@ -1,11 +1,11 @@
 //! Filters that pass a part of the first order, against the direct integral over the frequencies that they pass.
 
 use crate::fields::{noise, relative_l2, setup};
+use lightpath_bench::TestCard;
 use lightpath_optics::engine::EngineCore;
 use lightpath_optics::hologram::{HologramMethod, HologramOptions, initial_phase, quality};
 use lightpath_optics::propagation::{PropagationMethod, RefusalCode, plan};
 use lightpath_optics::reference::first_order_onto;
-use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{
     Carrier, ConvolutionMethod, Detector, DisplayModel, Engine, Error, FilterShape, HologramProblem, OpticalSetup,
     Optimization, OrderFilter, Orders, Plane, RegionOfInterest,

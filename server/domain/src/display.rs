@@ -1,7 +1,8 @@
 //! Displays: a phase-only SLM and the optics behind it.
 
 use crate::units::Wavelength;
-use lightpath_optics::{Carrier, Orders, SimulatedBench};
+use lightpath_bench::SimulatedBench;
+use lightpath_optics::{Carrier, Orders};
 use serde::{Deserialize, Serialize};
 
 /// Validated properties of a display.

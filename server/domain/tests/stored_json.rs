@@ -3,6 +3,7 @@
 //! A change of the files in `stored/` is a change of stored data. After the first release it needs a migration.
 #![allow(clippy::unwrap_used)]
 
+use lightpath_bench::SimulatedBench;
 use lightpath_camera::alignment::PointPair;
 use lightpath_domain::dataset::{
     Alignment, AlignmentMethod, CameraMap, Encoding, Finalization, Finding, FindingKind, PairChecks, Split,
@@ -24,7 +25,7 @@ use lightpath_optics::learning::{Measure, ModelPart, PartCost, PartStrength, Uni
 use lightpath_optics::second_opinion::SecondOpinion;
 use lightpath_optics::{
     Carrier, ConvolutionMethod, Detector, Grid, HologramMethod, InitialPhase, KernelModel, Orders, RegionOfInterest,
-    SimulatedBench, ValidityReport,
+    ValidityReport,
 };
 use serde::{Serialize, de::DeserializeOwned};
 use std::fmt::Debug;

@@ -177,8 +177,8 @@ fn scale_of(errors: &[Plane<f32>], region: RegionOfInterest) -> f32 {
 mod tests {
     use super::*;
     use crate::pictures::{colour_png, grey_png_linear, grey_png_srgb};
+    use lightpath_bench::TestCard;
     use lightpath_optics::Grid;
-    use lightpath_optics::test_cards::TestCard;
 
     fn card() -> Plane<f32> {
         TestCard::Portrait.render(90, 160, 1).unwrap()

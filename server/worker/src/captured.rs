@@ -2,14 +2,13 @@
 
 use super::display_setup::{DisplaySetup, finite, simulated_display};
 use super::{JobContext, TaskError};
+use lightpath_bench::{SimulatedDisplay, TestCard};
 use lightpath_domain::job::Progress;
 use lightpath_domain::job::estimate::CAPTURED_ITERATIONS;
 use lightpath_domain::kernel::CapturedQuality;
 use lightpath_media::captures::Captures;
 use lightpath_optics::hologram::{HologramMethod, HologramOptions, HologramProblem, ImagePlane, Loss, initial_phase};
 use lightpath_optics::metrics::{Gain, psnr_db};
-use lightpath_optics::simulated_display::SimulatedDisplay;
-use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{Detector, DisplayModel, Engine, Optimization, Plane, RegionOfInterest};
 
 /// Two different pictures, which are enough to tell a better kernel from a worse one.

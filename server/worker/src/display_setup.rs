@@ -2,6 +2,7 @@
 
 use super::version_model::model_of;
 use super::{JobContext, TaskError};
+use lightpath_bench::SimulatedDisplay;
 use lightpath_domain::dataset::Dataset;
 use lightpath_domain::display::Display;
 use lightpath_domain::job::FailureReason;
@@ -14,7 +15,6 @@ use lightpath_media::kernel_file::KernelFileError;
 use lightpath_media::pictures::{self, PictureError};
 use lightpath_optics::display::phase_response::PhaseResponse;
 use lightpath_optics::learning::BoxError;
-use lightpath_optics::simulated_display::SimulatedDisplay;
 use lightpath_optics::{
     Carrier, ConvolutionMethod, DisplayModel, OpticalSetup, Plane, RegionOfInterest, ValidityReport,
 };

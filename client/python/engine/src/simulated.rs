@@ -4,8 +4,8 @@ use crate::arrays::{array, plane};
 use crate::error::Refused;
 use crate::optics::Optics;
 use crate::threads;
-use lightpath_optics::simulated_display::SimulatedDisplay as Simulated;
-use lightpath_optics::{Carrier, SimulatedBench};
+use lightpath_bench::{SimulatedBench, SimulatedDisplay as Simulated};
+use lightpath_optics::Carrier;
 use numpy::{PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 

@@ -183,7 +183,7 @@ impl Frame {
 mod tests {
     use super::*;
     use crate::alignment::warp::warp;
-    use lightpath_optics::test_cards::TestCard;
+    use lightpath_bench::TestCard;
     use lightpath_optics::{Grid, Plane};
 
     fn region(height_px: usize, width_px: usize) -> RegionOfInterest {

@@ -170,8 +170,8 @@ fn residual(target: &Plane<f32>, aligned: &Plane<f32>, region: RegionOfInterest)
 #[cfg(test)]
 mod tests {
     use super::*;
+    use lightpath_bench::TestCard;
     use lightpath_optics::Grid;
-    use lightpath_optics::test_cards::TestCard;
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 

@@ -154,16 +154,13 @@ mod tests {
     use crate::learning::options::{KernelModel, LearnOptions};
     use crate::learning::pair::Pair;
     use crate::numerics::{Grid, RegionOfInterest};
-    use crate::simulated_display::{SimulatedBench, SimulatedDisplay};
     use rayon::ThreadPoolBuilder;
 
-    /// The photographs of a bench whose modulator is bent by some waves.
+    /// The photographs of a display whose modulator is bent by some waves.
     fn bent(grid: Grid, distance_m: f64, surface_waves: f64) -> (OpticalSetup, LearnOptions, Vec<Pair>) {
         let setup = OpticalSetup::try_new(grid, 515e-9, distance_m).unwrap();
-        let bench = SimulatedBench { seed: 41, surface_waves, strength: 0.0, ..SimulatedBench::FAIR };
-        let bench = SimulatedDisplay::draw(setup, None, bench).unwrap();
         let options = LearnOptions::new(KernelModel::Display, RegionOfInterest::middle(&grid));
-        (setup, options, pairs(&bench))
+        (setup, options, pairs(setup, surface_waves))
     }
 
     #[test]

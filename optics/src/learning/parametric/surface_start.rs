@@ -229,12 +229,11 @@ pub(super) mod tests {
     use super::*;
     use crate::display::{Detector, DisplayModel, OpticalSetup};
     use crate::engine::Engine;
-    use crate::hologram::{HologramProblem, Optimization};
+    use crate::hologram::{HologramMethod, HologramOptions, HologramProblem, Optimization, initial_phase};
     use crate::learning::options::{KernelModel, LearnOptions};
     use crate::learning::pair::Pair;
     use crate::numerics::{Grid, Plane};
-    use crate::simulated_display::{SimulatedBench, SimulatedDisplay};
-    use crate::test_cards::TestCard;
+    use crate::pictures_of_tests::picture;
 
     #[test]
     fn slopes_match_central_differences() {
@@ -263,33 +262,55 @@ pub(super) mod tests {
         assert!(found.iter().zip(&wanted).all(|(a, b)| (a - b).abs() < 0.1), "{found:?}");
     }
 
-    /// Pairs of a bench, whose holograms are optimized for pictures.
-    pub(in super::super) fn pairs(bench: &SimulatedDisplay) -> Vec<Pair> {
-        let (setup, region) = (bench.setup(), RegionOfInterest::middle(&bench.setup().grid()));
+    /// Holograms of pictures, and their photographs on a display whose modulator is bent by some waves.
+    pub(in super::super) fn pairs(setup: OpticalSetup, waves: f64) -> Vec<Pair> {
+        let (height_px, width_px) = (setup.grid().height_px(), setup.grid().width_px());
+        let region = RegionOfInterest::middle(&setup.grid());
         let engine = Engine::new(&DisplayModel::ideal(setup), Detector::Pixel, None).unwrap();
-        let cards = [TestCard::Portrait, TestCard::City, TestCard::Flower, TestCard::Leaf];
-        let pair = |(number, card): (usize, TestCard)| {
-            let target = card.render(setup.grid().height_px(), setup.grid().width_px(), 1).unwrap();
-            let problem = HologramProblem::new(engine.clone(), target, region).unwrap();
-            let phases = crate::hologram::initial_phase(setup.grid().height_px(), setup.grid().width_px(), 1.0, 3);
-            let options = crate::hologram::HologramOptions::new(crate::hologram::HologramMethod::Lbfgs, 12);
-            let mut run = Optimization::start(problem, options, phases.unwrap().values().to_vec()).unwrap();
+        let surface = surface(height_px, width_px, waves);
+        let pair = |seed: u64| {
+            let problem = HologramProblem::new(engine.clone(), picture(height_px, width_px, seed), region).unwrap();
+            let start = initial_phase(height_px, width_px, 1.0, 3).unwrap().into_vec();
+            let mut run = Optimization::start(problem, HologramOptions::new(HologramMethod::Lbfgs, 12), start).unwrap();
             while run.step().is_some() {}
-            let phases = run.phases().to_vec();
-            let phase = Plane::try_from_vec(setup.grid().height_px(), setup.grid().width_px(), phases).unwrap();
-            let photo = bench.capture(&phase, number as u64).unwrap().map(|level| f32::from(level) / 255.0);
-            Pair { phase, photo }
+            let phase = Plane::try_from_vec(height_px, width_px, run.phases().to_vec()).unwrap();
+            let light = engine.light(&Plane::from_fn(height_px, width_px, |y, x| phase.at(y, x) + surface.at(y, x)));
+            Pair { phase, photo: photographed(&light.unwrap(), seed) }
         };
-        cards.into_iter().enumerate().map(pair).collect()
+        (0..4).map(pair).collect()
+    }
+
+    /// Phase \[rad\] of a surface with this height from peak to valley: cosines of up to 1.5 periods in each half of
+    /// the longer side, the slow ones larger, without a tilt. No polynomial is exact for it.
+    fn surface(height_px: usize, width_px: usize, waves: f64) -> Plane<f32> {
+        let half_px = height_px.max(width_px) as f64 / 2.0;
+        let at = |y: usize, x: usize| {
+            let (x, y) = (x as f64 / half_px - 1.0, y as f64 / half_px - height_px as f64 / (2.0 * half_px));
+            let cosine = |k: i32| {
+                let (frequency, angle) = (0.1 + 0.12 * f64::from(k), 2.4 * f64::from(k));
+                (TAU * frequency * (x * angle.cos() + y * angle.sin())).cos() / frequency.powf(1.5)
+            };
+            (0..12).map(cosine).sum::<f64>()
+        };
+        let shape = Plane::from_fn(height_px, width_px, at);
+        let (low, high) = shape.values().iter().fold((f64::MAX, f64::MIN), |(low, high), &s| (low.min(s), high.max(s)));
+        shape.map(|s| (TAU * waves * s / (high - low)) as f32)
+    }
+
+    /// What a camera of 8 bits with noise and a black level makes of the light.
+    fn photographed(light: &Plane<f32>, seed: u64) -> Plane<f32> {
+        let noise = initial_phase(light.height_px(), light.width_px(), 0.01, seed).unwrap();
+        Plane::from_fn(light.height_px(), light.width_px(), |y, x| {
+            let signal = 0.005 + 0.1 * light.at(y, x) + noise.at(y, x);
+            (255.0 * signal.clamp(0.0, 1.0)).round() / 255.0
+        })
     }
 
     #[test]
     fn start_lowers_the_loss_on_a_bent_modulator_only() {
         let setup = OpticalSetup::try_new(Grid::try_new(270, 480, 8e-6).unwrap(), 515e-9, 40e-3).unwrap();
         for (surface_waves, is_bent) in [(1.0, true), (0.0, false)] {
-            let bench = SimulatedBench { seed: 41, surface_waves, strength: 0.0, ..SimulatedBench::FAIR };
-            let bench = SimulatedDisplay::draw(setup, None, bench).unwrap();
-            let pairs = pairs(&bench);
+            let pairs = pairs(setup, surface_waves);
             let options = LearnOptions::new(KernelModel::Display, RegionOfInterest::middle(&setup.grid()));
             let mut learner = ParametricLearner::start(&[setup], options, &pairs).unwrap();
             let theta = learner.state.fitted.parameters.clone();

@@ -11,6 +11,19 @@
 //! Overton, Math. Program. 141, 135 (2013).
 //!
 //! Vectors are f32, sums are f64 in a fixed order. Each call of [`LimitedMemory::advance`] is one evaluation.
+//!
+//! ```
+//! use lightpath_optics::numerics::optimizer::limited_memory::{LimitedMemory, Workspace};
+//! let (mut state, mut workspace) = (LimitedMemory::new(vec![0.0, 0.0]), Workspace::default());
+//! for _ in 0..20 {
+//!     // (x − 1)² + 3 (y + 2)²
+//!     state.advance(&mut workspace, |x, gradient| {
+//!         gradient.copy_from_slice(&[2.0 * (x[0] - 1.0), 6.0 * (x[1] + 2.0)]);
+//!         f64::from((x[0] - 1.0).powi(2) + 3.0 * (x[1] + 2.0).powi(2))
+//!     });
+//! }
+//! assert!((state.point[0] - 1.0).abs() < 1e-3 && (state.point[1] + 2.0).abs() < 1e-3);
+//! ```
 
 use super::vectors::{BASIS, HISTORY, combine, gram_rows, move_along, product};
 use serde::{Deserialize, Serialize};
@@ -27,9 +40,9 @@ const SEARCH_MAX: u32 = 12;
 
 /// State of L-BFGS between two evaluations.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(crate) struct LimitedMemory {
+pub struct LimitedMemory {
     /// Best point so far.
-    pub(crate) point: Vec<f32>,
+    pub point: Vec<f32>,
     pub(crate) loss: f64,
     pub(crate) gradient: Vec<f32>,
     /// Search direction d.
@@ -72,7 +85,7 @@ pub(crate) struct Search {
 
 /// Scratch vectors whose contents do not matter between evaluations.
 #[derive(Debug, Default)]
-pub(crate) struct Workspace {
+pub struct Workspace {
     point: Vec<f32>,
     gradient: Vec<f32>,
     sums: Vec<f64>,
@@ -80,7 +93,8 @@ pub(crate) struct Workspace {
 
 impl LimitedMemory {
     /// Starts at `point`, which the first call of [`Self::advance`] evaluates.
-    pub(crate) fn new(point: Vec<f32>) -> Self {
+    #[must_use]
+    pub fn new(point: Vec<f32>) -> Self {
         let zeros = vec![0.0; point.len()];
         Self {
             loss: f64::INFINITY,
@@ -111,11 +125,7 @@ impl LimitedMemory {
 
     /// Evaluates one point with `evaluate(point, gradient)`: the start, or the next point along the line. Returns the
     /// loss there.
-    pub(crate) fn advance(
-        &mut self,
-        workspace: &mut Workspace,
-        mut evaluate: impl FnMut(&[f32], &mut [f32]) -> f64,
-    ) -> f64 {
+    pub fn advance(&mut self, workspace: &mut Workspace, mut evaluate: impl FnMut(&[f32], &mut [f32]) -> f64) -> f64 {
         let Workspace { point, gradient, sums } = workspace;
         point.resize(self.point.len(), 0.0);
         gradient.resize(self.point.len(), 0.0);

@@ -2,5 +2,5 @@
 
 pub(crate) mod adam;
 pub mod damped;
-pub(crate) mod limited_memory;
+pub mod limited_memory;
 pub(crate) mod vectors;

@@ -1,10 +1,10 @@
 //! Conversion of simulated benches from and to messages.
 
-use lightpath_optics::SimulatedBench;
+use lightpath_bench::SimulatedBench;
 use lightpath_proto::v1;
 use lightpath_service::{Field, ServiceError, collect_all};
 
-/// Copies all properties of a bench into the other type: the bench of the optics engine and the message have the same
+/// Copies all properties of a bench into the other type: the simulated bench and the message have the same
 /// properties.
 macro_rules! with_all_properties {
     ($bench:expr, $other:path) => {{

@@ -9,8 +9,9 @@ use lightpath::v1::{
     optimize_hologram::{Fit, ImagePlane, InitialPhase, initial_phase},
 };
 use lightpath::{Client, JobChange, names};
+use lightpath_bench::SimulatedBench;
 use lightpath_domain::units::{Distance, Wavelength};
-use lightpath_optics::{Grid, OpticalSetup, SimulatedBench};
+use lightpath_optics::{Grid, OpticalSetup};
 use serde::Serialize;
 use std::path::Path;
 

@@ -9,11 +9,11 @@ use super::targets::Targets;
 use lightpath::Words as _;
 use lightpath::units::show_m;
 use lightpath::v1::KernelModel;
+use lightpath_bench::SimulatedDisplay;
 use lightpath_media::figures::{
     Axis, Canvas, CaptionedPicture, ColourMap, ContactRow, ContactSheet, Curve, Curves, Heatmap,
 };
 use lightpath_media::kernel_file;
-use lightpath_optics::simulated_display::SimulatedDisplay;
 use lightpath_optics::{OpticalSetup, Plane};
 use num_complex::Complex64;
 use std::f64::consts::PI;

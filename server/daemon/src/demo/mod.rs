@@ -26,7 +26,7 @@ use files::Files;
 use held_out::Candidate;
 use learned::learn;
 use lightpath::v1;
-use lightpath_optics::SimulatedBench;
+use lightpath_bench::SimulatedBench;
 use local_server::LocalServer;
 use report::Report;
 use std::f64::consts::TAU;

@@ -1,8 +1,8 @@
 //! The best model that consists of a kernel alone: the true transfer function of the display.
 
+use lightpath_bench::{SimulatedBench, SimulatedDisplay};
 use lightpath_media::kernel_file;
-use lightpath_optics::simulated_display::SimulatedDisplay;
-use lightpath_optics::{DisplayModel, KernelModel, KernelShape, OpticalSetup, Plane, SimulatedBench};
+use lightpath_optics::{DisplayModel, KernelModel, KernelShape, OpticalSetup, Plane};
 use num_complex::Complex32;
 
 /// Name of the model in tables.

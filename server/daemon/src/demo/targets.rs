@@ -2,11 +2,11 @@
 
 use super::args::DemoArgs;
 use anyhow::{Context as _, bail};
+use lightpath_bench::TestCard;
 use lightpath_domain::dataset::Encoding;
 use lightpath_domain::job::Fit;
 use lightpath_media::pictures;
 use lightpath_optics::Plane;
-use lightpath_optics::test_cards::TestCard;
 use std::fs;
 use std::path::{Path, PathBuf};
 

@@ -2,10 +2,10 @@
 
 use crate::preparing::{prepare, report};
 use crate::serving::{Serving, expect, small_display};
+use lightpath_bench::{SimulatedBench, SimulatedDisplay};
 use lightpath_media::{kernel_file, pictures};
 use lightpath_optics::hologram::initial_phase;
 use lightpath_optics::learning::{Pair, compare};
-use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::{Detector, DisplayModel, Engine, Grid, OpticalSetup, Plane, RegionOfInterest};
 use lightpath_proto::v1;
 use lightpath_proto::v1::dataset_service_client::DatasetServiceClient;

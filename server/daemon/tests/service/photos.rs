@@ -1,10 +1,10 @@
 //! Tests of scoring photographs.
 
 use crate::serving::{Serving, expect};
+use lightpath_bench::TestCard;
 use lightpath_camera::alignment::{Homography, warp};
 use lightpath_media::pictures;
 use lightpath_optics::Plane;
-use lightpath_optics::test_cards::TestCard;
 use lightpath_proto::v1;
 use lightpath_proto::v1::photo_service_client::PhotoServiceClient;
 use tonic::{Code, Status};

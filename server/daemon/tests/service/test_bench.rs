@@ -2,11 +2,10 @@
 
 use crate::preparing::{finalize, prepare};
 use crate::serving::Serving;
+use lightpath_bench::{SimulatedBench, SimulatedDisplay, TestCard};
 use lightpath_camera::alignment::{Homography, warp};
 use lightpath_media::pictures;
 use lightpath_optics::hologram::{HologramMethod, HologramOptions, ImagePlane, Loss, initial_phase};
-use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
-use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{
     Detector, DisplayModel, Engine, Grid, HologramProblem, OpticalSetup, Optimization, Plane, RegionOfInterest,
 };

@@ -279,10 +279,10 @@ fn png(canvas: &figures::Canvas) -> Result<Vec<u8>, CaptureError> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use lightpath_bench::TestCard;
     use lightpath_domain::dataset::{Dataset, Encoding};
     use lightpath_domain::display::Display;
     use lightpath_domain::units::{Distance, Wavelength};
-    use lightpath_optics::test_cards::TestCard;
 
     const SIZE_PX: [usize; 2] = [216, 384];
 

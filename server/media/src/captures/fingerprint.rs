@@ -123,8 +123,8 @@ fn values(hex: &str) -> Option<Vec<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use lightpath_bench::TestCard;
     use lightpath_optics::Grid;
-    use lightpath_optics::test_cards::TestCard;
 
     #[test]
     fn picture_correlates_with_itself_shifted_and_dimmed_but_not_with_others() {

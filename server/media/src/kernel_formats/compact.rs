@@ -351,9 +351,9 @@ mod tests {
 
     /// PSNR \[dB\] of the display's image of a hologram optimized through `through`, with fitted gain.
     fn captured_psnr_db(display: &DisplayModel, through: &DisplayModel) -> f64 {
+        use lightpath_bench::TestCard;
         use lightpath_optics::hologram::{HologramMethod, HologramOptions, initial_phase};
         use lightpath_optics::metrics::fitted_intensity_scale;
-        use lightpath_optics::test_cards::TestCard;
         use lightpath_optics::{Detector, Engine, HologramProblem, Optimization, Plane, RegionOfInterest};
         let grid = display.setup.grid();
         let (height, width) = (grid.height_px(), grid.width_px());

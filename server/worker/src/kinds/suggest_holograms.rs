@@ -4,6 +4,7 @@ use crate::display_setup::finite;
 use crate::learned_from::{LearnedFrom, learn_result};
 use crate::version_model::model_of;
 use crate::{JobContext, TaskError, TaskOutput};
+use lightpath_bench::TestCard;
 use lightpath_domain::dataset::Split;
 use lightpath_domain::job::estimate::{SAMPLED_PAIRS_MAX, SUGGESTED_ITERATIONS};
 use lightpath_domain::job::kinds::suggest_holograms::{self, PHASE_RANGES_RAD};
@@ -13,7 +14,6 @@ use lightpath_domain::job::{
 use lightpath_media::pictures;
 use lightpath_optics::hologram::{HologramMethod, HologramOptions, HologramProblem, initial_phase};
 use lightpath_optics::learning::{HologramChoice, Suggestion};
-use lightpath_optics::test_cards::TestCard;
 use lightpath_optics::{DisplayModel, Engine, Optimization, Plane};
 
 /// A hologram that could be photographed.

@@ -4,6 +4,7 @@
 use super::super::*;
 use super::bench::{Bench, DISTANCE};
 use lightpath_artifacts::digest_of;
+use lightpath_bench::SimulatedBench;
 use lightpath_domain::dataset::{self, Dataset, Encoding, Finalization, Pair, PreparedDataset};
 use lightpath_domain::display::Display;
 use lightpath_domain::job::{
@@ -15,9 +16,7 @@ use lightpath_domain::kernel::{KernelKey, KernelModel};
 use lightpath_fixtures::{WAVELENGTH, display};
 use lightpath_media::pictures;
 use lightpath_optics::hologram::Loss;
-use lightpath_optics::{
-    Carrier, Detector, Grid, HologramMethod, InitialPhase, Plane, RegionOfInterest, SimulatedBench,
-};
+use lightpath_optics::{Carrier, Detector, Grid, HologramMethod, InitialPhase, Plane, RegionOfInterest};
 use std::collections::BTreeMap;
 
 /// Options of a split that holds out a quarter of the pairs for testing.

@@ -4,7 +4,7 @@ use super::*;
 use crate::alignment::camera_map::{Frame, PARAMETERS};
 use crate::alignment::homography::Point;
 use crate::alignment::warp::warp;
-use lightpath_optics::test_cards::TestCard;
+use lightpath_bench::TestCard;
 use lightpath_optics::{Grid, RegionOfInterest};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

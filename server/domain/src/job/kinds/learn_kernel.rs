@@ -3,10 +3,11 @@
 use super::Kind;
 use crate::job::estimate::{CAPTURED_ITERATIONS, LEARNING_FACTOR, Need, PairsSize, REAL};
 use crate::kernel::KernelMetrics;
+use lightpath_bench::{BenchSize, SimulatedBench};
 use lightpath_optics::hologram::HologramMethod;
 use lightpath_optics::learning::{Blocks, KernelModel, LearnOptions, PartStrength};
 use lightpath_optics::memory::{EngineSize, HologramSize, LearningSize};
-use lightpath_optics::{Detector, RegionOfInterest, SimulatedBench, ValidityReport};
+use lightpath_optics::{Detector, RegionOfInterest, ValidityReport};
 use serde::{Deserialize, Serialize};
 
 /// Request to learn a kernel from a dataset, or kernels for several distances jointly from several datasets.
@@ -115,10 +116,10 @@ pub fn need(spec: &LearnKernel, inputs: &LearningInputs) -> Need {
     let captured = inputs.bench.map_or(0, |bench| {
         let hologram = HologramSize::new(learned, HologramMethod::Lbfgs, CAPTURED_ITERATIONS);
         let running = hologram.problem_bytes() + hologram.state_bytes() + hologram.scratch_bytes() + REAL * n;
+        let size = BenchSize::new(learned, bench);
         kernels
             + cached.max(engine)
-            + (running + learned.bench_bytes(&bench))
-                .max(learned.simulation_bytes(&bench) + learned.scratch_bytes() + 4 * REAL * n)
+            + (running + size.bench_bytes()).max(size.simulation_bytes() + learned.scratch_bytes() + 4 * REAL * n)
     });
     let stages = [
         // An example is made after its pair is read.
@@ -149,7 +150,8 @@ fn learning_work(spec: &LearnKernel, inputs: &LearningInputs, size: &LearningSiz
     let measures = (evaluations + 2.0) * validation + 4.0 * training + 4.0 * test;
     let captured = inputs.bench.map_or(0.0, |bench| {
         let hologram = HologramSize::new(engine, HologramMethod::Lbfgs, CAPTURED_ITERATIONS);
-        4.0 * (f64::from(CAPTURED_ITERATIONS) * hologram.step_work() + engine.simulation_work(&bench))
+        let photograph = BenchSize::new(engine, bench).simulation_work();
+        4.0 * (f64::from(CAPTURED_ITERATIONS) * hologram.step_work() + photograph)
     });
     let learning = (epochs * training + evaluations * training) * size.step_work()
         + curvatures * size.curvature_work()

@@ -3,8 +3,9 @@
 use super::Kind;
 use crate::job::estimate::{Need, REAL};
 use crate::units::{Distance, Wavelength};
+use lightpath_bench::{BenchSize, SimulatedBench};
+use lightpath_optics::ValidityReport;
 use lightpath_optics::memory::EngineSize;
-use lightpath_optics::{SimulatedBench, ValidityReport};
 use serde::{Deserialize, Serialize};
 
 /// Request to photograph a hologram on a simulated display.
@@ -42,7 +43,7 @@ impl Kind for SimulateCapture {
 /// Need of a job that photographs a hologram on a simulated display.
 #[must_use]
 pub fn need(engine: EngineSize, bench: &SimulatedBench, decoding_bytes: u64) -> Need {
-    let n = engine.pixels();
-    let stages = [decoding_bytes + 2 * REAL * n, engine.simulation_bytes(bench) + 3 * REAL * n];
-    Need::new(stages, 2.0 * engine.simulation_work(bench))
+    let (n, size) = (engine.pixels(), BenchSize::new(engine, *bench));
+    let stages = [decoding_bytes + 2 * REAL * n, size.simulation_bytes() + 3 * REAL * n];
+    Need::new(stages, 2.0 * size.simulation_work())
 }

@@ -8,14 +8,11 @@ use super::blur::{blurred_along, spread_along};
 use super::field_aberration::FieldAberration;
 use super::modes::Mode;
 use super::placement::View;
-use super::{Passage, SimulatedDisplay, field_aberration, pixel_light};
-use crate::display::phase_response::wrap;
-use crate::error::Result;
-use crate::interrupt;
-use crate::numerics::Plane;
-use crate::numerics::grid::frequency;
-use crate::propagation::SampledTransfer;
-use crate::propagation::transfer_function::phasor;
+use super::{Passage, SimulatedDisplay, field_aberration, phasor, pixel_light, position};
+use lightpath_optics::display::phase_response::wrap;
+use lightpath_optics::numerics::grid::frequency;
+use lightpath_optics::propagation::SampledTransfer;
+use lightpath_optics::{Plane, Result, interrupt};
 use num_complex::Complex64;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
@@ -185,10 +182,9 @@ impl SimulatedDisplay {
         let (height_px, width_px) = (light.height_px(), light.width_px());
         let speckle = self.speckle.as_ref();
         light.values_mut().par_chunks_mut(width_px).enumerate().for_each(|(y, row)| {
-            let across = |i: usize, side_px: usize| (2 * i + 1) as f64 / side_px as f64 - 1.0;
             for (x, light) in row.iter_mut().enumerate() {
                 // The square of the distance from the middle, 1 in the corner.
-                let outwards = (across(x, width_px).powi(2) + across(y, height_px).powi(2)) / 2.0;
+                let outwards = (position(x, width_px).powi(2) + position(y, height_px).powi(2)) / 2.0;
                 *light *= power * (1.0 - self.bench.vignetting * outwards) * speckle.map_or(1.0, |s| s.at(y, x));
             }
         });
@@ -202,7 +198,7 @@ impl SimulatedDisplay {
         }
         let sizes = all_orders::sizes(&self.setup, &self.bench);
         let all = |(mode, size): (&Mode, [AxisSize; 2])| {
-            let setup = self.setup.at_wavelength(mode.wavelength * self.setup.wavelength_m())?;
+            let setup = self.setup.with_wavelength(mode.wavelength * self.setup.wavelength_m())?;
             let ghost = self.ghost.map(|ghost| (ghost, mode.ghost));
             let errors = |x: f64, y: f64| self.aberrations(x, y, mode);
             Ok(Passage::AllOrders(Box::new(AllOrders::new(&setup, size, self.shift_px, ghost, errors))))
@@ -216,7 +212,7 @@ impl SimulatedDisplay {
         let pitch_m = self.setup.grid().pixel_pitch_m();
         let ideal = match mode.wavelength {
             1.0 => None,
-            ratio => Some(self.setup.at_wavelength(ratio * self.setup.wavelength_m())?.sampled()),
+            ratio => Some(self.setup.with_wavelength(ratio * self.setup.wavelength_m())?.sampled()),
         };
         let ideal = ideal.as_ref().unwrap_or(&self.ideal);
         let mut transfer = Plane::filled(width_px, height_px, Complex64::ZERO);

@@ -29,6 +29,7 @@ mod exposure;
 mod field_aberration;
 mod illumination;
 mod light;
+mod memory;
 mod modes;
 mod modulator;
 mod pixel_light;
@@ -37,22 +38,20 @@ mod speckle;
 mod surface;
 
 pub use bench::SimulatedBench;
+pub use memory::BenchSize;
 
-use crate::display::phase_response::wrap;
-use crate::display::{Carrier, OpticalSetup, Orders};
-use crate::error::Result;
-use crate::numerics::Plane;
-use crate::propagation::SampledTransfer;
 use aberration::Aberration;
 use all_orders::AllOrders;
-pub(crate) use all_orders::{AxisSize, sizes as all_orders_sizes};
 use camera::Camera;
 use draws::{Draws, Stream};
 use field_aberration::FieldAberration;
-pub(crate) use field_aberration::POSITIONS;
+use lightpath_optics::display::phase_response::wrap;
+use lightpath_optics::propagation::SampledTransfer;
+use lightpath_optics::{Carrier, OpticalSetup, Orders, Plane, Result};
 use modes::{Ghost, Mode};
 use modulator::Modulator;
 use num_complex::Complex64;
+use std::f64::consts::TAU;
 
 /// A bench with drawn properties: a display, its optics, and a camera in the image plane.
 #[derive(Clone)]
@@ -93,7 +92,7 @@ impl SimulatedDisplay {
     ///
     /// # Errors
     ///
-    /// [`Error::OutOfRange`](crate::Error::OutOfRange) for an imperfection outside its range.
+    /// [`Error::OutOfRange`](lightpath_optics::Error::OutOfRange) for an imperfection outside its range.
     pub fn draw(setup: OpticalSetup, carrier: Option<Carrier>, bench: SimulatedBench) -> Result<Self> {
         bench.validate()?;
         let SimulatedBench { seed, strength, misalignment_px, .. } = bench;
@@ -137,7 +136,7 @@ impl SimulatedDisplay {
     ///
     /// # Errors
     ///
-    /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) or [`Error::NotFinite`](crate::Error::NotFinite) for a phase
+    /// [`Error::SizeMismatch`](lightpath_optics::Error::SizeMismatch) or [`Error::NotFinite`](lightpath_optics::Error::NotFinite) for a phase
     /// that does not fit the display.
     pub fn capture(&self, phase_displayed: &Plane<f32>, noise_seed: u64) -> Result<Plane<u8>> {
         self.capture_at(phase_displayed, noise_seed, 0.0)
@@ -262,12 +261,21 @@ impl std::fmt::Debug for SimulatedDisplay {
     }
 }
 
+/// Position of pixel `i` of the `n` pixels of an axis, between −1 and 1 at the sides.
+fn position(i: usize, n: usize) -> f64 {
+    (2 * i + 1) as f64 / n as f64 - 1.0
+}
+
+/// e^{i2π·cycles}, computed after whole cycles are subtracted.
+fn phasor(cycles: f64) -> Complex64 {
+    Complex64::cis(TAU * (cycles - cycles.round()))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::numerics::Grid;
-    use crate::numerics::chebyshev::position;
-    use crate::reference::{offset, propagate};
+    use lightpath_optics::Grid;
+    use lightpath_optics::reference::{offset, propagate};
 
     fn drawn(strength: f64) -> SimulatedDisplay {
         let setup = OpticalSetup::try_new(Grid::try_new(36, 50, 8e-6).unwrap(), 515e-9, 0.02).unwrap();
@@ -323,7 +331,7 @@ mod tests {
                 let nominal = f64::from(phase.at(y, x));
                 let response = display.response(nominal) + display.modulator.variation(y, x) * nominal;
                 let path_px = mode.direction_rad.0 * x as f64 + mode.direction_rad.1 * y as f64;
-                let tilt = std::f64::consts::TAU * 8e-6 / wavelength_m * path_px;
+                let tilt = TAU * 8e-6 / wavelength_m * path_px;
                 let source =
                     display.source(y, x) * dust.at(y, x) * Complex64::cis(tilt + surface.at(y, x) / mode.wavelength);
                 source * (Complex64::cis(response / mode.wavelength) + display.zero_order())

@@ -10,7 +10,7 @@
 
 use super::blur::blurred;
 use super::draws::{Draws, Stream};
-use crate::numerics::{Grid, Plane};
+use lightpath_optics::{Grid, Plane};
 use num_complex::Complex64;
 
 /// Standard deviations of the blurs \[px\].

@@ -12,8 +12,8 @@
 //! polynomials is exact for it.
 
 use super::draws::{Draws, Stream};
-use crate::numerics::chebyshev::position;
-use crate::numerics::{Grid, Plane};
+use super::position;
+use lightpath_optics::{Grid, Plane};
 use std::f64::consts::TAU;
 
 /// Number of cosines in a shape.

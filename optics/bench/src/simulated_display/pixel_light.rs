@@ -8,9 +8,8 @@
 //! of u, so samples at the pixel pitch alone would miss detail between them. The offsets along y and x are separate
 //! phase factors, so four column transforms and sixteen row transforms are enough for sixteen images.
 
-use crate::interrupt;
-use crate::numerics::Plane;
-use crate::numerics::grid::frequency;
+use lightpath_optics::numerics::grid::frequency;
+use lightpath_optics::{Plane, interrupt};
 use num_complex::Complex64;
 use rayon::prelude::*;
 use rustfft::{Fft, FftPlanner};

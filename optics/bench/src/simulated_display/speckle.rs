@@ -5,7 +5,7 @@
 //! ```
 
 use super::draws::{Draws, Stream};
-use crate::numerics::{Grid, Plane};
+use lightpath_optics::{Grid, Plane};
 
 /// Draws the factor of each camera pixel's light, with mean 1 and the contrast as standard deviation. `None` without
 /// contrast.

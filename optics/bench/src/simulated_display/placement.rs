@@ -8,8 +8,7 @@
 //! corner from the middle. Light between pixels is interpolated by Catmull and Rom's cubic. It blurs the finest detail
 //! of the image, but the pixels of a turned camera would blur that as well.
 
-use crate::interrupt;
-use crate::numerics::Plane;
+use lightpath_optics::{Plane, interrupt};
 use rayon::prelude::*;
 
 /// What a camera sees of the image plane.

@@ -8,9 +8,8 @@
 //! the bench, so the photographs of these holograms are the yardstick for those of learned models.
 
 use super::SimulatedDisplay;
-use crate::error::Result;
-use crate::numerics::optimizer::limited_memory::{LimitedMemory, Workspace};
-use crate::numerics::{Plane, RegionOfInterest};
+use lightpath_optics::numerics::optimizer::limited_memory::{LimitedMemory, Workspace};
+use lightpath_optics::{Plane, RegionOfInterest, Result};
 
 impl SimulatedDisplay {
     /// Optimizes the displayed phase \[rad\] by L-BFGS with `evaluations` evaluations from the phase `start`, through
@@ -19,7 +18,7 @@ impl SimulatedDisplay {
     ///
     /// # Errors
     ///
-    /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) or [`Error::NotFinite`](crate::Error::NotFinite) for a start
+    /// [`Error::SizeMismatch`](lightpath_optics::Error::SizeMismatch) or [`Error::NotFinite`](lightpath_optics::Error::NotFinite) for a start
     /// or a target that does not fit the display.
     pub fn optimize(
         &self,
@@ -88,11 +87,10 @@ impl SimulatedDisplay {
 
 #[cfg(test)]
 mod tests {
-    use crate::display::{OpticalSetup, Orders};
-    use crate::hologram::initial_phase;
-    use crate::numerics::{Grid, Plane, RegionOfInterest};
     use crate::simulated_display::SimulatedDisplay;
     use crate::simulated_display::bench::SimulatedBench;
+    use lightpath_optics::hologram::initial_phase;
+    use lightpath_optics::{Grid, OpticalSetup, Orders, Plane, RegionOfInterest};
 
     fn all_flaws() -> SimulatedBench {
         SimulatedBench {

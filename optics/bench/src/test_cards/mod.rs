@@ -20,9 +20,7 @@ mod spheres;
 mod technical;
 mod vector;
 
-use crate::error::{Error, Result};
-use crate::interrupt;
-use crate::numerics::Plane;
+use lightpath_optics::{Error, Plane, Result, interrupt};
 use rayon::prelude::*;
 use scene::{Frame, Scene};
 
@@ -109,7 +107,7 @@ impl TestCard {
     /// [`Error::OutOfRange`] for a side below [`Self::SIDE_PX_MIN`].
     ///
     /// ```
-    /// use lightpath_optics::test_cards::TestCard;
+    /// use lightpath_bench::TestCard;
     /// let target_intensity = TestCard::Planet.render(96, 160, 7)?;
     /// assert_eq!((target_intensity.height_px(), target_intensity.width_px()), (96, 160));
     /// # Ok::<(), lightpath_optics::Error>(())

@@ -1,10 +1,9 @@
 //! Size and tables of the computation along one axis of a display that shows all orders.
 
-use crate::display::OpticalSetup;
-use crate::propagation::passes::gauss_legendre;
-use crate::propagation::transfer_function::phasor;
 use crate::simulated_display::bench::SimulatedBench;
-use crate::simulated_display::modes;
+use crate::simulated_display::{modes, phasor};
+use lightpath_optics::OpticalSetup;
+use lightpath_optics::numerics::quadrature::gauss_legendre;
 use num_complex::Complex64;
 use rustfft::{Fft, FftPlanner};
 use std::f64::consts::{PI, TAU};
@@ -18,26 +17,26 @@ const COSINE_MIN: f64 = 0.2;
 
 /// Size of the computation along one axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct AxisSize {
+pub(in crate::simulated_display) struct AxisSize {
     pub(super) side_px: usize,
-    pub(crate) padded_px: usize,
+    pub(in crate::simulated_display) padded_px: usize,
     /// Orders to each side of the first one.
     orders_beside: usize,
     /// Number of places in a camera pixel.
-    pub(crate) places: usize,
+    pub(in crate::simulated_display) places: usize,
     /// Frequencies at which the orders begin and end to fade out \[cycles per pixel\].
     fade: [f64; 2],
 }
 
 impl AxisSize {
     /// Number of orders.
-    pub(crate) fn orders(&self) -> usize {
+    pub(in crate::simulated_display) fn orders(&self) -> usize {
         2 * self.orders_beside + 1
     }
 }
 
 /// Sizes along x and y for each mode of a bench's light.
-pub(crate) fn sizes(setup: &OpticalSetup, bench: &SimulatedBench) -> Vec<[AxisSize; 2]> {
+pub(in crate::simulated_display) fn sizes(setup: &OpticalSetup, bench: &SimulatedBench) -> Vec<[AxisSize; 2]> {
     let shift_px = bench.misalignment_px + along_rail_px(setup, bench).abs();
     let modes = modes::draw(bench.seed, bench.source_angle_mrad, bench.bandwidth, bench.ghost_share);
     modes.iter().map(|mode| axis_sizes(setup, mode.wavelength * setup.wavelength_m(), shift_px)).collect()

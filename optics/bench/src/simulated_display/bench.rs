@@ -1,7 +1,7 @@
 //! Properties of a simulated bench.
 
 use super::modes;
-use crate::error::{Error, Result};
+use lightpath_optics::{Error, Result};
 use serde::{Deserialize, Serialize};
 
 /// Properties of a simulated bench. A property that is left out has the value of [`Self::FAIR`].
@@ -180,5 +180,29 @@ impl SimulatedBench {
 impl Default for SimulatedBench {
     fn default() -> Self {
         Self::FAIR
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn missing_bench_properties_have_defaults_and_unknown_ones_are_refused() {
+        let bench = SimulatedBench { seed: 7, ..SimulatedBench::FAIR };
+        let stored = json!({
+            "seed": 7, "strength": 1.0, "camera_noise": 0.003, "misalignment_px": 0.0, "rotation_deg": 0.0,
+            "blur_px": 0.0, "full_well_electrons": 0.0, "speckle_contrast": 0.0, "crosstalk_px": 0.0, "flicker": 0.0,
+            "drift_px_per_hour": 0.0, "dimming_per_hour": 0.0, "rail_tilt_deg": 0.0, "aberrations_at_m": 0.0,
+            "field_aberration_rad": 0.0, "crosstalk_y_px": 0.0, "surface_waves": 0.0, "response_variation": 0.0,
+            "dust_contrast": 0.0, "ghost_share": 0.0, "source_angle_mrad": 0.0, "bandwidth": 0.0, "distortion": 0.0,
+            "vignetting": 0.0, "camera_nonlinearity": 0.0,
+        });
+        assert_eq!(serde_json::to_value(bench).unwrap(), stored);
+        assert_eq!(serde_json::from_value::<SimulatedBench>(stored).unwrap(), bench);
+        let drawn: SimulatedBench = serde_json::from_value(json!({"seed": 3, "blur_px": 0.5})).unwrap();
+        assert_eq!(drawn, SimulatedBench { seed: 3, blur_px: 0.5, ..SimulatedBench::FAIR });
+        assert!(serde_json::from_value::<SimulatedBench>(json!({"blur": 0.5})).is_err());
     }
 }

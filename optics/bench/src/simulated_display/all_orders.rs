@@ -9,7 +9,7 @@
 //! sides of a pixel's bright area in pixel pitches, H the angular spectrum of free space, d and w the places and
 //! weights of Gauss's and Legendre's quadrature over a camera pixel. The factor √(ab) makes each pixel send the same
 //! light whatever its fill factor. This is a computation by frequencies; the engine's is one by places, from the
-//! response of a pixel ([`crate::ConvolutionMethod::AllOrders`]).
+//! response of a pixel ([`lightpath_optics::ConvolutionMethod::AllOrders`]).
 //!
 //! Light that moves by more than the image's side on its way never reaches the image. Its frequencies fade out
 //! smoothly, and the frame is padded so far that the rest cannot come back on the other side.
@@ -17,21 +17,19 @@
 //! E are the errors of the optics. They are drawn over the band of the first order, up to ½ cycle per pixel along each
 //! axis. Beyond it they keep the value of the nearest frequency of the band, ν̂: their polynomials would grow without
 //! bound there. A shift of the camera and a ghost are not held, because a shift is a shift at every frequency. A
-//! learned model's errors [beyond the band](crate::DisplayModel::beyond) may change there.
+//! learned model's errors [beyond the band](lightpath_optics::DisplayModel::beyond) may change there.
 
 mod axis;
 
 use super::field_aberration::{FieldAberration, POSITIONS, windows};
 use super::modes::Ghost;
 pub(super) use axis::along_rail_px;
-pub(crate) use axis::{AxisSize, sizes};
+pub(super) use axis::{AxisSize, sizes};
 
-use crate::display::OpticalSetup;
-use crate::display::parts::spatial_variation::local_kernels::nodes;
-use crate::interrupt;
-use crate::numerics::Plane;
-use crate::propagation::transfer_function::angular_spectrum;
 use axis::{Axis, band_index, frequency};
+use lightpath_optics::display::parts::spatial_variation::local_kernels::nodes;
+use lightpath_optics::propagation::transfer_function::angular_spectrum;
+use lightpath_optics::{OpticalSetup, Plane, interrupt};
 use num_complex::Complex64;
 use rayon::prelude::*;
 
@@ -312,15 +310,12 @@ impl AllOrders {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::display::{Detector, DisplayModel, Orders};
-    use crate::engine::EngineCore;
-    use crate::hologram::initial_phase;
-    use crate::numerics::Grid;
-    use crate::propagation::passes::gauss_legendre;
-    use crate::propagation::transfer_function::phasor;
-    use crate::reference::{offset, propagate};
     use crate::simulated_display::bench::SimulatedBench;
-    use crate::simulated_display::{SimulatedDisplay, modes};
+    use crate::simulated_display::{SimulatedDisplay, modes, phasor};
+    use lightpath_optics::hologram::{ShownLight, initial_phase};
+    use lightpath_optics::numerics::quadrature::gauss_legendre;
+    use lightpath_optics::reference::{offset, propagate};
+    use lightpath_optics::{Detector, DisplayModel, Engine, Grid, Orders};
     use std::f64::consts::PI;
 
     fn setup(size_px: [usize; 2], distance_m: f64, [fill_factor_x, fill_factor_y]: [f64; 2]) -> OpticalSetup {
@@ -352,9 +347,9 @@ mod tests {
             let phase = initial_phase(24, 36, 6.0, 5).unwrap();
             let bench = SimulatedDisplay::draw(setup, None, FLAWLESS).unwrap();
             let light = bench.light_in_f64(&phase, 0.0).unwrap().map(|light| light / bench.exposure());
-            let engine = EngineCore::<f64>::new(&DisplayModel::ideal(setup), Detector::Pixel, None).unwrap();
-            let engine_light = engine.light_over_pixels(&[&[phase.map(f64::from)]]).unwrap().unwrap();
-            let error = difference(&light, &engine_light[0]);
+            let engine = Engine::new(&DisplayModel::ideal(setup), Detector::Pixel, None).unwrap();
+            let shown = ShownLight::of_frames(&engine, &[phase]).unwrap();
+            let error = difference(&light, &shown.seen_by(Detector::Pixel).map(f64::from));
             // The engine's field has an error below 1e-3, which is 2e-3 of the light.
             assert!(error < 2e-3, "{distance_m} m, {fill:?}: {error:e}");
         }

@@ -8,7 +8,8 @@
 //! centre, with a slow ripple. Its brightest pixel is 1.
 
 use super::draws::{Draws, Stream};
-use crate::numerics::{Grid, Plane};
+use super::position;
+use lightpath_optics::{Grid, Plane};
 use std::f64::consts::TAU;
 
 /// Draws the amplitude of the light on each pixel of the modulator, at most 1.
@@ -21,9 +22,8 @@ pub(super) fn draw(grid: &Grid, seed: u64, strength: f64) -> Plane<f64> {
     let (size, start) = (draws.within_a_fifth_of(0.03), draws.angle());
 
     let (height_px, width_px) = (grid.height_px(), grid.width_px());
-    let across = |pixel: usize, side: usize| (2 * pixel + 1) as f64 / side as f64 - 1.0;
     let profile = Plane::from_fn(height_px, width_px, |y, x| {
-        let (x, y) = (across(x, width_px), across(y, height_px));
+        let (x, y) = (position(x, width_px), position(y, height_px));
         let (dx, dy) = (x - centre.0, y - centre.1);
         let along = (dx * turned.cos() + dy * turned.sin()) / radius.0;
         let beside = (dy * turned.cos() - dx * turned.sin()) / radius.1;

@@ -4,9 +4,9 @@
 //! headroom.
 
 use super::draws::{Draws, Stream};
-use crate::numerics::{Grid, Plane, RegionOfInterest};
-use crate::propagation::SampledTransfer;
-use crate::reference::propagate;
+use lightpath_optics::propagation::SampledTransfer;
+use lightpath_optics::reference::propagate;
+use lightpath_optics::{Grid, Plane, RegionOfInterest};
 use num_complex::Complex64;
 
 /// Level that all but a thousandth of the pixels of a speckled image stay below, as a part of full scale.

@@ -10,7 +10,7 @@
 
 use super::draws::{Draws, Stream};
 use super::surface::{extremes, smooth_shape};
-use crate::numerics::{Grid, Plane};
+use lightpath_optics::{Grid, Plane};
 use num_complex::Complex64;
 
 /// Most cycles of the response's variation in each half of the longer side.

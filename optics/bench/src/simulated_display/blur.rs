@@ -4,8 +4,7 @@
 //! b(y, x) = Σ_k Σ_l g_k g_l v(y + k, x + l),   g_k ∝ e^{−k²/2σ²}
 //! ```
 
-use crate::interrupt;
-use crate::numerics::Plane;
+use lightpath_optics::{Plane, interrupt};
 use rayon::prelude::*;
 
 /// Blurs with standard deviation `sigma_px`. Beyond the edge, the values of the edge continue.

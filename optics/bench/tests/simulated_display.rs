@@ -1,11 +1,11 @@
 //! A simulated bench gives the same photographs every time, and its flaws degrade ideal holograms.
 #![allow(clippy::unwrap_used)]
 
+use lightpath_bench::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::Carrier;
 use lightpath_optics::hologram::initial_phase;
 use lightpath_optics::metrics::{Gain, psnr_db};
 use lightpath_optics::reference::propagate;
-use lightpath_optics::simulated_display::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::{Grid, OpticalSetup, Orders, Plane, RegionOfInterest};
 use num_complex::Complex64;
 use rayon::ThreadPoolBuilder;

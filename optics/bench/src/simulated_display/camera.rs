@@ -15,8 +15,7 @@
 
 use super::bench::SimulatedBench;
 use super::draws::{Draws, Stream};
-use crate::interrupt;
-use crate::numerics::Plane;
+use lightpath_optics::{Plane, interrupt};
 use rayon::prelude::*;
 
 /// The camera of one bench, with drawn properties.

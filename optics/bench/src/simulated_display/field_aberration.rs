@@ -12,18 +12,16 @@
 //! positions; its error is far below the camera's noise.
 
 use super::draws::{Draws, Stream};
-use super::pixel_light;
-use crate::display::parts::spatial_variation::local_kernels::{nodes, window};
-use crate::interrupt;
-use crate::numerics::Plane;
-use crate::numerics::chebyshev::position;
-use crate::numerics::grid::frequency;
+use super::{pixel_light, position};
+use lightpath_optics::display::parts::spatial_variation::local_kernels::{nodes, window};
+use lightpath_optics::numerics::grid::frequency;
+use lightpath_optics::{Plane, interrupt};
 use num_complex::Complex64;
 use rayon::prelude::*;
 use rustfft::FftPlanner;
 
 /// Number of positions along each axis between which transfer functions are interpolated.
-pub(crate) const POSITIONS: usize = 7;
+pub(super) const POSITIONS: usize = 7;
 
 /// The aberrations of one bench, with drawn properties.
 #[derive(Clone, Debug)]
