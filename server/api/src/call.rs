@@ -16,6 +16,38 @@ pub(crate) type Answers<A> = BoxStream<'static, Result<A, ServiceError>>;
 /// A stream of answers with errors as tonic expects them.
 pub(crate) type StatusStream<A> = BoxStream<'static, Result<A, Status>>;
 
+/// Implements the trait of a gRPC service by the methods of [`Api`] that have the same names: with one answer each, then
+/// with a stream of answers each.
+macro_rules! answers {
+    (
+        $service:ident { $($method:ident($request:ty) -> $answer:ty;)* }
+        $(streams { $($stream_method:ident($stream_request:ty) -> $item:ty as $stream:ident;)* })?
+    ) => {
+        #[tonic::async_trait]
+        impl $service for Api {
+            $(
+                async fn $method(
+                    &self,
+                    request: tonic::Request<$request>,
+                ) -> Result<tonic::Response<$answer>, tonic::Status> {
+                    self.answer(request, Self::$method).await
+                }
+            )*
+            $($(
+                type $stream = $crate::call::StatusStream<$item>;
+
+                async fn $stream_method(
+                    &self,
+                    request: tonic::Request<$stream_request>,
+                ) -> Result<tonic::Response<Self::$stream>, tonic::Status> {
+                    self.answer_with_stream(request, Self::$stream_method).await
+                }
+            )*)?
+        }
+    };
+}
+pub(crate) use answers;
+
 impl Api {
     /// Handles a request with one answer.
     ///

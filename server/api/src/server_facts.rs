@@ -1,16 +1,15 @@
 //! The server service: facts about the server and about the caller's token.
 
 use crate::api::Api;
+use crate::call::answers;
 use crate::time::timestamp;
 use lightpath_proto::v1;
 use lightpath_proto::v1::server_service_server::ServerService;
 use lightpath_service::{Call, ServiceError};
-use tonic::{Request, Response, Status};
 
-#[tonic::async_trait]
-impl ServerService for Api {
-    async fn get_server(&self, request: Request<v1::GetServerRequest>) -> Result<Response<v1::Server>, Status> {
-        self.answer(request, Self::get_server).await
+answers! {
+    ServerService {
+        get_server(v1::GetServerRequest) -> v1::Server;
     }
 }
 

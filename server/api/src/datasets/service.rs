@@ -2,6 +2,7 @@
 
 use super::{from_wire, to_wire};
 use crate::api::Api;
+use crate::call::answers;
 use crate::enumerations::WireField as _;
 use crate::names;
 use crate::pages::Page;
@@ -9,44 +10,15 @@ use lightpath_domain::dataset::{Dataset, Encoding};
 use lightpath_proto::v1;
 use lightpath_proto::v1::dataset_service_server::DatasetService;
 use lightpath_service::{CalibrationTarget, Call, Field, ServiceError, check_all};
-use tonic::{Request, Response, Status};
 
-#[tonic::async_trait]
-impl DatasetService for Api {
-    async fn create_dataset(
-        &self,
-        request: Request<v1::CreateDatasetRequest>,
-    ) -> Result<Response<v1::Dataset>, Status> {
-        self.answer(request, Self::create_dataset).await
-    }
-
-    async fn get_dataset(&self, request: Request<v1::GetDatasetRequest>) -> Result<Response<v1::Dataset>, Status> {
-        self.answer(request, Self::get_dataset).await
-    }
-
-    async fn list_datasets(
-        &self,
-        request: Request<v1::ListDatasetsRequest>,
-    ) -> Result<Response<v1::ListDatasetsResponse>, Status> {
-        self.answer(request, Self::list_datasets).await
-    }
-
-    async fn add_pair(&self, request: Request<v1::AddPairRequest>) -> Result<Response<v1::Dataset>, Status> {
-        self.answer(request, Self::add_pair).await
-    }
-
-    async fn delete_dataset(
-        &self,
-        request: Request<v1::DeleteDatasetRequest>,
-    ) -> Result<Response<v1::DeleteDatasetResponse>, Status> {
-        self.answer(request, Self::delete_dataset).await
-    }
-
-    async fn create_calibration_target(
-        &self,
-        request: Request<v1::CreateCalibrationTargetRequest>,
-    ) -> Result<Response<v1::CalibrationTarget>, Status> {
-        self.answer(request, Self::create_calibration_target).await
+answers! {
+    DatasetService {
+        create_dataset(v1::CreateDatasetRequest) -> v1::Dataset;
+        get_dataset(v1::GetDatasetRequest) -> v1::Dataset;
+        list_datasets(v1::ListDatasetsRequest) -> v1::ListDatasetsResponse;
+        add_pair(v1::AddPairRequest) -> v1::Dataset;
+        delete_dataset(v1::DeleteDatasetRequest) -> v1::DeleteDatasetResponse;
+        create_calibration_target(v1::CreateCalibrationTargetRequest) -> v1::CalibrationTarget;
     }
 }
 

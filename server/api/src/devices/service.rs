@@ -2,47 +2,25 @@
 
 use super::to_wire;
 use crate::api::Api;
+use crate::call::answers;
 use crate::names;
 use crate::pages::Page;
 use lightpath_domain::device::{Device, InstalledFile, InstalledKernel, Report};
 use lightpath_proto::v1;
 use lightpath_proto::v1::device_service_server::DeviceService;
 use lightpath_service::{Call, Field, ServiceError, permissions};
-use tonic::{Request, Response, Status};
 
 /// Limit on the length of a device's message \[bytes\].
 const MESSAGE_BYTES_MAX: usize = 1024;
 /// Limit on the length of the name of a device's program \[bytes\].
 const AGENT_BYTES_MAX: usize = 128;
 
-#[tonic::async_trait]
-impl DeviceService for Api {
-    async fn report_device(
-        &self,
-        request: Request<v1::ReportDeviceRequest>,
-    ) -> Result<Response<v1::ReportDeviceResponse>, Status> {
-        self.answer(request, Self::report_device).await
-    }
-
-    async fn list_devices(
-        &self,
-        request: Request<v1::ListDevicesRequest>,
-    ) -> Result<Response<v1::ListDevicesResponse>, Status> {
-        self.answer(request, Self::list_devices).await
-    }
-
-    async fn set_device_group(
-        &self,
-        request: Request<v1::SetDeviceGroupRequest>,
-    ) -> Result<Response<v1::Device>, Status> {
-        self.answer(request, Self::set_device_group).await
-    }
-
-    async fn delete_device(
-        &self,
-        request: Request<v1::DeleteDeviceRequest>,
-    ) -> Result<Response<v1::DeleteDeviceResponse>, Status> {
-        self.answer(request, Self::delete_device).await
+answers! {
+    DeviceService {
+        report_device(v1::ReportDeviceRequest) -> v1::ReportDeviceResponse;
+        list_devices(v1::ListDevicesRequest) -> v1::ListDevicesResponse;
+        set_device_group(v1::SetDeviceGroupRequest) -> v1::Device;
+        delete_device(v1::DeleteDeviceRequest) -> v1::DeleteDeviceResponse;
     }
 }
 

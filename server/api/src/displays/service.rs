@@ -2,45 +2,20 @@
 
 use super::{from_wire, to_wire};
 use crate::api::Api;
+use crate::call::answers;
 use crate::names;
 use crate::pages::Page;
 use lightpath_proto::v1;
 use lightpath_proto::v1::display_service_server::DisplayService;
 use lightpath_service::{Call, Field, ServiceError};
-use tonic::{Request, Response, Status};
 
-#[tonic::async_trait]
-impl DisplayService for Api {
-    async fn create_display(
-        &self,
-        request: Request<v1::CreateDisplayRequest>,
-    ) -> Result<Response<v1::Display>, Status> {
-        self.answer(request, Self::create_display).await
-    }
-
-    async fn get_display(&self, request: Request<v1::GetDisplayRequest>) -> Result<Response<v1::Display>, Status> {
-        self.answer(request, Self::get_display).await
-    }
-
-    async fn list_displays(
-        &self,
-        request: Request<v1::ListDisplaysRequest>,
-    ) -> Result<Response<v1::ListDisplaysResponse>, Status> {
-        self.answer(request, Self::list_displays).await
-    }
-
-    async fn plan_propagation(
-        &self,
-        request: Request<v1::PlanPropagationRequest>,
-    ) -> Result<Response<v1::PlanPropagationResponse>, Status> {
-        self.answer(request, Self::plan_propagation).await
-    }
-
-    async fn delete_display(
-        &self,
-        request: Request<v1::DeleteDisplayRequest>,
-    ) -> Result<Response<v1::DeleteDisplayResponse>, Status> {
-        self.answer(request, Self::delete_display).await
+answers! {
+    DisplayService {
+        create_display(v1::CreateDisplayRequest) -> v1::Display;
+        get_display(v1::GetDisplayRequest) -> v1::Display;
+        list_displays(v1::ListDisplaysRequest) -> v1::ListDisplaysResponse;
+        plan_propagation(v1::PlanPropagationRequest) -> v1::PlanPropagationResponse;
+        delete_display(v1::DeleteDisplayRequest) -> v1::DeleteDisplayResponse;
     }
 }
 

@@ -3,7 +3,7 @@
 use super::publisher::publish;
 use crate::accounts::{OpenStream, StreamKind};
 use crate::api::Api;
-use crate::call::{Answers, StatusStream};
+use crate::call::{Answers, answers};
 use crate::event_log::{Entry, EventLog, Since};
 use futures::{StreamExt as _, stream};
 use lightpath_domain::access::Caller;
@@ -15,17 +15,11 @@ use std::collections::{HashSet, VecDeque};
 use std::mem;
 use std::sync::Arc;
 use tokio::sync::watch;
-use tonic::{Request, Response, Status};
 
-#[tonic::async_trait]
-impl EventService for Api {
-    type WatchEventsStream = StatusStream<v1::Event>;
-
-    async fn watch_events(
-        &self,
-        request: Request<v1::WatchEventsRequest>,
-    ) -> Result<Response<Self::WatchEventsStream>, Status> {
-        self.answer_with_stream(request, Self::watch_events).await
+answers! {
+    EventService {}
+    streams {
+        watch_events(v1::WatchEventsRequest) -> v1::Event as WatchEventsStream;
     }
 }
 

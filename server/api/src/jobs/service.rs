@@ -3,7 +3,7 @@
 use super::scheduling::label;
 use super::to_wire;
 use crate::api::Api;
-use crate::call::StatusStream;
+use crate::call::answers;
 use crate::enumerations::WireField as _;
 use crate::names;
 use crate::pages::Page;
@@ -14,57 +14,22 @@ use lightpath_proto::v1::list_jobs_request::{Order, View};
 use lightpath_service::{Call, Field, ServiceError, shortened};
 use lightpath_store::{BatchProgress, JobFilter};
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
-use tonic::{Request, Response, Status};
 
-#[tonic::async_trait]
-impl JobService for Api {
-    async fn submit_job(&self, request: Request<v1::SubmitJobRequest>) -> Result<Response<v1::Job>, Status> {
-        self.answer(request, Self::submit_job).await
+answers! {
+    JobService {
+        submit_job(v1::SubmitJobRequest) -> v1::Job;
+        get_job(v1::GetJobRequest) -> v1::Job;
+        list_jobs(v1::ListJobsRequest) -> v1::ListJobsResponse;
+        cancel_job(v1::CancelJobRequest) -> v1::Job;
+        retry_job(v1::RetryJobRequest) -> v1::Job;
+        list_job_events(v1::ListJobEventsRequest) -> v1::ListJobEventsResponse;
+        get_batch(v1::GetBatchRequest) -> v1::Batch;
+        get_queue(v1::GetQueueRequest) -> v1::Queue;
+        pause_queue(v1::PauseQueueRequest) -> v1::Queue;
+        resume_queue(v1::ResumeQueueRequest) -> v1::Queue;
     }
-
-    async fn get_job(&self, request: Request<v1::GetJobRequest>) -> Result<Response<v1::Job>, Status> {
-        self.answer(request, Self::get_job).await
-    }
-
-    async fn list_jobs(&self, request: Request<v1::ListJobsRequest>) -> Result<Response<v1::ListJobsResponse>, Status> {
-        self.answer(request, Self::list_jobs).await
-    }
-
-    type WatchJobStream = StatusStream<v1::Job>;
-
-    async fn watch_job(&self, request: Request<v1::WatchJobRequest>) -> Result<Response<Self::WatchJobStream>, Status> {
-        self.answer_with_stream(request, Self::watch_job).await
-    }
-
-    async fn cancel_job(&self, request: Request<v1::CancelJobRequest>) -> Result<Response<v1::Job>, Status> {
-        self.answer(request, Self::cancel_job).await
-    }
-
-    async fn retry_job(&self, request: Request<v1::RetryJobRequest>) -> Result<Response<v1::Job>, Status> {
-        self.answer(request, Self::retry_job).await
-    }
-
-    async fn list_job_events(
-        &self,
-        request: Request<v1::ListJobEventsRequest>,
-    ) -> Result<Response<v1::ListJobEventsResponse>, Status> {
-        self.answer(request, Self::list_job_events).await
-    }
-
-    async fn get_batch(&self, request: Request<v1::GetBatchRequest>) -> Result<Response<v1::Batch>, Status> {
-        self.answer(request, Self::get_batch).await
-    }
-
-    async fn get_queue(&self, request: Request<v1::GetQueueRequest>) -> Result<Response<v1::Queue>, Status> {
-        self.answer(request, Self::get_queue).await
-    }
-
-    async fn pause_queue(&self, request: Request<v1::PauseQueueRequest>) -> Result<Response<v1::Queue>, Status> {
-        self.answer(request, Self::pause_queue).await
-    }
-
-    async fn resume_queue(&self, request: Request<v1::ResumeQueueRequest>) -> Result<Response<v1::Queue>, Status> {
-        self.answer(request, Self::resume_queue).await
+    streams {
+        watch_job(v1::WatchJobRequest) -> v1::Job as WatchJobStream;
     }
 }
 

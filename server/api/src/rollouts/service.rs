@@ -2,6 +2,7 @@
 
 use super::to_wire;
 use crate::api::Api;
+use crate::call::answers;
 use crate::kernels::REASON_BYTES_MAX;
 use crate::names;
 use crate::pages::Page;
@@ -9,43 +10,20 @@ use lightpath_domain::rollout::RolloutPlan;
 use lightpath_proto::v1;
 use lightpath_proto::v1::rollout_service_server::RolloutService;
 use lightpath_service::{Call, Field, Passage, ServiceError};
-use tonic::{Request, Response, Status};
 
 /// Default of the limit on failed devices \[%\].
 const FAILED_PERCENT_MAX: f64 = 10.0;
 /// Default of the least number of devices of which the share of failures is computed.
 const DEVICES_MIN: u32 = 10;
 
-#[tonic::async_trait]
-impl RolloutService for Api {
-    async fn start_rollout(&self, request: Request<v1::StartRolloutRequest>) -> Result<Response<v1::Rollout>, Status> {
-        self.answer(request, Self::start_rollout).await
-    }
-
-    async fn widen_rollout(&self, request: Request<v1::WidenRolloutRequest>) -> Result<Response<v1::Rollout>, Status> {
-        self.answer(request, Self::widen_rollout).await
-    }
-
-    async fn complete_rollout(
-        &self,
-        request: Request<v1::CompleteRolloutRequest>,
-    ) -> Result<Response<v1::Rollout>, Status> {
-        self.answer(request, Self::complete_rollout).await
-    }
-
-    async fn halt_rollout(&self, request: Request<v1::HaltRolloutRequest>) -> Result<Response<v1::Rollout>, Status> {
-        self.answer(request, Self::halt_rollout).await
-    }
-
-    async fn get_rollout(&self, request: Request<v1::GetRolloutRequest>) -> Result<Response<v1::Rollout>, Status> {
-        self.answer(request, Self::get_rollout).await
-    }
-
-    async fn list_rollouts(
-        &self,
-        request: Request<v1::ListRolloutsRequest>,
-    ) -> Result<Response<v1::ListRolloutsResponse>, Status> {
-        self.answer(request, Self::list_rollouts).await
+answers! {
+    RolloutService {
+        start_rollout(v1::StartRolloutRequest) -> v1::Rollout;
+        widen_rollout(v1::WidenRolloutRequest) -> v1::Rollout;
+        complete_rollout(v1::CompleteRolloutRequest) -> v1::Rollout;
+        halt_rollout(v1::HaltRolloutRequest) -> v1::Rollout;
+        get_rollout(v1::GetRolloutRequest) -> v1::Rollout;
+        list_rollouts(v1::ListRolloutsRequest) -> v1::ListRolloutsResponse;
     }
 }
 

@@ -2,53 +2,22 @@
 
 use super::to_wire;
 use crate::api::Api;
+use crate::call::answers;
 use crate::names;
 use crate::pages::Page;
 use lightpath_domain::webhook::{Delivery, Webhook, WebhookEvent, WebhookUrl};
 use lightpath_proto::v1;
 use lightpath_proto::v1::webhook_service_server::WebhookService;
 use lightpath_service::{Call, Field, NewWebhook, ServiceError, shortened};
-use tonic::{Request, Response, Status};
 
-#[tonic::async_trait]
-impl WebhookService for Api {
-    async fn create_webhook(
-        &self,
-        request: Request<v1::CreateWebhookRequest>,
-    ) -> Result<Response<v1::Webhook>, Status> {
-        self.answer(request, Self::create_webhook).await
-    }
-
-    async fn get_webhook(&self, request: Request<v1::GetWebhookRequest>) -> Result<Response<v1::Webhook>, Status> {
-        self.answer(request, Self::get_webhook).await
-    }
-
-    async fn list_webhooks(
-        &self,
-        request: Request<v1::ListWebhooksRequest>,
-    ) -> Result<Response<v1::ListWebhooksResponse>, Status> {
-        self.answer(request, Self::list_webhooks).await
-    }
-
-    async fn test_webhook(
-        &self,
-        request: Request<v1::TestWebhookRequest>,
-    ) -> Result<Response<v1::WebhookDelivery>, Status> {
-        self.answer(request, Self::test_webhook).await
-    }
-
-    async fn list_webhook_deliveries(
-        &self,
-        request: Request<v1::ListWebhookDeliveriesRequest>,
-    ) -> Result<Response<v1::ListWebhookDeliveriesResponse>, Status> {
-        self.answer(request, Self::list_webhook_deliveries).await
-    }
-
-    async fn delete_webhook(
-        &self,
-        request: Request<v1::DeleteWebhookRequest>,
-    ) -> Result<Response<v1::DeleteWebhookResponse>, Status> {
-        self.answer(request, Self::delete_webhook).await
+answers! {
+    WebhookService {
+        create_webhook(v1::CreateWebhookRequest) -> v1::Webhook;
+        get_webhook(v1::GetWebhookRequest) -> v1::Webhook;
+        list_webhooks(v1::ListWebhooksRequest) -> v1::ListWebhooksResponse;
+        test_webhook(v1::TestWebhookRequest) -> v1::WebhookDelivery;
+        list_webhook_deliveries(v1::ListWebhookDeliveriesRequest) -> v1::ListWebhookDeliveriesResponse;
+        delete_webhook(v1::DeleteWebhookRequest) -> v1::DeleteWebhookResponse;
     }
 }
 
