@@ -34,7 +34,7 @@ impl Store {
                 let sql = "insert into artifact_place values (1, $1) on conflict do nothing";
                 query(sql).bind(&identity).execute(write.sql()).await?;
                 let sql = "update artifact_place set identity = $1 where identity = $2";
-                query(sql).bind(&identity).bind(former).execute(write.sql()).await?;
+                query(sql).bind((&identity, former)).execute(write.sql()).await?;
                 Ok(scalar("select identity from artifact_place").fetch_one(write.sql()).await?)
             })
         })
@@ -61,7 +61,7 @@ impl Store {
             Box::pin(async move {
                 if let Some(seen) = seen {
                     let sql = "delete from artifact_removal where digest = $1 and mark = $2";
-                    query(sql).bind(&digest).bind(seen).execute(write.sql()).await?;
+                    query(sql).bind((&digest, seen)).execute(write.sql()).await?;
                 }
                 let row = query(
                     "insert into artifact (digest, size_bytes, create_time_ms, use_time_ms) select $1, $2, $3, $3 \
@@ -69,9 +69,7 @@ impl Store {
                      on conflict (digest) do update set size_bytes = excluded.size_bytes, \
                      use_time_ms = max(artifact.use_time_ms, excluded.use_time_ms) returning *",
                 )
-                .bind(&digest)
-                .bind(size_bytes as i64)
-                .bind(now_ms)
+                .bind((&digest, size_bytes as i64, now_ms))
                 .fetch_optional(write.sql())
                 .await?;
                 let Some(row) = row else {
@@ -79,7 +77,7 @@ impl Store {
                     return Ok(Err(scalar(sql).bind(digest).fetch_one(write.sql()).await?));
                 };
                 let sql = "insert into artifact_owner values ($1, $2) on conflict do nothing";
-                query(sql).bind(digest).bind(owner).execute(write.sql()).await?;
+                query(sql).bind((digest, owner)).execute(write.sql()).await?;
                 record_of(&row).map(Ok)
             })
         })
@@ -102,7 +100,7 @@ impl Store {
             .write(move |write| {
                 Box::pin(async move {
                     let sql = "update artifact set use_time_ms = $2 where digest = $1 returning *";
-                    let row = query(sql).bind(digest).bind(now_ms).fetch_optional(write.sql()).await?;
+                    let row = query(sql).bind((digest, now_ms)).fetch_optional(write.sql()).await?;
                     row.as_ref().map(record_of).transpose()
                 })
             })
@@ -128,7 +126,7 @@ impl Store {
                    or exists (select 1 from dataset where instr(alignment, $1) > 0 and display in (select id from own)) \
                    or exists (select 1 from kernel_version v join kernel on kernel.id = v.kernel \
                        where v.artifact = $1 and kernel.display in (select id from own))";
-        let concerns = scalar(sql).bind(digest).bind(owner).bind(to_json("display", &displays)?);
+        let concerns = scalar(sql).bind((digest, owner, to_json("display", &displays)?));
         Ok(concerns.fetch_one(self.readers()).await?)
     }
 

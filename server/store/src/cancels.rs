@@ -41,8 +41,7 @@ async fn cancel(write: &mut Write, id: &str, now_ms: i64) -> Result<Job, StoreEr
                 "update job set state = 'cancelled', finish_time_ms = $2, cancel_requested = 1, checkpoint = null, \
                  revision = revision + 1 where id = $1 returning *",
             )
-            .bind(id)
-            .bind(now_ms)
+            .bind((id, now_ms))
             .fetch_one(write.sql())
             .await?;
             let job = job_of(&row)?;
@@ -90,9 +89,7 @@ async fn retry(write: &mut Write, id: &str, now_ms: i64) -> Result<Job, StoreErr
         "update job set state = 'queued', failures = 0, crashes = 0, cancel_requested = 0, error = null, progress = null, \
          finish_time_ms = null, run_time_ms = $2, waiting_for = $3, revision = revision + 1 where id = $1 returning *",
     )
-    .bind(id)
-    .bind(now_ms)
-    .bind(unfinished.len() as i64)
+    .bind((id, now_ms, unfinished.len() as i64))
     .fetch_one(write.sql())
     .await?;
     let job = job_of(&row)?;

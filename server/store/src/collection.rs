@@ -40,7 +40,7 @@ impl Store {
         limit: u32,
     ) -> Result<Vec<ArtifactRecord>, StoreError> {
         let sql = unreferenced!("select * from artifact", "and digest > $2 order by digest limit $3");
-        let query = query(sql).bind(before_ms).bind(after).bind(page(limit));
+        let query = query(sql).bind((before_ms, after, page(limit)));
         query.fetch_all(self.readers()).await?.iter().map(record_of).collect()
     }
 
@@ -55,7 +55,7 @@ impl Store {
         self.write(move |write| {
             Box::pin(async move {
                 let sql = unreferenced!("delete from artifact", "and digest = $2");
-                let deleted = query(sql).bind(before_ms).bind(digest).execute(write.sql()).await?;
+                let deleted = query(sql).bind((before_ms, digest)).execute(write.sql()).await?;
                 Ok(deleted == 1)
             })
         })
@@ -73,12 +73,12 @@ impl Store {
         self.write(move |write| {
             Box::pin(async move {
                 let sql = unreferenced!("delete from artifact", "and digest = $2");
-                if query(sql).bind(before_ms).bind(&digest).execute(write.sql()).await? == 0 {
+                if query(sql).bind((before_ms, &digest)).execute(write.sql()).await? == 0 {
                     return Ok(None);
                 }
                 let mark = Uuid::now_v7().to_string();
                 let sql = "insert into artifact_removal values ($1, $2)";
-                query(sql).bind(digest).bind(&mark).execute(write.sql()).await?;
+                query(sql).bind((digest, &mark)).execute(write.sql()).await?;
                 Ok(Some(mark))
             })
         })
@@ -96,7 +96,7 @@ impl Store {
             Box::pin(async move {
                 let sql = "insert into artifact_removal select $1, $2 \
                            where not exists (select 1 from artifact where digest = $1) on conflict do nothing";
-                let inserted = query(sql).bind(digest).bind(&mark).execute(write.sql()).await?;
+                let inserted = query(sql).bind((digest, &mark)).execute(write.sql()).await?;
                 Ok((inserted == 1).then_some(mark))
             })
         })
@@ -125,7 +125,7 @@ impl Store {
         self.write(move |write| {
             Box::pin(async move {
                 let sql = "update artifact_removal set mark = $3 where digest = $1 and mark = $2";
-                let changed = query(sql).bind(digest).bind(seen).bind(&mark).execute(write.sql()).await?;
+                let changed = query(sql).bind((digest, seen, &mark)).execute(write.sql()).await?;
                 Ok((changed == 1).then_some(mark))
             })
         })
@@ -142,7 +142,7 @@ impl Store {
         self.write(move |write| {
             Box::pin(async move {
                 let sql = "delete from artifact_removal where digest = $1 and mark = $2";
-                Ok(query(sql).bind(digest).bind(mark).execute(write.sql()).await? == 1)
+                Ok(query(sql).bind((digest, mark)).execute(write.sql()).await? == 1)
             })
         })
         .await
@@ -155,7 +155,7 @@ impl Store {
     /// [`StoreError::Database`].
     pub async fn removals(&self, after: &str, limit: u32) -> Result<Vec<(String, String)>, StoreError> {
         let sql = "select digest, mark from artifact_removal where digest > $1 order by digest limit $2";
-        let rows = query(sql).bind(after).bind(page(limit)).fetch_all(self.readers()).await?;
+        let rows = query(sql).bind((after, page(limit))).fetch_all(self.readers()).await?;
         rows.iter().map(|row| Ok((row.try_get("digest")?, row.try_get("mark")?))).collect()
     }
 
@@ -187,7 +187,7 @@ impl Store {
     /// [`StoreError::Database`].
     pub async fn jobs_ended_before(&self, before_ms: i64, limit: u32) -> Result<Vec<String>, StoreError> {
         let sql = "select id from job where finish_time_ms < $1 order by finish_time_ms limit $2";
-        Ok(scalar(sql).bind(before_ms).bind(page(limit)).fetch_all(self.readers()).await?)
+        Ok(scalar(sql).bind((before_ms, page(limit))).fetch_all(self.readers()).await?)
     }
 
     /// Number of jobs that ended before `before_ms`.
@@ -227,7 +227,7 @@ async fn delete_jobs(write: &mut Write, ids: Vec<String>, before_ms: i64, now_ms
     for id in ids {
         // A job that was retried in the meantime is kept.
         let sql = "select checkpoint from job where id = $1 and finish_time_ms < $2";
-        let row = query(sql).bind(&id).bind(before_ms).fetch_optional(write.sql()).await?;
+        let row = query(sql).bind((&id, before_ms)).fetch_optional(write.sql()).await?;
         let Some(row) = row else { continue };
         deleted.checkpoints.extend(row.try_get::<Option<String>>("checkpoint")?);
         for sql in [
@@ -239,7 +239,7 @@ async fn delete_jobs(write: &mut Write, ids: Vec<String>, before_ms: i64, now_ms
             "delete from job_event where job = $1",
             "delete from job where id = $1",
         ] {
-            query(sql).bind(&id).bind(now_ms).execute(write.sql()).await?;
+            query(sql).bind((&id, now_ms)).execute(write.sql()).await?;
         }
         deleted.jobs += 1;
     }

@@ -85,13 +85,8 @@ async fn create(write: &mut Write, dataset: Dataset, now_ms: i64) -> Result<Data
         "insert into dataset (id, display, wavelength_pm, distance_nm, photo_encoding, photo_bit_depth, create_time_ms) \
          values ($1, $2, $3, $4, $5, $6, $7) on conflict do nothing",
     )
-    .bind(&dataset.id)
-    .bind(&dataset.display)
-    .bind(dataset.wavelength.pm)
-    .bind(dataset.distance.nm)
-    .bind(to_word::<Encoding>("dataset.photo_encoding", &dataset.photo_encoding)?)
-    .bind(dataset.photo_bit_depth)
-    .bind(now_ms)
+    .bind((&dataset.id, &dataset.display, dataset.wavelength.pm, dataset.distance.nm))
+    .bind((to_word::<Encoding>("dataset.photo_encoding", &dataset.photo_encoding)?, dataset.photo_bit_depth, now_ms))
     .execute(write.sql())
     .await?;
     let stored = with_pairs(write.sql(), &dataset.id).await?;
@@ -113,8 +108,7 @@ async fn require_room(sql: &mut Connection, dataset: &Dataset) -> Result<(), Sto
         "select exists (select 1 from display where id = $1), exists (select 1 from dataset where id = $2), \
          (select count(*) from dataset where display = $1)",
     )
-    .bind(&dataset.display)
-    .bind(&dataset.id)
+    .bind((&dataset.display, &dataset.id))
     .fetch_one(sql)
     .await?;
     let display = &dataset.display;
@@ -143,7 +137,7 @@ async fn delete(write: &mut Write, id: &str, now_ms: i64) -> Result<(), StoreErr
     // Clients may be about to use the files in another dataset.
     let keep = "update artifact set use_time_ms = max(use_time_ms, $2) where digest in \
                 (select phase from pair where dataset = $1 union select photo from pair where dataset = $1)";
-    query(keep).bind(id).bind(now_ms).execute(write.sql()).await?;
+    query(keep).bind((id, now_ms)).execute(write.sql()).await?;
     let delete = scalar("delete from dataset where id = $1 returning display");
     let display: Option<String> = delete.bind(id).fetch_optional(write.sql()).await?;
     let display = display.ok_or_else(|| StoreError::not_found(format!("datasets/{id}")))?;
@@ -172,19 +166,14 @@ async fn add_pair(write: &mut Write, id: &str, pair: &Pair, findings: &[Finding]
         findings.iter().partition(|finding| !finding.pair.is_empty());
     let sql = "insert into pair (dataset, id, phase, photo, split, exposure, checks, findings) values ($1, $2, $3, $4, $5, $6, $7, $8)";
     query(sql)
-        .bind(id)
-        .bind(&pair.id)
-        .bind(&pair.phase)
-        .bind(&pair.photo)
-        .bind(pair.split.map(|split| to_word("pair.split", &split)).transpose()?)
-        .bind(exposure)
-        .bind(checks)
+        .bind((id, &pair.id, &pair.phase, &pair.photo))
+        .bind((pair.split.map(|split| to_word("pair.split", &split)).transpose()?, exposure, checks))
         .bind(to_json("pair.findings", &pair_findings)?)
         .execute(write.sql())
         .await?;
     let sql = "update dataset set pair_count = pair_count + 1, findings = $2, revision = revision + 1 \
                where id = $1 returning *";
-    let row = query(sql).bind(id).bind(to_json("dataset.findings", &dataset_findings)?).fetch_one(write.sql()).await?;
+    let row = query(sql).bind((id, to_json("dataset.findings", &dataset_findings)?)).fetch_one(write.sql()).await?;
     write.announce_changed(changed(&dataset));
     dataset_of(&row)
 }
@@ -192,10 +181,7 @@ async fn add_pair(write: &mut Write, id: &str, pair: &Pair, findings: &[Finding]
 /// Whether the dataset contains the same pair. Returns an error if another pair has its id, hologram or photograph.
 async fn contains_pair(sql: &mut Connection, id: &str, pair: &Pair) -> Result<bool, StoreError> {
     let rows = query("select * from pair where dataset = $1 and (id = $2 or phase = $3 or photo = $4)")
-        .bind(id)
-        .bind(&pair.id)
-        .bind(&pair.phase)
-        .bind(&pair.photo)
+        .bind((id, &pair.id, &pair.phase, &pair.photo))
         .fetch_all(sql)
         .await?;
     let stored: Vec<Pair> = rows.iter().map(pair_of).collect::<Result<_, _>>()?;

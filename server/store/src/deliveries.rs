@@ -50,7 +50,7 @@ impl Store {
     pub async fn due_delivery(&self, webhook: &str, now_ms: i64) -> Result<Option<Delivery>, StoreError> {
         let sql = "select * from webhook_delivery where webhook = $1 and next_time_ms <= $2 \
                    order by next_time_ms, sequence limit 1";
-        let row = query(sql).bind(webhook).bind(now_ms).fetch_optional(self.readers()).await?;
+        let row = query(sql).bind((webhook, now_ms)).fetch_optional(self.readers()).await?;
         row.as_ref().map(delivery_of).transpose()
     }
 
@@ -71,17 +71,13 @@ impl Store {
                 let sql = "update webhook_delivery set attempts = attempts + 1, next_time_ms = $2, delivered = $3, \
                            answer = $4 where sequence = $1 and attempts = $5 and next_time_ms is not null";
                 query(sql)
-                    .bind(sequence)
-                    .bind(next_ms)
-                    .bind(attempt == Attempt::Accepted)
-                    .bind(answer)
-                    .bind(delivery_attempts)
+                    .bind((sequence, next_ms, attempt == Attempt::Accepted, answer, delivery_attempts))
                     .execute(write.sql())
                     .await?;
                 let forget_old = "delete from webhook_delivery where webhook = $1 and next_time_ms is null \
                      and sequence <= (select sequence from webhook_delivery where webhook = $1 \
                      and next_time_ms is null order by sequence desc limit 1 offset $2)";
-                query(forget_old).bind(webhook).bind(ENDED_KEPT).execute(write.sql()).await?;
+                query(forget_old).bind((webhook, ENDED_KEPT)).execute(write.sql()).await?;
                 Ok(())
             })
         })
@@ -102,7 +98,7 @@ impl Store {
     ) -> Result<Vec<Delivery>, StoreError> {
         self.webhook(webhook).await?;
         let sql = "select * from webhook_delivery where webhook = $1 and sequence < $2 order by sequence desc limit $3";
-        let query = query(sql).bind(webhook).bind(before.unwrap_or(i64::MAX)).bind(page(limit));
+        let query = query(sql).bind((webhook, before.unwrap_or(i64::MAX), page(limit)));
         query.fetch_all(self.readers()).await?.iter().map(delivery_of).collect()
     }
 

@@ -20,7 +20,7 @@ impl Store {
     pub async fn jobs_on(&self, ids: &[String], displays: &[String]) -> Result<HashSet<String>, StoreError> {
         let sql = "select id from job where id in (select value from json_each($1)) \
                    and display in (select value from json_each($2))";
-        let found = scalar(sql).bind(to_json("job.after", &ids)?).bind(to_json("display", &displays)?);
+        let found = scalar(sql).bind((to_json("job.after", &ids)?, to_json("display", &displays)?));
         Ok(found.fetch_all(self.readers()).await?.into_iter().collect())
     }
 }
@@ -43,7 +43,7 @@ pub(super) async fn store_dependencies(write: &mut Write, job: &str, after: &[St
     }
     for other in after {
         let sql = "insert into job_dependency values ($1, $2) on conflict do nothing";
-        query(sql).bind(job).bind(other).execute(write.sql()).await?;
+        query(sql).bind((job, other)).execute(write.sql()).await?;
     }
     Ok(())
 }
@@ -92,7 +92,7 @@ pub(super) async fn fail_waiting_jobs(write: &mut Write, job: &Job, now_ms: i64)
         let sql = "update job set state = 'failed', error = $2, finish_time_ms = $3, checkpoint = null, \
                    revision = revision + 1 \
                    where id in (select job from job_dependency where after = $1) and state = 'queued' returning *";
-        let rows = query(sql).bind(&id).bind(to_json("job.error", &error)?).bind(now_ms).fetch_all(write.sql()).await?;
+        let rows = query(sql).bind((&id, to_json("job.error", &error)?, now_ms)).fetch_all(write.sql()).await?;
         for row in rows {
             let waiting = job_of(&row)?;
             append_event(write, &waiting, now_ms, format!("failed: DEPENDENCY_FAILED: {message}")).await?;

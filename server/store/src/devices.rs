@@ -36,9 +36,7 @@ impl Store {
     pub async fn devices(&self, display: &str, after: Option<&str>, limit: u32) -> Result<Vec<Device>, StoreError> {
         let mut read = self.readers().begin().await?;
         let rows = query("select * from device where display = $1 and id > $2 order by id limit $3")
-            .bind(display)
-            .bind(after.unwrap_or(""))
-            .bind(page(limit))
+            .bind((display, after.unwrap_or(""), page(limit)))
             .fetch_all(&mut read)
             .await?;
         with_kernels(&mut read, display, &rows).await
@@ -62,14 +60,13 @@ impl Store {
             Box::pin(async move {
                 create(write.sql(), &display, &device).await?;
                 let regroup = "update device set group_name = $3 where display = $1 and id = $2 and group_name <> $3";
-                let changed = query(regroup).bind(&display).bind(&device).bind(&group).execute(write.sql()).await?;
+                let changed = query(regroup).bind((&display, &device, &group)).execute(write.sql()).await?;
                 if changed > 0 {
                     write.announce_changed(device_changed(&display, &device));
                     rollouts::note_regrouping(write, &display, now_ms).await?;
                 }
                 let row = query("select * from device where display = $1 and id = $2")
-                    .bind(&display)
-                    .bind(&device)
+                    .bind((&display, &device))
                     .fetch_one(write.sql())
                     .await?;
                 let devices = with_kernels(write.sql(), &display, &[row]).await?;
@@ -89,7 +86,7 @@ impl Store {
         self.write(move |write| {
             Box::pin(async move {
                 let delete = "delete from device where display = $1 and id = $2";
-                let deleted = query(delete).bind(&display).bind(&device).execute(write.sql()).await?;
+                let deleted = query(delete).bind((&display, &device)).execute(write.sql()).await?;
                 if deleted == 0 {
                     return Err(not_found(&display, &device));
                 }
@@ -127,10 +124,7 @@ async fn store_report(write: &mut Write, report: &Report) -> Result<(), StoreErr
     let display = &installed.kernel.display;
     create(write.sql(), display, device).await?;
     query("update device set agent = $1, report_time_ms = $2 where display = $3 and id = $4")
-        .bind(agent)
-        .bind(installed.report_time_ms)
-        .bind(display)
-        .bind(device)
+        .bind((agent, installed.report_time_ms, display, device))
         .execute(write.sql())
         .await?;
     query(
@@ -140,17 +134,10 @@ async fn store_report(write: &mut Write, report: &Report) -> Result<(), StoreErr
          generation = excluded.generation, tried_version = excluded.tried_version, message = excluded.message, \
          self_test_loss = excluded.self_test_loss, report_time_ms = excluded.report_time_ms",
     )
-    .bind(display)
-    .bind(device)
-    .bind(id)
-    .bind(file.map(|file| file.version))
+    .bind((display, device, id, file.map(|file| file.version)))
     .bind(file.map(|file| to_word("device_kernel.form", &file.form)).transpose()?.unwrap_or_default())
-    .bind(file.map(|file| file.digest.as_str()).unwrap_or_default())
-    .bind(installed.generation as i64)
-    .bind(installed.tried_version)
-    .bind(&installed.message)
-    .bind(installed.self_test_loss)
-    .bind(installed.report_time_ms)
+    .bind((file.map(|file| file.digest.as_str()).unwrap_or_default(), installed.generation as i64))
+    .bind((installed.tried_version, &installed.message, installed.self_test_loss, installed.report_time_ms))
     .execute(write.sql())
     .await?;
     write.announce_changed(device_changed(display, device));
@@ -166,7 +153,7 @@ async fn create(sql: &mut Connection, display: &str, device: &str) -> Result<(),
     let state = "select exists (select 1 from display where id = $1), \
                  exists (select 1 from device where display = $1 and id = $2)";
     let (display_exists, device_exists): (bool, bool) =
-        query_as(state).bind(display).bind(device).fetch_one(&mut *sql).await?;
+        query_as(state).bind((display, device)).fetch_one(&mut *sql).await?;
     if !display_exists {
         return Err(StoreError::not_found(format!("displays/{display}")));
     }
@@ -179,7 +166,7 @@ async fn create(sql: &mut Connection, display: &str, device: &str) -> Result<(),
         let message = format!("displays/{display} has {DEVICES_MAX} devices, which is the limit; delete old ones");
         return Err(StoreError::precondition(PreconditionReason::DevicesFull, message));
     }
-    query("insert into device (display, id) values ($1, $2)").bind(display).bind(device).execute(sql).await?;
+    query("insert into device (display, id) values ($1, $2)").bind((display, device)).execute(sql).await?;
     Ok(())
 }
 
@@ -195,9 +182,7 @@ async fn with_kernels(sql: &mut Connection, display: &str, rows: &[Row]) -> Resu
         "select d.*, k.wavelength_pm, k.distance_nm from device_kernel d join kernel k on k.id = d.kernel \
          where d.display = $1 and d.device between $2 and $3 order by d.device, k.name",
     )
-    .bind(display)
-    .bind(&first.id)
-    .bind(&last.id)
+    .bind((display, &first.id, &last.id))
     .fetch_all(sql)
     .await?;
     let mut kernels = kernels.iter().peekable();

@@ -19,9 +19,7 @@ impl Store {
         self.write(move |write| {
             Box::pin(async move {
                 query("insert into display (id, content, create_time_ms) values ($1, $2, $3) on conflict do nothing")
-                    .bind(&id)
-                    .bind(&content)
-                    .bind(now_ms)
+                    .bind((&id, &content, now_ms))
                     .execute(write.sql())
                     .await?;
                 let row = query("select * from display where id = $1").bind(&id).fetch_one(write.sql()).await?;
@@ -56,8 +54,7 @@ impl Store {
     /// [`StoreError::Database`].
     pub async fn displays(&self, after: Option<&str>, limit: u32) -> Result<Vec<(Display, i64)>, StoreError> {
         let rows = query("select * from display where id > $1 order by id limit $2")
-            .bind(after.unwrap_or(""))
-            .bind(page(limit))
+            .bind((after.unwrap_or(""), page(limit)))
             .fetch_all(self.readers())
             .await?;
         rows.iter().map(display_of).collect()

@@ -237,7 +237,7 @@ async fn finish(
         "state = 'succeeded', lease_id = null, lease_until_ms = null, worker = null, process = null, finish_time_ms = $4, \
          error = null, checkpoint = null, result = $5"
     );
-    let query = bind_lease(sql, lease).bind(now_ms).bind(to_json("job.result", &result)?);
+    let query = bind_lease(sql, lease).bind((now_ms, to_json("job.result", &result)?));
     let job = job_or_lease_lost(query.fetch_optional(write.sql()).await?)?;
     append_event(write, &job, now_ms, "succeeded").await?;
     dependencies::release_waiting_jobs(write, &job).await?;
@@ -264,7 +264,7 @@ async fn expire(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, StoreError> 
         let job = job_of(&row)?;
         // A heartbeat takes no turn and may have come in between. In PostgreSQL this waits for it, and keeps later ones out.
         let sql = "update job set lease_until_ms = lease_until_ms where id = $1 and lease_until_ms <= $2";
-        if query(sql).bind(&job.id).bind(now_ms).execute(write.sql()).await? == 0 {
+        if query(sql).bind((&job.id, now_ms)).execute(write.sql()).await? == 0 {
             continue;
         }
         let message = format!("{} sent no heartbeat before its lease expired", row.try_get::<String>("worker")?);
@@ -301,7 +301,7 @@ async fn recover_orphans(write: &mut Write, process: Option<String>, now_ms: i64
                 Ending::Failed { failures, error }
             }
         };
-        query("update job set crashes = $1 where id = $2").bind(crashes).bind(&job.id).execute(write.sql()).await?;
+        query("update job set crashes = $1 where id = $2").bind((crashes, &job.id)).execute(write.sql()).await?;
         jobs.push(end(write, &job.id, ending, now_ms).await?);
     }
     Ok(jobs)
@@ -315,7 +315,7 @@ async fn running_in(write: &mut Write, process: Option<String>) -> Result<Vec<Ro
         Some(process) => {
             let sql = "select * from job where state = 'running' and (process = $1 or process is null) \
                        order by lease_until_ms limit $2";
-            Ok(query(sql).bind(process).bind(EXPIRED_MAX).fetch_all(write.sql()).await?)
+            Ok(query(sql).bind((process, EXPIRED_MAX)).fetch_all(write.sql()).await?)
         }
     }
 }
@@ -323,7 +323,7 @@ async fn running_in(write: &mut Write, process: Option<String>) -> Result<Vec<Ro
 /// At most [`EXPIRED_MAX`] running jobs whose leases end by `until_ms`.
 async fn running_until(write: &mut Write, until_ms: i64) -> Result<Vec<Row>, StoreError> {
     let sql = "select * from job where state = 'running' and lease_until_ms <= $1 order by lease_until_ms limit $2";
-    Ok(query(sql).bind(until_ms).bind(EXPIRED_MAX).fetch_all(write.sql()).await?)
+    Ok(query(sql).bind((until_ms, EXPIRED_MAX)).fetch_all(write.sql()).await?)
 }
 
 /// Chooses the end of an attempt that ends because its worker stops: requeued in its old place, or cancelled.
@@ -379,11 +379,7 @@ async fn end(write: &mut Write, id: &str, ending: Ending, now_ms: i64) -> Result
         Ending::Cancelled => ("cancelled", None, Some(now_ms), None, None, "cancelled".to_owned()),
     };
     let row = query(sql)
-        .bind(id)
-        .bind(state)
-        .bind(run_time)
-        .bind(finish_time)
-        .bind(failures)
+        .bind((id, state, run_time, finish_time, failures))
         .bind(error.map(|error| to_json("job.error", &error)).transpose()?)
         .fetch_one(write.sql())
         .await?;

@@ -15,9 +15,7 @@ impl Store {
     pub async fn events(&self, job: &str, after: Option<i64>, limit: u32) -> Result<Vec<JobEvent>, StoreError> {
         self.job(job).await?;
         let rows = query("select * from job_event where job = $1 and sequence > $2 order by sequence limit $3")
-            .bind(job)
-            .bind(after.unwrap_or(0))
-            .bind(page(limit))
+            .bind((job, after.unwrap_or(0), page(limit)))
             .fetch_all(self.readers())
             .await?;
         rows.iter()
@@ -45,17 +43,14 @@ pub(super) async fn append_event(
     message: impl Into<String>,
 ) -> Result<(), StoreError> {
     query("insert into job_event (job, time_ms, attempt, message) values ($1, $2, $3, $4)")
-        .bind(&job.id)
-        .bind(now_ms)
-        .bind(job.attempt)
-        .bind(message.into())
+        .bind((&job.id, now_ms, job.attempt, message.into()))
         .execute(write.sql())
         .await?;
     // Each event comes with a new revision, so a job has no more events than revisions.
     if job.revision > u64::from(EVENTS_MAX) {
         let forget_old = "delete from job_event where job = $1 and sequence <= \
                           (select sequence from job_event where job = $1 order by sequence desc limit 1 offset $2)";
-        query(forget_old).bind(&job.id).bind(EVENTS_MAX).execute(write.sql()).await?;
+        query(forget_old).bind((&job.id, EVENTS_MAX)).execute(write.sql()).await?;
     }
     write.announce(Change::Job(job.id.clone()));
     // Each end of a job is an event; its progress is none.

@@ -27,11 +27,7 @@ impl Store {
                     "insert into promotion_gate (display, time_ms, caller, reason, gate) \
                      select id, $1, $2, $3, $4 from display where id = $5",
                 )
-                .bind(now_ms)
-                .bind(cause.caller)
-                .bind(cause.reason)
-                .bind(gate)
-                .bind(&display)
+                .bind((now_ms, cause.caller, cause.reason, gate, &display))
                 .execute(write.sql())
                 .await?;
                 match inserted {
@@ -53,8 +49,7 @@ impl Store {
     /// [`StoreError::Database`].
     pub async fn gates(&self, display: &str, limit: u32) -> Result<Vec<GateChange>, StoreError> {
         let rows = query("select * from promotion_gate where display = $1 order by sequence desc limit $2")
-            .bind(display)
-            .bind(page(limit))
+            .bind((display, page(limit)))
             .fetch_all(self.readers())
             .await?;
         rows.iter()

@@ -241,8 +241,7 @@ impl Inspection {
     /// [`StoreError::Database`].
     pub async fn artifacts_after(&mut self, after: &str) -> Result<Vec<StoredBlob>, StoreError> {
         let rows = query("select digest, size_bytes from artifact where digest > $1 order by digest limit $2")
-            .bind(after)
-            .bind(PAGE)
+            .bind((after, PAGE))
             .fetch_all(&mut self.connection)
             .await?;
         rows.iter()
@@ -303,7 +302,7 @@ impl Inspection {
         let mut after = String::new();
         loop {
             let sql = "select id, spec, result from job where id > $1 order by id limit $2";
-            let rows = query(sql).bind(&after).bind(PAGE).fetch_all(&mut self.connection).await?;
+            let rows = query(sql).bind((&after, PAGE)).fetch_all(&mut self.connection).await?;
             let Some(last) = rows.last() else { return Ok(dangling) };
             after = last.try_get("id")?;
             let mut references = BTreeSet::new();

@@ -91,8 +91,7 @@ impl Store {
     /// [`StoreError::Database`].
     pub async fn job_by_request(&self, owner: &str, request_id: &str) -> Result<Option<Job>, StoreError> {
         let row = query("select * from job where owner = $1 and request_id = $2")
-            .bind(owner)
-            .bind(request_id)
+            .bind((owner, request_id))
             .fetch_optional(self.readers())
             .await?;
         row.as_ref().map(job_of).transpose()
@@ -156,27 +155,10 @@ async fn submit(
          $16, $17, $18, $20, $19, $21, $22) \
          returning *",
     )
-    .bind(id)
-    .bind(&new.request_id)
-    .bind(new.spec.display())
-    .bind(new.spec.dataset())
-    .bind(&spec)
-    .bind(new.priority)
-    .bind(new.attempts_max)
-    .bind(now_ms)
-    .bind(owner)
-    .bind(batch)
-    .bind(unique_key)
-    .bind(not_before_ms)
-    .bind(timeout_ms)
-    .bind(to_json("job.after", after)?)
-    .bind(unfinished.len() as i64)
-    .bind(i64::try_from(new.estimate.memory_bytes).unwrap_or(i64::MAX))
-    .bind((new.estimate.time_s * 1e3) as i64)
-    .bind(new.spec.kind())
-    .bind(label)
-    .bind(words)
-    .bind(to_json("job.needs", needs)?)
+    .bind((id, &new.request_id, new.spec.display(), new.spec.dataset(), &spec, new.priority, new.attempts_max, now_ms))
+    .bind((owner, batch, unique_key, not_before_ms, timeout_ms, to_json("job.after", after)?, unfinished.len() as i64))
+    .bind((i64::try_from(new.estimate.memory_bytes).unwrap_or(i64::MAX), (new.estimate.time_s * 1e3) as i64))
+    .bind((new.spec.kind(), label, words, to_json("job.needs", needs)?))
     .bind(i64::try_from(counted_memory(new.estimate.memory_bytes)).unwrap_or(i64::MAX))
     .fetch_one(write.sql())
     .await?;
@@ -200,7 +182,7 @@ fn words_of(id: &str, new: &NewJob) -> String {
 /// The job that an earlier submit of the same request created.
 async fn find_existing(sql: &mut Connection, new: &NewJob, spec: &str) -> Result<Option<Job>, StoreError> {
     let query = query("select * from job where owner = $1 and request_id = $2");
-    let row = query.bind(&new.scheduling.owner).bind(&new.request_id).fetch_optional(sql).await?;
+    let row = query.bind((&new.scheduling.owner, &new.request_id)).fetch_optional(sql).await?;
     let Some(row) = row else { return Ok(None) };
     let job = job_of(&row)?;
     // The texts are compared, not the values: a number that was rounded when stored would make the same request look
@@ -223,8 +205,7 @@ async fn require_display_and_room(sql: &mut Connection, new: &NewJob, limits: Qu
         "select coalesce(cast(sum(jobs) as bigint), 0), coalesce(cast(sum(jobs) filter (where owner = $1) as bigint), 0), \
          exists (select 1 from display where id = $2) from job_count where state = 'queued'",
     )
-    .bind(&new.scheduling.owner)
-    .bind(new.spec.display())
+    .bind((&new.scheduling.owner, new.spec.display()))
     .fetch_one(&mut *sql)
     .await?;
     if !has_display {
@@ -254,7 +235,7 @@ pub(super) async fn active_with_key(
     key: &str,
 ) -> Result<Option<String>, StoreError> {
     let query = scalar("select id from job where owner = $1 and unique_key = $2 and state in ('queued', 'running')");
-    Ok(query.bind(owner).bind(key).fetch_optional(sql).await?)
+    Ok(query.bind((owner, key)).fetch_optional(sql).await?)
 }
 
 /// Checks that the datasets of a job are datasets of its display. Another display may have a dataset with the id of a
@@ -267,8 +248,7 @@ pub(super) async fn require_datasets(sql: &mut Connection, spec: &JobSpec) -> Re
         "select value from json_each($1) where not exists \
          (select 1 from dataset where id = value and display = $2) limit 1",
     )
-    .bind(to_json("job.spec", &spec.datasets())?)
-    .bind(spec.display())
+    .bind((to_json("job.spec", &spec.datasets())?, spec.display()))
     .fetch_optional(sql)
     .await?;
     missing.map_or(Ok(()), |id| Err(StoreError::not_found(format!("datasets/{id}"))))

@@ -162,12 +162,7 @@ impl Store {
                     "insert into kernel_deprecation (kernel, version, deprecated, time_ms, caller, reason) \
                      select id, $1, $2, $3, $4, $5 from kernel where name = $6",
                 )
-                .bind(version)
-                .bind(deprecated)
-                .bind(now_ms)
-                .bind(cause.caller)
-                .bind(cause.reason)
-                .bind(key.to_string())
+                .bind((version, deprecated, now_ms, cause.caller, cause.reason, key.to_string()))
                 .execute(write.sql())
                 .await?;
                 write.announce(Change::Kernel(key.clone()));
@@ -213,19 +208,12 @@ pub(super) async fn append_version(
          (kernel, version, model, artifact, size_bytes, metrics, lineage, create_time_ms, interpolated, datasets, job) \
          select id, latest_version + 1, $2, $3, $4, $5, $6, $7, $8, $9, $10 from kernel where id = $1 returning version",
     )
-    .bind(id)
-    .bind(to_word("kernel_version.model", &content.model)?)
-    .bind(&content.artifact)
-    .bind(content.size_bytes as i64)
-    .bind(to_json("kernel_version.metrics", &content.metrics)?)
-    .bind(to_json("kernel_version.lineage", &content.lineage)?)
-    .bind(now_ms)
-    .bind(content.lineage.interpolated)
-    .bind(content.lineage.datasets.len() as i64)
-    .bind(&content.lineage.job)
+    .bind((id, to_word("kernel_version.model", &content.model)?, &content.artifact, content.size_bytes as i64))
+    .bind((to_json("kernel_version.metrics", &content.metrics)?, to_json("kernel_version.lineage", &content.lineage)?))
+    .bind((now_ms, content.lineage.interpolated, content.lineage.datasets.len() as i64, &content.lineage.job))
     .fetch_one(write.sql())
     .await?;
-    query("update kernel set latest_version = $2 where id = $1").bind(id).bind(version).execute(write.sql()).await?;
+    query("update kernel set latest_version = $2 where id = $1").bind((id, version)).execute(write.sql()).await?;
     write.announce(Change::Kernel(key.clone()));
     Ok(KernelVersion { key: key.clone(), version, content, create_time_ms: now_ms, active: false, deprecation: None })
 }
@@ -241,11 +229,7 @@ async fn create(sql: &mut Connection, key: &KernelKey, now_ms: i64) -> Result<(i
         "insert into kernel (name, display, wavelength_pm, distance_nm, create_time_ms) values ($1, $2, $3, $4, $5) \
          on conflict do nothing",
     )
-    .bind(key.to_string())
-    .bind(&key.display)
-    .bind(key.wavelength.pm)
-    .bind(key.distance.nm)
-    .bind(now_ms)
+    .bind((key.to_string(), &key.display, key.wavelength.pm, key.distance.nm, now_ms))
     .execute(&mut *sql)
     .await?;
     let (id, kernel) = find(sql, key).await?;

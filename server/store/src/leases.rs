@@ -107,7 +107,7 @@ impl Store {
     /// [`StoreError::Database`].
     pub async fn next_run_time(&self, now_ms: i64, abilities: &Abilities) -> Result<Option<i64>, StoreError> {
         let (labels, memory_bytes) = in_claim(abilities)?;
-        let time = scalar(NEXT_RUN_TIME).bind(now_ms).bind(labels).bind(memory_bytes);
+        let time = scalar(NEXT_RUN_TIME).bind((now_ms, labels, memory_bytes));
         Ok(time.fetch_one(self.readers()).await?)
     }
 
@@ -185,7 +185,7 @@ impl Store {
                                from job where state = 'queued') \
                            update job set run_time_ms = latest_ms, revision = revision + 1 from late \
                            where id = late_id and run_time_ms > latest_ms returning id";
-                let query = scalar(sql).bind(now_ms).bind(pause_max_ms);
+                let query = scalar(sql).bind((now_ms, pause_max_ms));
                 let ids: Vec<String> = query.fetch_all(write.sql()).await?;
                 let count = ids.len() as u64;
                 if count > 0 {
@@ -253,16 +253,8 @@ async fn claim(
     let lease_id = claimant.lease_id.clone();
     let (labels, memory_bytes) = in_claim(&claimant.abilities)?;
     let row = query(CLAIM)
-        .bind(&lease_id)
-        .bind(now_ms + lease_ms)
-        .bind(&claimant.worker)
-        .bind(now_ms)
-        .bind(limits.per_owner)
-        .bind(limits.per_display)
-        .bind(&claimant.process)
-        .bind(labels)
-        .bind(memory_bytes)
-        .bind(&claimant.computer)
+        .bind((&lease_id, now_ms + lease_ms, &claimant.worker, now_ms, limits.per_owner, limits.per_display))
+        .bind((&claimant.process, labels, memory_bytes, &claimant.computer))
         .fetch_optional(write.sql())
         .await?;
     let Some(row) = row else { return Ok(None) };
@@ -282,7 +274,7 @@ pub(super) async fn read(write: &mut Write, lease: &Lease) -> Result<(Job, i64, 
 
 /// A query with the lease bound to its first three parameters, in the order of `fenced`.
 pub(super) fn bind_lease(sql: &'static str, lease: &Lease) -> Query {
-    query(sql).bind(lease.job.clone()).bind(lease.attempt).bind(lease.lease_id.clone())
+    query(sql).bind((lease.job.clone(), lease.attempt, lease.lease_id.clone()))
 }
 
 /// The job in the row that an update under a lease returned. Without a row, the lease was not valid.

@@ -131,9 +131,7 @@ impl Store {
         let (id, _) = find(&mut read, key).await?;
         let rows =
             query("select * from kernel_move where kernel = $1 and sequence < $2 order by sequence desc limit $3")
-                .bind(id)
-                .bind(before.unwrap_or(i64::MAX))
-                .bind(page(limit))
+                .bind((id, before.unwrap_or(i64::MAX), page(limit)))
                 .fetch_all(&mut read)
                 .await?;
         rows.iter()
@@ -276,7 +274,7 @@ pub(super) async fn raise_generation(write: &mut Write, key: &KernelKey, now_ms:
     let raise = "update display set generation = generation + 1, \
                  generation_time_ms = max(generation_time_ms, $2) where id = $1 returning generation";
     write.announce(Change::Kernel(key.clone()));
-    Ok(scalar(raise).bind(&key.display).bind(now_ms).fetch_one(write.sql()).await?)
+    Ok(scalar(raise).bind((&key.display, now_ms)).fetch_one(write.sql()).await?)
 }
 
 async fn apply(
@@ -292,16 +290,8 @@ async fn apply(
          (kernel, alias, time_ms, caller, from_version, to_version, reason, overridden, generation, undoes) \
          values ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10)",
     )
-    .bind(id)
-    .bind(step.alias)
-    .bind(now_ms)
-    .bind(step.cause.caller)
-    .bind(step.from)
-    .bind(step.to)
-    .bind(step.cause.reason)
-    .bind(to_json("kernel_move.overridden", &step.overridden)?)
-    .bind(generation)
-    .bind(step.undoes)
+    .bind((id, step.alias, now_ms, step.cause.caller, step.from, step.to, step.cause.reason))
+    .bind((to_json("kernel_move.overridden", &step.overridden)?, generation, step.undoes))
     .execute(write.sql())
     .await?;
     let change = match (step.alias, step.to) {
@@ -311,7 +301,7 @@ async fn apply(
             "insert into kernel_alias values ($1, $2, $3) on conflict (kernel, alias) do update set version = excluded.version"
         }
     };
-    query(change).bind(id).bind(step.alias).bind(step.to).execute(write.sql()).await?;
+    query(change).bind((id, step.alias, step.to)).execute(write.sql()).await?;
     write.announce(Change::Kernel(key.clone()));
     Ok(find(write.sql(), key).await?.1)
 }

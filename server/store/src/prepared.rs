@@ -105,11 +105,8 @@ fn finalize(
 async fn update_pair(write: &mut Write, dataset: &str, pair: &Pair, findings: &[&Finding]) -> Result<(), StoreError> {
     let checks_json = |checks: &PairChecks| to_json("pair.checks", checks);
     query("update pair set split = $3, checks = $4, findings = $5 where dataset = $1 and id = $2")
-        .bind(dataset)
-        .bind(&pair.id)
-        .bind(pair.split.map(|split| to_word("pair.split", &split)).transpose()?)
-        .bind(pair.checks.as_ref().map(checks_json).transpose()?)
-        .bind(to_json("pair.findings", &findings)?)
+        .bind((dataset, &pair.id, pair.split.map(|split| to_word("pair.split", &split)).transpose()?))
+        .bind((pair.checks.as_ref().map(checks_json).transpose()?, to_json("pair.findings", &findings)?))
         .execute(write.sql())
         .await?;
     Ok(())
@@ -123,9 +120,7 @@ async fn update_dataset(write: &mut Write, dataset: &Dataset) -> Result<(), Stor
     )
     .bind(&dataset.id)
     .bind(dataset.alignment.as_ref().map(|alignment| to_json("dataset.alignment", alignment)).transpose()?)
-    .bind(to_json("dataset.findings", &dataset_findings)?)
-    .bind(dataset.revision as i64)
-    .bind(&dataset.digest)
+    .bind((to_json("dataset.findings", &dataset_findings)?, dataset.revision as i64, &dataset.digest))
     .bind(dataset.finalization.as_ref().map(|finalization| to_json("dataset.finalization", finalization)).transpose()?)
     .bind(dataset.finalize_time_ms)
     .execute(write.sql())

@@ -37,15 +37,9 @@ impl Store {
                            labels = excluded.labels, memory_bytes = excluded.memory_bytes, workers = excluded.workers, \
                            start_time_ms = excluded.start_time_ms, seen_time_ms = excluded.seen_time_ms";
                 query(sql)
-                    .bind(process.id)
-                    .bind(kind)
-                    .bind(process.name)
-                    .bind(process.version)
-                    .bind(labels)
-                    .bind(i64::try_from(process.abilities.memory_bytes).unwrap_or(i64::MAX))
-                    .bind(process.workers)
-                    .bind(process.start_time_ms)
-                    .bind(process.seen_time_ms)
+                    .bind((process.id, kind, process.name, process.version, labels))
+                    .bind((i64::try_from(process.abilities.memory_bytes).unwrap_or(i64::MAX), process.workers))
+                    .bind((process.start_time_ms, process.seen_time_ms))
                     .execute(write.sql())
                     .await?;
                 Ok(())
@@ -103,7 +97,7 @@ impl Store {
         self.write(move |write| {
             Box::pin(async move {
                 let sql = "delete from process where seen_time_ms not between $1 and $2";
-                query(sql).bind(from_ms).bind(to_ms).execute(write.sql()).await?;
+                query(sql).bind((from_ms, to_ms)).execute(write.sql()).await?;
                 Ok(())
             })
         })

@@ -68,7 +68,7 @@ impl Store {
                     return Err(StoreError::not_found(format!("displays/{display}")));
                 }
                 let sql = "insert into pause values ($1, $2, $3) on conflict (display) do update set reason = excluded.reason";
-                query(sql).bind(display).bind(now_ms).bind(reason).execute(write.sql()).await?;
+                query(sql).bind((display, now_ms, reason)).execute(write.sql()).await?;
                 write.announce_changed(Changed::Queue);
                 Ok(())
             })

@@ -78,7 +78,7 @@ impl Store {
                 }
                 let set = "update rollout set share_percent = $3, revision = revision + 1 where number = $2 \
                            and kernel = (select id from kernel where name = $1)";
-                query(set).bind(key.to_string()).bind(number).bind(share_percent).execute(write.sql()).await?;
+                query(set).bind((key.to_string(), number, share_percent)).execute(write.sql()).await?;
                 let generation = raise_generation(write, &key, now_ms).await?;
                 let event = RolloutEvent {
                     time_ms: now_ms,
@@ -189,9 +189,7 @@ impl Store {
             "select e.* from rollout_event e join kernel k on k.id = e.kernel where k.name = $1 and e.number = $2 \
              order by sequence limit $3",
         )
-        .bind(key.to_string())
-        .bind(number)
-        .bind(page(u32::MAX))
+        .bind((key.to_string(), number, page(u32::MAX)))
         .fetch_all(&mut read)
         .await?;
         let events = rows.iter().map(|row| {
@@ -249,18 +247,9 @@ async fn start(
          select $1, 1 + coalesce((select max(number) from rollout where kernel = $1), 0), $2, $3, 'running', \
          $4, $5, $6, $7, $8, $9, $10, $11, $12 returning number",
     )
-    .bind(id)
-    .bind(plan.version)
-    .bind(kernel.active_version)
-    .bind(plan.share_percent)
-    .bind(&plan.group)
-    .bind(plan.failed_percent_max)
-    .bind(plan.devices_min)
-    .bind(plan.self_test_loss_max)
-    .bind(&plan.cause.caller)
-    .bind(&plan.cause.reason)
-    .bind(to_json("rollout.overridden", &plan.overridden)?)
-    .bind(now_ms)
+    .bind((id, plan.version, kernel.active_version, plan.share_percent, &plan.group, plan.failed_percent_max))
+    .bind((plan.devices_min, plan.self_test_loss_max, &plan.cause.caller, &plan.cause.reason))
+    .bind((to_json("rollout.overridden", &plan.overridden)?, now_ms))
     .fetch_one(write.sql())
     .await?;
     let generation = raise_generation(write, key, now_ms).await?.unsigned_abs();
@@ -281,10 +270,7 @@ async fn end(write: &mut Write, key: &KernelKey, number: u32, ending: Ending, no
         "update rollout set state = $3, end_time_ms = $4, revision = revision + 1 where number = $2 \
          and kernel = (select id from kernel where name = $1)",
     )
-    .bind(key.to_string())
-    .bind(number)
-    .bind(word)
-    .bind(now_ms)
+    .bind((key.to_string(), number, word, now_ms))
     .execute(write.sql())
     .await?;
     let generation: i64 =
@@ -319,9 +305,7 @@ pub(super) async fn note_report(
     };
     let before: Option<bool> =
         scalar("select passed from rollout_report where kernel = $1 and number = $2 and device = $3")
-            .bind(kernel_id)
-            .bind(number)
-            .bind(&report.device)
+            .bind((kernel_id, number, &report.device))
             .fetch_optional(write.sql())
             .await?;
     if !passed && before != Some(false) {
@@ -331,11 +315,7 @@ pub(super) async fn note_report(
         "insert into rollout_report values ($1, $2, $3, $4, $5) on conflict (kernel, number, device) do update set passed = excluded.passed, \
          time_ms = excluded.time_ms",
     )
-    .bind(kernel_id)
-    .bind(number)
-    .bind(&report.device)
-    .bind(passed)
-    .bind(installed.report_time_ms)
+    .bind((kernel_id, number, &report.device, passed, installed.report_time_ms))
     .execute(write.sql())
     .await?;
     let rollout = find_rollout(write.sql(), key, number).await?;
@@ -359,8 +339,7 @@ pub(super) async fn forget_reports(write: &mut Write, display: &str, device: &st
         "delete from rollout_report where device = $2 and (kernel, number) in (select r.kernel, r.number \
          from rollout r join kernel k on k.id = r.kernel where k.display = $1 and r.state = 'running')",
     )
-    .bind(display)
-    .bind(device)
+    .bind((display, device))
     .execute(write.sql())
     .await?;
     Ok(())
@@ -378,8 +357,7 @@ async fn is_member(
         return Ok(true);
     }
     let group: Option<String> = scalar("select group_name from device where display = $1 and id = $2")
-        .bind(&key.display)
-        .bind(device)
+        .bind((&key.display, device))
         .fetch_optional(sql)
         .await?;
     Ok(!plan.group.is_empty() && group.as_deref() == Some(&plan.group))
@@ -395,7 +373,7 @@ async fn note_failure(write: &mut Write, key: &KernelKey, number: u32, report: &
     let (message, time_ms) = (format!("{} failed: {why}", report.device), installed.report_time_ms);
     let count =
         "select count(*) from rollout_event e join kernel k on k.id = e.kernel where k.name = $1 and number = $2";
-    let events: u32 = scalar(count).bind(key.to_string()).bind(number).fetch_one(write.sql()).await?;
+    let events: u32 = scalar(count).bind((key.to_string(), number)).fetch_one(write.sql()).await?;
     if events >= EVENTS_MAX {
         return Ok(());
     }
@@ -458,12 +436,7 @@ async fn append_event(write: &mut Write, key: &KernelKey, number: u32, event: Ro
         "insert into rollout_event (kernel, number, time_ms, caller, message, generation) \
          select id, $2, $3, $4, $5, $6 from kernel where name = $1",
     )
-    .bind(key.to_string())
-    .bind(number)
-    .bind(event.time_ms)
-    .bind(event.caller)
-    .bind(event.message)
-    .bind(event.generation as i64)
+    .bind((key.to_string(), number, event.time_ms, event.caller, event.message, event.generation as i64))
     .execute(write.sql())
     .await?;
     write.announce_changed(Changed::Kernel(key.clone()));

@@ -112,8 +112,7 @@ impl Store {
              left join rollout r on r.kernel = k.id and r.state = 'running' \
              left join device e on e.display = k.display and e.id = $2 where k.name = $1",
         )
-        .bind(key.to_string())
-        .bind(device)
+        .bind((key.to_string(), device))
         .fetch_optional(self.readers())
         .await?;
         let row = row.ok_or_else(|| StoreError::not_found(key.to_string()))?;
@@ -154,9 +153,7 @@ async fn add(
         return Err(StoreError::Aborted { reason: AbortReason::KeyringChanged, message });
     }
     query("insert into keyring values ($1, $2, $3)")
-        .bind(keyring.version)
-        .bind(keyring.document)
-        .bind(now_ms)
+        .bind((keyring.version, keyring.document, now_ms))
         .execute(write.sql())
         .await?;
     add_private(write, new, now_ms).await?;
@@ -169,9 +166,7 @@ async fn add(
 async fn add_private(write: &mut Write, new: Vec<PrivateKey>, now_ms: i64) -> Result<(), StoreError> {
     for PrivateKey { public, private } in new {
         query("insert into signing_key values ($1, $2, $3) on conflict do nothing")
-            .bind(public)
-            .bind(private)
-            .bind(now_ms)
+            .bind((public, private, now_ms))
             .execute(write.sql())
             .await?;
     }

@@ -47,11 +47,7 @@ impl Store {
                     "insert into token (name, hash, role, displays, create_time_ms, expire_time_ms) \
                      values ($1, $2, $3, $4, $5, $6) on conflict (name) do nothing returning *",
                 )
-                .bind(&caller.name)
-                .bind(hash)
-                .bind(caller.role.as_str())
-                .bind(to_json("token.displays", &caller.displays)?)
-                .bind(now_ms)
+                .bind((&caller.name, hash, caller.role.as_str(), to_json("token.displays", &caller.displays)?, now_ms))
                 .bind(expire_time_ms)
                 .fetch_optional(write.sql())
                 .await?;
@@ -93,7 +89,7 @@ impl Store {
         self.write(move |write| {
             Box::pin(async move {
                 let sql = "update token set revoke_time_ms = coalesce(revoke_time_ms, $2) where name = $1 returning *";
-                let row = query(sql).bind(&name).bind(now_ms).fetch_optional(write.sql()).await?;
+                let row = query(sql).bind((&name, now_ms)).fetch_optional(write.sql()).await?;
                 token_of(&row.ok_or_else(|| StoreError::not_found(format!("token \"{name}\"")))?)
             })
         })

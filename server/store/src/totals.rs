@@ -86,7 +86,7 @@ impl Store {
             let sql = "select needs, cast(sum(estimated_ms) as bigint) from job \
                        where state = 'queued' and waiting_for = 0 and kind = $1 and run_time_ms <= $2 \
                        group by needs order by needs";
-            let rows: Vec<(String, i64)> = query_as(sql).bind(kind).bind(now_ms).fetch_all(self.readers()).await?;
+            let rows: Vec<(String, i64)> = query_as(sql).bind((kind, now_ms)).fetch_all(self.readers()).await?;
             let without_needs = all.len();
             all.push(WaitingWork { kind, needs: Labels::default(), time: Duration::ZERO });
             for (needs, time_ms) in rows {

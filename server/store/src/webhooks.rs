@@ -41,13 +41,8 @@ impl Store {
                     "insert into webhook (id, url, events, display, secret, caller, create_time_ms) \
                          values ($1, $2, $3, $4, $5, $6, $7) on conflict do nothing",
                 )
-                .bind(&webhook.id)
-                .bind(webhook.url.as_str())
-                .bind(to_json("webhook.events", &webhook.events)?)
-                .bind(webhook.display)
-                .bind(secret.reveal())
-                .bind(webhook.caller)
-                .bind(webhook.create_time_ms)
+                .bind((&webhook.id, webhook.url.as_str(), to_json("webhook.events", &webhook.events)?, webhook.display))
+                .bind((secret.reveal(), webhook.caller, webhook.create_time_ms))
                 .execute(write.sql())
                 .await?;
                 match inserted {
@@ -125,7 +120,7 @@ impl Store {
             Box::pin(async move {
                 let sql = "update webhook set teller = $2, teller_until_ms = $3 where id = $1 \
                            and (teller is null or teller = $2 or teller_until_ms <= $4 or teller_until_ms > $5)";
-                let held = query(sql).bind(id).bind(process).bind(now_ms + hold_ms).bind(now_ms);
+                let held = query(sql).bind((id, process, now_ms + hold_ms, now_ms));
                 // The clocks of two processes may differ a little. A hold much longer than any is from a clock that was ahead.
                 let held = held.bind(now_ms + 2 * hold_ms);
                 Ok(held.execute(write.sql()).await? == 1)
@@ -147,7 +142,7 @@ impl Store {
         self.write_row(move |write| {
             Box::pin(async move {
                 let sql = "update webhook set teller = null, teller_until_ms = null where id = $1 and teller = $2";
-                query(sql).bind(id).bind(process).execute(write.sql()).await?;
+                query(sql).bind((id, process)).execute(write.sql()).await?;
                 Ok(())
             })
         })
@@ -168,10 +163,7 @@ impl Store {
                     "insert into webhook_delivery (webhook, event, subject, time_ms, next_time_ms) \
                      select id, $2, $3, $4, $4 from webhook where id = $1 returning *",
                 )
-                .bind(&id)
-                .bind(WebhookEvent::Test.as_str())
-                .bind(subject)
-                .bind(now_ms)
+                .bind((&id, WebhookEvent::Test.as_str(), subject, now_ms))
                 .fetch_optional(write.sql())
                 .await?;
                 write.announce(Change::Deliverable);
