@@ -29,14 +29,12 @@ impl Store {
     /// [`StoreError::Database`], also if the identity is malformed.
     pub async fn artifact_place(&self, identity: &str, former: Option<&str>) -> Result<String, StoreError> {
         let (identity, former) = (identity.to_owned(), former.map(str::to_owned));
-        self.write(move |write| {
-            Box::pin(async move {
-                let sql = "insert into artifact_place values (1, $1) on conflict do nothing";
-                query(sql).bind(&identity).execute(write.sql()).await?;
-                let sql = "update artifact_place set identity = $1 where identity = $2";
-                query(sql).bind((&identity, former)).execute(write.sql()).await?;
-                Ok(scalar("select identity from artifact_place").fetch_one(write.sql()).await?)
-            })
+        self.write(async move |write| {
+            let sql = "insert into artifact_place values (1, $1) on conflict do nothing";
+            query(sql).bind(&identity).execute(write.sql()).await?;
+            let sql = "update artifact_place set identity = $1 where identity = $2";
+            query(sql).bind((&identity, former)).execute(write.sql()).await?;
+            Ok(scalar("select identity from artifact_place").fetch_one(write.sql()).await?)
         })
         .await
     }
@@ -57,29 +55,27 @@ impl Store {
         now_ms: i64,
     ) -> Result<Result<ArtifactRecord, String>, StoreError> {
         let (digest, owner, seen) = (digest.to_owned(), owner.to_owned(), seen.map(str::to_owned));
-        self.write(move |write| {
-            Box::pin(async move {
-                if let Some(seen) = seen {
-                    let sql = "delete from artifact_removal where digest = $1 and mark = $2";
-                    query(sql).bind((&digest, seen)).execute(write.sql()).await?;
-                }
-                let row = query(
-                    "insert into artifact (digest, size_bytes, create_time_ms, use_time_ms) select $1, $2, $3, $3 \
+        self.write(async move |write| {
+            if let Some(seen) = seen {
+                let sql = "delete from artifact_removal where digest = $1 and mark = $2";
+                query(sql).bind((&digest, seen)).execute(write.sql()).await?;
+            }
+            let row = query(
+                "insert into artifact (digest, size_bytes, create_time_ms, use_time_ms) select $1, $2, $3, $3 \
                      where not exists (select 1 from artifact_removal where digest = $1) \
                      on conflict (digest) do update set size_bytes = excluded.size_bytes, \
                      use_time_ms = max(artifact.use_time_ms, excluded.use_time_ms) returning *",
-                )
-                .bind((&digest, size_bytes as i64, now_ms))
-                .fetch_optional(write.sql())
-                .await?;
-                let Some(row) = row else {
-                    let sql = "select mark from artifact_removal where digest = $1";
-                    return Ok(Err(scalar(sql).bind(digest).fetch_one(write.sql()).await?));
-                };
-                let sql = "insert into artifact_owner values ($1, $2) on conflict do nothing";
-                query(sql).bind((digest, owner)).execute(write.sql()).await?;
-                record_of(&row).map(Ok)
-            })
+            )
+            .bind((&digest, size_bytes as i64, now_ms))
+            .fetch_optional(write.sql())
+            .await?;
+            let Some(row) = row else {
+                let sql = "select mark from artifact_removal where digest = $1";
+                return Ok(Err(scalar(sql).bind(digest).fetch_one(write.sql()).await?));
+            };
+            let sql = "insert into artifact_owner values ($1, $2) on conflict do nothing";
+            query(sql).bind((digest, owner)).execute(write.sql()).await?;
+            record_of(&row).map(Ok)
         })
         .await
     }
@@ -97,12 +93,10 @@ impl Store {
         }
         let digest = digest.to_owned();
         let updated = self
-            .write(move |write| {
-                Box::pin(async move {
-                    let sql = "update artifact set use_time_ms = $2 where digest = $1 returning *";
-                    let row = query(sql).bind((digest, now_ms)).fetch_optional(write.sql()).await?;
-                    row.as_ref().map(record_of).transpose()
-                })
+            .write(async move |write| {
+                let sql = "update artifact set use_time_ms = $2 where digest = $1 returning *";
+                let row = query(sql).bind((digest, now_ms)).fetch_optional(write.sql()).await?;
+                row.as_ref().map(record_of).transpose()
             })
             .await;
         match updated {

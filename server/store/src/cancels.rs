@@ -18,7 +18,7 @@ impl Store {
     /// [`StoreError::NotFound`]; [`StoreError::Precondition`] if the job has ended.
     pub async fn cancel(&self, id: &str, now_ms: i64) -> Result<Job, StoreError> {
         let id = id.to_owned();
-        self.write(move |write| Box::pin(async move { cancel(write, &id, now_ms).await })).await
+        self.write(async move |write| cancel(write, &id, now_ms).await).await
     }
 
     /// Queues a failed or cancelled job again. It gets its full number of attempts.
@@ -29,7 +29,7 @@ impl Store {
     /// waits, runs or has succeeded; [`StoreError::DependenciesFull`].
     pub async fn retry(&self, id: &str, now_ms: i64) -> Result<Job, StoreError> {
         let id = id.to_owned();
-        self.write(move |write| Box::pin(async move { retry(write, &id, now_ms).await })).await
+        self.write(async move |write| retry(write, &id, now_ms).await).await
     }
 }
 

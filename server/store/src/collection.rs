@@ -52,12 +52,10 @@ impl Store {
     /// [`StoreError::Database`], [`StoreError::DiskFull`].
     pub async fn forget_artifact(&self, digest: &str, before_ms: i64) -> Result<bool, StoreError> {
         let digest = digest.to_owned();
-        self.write(move |write| {
-            Box::pin(async move {
-                let sql = unreferenced!("delete from artifact", "and digest = $2");
-                let deleted = query(sql).bind((before_ms, digest)).execute(write.sql()).await?;
-                Ok(deleted == 1)
-            })
+        self.write(async move |write| {
+            let sql = unreferenced!("delete from artifact", "and digest = $2");
+            let deleted = query(sql).bind((before_ms, digest)).execute(write.sql()).await?;
+            Ok(deleted == 1)
         })
         .await
     }
@@ -70,17 +68,15 @@ impl Store {
     /// The errors of [`Self::forget_artifact`].
     pub async fn begin_removal(&self, digest: &str, before_ms: i64) -> Result<Option<String>, StoreError> {
         let digest = digest.to_owned();
-        self.write(move |write| {
-            Box::pin(async move {
-                let sql = unreferenced!("delete from artifact", "and digest = $2");
-                if query(sql).bind((before_ms, &digest)).execute(write.sql()).await? == 0 {
-                    return Ok(None);
-                }
-                let mark = Uuid::now_v7().to_string();
-                let sql = "insert into artifact_removal values ($1, $2)";
-                query(sql).bind((digest, &mark)).execute(write.sql()).await?;
-                Ok(Some(mark))
-            })
+        self.write(async move |write| {
+            let sql = unreferenced!("delete from artifact", "and digest = $2");
+            if query(sql).bind((before_ms, &digest)).execute(write.sql()).await? == 0 {
+                return Ok(None);
+            }
+            let mark = Uuid::now_v7().to_string();
+            let sql = "insert into artifact_removal values ($1, $2)";
+            query(sql).bind((digest, &mark)).execute(write.sql()).await?;
+            Ok(Some(mark))
         })
         .await
     }
@@ -92,13 +88,11 @@ impl Store {
     /// The errors of [`Self::forget_artifact`].
     pub async fn begin_removal_of_unrecorded(&self, digest: &str) -> Result<Option<String>, StoreError> {
         let (digest, mark) = (digest.to_owned(), Uuid::now_v7().to_string());
-        self.write(move |write| {
-            Box::pin(async move {
-                let sql = "insert into artifact_removal select $1, $2 \
+        self.write(async move |write| {
+            let sql = "insert into artifact_removal select $1, $2 \
                            where not exists (select 1 from artifact where digest = $1) on conflict do nothing";
-                let inserted = query(sql).bind((digest, &mark)).execute(write.sql()).await?;
-                Ok((inserted == 1).then_some(mark))
-            })
+            let inserted = query(sql).bind((digest, &mark)).execute(write.sql()).await?;
+            Ok((inserted == 1).then_some(mark))
         })
         .await
     }
@@ -122,12 +116,10 @@ impl Store {
     /// [`StoreError::Database`], [`StoreError::DiskFull`].
     pub async fn continue_removal(&self, digest: &str, seen: &str) -> Result<Option<String>, StoreError> {
         let (digest, seen, mark) = (digest.to_owned(), seen.to_owned(), Uuid::now_v7().to_string());
-        self.write(move |write| {
-            Box::pin(async move {
-                let sql = "update artifact_removal set mark = $3 where digest = $1 and mark = $2";
-                let changed = query(sql).bind((digest, seen, &mark)).execute(write.sql()).await?;
-                Ok((changed == 1).then_some(mark))
-            })
+        self.write(async move |write| {
+            let sql = "update artifact_removal set mark = $3 where digest = $1 and mark = $2";
+            let changed = query(sql).bind((digest, seen, &mark)).execute(write.sql()).await?;
+            Ok((changed == 1).then_some(mark))
         })
         .await
     }
@@ -139,11 +131,9 @@ impl Store {
     /// [`StoreError::Database`], [`StoreError::DiskFull`].
     pub async fn end_removal(&self, digest: &str, mark: &str) -> Result<bool, StoreError> {
         let (digest, mark) = (digest.to_owned(), mark.to_owned());
-        self.write(move |write| {
-            Box::pin(async move {
-                let sql = "delete from artifact_removal where digest = $1 and mark = $2";
-                Ok(query(sql).bind((digest, mark)).execute(write.sql()).await? == 1)
-            })
+        self.write(async move |write| {
+            let sql = "delete from artifact_removal where digest = $1 and mark = $2";
+            Ok(query(sql).bind((digest, mark)).execute(write.sql()).await? == 1)
         })
         .await
     }
@@ -166,16 +156,14 @@ impl Store {
     ///
     /// [`StoreError::Database`], [`StoreError::DiskFull`].
     pub async fn forget_old_checkpoints(&self, before_ms: i64) -> Result<Vec<String>, StoreError> {
-        self.write(move |write| {
-            Box::pin(async move {
-                let sql = "select checkpoint from job \
+        self.write(async move |write| {
+            let sql = "select checkpoint from job \
                            where checkpoint is not null and state = 'failed' and finish_time_ms < $1";
-                let digests = scalar(sql).bind(before_ms).fetch_all(write.sql()).await?;
-                let sql = "update job set checkpoint = null, revision = revision + 1 \
+            let digests = scalar(sql).bind(before_ms).fetch_all(write.sql()).await?;
+            let sql = "update job set checkpoint = null, revision = revision + 1 \
                            where checkpoint is not null and state = 'failed' and finish_time_ms < $1";
-                query(sql).bind(before_ms).execute(write.sql()).await?;
-                Ok(digests)
-            })
+            query(sql).bind(before_ms).execute(write.sql()).await?;
+            Ok(digests)
         })
         .await
     }
@@ -209,7 +197,7 @@ impl Store {
     ///
     /// [`StoreError::Database`], [`StoreError::DiskFull`].
     pub async fn delete_jobs(&self, ids: Vec<String>, before_ms: i64, now_ms: i64) -> Result<Deleted, StoreError> {
-        self.write(move |write| Box::pin(delete_jobs(write, ids, before_ms, now_ms))).await
+        self.write(async move |write| delete_jobs(write, ids, before_ms, now_ms).await).await
     }
 }
 

@@ -19,7 +19,7 @@ impl Store {
     /// display is missing; [`StoreError::Precondition`] if the display has [`DATASETS_MAX`] datasets.
     pub async fn create_dataset(&self, dataset: &Dataset, now_ms: i64) -> Result<Dataset, StoreError> {
         let dataset = dataset.clone();
-        self.write(move |write| Box::pin(create(write, dataset, now_ms))).await
+        self.write(async move |write| create(write, dataset, now_ms).await).await
     }
 
     /// A dataset with its pairs.
@@ -61,7 +61,7 @@ impl Store {
     /// [`StoreError::NotFound`]; [`StoreError::Precondition`] while a job uses it.
     pub async fn delete_dataset(&self, id: &str, now_ms: i64) -> Result<(), StoreError> {
         let id = id.to_owned();
-        self.write(move |write| Box::pin(async move { delete(write, &id, now_ms).await })).await
+        self.write(async move |write| delete(write, &id, now_ms).await).await
     }
 
     /// Adds a pair to an open dataset and returns the dataset without its pairs. Adding the same pair again changes
@@ -75,7 +75,7 @@ impl Store {
     /// [`StoreError::Aborted`] if the pair was measured with another alignment than the dataset now has.
     pub async fn add_pair(&self, dataset_id: &str, pair: &Pair, findings: &[Finding]) -> Result<Dataset, StoreError> {
         let (id, pair, findings) = (dataset_id.to_owned(), pair.clone(), findings.to_vec());
-        self.write(move |write| Box::pin(async move { add_pair(write, &id, &pair, &findings).await })).await
+        self.write(async move |write| add_pair(write, &id, &pair, &findings).await).await
     }
 }
 

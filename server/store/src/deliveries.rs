@@ -66,20 +66,18 @@ impl Store {
             Attempt::RetryAt(time_ms) => Some(time_ms),
             Attempt::Accepted | Attempt::GivenUp => None,
         };
-        self.write(move |write| {
-            Box::pin(async move {
-                let sql = "update webhook_delivery set attempts = attempts + 1, next_time_ms = $2, delivered = $3, \
+        self.write(async move |write| {
+            let sql = "update webhook_delivery set attempts = attempts + 1, next_time_ms = $2, delivered = $3, \
                            answer = $4 where sequence = $1 and attempts = $5 and next_time_ms is not null";
-                query(sql)
-                    .bind((sequence, next_ms, attempt == Attempt::Accepted, answer, delivery_attempts))
-                    .execute(write.sql())
-                    .await?;
-                let forget_old = "delete from webhook_delivery where webhook = $1 and next_time_ms is null \
+            query(sql)
+                .bind((sequence, next_ms, attempt == Attempt::Accepted, answer, delivery_attempts))
+                .execute(write.sql())
+                .await?;
+            let forget_old = "delete from webhook_delivery where webhook = $1 and next_time_ms is null \
                      and sequence <= (select sequence from webhook_delivery where webhook = $1 \
                      and next_time_ms is null order by sequence desc limit 1 offset $2)";
-                query(forget_old).bind((webhook, ENDED_KEPT)).execute(write.sql()).await?;
-                Ok(())
-            })
+            query(forget_old).bind((webhook, ENDED_KEPT)).execute(write.sql()).await?;
+            Ok(())
         })
         .await
     }

@@ -25,7 +25,7 @@ impl Store {
     /// [`StoreError::NotFound`] if the kernel or a version does not exist; [`StoreError::Precondition`] if the display
     /// has [`DEVICES_MAX`] devices.
     pub async fn report_device(&self, report: Report) -> Result<(), StoreError> {
-        self.write(move |write| Box::pin(async move { store_report(write, &report).await })).await
+        self.write(async move |write| store_report(write, &report).await).await
     }
 
     /// At most `limit` devices of a display in the order of their ids, behind the id `after`.
@@ -56,22 +56,20 @@ impl Store {
         now_ms: i64,
     ) -> Result<Device, StoreError> {
         let (display, device, group) = (display.to_owned(), device.to_owned(), group.to_owned());
-        self.write(move |write| {
-            Box::pin(async move {
-                create(write.sql(), &display, &device).await?;
-                let regroup = "update device set group_name = $3 where display = $1 and id = $2 and group_name <> $3";
-                let changed = query(regroup).bind((&display, &device, &group)).execute(write.sql()).await?;
-                if changed > 0 {
-                    write.announce_changed(device_changed(&display, &device));
-                    rollouts::note_regrouping(write, &display, now_ms).await?;
-                }
-                let row = query("select * from device where display = $1 and id = $2")
-                    .bind((&display, &device))
-                    .fetch_one(write.sql())
-                    .await?;
-                let devices = with_kernels(write.sql(), &display, &[row]).await?;
-                devices.into_iter().next().ok_or_else(|| not_found(&display, &device))
-            })
+        self.write(async move |write| {
+            create(write.sql(), &display, &device).await?;
+            let regroup = "update device set group_name = $3 where display = $1 and id = $2 and group_name <> $3";
+            let changed = query(regroup).bind((&display, &device, &group)).execute(write.sql()).await?;
+            if changed > 0 {
+                write.announce_changed(device_changed(&display, &device));
+                rollouts::note_regrouping(write, &display, now_ms).await?;
+            }
+            let row = query("select * from device where display = $1 and id = $2")
+                .bind((&display, &device))
+                .fetch_one(write.sql())
+                .await?;
+            let devices = with_kernels(write.sql(), &display, &[row]).await?;
+            devices.into_iter().next().ok_or_else(|| not_found(&display, &device))
         })
         .await
     }
@@ -83,16 +81,14 @@ impl Store {
     /// [`StoreError::NotFound`].
     pub async fn delete_device(&self, display: &str, device: &str) -> Result<(), StoreError> {
         let (display, device) = (display.to_owned(), device.to_owned());
-        self.write(move |write| {
-            Box::pin(async move {
-                let delete = "delete from device where display = $1 and id = $2";
-                let deleted = query(delete).bind((&display, &device)).execute(write.sql()).await?;
-                if deleted == 0 {
-                    return Err(not_found(&display, &device));
-                }
-                write.announce_changed(device_changed(&display, &device));
-                rollouts::forget_reports(write, &display, &device).await
-            })
+        self.write(async move |write| {
+            let delete = "delete from device where display = $1 and id = $2";
+            let deleted = query(delete).bind((&display, &device)).execute(write.sql()).await?;
+            if deleted == 0 {
+                return Err(not_found(&display, &device));
+            }
+            write.announce_changed(device_changed(&display, &device));
+            rollouts::forget_reports(write, &display, &device).await
         })
         .await
     }

@@ -16,22 +16,17 @@ impl Store {
     /// [`StoreError::AlreadyExists`] if a display with other properties has this id.
     pub async fn create_display(&self, display: &Display, now_ms: i64) -> Result<(Display, i64), StoreError> {
         let (id, content) = (display.id.clone(), to_json("display.content", display)?);
-        self.write(move |write| {
-            Box::pin(async move {
-                query("insert into display (id, content, create_time_ms) values ($1, $2, $3) on conflict do nothing")
-                    .bind((&id, &content, now_ms))
-                    .execute(write.sql())
-                    .await?;
-                let row = query("select * from display where id = $1").bind(&id).fetch_one(write.sql()).await?;
-                if row.try_get::<String>("content")? != content {
-                    return Err(StoreError::exists(
-                        format!("displays/{id}"),
-                        "with other properties; choose another id",
-                    ));
-                }
-                write.announce_changed(Changed::Display(id));
-                display_of(&row)
-            })
+        self.write(async move |write| {
+            query("insert into display (id, content, create_time_ms) values ($1, $2, $3) on conflict do nothing")
+                .bind((&id, &content, now_ms))
+                .execute(write.sql())
+                .await?;
+            let row = query("select * from display where id = $1").bind(&id).fetch_one(write.sql()).await?;
+            if row.try_get::<String>("content")? != content {
+                return Err(StoreError::exists(format!("displays/{id}"), "with other properties; choose another id"));
+            }
+            write.announce_changed(Changed::Display(id));
+            display_of(&row)
         })
         .await
     }
@@ -67,29 +62,27 @@ impl Store {
     /// [`StoreError::NotFound`]; [`StoreError::Precondition`] while it has datasets, kernels or jobs.
     pub async fn delete_display(&self, id: &str) -> Result<(), StoreError> {
         let id = id.to_owned();
-        self.write(move |write| {
-            Box::pin(async move {
-                let users: Option<String> = scalar(
-                    "select 'dataset' from dataset where display = $1 union all \
+        self.write(async move |write| {
+            let users: Option<String> = scalar(
+                "select 'dataset' from dataset where display = $1 union all \
                      select 'kernel' from kernel where display = $1 union all \
                      select 'job' from job where display = $1 limit 1",
-                )
-                .bind(&id)
-                .fetch_optional(write.sql())
-                .await?;
-                if let Some(user) = users {
-                    let message = format!("displays/{id} cannot be deleted while a {user} refers to it");
-                    return Err(StoreError::precondition(PreconditionReason::DisplayInUse, message));
+            )
+            .bind(&id)
+            .fetch_optional(write.sql())
+            .await?;
+            if let Some(user) = users {
+                let message = format!("displays/{id} cannot be deleted while a {user} refers to it");
+                return Err(StoreError::precondition(PreconditionReason::DisplayInUse, message));
+            }
+            let deleted = query("delete from display where id = $1").bind(&id).execute(write.sql()).await?;
+            match deleted {
+                0 => Err(StoreError::not_found(format!("displays/{id}"))),
+                _ => {
+                    write.announce_changed(Changed::Display(id));
+                    Ok(())
                 }
-                let deleted = query("delete from display where id = $1").bind(&id).execute(write.sql()).await?;
-                match deleted {
-                    0 => Err(StoreError::not_found(format!("displays/{id}"))),
-                    _ => {
-                        write.announce_changed(Changed::Display(id));
-                        Ok(())
-                    }
-                }
-            })
+            }
         })
         .await
     }

@@ -58,7 +58,7 @@ impl Store {
         now_ms: i64,
     ) -> Result<Job, StoreError> {
         let lease = lease.clone();
-        self.write(move |write| Box::pin(async move { finish(write, &lease, result, effect, now_ms).await })).await
+        self.write(async move |write| finish(write, &lease, result, effect, now_ms).await).await
     }
 
     /// Ends the attempt with an error. With `retry_at_ms`, the job returns to the queue and runs again at that time,
@@ -76,12 +76,10 @@ impl Store {
         now_ms: i64,
     ) -> Result<Job, StoreError> {
         let lease = lease.clone();
-        self.write(move |write| {
-            Box::pin(async move {
-                let (job, failures, crashes) = read(write, &lease).await?;
-                let ending = after_failure(&job, failures, crashes, error, retry_at_ms);
-                end(write, &job.id, ending, now_ms).await
-            })
+        self.write(async move |write| {
+            let (job, failures, crashes) = read(write, &lease).await?;
+            let ending = after_failure(&job, failures, crashes, error, retry_at_ms);
+            end(write, &job.id, ending, now_ms).await
         })
         .await
     }
@@ -100,16 +98,14 @@ impl Store {
         now_ms: i64,
     ) -> Result<Job, StoreError> {
         let lease = lease.clone();
-        self.write(move |write| {
-            Box::pin(async move {
-                let (job, failures, _) = read(write, &lease).await?;
-                let error = JobError { retryable: true, ..error };
-                let ending = match job.cancel_requested {
-                    true => Ending::Cancelled,
-                    false => Ending::Requeued { run_time_ms: retry_at_ms, failures, cause: Cause::Error(error) },
-                };
-                end(write, &job.id, ending, now_ms).await
-            })
+        self.write(async move |write| {
+            let (job, failures, _) = read(write, &lease).await?;
+            let error = JobError { retryable: true, ..error };
+            let ending = match job.cancel_requested {
+                true => Ending::Cancelled,
+                false => Ending::Requeued { run_time_ms: retry_at_ms, failures, cause: Cause::Error(error) },
+            };
+            end(write, &job.id, ending, now_ms).await
         })
         .await
     }
@@ -121,11 +117,9 @@ impl Store {
     /// [`StoreError::LeaseLost`].
     pub async fn end_cancelled(&self, lease: &Lease, now_ms: i64) -> Result<Job, StoreError> {
         let lease = lease.clone();
-        self.write(move |write| {
-            Box::pin(async move {
-                let (job, ..) = read(write, &lease).await?;
-                end(write, &job.id, Ending::Cancelled, now_ms).await
-            })
+        self.write(async move |write| {
+            let (job, ..) = read(write, &lease).await?;
+            end(write, &job.id, Ending::Cancelled, now_ms).await
         })
         .await
     }
@@ -141,7 +135,7 @@ impl Store {
         let mut released = Vec::new();
         loop {
             let process = process.map(str::to_owned);
-            let mut jobs = self.write(move |write| Box::pin(release_running(write, process, now_ms))).await?;
+            let mut jobs = self.write(async move |write| release_running(write, process, now_ms).await).await?;
             if jobs.is_empty() {
                 return Ok(released);
             }
@@ -157,15 +151,13 @@ impl Store {
     /// [`StoreError::Database`], [`StoreError::DiskFull`].
     pub async fn abandon_claim(&self, lease_id: &str, now_ms: i64) -> Result<(), StoreError> {
         let lease_id = lease_id.to_owned();
-        self.write(move |write| {
-            Box::pin(async move {
-                let sql = "select * from job where state = 'running' and lease_id = $1";
-                if let Some(row) = query(sql).bind(lease_id).fetch_optional(write.sql()).await? {
-                    let job = job_of(&row)?;
-                    end(write, &job.id, after_stop(&job, row.try_get("failures")?), now_ms).await?;
-                }
-                Ok(())
-            })
+        self.write(async move |write| {
+            let sql = "select * from job where state = 'running' and lease_id = $1";
+            if let Some(row) = query(sql).bind(lease_id).fetch_optional(write.sql()).await? {
+                let job = job_of(&row)?;
+                end(write, &job.id, after_stop(&job, row.try_get("failures")?), now_ms).await?;
+            }
+            Ok(())
         })
         .await
     }
@@ -177,11 +169,9 @@ impl Store {
     /// [`StoreError::LeaseLost`].
     pub async fn release(&self, lease: &Lease, now_ms: i64) -> Result<Job, StoreError> {
         let lease = lease.clone();
-        self.write(move |write| {
-            Box::pin(async move {
-                let (job, failures, _) = read(write, &lease).await?;
-                end(write, &job.id, after_stop(&job, failures), now_ms).await
-            })
+        self.write(async move |write| {
+            let (job, failures, _) = read(write, &lease).await?;
+            end(write, &job.id, after_stop(&job, failures), now_ms).await
         })
         .await
     }
@@ -193,7 +183,7 @@ impl Store {
     ///
     /// [`StoreError::Database`], [`StoreError::DiskFull`].
     pub async fn expire_leases(&self, now_ms: i64) -> Result<Vec<Job>, StoreError> {
-        self.write(move |write| Box::pin(expire(write, now_ms))).await
+        self.write(async move |write| expire(write, now_ms).await).await
     }
 
     /// Takes every running job from the workers of a process at its next start: they are dead. `None` is the only process
@@ -206,7 +196,7 @@ impl Store {
     /// [`StoreError::Database`], [`StoreError::DiskFull`].
     pub async fn recover_orphans(&self, process: Option<&str>, now_ms: i64) -> Result<Vec<Job>, StoreError> {
         let process = process.map(str::to_owned);
-        self.write(move |write| Box::pin(recover_orphans(write, process, now_ms))).await
+        self.write(async move |write| recover_orphans(write, process, now_ms).await).await
     }
 }
 

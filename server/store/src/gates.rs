@@ -21,23 +21,21 @@ impl Store {
         now_ms: i64,
     ) -> Result<(), StoreError> {
         let (display, gate, cause) = (display.to_owned(), to_json("promotion_gate.gate", gate)?, cause.clone());
-        self.write(move |write| {
-            Box::pin(async move {
-                let inserted = query(
-                    "insert into promotion_gate (display, time_ms, caller, reason, gate) \
+        self.write(async move |write| {
+            let inserted = query(
+                "insert into promotion_gate (display, time_ms, caller, reason, gate) \
                      select id, $1, $2, $3, $4 from display where id = $5",
-                )
-                .bind((now_ms, cause.caller, cause.reason, gate, &display))
-                .execute(write.sql())
-                .await?;
-                match inserted {
-                    0 => Err(StoreError::not_found(format!("displays/{display}"))),
-                    _ => {
-                        write.announce_changed(Changed::Display(display));
-                        Ok(())
-                    }
+            )
+            .bind((now_ms, cause.caller, cause.reason, gate, &display))
+            .execute(write.sql())
+            .await?;
+            match inserted {
+                0 => Err(StoreError::not_found(format!("displays/{display}"))),
+                _ => {
+                    write.announce_changed(Changed::Display(display));
+                    Ok(())
                 }
-            })
+            }
         })
         .await
     }

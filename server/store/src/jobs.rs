@@ -70,7 +70,7 @@ impl Store {
         limits: impl Into<QueueLimits>,
     ) -> Result<(Job, Submitted), StoreError> {
         let (new, limits) = (new.clone(), limits.into());
-        self.write(move |write| Box::pin(submit(write, new, now_ms, limits))).await
+        self.write(async move |write| submit(write, new, now_ms, limits).await).await
     }
 
     /// Reads a job.

@@ -155,19 +155,17 @@ impl Store {
         now_ms: i64,
     ) -> Result<KernelVersion, StoreError> {
         let (key, cause) = (key.clone(), cause.clone());
-        self.write(move |write| {
-            Box::pin(async move {
-                find_version(write.sql(), &key, version).await?;
-                query(
-                    "insert into kernel_deprecation (kernel, version, deprecated, time_ms, caller, reason) \
+        self.write(async move |write| {
+            find_version(write.sql(), &key, version).await?;
+            query(
+                "insert into kernel_deprecation (kernel, version, deprecated, time_ms, caller, reason) \
                      select id, $1, $2, $3, $4, $5 from kernel where name = $6",
-                )
-                .bind((version, deprecated, now_ms, cause.caller, cause.reason, key.to_string()))
-                .execute(write.sql())
-                .await?;
-                write.announce(Change::Kernel(key.clone()));
-                find_version(write.sql(), &key, version).await
-            })
+            )
+            .bind((version, deprecated, now_ms, cause.caller, cause.reason, key.to_string()))
+            .execute(write.sql())
+            .await?;
+            write.announce(Change::Kernel(key.clone()));
+            find_version(write.sql(), &key, version).await
         })
         .await
     }
@@ -185,7 +183,7 @@ impl Store {
         now_ms: i64,
     ) -> Result<KernelVersion, StoreError> {
         let key = key.clone();
-        self.write(move |write| Box::pin(async move { append_version(write, &key, version, now_ms).await })).await
+        self.write(async move |write| append_version(write, &key, version, now_ms).await).await
     }
 }
 

@@ -96,7 +96,7 @@ impl Store {
         claimant: &Claimant,
     ) -> Result<Option<(Job, Lease)>, StoreError> {
         let claimant = claimant.clone();
-        self.write(move |write| Box::pin(async move { claim(write, limits, now_ms, lease_ms, &claimant).await })).await
+        self.write(async move |write| claim(write, limits, now_ms, lease_ms, &claimant).await).await
     }
 
     /// Earliest time after `now_ms` when a waiting job becomes due \[ms since 1970\] that a process with these abilities can
@@ -118,15 +118,13 @@ impl Store {
     /// [`StoreError::LeaseLost`].
     pub async fn heartbeat(&self, lease: &Lease, now_ms: i64, lease_ms: i64) -> Result<Heartbeat, StoreError> {
         let lease = lease.clone();
-        self.write_row(move |write| {
-            Box::pin(async move {
-                // A heartbeat does not count as a change, so the revision stays the same.
-                let sql = "update job set lease_until_ms = max(lease_until_ms, $4) where id = $1 and state = 'running' \
+        self.write_row(async move |write| {
+            // A heartbeat does not count as a change, so the revision stays the same.
+            let sql = "update job set lease_until_ms = max(lease_until_ms, $4) where id = $1 and state = 'running' \
                            and attempt = $2 and lease_id = $3 returning *";
-                let row = bind_lease(sql, &lease).bind(now_ms + lease_ms).fetch_optional(write.sql()).await?;
-                let job = job_or_lease_lost(row)?;
-                Ok(Heartbeat { until_ms: now_ms + lease_ms, cancel_requested: job.cancel_requested })
-            })
+            let row = bind_lease(sql, &lease).bind(now_ms + lease_ms).fetch_optional(write.sql()).await?;
+            let job = job_or_lease_lost(row)?;
+            Ok(Heartbeat { until_ms: now_ms + lease_ms, cancel_requested: job.cancel_requested })
         })
         .await
     }
@@ -137,12 +135,10 @@ impl Store {
     ///
     /// [`StoreError::Database`], [`StoreError::DiskFull`].
     pub async fn shift_leases(&self, by_ms: i64) -> Result<(), StoreError> {
-        self.write(move |write| {
-            Box::pin(async move {
-                let sql = "update job set lease_until_ms = lease_until_ms + $1 where state = 'running'";
-                query(sql).bind(by_ms).execute(write.sql()).await?;
-                Ok(())
-            })
+        self.write(async move |write| {
+            let sql = "update job set lease_until_ms = lease_until_ms + $1 where state = 'running'";
+            query(sql).bind(by_ms).execute(write.sql()).await?;
+            Ok(())
         })
         .await
     }
@@ -160,12 +156,10 @@ impl Store {
         if !late {
             return Ok(());
         }
-        self.write(move |write| {
-            Box::pin(async move {
-                let sql = "update job set lease_until_ms = $1 where state = 'running' and lease_until_ms > $1";
-                query(sql).bind(latest_ms).execute(write.sql()).await?;
-                Ok(())
-            })
+        self.write(async move |write| {
+            let sql = "update job set lease_until_ms = $1 where state = 'running' and lease_until_ms > $1";
+            query(sql).bind(latest_ms).execute(write.sql()).await?;
+            Ok(())
         })
         .await
     }
@@ -178,8 +172,7 @@ impl Store {
     ///
     /// [`StoreError::Database`], [`StoreError::DiskFull`].
     pub async fn pull_forward(&self, now_ms: i64, pause_max_ms: i64) -> Result<u64, StoreError> {
-        self.write(move |write| {
-            Box::pin(async move {
+        self.write(async move |write| {
                 let sql = "with late as (select id as late_id, \
                                max(coalesce(not_before_ms, 0), $1 + case when error is null then 0 else $2 end) as latest_ms \
                                from job where state = 'queued') \
@@ -193,8 +186,7 @@ impl Store {
                 }
                 ids.into_iter().for_each(|id| write.announce(Change::Job(id)));
                 Ok(count)
-            })
-        })
+})
         .await
     }
 
@@ -205,13 +197,11 @@ impl Store {
     /// [`StoreError::LeaseLost`].
     pub async fn progress(&self, lease: &Lease, progress: &Progress) -> Result<(), StoreError> {
         let (lease, progress) = (lease.clone(), to_json("job.progress", progress)?);
-        self.write_row(move |write| {
-            Box::pin(async move {
-                let query = bind_lease(fenced!("progress = $4"), &lease).bind(progress);
-                job_or_lease_lost(query.fetch_optional(write.sql()).await?)?;
-                write.announce(Change::Job(lease.job));
-                Ok(())
-            })
+        self.write_row(async move |write| {
+            let query = bind_lease(fenced!("progress = $4"), &lease).bind(progress);
+            job_or_lease_lost(query.fetch_optional(write.sql()).await?)?;
+            write.announce(Change::Job(lease.job));
+            Ok(())
         })
         .await
     }
@@ -224,14 +214,12 @@ impl Store {
     /// [`StoreError::LeaseLost`].
     pub async fn checkpoint(&self, lease: &Lease, digest: &str) -> Result<Option<String>, StoreError> {
         let (lease, digest) = (lease.clone(), digest.to_owned());
-        self.write(move |write| {
-            Box::pin(async move {
-                let before = read(write, &lease).await?.0.checkpoint;
-                let query = bind_lease(fenced!("checkpoint = $4, failures = 0, crashes = 0"), &lease).bind(&digest);
-                job_or_lease_lost(query.fetch_optional(write.sql()).await?)?;
-                write.announce(Change::Job(lease.job));
-                Ok(before.filter(|before| *before != digest))
-            })
+        self.write(async move |write| {
+            let before = read(write, &lease).await?.0.checkpoint;
+            let query = bind_lease(fenced!("checkpoint = $4, failures = 0, crashes = 0"), &lease).bind(&digest);
+            job_or_lease_lost(query.fetch_optional(write.sql()).await?)?;
+            write.announce(Change::Job(lease.job));
+            Ok(before.filter(|before| *before != digest))
         })
         .await
     }

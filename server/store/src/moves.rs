@@ -57,12 +57,10 @@ impl Store {
     /// expected one is active; [`StoreError::Precondition`] while a rollout of the kernel is running.
     pub async fn promote(&self, key: &KernelKey, promotion: Promotion, now_ms: i64) -> Result<Kernel, StoreError> {
         let key = key.clone();
-        self.write(move |write| {
-            Box::pin(async move {
-                let (_, kernel) = find(write.sql(), &key).await?;
-                require_no_rollout(&kernel)?;
-                promote(write, &key, promotion, now_ms).await
-            })
+        self.write(async move |write| {
+            let (_, kernel) = find(write.sql(), &key).await?;
+            require_no_rollout(&kernel)?;
+            promote(write, &key, promotion, now_ms).await
         })
         .await
     }
@@ -75,7 +73,7 @@ impl Store {
     /// version than expected; [`StoreError::Precondition`] if the kernel has [`ALIASES_MAX`] aliases.
     pub async fn set_alias(&self, key: &KernelKey, step: AliasMove, now_ms: i64) -> Result<Kernel, StoreError> {
         let key = key.clone();
-        self.write(move |write| Box::pin(async move { set_alias(write, &key, step, now_ms).await })).await
+        self.write(async move |write| set_alias(write, &key, step, now_ms).await).await
     }
 
     /// Undoes the latest promotion that has not been undone. The version `expected` (`None`: no version) must be active
@@ -94,7 +92,7 @@ impl Store {
         now_ms: i64,
     ) -> Result<Kernel, StoreError> {
         let (key, cause) = (key.clone(), cause.clone());
-        self.write(move |write| Box::pin(async move { rollback(write, &key, expected, cause, now_ms).await })).await
+        self.write(async move |write| rollback(write, &key, expected, cause, now_ms).await).await
     }
 
     /// Raises the generation of every display to at least `least`. Devices have seen the generations of moves that a
@@ -104,14 +102,12 @@ impl Store {
     ///
     /// [`StoreError::Database`].
     pub async fn raise_generations(&self, least: u64) -> Result<(), StoreError> {
-        self.write(move |write| {
-            Box::pin(async move {
-                query("update display set generation = $1 where generation < $1")
-                    .bind(least as i64)
-                    .execute(write.sql())
-                    .await?;
-                Ok(())
-            })
+        self.write(async move |write| {
+            query("update display set generation = $1 where generation < $1")
+                .bind(least as i64)
+                .execute(write.sql())
+                .await?;
+            Ok(())
         })
         .await
     }

@@ -30,20 +30,18 @@ impl Store {
         }
         let (kind, labels) =
             (to_word("process.kind", &process.kind)?, to_json("process.labels", &process.abilities.labels)?);
-        self.write_row(move |write| {
-            Box::pin(async move {
-                let sql = "insert into process values ($1, $2, $3, $4, $5, $6, $7, $8, $9) on conflict (id) do update set \
+        self.write_row(async move |write| {
+            let sql = "insert into process values ($1, $2, $3, $4, $5, $6, $7, $8, $9) on conflict (id) do update set \
                            kind = excluded.kind, name = excluded.name, version = excluded.version, \
                            labels = excluded.labels, memory_bytes = excluded.memory_bytes, workers = excluded.workers, \
                            start_time_ms = excluded.start_time_ms, seen_time_ms = excluded.seen_time_ms";
-                query(sql)
-                    .bind((process.id, kind, process.name, process.version, labels))
-                    .bind((i64::try_from(process.abilities.memory_bytes).unwrap_or(i64::MAX), process.workers))
-                    .bind((process.start_time_ms, process.seen_time_ms))
-                    .execute(write.sql())
-                    .await?;
-                Ok(())
-            })
+            query(sql)
+                .bind((process.id, kind, process.name, process.version, labels))
+                .bind((i64::try_from(process.abilities.memory_bytes).unwrap_or(i64::MAX), process.workers))
+                .bind((process.start_time_ms, process.seen_time_ms))
+                .execute(write.sql())
+                .await?;
+            Ok(())
         })
         .await?;
         if self.read_living().await? {
@@ -82,11 +80,9 @@ impl Store {
             return Ok(());
         }
         let id = id.to_owned();
-        self.write_row(move |write| {
-            Box::pin(async move {
-                query("delete from process where id = $1").bind(id).execute(write.sql()).await?;
-                Ok(())
-            })
+        self.write_row(async move |write| {
+            query("delete from process where id = $1").bind(id).execute(write.sql()).await?;
+            Ok(())
         })
         .await
     }
@@ -94,12 +90,10 @@ impl Store {
     /// Removes the processes whose time is over.
     async fn remove_ended(&self) -> Result<(), StoreError> {
         let (from_ms, to_ms) = self.time_of_living();
-        self.write(move |write| {
-            Box::pin(async move {
-                let sql = "delete from process where seen_time_ms not between $1 and $2";
-                query(sql).bind((from_ms, to_ms)).execute(write.sql()).await?;
-                Ok(())
-            })
+        self.write(async move |write| {
+            let sql = "delete from process where seen_time_ms not between $1 and $2";
+            query(sql).bind((from_ms, to_ms)).execute(write.sql()).await?;
+            Ok(())
         })
         .await
     }

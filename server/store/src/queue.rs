@@ -60,18 +60,17 @@ impl Store {
     /// [`StoreError::NotFound`] if the display does not exist.
     pub async fn pause(&self, display: Option<&str>, reason: &str, now_ms: i64) -> Result<(), StoreError> {
         let (display, reason) = (display.unwrap_or_default().to_owned(), reason.to_owned());
-        self.write(move |write| {
-            Box::pin(async move {
-                let known = scalar("select $1 = '' or exists (select 1 from display where id = $1)");
-                let known: bool = known.bind(&display).fetch_one(write.sql()).await?;
-                if !known {
-                    return Err(StoreError::not_found(format!("displays/{display}")));
-                }
-                let sql = "insert into pause values ($1, $2, $3) on conflict (display) do update set reason = excluded.reason";
-                query(sql).bind((display, now_ms, reason)).execute(write.sql()).await?;
-                write.announce_changed(Changed::Queue);
-                Ok(())
-            })
+        self.write(async move |write| {
+            let known = scalar("select $1 = '' or exists (select 1 from display where id = $1)");
+            let known: bool = known.bind(&display).fetch_one(write.sql()).await?;
+            if !known {
+                return Err(StoreError::not_found(format!("displays/{display}")));
+            }
+            let sql =
+                "insert into pause values ($1, $2, $3) on conflict (display) do update set reason = excluded.reason";
+            query(sql).bind((display, now_ms, reason)).execute(write.sql()).await?;
+            write.announce_changed(Changed::Queue);
+            Ok(())
         })
         .await
     }
@@ -84,21 +83,15 @@ impl Store {
     /// [`StoreError::Precondition`] if the display or queue is not paused.
     pub async fn resume(&self, display: Option<&str>) -> Result<(), StoreError> {
         let display = display.unwrap_or_default().to_owned();
-        self.write(move |write| {
-            Box::pin(async move {
-                let deleted = query("delete from pause where display = $1").bind(&display).execute(write.sql());
-                if deleted.await? == 0 {
-                    let target =
-                        if display.is_empty() { "the queue".to_owned() } else { format!("displays/{display}") };
-                    return Err(StoreError::precondition(
-                        PreconditionReason::NotPaused,
-                        format!("{target} is not paused"),
-                    ));
-                }
-                write.announce(Change::Claimable);
-                write.announce_changed(Changed::Queue);
-                Ok(())
-            })
+        self.write(async move |write| {
+            let deleted = query("delete from pause where display = $1").bind(&display).execute(write.sql());
+            if deleted.await? == 0 {
+                let target = if display.is_empty() { "the queue".to_owned() } else { format!("displays/{display}") };
+                return Err(StoreError::precondition(PreconditionReason::NotPaused, format!("{target} is not paused")));
+            }
+            write.announce(Change::Claimable);
+            write.announce_changed(Changed::Queue);
+            Ok(())
         })
         .await
     }

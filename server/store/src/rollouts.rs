@@ -51,7 +51,7 @@ impl Store {
         now_ms: i64,
     ) -> Result<Rollout, StoreError> {
         let key = key.clone();
-        self.write(move |write| Box::pin(async move { start(write, &key, plan, expected_active, now_ms).await })).await
+        self.write(async move |write| start(write, &key, plan, expected_active, now_ms).await).await
     }
 
     /// Gives the version of a rollout to a larger share of the devices.
@@ -68,27 +68,25 @@ impl Store {
         now_ms: i64,
     ) -> Result<Rollout, StoreError> {
         let key = key.clone();
-        self.write(move |write| {
-            Box::pin(async move {
-                let rollout = running(write.sql(), &key, number, expected_revision).await?;
-                let present = rollout.plan.share_percent;
-                if share_percent <= present {
-                    let message = format!("{} has {present} % already; halt it to go back", name(&key, number));
-                    return Err(StoreError::Aborted { reason: AbortReason::RolloutChanged, message });
-                }
-                let set = "update rollout set share_percent = $3, revision = revision + 1 where number = $2 \
+        self.write(async move |write| {
+            let rollout = running(write.sql(), &key, number, expected_revision).await?;
+            let present = rollout.plan.share_percent;
+            if share_percent <= present {
+                let message = format!("{} has {present} % already; halt it to go back", name(&key, number));
+                return Err(StoreError::Aborted { reason: AbortReason::RolloutChanged, message });
+            }
+            let set = "update rollout set share_percent = $3, revision = revision + 1 where number = $2 \
                            and kernel = (select id from kernel where name = $1)";
-                query(set).bind((key.to_string(), number, share_percent)).execute(write.sql()).await?;
-                let generation = raise_generation(write, &key, now_ms).await?;
-                let event = RolloutEvent {
-                    time_ms: now_ms,
-                    caller,
-                    message: format!("{share_percent} % of the devices get the version, instead of {present} %"),
-                    generation: generation.unsigned_abs(),
-                };
-                append_event(write, &key, number, event).await?;
-                find_rollout(write.sql(), &key, number).await
-            })
+            query(set).bind((key.to_string(), number, share_percent)).execute(write.sql()).await?;
+            let generation = raise_generation(write, &key, now_ms).await?;
+            let event = RolloutEvent {
+                time_ms: now_ms,
+                caller,
+                message: format!("{share_percent} % of the devices get the version, instead of {present} %"),
+                generation: generation.unsigned_abs(),
+            };
+            append_event(write, &key, number, event).await?;
+            find_rollout(write.sql(), &key, number).await
         })
         .await
     }
@@ -107,20 +105,18 @@ impl Store {
         now_ms: i64,
     ) -> Result<Rollout, StoreError> {
         let (key, caller) = (key.clone(), caller.to_owned());
-        self.write(move |write| {
-            Box::pin(async move {
-                let Rollout { plan, from_version, .. } = running(write.sql(), &key, number, expected_revision).await?;
-                let ending = Ending { state: RolloutState::Completed, caller, message: "the version is active".into() };
-                end(write, &key, number, ending, now_ms).await?;
-                let promotion = Promotion {
-                    version: plan.version,
-                    expected_active: from_version,
-                    cause: plan.cause,
-                    overridden: plan.overridden,
-                };
-                promote(write, &key, promotion, now_ms).await?;
-                find_rollout(write.sql(), &key, number).await
-            })
+        self.write(async move |write| {
+            let Rollout { plan, from_version, .. } = running(write.sql(), &key, number, expected_revision).await?;
+            let ending = Ending { state: RolloutState::Completed, caller, message: "the version is active".into() };
+            end(write, &key, number, ending, now_ms).await?;
+            let promotion = Promotion {
+                version: plan.version,
+                expected_active: from_version,
+                cause: plan.cause,
+                overridden: plan.overridden,
+            };
+            promote(write, &key, promotion, now_ms).await?;
+            find_rollout(write.sql(), &key, number).await
         })
         .await
     }
@@ -138,16 +134,14 @@ impl Store {
         now_ms: i64,
     ) -> Result<Rollout, StoreError> {
         let (key, cause) = (key.clone(), cause.clone());
-        self.write(move |write| {
-            Box::pin(async move {
-                running(write.sql(), &key, number, None).await?;
-                let why = if cause.reason.is_empty() { String::new() } else { format!(": {}", cause.reason) };
-                let message = format!("halted{why}");
-                let ending = Ending { state: RolloutState::Halted, caller: cause.caller, message };
-                end(write, &key, number, ending, now_ms).await?;
-                raise_generation(write, &key, now_ms).await?;
-                find_rollout(write.sql(), &key, number).await
-            })
+        self.write(async move |write| {
+            running(write.sql(), &key, number, None).await?;
+            let why = if cause.reason.is_empty() { String::new() } else { format!(": {}", cause.reason) };
+            let message = format!("halted{why}");
+            let ending = Ending { state: RolloutState::Halted, caller: cause.caller, message };
+            end(write, &key, number, ending, now_ms).await?;
+            raise_generation(write, &key, now_ms).await?;
+            find_rollout(write.sql(), &key, number).await
         })
         .await
     }
@@ -160,19 +154,17 @@ impl Store {
     /// [`StoreError::Database`].
     pub async fn halt_all_rollouts(&self, message: &str, now_ms: i64) -> Result<(), StoreError> {
         let message = message.to_owned();
-        self.write(move |write| {
-            Box::pin(async move {
-                let mut query = Builder::new(ROLLOUTS);
-                query.push(" where r.state = 'running'");
-                for row in query.build().fetch_all(write.sql()).await? {
-                    let Rollout { key, number, .. } = rollout_of(&row)?;
-                    let (state, message) = (RolloutState::Halted, message.clone());
-                    let ending = Ending { state, caller: String::new(), message };
-                    end(write, &key, number, ending, now_ms).await?;
-                    raise_generation(write, &key, now_ms).await?;
-                }
-                Ok(())
-            })
+        self.write(async move |write| {
+            let mut query = Builder::new(ROLLOUTS);
+            query.push(" where r.state = 'running'");
+            for row in query.build().fetch_all(write.sql()).await? {
+                let Rollout { key, number, .. } = rollout_of(&row)?;
+                let (state, message) = (RolloutState::Halted, message.clone());
+                let ending = Ending { state, caller: String::new(), message };
+                end(write, &key, number, ending, now_ms).await?;
+                raise_generation(write, &key, now_ms).await?;
+            }
+            Ok(())
         })
         .await
     }

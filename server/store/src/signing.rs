@@ -57,7 +57,7 @@ impl Store {
         forgotten: Vec<String>,
         now_ms: i64,
     ) -> Result<(), StoreError> {
-        self.write(move |write| Box::pin(async move { add(write, keyring, new, forgotten, now_ms).await })).await
+        self.write(async move |write| add(write, keyring, new, forgotten, now_ms).await).await
     }
 
     /// Adds private keys, for a keyring that is signed elsewhere and added later.
@@ -66,7 +66,7 @@ impl Store {
     ///
     /// [`StoreError::Database`].
     pub async fn add_private_keys(&self, new: Vec<PrivateKey>, now_ms: i64) -> Result<(), StoreError> {
-        self.write(move |write| Box::pin(async move { add_private(write, new, now_ms).await })).await
+        self.write(async move |write| add_private(write, new, now_ms).await).await
     }
 
     /// Private keys of this server.
@@ -87,12 +87,9 @@ impl Store {
     /// [`StoreError::Database`].
     pub async fn forget_private_key(&self, public: &str) -> Result<bool, StoreError> {
         let public = public.to_owned();
-        self.write(move |write| {
-            Box::pin(async move {
-                let deleted =
-                    query("delete from signing_key where public = $1").bind(public).execute(write.sql()).await?;
-                Ok(deleted > 0)
-            })
+        self.write(async move |write| {
+            let deleted = query("delete from signing_key where public = $1").bind(public).execute(write.sql()).await?;
+            Ok(deleted > 0)
         })
         .await
     }

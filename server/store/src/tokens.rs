@@ -41,20 +41,18 @@ impl Store {
         now_ms: i64,
     ) -> Result<TokenRecord, StoreError> {
         let (caller, hash) = (caller.clone(), hash.to_owned());
-        self.write(move |write| {
-            Box::pin(async move {
-                let row = query(
-                    "insert into token (name, hash, role, displays, create_time_ms, expire_time_ms) \
+        self.write(async move |write| {
+            let row = query(
+                "insert into token (name, hash, role, displays, create_time_ms, expire_time_ms) \
                      values ($1, $2, $3, $4, $5, $6) on conflict (name) do nothing returning *",
-                )
-                .bind((&caller.name, hash, caller.role.as_str(), to_json("token.displays", &caller.displays)?, now_ms))
-                .bind(expire_time_ms)
-                .fetch_optional(write.sql())
-                .await?;
-                let taken =
-                    || StoreError::exists(format!("token \"{}\"", caller.name), "or was revoked; choose another name");
-                token_of(&row.ok_or_else(taken)?)
-            })
+            )
+            .bind((&caller.name, hash, caller.role.as_str(), to_json("token.displays", &caller.displays)?, now_ms))
+            .bind(expire_time_ms)
+            .fetch_optional(write.sql())
+            .await?;
+            let taken =
+                || StoreError::exists(format!("token \"{}\"", caller.name), "or was revoked; choose another name");
+            token_of(&row.ok_or_else(taken)?)
         })
         .await
     }
@@ -86,12 +84,10 @@ impl Store {
     /// [`StoreError::NotFound`].
     pub async fn revoke_token(&self, name: &str, now_ms: i64) -> Result<TokenRecord, StoreError> {
         let name = name.to_owned();
-        self.write(move |write| {
-            Box::pin(async move {
-                let sql = "update token set revoke_time_ms = coalesce(revoke_time_ms, $2) where name = $1 returning *";
-                let row = query(sql).bind((&name, now_ms)).fetch_optional(write.sql()).await?;
-                token_of(&row.ok_or_else(|| StoreError::not_found(format!("token \"{name}\"")))?)
-            })
+        self.write(async move |write| {
+            let sql = "update token set revoke_time_ms = coalesce(revoke_time_ms, $2) where name = $1 returning *";
+            let row = query(sql).bind((&name, now_ms)).fetch_optional(write.sql()).await?;
+            token_of(&row.ok_or_else(|| StoreError::not_found(format!("token \"{name}\"")))?)
         })
         .await
     }

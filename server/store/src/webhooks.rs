@@ -21,35 +21,33 @@ impl Store {
     /// [`StoreError::Precondition`] if there are [`WEBHOOKS_MAX`] webhooks.
     pub async fn create_webhook(&self, webhook: &Webhook, secret: &WebhookSecret) -> Result<(), StoreError> {
         let (webhook, secret) = (webhook.clone(), secret.clone());
-        self.write(move |write| {
-            Box::pin(async move {
-                let count: u32 = scalar("select count(*) from webhook").fetch_one(write.sql()).await?;
-                if count >= WEBHOOKS_MAX {
-                    let message = format!("the server has {count} webhooks, its limit; delete one first");
-                    return Err(StoreError::precondition(PreconditionReason::WebhooksFull, message));
+        self.write(async move |write| {
+            let count: u32 = scalar("select count(*) from webhook").fetch_one(write.sql()).await?;
+            if count >= WEBHOOKS_MAX {
+                let message = format!("the server has {count} webhooks, its limit; delete one first");
+                return Err(StoreError::precondition(PreconditionReason::WebhooksFull, message));
+            }
+            if let Some(display) = &webhook.display {
+                let known: bool = scalar("select exists (select 1 from display where id = $1)")
+                    .bind(display)
+                    .fetch_one(write.sql())
+                    .await?;
+                if !known {
+                    return Err(StoreError::not_found(format!("displays/{display}")));
                 }
-                if let Some(display) = &webhook.display {
-                    let known: bool = scalar("select exists (select 1 from display where id = $1)")
-                        .bind(display)
-                        .fetch_one(write.sql())
-                        .await?;
-                    if !known {
-                        return Err(StoreError::not_found(format!("displays/{display}")));
-                    }
-                }
-                let inserted = query(
-                    "insert into webhook (id, url, events, display, secret, caller, create_time_ms) \
+            }
+            let inserted = query(
+                "insert into webhook (id, url, events, display, secret, caller, create_time_ms) \
                          values ($1, $2, $3, $4, $5, $6, $7) on conflict do nothing",
-                )
-                .bind((&webhook.id, webhook.url.as_str(), to_json("webhook.events", &webhook.events)?, webhook.display))
-                .bind((secret.reveal(), webhook.caller, webhook.create_time_ms))
-                .execute(write.sql())
-                .await?;
-                match inserted {
-                    1 => Ok(()),
-                    _ => Err(StoreError::exists(name(&webhook.id), "on the server; choose another id")),
-                }
-            })
+            )
+            .bind((&webhook.id, webhook.url.as_str(), to_json("webhook.events", &webhook.events)?, webhook.display))
+            .bind((secret.reveal(), webhook.caller, webhook.create_time_ms))
+            .execute(write.sql())
+            .await?;
+            match inserted {
+                1 => Ok(()),
+                _ => Err(StoreError::exists(name(&webhook.id), "on the server; choose another id")),
+            }
         })
         .await
     }
@@ -93,14 +91,12 @@ impl Store {
     /// [`StoreError::NotFound`].
     pub async fn delete_webhook(&self, id: &str) -> Result<(), StoreError> {
         let id = id.to_owned();
-        self.write(move |write| {
-            Box::pin(async move {
-                let deleted = query("delete from webhook where id = $1").bind(&id).execute(write.sql()).await?;
-                match deleted {
-                    0 => Err(StoreError::not_found(name(&id))),
-                    _ => Ok(()),
-                }
-            })
+        self.write(async move |write| {
+            let deleted = query("delete from webhook where id = $1").bind(&id).execute(write.sql()).await?;
+            match deleted {
+                0 => Err(StoreError::not_found(name(&id))),
+                _ => Ok(()),
+            }
         })
         .await
     }
@@ -116,15 +112,13 @@ impl Store {
             return Ok(true);
         }
         let (id, process) = (id.to_owned(), self.inner.process.clone());
-        self.write_row(move |write| {
-            Box::pin(async move {
-                let sql = "update webhook set teller = $2, teller_until_ms = $3 where id = $1 \
+        self.write_row(async move |write| {
+            let sql = "update webhook set teller = $2, teller_until_ms = $3 where id = $1 \
                            and (teller is null or teller = $2 or teller_until_ms <= $4 or teller_until_ms > $5)";
-                let held = query(sql).bind((id, process, now_ms + hold_ms, now_ms));
-                // The clocks of two processes may differ a little. A hold much longer than any is from a clock that was ahead.
-                let held = held.bind(now_ms + 2 * hold_ms);
-                Ok(held.execute(write.sql()).await? == 1)
-            })
+            let held = query(sql).bind((id, process, now_ms + hold_ms, now_ms));
+            // The clocks of two processes may differ a little. A hold much longer than any is from a clock that was ahead.
+            let held = held.bind(now_ms + 2 * hold_ms);
+            Ok(held.execute(write.sql()).await? == 1)
         })
         .await
     }
@@ -139,12 +133,10 @@ impl Store {
             return Ok(());
         }
         let (id, process) = (id.to_owned(), self.inner.process.clone());
-        self.write_row(move |write| {
-            Box::pin(async move {
-                let sql = "update webhook set teller = null, teller_until_ms = null where id = $1 and teller = $2";
-                query(sql).bind((id, process)).execute(write.sql()).await?;
-                Ok(())
-            })
+        self.write_row(async move |write| {
+            let sql = "update webhook set teller = null, teller_until_ms = null where id = $1 and teller = $2";
+            query(sql).bind((id, process)).execute(write.sql()).await?;
+            Ok(())
         })
         .await
     }
@@ -157,18 +149,16 @@ impl Store {
     pub async fn test_webhook(&self, id: &str, caller: &str, now_ms: i64) -> Result<Delivery, StoreError> {
         let subject = to_json("webhook_delivery.subject", &BTreeMap::from([("caller", caller)]))?;
         let id = id.to_owned();
-        self.write(move |write| {
-            Box::pin(async move {
-                let inserted = query(
-                    "insert into webhook_delivery (webhook, event, subject, time_ms, next_time_ms) \
+        self.write(async move |write| {
+            let inserted = query(
+                "insert into webhook_delivery (webhook, event, subject, time_ms, next_time_ms) \
                      select id, $2, $3, $4, $4 from webhook where id = $1 returning *",
-                )
-                .bind((&id, WebhookEvent::Test.as_str(), subject, now_ms))
-                .fetch_optional(write.sql())
-                .await?;
-                write.announce(Change::Deliverable);
-                delivery_of(&inserted.ok_or_else(|| StoreError::not_found(name(&id)))?)
-            })
+            )
+            .bind((&id, WebhookEvent::Test.as_str(), subject, now_ms))
+            .fetch_optional(write.sql())
+            .await?;
+            write.announce(Change::Deliverable);
+            delivery_of(&inserted.ok_or_else(|| StoreError::not_found(name(&id)))?)
         })
         .await
     }

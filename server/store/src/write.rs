@@ -5,7 +5,6 @@ use super::connect::POSTGRES_WRITERS;
 use super::notices;
 use super::sql::{Connection, Pool, query, run_all};
 use super::{Store, StoreError};
-use futures::future::BoxFuture;
 use lightpath_fail_points as fail;
 use std::time::Duration;
 use tokio::time::timeout;
@@ -125,6 +124,27 @@ fn timed_out() -> StoreError {
     sqlx::Error::Io(std::io::ErrorKind::TimedOut.into()).into()
 }
 
+/// What a transaction does: an async closure.
+pub(super) trait Work<T>:
+    AsyncFnOnce(&mut Write) -> Result<T, StoreError> + for<'w> Movable<'w, T> + 'static
+{
+}
+
+impl<T, W: AsyncFnOnce(&mut Write) -> Result<T, StoreError> + for<'w> Movable<'w, T> + 'static> Work<T> for W {}
+
+/// An async closure that may move to another thread, with its future. A bound of an `AsyncFnOnce` cannot say this yet.
+pub(super) trait Movable<'w, T>: FnOnce(&'w mut Write) -> Self::Future + Send {
+    type Future: Future<Output = Result<T, StoreError>> + Send;
+}
+
+impl<'w, T, W, F> Movable<'w, T> for W
+where
+    W: FnOnce(&'w mut Write) -> F + Send,
+    F: Future<Output = Result<T, StoreError>> + Send,
+{
+    type Future = F;
+}
+
 impl Store {
     /// Waits until this call could write, and writes nothing. Earlier writes have ended then.
     ///
@@ -132,34 +152,22 @@ impl Store {
     ///
     /// [`StoreError::Database`] if another process holds the database for too long.
     pub async fn wait_for_writer(&self) -> Result<(), StoreError> {
-        self.write(|_| Box::pin(async { Ok(()) })).await
+        self.write(async move |_| Ok(())).await
     }
 
     /// Runs `work` in a write transaction, in a task of its own. The transaction happens completely or not at all, even
     /// if the caller drops the future. Writers take turns.
-    pub(super) async fn write<T, W>(&self, work: W) -> Result<T, StoreError>
-    where
-        T: Send + 'static,
-        W: for<'w> FnOnce(&'w mut Write) -> BoxFuture<'w, Result<T, StoreError>> + Send + 'static,
-    {
+    pub(super) async fn write<T: Send + 'static>(&self, work: impl Work<T>) -> Result<T, StoreError> {
         self.run_write(true, work).await
     }
 
     /// Does the same for `work` that is one statement about one row. In PostgreSQL it does not wait for its turn: the
     /// lock of the row is enough.
-    pub(super) async fn write_row<T, W>(&self, work: W) -> Result<T, StoreError>
-    where
-        T: Send + 'static,
-        W: for<'w> FnOnce(&'w mut Write) -> BoxFuture<'w, Result<T, StoreError>> + Send + 'static,
-    {
+    pub(super) async fn write_row<T: Send + 'static>(&self, work: impl Work<T>) -> Result<T, StoreError> {
         self.run_write(false, work).await
     }
 
-    async fn run_write<T, W>(&self, in_turn: bool, work: W) -> Result<T, StoreError>
-    where
-        T: Send + 'static,
-        W: for<'w> FnOnce(&'w mut Write) -> BoxFuture<'w, Result<T, StoreError>> + Send + 'static,
-    {
+    async fn run_write<T: Send + 'static>(&self, in_turn: bool, work: impl Work<T>) -> Result<T, StoreError> {
         let store = self.clone();
         let is_postgres = self.inner.writers.is_postgres();
         let work = async move {
