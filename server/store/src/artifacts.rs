@@ -1,7 +1,7 @@
 //! Records of the artifacts that are complete and on disk, and of their owners.
 
 use super::rows::to_json;
-use super::sql::{Connection, Row, query, scalar};
+use super::sql::{Connection, Row, from_row, query, scalar};
 use super::{Store, StoreError};
 
 /// An artifact that is on disk.
@@ -168,10 +168,5 @@ pub(super) async fn require_room(
 }
 
 pub(super) fn record_of(row: &Row) -> Result<ArtifactRecord, StoreError> {
-    Ok(ArtifactRecord {
-        digest: row.try_get("digest")?,
-        size_bytes: row.try_get::<i64>("size_bytes")?.unsigned_abs(),
-        create_time_ms: row.try_get("create_time_ms")?,
-        use_time_ms: row.try_get("use_time_ms")?,
-    })
+    Ok(from_row!(row, ArtifactRecord { digest, size_bytes, create_time_ms, use_time_ms }))
 }

@@ -2,7 +2,7 @@
 
 use super::changes::Changed;
 use super::rows::{from_json, from_json_option, from_word, to_json, to_word};
-use super::sql::{Builder, Connection, Row, query, query_as, scalar};
+use super::sql::{Builder, Connection, Row, from_row, query, query_as, scalar};
 use super::write::Write;
 use super::{AbortReason, Store, StoreError, page};
 use lightpath_domain::dataset::{DATASETS_MAX, Dataset, Encoding, Exposure, Finding, PAIRS_MAX, Pair};
@@ -257,33 +257,24 @@ pub(super) async fn require_artifact(sql: &mut Connection, digest: &str) -> Resu
 }
 
 fn dataset_of(row: &Row) -> Result<Dataset, StoreError> {
-    Ok(Dataset {
-        id: row.try_get("id")?,
-        display: row.try_get("display")?,
+    Ok(from_row!(row, Dataset {
+        id, display, photo_bit_depth, pair_count, revision, digest, create_time_ms, finalize_time_ms;
         wavelength: Wavelength { pm: row.try_get("wavelength_pm")? },
         distance: Distance { nm: row.try_get("distance_nm")? },
         photo_encoding: from_word("dataset.photo_encoding", row.try_get("photo_encoding")?)?,
-        photo_bit_depth: row.try_get("photo_bit_depth")?,
         alignment: from_json_option("dataset.alignment", row.try_get("alignment")?)?,
         pairs: Vec::new(),
-        pair_count: row.try_get("pair_count")?,
         findings: from_json("dataset.findings", &row.try_get::<String>("findings")?)?,
-        revision: row.try_get::<i64>("revision")?.unsigned_abs(),
         finalization: from_json_option("dataset.finalization", row.try_get("finalization")?)?,
-        digest: row.try_get("digest")?,
-        create_time_ms: row.try_get("create_time_ms")?,
-        finalize_time_ms: row.try_get("finalize_time_ms")?,
-    })
+    }))
 }
 
 fn pair_of(row: &Row) -> Result<Pair, StoreError> {
     let split: Option<String> = row.try_get("split")?;
-    Ok(Pair {
-        id: row.try_get("id")?,
-        phase: row.try_get("phase")?,
-        photo: row.try_get("photo")?,
+    Ok(from_row!(row, Pair {
+        id, phase, photo;
         split: split.map(|word| from_word("pair.split", word)).transpose()?,
         exposure: from_json_option("pair.exposure", row.try_get("exposure")?)?.unwrap_or_default(),
         checks: from_json_option("pair.checks", row.try_get("checks")?)?,
-    })
+    }))
 }

@@ -1,7 +1,7 @@
 //! What webhooks are to learn, and what became of it. Triggers of the database insert the rows.
 
 use super::rows::from_word;
-use super::sql::{Row, query, scalar};
+use super::sql::{Row, from_row, query, scalar};
 use super::{Store, StoreError, page};
 use lightpath_domain::webhook::Delivery;
 
@@ -113,16 +113,8 @@ impl Store {
 }
 
 pub(super) fn delivery_of(row: &Row) -> Result<Delivery, StoreError> {
-    Ok(Delivery {
-        sequence: row.try_get("sequence")?,
-        id: row.try_get("id")?,
-        webhook: row.try_get("webhook")?,
+    Ok(from_row!(row, Delivery {
+        sequence, id, webhook, subject, time_ms, attempts, next_time_ms, delivered, answer;
         event: from_word("webhook_delivery.event", row.try_get("event")?)?,
-        subject: row.try_get("subject")?,
-        time_ms: row.try_get("time_ms")?,
-        attempts: row.try_get("attempts")?,
-        next_time_ms: row.try_get("next_time_ms")?,
-        delivered: row.try_get("delivered")?,
-        answer: row.try_get("answer")?,
-    })
+    }))
 }

@@ -4,15 +4,14 @@ use super::changes::Changed;
 use super::kernels::find;
 use super::moves::require_version;
 use super::rollouts;
-use super::rows::{from_word, to_word};
-use super::sql::{Connection, Row, query, query_as, scalar};
+use super::rows::{from_word, key_of, to_word};
+use super::sql::{Connection, Row, from_row, query, query_as, scalar};
 use super::write::Write;
 use super::{Store, StoreError, page};
 use lightpath_domain::device::{Device, InstalledFile, InstalledKernel, Report};
 use lightpath_domain::kernel::KernelKey;
 use lightpath_domain::kernel_format::KernelFormat;
 use lightpath_domain::reason::PreconditionReason;
-use lightpath_domain::units::{Distance, Wavelength};
 
 /// Limit on the devices of a display, so that wrong ids cannot fill the disk.
 pub const DEVICES_MAX: u32 = 100_000;
@@ -187,7 +186,7 @@ async fn with_kernels(sql: &mut Connection, display: &str, rows: &[Row]) -> Resu
             if row.try_get::<String>("device")? != device.id {
                 break;
             }
-            device.kernels.push(installed_of(display, row)?);
+            device.kernels.push(installed_of(row)?);
             kernels.next();
         }
     }
@@ -195,17 +194,15 @@ async fn with_kernels(sql: &mut Connection, display: &str, rows: &[Row]) -> Resu
 }
 
 fn device_of(display: &str, row: &Row) -> Result<Device, StoreError> {
-    Ok(Device {
+    Ok(from_row!(row, Device {
+        id, agent, report_time_ms;
         display: display.to_owned(),
-        id: row.try_get("id")?,
         kernels: Vec::new(),
         group: row.try_get("group_name")?,
-        agent: row.try_get("agent")?,
-        report_time_ms: row.try_get("report_time_ms")?,
-    })
+    }))
 }
 
-fn installed_of(display: &str, row: &Row) -> Result<InstalledKernel, StoreError> {
+fn installed_of(row: &Row) -> Result<InstalledKernel, StoreError> {
     let file = match row.try_get("version")? {
         None => None,
         Some(version) => Some(InstalledFile {
@@ -214,17 +211,9 @@ fn installed_of(display: &str, row: &Row) -> Result<InstalledKernel, StoreError>
             digest: row.try_get("digest")?,
         }),
     };
-    Ok(InstalledKernel {
-        kernel: KernelKey {
-            display: display.to_owned(),
-            wavelength: Wavelength { pm: row.try_get("wavelength_pm")? },
-            distance: Distance { nm: row.try_get("distance_nm")? },
-        },
+    Ok(from_row!(row, InstalledKernel {
+        generation, tried_version, message, self_test_loss, report_time_ms;
+        kernel: key_of(row)?,
         file,
-        generation: row.try_get::<i64>("generation")?.unsigned_abs(),
-        tried_version: row.try_get("tried_version")?,
-        message: row.try_get("message")?,
-        self_test_loss: row.try_get("self_test_loss")?,
-        report_time_ms: row.try_get("report_time_ms")?,
-    })
+    }))
 }

@@ -1,7 +1,7 @@
 //! The events of a job, for people.
 
 use super::changes::Change;
-use super::sql::query;
+use super::sql::{from_row, query};
 use super::write::Write;
 use super::{Store, StoreError, page};
 use lightpath_domain::job::{Job, JobEvent};
@@ -18,16 +18,7 @@ impl Store {
             .bind((job, after.unwrap_or(0), page(limit)))
             .fetch_all(self.readers())
             .await?;
-        rows.iter()
-            .map(|row| {
-                Ok(JobEvent {
-                    sequence: row.try_get("sequence")?,
-                    time_ms: row.try_get("time_ms")?,
-                    attempt: row.try_get("attempt")?,
-                    message: row.try_get("message")?,
-                })
-            })
-            .collect()
+        rows.iter().map(|row| Ok(from_row!(row, JobEvent { sequence, time_ms, attempt, message }))).collect()
     }
 }
 

@@ -1,7 +1,7 @@
 //! Promotion gates of displays.
 
 use super::changes::Changed;
-use super::rows::{from_json, to_json};
+use super::rows::{cause_of, from_json, to_json};
 use super::sql::query;
 use super::{Store, StoreError, page};
 use lightpath_domain::kernel::Cause;
@@ -55,7 +55,7 @@ impl Store {
                 let gate: String = row.try_get("gate")?;
                 Ok(GateChange {
                     time_ms: row.try_get("time_ms")?,
-                    cause: Cause { caller: row.try_get("caller")?, reason: row.try_get("reason")? },
+                    cause: cause_of(row)?,
                     gate: from_json("promotion_gate.gate", &gate)?,
                 })
             })

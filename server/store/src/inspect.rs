@@ -246,7 +246,7 @@ impl Inspection {
             .await?;
         rows.iter()
             .map(|row| {
-                let size_bytes = row.try_get::<i64>("size_bytes")?.unsigned_abs();
+                let size_bytes = row.try_get("size_bytes")?;
                 Ok(StoredBlob { digest: row.try_get("digest")?, size_bytes })
             })
             .collect()

@@ -2,8 +2,8 @@
 
 use super::changes::Change;
 use super::datasets::require_artifact;
-use super::rows::{from_json, from_word, to_json, to_word};
-use super::sql::{Builder, Connection, Row, query, scalar};
+use super::rows::{from_json, from_word, key_of, to_json, to_word};
+use super::sql::{Builder, Connection, Row, from_row, query, scalar};
 use super::write::Write;
 use super::{Store, StoreError, page};
 use lightpath_domain::kernel::{Cause, Deprecation, Kernel, KernelKey, KernelVersion, NewKernelVersion, VERSIONS_MAX};
@@ -258,19 +258,11 @@ pub(super) async fn find_version(
 
 fn kernel_of(row: &Row) -> Result<Kernel, StoreError> {
     let aliases: Option<String> = row.try_get("aliases")?;
-    Ok(Kernel {
-        key: KernelKey {
-            display: row.try_get("display")?,
-            wavelength: Wavelength { pm: row.try_get("wavelength_pm")? },
-            distance: Distance { nm: row.try_get("distance_nm")? },
-        },
-        active_version: row.try_get("active_version")?,
-        latest_version: row.try_get("latest_version")?,
-        interpolated: row.try_get("interpolated")?,
-        create_time_ms: row.try_get("create_time_ms")?,
+    Ok(from_row!(row, Kernel {
+        active_version, latest_version, interpolated, create_time_ms, rollout;
+        key: key_of(row)?,
         aliases: aliases_of(&aliases.unwrap_or_default())?,
-        rollout: row.try_get("rollout")?,
-    })
+    }))
 }
 
 /// The aliases in a text such as `good=3,best=7`.
@@ -287,20 +279,18 @@ fn aliases_of(text: &str) -> Result<BTreeMap<String, u32>, StoreError> {
 fn version_of(key: &KernelKey, row: &Row) -> Result<KernelVersion, StoreError> {
     let metrics: String = row.try_get("metrics")?;
     let lineage: String = row.try_get("lineage")?;
-    Ok(KernelVersion {
+    Ok(from_row!(row, KernelVersion {
+        version, create_time_ms, active;
         key: key.clone(),
-        version: row.try_get("version")?,
         content: NewKernelVersion {
             model: from_word("kernel_version.model", row.try_get("model")?)?,
             artifact: row.try_get("artifact")?,
-            size_bytes: row.try_get::<i64>("size_bytes")?.unsigned_abs(),
+            size_bytes: row.try_get("size_bytes")?,
             metrics: from_json("kernel_version.metrics", &metrics)?,
             lineage: from_json("kernel_version.lineage", &lineage)?,
         },
-        create_time_ms: row.try_get("create_time_ms")?,
-        active: row.try_get("active")?,
         deprecation: deprecation_of(row)?,
-    })
+    }))
 }
 
 fn deprecation_of(row: &Row) -> Result<Option<Deprecation>, StoreError> {

@@ -2,8 +2,8 @@
 
 use super::changes::Change;
 use super::kernels::{find, find_version};
-use super::rows::{from_json, to_json};
-use super::sql::{query, scalar};
+use super::rows::{cause_of, from_json, to_json};
+use super::sql::{from_row, query, scalar};
 use super::write::Write;
 use super::{AbortReason, Store, StoreError, page};
 use lightpath_domain::kernel::{ACTIVE, Cause, Kernel, KernelKey, KernelMove};
@@ -133,17 +133,12 @@ impl Store {
         rows.iter()
             .map(|row| {
                 let overridden: String = row.try_get("overridden")?;
-                Ok(KernelMove {
-                    sequence: row.try_get("sequence")?,
-                    alias: row.try_get("alias")?,
-                    time_ms: row.try_get("time_ms")?,
-                    cause: Cause { caller: row.try_get("caller")?, reason: row.try_get("reason")? },
-                    from_version: row.try_get("from_version")?,
-                    to_version: row.try_get("to_version")?,
+                Ok(from_row!(row, KernelMove {
+                    sequence, alias, time_ms, from_version, to_version, generation;
+                    cause: cause_of(row)?,
                     overridden: from_json("kernel_move.overridden", &overridden)?,
-                    generation: row.try_get::<i64>("generation")?.unsigned_abs(),
                     rollback: row.try_get::<Option<i64>>("undoes")?.is_some(),
-                })
+                }))
             })
             .collect()
     }

@@ -5,7 +5,7 @@
 
 use super::living::{LIFE, Process};
 use super::rows::{from_json, from_word, to_json, to_word};
-use super::sql::{Row, query};
+use super::sql::{Row, from_row, query};
 use super::{Store, StoreError};
 use lightpath_domain::ability::Abilities;
 use std::sync::Arc;
@@ -106,17 +106,12 @@ impl Store {
 }
 
 fn process_of(row: &Row) -> Result<Process, StoreError> {
-    Ok(Process {
-        id: row.try_get("id")?,
+    Ok(from_row!(row, Process {
+        id, name, version, workers, start_time_ms, seen_time_ms;
         kind: from_word("process.kind", row.try_get("kind")?)?,
-        name: row.try_get("name")?,
-        version: row.try_get("version")?,
         abilities: Abilities {
             labels: from_json("process.labels", &row.try_get::<String>("labels")?)?,
-            memory_bytes: row.try_get::<i64>("memory_bytes")?.unsigned_abs(),
+            memory_bytes: row.try_get("memory_bytes")?,
         },
-        workers: row.try_get("workers")?,
-        start_time_ms: row.try_get("start_time_ms")?,
-        seen_time_ms: row.try_get("seen_time_ms")?,
-    })
+    }))
 }

@@ -3,15 +3,14 @@
 use super::changes::Changed;
 use super::kernels::find;
 use super::moves::{Promotion, promote, raise_generation, require_active, require_no_rollout, require_version};
-use super::rows::{from_json, from_word, to_json, to_word};
-use super::sql::{Builder, Connection, Row, query, scalar};
+use super::rows::{cause_of, from_json, from_word, key_of, to_json, to_word};
+use super::sql::{Builder, Connection, Row, from_row, query, scalar};
 use super::write::Write;
 use super::{AbortReason, Store, StoreError, page};
 use lightpath_domain::device::Report;
 use lightpath_domain::kernel::{Cause, Kernel, KernelKey};
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_domain::rollout::{Rollout, RolloutEvent, RolloutPlan, RolloutState, is_in_share};
-use lightpath_domain::units::{Distance, Wavelength};
 
 /// Selects rollouts with the numbers of their reports.
 const ROLLOUTS: &str = "select r.*, k.display, k.wavelength_pm, k.distance_nm, \
@@ -184,14 +183,7 @@ impl Store {
         .bind((key.to_string(), number, page(u32::MAX)))
         .fetch_all(&mut read)
         .await?;
-        let events = rows.iter().map(|row| {
-            Ok(RolloutEvent {
-                time_ms: row.try_get("time_ms")?,
-                caller: row.try_get("caller")?,
-                message: row.try_get("message")?,
-                generation: row.try_get::<i64>("generation")?.unsigned_abs(),
-            })
-        });
+        let events = rows.iter().map(|row| Ok(from_row!(row, RolloutEvent { time_ms, caller, message, generation })));
         Ok((rollout, events.collect::<Result<_, StoreError>>()?))
     }
 
@@ -378,16 +370,14 @@ async fn note_failure(write: &mut Write, key: &KernelKey, number: u32, report: &
 /// Raises the generation of a display whose devices changed their groups while a rollout runs: what they get changes.
 pub(super) async fn note_regrouping(write: &mut Write, display: &str, now_ms: i64) -> Result<(), StoreError> {
     let running = query(
-        "select k.wavelength_pm, k.distance_nm from rollout r join kernel k on k.id = r.kernel \
+        "select k.display, k.wavelength_pm, k.distance_nm from rollout r join kernel k on k.id = r.kernel \
          where k.display = $1 and r.state = 'running' and r.group_name <> ''",
     )
     .bind(display)
     .fetch_all(write.sql())
     .await?;
     for row in running {
-        let (wavelength, distance) =
-            (Wavelength { pm: row.try_get("wavelength_pm")? }, Distance { nm: row.try_get("distance_nm")? });
-        raise_generation(write, &KernelKey { display: display.to_owned(), wavelength, distance }, now_ms).await?;
+        raise_generation(write, &key_of(&row)?, now_ms).await?;
     }
     Ok(())
 }
@@ -437,29 +427,15 @@ async fn append_event(write: &mut Write, key: &KernelKey, number: u32, event: Ro
 
 fn rollout_of(row: &Row) -> Result<Rollout, StoreError> {
     let overridden: String = row.try_get("overridden")?;
-    Ok(Rollout {
-        key: KernelKey {
-            display: row.try_get("display")?,
-            wavelength: Wavelength { pm: row.try_get("wavelength_pm")? },
-            distance: Distance { nm: row.try_get("distance_nm")? },
-        },
-        number: row.try_get("number")?,
-        plan: RolloutPlan {
-            version: row.try_get("version")?,
-            share_percent: row.try_get("share_percent")?,
+    Ok(from_row!(row, Rollout {
+        number, from_version, devices_passed, devices_failed, start_time_ms, end_time_ms, revision;
+        key: key_of(row)?,
+        plan: from_row!(row, RolloutPlan {
+            version, share_percent, failed_percent_max, devices_min, self_test_loss_max;
             group: row.try_get("group_name")?,
-            failed_percent_max: row.try_get("failed_percent_max")?,
-            devices_min: row.try_get("devices_min")?,
-            self_test_loss_max: row.try_get("self_test_loss_max")?,
-            cause: Cause { caller: row.try_get("caller")?, reason: row.try_get("reason")? },
+            cause: cause_of(row)?,
             overridden: from_json("rollout.overridden", &overridden)?,
-        },
-        from_version: row.try_get("from_version")?,
+        }),
         state: from_word("rollout.state", row.try_get("state")?)?,
-        devices_passed: row.try_get("devices_passed")?,
-        devices_failed: row.try_get("devices_failed")?,
-        start_time_ms: row.try_get("start_time_ms")?,
-        end_time_ms: row.try_get("end_time_ms")?,
-        revision: row.try_get("revision")?,
-    })
+    }))
 }

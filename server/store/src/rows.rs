@@ -1,6 +1,9 @@
-//! Conversion between columns and domain values: words and JSON.
+//! Conversion between columns and domain values: words, JSON, and values of several columns.
 
 use super::StoreError;
+use super::sql::Row;
+use lightpath_domain::kernel::{Cause, KernelKey};
+use lightpath_domain::units::{Distance, Wavelength};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
@@ -34,4 +37,18 @@ pub(super) fn to_word<T: Serialize>(column: &'static str, value: &T) -> Result<S
 /// Parses a word as a unit variant.
 pub(super) fn from_word<T: DeserializeOwned>(column: &'static str, word: String) -> Result<T, StoreError> {
     serde_json::from_value(Value::String(word)).map_err(|source| StoreError::Corrupt { column, source })
+}
+
+/// The kernel that a row names.
+pub(super) fn key_of(row: &Row) -> Result<KernelKey, StoreError> {
+    Ok(KernelKey {
+        display: row.try_get("display")?,
+        wavelength: Wavelength { pm: row.try_get("wavelength_pm")? },
+        distance: Distance { nm: row.try_get("distance_nm")? },
+    })
+}
+
+/// Who caused what a row tells, and why.
+pub(super) fn cause_of(row: &Row) -> Result<Cause, StoreError> {
+    Ok(Cause { caller: row.try_get("caller")?, reason: row.try_get("reason")? })
 }

@@ -1,6 +1,6 @@
 //! Keyrings, and the private keys of this server.
 
-use super::sql::{Row, query, scalar};
+use super::sql::{Row, from_row, query, scalar};
 use super::write::Write;
 use super::{AbortReason, Store, StoreError};
 use lightpath_domain::kernel::{KernelKey, KernelMoment};
@@ -113,12 +113,10 @@ impl Store {
         .fetch_optional(self.readers())
         .await?;
         let row = row.ok_or_else(|| StoreError::not_found(key.to_string()))?;
-        Ok(KernelMoment {
+        Ok(from_row!(row, KernelMoment {
+            generation, generation_time_ms, keyring_version;
             version: version_for(&row, key, device)?,
-            generation: row.try_get::<i64>("generation")?.unsigned_abs(),
-            generation_time_ms: row.try_get("generation_time_ms")?,
-            keyring_version: row.try_get("keyring_version")?,
-        })
+        }))
     }
 }
 

@@ -1,7 +1,7 @@
 //! API tokens.
 
 use super::rows::{from_json, from_word, to_json};
-use super::sql::{Row, query};
+use super::sql::{Row, from_row, query};
 use super::{Store, StoreError};
 use lightpath_domain::access::{Caller, Role};
 
@@ -96,10 +96,8 @@ impl Store {
 fn token_of(row: &Row) -> Result<TokenRecord, StoreError> {
     let role: Role = from_word("token.role", row.try_get("role")?)?;
     let displays = from_json("token.displays", &row.try_get::<String>("displays")?)?;
-    Ok(TokenRecord {
+    Ok(from_row!(row, TokenRecord {
+        create_time_ms, expire_time_ms, revoke_time_ms;
         caller: Caller { name: row.try_get("name")?, role, displays },
-        create_time_ms: row.try_get("create_time_ms")?,
-        expire_time_ms: row.try_get("expire_time_ms")?,
-        revoke_time_ms: row.try_get("revoke_time_ms")?,
-    })
+    }))
 }

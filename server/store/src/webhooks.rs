@@ -3,7 +3,7 @@
 use super::changes::Change;
 use super::deliveries::delivery_of;
 use super::rows::{from_json, to_json};
-use super::sql::{Row, query, scalar};
+use super::sql::{Row, from_row, query, scalar};
 use super::{Store, StoreError};
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_domain::webhook::{Delivery, Webhook, WebhookEvent, WebhookSecret, WebhookUrl};
@@ -171,12 +171,9 @@ fn name(id: &str) -> String {
 fn webhook_of(row: &Row) -> Result<Webhook, StoreError> {
     let events: String = row.try_get("events")?;
     let url: String = row.try_get("url")?;
-    Ok(Webhook {
-        id: row.try_get("id")?,
+    Ok(from_row!(row, Webhook {
+        id, display, caller, create_time_ms;
         url: WebhookUrl::parse(&url).map_err(|error| StoreError::corrupt("webhook.url", error))?,
         events: from_json("webhook.events", &events)?,
-        display: row.try_get("display")?,
-        caller: row.try_get("caller")?,
-        create_time_ms: row.try_get("create_time_ms")?,
-    })
+    }))
 }
