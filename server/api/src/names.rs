@@ -62,13 +62,23 @@ pub(crate) fn kernel_key(call: &Call, field: &Field, name: &str) -> Result<Kerne
 
 /// The key and version number in `displays/{id}/kernels/{k}/versions/{n}`.
 pub(crate) fn kernel_version(call: &Call, field: &Field, name: &str) -> Result<(KernelKey, u32), ServiceError> {
-    let refusal = || {
-        let form = "displays/{id}/kernels/{k}/versions/{n}";
+    numbered(call, field, name, "versions")
+}
+
+/// The kernel and the number in `displays/{id}/kernels/{k}/rollouts/{n}`.
+pub(crate) fn rollout(call: &Call, field: &Field, name: &str) -> Result<(KernelKey, u32), ServiceError> {
+    numbered(call, field, name, "rollouts")
+}
+
+/// The kernel and the number of what belongs to it.
+fn numbered(call: &Call, field: &Field, name: &str, collection: &str) -> Result<(KernelKey, u32), ServiceError> {
+    let parts = name.split_once(&format!("/{collection}/"));
+    let numbered = parts.and_then(|(kernel, number)| Some((kernel, number.parse().ok()?)));
+    let (kernel, number) = numbered.ok_or_else(|| {
+        let form = format!("displays/{{id}}/kernels/{{k}}/{collection}/{{n}}");
         field.invalid(format!("is {:?}, but must have the form {form}", shortened(name)))
-    };
-    let (kernel, version) = name.split_once("/versions/").ok_or_else(refusal)?;
-    let version: u32 = version.parse().map_err(|_| refusal())?;
-    Ok((kernel_key(call, field, kernel)?, version))
+    })?;
+    Ok((kernel_key(call, field, kernel)?, number))
 }
 
 /// The display and the device in `displays/{id}/devices/{d}`.
@@ -77,17 +87,6 @@ pub(crate) fn device(call: &Call, field: &Field, name: &str) -> Result<(String, 
         field.invalid(format!("is {:?}, but must have the form displays/{{id}}/devices/{{d}}", shortened(name)))
     })?;
     Ok((display_id(call, field, display)?, device_id(field, device)?))
-}
-
-/// The kernel and the number in `displays/{id}/kernels/{k}/rollouts/{n}`.
-pub(crate) fn rollout(call: &Call, field: &Field, name: &str) -> Result<(KernelKey, u32), ServiceError> {
-    let refusal = || {
-        let form = "displays/{id}/kernels/{k}/rollouts/{n}";
-        field.invalid(format!("is {:?}, but must have the form {form}", shortened(name)))
-    };
-    let (kernel, number) = name.split_once("/rollouts/").ok_or_else(refusal)?;
-    let number: u32 = number.parse().map_err(|_| refusal())?;
-    Ok((kernel_key(call, field, kernel)?, number))
 }
 
 /// Checks the id of a device. Ids are like the names of tokens, because a device is named after its token.

@@ -6,7 +6,7 @@
 
 use super::origin::Hosts;
 use super::protocol::{is_grpc, require_grpc};
-use super::refusal::{RefusalCode, code_name, refuse};
+use super::refusal::{RefusalCode, refuse};
 use super::token_expiry::{EndedTokens, ending_at_expiry, not_accepted};
 use super::transcode::Called;
 use crate::accounts::Rate;
@@ -22,6 +22,7 @@ use axum::http::{HeaderMap, header};
 use axum::middleware::Next;
 use axum::response::Response;
 use lightpath_domain::access::{Caller, Secret};
+use lightpath_proto::code_name;
 use lightpath_service::{Call, Client, LimitReason, ServiceError};
 use lightpath_store::Store;
 use std::net::IpAddr;
@@ -246,22 +247,8 @@ async fn find(store: &Store, secret: &Secret) -> Result<Caller, ServiceError> {
 
 /// Whether a handler that answers with this code has changed nothing.
 fn is_refusal(code: Code) -> bool {
-    match code {
-        Code::Ok | Code::Unknown | Code::DeadlineExceeded | Code::Internal | Code::Unavailable | Code::DataLoss => {
-            false
-        }
-        Code::Cancelled
-        | Code::InvalidArgument
-        | Code::NotFound
-        | Code::AlreadyExists
-        | Code::PermissionDenied
-        | Code::ResourceExhausted
-        | Code::FailedPrecondition
-        | Code::Aborted
-        | Code::OutOfRange
-        | Code::Unimplemented
-        | Code::Unauthenticated => true,
-    }
+    use Code::{DataLoss, DeadlineExceeded, Internal, Ok, Unavailable, Unknown};
+    !matches!(code, Ok | Unknown | DeadlineExceeded | Internal | Unavailable | DataLoss)
 }
 
 /// The code of the answer as far as it is known when the answer starts.

@@ -4,7 +4,7 @@
 //! Then it fetches the file, whose path has everything that the manifest says about it. The bytes of such a path never
 //! change, so a cut download continues with `Range`, on any server that holds the kernel.
 
-use super::etags::{etag, has, text_value};
+use super::etags::{ASKED_AGAIN, etag, has, unless_known};
 use super::file_answer::ServedFile;
 use super::refusal::Refusal;
 use crate::accounts::StreamKind;
@@ -13,7 +13,7 @@ use crate::names;
 use axum::Extension;
 use axum::extract::rejection::QueryRejection;
 use axum::extract::{Path, Query, State};
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::http::{HeaderMap, HeaderValue, header};
 use axum::response::{IntoResponse, Response};
 use lightpath_domain::kernel::{KernelKey, KernelVersion};
 use lightpath_media::kernel_formats::KernelFormat;
@@ -181,16 +181,10 @@ async fn file_of(
 
 /// A signed document, or 304 if the client has it.
 fn document(api: &Api, headers: &HeaderMap, text: String) -> Response {
+    let poll_after = [(POLL_AFTER, HeaderValue::from(api.service.manifests.poll_after_s()))];
     let etag = etag(&text);
-    let fields = [
-        (header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache")),
-        (header::HeaderName::from_static(POLL_AFTER), HeaderValue::from(api.service.manifests.poll_after_s())),
-        (header::ETAG, text_value(&etag)),
-    ];
-    match has(headers, &etag) {
-        true => (StatusCode::NOT_MODIFIED, fields).into_response(),
-        false => (fields, [(header::CONTENT_TYPE, TEXT)], text).into_response(),
-    }
+    let answer = unless_known(headers, &etag, ASKED_AGAIN, ([(header::CONTENT_TYPE, TEXT)], text));
+    (poll_after, answer).into_response()
 }
 
 fn parsed_form(name: &str) -> Result<KernelFormat, Refusal> {

@@ -9,6 +9,7 @@ use crate::enumerations::{OnWire as _, WireField as _};
 use crate::names;
 use crate::status;
 use futures::stream::{self, StreamExt as _};
+use lightpath_artifacts::CHUNK_BYTES;
 use lightpath_domain::kernel::KernelKey;
 use lightpath_media::kernel_formats::KernelFormat;
 use lightpath_metrics as metrics;
@@ -58,7 +59,7 @@ impl Api {
         });
         let head = [Part::Version(to_wire::version(version))].into_iter().chain(converted);
         let head = stream::iter(head.map(|part| Ok(message(part))));
-        Ok(head.chain(chunks(reader, open).map(|chunk| chunk.map(Part::Chunk).map(message))).boxed())
+        Ok(head.chain(chunks(reader, open, CHUNK_BYTES).map(|chunk| chunk.map(Part::Chunk).map(message))).boxed())
     }
 }
 
