@@ -7,11 +7,11 @@ use crate::api::Api;
 use crate::status;
 use futures::StreamExt as _;
 use futures::stream::BoxStream;
-use lightpath_service::{Call, ServiceError};
+use lightpath_service::{Call, Result, ServiceError};
 use tonic::{Request, Response, Status};
 
 /// Result of a method with a stream of answers.
-pub(crate) type Answers<A> = BoxStream<'static, Result<A, ServiceError>>;
+pub(crate) type Answers<A> = BoxStream<'static, Result<A>>;
 
 /// A stream of answers with errors as tonic expects them.
 pub(crate) type StatusStream<A> = BoxStream<'static, Result<A, Status>>;
@@ -57,7 +57,7 @@ impl Api {
     pub(crate) async fn answer<Q, A>(
         &self,
         mut request: Request<Q>,
-        handle: impl AsyncFnOnce(&Self, &Call, Q) -> Result<A, ServiceError>,
+        handle: impl AsyncFnOnce(&Self, &Call, Q) -> Result<A>,
     ) -> Result<Response<A>, Status> {
         let call = request.extensions_mut().remove::<Call>().ok_or_else(|| status::of(ServiceError::NoCaller))?;
         handle(self, &call, request.into_inner()).await.map(Response::new).map_err(status::of)
@@ -71,7 +71,7 @@ impl Api {
     pub(crate) async fn answer_with_stream<Q, A: 'static>(
         &self,
         request: Request<Q>,
-        handle: impl AsyncFnOnce(&Self, &Call, Q) -> Result<Answers<A>, ServiceError>,
+        handle: impl AsyncFnOnce(&Self, &Call, Q) -> Result<Answers<A>>,
     ) -> Result<Response<StatusStream<A>>, Status> {
         let answer = self.answer(request, handle).await?;
         Ok(answer.map(|answers| answers.map(|answer| answer.map_err(status::of)).boxed()))

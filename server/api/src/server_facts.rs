@@ -5,7 +5,7 @@ use crate::call::answers;
 use crate::time::timestamp;
 use lightpath_proto::v1;
 use lightpath_proto::v1::server_service_server::ServerService;
-use lightpath_service::{Call, ServiceError};
+use lightpath_service::{Call, Result};
 
 answers! {
     ServerService {
@@ -15,7 +15,7 @@ answers! {
 
 impl Api {
     /// Returns facts about the server and the caller.
-    pub(crate) async fn get_server(&self, call: &Call, _: v1::GetServerRequest) -> Result<v1::Server, ServiceError> {
+    pub(crate) async fn get_server(&self, call: &Call, _: v1::GetServerRequest) -> Result<v1::Server> {
         let space = self.artifacts.space();
         Ok(v1::Server {
             version: env!("CARGO_PKG_VERSION").to_owned(),

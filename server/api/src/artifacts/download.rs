@@ -6,7 +6,7 @@ use crate::call::Answers;
 use futures::stream::{self, Stream, StreamExt as _};
 use lightpath_artifacts::{ArtifactReader, CHUNK_BYTES};
 use lightpath_proto::v1;
-use lightpath_service::{Call, Field, ServiceError};
+use lightpath_service::{Call, Field, Result};
 use prost::bytes::Bytes;
 
 impl Api {
@@ -14,7 +14,7 @@ impl Api {
         &self,
         call: &Call,
         request: v1::ReadArtifactRequest,
-    ) -> Result<Answers<v1::ReadArtifactResponse>, ServiceError> {
+    ) -> Result<Answers<v1::ReadArtifactResponse>> {
         let v1::ReadArtifactRequest { digest, offset_bytes, limit_bytes } = request;
         let field = Field::new("digest");
         let digest = field.digest(&digest)?;
@@ -32,7 +32,7 @@ pub(crate) fn chunks(
     reader: ArtifactReader,
     open: OpenStream,
     chunk_bytes: usize,
-) -> impl Stream<Item = Result<Bytes, ServiceError>> + Send + 'static {
+) -> impl Stream<Item = Result<Bytes>> + Send + 'static {
     stream::try_unfold((reader, open), move |(mut reader, open)| async move {
         let chunk = reader.next_chunk(chunk_bytes).await?;
         Ok(chunk.map(|chunk| (Bytes::from(chunk), (reader, open))))

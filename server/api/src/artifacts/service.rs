@@ -5,7 +5,7 @@ use crate::api::Api;
 use crate::call::answers;
 use lightpath_proto::v1;
 use lightpath_proto::v1::artifact_service_server::ArtifactService;
-use lightpath_service::{Call, Field, ServiceError};
+use lightpath_service::{Call, Field, Result};
 use tonic::Streaming;
 
 answers! {
@@ -20,7 +20,7 @@ answers! {
 }
 
 impl Api {
-    async fn get_artifact(&self, call: &Call, request: v1::GetArtifactRequest) -> Result<v1::Artifact, ServiceError> {
+    async fn get_artifact(&self, call: &Call, request: v1::GetArtifactRequest) -> Result<v1::Artifact> {
         let field = Field::new("digest");
         let digest = field.digest(&request.digest)?;
         // The answer counts as a use, because clients that find the artifact use it next.

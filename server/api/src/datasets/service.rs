@@ -9,7 +9,7 @@ use crate::pages::Page;
 use lightpath_domain::dataset::{Dataset, Encoding};
 use lightpath_proto::v1;
 use lightpath_proto::v1::dataset_service_server::DatasetService;
-use lightpath_service::{CalibrationTarget, Call, Field, ServiceError, check_all};
+use lightpath_service::{CalibrationTarget, Call, Field, Result, check_all};
 
 answers! {
     DatasetService {
@@ -23,11 +23,7 @@ answers! {
 }
 
 impl Api {
-    async fn create_dataset(
-        &self,
-        call: &Call,
-        request: v1::CreateDatasetRequest,
-    ) -> Result<v1::Dataset, ServiceError> {
+    async fn create_dataset(&self, call: &Call, request: v1::CreateDatasetRequest) -> Result<v1::Dataset> {
         let field = Field::new("dataset");
         let message = field.required(request.dataset)?;
         let dataset = self.new_dataset(call, &message, &field).await?;
@@ -35,16 +31,12 @@ impl Api {
         Ok(to_wire::dataset(self.service.datasets.create(&dataset).await?))
     }
 
-    async fn get_dataset(&self, call: &Call, request: v1::GetDatasetRequest) -> Result<v1::Dataset, ServiceError> {
+    async fn get_dataset(&self, call: &Call, request: v1::GetDatasetRequest) -> Result<v1::Dataset> {
         let id = names::dataset_id(&Field::new("name"), &request.name)?;
         Ok(to_wire::dataset(self.service.datasets.visible(call, &id).await?))
     }
 
-    async fn list_datasets(
-        &self,
-        call: &Call,
-        request: v1::ListDatasetsRequest,
-    ) -> Result<v1::ListDatasetsResponse, ServiceError> {
+    async fn list_datasets(&self, call: &Call, request: v1::ListDatasetsRequest) -> Result<v1::ListDatasetsResponse> {
         let display = names::display_filter(call, &Field::new("display"), &request.display)?;
         let page = Page::new(&["datasets", &request.display], request.page_size, &request.page_token)?;
         let datasets = self.store.datasets(display.as_deref(), page.after.as_deref(), page.limit()).await?;
@@ -53,7 +45,7 @@ impl Api {
     }
 
     /// Adds a pair to a dataset, with its measurements and findings.
-    async fn add_pair(&self, call: &Call, request: v1::AddPairRequest) -> Result<v1::Dataset, ServiceError> {
+    async fn add_pair(&self, call: &Call, request: v1::AddPairRequest) -> Result<v1::Dataset> {
         let id = names::dataset_id(&Field::new("dataset"), &request.dataset)?;
         call.concerns(format!("datasets/{id}"));
         let field = Field::new("pair");
@@ -65,7 +57,7 @@ impl Api {
         &self,
         call: &Call,
         request: v1::CreateCalibrationTargetRequest,
-    ) -> Result<v1::CalibrationTarget, ServiceError> {
+    ) -> Result<v1::CalibrationTarget> {
         let display = self.display_named(call, &Field::new("display"), &request.display).await?;
         let CalibrationTarget { target, columns, rows } =
             self.service.datasets.calibration_target(call, &display).await?;
@@ -76,14 +68,14 @@ impl Api {
         &self,
         call: &Call,
         request: v1::DeleteDatasetRequest,
-    ) -> Result<v1::DeleteDatasetResponse, ServiceError> {
+    ) -> Result<v1::DeleteDatasetResponse> {
         let id = names::dataset_id(&Field::new("name"), &request.name)?;
         call.concerns(format!("datasets/{id}"));
         self.service.datasets.delete(call, &id).await?;
         Ok(v1::DeleteDatasetResponse {})
     }
 
-    async fn new_dataset(&self, call: &Call, message: &v1::Dataset, field: &Field) -> Result<Dataset, ServiceError> {
+    async fn new_dataset(&self, call: &Call, message: &v1::Dataset, field: &Field) -> Result<Dataset> {
         let display = self.display_named(call, &field.at("display"), &message.display).await;
         check_all! {
             id = names::dataset_id(&field.at("name"), &message.name);

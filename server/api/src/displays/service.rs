@@ -7,7 +7,7 @@ use crate::names;
 use crate::pages::Page;
 use lightpath_proto::v1;
 use lightpath_proto::v1::display_service_server::DisplayService;
-use lightpath_service::{Call, Field, ServiceError};
+use lightpath_service::{Call, Field, Result};
 
 answers! {
     DisplayService {
@@ -20,11 +20,7 @@ answers! {
 }
 
 impl Api {
-    async fn create_display(
-        &self,
-        call: &Call,
-        request: v1::CreateDisplayRequest,
-    ) -> Result<v1::Display, ServiceError> {
+    async fn create_display(&self, call: &Call, request: v1::CreateDisplayRequest) -> Result<v1::Display> {
         let field = Field::new("display");
         let display = from_wire::display(call, field.required(request.display)?, &field)?;
         call.concerns(format!("displays/{}", display.id));
@@ -32,17 +28,13 @@ impl Api {
         Ok(to_wire::display(display, create_time_ms))
     }
 
-    async fn get_display(&self, call: &Call, request: v1::GetDisplayRequest) -> Result<v1::Display, ServiceError> {
+    async fn get_display(&self, call: &Call, request: v1::GetDisplayRequest) -> Result<v1::Display> {
         let id = names::display_id(call, &Field::new("name"), &request.name)?;
         let (display, create_time_ms) = self.store.display(&id).await?;
         Ok(to_wire::display(display, create_time_ms))
     }
 
-    async fn list_displays(
-        &self,
-        call: &Call,
-        request: v1::ListDisplaysRequest,
-    ) -> Result<v1::ListDisplaysResponse, ServiceError> {
+    async fn list_displays(&self, call: &Call, request: v1::ListDisplaysRequest) -> Result<v1::ListDisplaysResponse> {
         let page = Page::new(&["displays"], request.page_size, &request.page_token)?;
         let displays = self.service.displays.visible(call, page.after.clone(), page.limit()).await?;
         let to_wire = |(display, time_ms)| to_wire::display(display, time_ms);
@@ -54,7 +46,7 @@ impl Api {
         &self,
         call: &Call,
         request: v1::DeleteDisplayRequest,
-    ) -> Result<v1::DeleteDisplayResponse, ServiceError> {
+    ) -> Result<v1::DeleteDisplayResponse> {
         let id = names::display_id(call, &Field::new("name"), &request.name)?;
         call.concerns(format!("displays/{id}"));
         self.service.displays.delete(&id).await?;

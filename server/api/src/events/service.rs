@@ -10,7 +10,7 @@ use lightpath_domain::access::Caller;
 use lightpath_proto::v1;
 use lightpath_proto::v1::event::{Change, Reset};
 use lightpath_proto::v1::event_service_server::EventService;
-use lightpath_service::{Call, ServiceError};
+use lightpath_service::{Call, Result, ServiceError};
 use std::collections::{HashSet, VecDeque};
 use std::mem;
 use std::sync::Arc;
@@ -28,7 +28,7 @@ impl Api {
         &self,
         call: &Call,
         request: v1::WatchEventsRequest,
-    ) -> Result<Answers<v1::Event>, ServiceError> {
+    ) -> Result<Answers<v1::Event>> {
         let open = self.streams.open(StreamKind::Watch, &call.client)?;
         let log = self.events.clone();
         log.start_once(|| {
@@ -73,7 +73,7 @@ struct Follower {
 }
 
 impl Follower {
-    async fn next(&mut self) -> Result<v1::Event, ServiceError> {
+    async fn next(&mut self) -> Result<v1::Event> {
         loop {
             if mem::take(&mut self.must_reset) {
                 return Ok(self.event(self.sent, Change::Reset(Reset {})));
@@ -89,7 +89,7 @@ impl Follower {
     }
 
     /// Waits for events after those sent, and takes the latest one about each thing.
-    async fn fetch(&mut self) -> Result<(), ServiceError> {
+    async fn fetch(&mut self) -> Result<()> {
         let sent = self.sent;
         let latest = tokio::select! {
             biased;
@@ -121,7 +121,7 @@ impl Follower {
     }
 
     /// The change without the names of jobs that the caller may not see.
-    async fn seen(&self, mut change: Change) -> Result<Change, ServiceError> {
+    async fn seen(&self, mut change: Change) -> Result<Change> {
         if let Change::Job(v1::JobSummary { error: Some(error), .. }) = &mut change {
             error.message = self.api.service.jobs.text_for(&self.caller, mem::take(&mut error.message)).await?;
         }

@@ -23,7 +23,7 @@ use axum::middleware::Next;
 use axum::response::Response;
 use lightpath_domain::access::{Caller, Secret};
 use lightpath_proto::code_name;
-use lightpath_service::{Call, Client, LimitReason, ServiceError};
+use lightpath_service::{Call, Client, LimitReason, Result, ServiceError};
 use lightpath_store::Store;
 use std::net::IpAddr;
 use std::sync::Arc;
@@ -161,7 +161,7 @@ impl Admission {
         Ok(caller)
     }
 
-    fn limit_rate(&self, client: &Client) -> Result<(), ServiceError> {
+    fn limit_rate(&self, client: &Client) -> Result<()> {
         self.rate.admit(client, Instant::now()).map_err(|retry_after| ServiceError::Exhausted {
             reason: LimitReason::RateLimited,
             message: "too many calls; retry after the delay".to_owned(),
@@ -227,7 +227,7 @@ impl Admission {
 }
 
 /// The token in the headers of a request.
-fn bearer(headers: &HeaderMap) -> Result<Option<Secret>, ServiceError> {
+fn bearer(headers: &HeaderMap) -> Result<Option<Secret>> {
     let Some(value) = headers.get(header::AUTHORIZATION) else { return Ok(None) };
     let text = value.to_str().ok().and_then(|text| text.split_once(' '));
     match text {
@@ -239,7 +239,7 @@ fn bearer(headers: &HeaderMap) -> Result<Option<Secret>, ServiceError> {
 }
 
 /// The caller with this token, if the token is accepted now. All refusals are equal, so that they reveal nothing.
-async fn find(store: &Store, secret: &Secret) -> Result<Caller, ServiceError> {
+async fn find(store: &Store, secret: &Secret) -> Result<Caller> {
     let record = store.token_by_hash(&secret.hash()).await?;
     let valid = record.filter(|record| record.is_valid(now_ms()));
     valid.map(|record| record.caller).ok_or_else(not_accepted)

@@ -13,7 +13,7 @@ use lightpath_domain::job::Fit;
 use lightpath_media::figures::{ColourMap, View, ViewColours, ViewRegion};
 use lightpath_media::pictures::{Channel, SIDE_PX_MAX, rgb_png};
 use lightpath_optics::Plane;
-use lightpath_service::{Call, Field, Minus, ServiceError};
+use lightpath_service::{Call, Field, Minus, Result, ServiceError};
 use serde::Deserialize;
 use tonic::Status;
 
@@ -104,7 +104,7 @@ pub(super) async fn get_colormap(colours: Result<Path<Colours>, PathRejection>) 
 }
 
 impl Wish {
-    fn view(&self) -> Result<View, ServiceError> {
+    fn view(&self) -> Result<View> {
         let side = 1..=SIDE_PX_MAX;
         let width = self.width.map(|width| Field::new("width").integer(width, side)).transpose()?;
         let positive = |name: &str, value: f32, most: f64| {
@@ -122,7 +122,7 @@ impl Wish {
     }
 }
 
-fn region(text: &str) -> Result<ViewRegion, ServiceError> {
+fn region(text: &str) -> Result<ViewRegion> {
     let numbers = text.split(',').map(str::parse).collect::<Result<Vec<usize>, _>>();
     match numbers.as_deref() {
         Ok(&[x_px, y_px, width_px, height_px]) => Ok(ViewRegion { x_px, y_px, width_px, height_px }),

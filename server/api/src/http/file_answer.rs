@@ -9,7 +9,7 @@ use axum::body::Body;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use lightpath_artifacts::ArtifactReader;
-use lightpath_service::ServiceError;
+use lightpath_service::Result;
 
 /// Size of the pieces of a file \[bytes\]. Many slow devices may fetch at once, and each holds a few pieces.
 const PIECE_BYTES: usize = 32 << 10;
@@ -28,7 +28,7 @@ impl ServedFile {
         self,
         headers: &HeaderMap,
         open: OpenStream,
-        reader: impl AsyncFnOnce((u64, u64)) -> Result<ArtifactReader, ServiceError>,
+        reader: impl AsyncFnOnce((u64, u64)) -> Result<ArtifactReader>,
     ) -> Result<Response, Refusal> {
         let Self { etag, size_bytes, content_type } = self;
         if has(headers, &etag) {

@@ -17,7 +17,7 @@ use axum::http::{HeaderMap, HeaderValue, header};
 use axum::response::{IntoResponse, Response};
 use lightpath_domain::kernel::{KernelKey, KernelVersion};
 use lightpath_media::kernel_formats::KernelFormat;
-use lightpath_service::{Call, Field, Issued, ServiceError, VersionFile, permissions};
+use lightpath_service::{Call, Field, Issued, Result, ServiceError, VersionFile, permissions};
 use serde::Deserialize;
 use std::sync::Arc;
 use std::time::Duration;
@@ -102,7 +102,7 @@ struct Asked {
 }
 
 impl Asked {
-    async fn manifest(&self, api: &Api, call: &Call) -> Result<Arc<Issued>, ServiceError> {
+    async fn manifest(&self, api: &Api, call: &Call) -> Result<Arc<Issued>> {
         api.service.manifests.manifest(call, &self.key, self.form, self.device.as_deref()).await
     }
 }
@@ -114,7 +114,7 @@ async fn changed_manifest(
     asked: &Asked,
     headers: &HeaderMap,
     wait: Duration,
-) -> Result<Arc<Issued>, ServiceError> {
+) -> Result<Arc<Issued>> {
     let _open = api.streams.open(StreamKind::Watch, &call.client)?;
     // This subscribes before the first read, so that it misses no change.
     let mut changes = api.store().subscribe_kernel_changes();

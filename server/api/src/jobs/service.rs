@@ -11,7 +11,7 @@ use crate::time::ms;
 use lightpath_proto::v1;
 use lightpath_proto::v1::job_service_server::JobService;
 use lightpath_proto::v1::list_jobs_request::{Order, View};
-use lightpath_service::{Call, Field, ServiceError, shortened};
+use lightpath_service::{Call, Field, Result, shortened};
 use lightpath_store::{BatchProgress, JobFilter};
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 
@@ -35,17 +35,13 @@ answers! {
 
 impl Api {
     /// Returns the message of the named job.
-    pub(crate) async fn get_job(&self, call: &Call, request: v1::GetJobRequest) -> Result<v1::Job, ServiceError> {
+    pub(crate) async fn get_job(&self, call: &Call, request: v1::GetJobRequest) -> Result<v1::Job> {
         let id = names::job_id(&Field::new("name"), &request.name)?;
         Ok(to_wire::job(&self.service.jobs, self.service.jobs.visible(call, &id).await?))
     }
 
     /// Returns a page of jobs.
-    pub(crate) async fn list_jobs(
-        &self,
-        call: &Call,
-        request: v1::ListJobsRequest,
-    ) -> Result<v1::ListJobsResponse, ServiceError> {
+    pub(crate) async fn list_jobs(&self, call: &Call, request: v1::ListJobsRequest) -> Result<v1::ListJobsResponse> {
         let filter = filter_of(call, &request)?;
         let page = Page::new(&["jobs", &hash_of(&filter)], request.page_size, &request.page_token)?;
         let after = page.after.as_deref();
@@ -61,14 +57,14 @@ impl Api {
         Ok(v1::ListJobsResponse { jobs, next_page_token, ..Default::default() })
     }
 
-    async fn cancel_job(&self, call: &Call, request: v1::CancelJobRequest) -> Result<v1::Job, ServiceError> {
+    async fn cancel_job(&self, call: &Call, request: v1::CancelJobRequest) -> Result<v1::Job> {
         let id = names::job_id(&Field::new("name"), &request.name)?;
         call.concerns(format!("jobs/{id}"));
         let jobs = &self.service.jobs;
         Ok(to_wire::job(jobs, jobs.cancel(call, &id).await?))
     }
 
-    async fn retry_job(&self, call: &Call, request: v1::RetryJobRequest) -> Result<v1::Job, ServiceError> {
+    async fn retry_job(&self, call: &Call, request: v1::RetryJobRequest) -> Result<v1::Job> {
         let id = names::job_id(&Field::new("name"), &request.name)?;
         call.concerns(format!("jobs/{id}"));
         let jobs = &self.service.jobs;
@@ -79,7 +75,7 @@ impl Api {
         &self,
         call: &Call,
         request: v1::ListJobEventsRequest,
-    ) -> Result<v1::ListJobEventsResponse, ServiceError> {
+    ) -> Result<v1::ListJobEventsResponse> {
         let id = names::job_id(&Field::new("name"), &request.name)?;
         self.service.jobs.visible(call, &id).await?;
         let page = Page::new(&["events", &id], request.page_size, &request.page_token)?;
@@ -88,7 +84,7 @@ impl Api {
         Ok(v1::ListJobEventsResponse { events, next_page_token })
     }
 
-    async fn get_batch(&self, call: &Call, request: v1::GetBatchRequest) -> Result<v1::Batch, ServiceError> {
+    async fn get_batch(&self, call: &Call, request: v1::GetBatchRequest) -> Result<v1::Batch> {
         let batch = label(&Field::new("batch"), request.batch)?;
         let batch = batch.ok_or_else(|| Field::new("batch").invalid("is empty, but must name a batch"))?;
         let progress = self.service.jobs.batch(call, &batch).await?;
@@ -98,7 +94,7 @@ impl Api {
 }
 
 /// Checks the filters of a list.
-fn filter_of(call: &Call, request: &v1::ListJobsRequest) -> Result<JobFilter, ServiceError> {
+fn filter_of(call: &Call, request: &v1::ListJobsRequest) -> Result<JobFilter> {
     let since = Field::new("since");
     let since_ms = request.since.as_ref().map(|time| ms(time).ok_or_else(|| since.invalid("is not a valid time")));
     Ok(JobFilter {
@@ -115,7 +111,7 @@ fn filter_of(call: &Call, request: &v1::ListJobsRequest) -> Result<JobFilter, Se
 }
 
 /// Checks the beginning of an id; `None` if it is empty.
-fn id_prefix(field: &Field, given: &str) -> Result<Option<String>, ServiceError> {
+fn id_prefix(field: &Field, given: &str) -> Result<Option<String>> {
     const LENGTH_MAX: usize = 36;
     if given.len() > LENGTH_MAX || !given.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f' | b'-')) {
         let problem = "but must be the beginning of a job's id: at most 36 characters of 0-9, a-f and '-'";

@@ -15,7 +15,7 @@ use lightpath_media::kernel_formats::KernelFormat;
 use lightpath_metrics as metrics;
 use lightpath_proto::v1;
 use lightpath_proto::v1::fetch_kernel_response::Part;
-use lightpath_service::{Call, Field, ServiceError};
+use lightpath_service::{Call, Field, Result};
 use tonic::Code;
 
 impl Api {
@@ -23,7 +23,7 @@ impl Api {
         &self,
         call: &Call,
         request: v1::FetchKernelRequest,
-    ) -> Result<Answers<v1::FetchKernelResponse>, ServiceError> {
+    ) -> Result<Answers<v1::FetchKernelResponse>> {
         let key = names::kernel_key(call, &Field::new("kernel"), &request.kernel)?;
         let answers = self.fetch(call, &key, request).await;
         let code = answers.as_ref().map_or_else(status::code, |_| Code::Ok);
@@ -40,7 +40,7 @@ impl Api {
         call: &Call,
         key: &KernelKey,
         request: v1::FetchKernelRequest,
-    ) -> Result<Answers<v1::FetchKernelResponse>, ServiceError> {
+    ) -> Result<Answers<v1::FetchKernelResponse>> {
         let kernels = &self.service.kernels;
         let number = (request.version > 0).then_some(request.version);
         let version = kernels.version_or_active(key, number).await?;

@@ -8,7 +8,7 @@ use crate::pages::Page;
 use lightpath_domain::kernel::KernelVersion;
 use lightpath_proto::v1;
 use lightpath_proto::v1::kernel_service_server::KernelService;
-use lightpath_service::{Call, Field, ServiceError};
+use lightpath_service::{Call, Field, Result};
 
 answers! {
     KernelService {
@@ -38,11 +38,7 @@ answers! {
 }
 
 impl Api {
-    pub(crate) async fn get_kernel(
-        &self,
-        call: &Call,
-        request: v1::GetKernelRequest,
-    ) -> Result<v1::Kernel, ServiceError> {
+    pub(crate) async fn get_kernel(&self, call: &Call, request: v1::GetKernelRequest) -> Result<v1::Kernel> {
         let key = names::kernel_key(call, &Field::new("name"), &request.name)?;
         Ok(to_wire::kernel(&self.store.kernel(&key).await?))
     }
@@ -51,7 +47,7 @@ impl Api {
         &self,
         call: &Call,
         request: v1::ListKernelsRequest,
-    ) -> Result<v1::ListKernelsResponse, ServiceError> {
+    ) -> Result<v1::ListKernelsResponse> {
         let display = names::display_filter(call, &Field::new("display"), &request.display)?;
         let page = Page::new(&["kernels", &request.display], request.page_size, &request.page_token)?;
         let kernels = self.store.kernels(display.as_deref(), page.after.as_deref(), page.limit()).await?;
@@ -60,11 +56,7 @@ impl Api {
         Ok(v1::ListKernelsResponse { kernels, next_page_token })
     }
 
-    async fn get_kernel_version(
-        &self,
-        call: &Call,
-        request: v1::GetKernelVersionRequest,
-    ) -> Result<v1::KernelVersion, ServiceError> {
+    async fn get_kernel_version(&self, call: &Call, request: v1::GetKernelVersionRequest) -> Result<v1::KernelVersion> {
         let (key, version) = names::kernel_version(call, &Field::new("name"), &request.name)?;
         Ok(to_wire::version(self.store.kernel_version(&key, version).await?))
     }
@@ -73,7 +65,7 @@ impl Api {
         &self,
         call: &Call,
         request: v1::ListKernelVersionsRequest,
-    ) -> Result<v1::ListKernelVersionsResponse, ServiceError> {
+    ) -> Result<v1::ListKernelVersionsResponse> {
         let key = names::kernel_key(call, &Field::new("kernel"), &request.kernel)?;
         let page = Page::new(&["versions", &request.kernel], request.page_size, &request.page_token)?;
         let versions = self.store.kernel_versions(&key, page.after_number()?, page.limit()).await?;

@@ -8,7 +8,7 @@ use crate::optics::from_wire::region_px;
 use lightpath_domain::dataset::Encoding;
 use lightpath_proto::v1;
 use lightpath_proto::v1::photo_service_server::PhotoService;
-use lightpath_service::{Call, Field, ScoreRequest, ServiceError};
+use lightpath_service::{Call, Field, Result, ScoreRequest};
 
 answers! {
     PhotoService {
@@ -17,11 +17,7 @@ answers! {
 }
 
 impl Api {
-    pub(crate) async fn score_photo(
-        &self,
-        call: &Call,
-        request: v1::ScorePhotoRequest,
-    ) -> Result<v1::PhotoScore, ServiceError> {
+    pub(crate) async fn score_photo(&self, call: &Call, request: v1::ScorePhotoRequest) -> Result<v1::PhotoScore> {
         let encoding = |name: &str, number: i32| Field::new(name).enum_value::<Encoding>(number);
         let request = ScoreRequest {
             photo: Field::new("photo").digest(&request.photo)?,

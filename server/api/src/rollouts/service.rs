@@ -9,7 +9,7 @@ use crate::pages::Page;
 use lightpath_domain::rollout::RolloutPlan;
 use lightpath_proto::v1;
 use lightpath_proto::v1::rollout_service_server::RolloutService;
-use lightpath_service::{Call, Field, Passage, ServiceError};
+use lightpath_service::{Call, Field, Passage, Result};
 
 /// Default of the limit on failed devices \[%\].
 const FAILED_PERCENT_MAX: f64 = 10.0;
@@ -28,7 +28,7 @@ answers! {
 }
 
 impl Api {
-    async fn start_rollout(&self, call: &Call, request: v1::StartRolloutRequest) -> Result<v1::Rollout, ServiceError> {
+    async fn start_rollout(&self, call: &Call, request: v1::StartRolloutRequest) -> Result<v1::Rollout> {
         let key = names::kernel_key(call, &Field::new("kernel"), &request.kernel)?;
         let version = Field::new("version").integer(request.version, 1..=u32::MAX)?;
         call.concerns(format!("{key}/versions/{version}"));
@@ -40,7 +40,7 @@ impl Api {
         Ok(to_wire::rollout(rollout, Vec::new()))
     }
 
-    async fn widen_rollout(&self, call: &Call, request: v1::WidenRolloutRequest) -> Result<v1::Rollout, ServiceError> {
+    async fn widen_rollout(&self, call: &Call, request: v1::WidenRolloutRequest) -> Result<v1::Rollout> {
         let (key, number) = names::rollout(call, &Field::new("name"), &request.name)?;
         call.concerns(&request.name);
         let share_percent = Field::new("share_percent").number(request.share_percent, 0.0..=100.0)?;
@@ -49,18 +49,14 @@ impl Api {
         Ok(to_wire::rollout(rollout, Vec::new()))
     }
 
-    async fn complete_rollout(
-        &self,
-        call: &Call,
-        request: v1::CompleteRolloutRequest,
-    ) -> Result<v1::Rollout, ServiceError> {
+    async fn complete_rollout(&self, call: &Call, request: v1::CompleteRolloutRequest) -> Result<v1::Rollout> {
         let (key, number) = names::rollout(call, &Field::new("name"), &request.name)?;
         call.concerns(&request.name);
         let rollout = self.service.rollouts.complete(call, &key, number, request.expected_revision).await?;
         Ok(to_wire::rollout(rollout, Vec::new()))
     }
 
-    async fn halt_rollout(&self, call: &Call, request: v1::HaltRolloutRequest) -> Result<v1::Rollout, ServiceError> {
+    async fn halt_rollout(&self, call: &Call, request: v1::HaltRolloutRequest) -> Result<v1::Rollout> {
         let (key, number) = names::rollout(call, &Field::new("name"), &request.name)?;
         call.concerns(&request.name);
         let reason = Field::new("reason").line(request.reason, REASON_BYTES_MAX)?;
@@ -68,17 +64,13 @@ impl Api {
         Ok(to_wire::rollout(rollout, Vec::new()))
     }
 
-    async fn get_rollout(&self, call: &Call, request: v1::GetRolloutRequest) -> Result<v1::Rollout, ServiceError> {
+    async fn get_rollout(&self, call: &Call, request: v1::GetRolloutRequest) -> Result<v1::Rollout> {
         let (key, number) = names::rollout(call, &Field::new("name"), &request.name)?;
         let (rollout, events) = self.store.rollout(&key, number).await?;
         Ok(to_wire::rollout(rollout, events))
     }
 
-    async fn list_rollouts(
-        &self,
-        call: &Call,
-        request: v1::ListRolloutsRequest,
-    ) -> Result<v1::ListRolloutsResponse, ServiceError> {
+    async fn list_rollouts(&self, call: &Call, request: v1::ListRolloutsRequest) -> Result<v1::ListRolloutsResponse> {
         let key = names::kernel_key(call, &Field::new("kernel"), &request.kernel)?;
         let page = Page::new(&["rollouts", &request.kernel], request.page_size, &request.page_token)?;
         let rollouts = self.store.rollouts(&key, page.after_number()?, page.limit()).await?;
@@ -89,7 +81,7 @@ impl Api {
 }
 
 /// The checked plan of a request, without its cause.
-fn plan(request: &v1::StartRolloutRequest, version: u32) -> Result<RolloutPlan, ServiceError> {
+fn plan(request: &v1::StartRolloutRequest, version: u32) -> Result<RolloutPlan> {
     let percent = |name: &'static str, value| Field::new(name).number(value, 0.0..=100.0);
     let share_percent = percent("share_percent", request.share_percent)?;
     if request.group.is_empty() && share_percent == 0.0 {
