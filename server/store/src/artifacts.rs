@@ -2,7 +2,7 @@
 
 use super::rows::to_json;
 use super::sql::{Connection, Row, from_row, query, scalar};
-use super::{Store, StoreError};
+use super::{Result, Store, StoreError};
 
 /// An artifact that is on disk.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -27,7 +27,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`], also if the identity is malformed.
-    pub async fn artifact_place(&self, identity: &str, former: Option<&str>) -> Result<String, StoreError> {
+    pub async fn artifact_place(&self, identity: &str, former: Option<&str>) -> Result<String> {
         let (identity, former) = (identity.to_owned(), former.map(str::to_owned));
         self.write(async move |write| {
             let sql = "insert into artifact_place values (1, $1) on conflict do nothing";
@@ -53,7 +53,7 @@ impl Store {
         owner: &str,
         seen: Option<&str>,
         now_ms: i64,
-    ) -> Result<Result<ArtifactRecord, String>, StoreError> {
+    ) -> Result<Result<ArtifactRecord, String>> {
         let (digest, owner, seen) = (digest.to_owned(), owner.to_owned(), seen.map(str::to_owned));
         self.write(async move |write| {
             if let Some(seen) = seen {
@@ -86,7 +86,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`]. A full disk, which prevents the update of the time of use, is no error.
-    pub async fn use_artifact(&self, digest: &str, now_ms: i64) -> Result<Option<ArtifactRecord>, StoreError> {
+    pub async fn use_artifact(&self, digest: &str, now_ms: i64) -> Result<Option<ArtifactRecord>> {
         let Some(record) = self.artifact(digest).await? else { return Ok(None) };
         if now_ms - record.use_time_ms < USE_RESOLUTION_MS {
             return Ok(Some(record));
@@ -110,7 +110,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn artifact_concerns(&self, digest: &str, owner: &str, displays: &[String]) -> Result<bool, StoreError> {
+    pub async fn artifact_concerns(&self, digest: &str, owner: &str, displays: &[String]) -> Result<bool> {
         let sql = "with own as (select value as id from json_each($3)) select \
                    exists (select 1 from artifact_owner where artifact = $1 and owner = $2) \
                    or exists (select 1 from job_artifact a join job on job.id = a.job \
@@ -129,12 +129,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::OwnerBytes`].
-    pub async fn require_owner_room(
-        &self,
-        owner: &str,
-        more_bytes: u64,
-        stored_bytes_max: u64,
-    ) -> Result<(), StoreError> {
+    pub async fn require_owner_room(&self, owner: &str, more_bytes: u64, stored_bytes_max: u64) -> Result<()> {
         require_room(&mut self.readers().acquire().await?, owner, more_bytes, stored_bytes_max).await
     }
 
@@ -143,7 +138,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn artifact(&self, digest: &str) -> Result<Option<ArtifactRecord>, StoreError> {
+    pub async fn artifact(&self, digest: &str) -> Result<Option<ArtifactRecord>> {
         let row = query("select * from artifact where digest = $1").bind(digest).fetch_optional(self.readers()).await?;
         row.as_ref().map(record_of).transpose()
     }
@@ -155,7 +150,7 @@ pub(super) async fn require_room(
     owner: &str,
     more_bytes: u64,
     stored_bytes_max: u64,
-) -> Result<(), StoreError> {
+) -> Result<()> {
     if stored_bytes_max == 0 {
         return Ok(());
     }
@@ -167,6 +162,6 @@ pub(super) async fn require_room(
     Ok(())
 }
 
-pub(super) fn record_of(row: &Row) -> Result<ArtifactRecord, StoreError> {
+pub(super) fn record_of(row: &Row) -> Result<ArtifactRecord> {
     Ok(from_row!(row, ArtifactRecord { digest, size_bytes, create_time_ms, use_time_ms }))
 }

@@ -7,7 +7,7 @@ use super::rollouts;
 use super::rows::{from_word, key_of, to_word};
 use super::sql::{Connection, Row, from_row, query, query_as, scalar};
 use super::write::Write;
-use super::{Store, StoreError, page};
+use super::{Result, Store, StoreError, page};
 use lightpath_domain::device::{Device, InstalledFile, InstalledKernel, Report};
 use lightpath_domain::kernel::KernelKey;
 use lightpath_domain::kernel_format::KernelFormat;
@@ -23,7 +23,7 @@ impl Store {
     ///
     /// [`StoreError::NotFound`] if the kernel or a version does not exist; [`StoreError::Precondition`] if the display
     /// has [`DEVICES_MAX`] devices.
-    pub async fn report_device(&self, report: Report) -> Result<(), StoreError> {
+    pub async fn report_device(&self, report: Report) -> Result<()> {
         self.write(async move |write| store_report(write, &report).await).await
     }
 
@@ -32,7 +32,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn devices(&self, display: &str, after: Option<&str>, limit: u32) -> Result<Vec<Device>, StoreError> {
+    pub async fn devices(&self, display: &str, after: Option<&str>, limit: u32) -> Result<Vec<Device>> {
         let mut read = self.readers().begin().await?;
         let rows = query("select * from device where display = $1 and id > $2 order by id limit $3")
             .bind((display, after.unwrap_or(""), page(limit)))
@@ -47,13 +47,7 @@ impl Store {
     ///
     /// [`StoreError::NotFound`] if the display does not exist; [`StoreError::Precondition`] if it has [`DEVICES_MAX`]
     /// devices.
-    pub async fn set_device_group(
-        &self,
-        display: &str,
-        device: &str,
-        group: &str,
-        now_ms: i64,
-    ) -> Result<Device, StoreError> {
+    pub async fn set_device_group(&self, display: &str, device: &str, group: &str, now_ms: i64) -> Result<Device> {
         let (display, device, group) = (display.to_owned(), device.to_owned(), group.to_owned());
         self.write(async move |write| {
             create(write.sql(), &display, &device).await?;
@@ -78,7 +72,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`].
-    pub async fn delete_device(&self, display: &str, device: &str) -> Result<(), StoreError> {
+    pub async fn delete_device(&self, display: &str, device: &str) -> Result<()> {
         let (display, device) = (display.to_owned(), device.to_owned());
         self.write(async move |write| {
             let delete = "delete from device where display = $1 and id = $2";
@@ -97,7 +91,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`] if the kernel does not exist.
-    pub async fn forms_in_use(&self, key: &KernelKey) -> Result<Vec<KernelFormat>, StoreError> {
+    pub async fn forms_in_use(&self, key: &KernelKey) -> Result<Vec<KernelFormat>> {
         let mut read = self.readers().begin().await?;
         let (id, _) = find(&mut read, key).await?;
         let words: Vec<String> =
@@ -109,7 +103,7 @@ impl Store {
     }
 }
 
-async fn store_report(write: &mut Write, report: &Report) -> Result<(), StoreError> {
+async fn store_report(write: &mut Write, report: &Report) -> Result<()> {
     let Report { device, agent, installed } = report;
     let (id, kernel) = find(write.sql(), &installed.kernel).await?;
     let file = installed.file.as_ref();
@@ -144,7 +138,7 @@ fn device_changed(display: &str, device: &str) -> Changed {
 }
 
 /// Creates a device if it is unknown.
-async fn create(sql: &mut Connection, display: &str, device: &str) -> Result<(), StoreError> {
+async fn create(sql: &mut Connection, display: &str, device: &str) -> Result<()> {
     let state = "select exists (select 1 from display where id = $1), \
                  exists (select 1 from device where display = $1 and id = $2)";
     let (display_exists, device_exists): (bool, bool) =
@@ -170,7 +164,7 @@ fn not_found(display: &str, device: &str) -> StoreError {
 }
 
 /// The devices of rows that are in the order of their ids, with their kernels.
-async fn with_kernels(sql: &mut Connection, display: &str, rows: &[Row]) -> Result<Vec<Device>, StoreError> {
+async fn with_kernels(sql: &mut Connection, display: &str, rows: &[Row]) -> Result<Vec<Device>> {
     let mut devices = rows.iter().map(|row| device_of(display, row)).collect::<Result<Vec<_>, _>>()?;
     let (Some(first), Some(last)) = (devices.first(), devices.last()) else { return Ok(devices) };
     let kernels = query(
@@ -193,7 +187,7 @@ async fn with_kernels(sql: &mut Connection, display: &str, rows: &[Row]) -> Resu
     Ok(devices)
 }
 
-fn device_of(display: &str, row: &Row) -> Result<Device, StoreError> {
+fn device_of(display: &str, row: &Row) -> Result<Device> {
     Ok(from_row!(row, Device {
         id, agent, report_time_ms;
         display: display.to_owned(),
@@ -202,7 +196,7 @@ fn device_of(display: &str, row: &Row) -> Result<Device, StoreError> {
     }))
 }
 
-fn installed_of(row: &Row) -> Result<InstalledKernel, StoreError> {
+fn installed_of(row: &Row) -> Result<InstalledKernel> {
     let file = match row.try_get("version")? {
         None => None,
         Some(version) => Some(InstalledFile {

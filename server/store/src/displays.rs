@@ -3,7 +3,7 @@
 use super::changes::Changed;
 use super::rows::{from_json, to_json};
 use super::sql::{Row, query, scalar};
-use super::{Store, StoreError, page};
+use super::{Result, Store, StoreError, page};
 use lightpath_domain::display::Display;
 use lightpath_domain::reason::PreconditionReason;
 
@@ -14,7 +14,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::AlreadyExists`] if a display with other properties has this id.
-    pub async fn create_display(&self, display: &Display, now_ms: i64) -> Result<(Display, i64), StoreError> {
+    pub async fn create_display(&self, display: &Display, now_ms: i64) -> Result<(Display, i64)> {
         let (id, content) = (display.id.clone(), to_json("display.content", display)?);
         self.write(async move |write| {
             query("insert into display (id, content, create_time_ms) values ($1, $2, $3) on conflict do nothing")
@@ -36,7 +36,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`].
-    pub async fn display(&self, id: &str) -> Result<(Display, i64), StoreError> {
+    pub async fn display(&self, id: &str) -> Result<(Display, i64)> {
         let row = query("select * from display where id = $1").bind(id).fetch_optional(self.readers()).await?;
         display_of(&row.ok_or_else(|| StoreError::not_found(format!("displays/{id}")))?)
     }
@@ -47,7 +47,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn displays(&self, after: Option<&str>, limit: u32) -> Result<Vec<(Display, i64)>, StoreError> {
+    pub async fn displays(&self, after: Option<&str>, limit: u32) -> Result<Vec<(Display, i64)>> {
         let rows = query("select * from display where id > $1 order by id limit $2")
             .bind((after.unwrap_or(""), page(limit)))
             .fetch_all(self.readers())
@@ -60,7 +60,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`]; [`StoreError::Precondition`] while it has datasets, kernels or jobs.
-    pub async fn delete_display(&self, id: &str) -> Result<(), StoreError> {
+    pub async fn delete_display(&self, id: &str) -> Result<()> {
         let id = id.to_owned();
         self.write(async move |write| {
             let users: Option<String> = scalar(
@@ -88,7 +88,7 @@ impl Store {
     }
 }
 
-fn display_of(row: &Row) -> Result<(Display, i64), StoreError> {
+fn display_of(row: &Row) -> Result<(Display, i64)> {
     let content: String = row.try_get("content")?;
     Ok((from_json("display.content", &content)?, row.try_get("create_time_ms")?))
 }

@@ -9,7 +9,7 @@ use super::prepared::store_prepared;
 use super::rows::to_json;
 use super::sql::{Row, query};
 use super::write::Write;
-use super::{Store, StoreError, dependencies};
+use super::{Result, Store, dependencies};
 use lightpath_domain::job::{FailureReason, Job, JobEffect, JobError, JobResult, Lease};
 use lightpath_domain::kernel::{KernelKey, NewKernelVersion};
 
@@ -46,17 +46,11 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::LeaseLost`]; [`StoreError::NotFound`] if an artifact of the effect is not recorded;
-    /// [`StoreError::Aborted`] if the dataset changed after the job read it; [`StoreError::Precondition`] if the
+    /// [`crate::StoreError::LeaseLost`]; [`crate::StoreError::NotFound`] if an artifact of the effect is not recorded;
+    /// [`crate::StoreError::Aborted`] if the dataset changed after the job read it; [`crate::StoreError::Precondition`] if the
     /// dataset was finalized in the meantime, if its split has no training pair or no test pair, or if a kernel has
     /// reached its limit of versions.
-    pub async fn finish(
-        &self,
-        lease: &Lease,
-        result: JobResult,
-        effect: JobEffect,
-        now_ms: i64,
-    ) -> Result<Job, StoreError> {
+    pub async fn finish(&self, lease: &Lease, result: JobResult, effect: JobEffect, now_ms: i64) -> Result<Job> {
         let lease = lease.clone();
         self.write(async move |write| finish(write, &lease, result, effect, now_ms).await).await
     }
@@ -67,14 +61,8 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::LeaseLost`].
-    pub async fn fail(
-        &self,
-        lease: &Lease,
-        error: JobError,
-        retry_at_ms: Option<i64>,
-        now_ms: i64,
-    ) -> Result<Job, StoreError> {
+    /// [`crate::StoreError::LeaseLost`].
+    pub async fn fail(&self, lease: &Lease, error: JobError, retry_at_ms: Option<i64>, now_ms: i64) -> Result<Job> {
         let lease = lease.clone();
         self.write(async move |write| {
             let (job, failures, crashes) = read(write, &lease).await?;
@@ -89,14 +77,8 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::LeaseLost`].
-    pub async fn postpone(
-        &self,
-        lease: &Lease,
-        error: JobError,
-        retry_at_ms: i64,
-        now_ms: i64,
-    ) -> Result<Job, StoreError> {
+    /// [`crate::StoreError::LeaseLost`].
+    pub async fn postpone(&self, lease: &Lease, error: JobError, retry_at_ms: i64, now_ms: i64) -> Result<Job> {
         let lease = lease.clone();
         self.write(async move |write| {
             let (job, failures, _) = read(write, &lease).await?;
@@ -114,8 +96,8 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::LeaseLost`].
-    pub async fn end_cancelled(&self, lease: &Lease, now_ms: i64) -> Result<Job, StoreError> {
+    /// [`crate::StoreError::LeaseLost`].
+    pub async fn end_cancelled(&self, lease: &Lease, now_ms: i64) -> Result<Job> {
         let lease = lease.clone();
         self.write(async move |write| {
             let (job, ..) = read(write, &lease).await?;
@@ -130,8 +112,8 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`], [`StoreError::DiskFull`].
-    pub async fn release_all(&self, process: Option<&str>, now_ms: i64) -> Result<Vec<Job>, StoreError> {
+    /// [`crate::StoreError::Database`], [`crate::StoreError::DiskFull`].
+    pub async fn release_all(&self, process: Option<&str>, now_ms: i64) -> Result<Vec<Job>> {
         let mut released = Vec::new();
         loop {
             let process = process.map(str::to_owned);
@@ -148,8 +130,8 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`], [`StoreError::DiskFull`].
-    pub async fn abandon_claim(&self, lease_id: &str, now_ms: i64) -> Result<(), StoreError> {
+    /// [`crate::StoreError::Database`], [`crate::StoreError::DiskFull`].
+    pub async fn abandon_claim(&self, lease_id: &str, now_ms: i64) -> Result<()> {
         let lease_id = lease_id.to_owned();
         self.write(async move |write| {
             let sql = "select * from job where state = 'running' and lease_id = $1";
@@ -166,8 +148,8 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::LeaseLost`].
-    pub async fn release(&self, lease: &Lease, now_ms: i64) -> Result<Job, StoreError> {
+    /// [`crate::StoreError::LeaseLost`].
+    pub async fn release(&self, lease: &Lease, now_ms: i64) -> Result<Job> {
         let lease = lease.clone();
         self.write(async move |write| {
             let (job, failures, _) = read(write, &lease).await?;
@@ -181,8 +163,8 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`], [`StoreError::DiskFull`].
-    pub async fn expire_leases(&self, now_ms: i64) -> Result<Vec<Job>, StoreError> {
+    /// [`crate::StoreError::Database`], [`crate::StoreError::DiskFull`].
+    pub async fn expire_leases(&self, now_ms: i64) -> Result<Vec<Job>> {
         self.write(async move |write| expire(write, now_ms).await).await
     }
 
@@ -193,8 +175,8 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`], [`StoreError::DiskFull`].
-    pub async fn recover_orphans(&self, process: Option<&str>, now_ms: i64) -> Result<Vec<Job>, StoreError> {
+    /// [`crate::StoreError::Database`], [`crate::StoreError::DiskFull`].
+    pub async fn recover_orphans(&self, process: Option<&str>, now_ms: i64) -> Result<Vec<Job>> {
         let process = process.map(str::to_owned);
         self.write(async move |write| recover_orphans(write, process, now_ms).await).await
     }
@@ -206,7 +188,7 @@ async fn finish(
     mut result: JobResult,
     effect: JobEffect,
     now_ms: i64,
-) -> Result<Job, StoreError> {
+) -> Result<Job> {
     read(write, lease).await?;
     match effect {
         JobEffect::None => {}
@@ -239,7 +221,7 @@ async fn append_versions(
     write: &mut Write,
     learned: Vec<(KernelKey, NewKernelVersion)>,
     now_ms: i64,
-) -> Result<Vec<String>, StoreError> {
+) -> Result<Vec<String>> {
     let mut names = Vec::with_capacity(learned.len());
     for (key, version) in learned {
         let version = append_version(write, &key, version, now_ms).await?;
@@ -248,7 +230,7 @@ async fn append_versions(
     Ok(names)
 }
 
-async fn expire(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, StoreError> {
+async fn expire(write: &mut Write, now_ms: i64) -> Result<Vec<Job>> {
     let mut jobs = Vec::new();
     for row in running_until(write, now_ms).await? {
         let job = job_of(&row)?;
@@ -265,7 +247,7 @@ async fn expire(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, StoreError> 
     Ok(jobs)
 }
 
-async fn release_running(write: &mut Write, process: Option<String>, now_ms: i64) -> Result<Vec<Job>, StoreError> {
+async fn release_running(write: &mut Write, process: Option<String>, now_ms: i64) -> Result<Vec<Job>> {
     let mut jobs = Vec::new();
     for row in running_in(write, process).await? {
         let job = job_of(&row)?;
@@ -275,7 +257,7 @@ async fn release_running(write: &mut Write, process: Option<String>, now_ms: i64
     Ok(jobs)
 }
 
-async fn recover_orphans(write: &mut Write, process: Option<String>, now_ms: i64) -> Result<Vec<Job>, StoreError> {
+async fn recover_orphans(write: &mut Write, process: Option<String>, now_ms: i64) -> Result<Vec<Job>> {
     let mut jobs = Vec::new();
     for row in running_in(write, process).await? {
         let (job, failures, crashes) = (job_of(&row)?, row.try_get("failures")?, row.try_get::<i64>("crashes")? + 1);
@@ -299,7 +281,7 @@ async fn recover_orphans(write: &mut Write, process: Option<String>, now_ms: i64
 
 /// At most [`EXPIRED_MAX`] jobs that a process runs; `None`: that any process runs. A running job without a process was
 /// moved here from SQLite, whose server has ended.
-async fn running_in(write: &mut Write, process: Option<String>) -> Result<Vec<Row>, StoreError> {
+async fn running_in(write: &mut Write, process: Option<String>) -> Result<Vec<Row>> {
     match process {
         None => running_until(write, i64::MAX).await,
         Some(process) => {
@@ -311,7 +293,7 @@ async fn running_in(write: &mut Write, process: Option<String>) -> Result<Vec<Ro
 }
 
 /// At most [`EXPIRED_MAX`] running jobs whose leases end by `until_ms`.
-async fn running_until(write: &mut Write, until_ms: i64) -> Result<Vec<Row>, StoreError> {
+async fn running_until(write: &mut Write, until_ms: i64) -> Result<Vec<Row>> {
     let sql = "select * from job where state = 'running' and lease_until_ms <= $1 order by lease_until_ms limit $2";
     Ok(query(sql).bind((until_ms, EXPIRED_MAX)).fetch_all(write.sql()).await?)
 }
@@ -344,7 +326,7 @@ fn after_failure(job: &Job, failures: i64, crashes: i64, mut error: JobError, re
 
 /// Ends the attempt of a running job. The caller has checked in this transaction that the lease is valid or has
 /// expired.
-async fn end(write: &mut Write, id: &str, ending: Ending, now_ms: i64) -> Result<Job, StoreError> {
+async fn end(write: &mut Write, id: &str, ending: Ending, now_ms: i64) -> Result<Job> {
     let sql = "update job set state = $2, lease_id = null, lease_until_ms = null, worker = null, \
                process = null, run_time_ms = coalesce($3, run_time_ms), finish_time_ms = $4, failures = coalesce($5, failures), \
                error = $6, cancel_requested = case $2 when 'cancelled' then 1 else 0 end, \

@@ -3,7 +3,7 @@
 use super::changes::Change;
 use super::sql::{from_row, query};
 use super::write::Write;
-use super::{Store, StoreError, page};
+use super::{Result, Store, page};
 use lightpath_domain::job::{Job, JobEvent};
 
 impl Store {
@@ -11,8 +11,8 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::NotFound`] if the job does not exist.
-    pub async fn events(&self, job: &str, after: Option<i64>, limit: u32) -> Result<Vec<JobEvent>, StoreError> {
+    /// [`crate::StoreError::NotFound`] if the job does not exist.
+    pub async fn events(&self, job: &str, after: Option<i64>, limit: u32) -> Result<Vec<JobEvent>> {
         self.job(job).await?;
         let rows = query("select * from job_event where job = $1 and sequence > $2 order by sequence limit $3")
             .bind((job, after.unwrap_or(0), page(limit)))
@@ -27,12 +27,7 @@ impl Store {
 pub(super) const EVENTS_MAX: u32 = 1000;
 
 /// Appends an event in the transaction that caused it, and announces the change of the job.
-pub(super) async fn append_event(
-    write: &mut Write,
-    job: &Job,
-    now_ms: i64,
-    message: impl Into<String>,
-) -> Result<(), StoreError> {
+pub(super) async fn append_event(write: &mut Write, job: &Job, now_ms: i64, message: impl Into<String>) -> Result<()> {
     query("insert into job_event (job, time_ms, attempt, message) values ($1, $2, $3, $4)")
         .bind((&job.id, now_ms, job.attempt, message.into()))
         .execute(write.sql())

@@ -3,7 +3,7 @@
 use super::changes::Changed;
 use super::rows::{cause_of, from_json, to_json};
 use super::sql::query;
-use super::{Store, StoreError, page};
+use super::{Result, Store, StoreError, page};
 use lightpath_domain::kernel::Cause;
 use lightpath_domain::promotion::{GateChange, PromotionGate};
 
@@ -13,13 +13,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`] if the display does not exist.
-    pub async fn set_gate(
-        &self,
-        display: &str,
-        gate: &PromotionGate,
-        cause: &Cause,
-        now_ms: i64,
-    ) -> Result<(), StoreError> {
+    pub async fn set_gate(&self, display: &str, gate: &PromotionGate, cause: &Cause, now_ms: i64) -> Result<()> {
         let (display, gate, cause) = (display.to_owned(), to_json("promotion_gate.gate", gate)?, cause.clone());
         self.write(async move |write| {
             let inserted = query(
@@ -45,7 +39,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn gates(&self, display: &str, limit: u32) -> Result<Vec<GateChange>, StoreError> {
+    pub async fn gates(&self, display: &str, limit: u32) -> Result<Vec<GateChange>> {
         let rows = query("select * from promotion_gate where display = $1 order by sequence desc limit $2")
             .bind((display, page(limit)))
             .fetch_all(self.readers())

@@ -1,12 +1,12 @@
 //! Conversion of rows of the database into jobs.
 
-use super::StoreError;
+use super::Result;
 use super::rows::{from_json, from_json_option, from_word};
 use super::sql::{Row, from_row};
 use lightpath_domain::job::{Estimate, Job, JobSummary, Scheduling};
 
 /// Converts a row of the table `job` into a job.
-pub(super) fn job_of(row: &Row) -> Result<Job, StoreError> {
+pub(super) fn job_of(row: &Row) -> Result<Job> {
     Ok(from_row!(row, Job {
         id, request_id, priority, attempt, attempts_max, create_time_ms, start_time_ms, finish_time_ms, run_time_ms,
         computer, cancel_requested, checkpoint, revision, waiting_for;
@@ -28,7 +28,7 @@ pub(super) fn job_of(row: &Row) -> Result<Job, StoreError> {
 }
 
 /// Converts the columns that a list shows into what it shows.
-pub(super) fn summary_of(row: &Row) -> Result<JobSummary, StoreError> {
+pub(super) fn summary_of(row: &Row) -> Result<JobSummary> {
     Ok(from_row!(row, JobSummary {
         id, kind, display, owner, batch, cancel_requested, priority, attempt, create_time_ms, start_time_ms,
         finish_time_ms, revision, label, waiting_for;

@@ -6,7 +6,7 @@ use super::job_rows::job_of;
 use super::rows::{from_word, to_json};
 use super::sql::{Connection, query, query_as, scalar};
 use super::write::Write;
-use super::{Store, StoreError, dependencies};
+use super::{Result, Store, StoreError, dependencies};
 use lightpath_domain::ability::counted_memory;
 use lightpath_domain::job::{Job, JobSpec, JobState, NewJob, Scheduling};
 use uuid::Uuid;
@@ -63,12 +63,7 @@ impl Store {
     /// jobs wait already; [`StoreError::OwnerBytes`] if the owner has stored too much;
     /// [`StoreError::DependenciesFull`]; [`StoreError::Precondition`] if a job that this job waits for has failed or
     /// was cancelled; [`StoreError::NotFound`] if the display, the dataset or an artifact does not exist.
-    pub async fn submit(
-        &self,
-        new: &NewJob,
-        now_ms: i64,
-        limits: impl Into<QueueLimits>,
-    ) -> Result<(Job, Submitted), StoreError> {
+    pub async fn submit(&self, new: &NewJob, now_ms: i64, limits: impl Into<QueueLimits>) -> Result<(Job, Submitted)> {
         let (new, limits) = (new.clone(), limits.into());
         self.write(async move |write| submit(write, new, now_ms, limits).await).await
     }
@@ -78,7 +73,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`].
-    pub async fn job(&self, id: &str) -> Result<Job, StoreError> {
+    pub async fn job(&self, id: &str) -> Result<Job> {
         let row = query("select * from job where id = $1").bind(id).fetch_optional(self.readers()).await?;
         job_of(&row.ok_or_else(|| StoreError::not_found(format!("jobs/{id}")))?)
     }
@@ -89,7 +84,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn job_by_request(&self, owner: &str, request_id: &str) -> Result<Option<Job>, StoreError> {
+    pub async fn job_by_request(&self, owner: &str, request_id: &str) -> Result<Option<Job>> {
         let row = query("select * from job where owner = $1 and request_id = $2")
             .bind((owner, request_id))
             .fetch_optional(self.readers())
@@ -102,7 +97,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn live_checkpoints(&self) -> Result<Vec<String>, StoreError> {
+    pub async fn live_checkpoints(&self) -> Result<Vec<String>> {
         let digests = scalar("select checkpoint from job where checkpoint is not null");
         Ok(digests.fetch_all(self.readers()).await?)
     }
@@ -112,7 +107,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn queue_counts(&self) -> Result<QueueCounts, StoreError> {
+    pub async fn queue_counts(&self) -> Result<QueueCounts> {
         let rows: Vec<(String, i64)> =
             query_as("select state, cast(sum(jobs) as bigint) from job_count group by state")
                 .fetch_all(self.readers())
@@ -132,12 +127,7 @@ impl Store {
     }
 }
 
-async fn submit(
-    write: &mut Write,
-    new: NewJob,
-    now_ms: i64,
-    limits: QueueLimits,
-) -> Result<(Job, Submitted), StoreError> {
+async fn submit(write: &mut Write, new: NewJob, now_ms: i64, limits: QueueLimits) -> Result<(Job, Submitted)> {
     let spec = to_json("job.spec", &new.spec)?;
     if let Some(job) = find_existing(write.sql(), &new, &spec).await? {
         return Ok((job, Submitted::Existing));
@@ -180,7 +170,7 @@ fn words_of(id: &str, new: &NewJob) -> String {
 }
 
 /// The job that an earlier submit of the same request created.
-async fn find_existing(sql: &mut Connection, new: &NewJob, spec: &str) -> Result<Option<Job>, StoreError> {
+async fn find_existing(sql: &mut Connection, new: &NewJob, spec: &str) -> Result<Option<Job>> {
     let query = query("select * from job where owner = $1 and request_id = $2");
     let row = query.bind((&new.scheduling.owner, &new.request_id)).fetch_optional(sql).await?;
     let Some(row) = row else { return Ok(None) };
@@ -200,7 +190,7 @@ async fn find_existing(sql: &mut Connection, new: &NewJob, spec: &str) -> Result
 
 /// Checks that the display and the datasets of the job exist, that the queue has room for a job of this owner, and that no
 /// waiting or running job of the owner has its unique key.
-async fn require_display_and_room(sql: &mut Connection, new: &NewJob, limits: QueueLimits) -> Result<(), StoreError> {
+async fn require_display_and_room(sql: &mut Connection, new: &NewJob, limits: QueueLimits) -> Result<()> {
     let (queued, owned, has_display): (i64, i64, bool) = query_as(
         "select coalesce(cast(sum(jobs) as bigint), 0), coalesce(cast(sum(jobs) filter (where owner = $1) as bigint), 0), \
          exists (select 1 from display where id = $2) from job_count where state = 'queued'",
@@ -229,18 +219,14 @@ async fn require_display_and_room(sql: &mut Connection, new: &NewJob, limits: Qu
 }
 
 /// Id of the owner's waiting or running job with this unique key.
-pub(super) async fn active_with_key(
-    sql: &mut Connection,
-    owner: &str,
-    key: &str,
-) -> Result<Option<String>, StoreError> {
+pub(super) async fn active_with_key(sql: &mut Connection, owner: &str, key: &str) -> Result<Option<String>> {
     let query = scalar("select id from job where owner = $1 and unique_key = $2 and state in ('queued', 'running')");
     Ok(query.bind((owner, key)).fetch_optional(sql).await?)
 }
 
 /// Checks that the datasets of a job are datasets of its display. Another display may have a dataset with the id of a
 /// deleted one.
-pub(super) async fn require_datasets(sql: &mut Connection, spec: &JobSpec) -> Result<(), StoreError> {
+pub(super) async fn require_datasets(sql: &mut Connection, spec: &JobSpec) -> Result<()> {
     if spec.datasets().is_empty() {
         return Ok(());
     }
@@ -255,7 +241,7 @@ pub(super) async fn require_datasets(sql: &mut Connection, spec: &JobSpec) -> Re
 }
 
 /// Checks that the artifacts that the new job reads still exist: unused artifacts are removed after a while.
-async fn require_artifacts(sql: &mut Connection, id: &str) -> Result<(), StoreError> {
+async fn require_artifacts(sql: &mut Connection, id: &str) -> Result<()> {
     let missing: Option<String> = scalar(
         "select artifact from job_artifact where job = $1 \
          and not exists (select 1 from artifact a where a.digest = job_artifact.artifact) limit 1",

@@ -5,7 +5,7 @@ use super::kernels::{find, find_version};
 use super::rows::{cause_of, from_json, to_json};
 use super::sql::{from_row, query, scalar};
 use super::write::Write;
-use super::{AbortReason, Store, StoreError, page};
+use super::{AbortReason, Result, Store, StoreError, page};
 use lightpath_domain::kernel::{ACTIVE, Cause, Kernel, KernelKey, KernelMove};
 use lightpath_domain::reason::PreconditionReason;
 
@@ -55,7 +55,7 @@ impl Store {
     ///
     /// [`StoreError::NotFound`] if the version does not exist; [`StoreError::Aborted`] if a version other than the
     /// expected one is active; [`StoreError::Precondition`] while a rollout of the kernel is running.
-    pub async fn promote(&self, key: &KernelKey, promotion: Promotion, now_ms: i64) -> Result<Kernel, StoreError> {
+    pub async fn promote(&self, key: &KernelKey, promotion: Promotion, now_ms: i64) -> Result<Kernel> {
         let key = key.clone();
         self.write(async move |write| {
             let (_, kernel) = find(write.sql(), &key).await?;
@@ -71,7 +71,7 @@ impl Store {
     ///
     /// [`StoreError::NotFound`] if the version does not exist; [`StoreError::Aborted`] if the alias names another
     /// version than expected; [`StoreError::Precondition`] if the kernel has [`ALIASES_MAX`] aliases.
-    pub async fn set_alias(&self, key: &KernelKey, step: AliasMove, now_ms: i64) -> Result<Kernel, StoreError> {
+    pub async fn set_alias(&self, key: &KernelKey, step: AliasMove, now_ms: i64) -> Result<Kernel> {
         let key = key.clone();
         self.write(async move |write| set_alias(write, &key, step, now_ms).await).await
     }
@@ -84,13 +84,7 @@ impl Store {
     ///
     /// [`StoreError::NotFound`]; [`StoreError::Aborted`] if a version other than `expected` is active;
     /// [`StoreError::Precondition`] if there is no promotion to undo, or the version before is deprecated.
-    pub async fn rollback(
-        &self,
-        key: &KernelKey,
-        expected: Option<u32>,
-        cause: &Cause,
-        now_ms: i64,
-    ) -> Result<Kernel, StoreError> {
+    pub async fn rollback(&self, key: &KernelKey, expected: Option<u32>, cause: &Cause, now_ms: i64) -> Result<Kernel> {
         let (key, cause) = (key.clone(), cause.clone());
         self.write(async move |write| rollback(write, &key, expected, cause, now_ms).await).await
     }
@@ -101,7 +95,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn raise_generations(&self, least: u64) -> Result<(), StoreError> {
+    pub async fn raise_generations(&self, least: u64) -> Result<()> {
         self.write(async move |write| {
             query("update display set generation = $1 where generation < $1")
                 .bind(least as i64)
@@ -117,12 +111,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`] if the kernel does not exist.
-    pub async fn kernel_moves(
-        &self,
-        key: &KernelKey,
-        before: Option<i64>,
-        limit: u32,
-    ) -> Result<Vec<KernelMove>, StoreError> {
+    pub async fn kernel_moves(&self, key: &KernelKey, before: Option<i64>, limit: u32) -> Result<Vec<KernelMove>> {
         let mut read = self.readers().begin().await?;
         let (id, _) = find(&mut read, key).await?;
         let rows =
@@ -145,12 +134,7 @@ impl Store {
 }
 
 /// Makes a version active within the caller's transaction.
-pub(super) async fn promote(
-    write: &mut Write,
-    key: &KernelKey,
-    promotion: Promotion,
-    now_ms: i64,
-) -> Result<Kernel, StoreError> {
+pub(super) async fn promote(write: &mut Write, key: &KernelKey, promotion: Promotion, now_ms: i64) -> Result<Kernel> {
     let Promotion { version, expected_active, cause, overridden } = promotion;
     let (id, kernel) = find(write.sql(), key).await?;
     require_version(&kernel, version)?;
@@ -169,7 +153,7 @@ async fn set_alias(
     key: &KernelKey,
     AliasMove { alias, version, expected, cause }: AliasMove,
     now_ms: i64,
-) -> Result<Kernel, StoreError> {
+) -> Result<Kernel> {
     let (id, kernel) = find(write.sql(), key).await?;
     if let Some(version) = version {
         require_version(&kernel, version)?;
@@ -194,7 +178,7 @@ async fn set_alias(
 }
 
 /// Refuses a version that does not exist.
-pub(super) fn require_version(kernel: &Kernel, version: u32) -> Result<(), StoreError> {
+pub(super) fn require_version(kernel: &Kernel, version: u32) -> Result<()> {
     match version {
         1.. if version <= kernel.latest_version => Ok(()),
         _ => Err(StoreError::not_found(format!("{}/versions/{version}", kernel.key))),
@@ -202,14 +186,14 @@ pub(super) fn require_version(kernel: &Kernel, version: u32) -> Result<(), Store
 }
 
 /// Refuses a move of `active` while a rollout of the kernel is running.
-pub(super) fn require_no_rollout(kernel: &Kernel) -> Result<(), StoreError> {
+pub(super) fn require_no_rollout(kernel: &Kernel) -> Result<()> {
     let Some(number) = kernel.rollout else { return Ok(()) };
     let message = format!("{}/rollouts/{number} is running; complete or halt it first", kernel.key);
     Err(StoreError::precondition(PreconditionReason::RolloutRunning, message))
 }
 
 /// Checks that the version `expected` is active (`None`: no version).
-pub(super) fn require_active(kernel: &Kernel, expected: Option<u32>) -> Result<(), StoreError> {
+pub(super) fn require_active(kernel: &Kernel, expected: Option<u32>) -> Result<()> {
     if expected == kernel.active_version {
         return Ok(());
     }
@@ -227,7 +211,7 @@ async fn rollback(
     expected: Option<u32>,
     cause: Cause,
     now_ms: i64,
-) -> Result<Kernel, StoreError> {
+) -> Result<Kernel> {
     let (id, kernel) = find(write.sql(), key).await?;
     require_no_rollout(&kernel)?;
     require_active(&kernel, expected)?;
@@ -261,7 +245,7 @@ async fn rollback(
 }
 
 /// Raises the generation of a kernel's display, because what its devices get changes.
-pub(super) async fn raise_generation(write: &mut Write, key: &KernelKey, now_ms: i64) -> Result<i64, StoreError> {
+pub(super) async fn raise_generation(write: &mut Write, key: &KernelKey, now_ms: i64) -> Result<i64> {
     let raise = "update display set generation = generation + 1, \
                  generation_time_ms = max(generation_time_ms, $2) where id = $1 returning generation";
     write.announce(Change::Kernel(key.clone()));
@@ -275,7 +259,7 @@ async fn apply(
     step: Move<'_>,
     generation: i64,
     now_ms: i64,
-) -> Result<Kernel, StoreError> {
+) -> Result<Kernel> {
     query(
         "insert into kernel_move \
          (kernel, alias, time_ms, caller, from_version, to_version, reason, overridden, generation, undoes) \

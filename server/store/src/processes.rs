@@ -6,7 +6,7 @@
 use super::living::{LIFE, Process};
 use super::rows::{from_json, from_word, to_json, to_word};
 use super::sql::{Row, from_row, query};
-use super::{Store, StoreError};
+use super::{Result, Store};
 use lightpath_domain::ability::Abilities;
 use std::sync::Arc;
 
@@ -21,8 +21,8 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`], [`StoreError::DiskFull`].
-    pub async fn sign_of_life(&self, process: &Process) -> Result<(), StoreError> {
+    /// [`crate::StoreError::Database`], [`crate::StoreError::DiskFull`].
+    pub async fn sign_of_life(&self, process: &Process) -> Result<()> {
         let process = Process { seen_time_ms: self.now_ms(), ..process.clone() };
         if !self.is_shared() {
             self.inner.living.set(vec![process]);
@@ -54,8 +54,8 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`].
-    pub async fn read_living(&self) -> Result<bool, StoreError> {
+    /// [`crate::StoreError::Database`].
+    pub async fn read_living(&self) -> Result<bool> {
         if !self.is_shared() {
             return Ok(false);
         }
@@ -74,8 +74,8 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`].
-    pub async fn sign_off(&self, id: &str) -> Result<(), StoreError> {
+    /// [`crate::StoreError::Database`].
+    pub async fn sign_off(&self, id: &str) -> Result<()> {
         if !self.is_shared() {
             return Ok(());
         }
@@ -88,7 +88,7 @@ impl Store {
     }
 
     /// Removes the processes whose time is over.
-    async fn remove_ended(&self) -> Result<(), StoreError> {
+    async fn remove_ended(&self) -> Result<()> {
         let (from_ms, to_ms) = self.time_of_living();
         self.write(async move |write| {
             let sql = "delete from process where seen_time_ms not between $1 and $2";
@@ -105,7 +105,7 @@ impl Store {
     }
 }
 
-fn process_of(row: &Row) -> Result<Process, StoreError> {
+fn process_of(row: &Row) -> Result<Process> {
     Ok(from_row!(row, Process {
         id, name, version, workers, start_time_ms, seen_time_ms;
         kind: from_word("process.kind", row.try_get("kind")?)?,

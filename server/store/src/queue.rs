@@ -3,7 +3,7 @@
 use super::changes::{Change, Changed};
 use super::rows::from_json_option;
 use super::sql::{query, query_as, scalar};
-use super::{Store, StoreError};
+use super::{Result, Store, StoreError};
 use lightpath_domain::job::Progress;
 use lightpath_domain::reason::PreconditionReason;
 
@@ -58,7 +58,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`] if the display does not exist.
-    pub async fn pause(&self, display: Option<&str>, reason: &str, now_ms: i64) -> Result<(), StoreError> {
+    pub async fn pause(&self, display: Option<&str>, reason: &str, now_ms: i64) -> Result<()> {
         let (display, reason) = (display.unwrap_or_default().to_owned(), reason.to_owned());
         self.write(async move |write| {
             let known = scalar("select $1 = '' or exists (select 1 from display where id = $1)");
@@ -81,7 +81,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Precondition`] if the display or queue is not paused.
-    pub async fn resume(&self, display: Option<&str>) -> Result<(), StoreError> {
+    pub async fn resume(&self, display: Option<&str>) -> Result<()> {
         let display = display.unwrap_or_default().to_owned();
         self.write(async move |write| {
             let deleted = query("delete from pause where display = $1").bind(&display).execute(write.sql());
@@ -101,7 +101,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn pauses(&self) -> Result<Vec<Pause>, StoreError> {
+    pub async fn pauses(&self) -> Result<Vec<Pause>> {
         let rows = query("select * from pause order by display").fetch_all(self.readers()).await?;
         rows.iter()
             .map(|row| {
@@ -120,7 +120,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn owner_queues(&self) -> Result<Vec<OwnerQueue>, StoreError> {
+    pub async fn owner_queues(&self) -> Result<Vec<OwnerQueue>> {
         let rows: Vec<(String, i64, i64)> = query_as(
             "select owner, cast(sum(case state when 'queued' then jobs else 0 end) as bigint), \
              cast(sum(case state when 'running' then jobs else 0 end) as bigint) from job_count \
@@ -141,7 +141,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`] if the batch has no jobs.
-    pub async fn batch(&self, name: &str) -> Result<BatchProgress, StoreError> {
+    pub async fn batch(&self, name: &str) -> Result<BatchProgress> {
         let rows: Vec<(Option<String>, i64, Option<String>)> =
             query_as(BATCH).bind(name).fetch_all(self.readers()).await?;
         let mut progress = BatchProgress::default();

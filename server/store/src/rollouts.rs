@@ -6,7 +6,7 @@ use super::moves::{Promotion, promote, raise_generation, require_active, require
 use super::rows::{cause_of, from_json, from_word, key_of, to_json, to_word};
 use super::sql::{Builder, Connection, Row, from_row, query, scalar};
 use super::write::Write;
-use super::{AbortReason, Store, StoreError, page};
+use super::{AbortReason, Result, Store, StoreError, page};
 use lightpath_domain::device::Report;
 use lightpath_domain::kernel::{Cause, Kernel, KernelKey};
 use lightpath_domain::reason::PreconditionReason;
@@ -48,7 +48,7 @@ impl Store {
         plan: RolloutPlan,
         expected_active: Option<u32>,
         now_ms: i64,
-    ) -> Result<Rollout, StoreError> {
+    ) -> Result<Rollout> {
         let key = key.clone();
         self.write(async move |write| start(write, &key, plan, expected_active, now_ms).await).await
     }
@@ -65,7 +65,7 @@ impl Store {
         number: u32,
         Widening { share_percent, expected_revision, caller }: Widening,
         now_ms: i64,
-    ) -> Result<Rollout, StoreError> {
+    ) -> Result<Rollout> {
         let key = key.clone();
         self.write(async move |write| {
             let rollout = running(write.sql(), &key, number, expected_revision).await?;
@@ -102,7 +102,7 @@ impl Store {
         expected_revision: Option<u32>,
         caller: &str,
         now_ms: i64,
-    ) -> Result<Rollout, StoreError> {
+    ) -> Result<Rollout> {
         let (key, caller) = (key.clone(), caller.to_owned());
         self.write(async move |write| {
             let Rollout { plan, from_version, .. } = running(write.sql(), &key, number, expected_revision).await?;
@@ -125,13 +125,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`]; [`StoreError::Precondition`] if the rollout has ended.
-    pub async fn halt_rollout(
-        &self,
-        key: &KernelKey,
-        number: u32,
-        cause: &Cause,
-        now_ms: i64,
-    ) -> Result<Rollout, StoreError> {
+    pub async fn halt_rollout(&self, key: &KernelKey, number: u32, cause: &Cause, now_ms: i64) -> Result<Rollout> {
         let (key, cause) = (key.clone(), cause.clone());
         self.write(async move |write| {
             running(write.sql(), &key, number, None).await?;
@@ -151,7 +145,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn halt_all_rollouts(&self, message: &str, now_ms: i64) -> Result<(), StoreError> {
+    pub async fn halt_all_rollouts(&self, message: &str, now_ms: i64) -> Result<()> {
         let message = message.to_owned();
         self.write(async move |write| {
             let mut query = Builder::new(ROLLOUTS);
@@ -173,7 +167,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`].
-    pub async fn rollout(&self, key: &KernelKey, number: u32) -> Result<(Rollout, Vec<RolloutEvent>), StoreError> {
+    pub async fn rollout(&self, key: &KernelKey, number: u32) -> Result<(Rollout, Vec<RolloutEvent>)> {
         let mut read = self.readers().begin().await?;
         let rollout = find_rollout(&mut read, key, number).await?;
         let rows = query(
@@ -184,7 +178,7 @@ impl Store {
         .fetch_all(&mut read)
         .await?;
         let events = rows.iter().map(|row| Ok(from_row!(row, RolloutEvent { time_ms, caller, message, generation })));
-        Ok((rollout, events.collect::<Result<_, StoreError>>()?))
+        Ok((rollout, events.collect::<Result<_>>()?))
     }
 
     /// At most `limit` rollouts of a kernel, newest first and older than the rollout `before`.
@@ -192,7 +186,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`] if the kernel does not exist.
-    pub async fn rollouts(&self, key: &KernelKey, before: Option<u32>, limit: u32) -> Result<Vec<Rollout>, StoreError> {
+    pub async fn rollouts(&self, key: &KernelKey, before: Option<u32>, limit: u32) -> Result<Vec<Rollout>> {
         let mut read = self.readers().begin().await?;
         let (id, _) = find(&mut read, key).await?;
         let mut query = Builder::new(ROLLOUTS);
@@ -216,7 +210,7 @@ async fn start(
     plan: RolloutPlan,
     expected_active: Option<u32>,
     now_ms: i64,
-) -> Result<Rollout, StoreError> {
+) -> Result<Rollout> {
     let (id, kernel) = find(write.sql(), key).await?;
     require_version(&kernel, plan.version)?;
     require_active(&kernel, expected_active)?;
@@ -247,7 +241,7 @@ async fn start(
 }
 
 /// Ends a running rollout. The caller changes what devices get, which raises the generation.
-async fn end(write: &mut Write, key: &KernelKey, number: u32, ending: Ending, now_ms: i64) -> Result<(), StoreError> {
+async fn end(write: &mut Write, key: &KernelKey, number: u32, ending: Ending, now_ms: i64) -> Result<()> {
     let Ending { state, caller, message } = ending;
     let word = to_word("rollout.state", &state)?;
     query(
@@ -264,12 +258,7 @@ async fn end(write: &mut Write, key: &KernelKey, number: u32, ending: Ending, no
 }
 
 /// Notes what a device reports about the version of a running rollout, and halts the rollout if too many have failed.
-pub(super) async fn note_report(
-    write: &mut Write,
-    kernel_id: i64,
-    kernel: &Kernel,
-    report: &Report,
-) -> Result<(), StoreError> {
+pub(super) async fn note_report(write: &mut Write, kernel_id: i64, kernel: &Kernel, report: &Report) -> Result<()> {
     let Some(number) = kernel.rollout else { return Ok(()) };
     let key = &kernel.key;
     let Rollout { plan, .. } = find_rollout(write.sql(), key, number).await?;
@@ -318,7 +307,7 @@ pub(super) async fn note_report(
 }
 
 /// Takes back what a device reported in rollouts that run. An ended rollout keeps its history.
-pub(super) async fn forget_reports(write: &mut Write, display: &str, device: &str) -> Result<(), StoreError> {
+pub(super) async fn forget_reports(write: &mut Write, display: &str, device: &str) -> Result<()> {
     query(
         "delete from rollout_report where device = $2 and (kernel, number) in (select r.kernel, r.number \
          from rollout r join kernel k on k.id = r.kernel where k.display = $1 and r.state = 'running')",
@@ -336,7 +325,7 @@ async fn is_member(
     number: u32,
     plan: &RolloutPlan,
     device: &str,
-) -> Result<bool, StoreError> {
+) -> Result<bool> {
     if is_in_share(key, number, device, plan.share_percent) {
         return Ok(true);
     }
@@ -348,7 +337,7 @@ async fn is_member(
 }
 
 /// Notes why a device failed, as long as the rollout has few events.
-async fn note_failure(write: &mut Write, key: &KernelKey, number: u32, report: &Report) -> Result<(), StoreError> {
+async fn note_failure(write: &mut Write, key: &KernelKey, number: u32, report: &Report) -> Result<()> {
     let installed = &report.installed;
     let why = match (installed.tried_version, installed.self_test_loss) {
         (None, Some(loss)) => format!("its self-test measured a loss of {loss}"),
@@ -368,7 +357,7 @@ async fn note_failure(write: &mut Write, key: &KernelKey, number: u32, report: &
 }
 
 /// Raises the generation of a display whose devices changed their groups while a rollout runs: what they get changes.
-pub(super) async fn note_regrouping(write: &mut Write, display: &str, now_ms: i64) -> Result<(), StoreError> {
+pub(super) async fn note_regrouping(write: &mut Write, display: &str, now_ms: i64) -> Result<()> {
     let running = query(
         "select k.display, k.wavelength_pm, k.distance_nm from rollout r join kernel k on k.id = r.kernel \
          where k.display = $1 and r.state = 'running' and r.group_name <> ''",
@@ -388,7 +377,7 @@ async fn running(
     key: &KernelKey,
     number: u32,
     expected_revision: Option<u32>,
-) -> Result<Rollout, StoreError> {
+) -> Result<Rollout> {
     let rollout = find_rollout(sql, key, number).await?;
     if rollout.state != RolloutState::Running {
         let message = format!("{} has ended", name(key, number));
@@ -405,7 +394,7 @@ fn name(key: &KernelKey, number: u32) -> String {
     format!("{key}/rollouts/{number}")
 }
 
-async fn find_rollout(sql: &mut Connection, key: &KernelKey, number: u32) -> Result<Rollout, StoreError> {
+async fn find_rollout(sql: &mut Connection, key: &KernelKey, number: u32) -> Result<Rollout> {
     let mut query = Builder::new(ROLLOUTS);
     query.push(" where k.name = ").push_bind(key.to_string());
     query.push(" and r.number = ").push_bind(number);
@@ -413,7 +402,7 @@ async fn find_rollout(sql: &mut Connection, key: &KernelKey, number: u32) -> Res
     rollout_of(&row.ok_or_else(|| StoreError::not_found(name(key, number)))?)
 }
 
-async fn append_event(write: &mut Write, key: &KernelKey, number: u32, event: RolloutEvent) -> Result<(), StoreError> {
+async fn append_event(write: &mut Write, key: &KernelKey, number: u32, event: RolloutEvent) -> Result<()> {
     query(
         "insert into rollout_event (kernel, number, time_ms, caller, message, generation) \
          select id, $2, $3, $4, $5, $6 from kernel where name = $1",
@@ -425,7 +414,7 @@ async fn append_event(write: &mut Write, key: &KernelKey, number: u32, event: Ro
     Ok(())
 }
 
-fn rollout_of(row: &Row) -> Result<Rollout, StoreError> {
+fn rollout_of(row: &Row) -> Result<Rollout> {
     let overridden: String = row.try_get("overridden")?;
     Ok(from_row!(row, Rollout {
         number, from_version, devices_passed, devices_failed, start_time_ms, end_time_ms, revision;

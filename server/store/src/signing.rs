@@ -2,7 +2,7 @@
 
 use super::sql::{Row, from_row, query, scalar};
 use super::write::Write;
-use super::{AbortReason, Store, StoreError};
+use super::{AbortReason, Result, Store, StoreError};
 use lightpath_domain::kernel::{KernelKey, KernelMoment};
 use lightpath_domain::rollout::is_in_share;
 
@@ -36,7 +36,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn keyring(&self) -> Result<Option<StoredKeyring>, StoreError> {
+    pub async fn keyring(&self) -> Result<Option<StoredKeyring>> {
         let row = query("select version, document from keyring order by version desc limit 1")
             .fetch_optional(self.readers())
             .await?;
@@ -56,7 +56,7 @@ impl Store {
         new: Vec<PrivateKey>,
         forgotten: Vec<String>,
         now_ms: i64,
-    ) -> Result<(), StoreError> {
+    ) -> Result<()> {
         self.write(async move |write| add(write, keyring, new, forgotten, now_ms).await).await
     }
 
@@ -65,7 +65,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn add_private_keys(&self, new: Vec<PrivateKey>, now_ms: i64) -> Result<(), StoreError> {
+    pub async fn add_private_keys(&self, new: Vec<PrivateKey>, now_ms: i64) -> Result<()> {
         self.write(async move |write| add_private(write, new, now_ms).await).await
     }
 
@@ -74,7 +74,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn private_keys(&self) -> Result<Vec<PrivateKey>, StoreError> {
+    pub async fn private_keys(&self) -> Result<Vec<PrivateKey>> {
         let rows = query("select public, private from signing_key order by public").fetch_all(self.readers()).await?;
         let key = |row: &Row| Ok(PrivateKey { public: row.try_get("public")?, private: row.try_get("private")? });
         rows.iter().map(key).collect()
@@ -85,7 +85,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn forget_private_key(&self, public: &str) -> Result<bool, StoreError> {
+    pub async fn forget_private_key(&self, public: &str) -> Result<bool> {
         let public = public.to_owned();
         self.write(async move |write| {
             let deleted = query("delete from signing_key where public = $1").bind(public).execute(write.sql()).await?;
@@ -99,7 +99,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`] if the kernel does not exist.
-    pub async fn kernel_moment(&self, key: &KernelKey, device: Option<&str>) -> Result<KernelMoment, StoreError> {
+    pub async fn kernel_moment(&self, key: &KernelKey, device: Option<&str>) -> Result<KernelMoment> {
         let row = query(
             "select k.active_version, d.generation, d.generation_time_ms, \
              (select max(version) from keyring) as keyring_version, \
@@ -121,7 +121,7 @@ impl Store {
 }
 
 /// The version for a device: that of the rollout, or the active one. Unknown devices get the new version when all do.
-fn version_for(row: &Row, key: &KernelKey, device: Option<&str>) -> Result<Option<u32>, StoreError> {
+fn version_for(row: &Row, key: &KernelKey, device: Option<&str>) -> Result<Option<u32>> {
     let active = row.try_get("active_version")?;
     let Some(rollout) = row.try_get("rollout")? else { return Ok(active) };
     let share_percent: f64 = row.try_get("share_percent")?;
@@ -137,7 +137,7 @@ async fn add(
     new: Vec<PrivateKey>,
     forgotten: Vec<String>,
     now_ms: i64,
-) -> Result<(), StoreError> {
+) -> Result<()> {
     let newest: Option<u32> = scalar("select max(version) from keyring").fetch_one(write.sql()).await?;
     let newest = newest.unwrap_or(0);
     if keyring.version <= newest {
@@ -158,7 +158,7 @@ async fn add(
     Ok(())
 }
 
-async fn add_private(write: &mut Write, new: Vec<PrivateKey>, now_ms: i64) -> Result<(), StoreError> {
+async fn add_private(write: &mut Write, new: Vec<PrivateKey>, now_ms: i64) -> Result<()> {
     for PrivateKey { public, private } in new {
         query("insert into signing_key values ($1, $2, $3) on conflict do nothing")
             .bind((public, private, now_ms))

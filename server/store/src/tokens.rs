@@ -2,7 +2,7 @@
 
 use super::rows::{from_json, from_word, to_json};
 use super::sql::{Row, from_row, query};
-use super::{Store, StoreError};
+use super::{Result, Store, StoreError};
 use lightpath_domain::access::{Caller, Role};
 
 /// An API token, without the secret that only its bearer has.
@@ -39,7 +39,7 @@ impl Store {
         hash: &str,
         expire_time_ms: Option<i64>,
         now_ms: i64,
-    ) -> Result<TokenRecord, StoreError> {
+    ) -> Result<TokenRecord> {
         let (caller, hash) = (caller.clone(), hash.to_owned());
         self.write(async move |write| {
             let row = query(
@@ -62,7 +62,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn token_by_hash(&self, hash: &str) -> Result<Option<TokenRecord>, StoreError> {
+    pub async fn token_by_hash(&self, hash: &str) -> Result<Option<TokenRecord>> {
         let row = query("select * from token where hash = $1").bind(hash).fetch_optional(self.readers()).await?;
         row.as_ref().map(token_of).transpose()
     }
@@ -72,7 +72,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn tokens(&self) -> Result<Vec<TokenRecord>, StoreError> {
+    pub async fn tokens(&self) -> Result<Vec<TokenRecord>> {
         let rows = query("select * from token order by name").fetch_all(self.readers()).await?;
         rows.iter().map(token_of).collect()
     }
@@ -82,7 +82,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`].
-    pub async fn revoke_token(&self, name: &str, now_ms: i64) -> Result<TokenRecord, StoreError> {
+    pub async fn revoke_token(&self, name: &str, now_ms: i64) -> Result<TokenRecord> {
         let name = name.to_owned();
         self.write(async move |write| {
             let sql = "update token set revoke_time_ms = coalesce(revoke_time_ms, $2) where name = $1 returning *";
@@ -93,7 +93,7 @@ impl Store {
     }
 }
 
-fn token_of(row: &Row) -> Result<TokenRecord, StoreError> {
+fn token_of(row: &Row) -> Result<TokenRecord> {
     let role: Role = from_word("token.role", row.try_get("role")?)?;
     let displays = from_json("token.displays", &row.try_get::<String>("displays")?)?;
     Ok(from_row!(row, TokenRecord {

@@ -4,7 +4,7 @@ use super::changes::Change;
 use super::deliveries::delivery_of;
 use super::rows::{from_json, to_json};
 use super::sql::{Row, from_row, query, scalar};
-use super::{Store, StoreError};
+use super::{Result, Store, StoreError};
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_domain::webhook::{Delivery, Webhook, WebhookEvent, WebhookSecret, WebhookUrl};
 use std::collections::BTreeMap;
@@ -19,7 +19,7 @@ impl Store {
     ///
     /// [`StoreError::AlreadyExists`] if the id is taken; [`StoreError::NotFound`] if its display does not exist;
     /// [`StoreError::Precondition`] if there are [`WEBHOOKS_MAX`] webhooks.
-    pub async fn create_webhook(&self, webhook: &Webhook, secret: &WebhookSecret) -> Result<(), StoreError> {
+    pub async fn create_webhook(&self, webhook: &Webhook, secret: &WebhookSecret) -> Result<()> {
         let (webhook, secret) = (webhook.clone(), secret.clone());
         self.write(async move |write| {
             let count: u32 = scalar("select count(*) from webhook").fetch_one(write.sql()).await?;
@@ -57,7 +57,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`].
-    pub async fn webhook(&self, id: &str) -> Result<Webhook, StoreError> {
+    pub async fn webhook(&self, id: &str) -> Result<Webhook> {
         let row = query("select * from webhook where id = $1").bind(id).fetch_optional(self.readers()).await?;
         webhook_of(&row.ok_or_else(|| StoreError::not_found(name(id)))?)
     }
@@ -67,7 +67,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`].
-    pub async fn webhook_secret(&self, id: &str) -> Result<WebhookSecret, StoreError> {
+    pub async fn webhook_secret(&self, id: &str) -> Result<WebhookSecret> {
         let secret: Option<String> =
             scalar("select secret from webhook where id = $1").bind(id).fetch_optional(self.readers()).await?;
         let secret = secret.ok_or_else(|| StoreError::not_found(name(id)))?;
@@ -79,7 +79,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn webhooks(&self) -> Result<Vec<Webhook>, StoreError> {
+    pub async fn webhooks(&self) -> Result<Vec<Webhook>> {
         let rows = query("select * from webhook order by id").fetch_all(self.readers()).await?;
         rows.iter().map(webhook_of).collect()
     }
@@ -89,7 +89,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`].
-    pub async fn delete_webhook(&self, id: &str) -> Result<(), StoreError> {
+    pub async fn delete_webhook(&self, id: &str) -> Result<()> {
         let id = id.to_owned();
         self.write(async move |write| {
             let deleted = query("delete from webhook where id = $1").bind(&id).execute(write.sql()).await?;
@@ -107,7 +107,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn hold_webhook(&self, id: &str, now_ms: i64, hold_ms: i64) -> Result<bool, StoreError> {
+    pub async fn hold_webhook(&self, id: &str, now_ms: i64, hold_ms: i64) -> Result<bool> {
         if !self.is_shared() {
             return Ok(true);
         }
@@ -128,7 +128,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn release_webhook(&self, id: &str) -> Result<(), StoreError> {
+    pub async fn release_webhook(&self, id: &str) -> Result<()> {
         if !self.is_shared() {
             return Ok(());
         }
@@ -146,7 +146,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`].
-    pub async fn test_webhook(&self, id: &str, caller: &str, now_ms: i64) -> Result<Delivery, StoreError> {
+    pub async fn test_webhook(&self, id: &str, caller: &str, now_ms: i64) -> Result<Delivery> {
         let subject = to_json("webhook_delivery.subject", &BTreeMap::from([("caller", caller)]))?;
         let id = id.to_owned();
         self.write(async move |write| {
@@ -168,7 +168,7 @@ fn name(id: &str) -> String {
     format!("webhooks/{id}")
 }
 
-fn webhook_of(row: &Row) -> Result<Webhook, StoreError> {
+fn webhook_of(row: &Row) -> Result<Webhook> {
     let events: String = row.try_get("events")?;
     let url: String = row.try_get("url")?;
     Ok(from_row!(row, Webhook {
