@@ -135,7 +135,7 @@ impl List {
         })
         .await?;
         session.print_pages(list, |datasets| {
-            let mut table = Table::new(&["dataset", "display", "optics?", "state", ">pairs", "created???", "age??"]);
+            let mut table = Table::new("dataset|display|optics?|state|>pairs|created???|age??");
             for dataset in datasets {
                 table.row([
                     names::id(&dataset.name).to_owned(),

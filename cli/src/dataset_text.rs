@@ -79,9 +79,7 @@ fn quality(alignment: &v1::Alignment) -> String {
 }
 
 fn pair_table(dataset: &Dataset) -> Table {
-    let titles =
-        ["pair", "split", ">saturated?", ">black??", ">contrast??", ">match", ">off", "hologram???", "photograph???"];
-    let mut table = Table::new(&titles);
+    let mut table = Table::new("pair|split|>saturated?|>black??|>contrast??|>match|>off|hologram???|photograph???");
     for pair in &dataset.pairs {
         let split = match pair.split() {
             v1::Split::Unspecified => "–".to_owned(),

@@ -89,19 +89,8 @@ impl List {
 
 /// One row for each kernel of each device.
 fn table(devices: &[v1::Device]) -> Table {
-    let titles = [
-        "device",
-        "group~?",
-        "kernel",
-        ">version",
-        "form???",
-        ">generation????",
-        ">self-test?",
-        "reported??",
-        "agent~????",
-        "message_",
-    ];
-    let mut table = Table::new(&titles);
+    let mut table =
+        Table::new("device|group~?|kernel|>version|form???|>generation????|>self-test?|reported??|agent~????|message_");
     for device in devices {
         let none = v1::InstalledKernel::default();
         let kernels = if device.kernels.is_empty() { std::slice::from_ref(&none) } else { &device.kernels };

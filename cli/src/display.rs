@@ -231,16 +231,7 @@ async fn list(session: &Session, limit: u32) -> Result<(), Failure> {
     })
     .await?;
     session.print_pages(list, |displays| {
-        let mut table = Table::new(&[
-            "display",
-            ">resolution",
-            ">pitch",
-            "wavelengths~",
-            ">bits??",
-            "kind?",
-            "created????",
-            "age???",
-        ]);
+        let mut table = Table::new("display|>resolution|>pitch|wavelengths~|>bits??|kind?|created????|age???");
         for display in displays {
             table.row([
                 names::id(&display.name).to_owned(),

@@ -45,19 +45,26 @@ pub(crate) fn text(path: &Path) -> Result<String, Failure> {
     Ok(std::fs::read_to_string(path).map_err(read_error)?)
 }
 
-fn in_folder(folder: &Path, extensions: &[&str]) -> Result<Vec<PathBuf>, Failure> {
+/// The paths of what is in a folder, in their order.
+pub(crate) fn paths_in(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
     let read_error = |source| lightpath::Error::File { action: "read", path: folder.to_owned(), source };
-    let mut found = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(read_error)? {
-        let path = entry.map_err(read_error)?.path();
-        let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-        let is_hidden = path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
-        if extensions.contains(&extension.as_str()) && !is_hidden && path.is_file() {
-            found.push(path);
-        }
-    }
-    found.sort();
-    Ok(found)
+    let entries = std::fs::read_dir(folder).map_err(read_error)?;
+    let mut paths = entries.map(|entry| Ok(entry.map_err(read_error)?.path())).collect::<Result<Vec<_>, Failure>>()?;
+    paths.sort();
+    Ok(paths)
+}
+
+/// Whether a file has one of the extensions, in capitals or small letters.
+pub(crate) fn has_extension(path: &Path, extensions: &[&str]) -> bool {
+    let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
+    extensions.contains(&extension.as_str())
+}
+
+fn in_folder(folder: &Path, extensions: &[&str]) -> Result<Vec<PathBuf>, Failure> {
+    let mut paths = paths_in(folder)?;
+    let is_hidden = |path: &Path| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
+    paths.retain(|path| has_extension(path, extensions) && !is_hidden(path) && path.is_file());
+    Ok(paths)
 }
 
 #[cfg(test)]

@@ -222,20 +222,10 @@ fn batch_line(batch: &v1::Batch) -> String {
 }
 
 fn table(jobs: &[Job]) -> Table {
-    let mut table = Table::new(&[
-        "job",
-        "target~",
-        "state",
-        ">PSNR?",
-        "owner~??",
-        "kind???",
-        "on~????",
-        ">progress?????",
-        ">attempt??????",
-        "created???????",
-        "age??",
-        "needs~??????",
-    ]);
+    let mut table = Table::new(
+        "job|target~|state|>PSNR?|owner~??|kind???|on~????|>progress?????|>attempt??????|created???????|age??|\
+         needs~??????",
+    );
     for job in jobs {
         let progress = job.progress.as_ref().map(|progress| format!("{}/{}", progress.step, progress.steps_total));
         let (kind, subject) = jobs::title(job);
@@ -283,7 +273,7 @@ async fn logs(session: &Session, name: String) -> Result<(), Failure> {
 }
 
 fn event_table(events: &[v1::JobEvent]) -> String {
-    let mut table = Table::new(&["time??", "age", ">attempt?", "event_"]);
+    let mut table = Table::new("time??|age|>attempt?|event_");
     for event in events {
         let (time, age) = (show::clock_or_dash(event.time.as_ref()), show::age_or_dash(event.time.as_ref()));
         table.row([time, age, show::version_or_dash(event.attempt), event.message.clone()]);

@@ -20,7 +20,7 @@ pub(crate) fn parts(metrics: &KernelMetrics) -> String {
     if metrics.parts.is_empty() {
         return String::new();
     }
-    let mut table = Table::new(&["part of the model", ">worse without it", ">over the photographs?"]);
+    let mut table = Table::new("part of the model|>worse without it|>over the photographs?");
     for part in &metrics.parts {
         let range = format!("{:.1} to {:.1} dB", part.least_db, part.most_db);
         table.row([part.part.replace('_', " "), show::decibel(part.cost_db), range]);

@@ -128,18 +128,8 @@ impl Score {
 
 /// A table with a line for each channel of each photograph; for a single photograph also its place.
 fn text(scores: &[(String, v1::PhotoScore)]) -> String {
-    let titles = [
-        "photo~",
-        "channel",
-        ">psnr",
-        ">psnr+?",
-        ">ssim?",
-        ">speckle????",
-        ">resolution???",
-        ">saturated?????",
-        ">residual??",
-    ];
-    let mut table = Table::new(&titles);
+    let mut table =
+        Table::new("photo~|channel|>psnr|>psnr+?|>ssim?|>speckle????|>resolution???|>saturated?????|>residual??");
     for (name, score) in scores {
         for (i, channel) in score.channels.iter().enumerate() {
             let name = if i == 0 { name.clone() } else { String::new() };

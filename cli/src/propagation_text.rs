@@ -21,7 +21,7 @@ pub(crate) fn plan(plan: &PlanPropagationResponse) -> String {
     if let Some(report) = &plan.report {
         numbers(report, &mut facts);
     }
-    let mut table = Table::new(&["method", "possible", "for jobs?", "because_"]);
+    let mut table = Table::new("method|possible|for jobs?|because_");
     let yes_no = |yes: bool| if yes { "yes" } else { "no" }.to_owned();
     for other in &plan.alternatives {
         let method = other.method().word().to_owned();

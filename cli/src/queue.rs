@@ -60,7 +60,7 @@ impl Part {
 }
 
 fn text(queue: &v1::Queue) -> String {
-    let mut turns = Table::new(&["owner", ">queued", ">running"]);
+    let mut turns = Table::new("owner|>queued|>running");
     for turn in &queue.turns {
         let owner = if turn.owner.is_empty() { "–" } else { turn.owner.as_str() };
         turns.row([owner.to_owned(), turn.queued.to_string(), turn.running.to_string()]);
@@ -79,8 +79,7 @@ fn text(queue: &v1::Queue) -> String {
 
 /// The living processes as a table.
 fn processes(queue: &v1::Queue) -> String {
-    let mut table =
-        Table::new(&["process~", "does", "labels~", ">memory", ">jobs?", "version??", "seen???", "started????"]);
+    let mut table = Table::new("process~|does|labels~|>memory|>jobs?|version??|seen???|started????");
     for process in &queue.processes {
         let does = match process.kind() {
             Kind::Both => "serves and works",

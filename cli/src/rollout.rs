@@ -182,17 +182,7 @@ impl List {
         })
         .await?;
         session.print_pages(list, |rollouts| {
-            let mut table = Table::new(&[
-                ">rollout",
-                "state",
-                ">version",
-                ">from?",
-                "devices~?",
-                ">passed",
-                ">failed",
-                "started???",
-                "age??",
-            ]);
+            let mut table = Table::new(">rollout|state|>version|>from?|devices~?|>passed|>failed|started???|age??");
             for rollout in rollouts {
                 table.row([
                     names::id(&rollout.name).to_owned(),
@@ -225,7 +215,7 @@ fn text(rollout: &v1::Rollout) -> String {
     let limit = format!("{} % of at least {} devices", rollout.failed_percent_max, rollout.devices_min);
     facts.add("halts above", limit + &loss.unwrap_or_default());
     facts.add("reports", format!("{} passed, {} failed", rollout.devices_passed, rollout.devices_failed));
-    let mut table = Table::new(&["time???", "age", "caller~?", ">generation??", "event_"]);
+    let mut table = Table::new("time???|age|caller~?|>generation??|event_");
     for event in &rollout.events {
         table.row([
             show::clock_or_dash(event.time.as_ref()),

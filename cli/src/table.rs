@@ -55,8 +55,9 @@ impl Column {
 }
 
 impl Table {
-    pub(crate) fn new(titles: &[&str]) -> Self {
-        let columns: Vec<Column> = titles.iter().map(|title| Column::new(title)).collect();
+    /// A table with these titles, with `|` between them.
+    pub(crate) fn new(titles: &str) -> Self {
+        let columns: Vec<Column> = titles.split('|').map(Column::new).collect();
         let titles = columns.iter().map(|column| column.title.clone()).collect();
         Self { columns, rows: vec![titles] }
     }
@@ -216,18 +217,18 @@ mod tests {
 
     #[test]
     fn table_columns_are_aligned() {
-        let mut table = Table::new(&["display", ">pitch", "notes~?"]);
+        let mut table = Table::new("display|>pitch|notes~?");
         table.row(["lab-2".into(), "8 µm".into(), "by the window".into()]);
         table.row(["a".into(), "3.74 µm".into(), String::new()]);
         let lines = ["DISPLAY    PITCH  NOTES", "lab-2       8 µm  by the window", "a        3.74 µm", ""];
         assert_eq!(table.text(), lines.join("\n"));
-        assert_eq!(Table::new(&["display"]).text_or("no displays"), "no displays\n");
+        assert_eq!(Table::new("display").text_or("no displays"), "no displays\n");
     }
 
     #[test]
     fn narrow_tables_cut_texts_and_leave_out_columns_but_keep_ids() {
         let id = "01939a5e-7c1b-7d52-9b7e-0d6f3a1c2b4e";
-        let mut table = Table::new(&["job", "target~", "state", ">tries??", "kind?"]);
+        let mut table = Table::new("job|target~|state|>tries??|kind?");
         table.row([id, "a_photograph_of_the_old_town.png", "succeeded", "1", "hologram"].map(Into::into));
         let lines = |width| table.text_within(width).lines().map(str::to_owned).collect::<Vec<_>>();
         assert!(lines(110)[1].ends_with("old_town.png  succeeded      1  hologram"), "{:?}", lines(110));
@@ -243,7 +244,7 @@ mod tests {
 
     #[test]
     fn long_texts_are_wrapped_between_words() {
-        let mut table = Table::new(&["check", "finding_"]);
+        let mut table = Table::new("check|finding_");
         table.row(["passed".into(), "it has less loss than the active version on twelve pairs".into()]);
         let text = table.text_within(40);
         assert!(text.lines().count() == 3 && text.lines().all(|line| line.chars().count() <= 40), "{text}");

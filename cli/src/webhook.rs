@@ -161,7 +161,7 @@ fn tested(delivery: &v1::WebhookDelivery) -> String {
 }
 
 fn table(webhooks: &[v1::Webhook]) -> Table {
-    let mut table = Table::new(&["webhook", "address_", "events_?", "display??", "created???"]);
+    let mut table = Table::new("webhook|address_|events_?|display??|created???");
     for webhook in webhooks {
         let events = if webhook.events.is_empty() { "all".to_owned() } else { webhook.events.join(", ") };
         let display = if webhook.display.is_empty() { "all" } else { names::id(&webhook.display) };
@@ -177,7 +177,7 @@ fn table(webhooks: &[v1::Webhook]) -> Table {
 }
 
 fn delivery_table(deliveries: &[v1::WebhookDelivery]) -> Table {
-    let mut table = Table::new(&["event", "happened??", ">attempts?", "state", "answer~", "id???"]);
+    let mut table = Table::new("event|happened??|>attempts?|state|answer~|id???");
     for delivery in deliveries {
         let state = match (delivery.delivered, &delivery.next_attempt_time) {
             (true, _) => "accepted",

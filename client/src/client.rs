@@ -110,54 +110,35 @@ impl Client {
         &self.url
     }
 
-    pub(crate) fn artifacts(&self) -> ArtifactServiceClient<Transport> {
-        ArtifactServiceClient::new(self.transport.clone()).max_decoding_message_size(MESSAGE_BYTES_MAX)
-    }
-
-    pub(crate) fn datasets(&self) -> DatasetServiceClient<Transport> {
-        DatasetServiceClient::new(self.transport.clone()).max_decoding_message_size(MESSAGE_BYTES_MAX)
-    }
-
-    pub(crate) fn devices(&self) -> DeviceServiceClient<Transport> {
-        DeviceServiceClient::new(self.transport.clone()).max_decoding_message_size(MESSAGE_BYTES_MAX)
-    }
-
-    pub(crate) fn displays(&self) -> DisplayServiceClient<Transport> {
-        DisplayServiceClient::new(self.transport.clone()).max_decoding_message_size(MESSAGE_BYTES_MAX)
-    }
-
-    pub(crate) fn events(&self) -> EventServiceClient<Transport> {
-        EventServiceClient::new(self.transport.clone()).max_decoding_message_size(MESSAGE_BYTES_MAX)
-    }
-
-    pub(crate) fn jobs(&self) -> JobServiceClient<Transport> {
-        JobServiceClient::new(self.transport.clone()).max_decoding_message_size(MESSAGE_BYTES_MAX)
-    }
-
-    pub(crate) fn kernels(&self) -> KernelServiceClient<Transport> {
-        KernelServiceClient::new(self.transport.clone()).max_decoding_message_size(MESSAGE_BYTES_MAX)
-    }
-
-    pub(crate) fn photos(&self) -> PhotoServiceClient<Transport> {
-        PhotoServiceClient::new(self.transport.clone()).max_decoding_message_size(MESSAGE_BYTES_MAX)
-    }
-
-    pub(crate) fn rollouts(&self) -> RolloutServiceClient<Transport> {
-        RolloutServiceClient::new(self.transport.clone()).max_decoding_message_size(MESSAGE_BYTES_MAX)
-    }
-
-    pub(crate) fn webhooks(&self) -> WebhookServiceClient<Transport> {
-        WebhookServiceClient::new(self.transport.clone()).max_decoding_message_size(MESSAGE_BYTES_MAX)
-    }
-
-    pub(crate) fn server(&self) -> ServerServiceClient<Transport> {
-        ServerServiceClient::new(self.transport.clone()).max_decoding_message_size(MESSAGE_BYTES_MAX)
-    }
-
     /// Converts the status of a failed call into an error.
     pub(crate) fn error(&self, status: tonic::Status) -> Error {
         Error::from_status(&self.url, status)
     }
+}
+
+/// The generated clients of the services.
+macro_rules! services {
+    ($($name:ident: $client:ident;)*) => {
+        impl Client {
+            $(pub(crate) fn $name(&self) -> $client<Transport> {
+                $client::new(self.transport.clone()).max_decoding_message_size(MESSAGE_BYTES_MAX)
+            })*
+        }
+    };
+}
+
+services! {
+    artifacts: ArtifactServiceClient;
+    datasets: DatasetServiceClient;
+    devices: DeviceServiceClient;
+    displays: DisplayServiceClient;
+    events: EventServiceClient;
+    jobs: JobServiceClient;
+    kernels: KernelServiceClient;
+    photos: PhotoServiceClient;
+    rollouts: RolloutServiceClient;
+    webhooks: WebhookServiceClient;
+    server: ServerServiceClient;
 }
 
 fn authorization(token: &str) -> Result<MetadataValue<Ascii>> {

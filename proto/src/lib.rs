@@ -5,9 +5,11 @@
 
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+mod codes;
 pub mod routes;
 mod words;
 
+pub use codes::code_name;
 /// A time in messages.
 pub use pbjson_types::Timestamp;
 pub use words::{Word, Words};

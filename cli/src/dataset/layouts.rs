@@ -3,6 +3,7 @@
 use super::manifest::Entry;
 use crate::destination::name_of;
 use crate::failure::Failure;
+use crate::inputs::{has_extension, paths_in};
 use clap::ValueEnum;
 use lightpath::v1::Split;
 use std::collections::BTreeSet;
@@ -86,17 +87,14 @@ pub(super) fn neural_holography(folder: &Path, plane: u32) -> Result<Vec<Entry>,
 
 /// The PNG files of a folder and its subfolders, in the order of their paths.
 fn pngs(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
-    let read_error = |source| lightpath::Error::File { action: "read", path: folder.to_owned(), source };
     let mut found = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(read_error)? {
-        let path = entry.map_err(read_error)?.path();
+    for path in paths_in(folder)? {
         if path.is_dir() {
             found.extend(pngs(&path)?);
-        } else if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png")) {
+        } else if has_extension(&path, &["png"]) {
             found.push(path);
         }
     }
-    found.sort();
     Ok(found)
 }
 

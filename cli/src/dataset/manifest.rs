@@ -2,7 +2,7 @@
 
 use crate::destination::name_of;
 use crate::failure::Failure;
-use crate::inputs;
+use crate::inputs::{self, has_extension, paths_in};
 use lightpath::Words as _;
 use lightpath::v1::Split;
 use serde::{Deserialize, Deserializer, de};
@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Extensions of holograms and photographs. Other files of a folder are ignored.
-const PICTURES: [&str; 6] = ["png", "tif", "tiff", "jpg", "jpeg", "npy"];
+const PICTURES: &[&str] = &["png", "tif", "tiff", "jpg", "jpeg", "npy"];
 /// Most names that an error message lists.
 const SHOWN_MAX: usize = 5;
 
@@ -119,14 +119,8 @@ pub(super) fn match_folders(phases: &Path, photos: &Path) -> Result<Vec<Entry>, 
 
 /// The pictures of a folder, by file name without extension.
 fn pictures(folder: &Path) -> Result<BTreeMap<String, PathBuf>, Failure> {
-    let read_error = |source| lightpath::Error::File { action: "read", path: folder.to_owned(), source };
     let mut found = BTreeMap::new();
-    for entry in std::fs::read_dir(folder).map_err(read_error)? {
-        let path = entry.map_err(read_error)?.path();
-        let extension = path.extension().unwrap_or_default().to_string_lossy().to_lowercase();
-        if !PICTURES.contains(&extension.as_str()) {
-            continue;
-        }
+    for path in paths_in(folder)?.into_iter().filter(|path| has_extension(path, PICTURES)) {
         if let Some(other) = found.insert(name_of(&path), path.clone()) {
             let (a, b) = (other.display(), path.display());
             return Err(Failure::Usage(format!("{a} and {b} have the same name; list the pairs in a --manifest")));

@@ -58,7 +58,7 @@ impl JobKind for EvaluateKernel {
     fn result_facts(&self, job: &Job, facts: &mut Facts) -> lightpath::Result<String> {
         let result = evaluate_result(job)?;
         propagation_text::add(result.propagation.as_ref(), facts);
-        let mut table = Table::new(&["pair", "split", ">loss", ">full frame?"]);
+        let mut table = Table::new("pair|split|>loss|>full frame?");
         for pair in &result.pairs {
             let split = pair.split().word();
             table.row([pair.pair.clone(), split.to_owned(), show::loss(pair.loss), show::loss(pair.loss_full_frame)]);

@@ -222,7 +222,7 @@ fn print_warnings(items: &[Item]) {
 }
 
 fn print_submitted(session: &Session, items: &[Item]) -> Result<(), Failure> {
-    let mut table = Table::new(&["target~", "job", "kernel~??", "state?"]);
+    let mut table = Table::new("target~|job|kernel~??|state?");
     for item in items {
         let id = names::id(&item.job.name).to_owned();
         let state = item.job.state().word().to_owned();

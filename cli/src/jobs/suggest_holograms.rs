@@ -88,14 +88,7 @@ impl JobKind for SuggestHolograms {
 
 /// A table of the holograms to photograph next.
 fn suggestions(found: &SuggestResult) -> String {
-    let mut table = Table::new(&[
-        ">hologram",
-        "picture~",
-        ">phase range??",
-        ">error",
-        "tells most about?",
-        ">error by this part???",
-    ]);
+    let mut table = Table::new(">hologram|picture~|>phase range??|>error|tells most about?|>error by this part???");
     for (index, hologram) in found.holograms.iter().enumerate() {
         table.row([
             (index + 1).to_string(),

@@ -61,16 +61,8 @@ impl JobKind for VerifyHologram {
 
 /// A table of the opinions on each picture, for each detector.
 fn opinions(found: &VerifyResult) -> String {
-    let mut table = Table::new(&[
-        "wavelength??",
-        "distance",
-        "detector",
-        ">engine???",
-        ">independent???",
-        ">difference",
-        ">rows????",
-        "verdict?",
-    ]);
+    let mut table =
+        Table::new("wavelength??|distance|detector|>engine???|>independent???|>difference|>rows????|verdict?");
     for plane in &found.planes {
         for (detector, opinion) in
             [("point", plane.point), ("pixel", plane.pixel), ("supersampled", plane.supersampled)]

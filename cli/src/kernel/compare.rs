@@ -60,9 +60,7 @@ impl Compare {
 
 fn text(found: &v1::KernelComparison) -> String {
     let versions = [&found.first, &found.second].map(|version| version.clone().unwrap_or_default());
-    let number = |version: &v1::KernelVersion| format!(">{}", version.version);
-    let titles = ["", &number(&versions[0]), &number(&versions[1])];
-    let mut table = Table::new(&titles);
+    let mut table = Table::new(&format!("|>{}|>{}", versions[0].version, versions[1].version));
     let mut row = |name: &str, of: &dyn Fn(&v1::KernelVersion) -> String| {
         table.row([name.to_owned(), of(&versions[0]), of(&versions[1])]);
     };

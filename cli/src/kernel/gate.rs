@@ -106,7 +106,7 @@ fn gate_text(display: &v1::DisplayGate) -> String {
     for (name, value) in rules(&gate) {
         facts.add(name, value);
     }
-    let mut table = Table::new(&["set??", "age?", "by~?", "gate_", "reason_"]);
+    let mut table = Table::new("set??|age?|by~?|gate_|reason_");
     for change in &display.history {
         let gate = change.gate.clone().unwrap_or_default();
         let words: Vec<String> = rules(&gate).into_iter().map(|(name, value)| format!("{name} {value}")).collect();
@@ -136,7 +136,7 @@ fn rules(gate: &v1::PromotionGate) -> Vec<(&'static str, String)> {
 }
 
 fn verdict_text(verdict: &v1::PromotionVerdict) -> String {
-    let mut table = Table::new(&["check", "finding_"]);
+    let mut table = Table::new("check|finding_");
     for check in &verdict.checks {
         table.row([if check.passed { "passed" } else { "FAILED" }.to_owned(), check.finding.clone()]);
     }

@@ -93,7 +93,7 @@ impl History {
         })
         .await?;
         session.print_pages(list, |moves| {
-            let mut table = Table::new(&["time???", "age?", "caller~??", "alias", ">from", ">to", "kind?", "reason_"]);
+            let mut table = Table::new("time???|age?|caller~??|alias|>from|>to|kind?|reason_");
             for entry in moves {
                 table.row([
                     show::clock_or_dash(entry.time.as_ref()),

@@ -27,7 +27,7 @@ impl Nearest {
             &session.client.find_nearest_kernels(request).await?,
             |found| &found.kernels,
             |found| {
-                let mut table = Table::new(&["kernel", ">active", ">away", "from?"]);
+                let mut table = Table::new("kernel|>active|>away|from?");
                 for kernel in &found.kernels {
                     table.row([
                         kernel.name.clone(),

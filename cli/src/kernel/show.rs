@@ -66,7 +66,7 @@ impl List {
             list.kernels.truncate(if self.limit.limit == 0 { usize::MAX } else { self.limit.limit as usize });
         }
         session.print_pages(list, |kernels| {
-            let mut table = Table::new(&["kernel", "optics???", ">active", ">latest", "from?", "created????", "age??"]);
+            let mut table = Table::new("kernel|optics???|>active|>latest|from?|created????|age??");
             for kernel in kernels {
                 table.row([
                     kernel.name.clone(),
@@ -141,9 +141,7 @@ pub(super) fn kernel_facts(kernel: &Kernel) -> String {
 }
 
 fn version_table(versions: &[KernelVersion]) -> Table {
-    let titles =
-        [">version", "state", "model?", ">held-out loss", ">ideal?", ">size???", "dataset~", "created????", "age??"];
-    let mut table = Table::new(&titles);
+    let mut table = Table::new(">version|state|model?|>held-out loss|>ideal?|>size???|dataset~|created????|age??");
     for version in versions {
         let metrics = version.metrics.clone().unwrap_or_default();
         let lineage = version.lineage.clone().unwrap_or_default();

@@ -4,7 +4,7 @@ use crate::accounts::Streams;
 use crate::event_log::EventLog;
 use lightpath_artifacts::Artifacts;
 use lightpath_media::live_pictures::LivePictures;
-use lightpath_service::{Service, ServiceError};
+use lightpath_service::{Result, Service, ServiceError};
 use lightpath_store::Store;
 use std::time::Duration;
 use tokio::sync::watch;
@@ -54,7 +54,7 @@ impl Api {
 
     /// Checks that the server can answer requests and run jobs: it is not stopping, its database can be read and
     /// written, and its disk has room.
-    pub async fn is_serving(&self) -> Result<(), ServiceError> {
+    pub async fn is_serving(&self) -> Result<()> {
         if self.is_stopping() {
             return Err(ServiceError::Stopping);
         }

@@ -7,14 +7,46 @@ use crate::api::Api;
 use crate::status;
 use futures::StreamExt as _;
 use futures::stream::BoxStream;
-use lightpath_service::{Call, ServiceError};
+use lightpath_service::{Call, Result, ServiceError};
 use tonic::{Request, Response, Status};
 
 /// Result of a method with a stream of answers.
-pub(crate) type Answers<A> = BoxStream<'static, Result<A, ServiceError>>;
+pub(crate) type Answers<A> = BoxStream<'static, Result<A>>;
 
 /// A stream of answers with errors as tonic expects them.
 pub(crate) type StatusStream<A> = BoxStream<'static, Result<A, Status>>;
+
+/// Implements the trait of a gRPC service by the methods of [`Api`] that have the same names: with one answer each, then
+/// with a stream of answers each.
+macro_rules! answers {
+    (
+        $service:ident { $($method:ident($request:ty) -> $answer:ty;)* }
+        $(streams { $($stream_method:ident($stream_request:ty) -> $item:ty as $stream:ident;)* })?
+    ) => {
+        #[tonic::async_trait]
+        impl $service for Api {
+            $(
+                async fn $method(
+                    &self,
+                    request: tonic::Request<$request>,
+                ) -> Result<tonic::Response<$answer>, tonic::Status> {
+                    self.answer(request, Self::$method).await
+                }
+            )*
+            $($(
+                type $stream = $crate::call::StatusStream<$item>;
+
+                async fn $stream_method(
+                    &self,
+                    request: tonic::Request<$stream_request>,
+                ) -> Result<tonic::Response<Self::$stream>, tonic::Status> {
+                    self.answer_with_stream(request, Self::$stream_method).await
+                }
+            )*)?
+        }
+    };
+}
+pub(crate) use answers;
 
 impl Api {
     /// Handles a request with one answer.
@@ -25,7 +57,7 @@ impl Api {
     pub(crate) async fn answer<Q, A>(
         &self,
         mut request: Request<Q>,
-        handle: impl AsyncFnOnce(&Self, &Call, Q) -> Result<A, ServiceError>,
+        handle: impl AsyncFnOnce(&Self, &Call, Q) -> Result<A>,
     ) -> Result<Response<A>, Status> {
         let call = request.extensions_mut().remove::<Call>().ok_or_else(|| status::of(ServiceError::NoCaller))?;
         handle(self, &call, request.into_inner()).await.map(Response::new).map_err(status::of)
@@ -39,7 +71,7 @@ impl Api {
     pub(crate) async fn answer_with_stream<Q, A: 'static>(
         &self,
         request: Request<Q>,
-        handle: impl AsyncFnOnce(&Self, &Call, Q) -> Result<Answers<A>, ServiceError>,
+        handle: impl AsyncFnOnce(&Self, &Call, Q) -> Result<Answers<A>>,
     ) -> Result<Response<StatusStream<A>>, Status> {
         let answer = self.answer(request, handle).await?;
         Ok(answer.map(|answers| answers.map(|answer| answer.map_err(status::of)).boxed()))

@@ -8,7 +8,7 @@ use hyper_util::rt::{TokioExecutor, TokioIo, TokioTimer};
 use hyper_util::server::conn::auto::Builder;
 use hyper_util::server::graceful::GracefulShutdown;
 use hyper_util::service::TowerToHyperService;
-use lightpath_service::{Client, ServiceError};
+use lightpath_service::{Client, Result};
 use std::collections::HashMap;
 use std::net::{IpAddr, SocketAddr};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -73,8 +73,8 @@ impl Peer {
     ///
     /// # Errors
     ///
-    /// [`ServiceError::Exhausted`] if the client has too many connections. This one is closed after the answer.
-    pub(crate) fn count(&self, streams: &Streams, client: &Client) -> Result<(), ServiceError> {
+    /// [`lightpath_service::ServiceError::Exhausted`] if the client has too many connections. This one is closed after the answer.
+    pub(crate) fn count(&self, streams: &Streams, client: &Client) -> Result<()> {
         let mut counted = self.counted.lock().unwrap_or_else(PoisonError::into_inner);
         if matches!(client, Client::Token(_)) && counted.is_none() {
             *counted = Some(streams.open(StreamKind::Connection, client).inspect_err(|_| self.close.cancel())?);

@@ -7,7 +7,7 @@ use lightpath_media::kernel_formats::KernelFormat;
 use lightpath_optics::engine::photometry::Quantity;
 use lightpath_optics::{Carrier, Detector, FilterShape, KernelModel, PropagationMethod};
 use lightpath_proto::v1;
-use lightpath_service::{Field, ServiceError};
+use lightpath_service::{Field, Result, ServiceError};
 
 /// An enumeration that messages contain as a number. The number 0 stands for an unspecified value.
 pub(crate) trait OnWire: Sized {
@@ -21,18 +21,18 @@ pub(crate) trait OnWire: Sized {
 /// Checks of fields with the number of a value.
 pub(crate) trait WireField {
     /// The value of an enumeration; `None` if it is unspecified.
-    fn enum_value<T: OnWire>(&self, number: i32) -> Result<Option<T>, ServiceError>;
+    fn enum_value<T: OnWire>(&self, number: i32) -> Result<Option<T>>;
 
     /// The value of an enumeration that only messages have.
-    fn wire_value<T: TryFrom<i32>>(&self, number: i32) -> Result<T, ServiceError>;
+    fn wire_value<T: TryFrom<i32>>(&self, number: i32) -> Result<T>;
 }
 
 impl WireField for Field {
-    fn enum_value<T: OnWire>(&self, number: i32) -> Result<Option<T>, ServiceError> {
+    fn enum_value<T: OnWire>(&self, number: i32) -> Result<Option<T>> {
         T::from_wire(number).ok_or_else(|| unknown_value(self, number))
     }
 
-    fn wire_value<T: TryFrom<i32>>(&self, number: i32) -> Result<T, ServiceError> {
+    fn wire_value<T: TryFrom<i32>>(&self, number: i32) -> Result<T> {
         T::try_from(number).map_err(|_| unknown_value(self, number))
     }
 }

@@ -3,30 +3,30 @@
 use lightpath_domain::kernel::KernelKey;
 use lightpath_domain::units::{Distance, Wavelength};
 use lightpath_service::permissions::{require_all_displays, require_display};
-use lightpath_service::{Call, Field, ServiceError, shortened};
+use lightpath_service::{Call, Field, Result, shortened};
 
 /// Limit on the length of an id \[bytes\]: that of a DNS label, so that ids can be names of hosts and folders.
 const ID_BYTES_MAX: usize = 63;
 
 /// The id in `displays/{id}`. Refuses a display that the caller may not use.
-pub(crate) fn display_id(call: &Call, field: &Field, name: &str) -> Result<String, ServiceError> {
+pub(crate) fn display_id(call: &Call, field: &Field, name: &str) -> Result<String> {
     let id = checked_id(field, name, "displays")?;
     require_display(call, &id)?;
     Ok(id)
 }
 
 /// The id in `datasets/{id}`.
-pub(crate) fn dataset_id(field: &Field, name: &str) -> Result<String, ServiceError> {
+pub(crate) fn dataset_id(field: &Field, name: &str) -> Result<String> {
     checked_id(field, name, "datasets")
 }
 
 /// The id in `webhooks/{id}`.
-pub(crate) fn webhook_id(field: &Field, name: &str) -> Result<String, ServiceError> {
+pub(crate) fn webhook_id(field: &Field, name: &str) -> Result<String> {
     checked_id(field, name, "webhooks")
 }
 
 /// The id in `jobs/{id}`. The job need not exist.
-pub(crate) fn job_id(field: &Field, name: &str) -> Result<String, ServiceError> {
+pub(crate) fn job_id(field: &Field, name: &str) -> Result<String> {
     match name.strip_prefix("jobs/") {
         Some(id) if !id.is_empty() && id.len() <= ID_BYTES_MAX && !id.contains('/') => Ok(id.to_owned()),
         _ => Err(field.invalid(format!("is {:?}, but must have the form jobs/{{id}}", shortened(name)))),
@@ -35,7 +35,7 @@ pub(crate) fn job_id(field: &Field, name: &str) -> Result<String, ServiceError> 
 
 /// The id of the display in a filter; `None` if the filter is empty. Callers with tokens for some displays must name
 /// one.
-pub(crate) fn display_filter(call: &Call, field: &Field, name: &str) -> Result<Option<String>, ServiceError> {
+pub(crate) fn display_filter(call: &Call, field: &Field, name: &str) -> Result<Option<String>> {
     if name.is_empty() {
         require_all_displays(call, &field.to_string())?;
         return Ok(None);
@@ -44,7 +44,7 @@ pub(crate) fn display_filter(call: &Call, field: &Field, name: &str) -> Result<O
 }
 
 /// The key in `displays/{id}/kernels/{wavelength}-{distance}`.
-pub(crate) fn kernel_key(call: &Call, field: &Field, name: &str) -> Result<KernelKey, ServiceError> {
+pub(crate) fn kernel_key(call: &Call, field: &Field, name: &str) -> Result<KernelKey> {
     let refusal = || {
         let form = "displays/{id}/kernels/{wavelength}-{distance}, for example displays/lab-2/kernels/515nm-150mm";
         field.invalid(format!("is {:?}, but must have the form {form}", shortened(name)))
@@ -61,37 +61,36 @@ pub(crate) fn kernel_key(call: &Call, field: &Field, name: &str) -> Result<Kerne
 }
 
 /// The key and version number in `displays/{id}/kernels/{k}/versions/{n}`.
-pub(crate) fn kernel_version(call: &Call, field: &Field, name: &str) -> Result<(KernelKey, u32), ServiceError> {
-    let refusal = || {
-        let form = "displays/{id}/kernels/{k}/versions/{n}";
+pub(crate) fn kernel_version(call: &Call, field: &Field, name: &str) -> Result<(KernelKey, u32)> {
+    numbered(call, field, name, "versions")
+}
+
+/// The kernel and the number in `displays/{id}/kernels/{k}/rollouts/{n}`.
+pub(crate) fn rollout(call: &Call, field: &Field, name: &str) -> Result<(KernelKey, u32)> {
+    numbered(call, field, name, "rollouts")
+}
+
+/// The kernel and the number of what belongs to it.
+fn numbered(call: &Call, field: &Field, name: &str, collection: &str) -> Result<(KernelKey, u32)> {
+    let parts = name.split_once(&format!("/{collection}/"));
+    let numbered = parts.and_then(|(kernel, number)| Some((kernel, number.parse().ok()?)));
+    let (kernel, number) = numbered.ok_or_else(|| {
+        let form = format!("displays/{{id}}/kernels/{{k}}/{collection}/{{n}}");
         field.invalid(format!("is {:?}, but must have the form {form}", shortened(name)))
-    };
-    let (kernel, version) = name.split_once("/versions/").ok_or_else(refusal)?;
-    let version: u32 = version.parse().map_err(|_| refusal())?;
-    Ok((kernel_key(call, field, kernel)?, version))
+    })?;
+    Ok((kernel_key(call, field, kernel)?, number))
 }
 
 /// The display and the device in `displays/{id}/devices/{d}`.
-pub(crate) fn device(call: &Call, field: &Field, name: &str) -> Result<(String, String), ServiceError> {
+pub(crate) fn device(call: &Call, field: &Field, name: &str) -> Result<(String, String)> {
     let (display, device) = name.split_once("/devices/").ok_or_else(|| {
         field.invalid(format!("is {:?}, but must have the form displays/{{id}}/devices/{{d}}", shortened(name)))
     })?;
     Ok((display_id(call, field, display)?, device_id(field, device)?))
 }
 
-/// The kernel and the number in `displays/{id}/kernels/{k}/rollouts/{n}`.
-pub(crate) fn rollout(call: &Call, field: &Field, name: &str) -> Result<(KernelKey, u32), ServiceError> {
-    let refusal = || {
-        let form = "displays/{id}/kernels/{k}/rollouts/{n}";
-        field.invalid(format!("is {:?}, but must have the form {form}", shortened(name)))
-    };
-    let (kernel, number) = name.split_once("/rollouts/").ok_or_else(refusal)?;
-    let number: u32 = number.parse().map_err(|_| refusal())?;
-    Ok((kernel_key(call, field, kernel)?, number))
-}
-
 /// Checks the id of a device. Ids are like the names of tokens, because a device is named after its token.
-pub(crate) fn device_id(field: &Field, id: &str) -> Result<String, ServiceError> {
+pub(crate) fn device_id(field: &Field, id: &str) -> Result<String> {
     if id.starts_with(['.', '-']) {
         return Err(
             field.invalid(format!("is {:?}, but an id must start with a letter, a digit or '_'", shortened(id)))
@@ -101,7 +100,7 @@ pub(crate) fn device_id(field: &Field, id: &str) -> Result<String, ServiceError>
 }
 
 /// Checks a name that people choose: 1 to 63 characters of a-z, 0-9 and '-', starting with a letter.
-pub(crate) fn label<'a>(field: &Field, text: &'a str) -> Result<&'a str, ServiceError> {
+pub(crate) fn label<'a>(field: &Field, text: &'a str) -> Result<&'a str> {
     if is_label(text) {
         return Ok(text);
     }
@@ -115,7 +114,7 @@ fn is_label(text: &str) -> bool {
 }
 
 /// Checks the id of a pair: 1 to 63 characters of a-z, A-Z, 0-9, '.', '_' and '-'.
-pub(crate) fn pair_id(field: &Field, id: &str) -> Result<String, ServiceError> {
+pub(crate) fn pair_id(field: &Field, id: &str) -> Result<String> {
     let allowed = |byte: u8| byte.is_ascii_alphanumeric() || b"._-".contains(&byte);
     if (1..=ID_BYTES_MAX).contains(&id.len()) && id.bytes().all(allowed) {
         return Ok(id.to_owned());
@@ -124,7 +123,7 @@ pub(crate) fn pair_id(field: &Field, id: &str) -> Result<String, ServiceError> {
     Err(field.invalid(format!("is {:?}, but must be {rule}", shortened(id))))
 }
 
-fn checked_id(field: &Field, name: &str, collection: &str) -> Result<String, ServiceError> {
+fn checked_id(field: &Field, name: &str, collection: &str) -> Result<String> {
     let id = name.strip_prefix(collection).and_then(|rest| rest.strip_prefix('/'));
     id.filter(|id| is_label(id)).map(ToOwned::to_owned).ok_or_else(|| {
         let rule = "with an id of 1 to 63 characters of a-z, 0-9 and '-', starting with a letter";

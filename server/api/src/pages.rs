@@ -1,6 +1,6 @@
 //! Pages of lists: their sizes, and the tokens for the next pages.
 
-use lightpath_service::{Field, ServiceError};
+use lightpath_service::{Field, Result};
 use prost::Message;
 
 /// Items on a page by default.
@@ -26,7 +26,7 @@ pub(crate) struct Page {
 
 impl Page {
     /// Checks the request for a page. `list` names the list and its filter.
-    pub(crate) fn new(list: &[&str], page_size: u32, page_token: &str) -> Result<Self, ServiceError> {
+    pub(crate) fn new(list: &[&str], page_size: u32, page_token: &str) -> Result<Self> {
         let size = Field::new("page_size").integer_or(page_size, PAGE_SIZE_DEFAULT, 1..=PAGE_SIZE_MAX)?;
         let list = list.join(" ");
         let after = match page_token {
@@ -67,7 +67,7 @@ impl Page {
     }
 
     /// The key [`Self::after`] as a number.
-    pub(crate) fn after_number<T: std::str::FromStr>(&self) -> Result<Option<T>, ServiceError> {
+    pub(crate) fn after_number<T: std::str::FromStr>(&self) -> Result<Option<T>> {
         let number = self.after.as_deref().map(str::parse).transpose();
         number.map_err(|_| Field::new("page_token").invalid("is damaged, but must be a next_page_token"))
     }

@@ -1,22 +1,21 @@
 //! The server service: facts about the server and about the caller's token.
 
 use crate::api::Api;
+use crate::call::answers;
 use crate::time::timestamp;
 use lightpath_proto::v1;
 use lightpath_proto::v1::server_service_server::ServerService;
-use lightpath_service::{Call, ServiceError};
-use tonic::{Request, Response, Status};
+use lightpath_service::{Call, Result};
 
-#[tonic::async_trait]
-impl ServerService for Api {
-    async fn get_server(&self, request: Request<v1::GetServerRequest>) -> Result<Response<v1::Server>, Status> {
-        self.answer(request, Self::get_server).await
+answers! {
+    ServerService {
+        get_server(v1::GetServerRequest) -> v1::Server;
     }
 }
 
 impl Api {
     /// Returns facts about the server and the caller.
-    pub(crate) async fn get_server(&self, call: &Call, _: v1::GetServerRequest) -> Result<v1::Server, ServiceError> {
+    pub(crate) async fn get_server(&self, call: &Call, _: v1::GetServerRequest) -> Result<v1::Server> {
         let space = self.artifacts.space();
         Ok(v1::Server {
             version: env!("CARGO_PKG_VERSION").to_owned(),

@@ -8,7 +8,7 @@ use crate::accounts::OpenStream;
 use crate::call::Answers;
 use futures::StreamExt as _;
 use futures::stream;
-use lightpath_service::ServiceError;
+use lightpath_service::{Result, ServiceError};
 use tokio::sync::broadcast::Receiver;
 use tokio::sync::broadcast::error::{RecvError, TryRecvError};
 use tokio_util::sync::CancellationToken;
@@ -23,7 +23,7 @@ pub(crate) trait Watch: Send + Sync + 'static {
     type Message: Send + 'static;
 
     /// Reads the present state.
-    fn read(&self) -> impl Future<Output = Result<Self::Item, ServiceError>> + Send;
+    fn read(&self) -> impl Future<Output = Result<Self::Item>> + Send;
     /// Whether the change concerns this resource.
     fn concerns(&self, change: &Self::Change) -> bool;
     /// Whether the state is final.
@@ -66,7 +66,7 @@ pub(crate) fn stream<W: Watch>(
 }
 
 impl<W: Watch> Follower<W> {
-    async fn next(&mut self) -> Result<W::Message, ServiceError> {
+    async fn next(&mut self) -> Result<W::Message> {
         loop {
             let item = match self.first.take() {
                 Some(first) => first,
@@ -86,7 +86,7 @@ impl<W: Watch> Follower<W> {
     }
 
     /// Waits for a change of the resource, and removes all further announcements that have arrived.
-    async fn changed(&mut self) -> Result<(), ServiceError> {
+    async fn changed(&mut self) -> Result<()> {
         loop {
             let change = tokio::select! {
                 biased;

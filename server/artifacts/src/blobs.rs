@@ -1,7 +1,7 @@
 //! Blobs of one kind: a local folder, and, if there is a remote, the copies there. With a remote the folder is a cache: a
 //! file in it has been stored in the remote before it got its name. All functions block.
 
-use crate::error::ArtifactError;
+use crate::error::{ArtifactError, Result};
 use crate::folder::{Folder, Stamp};
 use crate::inventory::BlobKind;
 use crate::remote::Remote;
@@ -35,7 +35,7 @@ impl Blobs {
     }
 
     /// Stores bytes and returns their digest. The bytes are on disk, and in the remote, when this returns.
-    pub(super) fn put(&self, bytes: &[u8]) -> Result<String, ArtifactError> {
+    pub(super) fn put(&self, bytes: &[u8]) -> Result<String> {
         let digest = self.folder.put(bytes, |path, digest| self.store(path, digest))?;
         self.keep(&digest, bytes.len() as u64)?;
         Ok(digest)
@@ -43,14 +43,14 @@ impl Blobs {
 
     /// Flushes a complete file to disk, stores it in the remote, and renames it to its digest, which the caller has
     /// checked. If the remote fails, the file stays as it is.
-    pub(super) fn publish(&self, file: &File, path: &Path, digest: &str) -> Result<(), ArtifactError> {
+    pub(super) fn publish(&self, file: &File, path: &Path, digest: &str) -> Result<()> {
         let size_bytes = file.metadata().map_err(|error| ArtifactError::io("read the size of a file", error))?.len();
         self.folder.publish(file, path, digest, |path, digest| self.store(path, digest))?;
         self.keep(digest, size_bytes)
     }
 
     /// Reads a whole blob and checks it against its digest.
-    pub(super) fn read(&self, digest: &str) -> Result<Vec<u8>, ArtifactError> {
+    pub(super) fn read(&self, digest: &str) -> Result<Vec<u8>> {
         self.local_or_fetched(
             digest,
             |folder| folder.read(digest),
@@ -63,17 +63,17 @@ impl Blobs {
     }
 
     /// Opens a blob, checks its content, and returns the file, positioned at its start, and its size \[bytes\].
-    pub(super) fn open_verified(&self, digest: &str) -> Result<(File, u64), ArtifactError> {
+    pub(super) fn open_verified(&self, digest: &str) -> Result<(File, u64)> {
         self.local_or_fetched(digest, |folder| folder.open_verified(digest), Ok)
     }
 
     /// Opens a blob. The content of a local file is not checked.
-    pub(super) fn open(&self, digest: &str) -> Result<(File, u64), ArtifactError> {
+    pub(super) fn open(&self, digest: &str) -> Result<(File, u64)> {
         self.local_or_fetched(digest, |folder| folder.open(digest), Ok)
     }
 
     /// Size of a blob \[bytes\]; `None` if there is none.
-    pub(super) fn size(&self, digest: &str) -> Result<Option<u64>, ArtifactError> {
+    pub(super) fn size(&self, digest: &str) -> Result<Option<u64>> {
         match (self.folder.size(digest)?, &self.behind) {
             (None, Some(behind)) => {
                 Ok(behind.remote.copies(self.kind, digest)?.first().map(|object| object.size_bytes))
@@ -83,7 +83,7 @@ impl Blobs {
     }
 
     /// Size and last change of the local file; `None` if there is none.
-    pub(super) fn stamp(&self, digest: &str) -> Result<Option<Stamp>, ArtifactError> {
+    pub(super) fn stamp(&self, digest: &str) -> Result<Option<Stamp>> {
         self.folder.stamp(digest)
     }
 
@@ -93,13 +93,13 @@ impl Blobs {
     }
 
     /// Whether a blob that was found intact is also in the remote, if there is one.
-    pub(super) fn is_stored(&self, digest: &str) -> Result<bool, ArtifactError> {
+    pub(super) fn is_stored(&self, digest: &str) -> Result<bool> {
         let Some(behind) = &self.behind else { return Ok(true) };
         Ok(!behind.remote.copies(self.kind, digest)?.is_empty())
     }
 
     /// Removes a blob: its local file and all copies in the remote.
-    pub(super) fn delete(&self, digest: &str) -> Result<(), ArtifactError> {
+    pub(super) fn delete(&self, digest: &str) -> Result<()> {
         if let Some(behind) = &self.behind {
             let objects = behind.remote.objects(self.kind, digest)?;
             behind.remote.delete(self.kind, digest, &objects)?;
@@ -109,12 +109,12 @@ impl Blobs {
     }
 
     /// Digests of all local files.
-    pub(super) fn list(&self) -> Result<Vec<String>, ArtifactError> {
+    pub(super) fn list(&self) -> Result<Vec<String>> {
         self.folder.list()
     }
 
     /// Stores another copy in the remote from the local file.
-    pub(super) fn store_anew(&self, digest: &str) -> Result<(), ArtifactError> {
+    pub(super) fn store_anew(&self, digest: &str) -> Result<()> {
         let Some(behind) = &self.behind else { return Ok(()) };
         let put =
             self.folder.open(digest).and_then(|(mut file, _)| behind.remote.put_anew(self.kind, digest, &mut file));
@@ -129,12 +129,12 @@ impl Blobs {
     }
 
     /// Stores a copy in the remote from the local file if the remote has none.
-    pub(super) fn ensure_stored(&self, digest: &str) -> Result<(), ArtifactError> {
+    pub(super) fn ensure_stored(&self, digest: &str) -> Result<()> {
         if self.is_stored(digest)? { Ok(()) } else { self.store_anew(digest) }
     }
 
     /// Stores a copy in the remote from a file that has no name yet, if the remote has none.
-    fn store(&self, path: &Path, digest: &str) -> Result<(), ArtifactError> {
+    fn store(&self, path: &Path, digest: &str) -> Result<()> {
         let Some(behind) = &self.behind else { return Ok(()) };
         if !behind.remote.copies(self.kind, digest)?.is_empty() {
             return Ok(());
@@ -144,7 +144,7 @@ impl Blobs {
     }
 
     /// Counts a new local file, and keeps the bound of the cache.
-    fn keep(&self, digest: &str, size_bytes: u64) -> Result<(), ArtifactError> {
+    fn keep(&self, digest: &str, size_bytes: u64) -> Result<()> {
         let Some(behind) = &self.behind else { return Ok(()) };
         let kept = behind.cache.insert(&self.folder.path(digest)?, size_bytes);
         kept.map_err(|error| ArtifactError::io("remove a local copy", error))
@@ -154,9 +154,9 @@ impl Blobs {
     fn local_or_fetched<T>(
         &self,
         digest: &str,
-        local: impl Fn(&Folder) -> Result<T, ArtifactError>,
-        fetched: impl FnOnce((File, u64)) -> Result<T, ArtifactError>,
-    ) -> Result<T, ArtifactError> {
+        local: impl Fn(&Folder) -> Result<T>,
+        fetched: impl FnOnce((File, u64)) -> Result<T>,
+    ) -> Result<T> {
         let Some(behind) = &self.behind else { return local(&self.folder) };
         let try_local = || match local(&self.folder) {
             Err(ArtifactError::NotFound { .. } | ArtifactError::DataLoss { .. }) => Ok(None),
@@ -179,7 +179,7 @@ impl Blobs {
     }
 
     /// Fetches a blob from the remote into the folder, and returns its file, positioned at its start, and its size.
-    fn fetch(&self, behind: &Behind, digest: &str) -> Result<(File, u64), ArtifactError> {
+    fn fetch(&self, behind: &Behind, digest: &str) -> Result<(File, u64)> {
         let (mut file, size_bytes) = self.folder.receive_from(digest, |file| {
             let begin = |file: &mut File| file.seek(SeekFrom::Start(0)).and_then(|_| file.set_len(0));
             behind.remote.fetch(self.kind, digest, file, begin, |file, bytes| file.write_all(bytes))

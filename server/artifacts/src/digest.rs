@@ -1,6 +1,6 @@
 //! Names of blobs: `sha256-` and 64 lower-case hexadecimal digits.
 
-use crate::error::ArtifactError;
+use crate::error::{ArtifactError, Result};
 use sha2::{Digest, Sha256};
 use std::fmt::Write;
 
@@ -18,7 +18,7 @@ pub fn digest_of(bytes: &[u8]) -> String {
 /// # Errors
 ///
 /// [`ArtifactError::BadDigest`].
-pub fn check_digest(digest: &str) -> Result<(), ArtifactError> {
+pub fn check_digest(digest: &str) -> Result<()> {
     let good = digest.strip_prefix(PREFIX).is_some_and(|hex| {
         hex.len() == HEX_DIGITS && hex.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'))
     });

@@ -3,6 +3,9 @@
 use std::io;
 use std::path::PathBuf;
 
+/// A result with an [`ArtifactError`], if it names no other error.
+pub type Result<T, E = ArtifactError> = std::result::Result<T, E>;
+
 /// Why an artifact could not be written or read.
 #[derive(Debug, thiserror::Error)]
 pub enum ArtifactError {

@@ -1,7 +1,7 @@
 //! Blobs of one folder, spread over 256 subfolders. All functions block.
 
 use crate::digest::{check_digest, digest_of, name, shard};
-use crate::error::ArtifactError;
+use crate::error::{ArtifactError, Result};
 use crate::private::{create_private_folder, private_file};
 use crate::read::CHUNK_BYTES;
 use lightpath_fail_points as fail;
@@ -29,11 +29,7 @@ impl Folder {
 
     /// Stores bytes and returns their digest. The bytes are on disk when this returns. Calls
     /// `before_rename` with the path and the digest of the complete file, as [`Self::publish`] does.
-    pub(super) fn put(
-        &self,
-        bytes: &[u8],
-        before_rename: impl FnOnce(&Path, &str) -> Result<(), ArtifactError>,
-    ) -> Result<String, ArtifactError> {
+    pub(super) fn put(&self, bytes: &[u8], before_rename: impl FnOnce(&Path, &str) -> Result<()>) -> Result<String> {
         let digest = digest_of(bytes);
         let temporary = self.temporary.join(Uuid::now_v7().to_string());
         let written = self.write_and_publish(&temporary, bytes, &digest, before_rename);
@@ -49,8 +45,8 @@ impl Folder {
         temporary: &Path,
         bytes: &[u8],
         digest: &str,
-        before_rename: impl FnOnce(&Path, &str) -> Result<(), ArtifactError>,
-    ) -> Result<(), ArtifactError> {
+        before_rename: impl FnOnce(&Path, &str) -> Result<()>,
+    ) -> Result<()> {
         let write = || -> io::Result<File> {
             let mut file = private_file().write(true).create_new(true).open(temporary)?;
             file.write_all(bytes)?;
@@ -65,11 +61,11 @@ impl Folder {
     pub(super) fn receive_from(
         &self,
         digest: &str,
-        write: impl FnOnce(&mut File) -> Result<u64, ArtifactError>,
-    ) -> Result<(File, u64), ArtifactError> {
+        write: impl FnOnce(&mut File) -> Result<u64>,
+    ) -> Result<(File, u64)> {
         check_digest(digest)?;
         let temporary = self.temporary.join(Uuid::now_v7().to_string());
-        let receive = || -> Result<(File, u64), ArtifactError> {
+        let receive = || -> Result<(File, u64)> {
             let created = private_file().read(true).write(true).create_new(true).open(&temporary);
             let mut file = created.map_err(|error| ArtifactError::io("write a file", error))?;
             let size_bytes = write(&mut file)?;
@@ -84,7 +80,7 @@ impl Folder {
     }
 
     /// Stores the content of `from` if it matches `digest`, and returns its size \[bytes\].
-    pub(super) fn receive(&self, from: &mut File, digest: &str) -> Result<u64, ArtifactError> {
+    pub(super) fn receive(&self, from: &mut File, digest: &str) -> Result<u64> {
         check_digest(digest)?;
         let temporary = self.temporary.join(Uuid::now_v7().to_string());
         let copied = self.copy_and_publish(&temporary, from, digest);
@@ -94,7 +90,7 @@ impl Folder {
         copied
     }
 
-    fn copy_and_publish(&self, temporary: &Path, from: &mut File, digest: &str) -> Result<u64, ArtifactError> {
+    fn copy_and_publish(&self, temporary: &Path, from: &mut File, digest: &str) -> Result<u64> {
         let mut copy = || -> io::Result<(File, u64, String)> {
             let mut file = private_file().read(true).write(true).create_new(true).open(temporary)?;
             let size_bytes = io::copy(from, &mut file)?;
@@ -118,8 +114,8 @@ impl Folder {
         file: &File,
         path: &Path,
         digest: &str,
-        before_rename: impl FnOnce(&Path, &str) -> Result<(), ArtifactError>,
-    ) -> Result<(), ArtifactError> {
+        before_rename: impl FnOnce(&Path, &str) -> Result<()>,
+    ) -> Result<()> {
         let failed = |error| ArtifactError::io("store a file", error);
         fail::point("file.flush").and_then(|()| file.sync_all()).map_err(failed)?;
         before_rename(path, digest)?;
@@ -137,7 +133,7 @@ impl Folder {
     }
 
     /// Reads a whole blob and checks it against its digest.
-    pub(super) fn read(&self, digest: &str) -> Result<Vec<u8>, ArtifactError> {
+    pub(super) fn read(&self, digest: &str) -> Result<Vec<u8>> {
         let (mut file, size_bytes) = self.open(digest)?;
         let mut bytes = Vec::with_capacity(usize::try_from(size_bytes).unwrap_or(0));
         file.read_to_end(&mut bytes).map_err(|error| ArtifactError::io("read a file", error))?;
@@ -148,7 +144,7 @@ impl Folder {
     }
 
     /// Opens a blob, checks its content, and returns the file, positioned at its start, and its size \[bytes\].
-    pub(super) fn open_verified(&self, digest: &str) -> Result<(File, u64), ArtifactError> {
+    pub(super) fn open_verified(&self, digest: &str) -> Result<(File, u64)> {
         let (mut file, size_bytes) = self.open(digest)?;
         let found = hash_rest(&mut file)
             .and_then(|hasher| file.seek(SeekFrom::Start(0)).map(|_| name(hasher)))
@@ -159,11 +155,11 @@ impl Folder {
         Ok((file, size_bytes))
     }
 
-    pub(super) fn size(&self, digest: &str) -> Result<Option<u64>, ArtifactError> {
+    pub(super) fn size(&self, digest: &str) -> Result<Option<u64>> {
         Ok(self.stamp(digest)?.map(|(size_bytes, _)| size_bytes))
     }
 
-    pub(super) fn stamp(&self, digest: &str) -> Result<Option<Stamp>, ArtifactError> {
+    pub(super) fn stamp(&self, digest: &str) -> Result<Option<Stamp>> {
         let path = self.path(digest)?;
         match fs::metadata(path).and_then(|metadata| Ok((metadata.len(), metadata.modified()?))) {
             Ok(stamp) => Ok(Some(stamp)),
@@ -172,7 +168,7 @@ impl Folder {
         }
     }
 
-    pub(super) fn delete(&self, digest: &str) -> Result<(), ArtifactError> {
+    pub(super) fn delete(&self, digest: &str) -> Result<()> {
         let path = self.path(digest)?;
         match fail::point("file.remove").and_then(|()| fs::remove_file(path)) {
             Ok(()) => Ok(()),
@@ -182,7 +178,7 @@ impl Folder {
     }
 
     /// Digests of all blobs in the folder.
-    pub(super) fn list(&self) -> Result<Vec<String>, ArtifactError> {
+    pub(super) fn list(&self) -> Result<Vec<String>> {
         let list = || -> io::Result<Vec<String>> {
             let mut digests = Vec::new();
             for shard in fs::read_dir(&self.root)? {
@@ -200,8 +196,8 @@ impl Folder {
         Ok(digests)
     }
 
-    pub(super) fn open(&self, digest: &str) -> Result<(File, u64), ArtifactError> {
-        let open = || -> Result<io::Result<(File, u64)>, ArtifactError> {
+    pub(super) fn open(&self, digest: &str) -> Result<(File, u64)> {
+        let open = || -> Result<io::Result<(File, u64)>> {
             let path = self.path(digest)?;
             Ok(File::open(path).and_then(|file| file.metadata().map(|metadata| (file, metadata.len()))))
         };
@@ -212,7 +208,7 @@ impl Folder {
     }
 
     /// Path of a blob. The check of the digest keeps every path inside the folder.
-    pub(super) fn path(&self, digest: &str) -> Result<PathBuf, ArtifactError> {
+    pub(super) fn path(&self, digest: &str) -> Result<PathBuf> {
         check_digest(digest)?;
         Ok(self.root.join(shard(digest)).join(digest))
     }

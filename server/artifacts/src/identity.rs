@@ -1,7 +1,7 @@
 //! The identity of a data folder. A database on another machine records it, so that nobody uses it with the files of
 //! another folder.
 
-use crate::error::ArtifactError;
+use crate::error::{ArtifactError, Result};
 use crate::private::private_file;
 use std::fs::{self, File};
 use std::io::{self, Write as _};
@@ -12,7 +12,7 @@ use uuid::Uuid;
 const IDENTITY: &str = "identity";
 
 /// The identity of `data_dir`, a UUID. A folder without one gets one. The caller holds the lock of the folder.
-pub(crate) fn identity_of(data_dir: &Path) -> Result<String, ArtifactError> {
+pub(crate) fn identity_of(data_dir: &Path) -> Result<String> {
     match kept_in(data_dir)? {
         Some(identity) => Ok(identity),
         None => create(data_dir, &data_dir.join(IDENTITY))
@@ -21,7 +21,7 @@ pub(crate) fn identity_of(data_dir: &Path) -> Result<String, ArtifactError> {
 }
 
 /// The identity that `data_dir` has got.
-pub(crate) fn kept_in(data_dir: &Path) -> Result<Option<String>, ArtifactError> {
+pub(crate) fn kept_in(data_dir: &Path) -> Result<Option<String>> {
     let failed = |error| ArtifactError::io("read the identity of the data folder", error);
     match fs::read_to_string(data_dir.join(IDENTITY)) {
         Ok(text) => match Uuid::parse_str(text.trim()) {

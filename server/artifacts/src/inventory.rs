@@ -2,7 +2,7 @@
 //! block.
 
 use crate::digest::{check_digest, name};
-use crate::error::ArtifactError;
+use crate::error::{ArtifactError, Result};
 use crate::folder::{Folder, flush_folder, hash_rest};
 use crate::identity::kept_in;
 use crate::lock::lock_shared;
@@ -54,7 +54,7 @@ impl Inventory {
     /// # Errors
     ///
     /// [`ArtifactError::Io`].
-    pub fn identity(&self) -> Result<Option<String>, ArtifactError> {
+    pub fn identity(&self) -> Result<Option<String>> {
         kept_in(&self.data_dir)
     }
 
@@ -63,7 +63,7 @@ impl Inventory {
     /// # Errors
     ///
     /// [`ArtifactError::DiskFull`], [`ArtifactError::Io`].
-    pub fn create(data_dir: &Path) -> Result<Self, ArtifactError> {
+    pub fn create(data_dir: &Path) -> Result<Self> {
         for name in ["artifacts", "checkpoints", "tmp"] {
             create_private_folder(&data_dir.join(name)).map_err(|error| ArtifactError::io("create a folder", error))?;
         }
@@ -76,7 +76,7 @@ impl Inventory {
     /// # Errors
     ///
     /// [`ArtifactError::Io`].
-    pub fn prevent_removal(&self) -> Result<Option<File>, ArtifactError> {
+    pub fn prevent_removal(&self) -> Result<Option<File>> {
         lock_shared(&self.data_dir.join(KEEP_LOCK))
     }
 
@@ -86,7 +86,7 @@ impl Inventory {
     ///
     /// [`ArtifactError::NotFound`]; [`ArtifactError::DataLoss`] if the content does not match the digest;
     /// [`ArtifactError::BadDigest`].
-    pub fn verify(&self, kind: BlobKind, digest: &str) -> Result<u64, ArtifactError> {
+    pub fn verify(&self, kind: BlobKind, digest: &str) -> Result<u64> {
         Ok(self.folder(kind).open_verified(digest)?.1)
     }
 
@@ -96,13 +96,13 @@ impl Inventory {
     /// # Errors
     ///
     /// The errors of [`Self::verify`]; [`ArtifactError::DiskFull`] if the other disk is full.
-    pub fn copy(&self, kind: BlobKind, digest: &str, to: &Self) -> Result<u64, ArtifactError> {
+    pub fn copy(&self, kind: BlobKind, digest: &str, to: &Self) -> Result<u64> {
         let (mut from, _) = self.folder(kind).open(digest)?;
         to.folder(kind).receive(&mut from, digest)
     }
 
     /// Opens a blob. Its content is not checked.
-    pub(super) fn open(&self, kind: BlobKind, digest: &str) -> Result<File, ArtifactError> {
+    pub(super) fn open(&self, kind: BlobKind, digest: &str) -> Result<File> {
         Ok(self.folder(kind).open(digest)?.0)
     }
 
@@ -111,7 +111,7 @@ impl Inventory {
     /// # Errors
     ///
     /// [`ArtifactError::Io`].
-    pub fn list(&self, kind: BlobKind) -> Result<Vec<String>, ArtifactError> {
+    pub fn list(&self, kind: BlobKind) -> Result<Vec<String>> {
         self.folder(kind).list()
     }
 
@@ -120,7 +120,7 @@ impl Inventory {
     /// # Errors
     ///
     /// [`ArtifactError::Io`].
-    pub fn temporary_files(&self) -> Result<usize, ArtifactError> {
+    pub fn temporary_files(&self) -> Result<usize> {
         match fs::read_dir(self.data_dir.join("tmp")) {
             Ok(files) => Ok(files.count()),
             Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(0),
@@ -133,7 +133,7 @@ impl Inventory {
     /// # Errors
     ///
     /// [`ArtifactError::Io`].
-    pub fn flush(&self) -> Result<(), ArtifactError> {
+    pub fn flush(&self) -> Result<()> {
         let folders = [self.data_dir.join("artifacts"), self.data_dir.join("checkpoints"), self.data_dir.clone()];
         let flushed = folders.iter().try_for_each(|folder| flush_folder(folder));
         flushed.map_err(|error| ArtifactError::io("flush a folder", error))
@@ -152,7 +152,7 @@ impl Inventory {
 /// # Errors
 ///
 /// [`ArtifactError::Io`].
-pub fn digest_of_file(path: &Path) -> Result<String, ArtifactError> {
+pub fn digest_of_file(path: &Path) -> Result<String> {
     let hash = || -> io::Result<String> { Ok(name(hash_rest(&mut File::open(path)?)?)) };
     let digest = hash().map_err(|error| ArtifactError::io("read a file", error))?;
     check_digest(&digest)?;

@@ -47,7 +47,7 @@ mod tests;
 mod upload;
 
 pub use digest::{check_digest, digest_of};
-pub use error::ArtifactError;
+pub use error::{ArtifactError, Result};
 pub use inventory::{BlobKind, Inventory, digest_of_file};
 pub use lock::{FolderLock, LOCK};
 pub use private::{create_private_folder, make_private, private_file};
@@ -102,7 +102,7 @@ impl Artifacts {
     /// # Errors
     ///
     /// [`ArtifactError::Locked`] if another process uses this folder; [`ArtifactError::Io`].
-    pub fn open(data_dir: &Path) -> Result<Self, ArtifactError> {
+    pub fn open(data_dir: &Path) -> Result<Self> {
         Self::open_within(data_dir, SpaceLimits::default())
     }
 
@@ -111,7 +111,7 @@ impl Artifacts {
     /// # Errors
     ///
     /// The errors of [`Self::open`].
-    pub fn open_within(data_dir: &Path, limits: SpaceLimits) -> Result<Self, ArtifactError> {
+    pub fn open_within(data_dir: &Path, limits: SpaceLimits) -> Result<Self> {
         Self::open_with(data_dir, limits, None)
     }
 
@@ -124,11 +124,7 @@ impl Artifacts {
     ///
     /// The errors of [`Self::open`]; [`ArtifactError::BadRemote`], [`ArtifactError::UnfitRemote`],
     /// [`ArtifactError::OtherRemote`], [`ArtifactError::Remote`].
-    pub fn open_with(
-        data_dir: &Path,
-        limits: SpaceLimits,
-        remote: Option<&RemoteOptions>,
-    ) -> Result<Self, ArtifactError> {
+    pub fn open_with(data_dir: &Path, limits: SpaceLimits, remote: Option<&RemoteOptions>) -> Result<Self> {
         let open = |options: &RemoteOptions| Ok((Remote::open(options, data_dir)?, options.cache_bytes_max));
         Self::open_on(data_dir, limits, || remote.map(open).transpose())
     }
@@ -138,9 +134,9 @@ impl Artifacts {
     fn open_on(
         data_dir: &Path,
         limits: SpaceLimits,
-        connect: impl FnOnce() -> Result<Option<(Remote, u64)>, ArtifactError>,
-    ) -> Result<Self, ArtifactError> {
-        let make = |name: &str| -> Result<PathBuf, ArtifactError> {
+        connect: impl FnOnce() -> Result<Option<(Remote, u64)>>,
+    ) -> Result<Self> {
+        let make = |name: &str| -> Result<PathBuf> {
             let path = data_dir.join(name);
             create_private_folder(&path).map_err(|error| ArtifactError::io("create a folder", error))?;
             Ok(path)
@@ -189,7 +185,7 @@ impl Artifacts {
     /// # Errors
     ///
     /// [`ArtifactError::Io`].
-    pub async fn identity(&self) -> Result<String, ArtifactError> {
+    pub async fn identity(&self) -> Result<String> {
         self.blocking(|inner| match &inner.remote {
             Some(remote) => Ok(remote.installation().to_owned()),
             None => identity::identity_of(&inner.data_dir),
@@ -202,7 +198,7 @@ impl Artifacts {
     /// # Errors
     ///
     /// [`ArtifactError::Io`].
-    pub async fn folder_identity(&self) -> Result<String, ArtifactError> {
+    pub async fn folder_identity(&self) -> Result<String> {
         self.blocking(|inner| identity::identity_of(&inner.data_dir)).await
     }
 
@@ -212,7 +208,7 @@ impl Artifacts {
     /// # Errors
     ///
     /// [`ArtifactError::Io`].
-    pub async fn former_identity(&self) -> Result<Option<String>, ArtifactError> {
+    pub async fn former_identity(&self) -> Result<Option<String>> {
         self.blocking(|inner| match inner.remote {
             Some(_) => identity::kept_in(&inner.data_dir),
             None => Ok(None),
@@ -249,7 +245,7 @@ impl Artifacts {
     /// # Errors
     ///
     /// [`ArtifactError::Io`].
-    pub async fn collecting(&self) -> Result<Option<Collecting>, ArtifactError> {
+    pub async fn collecting(&self) -> Result<Option<Collecting>> {
         let no_publishing = Arc::clone(&self.inner.publishing).write_owned().await;
         let path = self.inner.data_dir.join(inventory::KEEP_LOCK);
         let file = self.blocking(move |_| try_lock(&path)).await?;
@@ -262,7 +258,7 @@ impl Artifacts {
     /// # Errors
     ///
     /// [`ArtifactError::DiskFull`], [`ArtifactError::Io`].
-    pub async fn put_bytes(&self, bytes: Vec<u8>) -> Result<String, ArtifactError> {
+    pub async fn put_bytes(&self, bytes: Vec<u8>) -> Result<String> {
         self.blocking(move |inner| inner.blobs.put(&bytes)).await
     }
 
@@ -271,7 +267,7 @@ impl Artifacts {
     /// # Errors
     ///
     /// [`ArtifactError::NotFound`]; [`ArtifactError::DataLoss`] if the file does not match the digest.
-    pub async fn read_all(&self, digest: &str) -> Result<Vec<u8>, ArtifactError> {
+    pub async fn read_all(&self, digest: &str) -> Result<Vec<u8>> {
         let digest = digest.to_owned();
         self.blocking(move |inner| inner.noticing_damage(&digest, inner.blobs.read(&digest))).await
     }
@@ -281,7 +277,7 @@ impl Artifacts {
     /// # Errors
     ///
     /// The errors of [`Self::read_all`].
-    pub fn read_blocking(&self, digest: &str) -> Result<Vec<u8>, ArtifactError> {
+    pub fn read_blocking(&self, digest: &str) -> Result<Vec<u8>> {
         self.inner.noticing_damage(digest, self.inner.blobs.read(digest))
     }
 
@@ -290,7 +286,7 @@ impl Artifacts {
     /// # Errors
     ///
     /// [`ArtifactError::NotFound`], [`ArtifactError::BadDigest`], [`ArtifactError::Io`].
-    pub fn open_blocking(&self, digest: &str) -> Result<File, ArtifactError> {
+    pub fn open_blocking(&self, digest: &str) -> Result<File> {
         Ok(self.inner.blobs.open(digest)?.0)
     }
 
@@ -300,12 +296,7 @@ impl Artifacts {
     /// # Errors
     ///
     /// The errors of [`Self::read_all`]; [`ArtifactError::OutOfRange`] if the offset is past the end.
-    pub fn read_range_blocking(
-        &self,
-        digest: &str,
-        offset_bytes: u64,
-        limit_bytes: u64,
-    ) -> Result<ArtifactReader, ArtifactError> {
+    pub fn read_range_blocking(&self, digest: &str, offset_bytes: u64, limit_bytes: u64) -> Result<ArtifactReader> {
         let (file, size_bytes) = self.inner.noticing_damage(digest, self.inner.blobs.open_verified(digest))?;
         ArtifactReader::new(file, size_bytes, offset_bytes, limit_bytes)
     }
@@ -317,7 +308,7 @@ impl Artifacts {
     /// # Errors
     ///
     /// [`ArtifactError::BadDigest`], [`ArtifactError::Io`].
-    pub async fn is_intact(&self, digest: &str) -> Result<bool, ArtifactError> {
+    pub async fn is_intact(&self, digest: &str) -> Result<bool> {
         let digest = digest.to_owned();
         let (digest, known) = self
             .blocking(move |inner| {
@@ -347,7 +338,7 @@ impl Artifacts {
     /// # Errors
     ///
     /// [`ArtifactError::BadDigest`], [`ArtifactError::Io`].
-    pub async fn size(&self, digest: &str) -> Result<Option<u64>, ArtifactError> {
+    pub async fn size(&self, digest: &str) -> Result<Option<u64>> {
         let digest = digest.to_owned();
         self.blocking(move |inner| inner.blobs.size(&digest)).await
     }
@@ -358,7 +349,7 @@ impl Artifacts {
     /// # Errors
     ///
     /// [`ArtifactError::BadDigest`], [`ArtifactError::Io`].
-    pub async fn delete(&self, digest: &str) -> Result<(), ArtifactError> {
+    pub async fn delete(&self, digest: &str) -> Result<()> {
         let digest = digest.to_owned();
         self.blocking(move |inner| inner.blobs.delete(&digest)).await
     }
@@ -369,7 +360,7 @@ impl Artifacts {
     /// # Errors
     ///
     /// [`ArtifactError::DiskFull`], [`ArtifactError::Io`].
-    pub async fn put_checkpoint(&self, bytes: Vec<u8>) -> Result<String, ArtifactError> {
+    pub async fn put_checkpoint(&self, bytes: Vec<u8>) -> Result<String> {
         self.blocking(move |inner| inner.checkpoints.put(&bytes)).await
     }
 
@@ -378,7 +369,7 @@ impl Artifacts {
     /// # Errors
     ///
     /// The errors of [`Self::read_all`].
-    pub async fn read_checkpoint(&self, digest: &str) -> Result<Vec<u8>, ArtifactError> {
+    pub async fn read_checkpoint(&self, digest: &str) -> Result<Vec<u8>> {
         let digest = digest.to_owned();
         self.blocking(move |inner| inner.checkpoints.read(&digest)).await
     }
@@ -388,7 +379,7 @@ impl Artifacts {
     /// # Errors
     ///
     /// [`ArtifactError::BadDigest`], [`ArtifactError::Io`].
-    pub async fn delete_checkpoint(&self, digest: &str) -> Result<(), ArtifactError> {
+    pub async fn delete_checkpoint(&self, digest: &str) -> Result<()> {
         let digest = digest.to_owned();
         self.blocking(move |inner| inner.checkpoints.delete(&digest)).await
     }
@@ -399,7 +390,7 @@ impl Artifacts {
     ///
     /// [`ArtifactError::DiskLow`] if the file would use the reserve of the disk; [`ArtifactError::DiskFull`],
     /// [`ArtifactError::Io`].
-    pub fn put_conversion_blocking(&self, bytes: &[u8]) -> Result<String, ArtifactError> {
+    pub fn put_conversion_blocking(&self, bytes: &[u8]) -> Result<String> {
         self.inner.space.admit_temporary(bytes.len() as u64)?;
         self.inner.conversions.put(bytes, |_, _| Ok(()))
     }
@@ -415,7 +406,7 @@ impl Artifacts {
         digest: &str,
         offset_bytes: u64,
         limit_bytes: u64,
-    ) -> Result<ArtifactReader, ArtifactError> {
+    ) -> Result<ArtifactReader> {
         let (file, size_bytes) = self.inner.conversions.open_verified(digest)?;
         ArtifactReader::new(file, size_bytes, offset_bytes, limit_bytes)
     }
@@ -425,7 +416,7 @@ impl Artifacts {
     /// # Errors
     ///
     /// [`ArtifactError::BadDigest`], [`ArtifactError::Io`].
-    pub async fn delete_conversion(&self, digest: &str) -> Result<(), ArtifactError> {
+    pub async fn delete_conversion(&self, digest: &str) -> Result<()> {
         let digest = digest.to_owned();
         self.blocking(move |inner| inner.conversions.delete(&digest)).await
     }
@@ -435,14 +426,14 @@ impl Artifacts {
     /// # Errors
     ///
     /// [`ArtifactError::Io`].
-    pub async fn checkpoints(&self) -> Result<Vec<String>, ArtifactError> {
+    pub async fn checkpoints(&self) -> Result<Vec<String>> {
         self.blocking(|inner| inner.checkpoints.list()).await
     }
 
-    async fn blocking<T, F>(&self, work: F) -> Result<T, ArtifactError>
+    async fn blocking<T, F>(&self, work: F) -> Result<T>
     where
         T: Send + 'static,
-        F: FnOnce(&Inner) -> Result<T, ArtifactError> + Send + 'static,
+        F: FnOnce(&Inner) -> Result<T> + Send + 'static,
     {
         let inner = Arc::clone(&self.inner);
         blocking(move || work(&inner)).await
@@ -451,7 +442,7 @@ impl Artifacts {
 
 impl Inner {
     /// Whether a blob is intact, as far as that is known without hashing its file.
-    fn finding(&self, digest: &str) -> Result<Option<bool>, ArtifactError> {
+    fn finding(&self, digest: &str) -> Result<Option<bool>> {
         match self.blobs.stamp(digest)? {
             None if self.blobs.is_only_local() => Ok(Some(false)),
             None => Ok(None),
@@ -460,7 +451,7 @@ impl Inner {
     }
 
     /// Whether a blob is intact. Hashes its file, unless another call has done so in the meantime.
-    fn examine(&self, digest: &str) -> Result<bool, ArtifactError> {
+    fn examine(&self, digest: &str) -> Result<bool> {
         if let Some(known) = self.finding(digest)? {
             return Ok(known);
         }
@@ -478,7 +469,7 @@ impl Inner {
     }
 
     /// Passes on the outcome of reading a blob. If the blob is damaged, forgets earlier findings about its file.
-    fn noticing_damage<T>(&self, digest: &str, outcome: Result<T, ArtifactError>) -> Result<T, ArtifactError> {
+    fn noticing_damage<T>(&self, digest: &str, outcome: Result<T>) -> Result<T> {
         if matches!(outcome, Err(ArtifactError::DataLoss { .. })) {
             self.examined.forget(digest);
         }

@@ -1,6 +1,6 @@
 //! Locks on files. The operating system releases them when the process ends, even after a crash.
 
-use crate::error::ArtifactError;
+use crate::error::{ArtifactError, Result};
 use crate::private::{create_private_folder, private_file};
 use std::fs::{File, TryLockError};
 use std::io;
@@ -21,7 +21,7 @@ impl FolderLock {
     /// # Errors
     ///
     /// [`ArtifactError::Locked`] if another process holds the lock; [`ArtifactError::Io`].
-    pub fn take(data_dir: &Path) -> Result<Self, ArtifactError> {
+    pub fn take(data_dir: &Path) -> Result<Self> {
         create_private_folder(data_dir).map_err(|error| ArtifactError::io("create the data folder", error))?;
         let path = data_dir.join(LOCK);
         let file = try_lock(&path)?.ok_or(ArtifactError::Locked { path })?;
@@ -30,7 +30,7 @@ impl FolderLock {
 }
 
 /// Locks the file; `None` if it is locked already.
-pub(crate) fn try_lock(path: &Path) -> Result<Option<File>, ArtifactError> {
+pub(crate) fn try_lock(path: &Path) -> Result<Option<File>> {
     let opened = private_file().create(true).truncate(false).write(true).open(path);
     let file = opened.map_err(|error| ArtifactError::io("open a lock file", error))?;
     match file.try_lock() {
@@ -41,7 +41,7 @@ pub(crate) fn try_lock(path: &Path) -> Result<Option<File>, ArtifactError> {
 }
 
 /// Waits for a shared lock on the file; `None` if the file does not exist and cannot be created, as on read-only media.
-pub(crate) fn lock_shared(path: &Path) -> Result<Option<File>, ArtifactError> {
+pub(crate) fn lock_shared(path: &Path) -> Result<Option<File>> {
     let opened = private_file().create(true).truncate(false).write(true).open(path);
     let opened = match opened {
         Err(error) if is_unwritable(&error) => File::open(path),

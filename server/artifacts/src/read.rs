@@ -1,7 +1,7 @@
 //! Reading a blob piece by piece.
 
 use crate::blocking::blocking;
-use crate::error::ArtifactError;
+use crate::error::{ArtifactError, Result};
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 
@@ -18,12 +18,7 @@ pub struct ArtifactReader {
 }
 
 impl ArtifactReader {
-    pub(super) fn new(
-        mut file: File,
-        size_bytes: u64,
-        offset_bytes: u64,
-        limit_bytes: u64,
-    ) -> Result<Self, ArtifactError> {
+    pub(super) fn new(mut file: File, size_bytes: u64, offset_bytes: u64, limit_bytes: u64) -> Result<Self> {
         if offset_bytes > size_bytes {
             return Err(ArtifactError::OutOfRange { offset_bytes, size_bytes });
         }
@@ -50,7 +45,7 @@ impl ArtifactReader {
     /// # Errors
     ///
     /// [`ArtifactError::Io`].
-    pub async fn next_chunk(&mut self, bytes_max: usize) -> Result<Option<Vec<u8>>, ArtifactError> {
+    pub async fn next_chunk(&mut self, bytes_max: usize) -> Result<Option<Vec<u8>>> {
         let count = self.left_bytes.min(bytes_max as u64);
         let Some(mut file) = self.file.take().filter(|_| count > 0) else { return Ok(None) };
         let (file, chunk) = blocking(move || {

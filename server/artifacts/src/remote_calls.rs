@@ -15,7 +15,7 @@
 //!
 //! Without a remote, the functions find and change nothing.
 
-use crate::error::ArtifactError;
+use crate::error::Result;
 use crate::inventory::BlobKind;
 use crate::remote::RemoteObject;
 use crate::{Artifacts, Inner};
@@ -25,8 +25,8 @@ impl Artifacts {
     ///
     /// # Errors
     ///
-    /// [`ArtifactError::BadDigest`], [`ArtifactError::Remote`].
-    pub async fn objects_of(&self, kind: BlobKind, digest: &str) -> Result<Vec<RemoteObject>, ArtifactError> {
+    /// [`crate::ArtifactError::BadDigest`], [`crate::ArtifactError::Remote`].
+    pub async fn objects_of(&self, kind: BlobKind, digest: &str) -> Result<Vec<RemoteObject>> {
         let digest = digest.to_owned();
         self.blocking(move |inner| match &inner.remote {
             Some(remote) => remote.objects(kind, &digest),
@@ -40,13 +40,8 @@ impl Artifacts {
     ///
     /// # Errors
     ///
-    /// [`ArtifactError::BadDigest`], [`ArtifactError::Remote`].
-    pub async fn delete_objects(
-        &self,
-        kind: BlobKind,
-        digest: &str,
-        listed: Vec<RemoteObject>,
-    ) -> Result<(), ArtifactError> {
+    /// [`crate::ArtifactError::BadDigest`], [`crate::ArtifactError::Remote`].
+    pub async fn delete_objects(&self, kind: BlobKind, digest: &str, listed: Vec<RemoteObject>) -> Result<()> {
         let digest = digest.to_owned();
         self.blocking(move |inner| match &inner.remote {
             Some(remote) => remote.delete(kind, &digest, &listed),
@@ -59,9 +54,9 @@ impl Artifacts {
     ///
     /// # Errors
     ///
-    /// [`ArtifactError::BadDigest`]; [`ArtifactError::Remote`], also if the local file is gone: then the bytes must be
-    /// sent again.
-    pub async fn store_anew(&self, kind: BlobKind, digest: &str) -> Result<(), ArtifactError> {
+    /// [`crate::ArtifactError::BadDigest`]; [`crate::ArtifactError::Remote`], also if the local file is gone: then
+    /// the bytes must be sent again.
+    pub async fn store_anew(&self, kind: BlobKind, digest: &str) -> Result<()> {
         let digest = digest.to_owned();
         self.blocking(move |inner| inner.of(kind).store_anew(&digest)).await
     }
@@ -71,7 +66,7 @@ impl Artifacts {
     /// # Errors
     ///
     /// The errors of [`Self::store_anew`].
-    pub async fn ensure_stored(&self, kind: BlobKind, digest: &str) -> Result<(), ArtifactError> {
+    pub async fn ensure_stored(&self, kind: BlobKind, digest: &str) -> Result<()> {
         let digest = digest.to_owned();
         self.blocking(move |inner| inner.of(kind).ensure_stored(&digest)).await
     }
@@ -80,8 +75,8 @@ impl Artifacts {
     ///
     /// # Errors
     ///
-    /// [`ArtifactError::Remote`].
-    pub async fn stored(&self, kind: BlobKind, shard: u8) -> Result<Vec<String>, ArtifactError> {
+    /// [`crate::ArtifactError::Remote`].
+    pub async fn stored(&self, kind: BlobKind, shard: u8) -> Result<Vec<String>> {
         self.blocking(move |inner| match &inner.remote {
             Some(remote) => remote.stored(kind, shard),
             None => Ok(Vec::new()),
@@ -94,9 +89,9 @@ impl Artifacts {
     ///
     /// # Errors
     ///
-    /// [`ArtifactError::NotFound`] if the remote has no copy; [`ArtifactError::DataLoss`] if no copy matches the digest;
-    /// [`ArtifactError::BadDigest`], [`ArtifactError::Remote`].
-    pub async fn verify(&self, kind: BlobKind, digest: &str) -> Result<Option<u64>, ArtifactError> {
+    /// [`crate::ArtifactError::NotFound`] if the remote has no copy; [`crate::ArtifactError::DataLoss`] if no copy
+    /// matches the digest; [`crate::ArtifactError::BadDigest`], [`crate::ArtifactError::Remote`].
+    pub async fn verify(&self, kind: BlobKind, digest: &str) -> Result<Option<u64>> {
         let digest = digest.to_owned();
         self.blocking(move |inner| match &inner.remote {
             Some(remote) => remote.verify(kind, &digest).map(Some),

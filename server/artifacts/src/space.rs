@@ -1,6 +1,6 @@
 //! Limits on disk space: a reserve that only accepted work may use, and a limit on the size of all artifacts.
 
-use crate::error::ArtifactError;
+use crate::error::{ArtifactError, Result};
 use rustix::fs::statvfs;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -32,7 +32,7 @@ impl Space {
     /// # Errors
     ///
     /// [`ArtifactError::Io`].
-    pub fn free_bytes(&self) -> Result<u64, ArtifactError> {
+    pub fn free_bytes(&self) -> Result<u64> {
         let disk = statvfs(&self.data_dir)
             .map_err(|error| ArtifactError::io("read the free space of the disk", error.into()))?;
         Ok(disk.f_bavail.saturating_mul(disk.f_frsize))
@@ -54,7 +54,7 @@ impl Space {
     /// # Errors
     ///
     /// [`ArtifactError::DiskLow`].
-    pub fn room_to_start(&self) -> Result<(), ArtifactError> {
+    pub fn room_to_start(&self) -> Result<()> {
         let reserve_bytes = self.limits.reserve_bytes;
         if reserve_bytes == 0 {
             return Ok(());
@@ -71,7 +71,7 @@ impl Space {
     /// # Errors
     ///
     /// [`ArtifactError::DiskLow`].
-    pub fn room_for_checkpoint(&self, bytes: u64) -> Result<(), ArtifactError> {
+    pub fn room_for_checkpoint(&self, bytes: u64) -> Result<()> {
         let reserve_bytes = self.limits.reserve_bytes;
         if reserve_bytes == 0 {
             return Ok(());
@@ -90,7 +90,7 @@ impl Space {
     ///
     /// [`ArtifactError::DiskLow`] if the work would use the reserve; [`ArtifactError::QuotaSpent`] if the size of all
     /// artifacts would exceed its limit.
-    pub fn admit(&self, more_bytes: u64) -> Result<(), ArtifactError> {
+    pub fn admit(&self, more_bytes: u64) -> Result<()> {
         self.admit_temporary(more_bytes)?;
         let stored_bytes_max = self.limits.stored_bytes_max;
         let stored_bytes = self.stored_bytes.load(Ordering::Relaxed);
@@ -101,7 +101,7 @@ impl Space {
     }
 
     /// Checks that `more_bytes` fit beside the reserve. Temporary files do not count towards the size of all artifacts.
-    pub(crate) fn admit_temporary(&self, more_bytes: u64) -> Result<(), ArtifactError> {
+    pub(crate) fn admit_temporary(&self, more_bytes: u64) -> Result<()> {
         let reserve_bytes = self.limits.reserve_bytes;
         if reserve_bytes == 0 {
             return Ok(());

@@ -4,7 +4,7 @@
 use crate::blobs::Blobs;
 use crate::blocking::blocking;
 use crate::digest::{check_digest, digest_of, name};
-use crate::error::ArtifactError;
+use crate::error::{ArtifactError, Result};
 use crate::folder::hash_rest;
 use crate::private::private_file;
 use lightpath_fail_points as fail;
@@ -69,7 +69,7 @@ struct UploadLock {
 impl Uploads {
     /// Uploads whose received parts are in `folder`, and whose blobs go to `blobs`. Removes uploads that have not grown
     /// for [`UPLOAD_AGE_MAX`].
-    pub(crate) fn open(folder: PathBuf, blobs: Arc<Blobs>) -> Result<Self, ArtifactError> {
+    pub(crate) fn open(folder: PathBuf, blobs: Arc<Blobs>) -> Result<Self> {
         remove_stale(&folder).map_err(|error| ArtifactError::io("remove old uploads", error))?;
         Ok(Self { inner: Arc::new(Inner { folder, blobs, running: Mutex::default(), unnamed: AtomicU64::new(0) }) })
     }
@@ -80,7 +80,7 @@ impl Uploads {
     /// # Errors
     ///
     /// [`ArtifactError::BadDigest`], [`ArtifactError::Io`].
-    pub async fn received_bytes(&self, digest: &str, owner: &str) -> Result<u64, ArtifactError> {
+    pub async fn received_bytes(&self, digest: &str, owner: &str) -> Result<u64> {
         check_digest(digest)?;
         let part = self.inner.folder.join(file_name(digest, owner));
         blocking(move || match fs::metadata(part) {
@@ -98,13 +98,7 @@ impl Uploads {
     ///
     /// [`ArtifactError::BadDigest`]; [`ArtifactError::UploadBusy`] while another call uploads the same artifact for the
     /// same owner; [`ArtifactError::WrongOffset`]; [`ArtifactError::WrongSize`] if more than `size_bytes` are stored.
-    pub async fn begin(
-        &self,
-        digest: &str,
-        owner: &str,
-        size_bytes: u64,
-        offset_bytes: u64,
-    ) -> Result<UploadWriter, ArtifactError> {
+    pub async fn begin(&self, digest: &str, owner: &str, size_bytes: u64, offset_bytes: u64) -> Result<UploadWriter> {
         check_digest(digest)?;
         let file_name = file_name(digest, owner);
         if !self.running().insert(file_name.clone()) {
@@ -121,7 +115,7 @@ impl Uploads {
     /// # Errors
     ///
     /// [`ArtifactError::Io`].
-    pub async fn begin_unnamed(&self, size_bytes: u64) -> Result<UploadWriter, ArtifactError> {
+    pub async fn begin_unnamed(&self, size_bytes: u64) -> Result<UploadWriter> {
         // The file of a server that died may have the same name; its content is discarded.
         let file_name = format!("unnamed-{}.part", self.inner.unnamed.fetch_add(1, Ordering::Relaxed));
         self.running().insert(file_name.clone());
@@ -154,7 +148,7 @@ impl UploadWriter {
     ///
     /// [`ArtifactError::WrongSize`] if more bytes arrive than were announced, [`ArtifactError::DiskFull`],
     /// [`ArtifactError::Io`].
-    pub async fn write(&mut self, chunk: Vec<u8>) -> Result<(), ArtifactError> {
+    pub async fn write(&mut self, chunk: Vec<u8>) -> Result<()> {
         let mut part = self.take_part()?;
         let part = blocking(move || part.append(&chunk).map(|()| part)).await?;
         self.received_bytes = part.received_bytes;
@@ -170,19 +164,19 @@ impl UploadWriter {
     /// [`ArtifactError::WrongSize`] if bytes are missing: a later call can send them. [`ArtifactError::WrongDigest`]:
     /// the upload is discarded. [`ArtifactError::Remote`]: a later call can continue at the end of an upload
     /// that has a digest.
-    pub async fn finish(mut self) -> Result<String, ArtifactError> {
+    pub async fn finish(mut self) -> Result<String> {
         let part = self.take_part()?;
         blocking(move || part.publish()).await
     }
 
-    fn take_part(&mut self) -> Result<Part, ArtifactError> {
+    fn take_part(&mut self) -> Result<Part> {
         let no_part = || ArtifactError::io("continue an upload", io::Error::other("an earlier write failed"));
         self.part.take().ok_or_else(no_part)
     }
 }
 
 impl Part {
-    fn open(lock: UploadLock, size_bytes: u64, offset_bytes: u64) -> Result<Self, ArtifactError> {
+    fn open(lock: UploadLock, size_bytes: u64, offset_bytes: u64) -> Result<Self> {
         let path = lock.uploads.inner.folder.join(&lock.file_name);
         let open = || -> io::Result<(File, u64)> {
             let file = private_file().read(true).write(true).create(true).truncate(false).open(&path)?;
@@ -205,7 +199,7 @@ impl Part {
         Ok(Self { file, path, hasher, received_bytes: offset_bytes, size_bytes, lock })
     }
 
-    fn append(&mut self, chunk: &[u8]) -> Result<(), ArtifactError> {
+    fn append(&mut self, chunk: &[u8]) -> Result<()> {
         let received_bytes = self.received_bytes + chunk.len() as u64;
         if received_bytes > self.size_bytes {
             return Err(ArtifactError::WrongSize { received_bytes, size_bytes: self.size_bytes });
@@ -216,7 +210,7 @@ impl Part {
         Ok(())
     }
 
-    fn publish(self) -> Result<String, ArtifactError> {
+    fn publish(self) -> Result<String> {
         let Self { file, path, hasher, received_bytes, size_bytes, lock } = self;
         if received_bytes != size_bytes {
             return Err(ArtifactError::WrongSize { received_bytes, size_bytes });

@@ -1,7 +1,7 @@
 //! The signs of life of this process, by which others know what it can run.
 
 use crate::config::Config;
-use crate::upkeep::UpkeepError;
+use crate::upkeep::Result;
 use lightpath_artifacts::Artifacts;
 use lightpath_domain::ability::Abilities;
 use lightpath_store::{Process, ProcessKind, Store};
@@ -29,7 +29,7 @@ impl Life {
         artifacts: &Artifacts,
         config: &Config,
         kind: ProcessKind,
-    ) -> Result<Self, UpkeepError> {
+    ) -> Result<Self> {
         let now_ms = store.now_ms();
         let mut process = Process {
             id: artifacts.folder_identity().await?,

@@ -1,7 +1,7 @@
 //! The workers of a process: their start, and their end within the time that they have.
 
 use crate::config::Config;
-use crate::upkeep::UpkeepError;
+use crate::upkeep::Result;
 use lightpath_artifacts::Artifacts;
 use lightpath_media::live_pictures::LivePictures;
 use lightpath_store::Store;
@@ -32,7 +32,7 @@ impl Workers {
         config: &Config,
         live_pictures: LivePictures,
         stopping: CancellationToken,
-    ) -> Result<Self, UpkeepError> {
+    ) -> Result<Self> {
         // Two processes cannot hold the same data folder, so its identity is that of the process.
         let process = if store.is_shared() { Some(artifacts.folder_identity().await?) } else { None };
         let config = WorkerConfig { process: process.clone(), labels: config.labels()?, ..config.workers() };

@@ -3,42 +3,26 @@
 //! A token consists of 256 random bits. It is shown once, when it is created. The server stores only its SHA-256, which
 //! identifies the token but does not reveal it.
 
-use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use std::fmt::{self, Write as _};
 
-/// What the bearer of a token may do. Each call names the roles that may make it; no role includes another.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Role {
-    /// May read everything.
-    Viewer,
-    /// May also upload, build datasets, and submit, cancel and retry jobs.
-    Submitter,
-    /// May also delete datasets, import kernels and change the active version.
-    Curator,
-    /// May only fetch the kernels of named displays.
-    Firmware,
-    /// May do everything, including displays, webhooks and pauses.
-    Admin,
+crate::words! {
+    /// What the bearer of a token may do. Each call names the roles that may make it; no role includes another.
+    pub enum Role {
+        /// May read everything.
+        Viewer = "viewer",
+        /// May also upload, build datasets, and submit, cancel and retry jobs.
+        Submitter = "submitter",
+        /// May also delete datasets, import kernels and change the active version.
+        Curator = "curator",
+        /// May only fetch the kernels of named displays.
+        Firmware = "firmware",
+        /// May do everything, including displays, webhooks and pauses.
+        Admin = "admin",
+    }
 }
 
 impl Role {
-    /// All roles.
-    pub const ALL: [Self; 5] = [Self::Viewer, Self::Submitter, Self::Curator, Self::Firmware, Self::Admin];
-
-    /// Name of the role in lower case, as people and the database write it.
-    #[must_use]
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Self::Viewer => "viewer",
-            Self::Submitter => "submitter",
-            Self::Curator => "curator",
-            Self::Firmware => "firmware",
-            Self::Admin => "admin",
-        }
-    }
-
     /// What the role permits, for help texts.
     #[must_use]
     pub fn purpose(self) -> &'static str {

@@ -38,37 +38,25 @@ pub use kinds::{JobResult, JobSpec};
 use crate::ability::Labels;
 use serde::{Deserialize, Serialize};
 
-/// State of a job.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum JobState {
-    /// The job waits for a worker, for its start time or for other jobs.
-    Queued,
-    /// A worker holds the job's lease.
-    Running,
-    /// The job ended with a result.
-    Succeeded,
-    /// The job ended without a result. A user can put it back into the queue.
-    Failed,
-    /// The job ended because a user cancelled it.
-    Cancelled,
+crate::words! {
+    /// State of a job.
+    pub enum JobState {
+        /// The job waits for a worker, for its start time or for other jobs.
+        Queued = "queued",
+        /// A worker holds the job's lease.
+        Running = "running",
+        /// The job ended with a result.
+        Succeeded = "succeeded",
+        /// The job ended without a result. A user can put it back into the queue.
+        Failed = "failed",
+        /// The job ended because a user cancelled it.
+        Cancelled = "cancelled",
+    }
 }
 
 impl JobState {
     /// The states of jobs that have ended.
     pub const ENDED: [Self; 3] = [Self::Succeeded, Self::Failed, Self::Cancelled];
-
-    /// Name of the state in lower case, as people and the database write it.
-    #[must_use]
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Self::Queued => "queued",
-            Self::Running => "running",
-            Self::Succeeded => "succeeded",
-            Self::Failed => "failed",
-            Self::Cancelled => "cancelled",
-        }
-    }
 
     /// Whether the job has ended. The state of an ended job changes only if a user retries the job.
     #[must_use]

@@ -1,9 +1,9 @@
 //! Reasons of errors and refusals, as codes in capitals for programs. A code is the same in every version.
 
-/// Declares an enum of reasons. Each variant has a description and a code. The code is the text that serde and
-/// [`Display`](std::fmt::Display) write.
+/// Declares an enum whose variants are words for people, programs and the database. Each variant has a description and a
+/// word, which is also the text that serde writes.
 #[macro_export]
-macro_rules! reasons {
+macro_rules! words {
     (
         $(#[$about:meta])*
         pub enum $name:ident { $($(#[$means:meta])+ $variant:ident = $word:literal,)+ }
@@ -15,13 +15,28 @@ macro_rules! reasons {
         }
 
         impl $name {
-            /// The code of the reason.
+            /// All values.
+            pub const ALL: [Self; [$($word),+].len()] = [$(Self::$variant),+];
+
+            /// The word for the value.
             #[must_use]
             pub fn as_str(self) -> &'static str {
                 match self {
                     $(Self::$variant => $word,)+
                 }
             }
+        }
+    };
+}
+
+/// Declares an enum of reasons: [`words!`](crate::words), which are codes, and their
+/// [`Display`](std::fmt::Display).
+#[macro_export]
+macro_rules! reasons {
+    ($(#[$about:meta])* pub enum $name:ident { $($variants:tt)+ }) => {
+        $crate::words! {
+            $(#[$about])*
+            pub enum $name { $($variants)+ }
         }
 
         impl std::fmt::Display for $name {

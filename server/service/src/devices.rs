@@ -1,7 +1,7 @@
 //! Devices: what they report, and their groups.
 
 use crate::call::Call;
-use crate::error::ServiceError;
+use crate::error::Result;
 use crate::field::Field;
 use crate::kernels::Kernels;
 use lightpath_domain::device::{Device, InstalledFile, Report};
@@ -21,18 +21,13 @@ impl Devices {
     }
 
     /// Checks the generation that a device says to have. A device cannot have accepted what the server has not signed.
-    pub async fn signed_generation(
-        &self,
-        field: &Field,
-        key: &KernelKey,
-        generation: u64,
-    ) -> Result<u64, ServiceError> {
+    pub async fn signed_generation(&self, field: &Field, key: &KernelKey, generation: u64) -> Result<u64> {
         let newest = self.store.kernel_moment(key, None).await?.generation;
         field.integer(generation, 0..=newest)
     }
 
     /// Refuses a file that the server does not have: a device with other bytes has another kernel.
-    pub async fn require_file(&self, call: &Call, key: &KernelKey, file: &InstalledFile) -> Result<(), ServiceError> {
+    pub async fn require_file(&self, call: &Call, key: &KernelKey, file: &InstalledFile) -> Result<()> {
         let version = self.store.kernel_version(key, file.version).await?;
         let digest = self.kernels.file(call, version, file.form).await?.digest;
         if digest == file.digest {
@@ -43,17 +38,17 @@ impl Devices {
     }
 
     /// Stores what a device reports.
-    pub async fn report(&self, report: Report) -> Result<(), ServiceError> {
+    pub async fn report(&self, report: Report) -> Result<()> {
         Ok(self.store.report_device(report).await?)
     }
 
     /// Puts a device into a group; an empty text: into none.
-    pub async fn set_group(&self, display: &str, device: &str, group: &str) -> Result<Device, ServiceError> {
+    pub async fn set_group(&self, display: &str, device: &str, group: &str) -> Result<Device> {
         Ok(self.store.set_device_group(display, device, group, self.store.now_ms()).await?)
     }
 
     /// Forgets a device.
-    pub async fn delete(&self, display: &str, device: &str) -> Result<(), ServiceError> {
+    pub async fn delete(&self, display: &str, device: &str) -> Result<()> {
         Ok(self.store.delete_device(display, device).await?)
     }
 }

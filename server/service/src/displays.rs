@@ -1,7 +1,7 @@
 //! Displays: declaring, finding and deleting them.
 
 use crate::call::Call;
-use crate::error::ServiceError;
+use crate::error::Result;
 use crate::field::Field;
 use lightpath_domain::display::Display;
 use lightpath_store::{Store, StoreError};
@@ -18,12 +18,12 @@ impl Displays {
     }
 
     /// Declares a display. Returns also the time when it was first declared \[ms since 1970\].
-    pub async fn create(&self, display: &Display) -> Result<(Display, i64), ServiceError> {
+    pub async fn create(&self, display: &Display) -> Result<(Display, i64)> {
         Ok(self.store.create_display(display, self.store.now_ms()).await?)
     }
 
     /// The display with this id, which a field names. Refuses one that does not exist.
-    pub async fn named(&self, field: &Field, id: &str) -> Result<Display, ServiceError> {
+    pub async fn named(&self, field: &Field, id: &str) -> Result<Display> {
         match self.store.display(id).await {
             Err(StoreError::NotFound { resource }) => Err(field.missing(resource, "create it first")),
             other => Ok(other?.0),
@@ -32,12 +32,7 @@ impl Displays {
 
     /// At most `limit` displays that the caller may use, from the first one after `after` on, with the times when they
     /// were declared \[ms since 1970\]. Other displays appear neither here nor in a page token.
-    pub async fn visible(
-        &self,
-        call: &Call,
-        mut after: Option<String>,
-        limit: u32,
-    ) -> Result<Vec<(Display, i64)>, ServiceError> {
+    pub async fn visible(&self, call: &Call, mut after: Option<String>, limit: u32) -> Result<Vec<(Display, i64)>> {
         let mut visible = Vec::new();
         loop {
             let displays = self.store.displays(after.as_deref(), limit).await?;
@@ -52,7 +47,7 @@ impl Displays {
     }
 
     /// Deletes a display.
-    pub async fn delete(&self, id: &str) -> Result<(), ServiceError> {
+    pub async fn delete(&self, id: &str) -> Result<()> {
         Ok(self.store.delete_display(id).await?)
     }
 }

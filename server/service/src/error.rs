@@ -44,6 +44,9 @@ fn text_of(fields: &[WrongField], count: usize) -> String {
     text
 }
 
+/// A result with a [`ServiceError`], if it names no other error.
+pub type Result<T, E = ServiceError> = std::result::Result<T, E>;
+
 /// Why a request was refused or failed.
 #[derive(Debug, thiserror::Error)]
 pub enum ServiceError {

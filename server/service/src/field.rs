@@ -1,6 +1,6 @@
 //! Checks of requests, field by field. Every refusal names the path of the field and the allowed values.
 
-use crate::error::ServiceError;
+use crate::error::{Result, ServiceError};
 use lightpath_domain::kernel_format::KernelFormat;
 use lightpath_domain::units::{Distance, Wavelength};
 use std::fmt::{self, Display};
@@ -47,12 +47,12 @@ impl Field {
     }
 
     /// The value of a required field.
-    pub fn required<T>(&self, value: Option<T>) -> Result<T, ServiceError> {
+    pub fn required<T>(&self, value: Option<T>) -> Result<T> {
         value.ok_or_else(|| self.invalid("is not set, but is required"))
     }
 
     /// Checks a number, which must lie in the allowed range.
-    pub fn number(&self, value: f64, allowed: RangeInclusive<f64>) -> Result<f64, ServiceError> {
+    pub fn number(&self, value: f64, allowed: RangeInclusive<f64>) -> Result<f64> {
         if allowed.contains(&value) {
             return Ok(value);
         }
@@ -60,12 +60,12 @@ impl Field {
     }
 
     /// Checks a number. The value 0 stands for `default`.
-    pub fn number_or(&self, value: f64, default: f64, allowed: RangeInclusive<f64>) -> Result<f64, ServiceError> {
+    pub fn number_or(&self, value: f64, default: f64, allowed: RangeInclusive<f64>) -> Result<f64> {
         if value == 0.0 { Ok(default) } else { self.number(value, allowed) }
     }
 
     /// Checks a whole number, which must lie in the allowed range.
-    pub fn integer<T: PartialOrd + Display>(&self, value: T, allowed: RangeInclusive<T>) -> Result<T, ServiceError> {
+    pub fn integer<T: PartialOrd + Display>(&self, value: T, allowed: RangeInclusive<T>) -> Result<T> {
         if allowed.contains(&value) {
             return Ok(value);
         }
@@ -73,12 +73,12 @@ impl Field {
     }
 
     /// Checks a whole number. The value 0 stands for `default`.
-    pub fn integer_or(&self, value: u32, default: u32, allowed: RangeInclusive<u32>) -> Result<u32, ServiceError> {
+    pub fn integer_or(&self, value: u32, default: u32, allowed: RangeInclusive<u32>) -> Result<u32> {
         if value == 0 { Ok(default) } else { self.integer(value, allowed) }
     }
 
     /// Checks the length of a text.
-    pub fn text(&self, value: String, bytes_max: usize) -> Result<String, ServiceError> {
+    pub fn text(&self, value: String, bytes_max: usize) -> Result<String> {
         if value.len() > bytes_max {
             return Err(self.invalid(format!("has {} bytes, but at most {bytes_max} are accepted", value.len())));
         }
@@ -86,7 +86,7 @@ impl Field {
     }
 
     /// Checks a text for people that stands in one line. Control characters could change what a terminal shows.
-    pub fn line(&self, value: String, bytes_max: usize) -> Result<String, ServiceError> {
+    pub fn line(&self, value: String, bytes_max: usize) -> Result<String> {
         if value.chars().any(char::is_control) {
             return Err(self.invalid("has a line break or another control character; write one line"));
         }
@@ -94,7 +94,7 @@ impl Field {
     }
 
     /// Checks the name of a kernel's form.
-    pub fn form(&self, name: &str) -> Result<KernelFormat, ServiceError> {
+    pub fn form(&self, name: &str) -> Result<KernelFormat> {
         KernelFormat::parse(name).ok_or_else(|| {
             let forms: Vec<&str> = KernelFormat::ALL.iter().map(|form| form.as_str()).collect();
             self.invalid(format!("is {:?}, but must be one of {}", shortened(name), forms.join(", ")))
@@ -102,23 +102,19 @@ impl Field {
     }
 
     /// Checks a distance \[m\].
-    pub fn distance(&self, value: f64) -> Result<Distance, ServiceError> {
+    pub fn distance(&self, value: f64) -> Result<Distance> {
         let allowed = format!("within ±{} m and not 0", Distance::MAX_M);
         Distance::from_m(value).ok_or_else(|| self.invalid(format!("is {value}, but must be {allowed}")))
     }
 
     /// Checks a wavelength \[m\].
-    pub fn wavelength(&self, value: f64) -> Result<Wavelength, ServiceError> {
+    pub fn wavelength(&self, value: f64) -> Result<Wavelength> {
         let allowed = format!("{:e} to {:e} m", Wavelength::MIN_M, Wavelength::MAX_M);
         Wavelength::from_m(value).ok_or_else(|| self.invalid(format!("is {value}, but must be {allowed}")))
     }
 
     /// Checks a wavelength \[m\], which must be one of the display's. The value 0 stands for the only one.
-    pub fn wavelength_of(
-        &self,
-        value: f64,
-        display: &lightpath_domain::display::Display,
-    ) -> Result<Wavelength, ServiceError> {
+    pub fn wavelength_of(&self, value: f64, display: &lightpath_domain::display::Display) -> Result<Wavelength> {
         let list = || display.wavelengths.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
         let name = format!("displays/{}", display.id);
         if value == 0.0 {
@@ -138,7 +134,7 @@ impl Field {
     }
 
     /// Checks the digest of an artifact: `sha256-` and 64 hexadecimal digits.
-    pub fn digest(&self, value: &str) -> Result<String, ServiceError> {
+    pub fn digest(&self, value: &str) -> Result<String> {
         let is_digest = value.strip_prefix("sha256-").is_some_and(|hex| {
             hex.len() == 64 && hex.bytes().all(|byte| byte.is_ascii_digit() || (b'a'..=b'f').contains(&byte))
         });

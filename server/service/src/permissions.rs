@@ -5,7 +5,7 @@
 //! these functions.
 
 use crate::call::Call;
-use crate::error::ServiceError;
+use crate::error::{Result, ServiceError};
 use crate::field::{Field, shortened};
 use lightpath_domain::access::Role;
 
@@ -16,7 +16,7 @@ const PRIORITY_MAX: i32 = 100;
 /// # Errors
 ///
 /// [`ServiceError::Denied`].
-pub fn require_display(call: &Call, id: &str) -> Result<(), ServiceError> {
+pub fn require_display(call: &Call, id: &str) -> Result<()> {
     if call.caller.may_use(id) {
         return Ok(());
     }
@@ -32,7 +32,7 @@ pub fn require_display(call: &Call, id: &str) -> Result<(), ServiceError> {
 /// # Errors
 ///
 /// [`ServiceError::Denied`].
-pub fn require_all_displays(call: &Call, field: &str) -> Result<(), ServiceError> {
+pub fn require_all_displays(call: &Call, field: &str) -> Result<()> {
     match call.caller.displays.first() {
         None => Ok(()),
         Some(own) => Err(ServiceError::Denied(format!(
@@ -48,7 +48,7 @@ pub fn require_all_displays(call: &Call, field: &str) -> Result<(), ServiceError
 /// # Errors
 ///
 /// [`ServiceError::Denied`] if `given` is another device than that of the token.
-pub fn device_of(call: &Call, given: &str) -> Result<Option<String>, ServiceError> {
+pub fn device_of(call: &Call, given: &str) -> Result<Option<String>> {
     match (call.caller.role, call.caller.name.as_str()) {
         (Role::Firmware, name) if given.is_empty() || given == name => Ok(Some(name.to_owned())),
         (Role::Firmware, name) => Err(ServiceError::Denied(format!(
@@ -66,7 +66,7 @@ pub fn device_of(call: &Call, given: &str) -> Result<Option<String>, ServiceErro
 ///
 /// [`ServiceError::Denied`] if `given` is not the caller's name, unless the caller is an admin for all displays: other
 /// owners have jobs and limits that concern other displays.
-pub fn owner_of_job(call: &Call, given: String) -> Result<String, ServiceError> {
+pub fn owner_of_job(call: &Call, given: String) -> Result<String> {
     match (call.caller.name.as_str(), call.caller.role) {
         ("", _) => Ok(given),
         (name, _) if given.is_empty() => Ok(name.to_owned()),
@@ -83,7 +83,7 @@ pub fn owner_of_job(call: &Call, given: String) -> Result<String, ServiceError> 
 /// # Errors
 ///
 /// [`ServiceError::Denied`]; [`ServiceError::Invalid`] if the number is too small or too large.
-pub fn priority_of_job(call: &Call, given: i32) -> Result<i32, ServiceError> {
+pub fn priority_of_job(call: &Call, given: i32) -> Result<i32> {
     let field = Field::new("priority");
     let priority = field.integer(given, -PRIORITY_MAX..=PRIORITY_MAX)?;
     if priority >= 0 || matches!(call.caller.role, Role::Curator | Role::Admin) {

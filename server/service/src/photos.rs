@@ -2,7 +2,7 @@
 
 use crate::call::Call;
 use crate::computing::Computing;
-use crate::error::ServiceError;
+use crate::error::{Result, ServiceError};
 use crate::field::Field;
 use crate::files::Files;
 use crate::region::region_inside;
@@ -70,7 +70,7 @@ impl Photos {
     }
 
     /// Finds the target in the photograph, compares the two, and stores the pictures of the comparison.
-    pub async fn score(&self, call: &Call, request: ScoreRequest) -> Result<PhotoScore, ServiceError> {
+    pub async fn score(&self, call: &Call, request: ScoreRequest) -> Result<PhotoScore> {
         let (photo, target) = (Field::new("photo"), Field::new("target"));
         let photo_px = self.limited_pixels(call, &photo, &request.photo, PHOTO_PIXELS_MAX).await?;
         let target_px = self.limited_pixels(call, &target, &request.target, TARGET_PIXELS_MAX).await?;
@@ -80,7 +80,7 @@ impl Photos {
             + TARGET_BYTES_PER_PX * target_px
             + PICTURES_BYTES;
         let artifacts = self.artifacts.clone();
-        let compute = move || -> Result<(ScoredPhoto, RegionOfInterest), ServiceError> {
+        let compute = move || -> Result<(ScoredPhoto, RegionOfInterest)> {
             let (photo, target) = (artifacts.read_blocking(&request.photo)?, artifacts.read_blocking(&request.target)?);
             scored(&request, &photo, &target)
         };
@@ -91,13 +91,7 @@ impl Photos {
     }
 
     /// Number of pixels of a picture, which must not have more than `pixels_max`.
-    async fn limited_pixels(
-        &self,
-        call: &Call,
-        field: &Field,
-        digest: &str,
-        pixels_max: u64,
-    ) -> Result<u64, ServiceError> {
+    async fn limited_pixels(&self, call: &Call, field: &Field, digest: &str, pixels_max: u64) -> Result<u64> {
         let pixels = self.files.picture_pixels(call, field, digest).await?;
         if pixels > pixels_max {
             return Err(field.invalid(format!(
@@ -109,11 +103,7 @@ impl Photos {
 }
 
 /// Decodes both pictures and scores the photograph.
-fn scored(
-    request: &ScoreRequest,
-    photo: &[u8],
-    target: &[u8],
-) -> Result<(ScoredPhoto, RegionOfInterest), ServiceError> {
+fn scored(request: &ScoreRequest, photo: &[u8], target: &[u8]) -> Result<(ScoredPhoto, RegionOfInterest)> {
     let read = |name: &str, digest: &str, bytes: &[u8], encoding| {
         let picture = EncodedPicture::read(bytes, encoding);
         picture.map_err(|error| Field::new(name).invalid(format!("({digest}): {error}")))

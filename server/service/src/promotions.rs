@@ -1,7 +1,7 @@
 //! Which version of a kernel is active: promotion through the display's gate, rollback, other aliases, deprecation.
 
 use crate::call::Call;
-use crate::error::ServiceError;
+use crate::error::{Result, ServiceError};
 use crate::kernels::Kernels;
 use lightpath_domain::kernel::{Cause, Kernel, KernelKey, KernelVersion};
 use lightpath_domain::kernel_format::KernelFormat;
@@ -55,7 +55,7 @@ impl Promotions {
     }
 
     /// Makes a version active if it passes the gate of its display.
-    pub async fn promote(&self, call: &Call, key: &KernelKey, passage: Passage) -> Result<Kernel, ServiceError> {
+    pub async fn promote(&self, call: &Call, key: &KernelKey, passage: Passage) -> Result<Kernel> {
         let version = passage.version;
         let Passed { expected_active, overridden } = self.pass_gate(call, key, &passage).await?;
         let promotion = Promotion { version, expected_active, cause: cause(call, passage.reason), overridden };
@@ -63,7 +63,7 @@ impl Promotions {
     }
 
     /// How a version would do at the gate of its display now.
-    pub async fn check(&self, call: &Call, key: &KernelKey, version: u32) -> Result<Verdict, ServiceError> {
+    pub async fn check(&self, call: &Call, key: &KernelKey, version: u32) -> Result<Verdict> {
         self.verdict(call, &self.store.kernel_version(key, version).await?).await
     }
 
@@ -74,7 +74,7 @@ impl Promotions {
         key: &KernelKey,
         expected: Option<u32>,
         reason: String,
-    ) -> Result<Kernel, ServiceError> {
+    ) -> Result<Kernel> {
         Ok(self.store.rollback(key, expected, &cause(call, reason), self.store.now_ms()).await?)
     }
 
@@ -85,13 +85,13 @@ impl Promotions {
         display: &str,
         gate: &PromotionGate,
         reason: String,
-    ) -> Result<(PromotionGate, Vec<GateChange>), ServiceError> {
+    ) -> Result<(PromotionGate, Vec<GateChange>)> {
         self.store.set_gate(display, gate, &cause(call, reason), self.store.now_ms()).await?;
         self.gates(display).await
     }
 
     /// The gate of a display, and all that were set before, the newest first.
-    pub async fn gates(&self, display: &str) -> Result<(PromotionGate, Vec<GateChange>), ServiceError> {
+    pub async fn gates(&self, display: &str) -> Result<(PromotionGate, Vec<GateChange>)> {
         let history = self.store.gates(display, GATES_SHOWN).await?;
         Ok((history.first().map(|change| change.gate.clone()).unwrap_or_default(), history))
     }
@@ -104,7 +104,7 @@ impl Promotions {
         alias: String,
         (version, expected): (Option<u32>, Option<Option<u32>>),
         reason: String,
-    ) -> Result<Kernel, ServiceError> {
+    ) -> Result<Kernel> {
         let step = AliasMove { alias, version, expected, cause: cause(call, reason) };
         Ok(self.store.set_alias(key, step, self.store.now_ms()).await?)
     }
@@ -117,18 +117,13 @@ impl Promotions {
         version: u32,
         deprecated: bool,
         reason: String,
-    ) -> Result<KernelVersion, ServiceError> {
+    ) -> Result<KernelVersion> {
         let (cause, now_ms) = (cause(call, reason), self.store.now_ms());
         Ok(self.store.deprecate_kernel_version(key, version, deprecated, &cause, now_ms).await?)
     }
 
     /// Checks a version with the gate. Refuses one that fails, unless the caller forces it and gives a reason.
-    pub(crate) async fn pass_gate(
-        &self,
-        call: &Call,
-        key: &KernelKey,
-        passage: &Passage,
-    ) -> Result<Passed, ServiceError> {
+    pub(crate) async fn pass_gate(&self, call: &Call, key: &KernelKey, passage: &Passage) -> Result<Passed> {
         let &Passage { version, expected_active, force, ref reason } = passage;
         // Versions never change. If another one becomes active meanwhile, the store refuses the move.
         let candidate = self.store.kernel_version(key, version).await?;
@@ -153,7 +148,7 @@ impl Promotions {
     }
 
     /// How a version does at the gate of its display.
-    pub async fn verdict(&self, call: &Call, candidate: &KernelVersion) -> Result<Verdict, ServiceError> {
+    pub async fn verdict(&self, call: &Call, candidate: &KernelVersion) -> Result<Verdict> {
         let key = &candidate.key;
         let gate = self.gate_of(&key.display).await?;
         let active = self.store.kernel(key).await?.active_version;
@@ -171,16 +166,11 @@ impl Promotions {
     }
 
     /// The gate of a display.
-    async fn gate_of(&self, display: &str) -> Result<PromotionGate, ServiceError> {
+    async fn gate_of(&self, display: &str) -> Result<PromotionGate> {
         Ok(self.store.gates(display, 1).await?.pop().map(|change| change.gate).unwrap_or_default())
     }
 
-    async fn check_form(
-        &self,
-        call: &Call,
-        candidate: &KernelVersion,
-        form: KernelFormat,
-    ) -> Result<GateCheck, ServiceError> {
+    async fn check_form(&self, call: &Call, candidate: &KernelVersion, form: KernelFormat) -> Result<GateCheck> {
         let name = form.as_str();
         if form == KernelFormat::Safetensors {
             return Ok(GateCheck::new(true, format!("it is available as {name}")));

@@ -1,6 +1,6 @@
 //! Refusal of propagation that cannot give a correct image.
 
-use crate::error::ServiceError;
+use crate::error::{Result, ServiceError};
 use crate::field::Field;
 use lightpath_domain::display::Display;
 use lightpath_domain::planning;
@@ -8,12 +8,7 @@ use lightpath_domain::units::{Distance, Wavelength};
 use lightpath_optics::{ConvolutionMethod, Error, PropagationMethod};
 
 /// Refuses a distance at which no method gives a correct image of the display.
-pub fn check_distance(
-    field: &Field,
-    display: &Display,
-    wavelength: Wavelength,
-    distance: Distance,
-) -> Result<(), ServiceError> {
+pub fn check_distance(field: &Field, display: &Display, wavelength: Wavelength, distance: Distance) -> Result<()> {
     let planned = planning::setup(display, wavelength, distance).and_then(|setup| planning::planned(setup, None));
     planned.map(|_| ()).map_err(|error| distance_refusal(field, distance, &error))
 }
@@ -25,7 +20,7 @@ pub fn check_method(
     wavelength: Wavelength,
     distance: Distance,
     method: ConvolutionMethod,
-) -> Result<(), ServiceError> {
+) -> Result<()> {
     let setup = planning::setup(display, wavelength, distance);
     let planned = setup.and_then(|setup| planning::planned(setup, Some(method)));
     planned.map(|_| ()).map_err(|error| method_refusal(field, &error))

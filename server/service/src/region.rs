@@ -1,17 +1,13 @@
 //! Regions of interest.
 
-use crate::error::ServiceError;
+use crate::error::Result;
 use crate::field::Field;
 use lightpath_domain::display::Display;
 use lightpath_optics::{Grid, RegionOfInterest};
 
 /// A rectangle inside the display: first column and row, width and height \[px\]. If it is not given, the middle 80 % of
 /// each axis.
-pub fn region_of(
-    field: &Field,
-    region_px: Option<[u32; 4]>,
-    display: &Display,
-) -> Result<RegionOfInterest, ServiceError> {
+pub fn region_of(field: &Field, region_px: Option<[u32; 4]>, display: &Display) -> Result<RegionOfInterest> {
     let grid = Grid::try_new(display.height_px as usize, display.width_px as usize, display.pixel_pitch_m);
     let grid = grid.map_err(|error| field.invalid(error))?;
     region_inside(field, region_px, &grid, &format!("displays/{}", display.id))
@@ -23,7 +19,7 @@ pub(crate) fn region_inside(
     region_px: Option<[u32; 4]>,
     grid: &Grid,
     name: &str,
-) -> Result<RegionOfInterest, ServiceError> {
+) -> Result<RegionOfInterest> {
     let Some([x_px, y_px, width_px, height_px]) = region_px else { return Ok(RegionOfInterest::middle(grid)) };
     let [x, y, width, height] = [x_px, y_px, width_px, height_px].map(|px| px as usize);
     RegionOfInterest::try_new(grid, x, y, width, height).map_err(|_| {

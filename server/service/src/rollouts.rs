@@ -1,7 +1,7 @@
 //! Staged rollouts: starting, widening, completing, halting.
 
 use crate::call::Call;
-use crate::error::ServiceError;
+use crate::error::{Result, ServiceError};
 use crate::promotions::{Passage, Passed, Promotions, cause};
 use lightpath_domain::kernel::KernelKey;
 use lightpath_domain::reason::PreconditionReason;
@@ -27,7 +27,7 @@ impl Rollouts {
         key: &KernelKey,
         mut plan: RolloutPlan,
         passage: Passage,
-    ) -> Result<Rollout, ServiceError> {
+    ) -> Result<Rollout> {
         let Passed { expected_active, overridden } = self.promotions.pass_gate(call, key, &passage).await?;
         plan.overridden = overridden;
         plan.cause = cause(call, passage.reason);
@@ -41,7 +41,7 @@ impl Rollouts {
         key: &KernelKey,
         number: u32,
         (share_percent, expected_revision): (f64, Option<u32>),
-    ) -> Result<Rollout, ServiceError> {
+    ) -> Result<Rollout> {
         self.require_still_passes(call, key, number).await?;
         let widening = Widening { share_percent, expected_revision, caller: call.caller.name.clone() };
         Ok(self.store.widen_rollout(key, number, widening, self.store.now_ms()).await?)
@@ -54,25 +54,19 @@ impl Rollouts {
         key: &KernelKey,
         number: u32,
         expected_revision: Option<u32>,
-    ) -> Result<Rollout, ServiceError> {
+    ) -> Result<Rollout> {
         self.require_still_passes(call, key, number).await?;
         let (caller, now_ms) = (&call.caller.name, self.store.now_ms());
         Ok(self.store.complete_rollout(key, number, expected_revision, caller, now_ms).await?)
     }
 
     /// Ends a rollout; all devices get the active version again.
-    pub async fn halt(
-        &self,
-        call: &Call,
-        key: &KernelKey,
-        number: u32,
-        reason: String,
-    ) -> Result<Rollout, ServiceError> {
+    pub async fn halt(&self, call: &Call, key: &KernelKey, number: u32, reason: String) -> Result<Rollout> {
         Ok(self.store.halt_rollout(key, number, &cause(call, reason), self.store.now_ms()).await?)
     }
 
     /// Refuses to go on with a version that fails the gate now, other than by what was overridden at the start.
-    async fn require_still_passes(&self, call: &Call, key: &KernelKey, number: u32) -> Result<(), ServiceError> {
+    async fn require_still_passes(&self, call: &Call, key: &KernelKey, number: u32) -> Result<()> {
         let (rollout, _) = self.store.rollout(key, number).await?;
         let candidate = self.store.kernel_version(key, rollout.plan.version).await?;
         let verdict = self.promotions.verdict(call, &candidate).await?;

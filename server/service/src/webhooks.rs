@@ -1,7 +1,7 @@
 //! Webhooks: addresses that learn of events.
 
 use crate::call::Call;
-use crate::error::ServiceError;
+use crate::error::{Result, ServiceError};
 use lightpath_domain::origin::Origins;
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_domain::webhook::{Delivery, Webhook, WebhookEvent, WebhookSecret, WebhookUrl};
@@ -33,7 +33,7 @@ impl Webhooks {
     }
 
     /// Refuses an address that the operator does not allow.
-    fn require_origin(&self, url: &WebhookUrl) -> Result<(), ServiceError> {
+    fn require_origin(&self, url: &WebhookUrl) -> Result<()> {
         if self.origins.contains(url.origin()) {
             return Ok(());
         }
@@ -49,7 +49,7 @@ impl Webhooks {
     }
 
     /// Creates a webhook, whose secret only this answer tells. Refuses an address that the operator does not allow.
-    pub async fn create(&self, call: &Call, new: NewWebhook) -> Result<(Webhook, WebhookSecret), ServiceError> {
+    pub async fn create(&self, call: &Call, new: NewWebhook) -> Result<(Webhook, WebhookSecret)> {
         let NewWebhook { id, url, events, display } = new;
         self.require_origin(&url)?;
         let (caller, create_time_ms) = (call.caller.name.clone(), self.store.now_ms());
@@ -60,13 +60,13 @@ impl Webhooks {
     }
 
     /// The webhooks that the caller may use.
-    pub async fn visible(&self, call: &Call) -> Result<Vec<Webhook>, ServiceError> {
+    pub async fn visible(&self, call: &Call) -> Result<Vec<Webhook>> {
         let webhooks = self.store.webhooks().await?.into_iter();
         Ok(webhooks.filter(|webhook| may_use(call, webhook)).collect())
     }
 
     /// The webhook with this id. One that the caller may not use does not exist for the caller.
-    pub async fn existing(&self, call: &Call, id: &str) -> Result<Webhook, ServiceError> {
+    pub async fn existing(&self, call: &Call, id: &str) -> Result<Webhook> {
         let webhook = self.store.webhook(id).await?;
         match may_use(call, &webhook) {
             true => Ok(webhook),
@@ -75,12 +75,12 @@ impl Webhooks {
     }
 
     /// Sends a test event.
-    pub async fn test(&self, call: &Call, webhook: &Webhook) -> Result<Delivery, ServiceError> {
+    pub async fn test(&self, call: &Call, webhook: &Webhook) -> Result<Delivery> {
         Ok(self.store.test_webhook(&webhook.id, &call.caller.name, self.store.now_ms()).await?)
     }
 
     /// Removes a webhook.
-    pub async fn delete(&self, webhook: &Webhook) -> Result<(), ServiceError> {
+    pub async fn delete(&self, webhook: &Webhook) -> Result<()> {
         Ok(self.store.delete_webhook(&webhook.id).await?)
     }
 }

@@ -1,6 +1,6 @@
 //! Checks that go on after a wrong field, so that a refusal names every wrong field of a request at once.
 
-use crate::error::{ServiceError, WrongField};
+use crate::error::{Result, ServiceError, WrongField};
 
 /// Limit on the wrong fields that one refusal names. With more of them, the refusal might exceed the 16 KiB of headers
 /// that clients accept.
@@ -30,7 +30,7 @@ macro_rules! check_all {
 }
 
 /// The values of all checks, or the errors of all checks that failed.
-pub fn collect_all<T>(checks: impl IntoIterator<Item = Result<T, ServiceError>>) -> Result<Vec<T>, ServiceError> {
+pub fn collect_all<T>(checks: impl IntoIterator<Item = Result<T>>) -> Result<Vec<T>> {
     let (mut values, mut errors) = (Vec::new(), Vec::new());
     for check in checks {
         match check {
@@ -92,11 +92,7 @@ mod tests {
     use super::*;
     use crate::field::Field;
 
-    fn checked(
-        width: u32,
-        height: u32,
-        name: Result<String, ServiceError>,
-    ) -> Result<(u32, u32, String), ServiceError> {
+    fn checked(width: u32, height: u32, name: Result<String>) -> Result<(u32, u32, String)> {
         check_all! {
             width = Field::new("width").integer(width, 16..=64);
             height = Field::new("height").integer(height, 16..=64);

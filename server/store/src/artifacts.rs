@@ -1,8 +1,8 @@
 //! Records of the artifacts that are complete and on disk, and of their owners.
 
 use super::rows::to_json;
-use super::sql::{Connection, Row, query, scalar};
-use super::{Store, StoreError};
+use super::sql::{Connection, Row, from_row, query, scalar};
+use super::{Result, Store, StoreError};
 
 /// An artifact that is on disk.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -27,16 +27,14 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`], also if the identity is malformed.
-    pub async fn artifact_place(&self, identity: &str, former: Option<&str>) -> Result<String, StoreError> {
+    pub async fn artifact_place(&self, identity: &str, former: Option<&str>) -> Result<String> {
         let (identity, former) = (identity.to_owned(), former.map(str::to_owned));
-        self.write(move |write| {
-            Box::pin(async move {
-                let sql = "insert into artifact_place values (1, $1) on conflict do nothing";
-                query(sql).bind(&identity).execute(write.sql()).await?;
-                let sql = "update artifact_place set identity = $1 where identity = $2";
-                query(sql).bind(&identity).bind(former).execute(write.sql()).await?;
-                Ok(scalar("select identity from artifact_place").fetch_one(write.sql()).await?)
-            })
+        self.write(async move |write| {
+            let sql = "insert into artifact_place values (1, $1) on conflict do nothing";
+            query(sql).bind(&identity).execute(write.sql()).await?;
+            let sql = "update artifact_place set identity = $1 where identity = $2";
+            query(sql).bind((&identity, former)).execute(write.sql()).await?;
+            Ok(scalar("select identity from artifact_place").fetch_one(write.sql()).await?)
         })
         .await
     }
@@ -55,33 +53,29 @@ impl Store {
         owner: &str,
         seen: Option<&str>,
         now_ms: i64,
-    ) -> Result<Result<ArtifactRecord, String>, StoreError> {
+    ) -> Result<Result<ArtifactRecord, String>> {
         let (digest, owner, seen) = (digest.to_owned(), owner.to_owned(), seen.map(str::to_owned));
-        self.write(move |write| {
-            Box::pin(async move {
-                if let Some(seen) = seen {
-                    let sql = "delete from artifact_removal where digest = $1 and mark = $2";
-                    query(sql).bind(&digest).bind(seen).execute(write.sql()).await?;
-                }
-                let row = query(
-                    "insert into artifact (digest, size_bytes, create_time_ms, use_time_ms) select $1, $2, $3, $3 \
+        self.write(async move |write| {
+            if let Some(seen) = seen {
+                let sql = "delete from artifact_removal where digest = $1 and mark = $2";
+                query(sql).bind((&digest, seen)).execute(write.sql()).await?;
+            }
+            let row = query(
+                "insert into artifact (digest, size_bytes, create_time_ms, use_time_ms) select $1, $2, $3, $3 \
                      where not exists (select 1 from artifact_removal where digest = $1) \
                      on conflict (digest) do update set size_bytes = excluded.size_bytes, \
                      use_time_ms = max(artifact.use_time_ms, excluded.use_time_ms) returning *",
-                )
-                .bind(&digest)
-                .bind(size_bytes as i64)
-                .bind(now_ms)
-                .fetch_optional(write.sql())
-                .await?;
-                let Some(row) = row else {
-                    let sql = "select mark from artifact_removal where digest = $1";
-                    return Ok(Err(scalar(sql).bind(digest).fetch_one(write.sql()).await?));
-                };
-                let sql = "insert into artifact_owner values ($1, $2) on conflict do nothing";
-                query(sql).bind(digest).bind(owner).execute(write.sql()).await?;
-                record_of(&row).map(Ok)
-            })
+            )
+            .bind((&digest, size_bytes as i64, now_ms))
+            .fetch_optional(write.sql())
+            .await?;
+            let Some(row) = row else {
+                let sql = "select mark from artifact_removal where digest = $1";
+                return Ok(Err(scalar(sql).bind(digest).fetch_one(write.sql()).await?));
+            };
+            let sql = "insert into artifact_owner values ($1, $2) on conflict do nothing";
+            query(sql).bind((digest, owner)).execute(write.sql()).await?;
+            record_of(&row).map(Ok)
         })
         .await
     }
@@ -92,19 +86,17 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`]. A full disk, which prevents the update of the time of use, is no error.
-    pub async fn use_artifact(&self, digest: &str, now_ms: i64) -> Result<Option<ArtifactRecord>, StoreError> {
+    pub async fn use_artifact(&self, digest: &str, now_ms: i64) -> Result<Option<ArtifactRecord>> {
         let Some(record) = self.artifact(digest).await? else { return Ok(None) };
         if now_ms - record.use_time_ms < USE_RESOLUTION_MS {
             return Ok(Some(record));
         }
         let digest = digest.to_owned();
         let updated = self
-            .write(move |write| {
-                Box::pin(async move {
-                    let sql = "update artifact set use_time_ms = $2 where digest = $1 returning *";
-                    let row = query(sql).bind(digest).bind(now_ms).fetch_optional(write.sql()).await?;
-                    row.as_ref().map(record_of).transpose()
-                })
+            .write(async move |write| {
+                let sql = "update artifact set use_time_ms = $2 where digest = $1 returning *";
+                let row = query(sql).bind((digest, now_ms)).fetch_optional(write.sql()).await?;
+                row.as_ref().map(record_of).transpose()
             })
             .await;
         match updated {
@@ -118,7 +110,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn artifact_concerns(&self, digest: &str, owner: &str, displays: &[String]) -> Result<bool, StoreError> {
+    pub async fn artifact_concerns(&self, digest: &str, owner: &str, displays: &[String]) -> Result<bool> {
         let sql = "with own as (select value as id from json_each($3)) select \
                    exists (select 1 from artifact_owner where artifact = $1 and owner = $2) \
                    or exists (select 1 from job_artifact a join job on job.id = a.job \
@@ -128,7 +120,7 @@ impl Store {
                    or exists (select 1 from dataset where instr(alignment, $1) > 0 and display in (select id from own)) \
                    or exists (select 1 from kernel_version v join kernel on kernel.id = v.kernel \
                        where v.artifact = $1 and kernel.display in (select id from own))";
-        let concerns = scalar(sql).bind(digest).bind(owner).bind(to_json("display", &displays)?);
+        let concerns = scalar(sql).bind((digest, owner, to_json("display", &displays)?));
         Ok(concerns.fetch_one(self.readers()).await?)
     }
 
@@ -137,12 +129,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::OwnerBytes`].
-    pub async fn require_owner_room(
-        &self,
-        owner: &str,
-        more_bytes: u64,
-        stored_bytes_max: u64,
-    ) -> Result<(), StoreError> {
+    pub async fn require_owner_room(&self, owner: &str, more_bytes: u64, stored_bytes_max: u64) -> Result<()> {
         require_room(&mut self.readers().acquire().await?, owner, more_bytes, stored_bytes_max).await
     }
 
@@ -151,7 +138,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn artifact(&self, digest: &str) -> Result<Option<ArtifactRecord>, StoreError> {
+    pub async fn artifact(&self, digest: &str) -> Result<Option<ArtifactRecord>> {
         let row = query("select * from artifact where digest = $1").bind(digest).fetch_optional(self.readers()).await?;
         row.as_ref().map(record_of).transpose()
     }
@@ -163,7 +150,7 @@ pub(super) async fn require_room(
     owner: &str,
     more_bytes: u64,
     stored_bytes_max: u64,
-) -> Result<(), StoreError> {
+) -> Result<()> {
     if stored_bytes_max == 0 {
         return Ok(());
     }
@@ -175,11 +162,6 @@ pub(super) async fn require_room(
     Ok(())
 }
 
-pub(super) fn record_of(row: &Row) -> Result<ArtifactRecord, StoreError> {
-    Ok(ArtifactRecord {
-        digest: row.try_get("digest")?,
-        size_bytes: row.try_get::<i64>("size_bytes")?.unsigned_abs(),
-        create_time_ms: row.try_get("create_time_ms")?,
-        use_time_ms: row.try_get("use_time_ms")?,
-    })
+pub(super) fn record_of(row: &Row) -> Result<ArtifactRecord> {
+    Ok(from_row!(row, ArtifactRecord { digest, size_bytes, create_time_ms, use_time_ms }))
 }

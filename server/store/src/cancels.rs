@@ -6,7 +6,7 @@ use super::job_rows::job_of;
 use super::jobs::{active_with_key, require_datasets};
 use super::sql::query;
 use super::write::Write;
-use super::{Store, StoreError, dependencies};
+use super::{Result, Store, StoreError, dependencies};
 use lightpath_domain::job::{Job, JobState};
 use lightpath_domain::reason::PreconditionReason;
 
@@ -16,9 +16,9 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`]; [`StoreError::Precondition`] if the job has ended.
-    pub async fn cancel(&self, id: &str, now_ms: i64) -> Result<Job, StoreError> {
+    pub async fn cancel(&self, id: &str, now_ms: i64) -> Result<Job> {
         let id = id.to_owned();
-        self.write(move |write| Box::pin(async move { cancel(write, &id, now_ms).await })).await
+        self.write(async move |write| cancel(write, &id, now_ms).await).await
     }
 
     /// Queues a failed or cancelled job again. It gets its full number of attempts.
@@ -27,13 +27,13 @@ impl Store {
     ///
     /// [`StoreError::NotFound`], also if a dataset of the job was deleted; [`StoreError::Precondition`] if the job
     /// waits, runs or has succeeded; [`StoreError::DependenciesFull`].
-    pub async fn retry(&self, id: &str, now_ms: i64) -> Result<Job, StoreError> {
+    pub async fn retry(&self, id: &str, now_ms: i64) -> Result<Job> {
         let id = id.to_owned();
-        self.write(move |write| Box::pin(async move { retry(write, &id, now_ms).await })).await
+        self.write(async move |write| retry(write, &id, now_ms).await).await
     }
 }
 
-async fn cancel(write: &mut Write, id: &str, now_ms: i64) -> Result<Job, StoreError> {
+async fn cancel(write: &mut Write, id: &str, now_ms: i64) -> Result<Job> {
     let job = read(write, id).await?;
     match job.state {
         JobState::Queued => {
@@ -41,8 +41,7 @@ async fn cancel(write: &mut Write, id: &str, now_ms: i64) -> Result<Job, StoreEr
                 "update job set state = 'cancelled', finish_time_ms = $2, cancel_requested = 1, checkpoint = null, \
                  revision = revision + 1 where id = $1 returning *",
             )
-            .bind(id)
-            .bind(now_ms)
+            .bind((id, now_ms))
             .fetch_one(write.sql())
             .await?;
             let job = job_of(&row)?;
@@ -68,7 +67,7 @@ async fn cancel(write: &mut Write, id: &str, now_ms: i64) -> Result<Job, StoreEr
     }
 }
 
-async fn retry(write: &mut Write, id: &str, now_ms: i64) -> Result<Job, StoreError> {
+async fn retry(write: &mut Write, id: &str, now_ms: i64) -> Result<Job> {
     let job = read(write, id).await?;
     if !matches!(job.state, JobState::Failed | JobState::Cancelled) {
         let message = format!(
@@ -90,9 +89,7 @@ async fn retry(write: &mut Write, id: &str, now_ms: i64) -> Result<Job, StoreErr
         "update job set state = 'queued', failures = 0, crashes = 0, cancel_requested = 0, error = null, progress = null, \
          finish_time_ms = null, run_time_ms = $2, waiting_for = $3, revision = revision + 1 where id = $1 returning *",
     )
-    .bind(id)
-    .bind(now_ms)
-    .bind(unfinished.len() as i64)
+    .bind((id, now_ms, unfinished.len() as i64))
     .fetch_one(write.sql())
     .await?;
     let job = job_of(&row)?;
@@ -101,7 +98,7 @@ async fn retry(write: &mut Write, id: &str, now_ms: i64) -> Result<Job, StoreErr
     Ok(job)
 }
 
-async fn read(write: &mut Write, id: &str) -> Result<Job, StoreError> {
+async fn read(write: &mut Write, id: &str) -> Result<Job> {
     let row = query("select * from job where id = $1").bind(id).fetch_optional(write.sql()).await?;
     job_of(&row.ok_or_else(|| StoreError::not_found(format!("jobs/{id}")))?)
 }

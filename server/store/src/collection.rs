@@ -4,7 +4,7 @@ use super::artifacts::record_of;
 use super::rows::to_json;
 use super::sql::{query, scalar};
 use super::write::Write;
-use super::{ArtifactRecord, Store, StoreError, page};
+use super::{ArtifactRecord, Result, Store, page};
 use uuid::Uuid;
 
 /// Selects the artifacts last used before `$1` that no record refers to. The saved state of a job may name artifacts
@@ -32,15 +32,10 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`].
-    pub async fn unreferenced_artifacts(
-        &self,
-        before_ms: i64,
-        after: &str,
-        limit: u32,
-    ) -> Result<Vec<ArtifactRecord>, StoreError> {
+    /// [`crate::StoreError::Database`].
+    pub async fn unreferenced_artifacts(&self, before_ms: i64, after: &str, limit: u32) -> Result<Vec<ArtifactRecord>> {
         let sql = unreferenced!("select * from artifact", "and digest > $2 order by digest limit $3");
-        let query = query(sql).bind(before_ms).bind(after).bind(page(limit));
+        let query = query(sql).bind((before_ms, after, page(limit)));
         query.fetch_all(self.readers()).await?.iter().map(record_of).collect()
     }
 
@@ -49,15 +44,13 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`], [`StoreError::DiskFull`].
-    pub async fn forget_artifact(&self, digest: &str, before_ms: i64) -> Result<bool, StoreError> {
+    /// [`crate::StoreError::Database`], [`crate::StoreError::DiskFull`].
+    pub async fn forget_artifact(&self, digest: &str, before_ms: i64) -> Result<bool> {
         let digest = digest.to_owned();
-        self.write(move |write| {
-            Box::pin(async move {
-                let sql = unreferenced!("delete from artifact", "and digest = $2");
-                let deleted = query(sql).bind(before_ms).bind(digest).execute(write.sql()).await?;
-                Ok(deleted == 1)
-            })
+        self.write(async move |write| {
+            let sql = unreferenced!("delete from artifact", "and digest = $2");
+            let deleted = query(sql).bind((before_ms, digest)).execute(write.sql()).await?;
+            Ok(deleted == 1)
         })
         .await
     }
@@ -68,19 +61,17 @@ impl Store {
     /// # Errors
     ///
     /// The errors of [`Self::forget_artifact`].
-    pub async fn begin_removal(&self, digest: &str, before_ms: i64) -> Result<Option<String>, StoreError> {
+    pub async fn begin_removal(&self, digest: &str, before_ms: i64) -> Result<Option<String>> {
         let digest = digest.to_owned();
-        self.write(move |write| {
-            Box::pin(async move {
-                let sql = unreferenced!("delete from artifact", "and digest = $2");
-                if query(sql).bind(before_ms).bind(&digest).execute(write.sql()).await? == 0 {
-                    return Ok(None);
-                }
-                let mark = Uuid::now_v7().to_string();
-                let sql = "insert into artifact_removal values ($1, $2)";
-                query(sql).bind(digest).bind(&mark).execute(write.sql()).await?;
-                Ok(Some(mark))
-            })
+        self.write(async move |write| {
+            let sql = unreferenced!("delete from artifact", "and digest = $2");
+            if query(sql).bind((before_ms, &digest)).execute(write.sql()).await? == 0 {
+                return Ok(None);
+            }
+            let mark = Uuid::now_v7().to_string();
+            let sql = "insert into artifact_removal values ($1, $2)";
+            query(sql).bind((digest, &mark)).execute(write.sql()).await?;
+            Ok(Some(mark))
         })
         .await
     }
@@ -90,15 +81,13 @@ impl Store {
     /// # Errors
     ///
     /// The errors of [`Self::forget_artifact`].
-    pub async fn begin_removal_of_unrecorded(&self, digest: &str) -> Result<Option<String>, StoreError> {
+    pub async fn begin_removal_of_unrecorded(&self, digest: &str) -> Result<Option<String>> {
         let (digest, mark) = (digest.to_owned(), Uuid::now_v7().to_string());
-        self.write(move |write| {
-            Box::pin(async move {
-                let sql = "insert into artifact_removal select $1, $2 \
+        self.write(async move |write| {
+            let sql = "insert into artifact_removal select $1, $2 \
                            where not exists (select 1 from artifact where digest = $1) on conflict do nothing";
-                let inserted = query(sql).bind(digest).bind(&mark).execute(write.sql()).await?;
-                Ok((inserted == 1).then_some(mark))
-            })
+            let inserted = query(sql).bind((digest, &mark)).execute(write.sql()).await?;
+            Ok((inserted == 1).then_some(mark))
         })
         .await
     }
@@ -107,8 +96,8 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`].
-    pub async fn unrecorded(&self, digests: &[String]) -> Result<Vec<String>, StoreError> {
+    /// [`crate::StoreError::Database`].
+    pub async fn unrecorded(&self, digests: &[String]) -> Result<Vec<String>> {
         let sql = "select value from json_each($1) as given where not exists (select 1 from artifact where digest = given.value) \
                    and not exists (select 1 from artifact_removal where digest = given.value)";
         Ok(scalar(sql).bind(to_json("digests", &digests)?).fetch_all(self.readers()).await?)
@@ -119,15 +108,13 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`], [`StoreError::DiskFull`].
-    pub async fn continue_removal(&self, digest: &str, seen: &str) -> Result<Option<String>, StoreError> {
+    /// [`crate::StoreError::Database`], [`crate::StoreError::DiskFull`].
+    pub async fn continue_removal(&self, digest: &str, seen: &str) -> Result<Option<String>> {
         let (digest, seen, mark) = (digest.to_owned(), seen.to_owned(), Uuid::now_v7().to_string());
-        self.write(move |write| {
-            Box::pin(async move {
-                let sql = "update artifact_removal set mark = $3 where digest = $1 and mark = $2";
-                let changed = query(sql).bind(digest).bind(seen).bind(&mark).execute(write.sql()).await?;
-                Ok((changed == 1).then_some(mark))
-            })
+        self.write(async move |write| {
+            let sql = "update artifact_removal set mark = $3 where digest = $1 and mark = $2";
+            let changed = query(sql).bind((digest, seen, &mark)).execute(write.sql()).await?;
+            Ok((changed == 1).then_some(mark))
         })
         .await
     }
@@ -136,14 +123,12 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`], [`StoreError::DiskFull`].
-    pub async fn end_removal(&self, digest: &str, mark: &str) -> Result<bool, StoreError> {
+    /// [`crate::StoreError::Database`], [`crate::StoreError::DiskFull`].
+    pub async fn end_removal(&self, digest: &str, mark: &str) -> Result<bool> {
         let (digest, mark) = (digest.to_owned(), mark.to_owned());
-        self.write(move |write| {
-            Box::pin(async move {
-                let sql = "delete from artifact_removal where digest = $1 and mark = $2";
-                Ok(query(sql).bind(digest).bind(mark).execute(write.sql()).await? == 1)
-            })
+        self.write(async move |write| {
+            let sql = "delete from artifact_removal where digest = $1 and mark = $2";
+            Ok(query(sql).bind((digest, mark)).execute(write.sql()).await? == 1)
         })
         .await
     }
@@ -152,10 +137,10 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`].
-    pub async fn removals(&self, after: &str, limit: u32) -> Result<Vec<(String, String)>, StoreError> {
+    /// [`crate::StoreError::Database`].
+    pub async fn removals(&self, after: &str, limit: u32) -> Result<Vec<(String, String)>> {
         let sql = "select digest, mark from artifact_removal where digest > $1 order by digest limit $2";
-        let rows = query(sql).bind(after).bind(page(limit)).fetch_all(self.readers()).await?;
+        let rows = query(sql).bind((after, page(limit))).fetch_all(self.readers()).await?;
         rows.iter().map(|row| Ok((row.try_get("digest")?, row.try_get("mark")?))).collect()
     }
 
@@ -164,18 +149,16 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`], [`StoreError::DiskFull`].
-    pub async fn forget_old_checkpoints(&self, before_ms: i64) -> Result<Vec<String>, StoreError> {
-        self.write(move |write| {
-            Box::pin(async move {
-                let sql = "select checkpoint from job \
+    /// [`crate::StoreError::Database`], [`crate::StoreError::DiskFull`].
+    pub async fn forget_old_checkpoints(&self, before_ms: i64) -> Result<Vec<String>> {
+        self.write(async move |write| {
+            let sql = "select checkpoint from job \
                            where checkpoint is not null and state = 'failed' and finish_time_ms < $1";
-                let digests = scalar(sql).bind(before_ms).fetch_all(write.sql()).await?;
-                let sql = "update job set checkpoint = null, revision = revision + 1 \
+            let digests = scalar(sql).bind(before_ms).fetch_all(write.sql()).await?;
+            let sql = "update job set checkpoint = null, revision = revision + 1 \
                            where checkpoint is not null and state = 'failed' and finish_time_ms < $1";
-                query(sql).bind(before_ms).execute(write.sql()).await?;
-                Ok(digests)
-            })
+            query(sql).bind(before_ms).execute(write.sql()).await?;
+            Ok(digests)
         })
         .await
     }
@@ -184,18 +167,18 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`].
-    pub async fn jobs_ended_before(&self, before_ms: i64, limit: u32) -> Result<Vec<String>, StoreError> {
+    /// [`crate::StoreError::Database`].
+    pub async fn jobs_ended_before(&self, before_ms: i64, limit: u32) -> Result<Vec<String>> {
         let sql = "select id from job where finish_time_ms < $1 order by finish_time_ms limit $2";
-        Ok(scalar(sql).bind(before_ms).bind(page(limit)).fetch_all(self.readers()).await?)
+        Ok(scalar(sql).bind((before_ms, page(limit))).fetch_all(self.readers()).await?)
     }
 
     /// Number of jobs that ended before `before_ms`.
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`].
-    pub async fn count_jobs_ended_before(&self, before_ms: i64) -> Result<u64, StoreError> {
+    /// [`crate::StoreError::Database`].
+    pub async fn count_jobs_ended_before(&self, before_ms: i64) -> Result<u64> {
         let sql = "select count(*) from job where finish_time_ms < $1";
         let count: i64 = scalar(sql).bind(before_ms).fetch_one(self.readers()).await?;
         Ok(count.unsigned_abs())
@@ -207,9 +190,9 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`], [`StoreError::DiskFull`].
-    pub async fn delete_jobs(&self, ids: Vec<String>, before_ms: i64, now_ms: i64) -> Result<Deleted, StoreError> {
-        self.write(move |write| Box::pin(delete_jobs(write, ids, before_ms, now_ms))).await
+    /// [`crate::StoreError::Database`], [`crate::StoreError::DiskFull`].
+    pub async fn delete_jobs(&self, ids: Vec<String>, before_ms: i64, now_ms: i64) -> Result<Deleted> {
+        self.write(async move |write| delete_jobs(write, ids, before_ms, now_ms).await).await
     }
 }
 
@@ -222,12 +205,12 @@ pub struct Deleted {
     pub checkpoints: Vec<String>,
 }
 
-async fn delete_jobs(write: &mut Write, ids: Vec<String>, before_ms: i64, now_ms: i64) -> Result<Deleted, StoreError> {
+async fn delete_jobs(write: &mut Write, ids: Vec<String>, before_ms: i64, now_ms: i64) -> Result<Deleted> {
     let mut deleted = Deleted::default();
     for id in ids {
         // A job that was retried in the meantime is kept.
         let sql = "select checkpoint from job where id = $1 and finish_time_ms < $2";
-        let row = query(sql).bind(&id).bind(before_ms).fetch_optional(write.sql()).await?;
+        let row = query(sql).bind((&id, before_ms)).fetch_optional(write.sql()).await?;
         let Some(row) = row else { continue };
         deleted.checkpoints.extend(row.try_get::<Option<String>>("checkpoint")?);
         for sql in [
@@ -239,7 +222,7 @@ async fn delete_jobs(write: &mut Write, ids: Vec<String>, before_ms: i64, now_ms
             "delete from job_event where job = $1",
             "delete from job where id = $1",
         ] {
-            query(sql).bind(&id).bind(now_ms).execute(write.sql()).await?;
+            query(sql).bind((&id, now_ms)).execute(write.sql()).await?;
         }
         deleted.jobs += 1;
     }

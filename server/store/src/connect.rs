@@ -1,6 +1,6 @@
 //! Single connections to a database: their options and limits.
 
-use super::StoreError;
+use super::{Result, StoreError};
 use sqlx::ConnectOptions as _;
 use sqlx::postgres::{PgConnectOptions, PgConnection};
 use sqlx::sqlite::{SqliteConnectOptions, SqliteJournalMode, SqliteSynchronous};
@@ -19,7 +19,7 @@ pub(super) const POSTGRES_WRITERS: u32 = 4;
 pub(super) const ACQUIRE_TIMEOUT: Duration = Duration::from_secs(30);
 
 /// Connects to PostgreSQL, or says why that is impossible.
-pub(super) async fn connect_once(options: &PgConnectOptions) -> Result<PgConnection, StoreError> {
+pub(super) async fn connect_once(options: &PgConnectOptions) -> Result<PgConnection> {
     match tokio::time::timeout(ACQUIRE_TIMEOUT, options.connect()).await {
         Ok(connected) => Ok(connected?),
         Err(_) => Err(sqlx::Error::Io(std::io::ErrorKind::TimedOut.into()).into()),
@@ -27,7 +27,7 @@ pub(super) async fn connect_once(options: &PgConnectOptions) -> Result<PgConnect
 }
 
 /// Creates an empty file for a database that only its user can read. SQLite gives the log of a database the same mode.
-pub(super) fn create_private(path: &Path) -> Result<(), StoreError> {
+pub(super) fn create_private(path: &Path) -> Result<()> {
     let created = File::options().write(true).create_new(true).mode(0o600).open(path);
     created.map(drop).map_err(|error| StoreError::Database(sqlx::Error::Io(error)))
 }

@@ -3,7 +3,7 @@
 //! In PostgreSQL it is the time of the database's clock, so that the clocks of other machines need not agree with it. A
 //! process asks for it from time to time and counts on evenly in between.
 
-use super::StoreError;
+use super::Result;
 use super::sql::{Pool, scalar};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
@@ -43,7 +43,7 @@ struct State {
 
 impl DatabaseTime {
     /// Asks PostgreSQL for the time. The answer is at most half the duration of the call old or young.
-    pub(super) async fn read(&self, pool: &Pool) -> Result<(), StoreError> {
+    pub(super) async fn read(&self, pool: &Pool) -> Result<()> {
         let asked = Instant::now();
         let sql = "select cast(extract(epoch from clock_timestamp()) * 1000 as bigint)";
         let time_ms: i64 = scalar(sql).fetch_one(pool).await?;

@@ -2,9 +2,9 @@
 
 use super::changes::Changed;
 use super::rows::{from_json, from_json_option, from_word, to_json, to_word};
-use super::sql::{Builder, Connection, Row, query, query_as, scalar};
+use super::sql::{Builder, Connection, Row, from_row, query, query_as, scalar};
 use super::write::Write;
-use super::{AbortReason, Store, StoreError, page};
+use super::{AbortReason, Result, Store, StoreError, page};
 use lightpath_domain::dataset::{DATASETS_MAX, Dataset, Encoding, Exposure, Finding, PAIRS_MAX, Pair};
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_domain::units::{Distance, Wavelength};
@@ -17,9 +17,9 @@ impl Store {
     ///
     /// [`StoreError::AlreadyExists`] if a dataset with other properties has this id; [`StoreError::NotFound`] if the
     /// display is missing; [`StoreError::Precondition`] if the display has [`DATASETS_MAX`] datasets.
-    pub async fn create_dataset(&self, dataset: &Dataset, now_ms: i64) -> Result<Dataset, StoreError> {
+    pub async fn create_dataset(&self, dataset: &Dataset, now_ms: i64) -> Result<Dataset> {
         let dataset = dataset.clone();
-        self.write(move |write| Box::pin(create(write, dataset, now_ms))).await
+        self.write(async move |write| create(write, dataset, now_ms).await).await
     }
 
     /// A dataset with its pairs.
@@ -27,7 +27,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`].
-    pub async fn dataset(&self, id: &str) -> Result<Dataset, StoreError> {
+    pub async fn dataset(&self, id: &str) -> Result<Dataset> {
         // One transaction, so that the pairs agree with their count.
         let mut read = self.readers().begin().await?;
         with_pairs(&mut read, id).await
@@ -38,12 +38,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn datasets(
-        &self,
-        display: Option<&str>,
-        after: Option<&str>,
-        limit: u32,
-    ) -> Result<Vec<Dataset>, StoreError> {
+    pub async fn datasets(&self, display: Option<&str>, after: Option<&str>, limit: u32) -> Result<Vec<Dataset>> {
         let mut query = Builder::new("select * from dataset where id > ");
         query.push_bind(after.unwrap_or(""));
         if let Some(display) = display {
@@ -59,9 +54,9 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`]; [`StoreError::Precondition`] while a job uses it.
-    pub async fn delete_dataset(&self, id: &str, now_ms: i64) -> Result<(), StoreError> {
+    pub async fn delete_dataset(&self, id: &str, now_ms: i64) -> Result<()> {
         let id = id.to_owned();
-        self.write(move |write| Box::pin(async move { delete(write, &id, now_ms).await })).await
+        self.write(async move |write| delete(write, &id, now_ms).await).await
     }
 
     /// Adds a pair to an open dataset and returns the dataset without its pairs. Adding the same pair again changes
@@ -73,25 +68,20 @@ impl Store {
     /// [`StoreError::NotFound`] if the dataset or an artifact is missing; [`StoreError::AlreadyExists`] if another pair
     /// has this id, hologram or photograph; [`StoreError::Precondition`] if the dataset is finalized or full;
     /// [`StoreError::Aborted`] if the pair was measured with another alignment than the dataset now has.
-    pub async fn add_pair(&self, dataset_id: &str, pair: &Pair, findings: &[Finding]) -> Result<Dataset, StoreError> {
+    pub async fn add_pair(&self, dataset_id: &str, pair: &Pair, findings: &[Finding]) -> Result<Dataset> {
         let (id, pair, findings) = (dataset_id.to_owned(), pair.clone(), findings.to_vec());
-        self.write(move |write| Box::pin(async move { add_pair(write, &id, &pair, &findings).await })).await
+        self.write(async move |write| add_pair(write, &id, &pair, &findings).await).await
     }
 }
 
-async fn create(write: &mut Write, dataset: Dataset, now_ms: i64) -> Result<Dataset, StoreError> {
+async fn create(write: &mut Write, dataset: Dataset, now_ms: i64) -> Result<Dataset> {
     require_room(write.sql(), &dataset).await?;
     query(
         "insert into dataset (id, display, wavelength_pm, distance_nm, photo_encoding, photo_bit_depth, create_time_ms) \
          values ($1, $2, $3, $4, $5, $6, $7) on conflict do nothing",
     )
-    .bind(&dataset.id)
-    .bind(&dataset.display)
-    .bind(dataset.wavelength.pm)
-    .bind(dataset.distance.nm)
-    .bind(to_word::<Encoding>("dataset.photo_encoding", &dataset.photo_encoding)?)
-    .bind(dataset.photo_bit_depth)
-    .bind(now_ms)
+    .bind((&dataset.id, &dataset.display, dataset.wavelength.pm, dataset.distance.nm))
+    .bind((to_word::<Encoding>("dataset.photo_encoding", &dataset.photo_encoding)?, dataset.photo_bit_depth, now_ms))
     .execute(write.sql())
     .await?;
     let stored = with_pairs(write.sql(), &dataset.id).await?;
@@ -108,13 +98,12 @@ async fn create(write: &mut Write, dataset: Dataset, now_ms: i64) -> Result<Data
 }
 
 /// Checks that the display exists and has room for the dataset, unless the dataset exists already.
-async fn require_room(sql: &mut Connection, dataset: &Dataset) -> Result<(), StoreError> {
+async fn require_room(sql: &mut Connection, dataset: &Dataset) -> Result<()> {
     let (has_display, exists, count): (bool, bool, u32) = query_as(
         "select exists (select 1 from display where id = $1), exists (select 1 from dataset where id = $2), \
          (select count(*) from dataset where display = $1)",
     )
-    .bind(&dataset.display)
-    .bind(&dataset.id)
+    .bind((&dataset.display, &dataset.id))
     .fetch_one(sql)
     .await?;
     let display = &dataset.display;
@@ -128,7 +117,7 @@ async fn require_room(sql: &mut Connection, dataset: &Dataset) -> Result<(), Sto
     Ok(())
 }
 
-async fn delete(write: &mut Write, id: &str, now_ms: i64) -> Result<(), StoreError> {
+async fn delete(write: &mut Write, id: &str, now_ms: i64) -> Result<()> {
     let user: Option<String> = scalar(
         "select id from job where state in ('queued', 'running') and (dataset = $1 \
          or exists (select 1 from json_each(job.spec, '$.datasets') where value = $1)) limit 1",
@@ -143,7 +132,7 @@ async fn delete(write: &mut Write, id: &str, now_ms: i64) -> Result<(), StoreErr
     // Clients may be about to use the files in another dataset.
     let keep = "update artifact set use_time_ms = max(use_time_ms, $2) where digest in \
                 (select phase from pair where dataset = $1 union select photo from pair where dataset = $1)";
-    query(keep).bind(id).bind(now_ms).execute(write.sql()).await?;
+    query(keep).bind((id, now_ms)).execute(write.sql()).await?;
     let delete = scalar("delete from dataset where id = $1 returning display");
     let display: Option<String> = delete.bind(id).fetch_optional(write.sql()).await?;
     let display = display.ok_or_else(|| StoreError::not_found(format!("datasets/{id}")))?;
@@ -156,7 +145,7 @@ pub(super) fn changed(dataset: &Dataset) -> Changed {
     Changed::Dataset { id: dataset.id.clone(), display: dataset.display.clone() }
 }
 
-async fn add_pair(write: &mut Write, id: &str, pair: &Pair, findings: &[Finding]) -> Result<Dataset, StoreError> {
+async fn add_pair(write: &mut Write, id: &str, pair: &Pair, findings: &[Finding]) -> Result<Dataset> {
     let dataset = find(write.sql(), id).await?;
     if contains_pair(write.sql(), id, pair).await? {
         return Ok(dataset);
@@ -172,30 +161,22 @@ async fn add_pair(write: &mut Write, id: &str, pair: &Pair, findings: &[Finding]
         findings.iter().partition(|finding| !finding.pair.is_empty());
     let sql = "insert into pair (dataset, id, phase, photo, split, exposure, checks, findings) values ($1, $2, $3, $4, $5, $6, $7, $8)";
     query(sql)
-        .bind(id)
-        .bind(&pair.id)
-        .bind(&pair.phase)
-        .bind(&pair.photo)
-        .bind(pair.split.map(|split| to_word("pair.split", &split)).transpose()?)
-        .bind(exposure)
-        .bind(checks)
+        .bind((id, &pair.id, &pair.phase, &pair.photo))
+        .bind((pair.split.map(|split| to_word("pair.split", &split)).transpose()?, exposure, checks))
         .bind(to_json("pair.findings", &pair_findings)?)
         .execute(write.sql())
         .await?;
     let sql = "update dataset set pair_count = pair_count + 1, findings = $2, revision = revision + 1 \
                where id = $1 returning *";
-    let row = query(sql).bind(id).bind(to_json("dataset.findings", &dataset_findings)?).fetch_one(write.sql()).await?;
+    let row = query(sql).bind((id, to_json("dataset.findings", &dataset_findings)?)).fetch_one(write.sql()).await?;
     write.announce_changed(changed(&dataset));
     dataset_of(&row)
 }
 
 /// Whether the dataset contains the same pair. Returns an error if another pair has its id, hologram or photograph.
-async fn contains_pair(sql: &mut Connection, id: &str, pair: &Pair) -> Result<bool, StoreError> {
+async fn contains_pair(sql: &mut Connection, id: &str, pair: &Pair) -> Result<bool> {
     let rows = query("select * from pair where dataset = $1 and (id = $2 or phase = $3 or photo = $4)")
-        .bind(id)
-        .bind(&pair.id)
-        .bind(&pair.phase)
-        .bind(&pair.photo)
+        .bind((id, &pair.id, &pair.phase, &pair.photo))
         .fetch_all(sql)
         .await?;
     let stored: Vec<Pair> = rows.iter().map(pair_of).collect::<Result<_, _>>()?;
@@ -215,7 +196,7 @@ async fn contains_pair(sql: &mut Connection, id: &str, pair: &Pair) -> Result<bo
 }
 
 /// Checks that the dataset is open, is not full, and has the alignment with which the pair was measured.
-fn require_pair_allowed(dataset: &Dataset, pair: &Pair) -> Result<(), StoreError> {
+fn require_pair_allowed(dataset: &Dataset, pair: &Pair) -> Result<()> {
     let id = &dataset.id;
     if dataset.digest.is_some() {
         let message = format!("datasets/{id} is finalized and takes no more pairs; create another dataset");
@@ -246,7 +227,7 @@ fn describe_conflict(dataset: &str, pair: &Pair, stored: &Pair) -> (String, Stri
 }
 
 /// The dataset with its pairs and all its findings.
-pub(super) async fn with_pairs(sql: &mut Connection, id: &str) -> Result<Dataset, StoreError> {
+pub(super) async fn with_pairs(sql: &mut Connection, id: &str) -> Result<Dataset> {
     let mut dataset = find(&mut *sql, id).await?;
     let rows = query("select * from pair where dataset = $1 order by id").bind(id).fetch_all(sql).await?;
     let mut findings = Vec::new();
@@ -258,46 +239,37 @@ pub(super) async fn with_pairs(sql: &mut Connection, id: &str) -> Result<Dataset
     Ok(Dataset { findings, ..dataset })
 }
 
-async fn find(sql: &mut Connection, id: &str) -> Result<Dataset, StoreError> {
+async fn find(sql: &mut Connection, id: &str) -> Result<Dataset> {
     let row = query("select * from dataset where id = $1").bind(id).fetch_optional(sql).await?;
     dataset_of(&row.ok_or_else(|| StoreError::not_found(format!("datasets/{id}")))?)
 }
 
 /// Checks that the artifact is recorded.
-pub(super) async fn require_artifact(sql: &mut Connection, digest: &str) -> Result<(), StoreError> {
+pub(super) async fn require_artifact(sql: &mut Connection, digest: &str) -> Result<()> {
     let known: bool =
         scalar("select exists (select 1 from artifact where digest = $1)").bind(digest).fetch_one(sql).await?;
     if known { Ok(()) } else { Err(StoreError::not_found(format!("artifact {digest}"))) }
 }
 
-fn dataset_of(row: &Row) -> Result<Dataset, StoreError> {
-    Ok(Dataset {
-        id: row.try_get("id")?,
-        display: row.try_get("display")?,
+fn dataset_of(row: &Row) -> Result<Dataset> {
+    Ok(from_row!(row, Dataset {
+        id, display, photo_bit_depth, pair_count, revision, digest, create_time_ms, finalize_time_ms;
         wavelength: Wavelength { pm: row.try_get("wavelength_pm")? },
         distance: Distance { nm: row.try_get("distance_nm")? },
         photo_encoding: from_word("dataset.photo_encoding", row.try_get("photo_encoding")?)?,
-        photo_bit_depth: row.try_get("photo_bit_depth")?,
         alignment: from_json_option("dataset.alignment", row.try_get("alignment")?)?,
         pairs: Vec::new(),
-        pair_count: row.try_get("pair_count")?,
         findings: from_json("dataset.findings", &row.try_get::<String>("findings")?)?,
-        revision: row.try_get::<i64>("revision")?.unsigned_abs(),
         finalization: from_json_option("dataset.finalization", row.try_get("finalization")?)?,
-        digest: row.try_get("digest")?,
-        create_time_ms: row.try_get("create_time_ms")?,
-        finalize_time_ms: row.try_get("finalize_time_ms")?,
-    })
+    }))
 }
 
-fn pair_of(row: &Row) -> Result<Pair, StoreError> {
+fn pair_of(row: &Row) -> Result<Pair> {
     let split: Option<String> = row.try_get("split")?;
-    Ok(Pair {
-        id: row.try_get("id")?,
-        phase: row.try_get("phase")?,
-        photo: row.try_get("photo")?,
+    Ok(from_row!(row, Pair {
+        id, phase, photo;
         split: split.map(|word| from_word("pair.split", word)).transpose()?,
         exposure: from_json_option("pair.exposure", row.try_get("exposure")?)?.unwrap_or_default(),
         checks: from_json_option("pair.checks", row.try_get("checks")?)?,
-    })
+    }))
 }

@@ -1,8 +1,8 @@
 //! What webhooks are to learn, and what became of it. Triggers of the database insert the rows.
 
 use super::rows::from_word;
-use super::sql::{Row, query, scalar};
-use super::{Store, StoreError, page};
+use super::sql::{Row, from_row, query, scalar};
+use super::{Result, Store, page};
 use lightpath_domain::webhook::Delivery;
 
 /// Ended deliveries of a webhook that are kept for people.
@@ -24,8 +24,8 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`].
-    pub async fn webhooks_due(&self, now_ms: i64) -> Result<Vec<String>, StoreError> {
+    /// [`crate::StoreError::Database`].
+    pub async fn webhooks_due(&self, now_ms: i64) -> Result<Vec<String>> {
         let sql = "select id from webhook where exists \
                    (select 1 from webhook_delivery where webhook = webhook.id and next_time_ms <= $1)";
         Ok(scalar(sql).bind(now_ms).fetch_all(self.readers()).await?)
@@ -35,8 +35,8 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`].
-    pub async fn next_attempt_ms(&self) -> Result<Option<i64>, StoreError> {
+    /// [`crate::StoreError::Database`].
+    pub async fn next_attempt_ms(&self) -> Result<Option<i64>> {
         let sql = "select min((select min(next_time_ms) from webhook_delivery \
                    where webhook = webhook.id and next_time_ms is not null)) from webhook";
         Ok(scalar(sql).fetch_one(self.readers()).await?)
@@ -46,11 +46,11 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`].
-    pub async fn due_delivery(&self, webhook: &str, now_ms: i64) -> Result<Option<Delivery>, StoreError> {
+    /// [`crate::StoreError::Database`].
+    pub async fn due_delivery(&self, webhook: &str, now_ms: i64) -> Result<Option<Delivery>> {
         let sql = "select * from webhook_delivery where webhook = $1 and next_time_ms <= $2 \
                    order by next_time_ms, sequence limit 1";
-        let row = query(sql).bind(webhook).bind(now_ms).fetch_optional(self.readers()).await?;
+        let row = query(sql).bind((webhook, now_ms)).fetch_optional(self.readers()).await?;
         row.as_ref().map(delivery_of).transpose()
     }
 
@@ -58,32 +58,26 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`], [`StoreError::DiskFull`]. Without the note, the next attempt repeats this one.
-    pub async fn note_attempt(&self, delivery: &Delivery, attempt: Attempt, answer: &str) -> Result<(), StoreError> {
+    /// [`crate::StoreError::Database`], [`crate::StoreError::DiskFull`]. Without the note, the next attempt repeats this one.
+    pub async fn note_attempt(&self, delivery: &Delivery, attempt: Attempt, answer: &str) -> Result<()> {
         let (webhook, sequence, answer) = (delivery.webhook.clone(), delivery.sequence, answer.to_owned());
         let delivery_attempts = delivery.attempts;
         let next_ms = match attempt {
             Attempt::RetryAt(time_ms) => Some(time_ms),
             Attempt::Accepted | Attempt::GivenUp => None,
         };
-        self.write(move |write| {
-            Box::pin(async move {
-                let sql = "update webhook_delivery set attempts = attempts + 1, next_time_ms = $2, delivered = $3, \
+        self.write(async move |write| {
+            let sql = "update webhook_delivery set attempts = attempts + 1, next_time_ms = $2, delivered = $3, \
                            answer = $4 where sequence = $1 and attempts = $5 and next_time_ms is not null";
-                query(sql)
-                    .bind(sequence)
-                    .bind(next_ms)
-                    .bind(attempt == Attempt::Accepted)
-                    .bind(answer)
-                    .bind(delivery_attempts)
-                    .execute(write.sql())
-                    .await?;
-                let forget_old = "delete from webhook_delivery where webhook = $1 and next_time_ms is null \
+            query(sql)
+                .bind((sequence, next_ms, attempt == Attempt::Accepted, answer, delivery_attempts))
+                .execute(write.sql())
+                .await?;
+            let forget_old = "delete from webhook_delivery where webhook = $1 and next_time_ms is null \
                      and sequence <= (select sequence from webhook_delivery where webhook = $1 \
                      and next_time_ms is null order by sequence desc limit 1 offset $2)";
-                query(forget_old).bind(webhook).bind(ENDED_KEPT).execute(write.sql()).await?;
-                Ok(())
-            })
+            query(forget_old).bind((webhook, ENDED_KEPT)).execute(write.sql()).await?;
+            Ok(())
         })
         .await
     }
@@ -93,16 +87,11 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::NotFound`] if the webhook does not exist.
-    pub async fn deliveries(
-        &self,
-        webhook: &str,
-        before: Option<i64>,
-        limit: u32,
-    ) -> Result<Vec<Delivery>, StoreError> {
+    /// [`crate::StoreError::NotFound`] if the webhook does not exist.
+    pub async fn deliveries(&self, webhook: &str, before: Option<i64>, limit: u32) -> Result<Vec<Delivery>> {
         self.webhook(webhook).await?;
         let sql = "select * from webhook_delivery where webhook = $1 and sequence < $2 order by sequence desc limit $3";
-        let query = query(sql).bind(webhook).bind(before.unwrap_or(i64::MAX)).bind(page(limit));
+        let query = query(sql).bind((webhook, before.unwrap_or(i64::MAX), page(limit)));
         query.fetch_all(self.readers()).await?.iter().map(delivery_of).collect()
     }
 
@@ -110,25 +99,17 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`].
-    pub async fn deliveries_waiting(&self) -> Result<u64, StoreError> {
+    /// [`crate::StoreError::Database`].
+    pub async fn deliveries_waiting(&self) -> Result<u64> {
         let sql = "select count(*) from webhook_delivery where next_time_ms is not null";
         let count: i64 = scalar(sql).fetch_one(self.readers()).await?;
         Ok(count.unsigned_abs())
     }
 }
 
-pub(super) fn delivery_of(row: &Row) -> Result<Delivery, StoreError> {
-    Ok(Delivery {
-        sequence: row.try_get("sequence")?,
-        id: row.try_get("id")?,
-        webhook: row.try_get("webhook")?,
+pub(super) fn delivery_of(row: &Row) -> Result<Delivery> {
+    Ok(from_row!(row, Delivery {
+        sequence, id, webhook, subject, time_ms, attempts, next_time_ms, delivered, answer;
         event: from_word("webhook_delivery.event", row.try_get("event")?)?,
-        subject: row.try_get("subject")?,
-        time_ms: row.try_get("time_ms")?,
-        attempts: row.try_get("attempts")?,
-        next_time_ms: row.try_get("next_time_ms")?,
-        delivered: row.try_get("delivered")?,
-        answer: row.try_get("answer")?,
-    })
+    }))
 }

@@ -6,7 +6,7 @@ use super::job_rows::job_of;
 use super::rows::to_json;
 use super::sql::{query, scalar};
 use super::write::Write;
-use super::{Store, StoreError};
+use super::{Result, Store, StoreError};
 use lightpath_domain::job::{FailureReason, Job, JobError, JobState};
 use lightpath_domain::reason::PreconditionReason;
 use std::collections::{HashSet, VecDeque};
@@ -17,10 +17,10 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn jobs_on(&self, ids: &[String], displays: &[String]) -> Result<HashSet<String>, StoreError> {
+    pub async fn jobs_on(&self, ids: &[String], displays: &[String]) -> Result<HashSet<String>> {
         let sql = "select id from job where id in (select value from json_each($1)) \
                    and display in (select value from json_each($2))";
-        let found = scalar(sql).bind(to_json("job.after", &ids)?).bind(to_json("display", &displays)?);
+        let found = scalar(sql).bind((to_json("job.after", &ids)?, to_json("display", &displays)?));
         Ok(found.fetch_all(self.readers()).await?.into_iter().collect())
     }
 }
@@ -33,7 +33,7 @@ pub(super) const DEPENDENCIES_MAX: u32 = 100_000;
 /// # Errors
 ///
 /// [`StoreError::DependenciesFull`].
-pub(super) async fn store_dependencies(write: &mut Write, job: &str, after: &[String]) -> Result<(), StoreError> {
+pub(super) async fn store_dependencies(write: &mut Write, job: &str, after: &[String]) -> Result<()> {
     if after.is_empty() {
         return Ok(());
     }
@@ -43,7 +43,7 @@ pub(super) async fn store_dependencies(write: &mut Write, job: &str, after: &[St
     }
     for other in after {
         let sql = "insert into job_dependency values ($1, $2) on conflict do nothing";
-        query(sql).bind(job).bind(other).execute(write.sql()).await?;
+        query(sql).bind((job, other)).execute(write.sql()).await?;
     }
     Ok(())
 }
@@ -53,7 +53,7 @@ pub(super) async fn store_dependencies(write: &mut Write, job: &str, after: &[St
 /// # Errors
 ///
 /// [`StoreError::NotFound`]; [`StoreError::Precondition`] if one of the jobs has failed or was cancelled.
-pub(super) async fn unfinished(write: &mut Write, after: &[String]) -> Result<Vec<String>, StoreError> {
+pub(super) async fn unfinished(write: &mut Write, after: &[String]) -> Result<Vec<String>> {
     let mut unfinished = Vec::new();
     for id in after {
         let row = query("select state from job where id = $1").bind(id).fetch_optional(write.sql()).await?;
@@ -71,7 +71,7 @@ pub(super) async fn unfinished(write: &mut Write, after: &[String]) -> Result<Ve
 }
 
 /// Releases the jobs that waited only for `job`, which has succeeded.
-pub(super) async fn release_waiting_jobs(write: &mut Write, job: &Job) -> Result<(), StoreError> {
+pub(super) async fn release_waiting_jobs(write: &mut Write, job: &Job) -> Result<()> {
     let sql = "update job set waiting_for = waiting_for - 1, revision = revision + 1 \
                where id in (select job from job_dependency where after = $1) and state = 'queued' returning id";
     let waiting: Vec<String> = scalar(sql).bind(&job.id).fetch_all(write.sql()).await?;
@@ -84,7 +84,7 @@ pub(super) async fn release_waiting_jobs(write: &mut Write, job: &Job) -> Result
 }
 
 /// Fails the jobs that waited for `job`, directly or through other jobs, because `job` failed or was cancelled.
-pub(super) async fn fail_waiting_jobs(write: &mut Write, job: &Job, now_ms: i64) -> Result<(), StoreError> {
+pub(super) async fn fail_waiting_jobs(write: &mut Write, job: &Job, now_ms: i64) -> Result<()> {
     let mut ended = VecDeque::from([(job.id.clone(), job.state)]);
     while let Some((id, state)) = ended.pop_front() {
         let message = format!("jobs/{id}, which this job waited for, is {}", state.as_str());
@@ -92,7 +92,7 @@ pub(super) async fn fail_waiting_jobs(write: &mut Write, job: &Job, now_ms: i64)
         let sql = "update job set state = 'failed', error = $2, finish_time_ms = $3, checkpoint = null, \
                    revision = revision + 1 \
                    where id in (select job from job_dependency where after = $1) and state = 'queued' returning *";
-        let rows = query(sql).bind(&id).bind(to_json("job.error", &error)?).bind(now_ms).fetch_all(write.sql()).await?;
+        let rows = query(sql).bind((&id, to_json("job.error", &error)?, now_ms)).fetch_all(write.sql()).await?;
         for row in rows {
             let waiting = job_of(&row)?;
             append_event(write, &waiting, now_ms, format!("failed: DEPENDENCY_FAILED: {message}")).await?;

@@ -4,15 +4,14 @@ use super::changes::Changed;
 use super::kernels::find;
 use super::moves::require_version;
 use super::rollouts;
-use super::rows::{from_word, to_word};
-use super::sql::{Connection, Row, query, query_as, scalar};
+use super::rows::{from_word, key_of, to_word};
+use super::sql::{Connection, Row, from_row, query, query_as, scalar};
 use super::write::Write;
-use super::{Store, StoreError, page};
+use super::{Result, Store, StoreError, page};
 use lightpath_domain::device::{Device, InstalledFile, InstalledKernel, Report};
 use lightpath_domain::kernel::KernelKey;
 use lightpath_domain::kernel_format::KernelFormat;
 use lightpath_domain::reason::PreconditionReason;
-use lightpath_domain::units::{Distance, Wavelength};
 
 /// Limit on the devices of a display, so that wrong ids cannot fill the disk.
 pub const DEVICES_MAX: u32 = 100_000;
@@ -24,8 +23,8 @@ impl Store {
     ///
     /// [`StoreError::NotFound`] if the kernel or a version does not exist; [`StoreError::Precondition`] if the display
     /// has [`DEVICES_MAX`] devices.
-    pub async fn report_device(&self, report: Report) -> Result<(), StoreError> {
-        self.write(move |write| Box::pin(async move { store_report(write, &report).await })).await
+    pub async fn report_device(&self, report: Report) -> Result<()> {
+        self.write(async move |write| store_report(write, &report).await).await
     }
 
     /// At most `limit` devices of a display in the order of their ids, behind the id `after`.
@@ -33,12 +32,10 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn devices(&self, display: &str, after: Option<&str>, limit: u32) -> Result<Vec<Device>, StoreError> {
+    pub async fn devices(&self, display: &str, after: Option<&str>, limit: u32) -> Result<Vec<Device>> {
         let mut read = self.readers().begin().await?;
         let rows = query("select * from device where display = $1 and id > $2 order by id limit $3")
-            .bind(display)
-            .bind(after.unwrap_or(""))
-            .bind(page(limit))
+            .bind((display, after.unwrap_or(""), page(limit)))
             .fetch_all(&mut read)
             .await?;
         with_kernels(&mut read, display, &rows).await
@@ -50,31 +47,22 @@ impl Store {
     ///
     /// [`StoreError::NotFound`] if the display does not exist; [`StoreError::Precondition`] if it has [`DEVICES_MAX`]
     /// devices.
-    pub async fn set_device_group(
-        &self,
-        display: &str,
-        device: &str,
-        group: &str,
-        now_ms: i64,
-    ) -> Result<Device, StoreError> {
+    pub async fn set_device_group(&self, display: &str, device: &str, group: &str, now_ms: i64) -> Result<Device> {
         let (display, device, group) = (display.to_owned(), device.to_owned(), group.to_owned());
-        self.write(move |write| {
-            Box::pin(async move {
-                create(write.sql(), &display, &device).await?;
-                let regroup = "update device set group_name = $3 where display = $1 and id = $2 and group_name <> $3";
-                let changed = query(regroup).bind(&display).bind(&device).bind(&group).execute(write.sql()).await?;
-                if changed > 0 {
-                    write.announce_changed(device_changed(&display, &device));
-                    rollouts::note_regrouping(write, &display, now_ms).await?;
-                }
-                let row = query("select * from device where display = $1 and id = $2")
-                    .bind(&display)
-                    .bind(&device)
-                    .fetch_one(write.sql())
-                    .await?;
-                let devices = with_kernels(write.sql(), &display, &[row]).await?;
-                devices.into_iter().next().ok_or_else(|| not_found(&display, &device))
-            })
+        self.write(async move |write| {
+            create(write.sql(), &display, &device).await?;
+            let regroup = "update device set group_name = $3 where display = $1 and id = $2 and group_name <> $3";
+            let changed = query(regroup).bind((&display, &device, &group)).execute(write.sql()).await?;
+            if changed > 0 {
+                write.announce_changed(device_changed(&display, &device));
+                rollouts::note_regrouping(write, &display, now_ms).await?;
+            }
+            let row = query("select * from device where display = $1 and id = $2")
+                .bind((&display, &device))
+                .fetch_one(write.sql())
+                .await?;
+            let devices = with_kernels(write.sql(), &display, &[row]).await?;
+            devices.into_iter().next().ok_or_else(|| not_found(&display, &device))
         })
         .await
     }
@@ -84,18 +72,16 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`].
-    pub async fn delete_device(&self, display: &str, device: &str) -> Result<(), StoreError> {
+    pub async fn delete_device(&self, display: &str, device: &str) -> Result<()> {
         let (display, device) = (display.to_owned(), device.to_owned());
-        self.write(move |write| {
-            Box::pin(async move {
-                let delete = "delete from device where display = $1 and id = $2";
-                let deleted = query(delete).bind(&display).bind(&device).execute(write.sql()).await?;
-                if deleted == 0 {
-                    return Err(not_found(&display, &device));
-                }
-                write.announce_changed(device_changed(&display, &device));
-                rollouts::forget_reports(write, &display, &device).await
-            })
+        self.write(async move |write| {
+            let delete = "delete from device where display = $1 and id = $2";
+            let deleted = query(delete).bind((&display, &device)).execute(write.sql()).await?;
+            if deleted == 0 {
+                return Err(not_found(&display, &device));
+            }
+            write.announce_changed(device_changed(&display, &device));
+            rollouts::forget_reports(write, &display, &device).await
         })
         .await
     }
@@ -105,7 +91,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`] if the kernel does not exist.
-    pub async fn forms_in_use(&self, key: &KernelKey) -> Result<Vec<KernelFormat>, StoreError> {
+    pub async fn forms_in_use(&self, key: &KernelKey) -> Result<Vec<KernelFormat>> {
         let mut read = self.readers().begin().await?;
         let (id, _) = find(&mut read, key).await?;
         let words: Vec<String> =
@@ -117,7 +103,7 @@ impl Store {
     }
 }
 
-async fn store_report(write: &mut Write, report: &Report) -> Result<(), StoreError> {
+async fn store_report(write: &mut Write, report: &Report) -> Result<()> {
     let Report { device, agent, installed } = report;
     let (id, kernel) = find(write.sql(), &installed.kernel).await?;
     let file = installed.file.as_ref();
@@ -127,10 +113,7 @@ async fn store_report(write: &mut Write, report: &Report) -> Result<(), StoreErr
     let display = &installed.kernel.display;
     create(write.sql(), display, device).await?;
     query("update device set agent = $1, report_time_ms = $2 where display = $3 and id = $4")
-        .bind(agent)
-        .bind(installed.report_time_ms)
-        .bind(display)
-        .bind(device)
+        .bind((agent, installed.report_time_ms, display, device))
         .execute(write.sql())
         .await?;
     query(
@@ -140,17 +123,10 @@ async fn store_report(write: &mut Write, report: &Report) -> Result<(), StoreErr
          generation = excluded.generation, tried_version = excluded.tried_version, message = excluded.message, \
          self_test_loss = excluded.self_test_loss, report_time_ms = excluded.report_time_ms",
     )
-    .bind(display)
-    .bind(device)
-    .bind(id)
-    .bind(file.map(|file| file.version))
+    .bind((display, device, id, file.map(|file| file.version)))
     .bind(file.map(|file| to_word("device_kernel.form", &file.form)).transpose()?.unwrap_or_default())
-    .bind(file.map(|file| file.digest.as_str()).unwrap_or_default())
-    .bind(installed.generation as i64)
-    .bind(installed.tried_version)
-    .bind(&installed.message)
-    .bind(installed.self_test_loss)
-    .bind(installed.report_time_ms)
+    .bind((file.map(|file| file.digest.as_str()).unwrap_or_default(), installed.generation as i64))
+    .bind((installed.tried_version, &installed.message, installed.self_test_loss, installed.report_time_ms))
     .execute(write.sql())
     .await?;
     write.announce_changed(device_changed(display, device));
@@ -162,11 +138,11 @@ fn device_changed(display: &str, device: &str) -> Changed {
 }
 
 /// Creates a device if it is unknown.
-async fn create(sql: &mut Connection, display: &str, device: &str) -> Result<(), StoreError> {
+async fn create(sql: &mut Connection, display: &str, device: &str) -> Result<()> {
     let state = "select exists (select 1 from display where id = $1), \
                  exists (select 1 from device where display = $1 and id = $2)";
     let (display_exists, device_exists): (bool, bool) =
-        query_as(state).bind(display).bind(device).fetch_one(&mut *sql).await?;
+        query_as(state).bind((display, device)).fetch_one(&mut *sql).await?;
     if !display_exists {
         return Err(StoreError::not_found(format!("displays/{display}")));
     }
@@ -179,7 +155,7 @@ async fn create(sql: &mut Connection, display: &str, device: &str) -> Result<(),
         let message = format!("displays/{display} has {DEVICES_MAX} devices, which is the limit; delete old ones");
         return Err(StoreError::precondition(PreconditionReason::DevicesFull, message));
     }
-    query("insert into device (display, id) values ($1, $2)").bind(display).bind(device).execute(sql).await?;
+    query("insert into device (display, id) values ($1, $2)").bind((display, device)).execute(sql).await?;
     Ok(())
 }
 
@@ -188,16 +164,14 @@ fn not_found(display: &str, device: &str) -> StoreError {
 }
 
 /// The devices of rows that are in the order of their ids, with their kernels.
-async fn with_kernels(sql: &mut Connection, display: &str, rows: &[Row]) -> Result<Vec<Device>, StoreError> {
+async fn with_kernels(sql: &mut Connection, display: &str, rows: &[Row]) -> Result<Vec<Device>> {
     let mut devices = rows.iter().map(|row| device_of(display, row)).collect::<Result<Vec<_>, _>>()?;
     let (Some(first), Some(last)) = (devices.first(), devices.last()) else { return Ok(devices) };
     let kernels = query(
         "select d.*, k.wavelength_pm, k.distance_nm from device_kernel d join kernel k on k.id = d.kernel \
          where d.display = $1 and d.device between $2 and $3 order by d.device, k.name",
     )
-    .bind(display)
-    .bind(&first.id)
-    .bind(&last.id)
+    .bind((display, &first.id, &last.id))
     .fetch_all(sql)
     .await?;
     let mut kernels = kernels.iter().peekable();
@@ -206,25 +180,23 @@ async fn with_kernels(sql: &mut Connection, display: &str, rows: &[Row]) -> Resu
             if row.try_get::<String>("device")? != device.id {
                 break;
             }
-            device.kernels.push(installed_of(display, row)?);
+            device.kernels.push(installed_of(row)?);
             kernels.next();
         }
     }
     Ok(devices)
 }
 
-fn device_of(display: &str, row: &Row) -> Result<Device, StoreError> {
-    Ok(Device {
+fn device_of(display: &str, row: &Row) -> Result<Device> {
+    Ok(from_row!(row, Device {
+        id, agent, report_time_ms;
         display: display.to_owned(),
-        id: row.try_get("id")?,
         kernels: Vec::new(),
         group: row.try_get("group_name")?,
-        agent: row.try_get("agent")?,
-        report_time_ms: row.try_get("report_time_ms")?,
-    })
+    }))
 }
 
-fn installed_of(display: &str, row: &Row) -> Result<InstalledKernel, StoreError> {
+fn installed_of(row: &Row) -> Result<InstalledKernel> {
     let file = match row.try_get("version")? {
         None => None,
         Some(version) => Some(InstalledFile {
@@ -233,17 +205,9 @@ fn installed_of(display: &str, row: &Row) -> Result<InstalledKernel, StoreError>
             digest: row.try_get("digest")?,
         }),
     };
-    Ok(InstalledKernel {
-        kernel: KernelKey {
-            display: display.to_owned(),
-            wavelength: Wavelength { pm: row.try_get("wavelength_pm")? },
-            distance: Distance { nm: row.try_get("distance_nm")? },
-        },
+    Ok(from_row!(row, InstalledKernel {
+        generation, tried_version, message, self_test_loss, report_time_ms;
+        kernel: key_of(row)?,
         file,
-        generation: row.try_get::<i64>("generation")?.unsigned_abs(),
-        tried_version: row.try_get("tried_version")?,
-        message: row.try_get("message")?,
-        self_test_loss: row.try_get("self_test_loss")?,
-        report_time_ms: row.try_get("report_time_ms")?,
-    })
+    }))
 }

@@ -9,7 +9,7 @@ use super::prepared::store_prepared;
 use super::rows::to_json;
 use super::sql::{Row, query};
 use super::write::Write;
-use super::{Store, StoreError, dependencies};
+use super::{Result, Store, dependencies};
 use lightpath_domain::job::{FailureReason, Job, JobEffect, JobError, JobResult, Lease};
 use lightpath_domain::kernel::{KernelKey, NewKernelVersion};
 
@@ -46,19 +46,13 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::LeaseLost`]; [`StoreError::NotFound`] if an artifact of the effect is not recorded;
-    /// [`StoreError::Aborted`] if the dataset changed after the job read it; [`StoreError::Precondition`] if the
+    /// [`crate::StoreError::LeaseLost`]; [`crate::StoreError::NotFound`] if an artifact of the effect is not recorded;
+    /// [`crate::StoreError::Aborted`] if the dataset changed after the job read it; [`crate::StoreError::Precondition`] if the
     /// dataset was finalized in the meantime, if its split has no training pair or no test pair, or if a kernel has
     /// reached its limit of versions.
-    pub async fn finish(
-        &self,
-        lease: &Lease,
-        result: JobResult,
-        effect: JobEffect,
-        now_ms: i64,
-    ) -> Result<Job, StoreError> {
+    pub async fn finish(&self, lease: &Lease, result: JobResult, effect: JobEffect, now_ms: i64) -> Result<Job> {
         let lease = lease.clone();
-        self.write(move |write| Box::pin(async move { finish(write, &lease, result, effect, now_ms).await })).await
+        self.write(async move |write| finish(write, &lease, result, effect, now_ms).await).await
     }
 
     /// Ends the attempt with an error. With `retry_at_ms`, the job returns to the queue and runs again at that time,
@@ -67,21 +61,13 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::LeaseLost`].
-    pub async fn fail(
-        &self,
-        lease: &Lease,
-        error: JobError,
-        retry_at_ms: Option<i64>,
-        now_ms: i64,
-    ) -> Result<Job, StoreError> {
+    /// [`crate::StoreError::LeaseLost`].
+    pub async fn fail(&self, lease: &Lease, error: JobError, retry_at_ms: Option<i64>, now_ms: i64) -> Result<Job> {
         let lease = lease.clone();
-        self.write(move |write| {
-            Box::pin(async move {
-                let (job, failures, crashes) = read(write, &lease).await?;
-                let ending = after_failure(&job, failures, crashes, error, retry_at_ms);
-                end(write, &job.id, ending, now_ms).await
-            })
+        self.write(async move |write| {
+            let (job, failures, crashes) = read(write, &lease).await?;
+            let ending = after_failure(&job, failures, crashes, error, retry_at_ms);
+            end(write, &job.id, ending, now_ms).await
         })
         .await
     }
@@ -91,25 +77,17 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::LeaseLost`].
-    pub async fn postpone(
-        &self,
-        lease: &Lease,
-        error: JobError,
-        retry_at_ms: i64,
-        now_ms: i64,
-    ) -> Result<Job, StoreError> {
+    /// [`crate::StoreError::LeaseLost`].
+    pub async fn postpone(&self, lease: &Lease, error: JobError, retry_at_ms: i64, now_ms: i64) -> Result<Job> {
         let lease = lease.clone();
-        self.write(move |write| {
-            Box::pin(async move {
-                let (job, failures, _) = read(write, &lease).await?;
-                let error = JobError { retryable: true, ..error };
-                let ending = match job.cancel_requested {
-                    true => Ending::Cancelled,
-                    false => Ending::Requeued { run_time_ms: retry_at_ms, failures, cause: Cause::Error(error) },
-                };
-                end(write, &job.id, ending, now_ms).await
-            })
+        self.write(async move |write| {
+            let (job, failures, _) = read(write, &lease).await?;
+            let error = JobError { retryable: true, ..error };
+            let ending = match job.cancel_requested {
+                true => Ending::Cancelled,
+                false => Ending::Requeued { run_time_ms: retry_at_ms, failures, cause: Cause::Error(error) },
+            };
+            end(write, &job.id, ending, now_ms).await
         })
         .await
     }
@@ -118,14 +96,12 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::LeaseLost`].
-    pub async fn end_cancelled(&self, lease: &Lease, now_ms: i64) -> Result<Job, StoreError> {
+    /// [`crate::StoreError::LeaseLost`].
+    pub async fn end_cancelled(&self, lease: &Lease, now_ms: i64) -> Result<Job> {
         let lease = lease.clone();
-        self.write(move |write| {
-            Box::pin(async move {
-                let (job, ..) = read(write, &lease).await?;
-                end(write, &job.id, Ending::Cancelled, now_ms).await
-            })
+        self.write(async move |write| {
+            let (job, ..) = read(write, &lease).await?;
+            end(write, &job.id, Ending::Cancelled, now_ms).await
         })
         .await
     }
@@ -136,12 +112,12 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`], [`StoreError::DiskFull`].
-    pub async fn release_all(&self, process: Option<&str>, now_ms: i64) -> Result<Vec<Job>, StoreError> {
+    /// [`crate::StoreError::Database`], [`crate::StoreError::DiskFull`].
+    pub async fn release_all(&self, process: Option<&str>, now_ms: i64) -> Result<Vec<Job>> {
         let mut released = Vec::new();
         loop {
             let process = process.map(str::to_owned);
-            let mut jobs = self.write(move |write| Box::pin(release_running(write, process, now_ms))).await?;
+            let mut jobs = self.write(async move |write| release_running(write, process, now_ms).await).await?;
             if jobs.is_empty() {
                 return Ok(released);
             }
@@ -154,18 +130,16 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`], [`StoreError::DiskFull`].
-    pub async fn abandon_claim(&self, lease_id: &str, now_ms: i64) -> Result<(), StoreError> {
+    /// [`crate::StoreError::Database`], [`crate::StoreError::DiskFull`].
+    pub async fn abandon_claim(&self, lease_id: &str, now_ms: i64) -> Result<()> {
         let lease_id = lease_id.to_owned();
-        self.write(move |write| {
-            Box::pin(async move {
-                let sql = "select * from job where state = 'running' and lease_id = $1";
-                if let Some(row) = query(sql).bind(lease_id).fetch_optional(write.sql()).await? {
-                    let job = job_of(&row)?;
-                    end(write, &job.id, after_stop(&job, row.try_get("failures")?), now_ms).await?;
-                }
-                Ok(())
-            })
+        self.write(async move |write| {
+            let sql = "select * from job where state = 'running' and lease_id = $1";
+            if let Some(row) = query(sql).bind(lease_id).fetch_optional(write.sql()).await? {
+                let job = job_of(&row)?;
+                end(write, &job.id, after_stop(&job, row.try_get("failures")?), now_ms).await?;
+            }
+            Ok(())
         })
         .await
     }
@@ -174,14 +148,12 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::LeaseLost`].
-    pub async fn release(&self, lease: &Lease, now_ms: i64) -> Result<Job, StoreError> {
+    /// [`crate::StoreError::LeaseLost`].
+    pub async fn release(&self, lease: &Lease, now_ms: i64) -> Result<Job> {
         let lease = lease.clone();
-        self.write(move |write| {
-            Box::pin(async move {
-                let (job, failures, _) = read(write, &lease).await?;
-                end(write, &job.id, after_stop(&job, failures), now_ms).await
-            })
+        self.write(async move |write| {
+            let (job, failures, _) = read(write, &lease).await?;
+            end(write, &job.id, after_stop(&job, failures), now_ms).await
         })
         .await
     }
@@ -191,9 +163,9 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`], [`StoreError::DiskFull`].
-    pub async fn expire_leases(&self, now_ms: i64) -> Result<Vec<Job>, StoreError> {
-        self.write(move |write| Box::pin(expire(write, now_ms))).await
+    /// [`crate::StoreError::Database`], [`crate::StoreError::DiskFull`].
+    pub async fn expire_leases(&self, now_ms: i64) -> Result<Vec<Job>> {
+        self.write(async move |write| expire(write, now_ms).await).await
     }
 
     /// Takes every running job from the workers of a process at its next start: they are dead. `None` is the only process
@@ -203,10 +175,10 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`], [`StoreError::DiskFull`].
-    pub async fn recover_orphans(&self, process: Option<&str>, now_ms: i64) -> Result<Vec<Job>, StoreError> {
+    /// [`crate::StoreError::Database`], [`crate::StoreError::DiskFull`].
+    pub async fn recover_orphans(&self, process: Option<&str>, now_ms: i64) -> Result<Vec<Job>> {
         let process = process.map(str::to_owned);
-        self.write(move |write| Box::pin(recover_orphans(write, process, now_ms))).await
+        self.write(async move |write| recover_orphans(write, process, now_ms).await).await
     }
 }
 
@@ -216,7 +188,7 @@ async fn finish(
     mut result: JobResult,
     effect: JobEffect,
     now_ms: i64,
-) -> Result<Job, StoreError> {
+) -> Result<Job> {
     read(write, lease).await?;
     match effect {
         JobEffect::None => {}
@@ -237,7 +209,7 @@ async fn finish(
         "state = 'succeeded', lease_id = null, lease_until_ms = null, worker = null, process = null, finish_time_ms = $4, \
          error = null, checkpoint = null, result = $5"
     );
-    let query = bind_lease(sql, lease).bind(now_ms).bind(to_json("job.result", &result)?);
+    let query = bind_lease(sql, lease).bind((now_ms, to_json("job.result", &result)?));
     let job = job_or_lease_lost(query.fetch_optional(write.sql()).await?)?;
     append_event(write, &job, now_ms, "succeeded").await?;
     dependencies::release_waiting_jobs(write, &job).await?;
@@ -249,7 +221,7 @@ async fn append_versions(
     write: &mut Write,
     learned: Vec<(KernelKey, NewKernelVersion)>,
     now_ms: i64,
-) -> Result<Vec<String>, StoreError> {
+) -> Result<Vec<String>> {
     let mut names = Vec::with_capacity(learned.len());
     for (key, version) in learned {
         let version = append_version(write, &key, version, now_ms).await?;
@@ -258,13 +230,13 @@ async fn append_versions(
     Ok(names)
 }
 
-async fn expire(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, StoreError> {
+async fn expire(write: &mut Write, now_ms: i64) -> Result<Vec<Job>> {
     let mut jobs = Vec::new();
     for row in running_until(write, now_ms).await? {
         let job = job_of(&row)?;
         // A heartbeat takes no turn and may have come in between. In PostgreSQL this waits for it, and keeps later ones out.
         let sql = "update job set lease_until_ms = lease_until_ms where id = $1 and lease_until_ms <= $2";
-        if query(sql).bind(&job.id).bind(now_ms).execute(write.sql()).await? == 0 {
+        if query(sql).bind((&job.id, now_ms)).execute(write.sql()).await? == 0 {
             continue;
         }
         let message = format!("{} sent no heartbeat before its lease expired", row.try_get::<String>("worker")?);
@@ -275,7 +247,7 @@ async fn expire(write: &mut Write, now_ms: i64) -> Result<Vec<Job>, StoreError> 
     Ok(jobs)
 }
 
-async fn release_running(write: &mut Write, process: Option<String>, now_ms: i64) -> Result<Vec<Job>, StoreError> {
+async fn release_running(write: &mut Write, process: Option<String>, now_ms: i64) -> Result<Vec<Job>> {
     let mut jobs = Vec::new();
     for row in running_in(write, process).await? {
         let job = job_of(&row)?;
@@ -285,7 +257,7 @@ async fn release_running(write: &mut Write, process: Option<String>, now_ms: i64
     Ok(jobs)
 }
 
-async fn recover_orphans(write: &mut Write, process: Option<String>, now_ms: i64) -> Result<Vec<Job>, StoreError> {
+async fn recover_orphans(write: &mut Write, process: Option<String>, now_ms: i64) -> Result<Vec<Job>> {
     let mut jobs = Vec::new();
     for row in running_in(write, process).await? {
         let (job, failures, crashes) = (job_of(&row)?, row.try_get("failures")?, row.try_get::<i64>("crashes")? + 1);
@@ -301,7 +273,7 @@ async fn recover_orphans(write: &mut Write, process: Option<String>, now_ms: i64
                 Ending::Failed { failures, error }
             }
         };
-        query("update job set crashes = $1 where id = $2").bind(crashes).bind(&job.id).execute(write.sql()).await?;
+        query("update job set crashes = $1 where id = $2").bind((crashes, &job.id)).execute(write.sql()).await?;
         jobs.push(end(write, &job.id, ending, now_ms).await?);
     }
     Ok(jobs)
@@ -309,21 +281,21 @@ async fn recover_orphans(write: &mut Write, process: Option<String>, now_ms: i64
 
 /// At most [`EXPIRED_MAX`] jobs that a process runs; `None`: that any process runs. A running job without a process was
 /// moved here from SQLite, whose server has ended.
-async fn running_in(write: &mut Write, process: Option<String>) -> Result<Vec<Row>, StoreError> {
+async fn running_in(write: &mut Write, process: Option<String>) -> Result<Vec<Row>> {
     match process {
         None => running_until(write, i64::MAX).await,
         Some(process) => {
             let sql = "select * from job where state = 'running' and (process = $1 or process is null) \
                        order by lease_until_ms limit $2";
-            Ok(query(sql).bind(process).bind(EXPIRED_MAX).fetch_all(write.sql()).await?)
+            Ok(query(sql).bind((process, EXPIRED_MAX)).fetch_all(write.sql()).await?)
         }
     }
 }
 
 /// At most [`EXPIRED_MAX`] running jobs whose leases end by `until_ms`.
-async fn running_until(write: &mut Write, until_ms: i64) -> Result<Vec<Row>, StoreError> {
+async fn running_until(write: &mut Write, until_ms: i64) -> Result<Vec<Row>> {
     let sql = "select * from job where state = 'running' and lease_until_ms <= $1 order by lease_until_ms limit $2";
-    Ok(query(sql).bind(until_ms).bind(EXPIRED_MAX).fetch_all(write.sql()).await?)
+    Ok(query(sql).bind((until_ms, EXPIRED_MAX)).fetch_all(write.sql()).await?)
 }
 
 /// Chooses the end of an attempt that ends because its worker stops: requeued in its old place, or cancelled.
@@ -354,7 +326,7 @@ fn after_failure(job: &Job, failures: i64, crashes: i64, mut error: JobError, re
 
 /// Ends the attempt of a running job. The caller has checked in this transaction that the lease is valid or has
 /// expired.
-async fn end(write: &mut Write, id: &str, ending: Ending, now_ms: i64) -> Result<Job, StoreError> {
+async fn end(write: &mut Write, id: &str, ending: Ending, now_ms: i64) -> Result<Job> {
     let sql = "update job set state = $2, lease_id = null, lease_until_ms = null, worker = null, \
                process = null, run_time_ms = coalesce($3, run_time_ms), finish_time_ms = $4, failures = coalesce($5, failures), \
                error = $6, cancel_requested = case $2 when 'cancelled' then 1 else 0 end, \
@@ -379,11 +351,7 @@ async fn end(write: &mut Write, id: &str, ending: Ending, now_ms: i64) -> Result
         Ending::Cancelled => ("cancelled", None, Some(now_ms), None, None, "cancelled".to_owned()),
     };
     let row = query(sql)
-        .bind(id)
-        .bind(state)
-        .bind(run_time)
-        .bind(finish_time)
-        .bind(failures)
+        .bind((id, state, run_time, finish_time, failures))
         .bind(error.map(|error| to_json("job.error", &error)).transpose()?)
         .fetch_one(write.sql())
         .await?;

@@ -20,6 +20,9 @@ lightpath_domain::reasons! {
     }
 }
 
+/// A result with a [`StoreError`], if it names no other error.
+pub type Result<T, E = StoreError> = std::result::Result<T, E>;
+
 /// Why the store refused a request or failed. All variants except the last ones are caused by the request.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {

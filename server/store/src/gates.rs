@@ -1,9 +1,9 @@
 //! Promotion gates of displays.
 
 use super::changes::Changed;
-use super::rows::{from_json, to_json};
+use super::rows::{cause_of, from_json, to_json};
 use super::sql::query;
-use super::{Store, StoreError, page};
+use super::{Result, Store, StoreError, page};
 use lightpath_domain::kernel::Cause;
 use lightpath_domain::promotion::{GateChange, PromotionGate};
 
@@ -13,35 +13,23 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`] if the display does not exist.
-    pub async fn set_gate(
-        &self,
-        display: &str,
-        gate: &PromotionGate,
-        cause: &Cause,
-        now_ms: i64,
-    ) -> Result<(), StoreError> {
+    pub async fn set_gate(&self, display: &str, gate: &PromotionGate, cause: &Cause, now_ms: i64) -> Result<()> {
         let (display, gate, cause) = (display.to_owned(), to_json("promotion_gate.gate", gate)?, cause.clone());
-        self.write(move |write| {
-            Box::pin(async move {
-                let inserted = query(
-                    "insert into promotion_gate (display, time_ms, caller, reason, gate) \
+        self.write(async move |write| {
+            let inserted = query(
+                "insert into promotion_gate (display, time_ms, caller, reason, gate) \
                      select id, $1, $2, $3, $4 from display where id = $5",
-                )
-                .bind(now_ms)
-                .bind(cause.caller)
-                .bind(cause.reason)
-                .bind(gate)
-                .bind(&display)
-                .execute(write.sql())
-                .await?;
-                match inserted {
-                    0 => Err(StoreError::not_found(format!("displays/{display}"))),
-                    _ => {
-                        write.announce_changed(Changed::Display(display));
-                        Ok(())
-                    }
+            )
+            .bind((now_ms, cause.caller, cause.reason, gate, &display))
+            .execute(write.sql())
+            .await?;
+            match inserted {
+                0 => Err(StoreError::not_found(format!("displays/{display}"))),
+                _ => {
+                    write.announce_changed(Changed::Display(display));
+                    Ok(())
                 }
-            })
+            }
         })
         .await
     }
@@ -51,10 +39,9 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn gates(&self, display: &str, limit: u32) -> Result<Vec<GateChange>, StoreError> {
+    pub async fn gates(&self, display: &str, limit: u32) -> Result<Vec<GateChange>> {
         let rows = query("select * from promotion_gate where display = $1 order by sequence desc limit $2")
-            .bind(display)
-            .bind(page(limit))
+            .bind((display, page(limit)))
             .fetch_all(self.readers())
             .await?;
         rows.iter()
@@ -62,7 +49,7 @@ impl Store {
                 let gate: String = row.try_get("gate")?;
                 Ok(GateChange {
                     time_ms: row.try_get("time_ms")?,
-                    cause: Cause { caller: row.try_get("caller")?, reason: row.try_get("reason")? },
+                    cause: cause_of(row)?,
                     gate: from_json("promotion_gate.gate", &gate)?,
                 })
             })

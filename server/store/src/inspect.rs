@@ -5,7 +5,7 @@ use super::datasets::with_pairs;
 use super::migrations::{MIGRATIONS, has_table, require_finished, require_suitable};
 use super::rows::{from_json, from_json_option, to_json};
 use super::sql::{Connection, query, query_as, scalar};
-use super::{Store, StoreError};
+use super::{Result, Store, StoreError};
 use lightpath_domain::dataset::digest;
 use serde_json::Value;
 use sqlx::postgres::PgConnectOptions;
@@ -62,7 +62,7 @@ impl Store {
     /// # Errors
     ///
     /// The errors of [`Self::open`]; [`StoreError::OlderDatabase`].
-    pub async fn open_shared(path: &Path) -> Result<Self, StoreError> {
+    pub async fn open_shared(path: &Path) -> Result<Self> {
         if path.exists() {
             let mut inspection = Inspection::open(path).await?;
             let steps = inspection.steps().await?.len();
@@ -79,7 +79,7 @@ impl Store {
     /// # Errors
     ///
     /// The errors of [`Self::connect`]; [`StoreError::OlderDatabase`].
-    pub async fn connect_shared(url: &str) -> Result<Self, StoreError> {
+    pub async fn connect_shared(url: &str) -> Result<Self> {
         let mut inspection = Inspection::connect_to_any(url).await?;
         let steps = if inspection.has_tables().await? { inspection.steps().await?.len() } else { MIGRATIONS.len() };
         inspection.close().await?;
@@ -97,7 +97,7 @@ impl Inspection {
     ///
     /// [`StoreError::Database`] if the file cannot be opened; [`StoreError::NewerDatabase`];
     /// [`StoreError::LogUnreadable`]; [`StoreError::Unfinished`].
-    pub async fn open(path: &Path) -> Result<Self, StoreError> {
+    pub async fn open(path: &Path) -> Result<Self> {
         let mut connection = connect(path).await?;
         sqlx::query("pragma query_only = on").execute(&mut connection).await?;
         let mut inspection = Self { connection: Connection::SqliteFile(connection) };
@@ -112,7 +112,7 @@ impl Inspection {
     ///
     /// [`StoreError::Database`] if the server cannot be reached or refuses; [`StoreError::EmptyDatabase`];
     /// [`StoreError::NewerDatabase`]; [`StoreError::Unfinished`].
-    pub async fn connect(url: &str) -> Result<Self, StoreError> {
+    pub async fn connect(url: &str) -> Result<Self> {
         let mut inspection = Self::connect_to_any(url).await?;
         if !inspection.has_tables().await? {
             return Err(StoreError::EmptyDatabase);
@@ -122,13 +122,13 @@ impl Inspection {
         Ok(inspection)
     }
 
-    async fn connect_to_any(url: &str) -> Result<Self, StoreError> {
+    async fn connect_to_any(url: &str) -> Result<Self> {
         let options = PgConnectOptions::from_str(url)?.options([("default_transaction_read_only", "on")]);
         Ok(Self { connection: Connection::PostgresServer(connect_once(&options).await?) })
     }
 
     /// Whether a server has ever used this database of PostgreSQL.
-    async fn has_tables(&mut self) -> Result<bool, StoreError> {
+    async fn has_tables(&mut self) -> Result<bool> {
         has_table(&mut self.connection, "_sqlx_migrations").await
     }
 
@@ -138,7 +138,7 @@ impl Inspection {
     /// # Errors
     ///
     /// [`StoreError::Database`], [`StoreError::DiskFull`], [`StoreError::LogUnreadable`].
-    pub async fn snapshot(from: &Path, to: &Path) -> Result<(), StoreError> {
+    pub async fn snapshot(from: &Path, to: &Path) -> Result<()> {
         let mut connection = connect(from).await?;
         create_private(to)?;
         let copied = sqlx::query("vacuum into ?").bind(to.to_string_lossy()).execute(&mut connection).await;
@@ -152,7 +152,7 @@ impl Inspection {
     /// # Errors
     ///
     /// [`StoreError::NewerDatabase`] if a newer version has migrated the database so that this one cannot work on it.
-    pub async fn steps(&mut self) -> Result<Vec<String>, StoreError> {
+    pub async fn steps(&mut self) -> Result<Vec<String>> {
         require_suitable(&mut self.connection).await?;
         let sql = "select description from _sqlx_migrations where success order by version";
         Ok(scalar(sql).fetch_all(&mut self.connection).await?)
@@ -164,7 +164,7 @@ impl Inspection {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn damages(&mut self) -> Result<Vec<String>, StoreError> {
+    pub async fn damages(&mut self) -> Result<Vec<String>> {
         if self.connection.is_postgres() {
             return Ok(Vec::new());
         }
@@ -182,7 +182,7 @@ impl Inspection {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn contradictions(&mut self) -> Result<Vec<String>, StoreError> {
+    pub async fn contradictions(&mut self) -> Result<Vec<String>> {
         let sql = "select id, ends from (select id, state, (select count(*) from job_event e where e.job = job.id \
                    and e.message = 'succeeded') as ends from job) counted \
                    where ends <> case state when 'succeeded' then 1 else 0 end";
@@ -200,7 +200,7 @@ impl Inspection {
     /// # Errors
     ///
     /// [`StoreError::Database`]; [`StoreError::Corrupt`] if the content of a dataset cannot be parsed.
-    pub async fn changed_datasets(&mut self) -> Result<Vec<String>, StoreError> {
+    pub async fn changed_datasets(&mut self) -> Result<Vec<String>> {
         let ids: Vec<String> = scalar("select id from dataset where digest is not null order by id")
             .fetch_all(&mut self.connection)
             .await?;
@@ -219,7 +219,7 @@ impl Inspection {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn counts(&mut self) -> Result<Counts, StoreError> {
+    pub async fn counts(&mut self) -> Result<Counts> {
         let (jobs, artifacts, artifact_bytes, kernel_versions): (i64, i64, i64, i64) = query_as(
             "select (select count(*) from job), (select count(*) from artifact), \
              (select cast(coalesce(sum(size_bytes), 0) as bigint) from artifact), (select count(*) from kernel_version)",
@@ -239,15 +239,14 @@ impl Inspection {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn artifacts_after(&mut self, after: &str) -> Result<Vec<StoredBlob>, StoreError> {
+    pub async fn artifacts_after(&mut self, after: &str) -> Result<Vec<StoredBlob>> {
         let rows = query("select digest, size_bytes from artifact where digest > $1 order by digest limit $2")
-            .bind(after)
-            .bind(PAGE)
+            .bind((after, PAGE))
             .fetch_all(&mut self.connection)
             .await?;
         rows.iter()
             .map(|row| {
-                let size_bytes = row.try_get::<i64>("size_bytes")?.unsigned_abs();
+                let size_bytes = row.try_get("size_bytes")?;
                 Ok(StoredBlob { digest: row.try_get("digest")?, size_bytes })
             })
             .collect()
@@ -258,7 +257,7 @@ impl Inspection {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn has_artifact(&mut self, digest: &str) -> Result<bool, StoreError> {
+    pub async fn has_artifact(&mut self, digest: &str) -> Result<bool> {
         let known = scalar("select exists (select 1 from artifact where digest = $1)").bind(digest);
         Ok(known.fetch_one(&mut self.connection).await?)
     }
@@ -268,7 +267,7 @@ impl Inspection {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn artifact_place(&mut self) -> Result<Option<String>, StoreError> {
+    pub async fn artifact_place(&mut self) -> Result<Option<String>> {
         Ok(scalar("select identity from artifact_place").fetch_optional(&mut self.connection).await?)
     }
 
@@ -277,7 +276,7 @@ impl Inspection {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn checkpoints(&mut self) -> Result<Vec<(String, String)>, StoreError> {
+    pub async fn checkpoints(&mut self) -> Result<Vec<(String, String)>> {
         let rows = query_as("select id, checkpoint from job where checkpoint is not null order by id");
         Ok(rows.fetch_all(&mut self.connection).await?)
     }
@@ -287,7 +286,7 @@ impl Inspection {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn checkpoint_of(&mut self, job: &str) -> Result<Option<String>, StoreError> {
+    pub async fn checkpoint_of(&mut self, job: &str) -> Result<Option<String>> {
         let digest = scalar("select checkpoint from job where id = $1").bind(job);
         Ok(digest.fetch_optional(&mut self.connection).await?.flatten())
     }
@@ -298,12 +297,12 @@ impl Inspection {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn dangling_references(&mut self) -> Result<Vec<DanglingReference>, StoreError> {
+    pub async fn dangling_references(&mut self) -> Result<Vec<DanglingReference>> {
         let mut dangling = Vec::new();
         let mut after = String::new();
         loop {
             let sql = "select id, spec, result from job where id > $1 order by id limit $2";
-            let rows = query(sql).bind(&after).bind(PAGE).fetch_all(&mut self.connection).await?;
+            let rows = query(sql).bind((&after, PAGE)).fetch_all(&mut self.connection).await?;
             let Some(last) = rows.last() else { return Ok(dangling) };
             after = last.try_get("id")?;
             let mut references = BTreeSet::new();
@@ -338,7 +337,7 @@ impl Inspection {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn forget_checkpoints(path: &Path, jobs: &[String]) -> Result<(), StoreError> {
+    pub async fn forget_checkpoints(path: &Path, jobs: &[String]) -> Result<()> {
         let mut connection = connect_options(path).create_if_missing(false).connect().await?;
         for job in jobs {
             let forget = sqlx::query("update job set checkpoint = null where id = ?").bind(job);
@@ -355,7 +354,7 @@ impl Inspection {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn close(self) -> Result<(), StoreError> {
+    pub async fn close(self) -> Result<()> {
         Ok(self.connection.close().await?)
     }
 }
@@ -376,7 +375,7 @@ fn collect_digests(value: &Value, found: &mut impl FnMut(&str)) {
 
 /// Connects to a database for reading. Readers of a database with a write-ahead log usually create its index, which
 /// needs a folder that can be written.
-async fn connect(path: &Path) -> Result<SqliteConnection, StoreError> {
+async fn connect(path: &Path) -> Result<SqliteConnection> {
     match connect_options(path).create_if_missing(false).connect().await {
         Err(error) if is_unwritable(&error) => connect_without_writing(path).await,
         connected => Ok(connected?),
@@ -384,7 +383,7 @@ async fn connect(path: &Path) -> Result<SqliteConnection, StoreError> {
 }
 
 /// Connects to a database in a folder that this process cannot write.
-async fn connect_without_writing(path: &Path) -> Result<SqliteConnection, StoreError> {
+async fn connect_without_writing(path: &Path) -> Result<SqliteConnection> {
     let mut log = path.as_os_str().to_owned();
     log.push("-wal");
     let has_log = fs::metadata(log).is_ok_and(|log| log.len() > 0);

@@ -3,7 +3,7 @@
 use super::job_rows::{job_of, summary_of};
 use super::rows::to_word;
 use super::sql::{Builder, Pool};
-use super::{Store, StoreError, page};
+use super::{Result, Store, StoreError, page};
 use lightpath_domain::job::{Job, JobState, JobSummary};
 
 /// Columns of a [`JobSummary`].
@@ -39,7 +39,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn jobs(&self, filter: &JobFilter, after: Option<&str>, limit: u32) -> Result<Vec<Job>, StoreError> {
+    pub async fn jobs(&self, filter: &JobFilter, after: Option<&str>, limit: u32) -> Result<Vec<Job>> {
         let rows = list_query(self.readers(), "*", filter, after, limit)?.build().fetch_all(self.readers()).await?;
         rows.iter().map(job_of).collect()
     }
@@ -49,12 +49,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn job_summaries(
-        &self,
-        filter: &JobFilter,
-        after: Option<&str>,
-        limit: u32,
-    ) -> Result<Vec<JobSummary>, StoreError> {
+    pub async fn job_summaries(&self, filter: &JobFilter, after: Option<&str>, limit: u32) -> Result<Vec<JobSummary>> {
         let rows = list_query(self.readers(), SUMMARY, filter, after, limit)?.build().fetch_all(self.readers()).await?;
         rows.iter().map(summary_of).collect()
     }
@@ -64,7 +59,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`].
-    pub async fn job_summary(&self, id: &str) -> Result<JobSummary, StoreError> {
+    pub async fn job_summary(&self, id: &str) -> Result<JobSummary> {
         let mut query = Builder::new(format!("select {SUMMARY} from job where id = "));
         let row = query.push_bind(id.to_owned()).build().fetch_optional(self.readers()).await?;
         summary_of(&row.ok_or_else(|| StoreError::not_found(format!("jobs/{id}")))?)
@@ -79,7 +74,7 @@ pub(super) fn list_query(
     filter: &JobFilter,
     after: Option<&str>,
     limit: u32,
-) -> Result<Builder, StoreError> {
+) -> Result<Builder> {
     let order = if filter.oldest_first { "asc" } else { "desc" };
     let mut query = Builder::new(format!("select {columns} from job "));
     if filter.kind.is_some() || filter.owner.is_some() || filter.text.is_some() {
@@ -115,7 +110,7 @@ fn index_of(filter: &JobFilter) -> &'static str {
     }
 }
 
-fn push_conditions(query: &mut Builder, filter: &JobFilter, after: Option<&str>) -> Result<(), StoreError> {
+fn push_conditions(query: &mut Builder, filter: &JobFilter, after: Option<&str>) -> Result<()> {
     if let Some(state) = filter.state {
         query.push(" and state = ").push_bind(to_word("job.state", &state)?);
     }

@@ -6,7 +6,7 @@ use super::job_rows::job_of;
 use super::rows::{from_word, to_json};
 use super::sql::{Connection, query, query_as, scalar};
 use super::write::Write;
-use super::{Store, StoreError, dependencies};
+use super::{Result, Store, StoreError, dependencies};
 use lightpath_domain::ability::counted_memory;
 use lightpath_domain::job::{Job, JobSpec, JobState, NewJob, Scheduling};
 use uuid::Uuid;
@@ -63,14 +63,9 @@ impl Store {
     /// jobs wait already; [`StoreError::OwnerBytes`] if the owner has stored too much;
     /// [`StoreError::DependenciesFull`]; [`StoreError::Precondition`] if a job that this job waits for has failed or
     /// was cancelled; [`StoreError::NotFound`] if the display, the dataset or an artifact does not exist.
-    pub async fn submit(
-        &self,
-        new: &NewJob,
-        now_ms: i64,
-        limits: impl Into<QueueLimits>,
-    ) -> Result<(Job, Submitted), StoreError> {
+    pub async fn submit(&self, new: &NewJob, now_ms: i64, limits: impl Into<QueueLimits>) -> Result<(Job, Submitted)> {
         let (new, limits) = (new.clone(), limits.into());
-        self.write(move |write| Box::pin(submit(write, new, now_ms, limits))).await
+        self.write(async move |write| submit(write, new, now_ms, limits).await).await
     }
 
     /// Reads a job.
@@ -78,7 +73,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`].
-    pub async fn job(&self, id: &str) -> Result<Job, StoreError> {
+    pub async fn job(&self, id: &str) -> Result<Job> {
         let row = query("select * from job where id = $1").bind(id).fetch_optional(self.readers()).await?;
         job_of(&row.ok_or_else(|| StoreError::not_found(format!("jobs/{id}")))?)
     }
@@ -89,10 +84,9 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn job_by_request(&self, owner: &str, request_id: &str) -> Result<Option<Job>, StoreError> {
+    pub async fn job_by_request(&self, owner: &str, request_id: &str) -> Result<Option<Job>> {
         let row = query("select * from job where owner = $1 and request_id = $2")
-            .bind(owner)
-            .bind(request_id)
+            .bind((owner, request_id))
             .fetch_optional(self.readers())
             .await?;
         row.as_ref().map(job_of).transpose()
@@ -103,7 +97,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn live_checkpoints(&self) -> Result<Vec<String>, StoreError> {
+    pub async fn live_checkpoints(&self) -> Result<Vec<String>> {
         let digests = scalar("select checkpoint from job where checkpoint is not null");
         Ok(digests.fetch_all(self.readers()).await?)
     }
@@ -113,7 +107,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn queue_counts(&self) -> Result<QueueCounts, StoreError> {
+    pub async fn queue_counts(&self) -> Result<QueueCounts> {
         let rows: Vec<(String, i64)> =
             query_as("select state, cast(sum(jobs) as bigint) from job_count group by state")
                 .fetch_all(self.readers())
@@ -133,12 +127,7 @@ impl Store {
     }
 }
 
-async fn submit(
-    write: &mut Write,
-    new: NewJob,
-    now_ms: i64,
-    limits: QueueLimits,
-) -> Result<(Job, Submitted), StoreError> {
+async fn submit(write: &mut Write, new: NewJob, now_ms: i64, limits: QueueLimits) -> Result<(Job, Submitted)> {
     let spec = to_json("job.spec", &new.spec)?;
     if let Some(job) = find_existing(write.sql(), &new, &spec).await? {
         return Ok((job, Submitted::Existing));
@@ -156,27 +145,10 @@ async fn submit(
          $16, $17, $18, $20, $19, $21, $22) \
          returning *",
     )
-    .bind(id)
-    .bind(&new.request_id)
-    .bind(new.spec.display())
-    .bind(new.spec.dataset())
-    .bind(&spec)
-    .bind(new.priority)
-    .bind(new.attempts_max)
-    .bind(now_ms)
-    .bind(owner)
-    .bind(batch)
-    .bind(unique_key)
-    .bind(not_before_ms)
-    .bind(timeout_ms)
-    .bind(to_json("job.after", after)?)
-    .bind(unfinished.len() as i64)
-    .bind(i64::try_from(new.estimate.memory_bytes).unwrap_or(i64::MAX))
-    .bind((new.estimate.time_s * 1e3) as i64)
-    .bind(new.spec.kind())
-    .bind(label)
-    .bind(words)
-    .bind(to_json("job.needs", needs)?)
+    .bind((id, &new.request_id, new.spec.display(), new.spec.dataset(), &spec, new.priority, new.attempts_max, now_ms))
+    .bind((owner, batch, unique_key, not_before_ms, timeout_ms, to_json("job.after", after)?, unfinished.len() as i64))
+    .bind((i64::try_from(new.estimate.memory_bytes).unwrap_or(i64::MAX), (new.estimate.time_s * 1e3) as i64))
+    .bind((new.spec.kind(), label, words, to_json("job.needs", needs)?))
     .bind(i64::try_from(counted_memory(new.estimate.memory_bytes)).unwrap_or(i64::MAX))
     .fetch_one(write.sql())
     .await?;
@@ -198,9 +170,9 @@ fn words_of(id: &str, new: &NewJob) -> String {
 }
 
 /// The job that an earlier submit of the same request created.
-async fn find_existing(sql: &mut Connection, new: &NewJob, spec: &str) -> Result<Option<Job>, StoreError> {
+async fn find_existing(sql: &mut Connection, new: &NewJob, spec: &str) -> Result<Option<Job>> {
     let query = query("select * from job where owner = $1 and request_id = $2");
-    let row = query.bind(&new.scheduling.owner).bind(&new.request_id).fetch_optional(sql).await?;
+    let row = query.bind((&new.scheduling.owner, &new.request_id)).fetch_optional(sql).await?;
     let Some(row) = row else { return Ok(None) };
     let job = job_of(&row)?;
     // The texts are compared, not the values: a number that was rounded when stored would make the same request look
@@ -218,13 +190,12 @@ async fn find_existing(sql: &mut Connection, new: &NewJob, spec: &str) -> Result
 
 /// Checks that the display and the datasets of the job exist, that the queue has room for a job of this owner, and that no
 /// waiting or running job of the owner has its unique key.
-async fn require_display_and_room(sql: &mut Connection, new: &NewJob, limits: QueueLimits) -> Result<(), StoreError> {
+async fn require_display_and_room(sql: &mut Connection, new: &NewJob, limits: QueueLimits) -> Result<()> {
     let (queued, owned, has_display): (i64, i64, bool) = query_as(
         "select coalesce(cast(sum(jobs) as bigint), 0), coalesce(cast(sum(jobs) filter (where owner = $1) as bigint), 0), \
          exists (select 1 from display where id = $2) from job_count where state = 'queued'",
     )
-    .bind(&new.scheduling.owner)
-    .bind(new.spec.display())
+    .bind((&new.scheduling.owner, new.spec.display()))
     .fetch_one(&mut *sql)
     .await?;
     if !has_display {
@@ -248,18 +219,14 @@ async fn require_display_and_room(sql: &mut Connection, new: &NewJob, limits: Qu
 }
 
 /// Id of the owner's waiting or running job with this unique key.
-pub(super) async fn active_with_key(
-    sql: &mut Connection,
-    owner: &str,
-    key: &str,
-) -> Result<Option<String>, StoreError> {
+pub(super) async fn active_with_key(sql: &mut Connection, owner: &str, key: &str) -> Result<Option<String>> {
     let query = scalar("select id from job where owner = $1 and unique_key = $2 and state in ('queued', 'running')");
-    Ok(query.bind(owner).bind(key).fetch_optional(sql).await?)
+    Ok(query.bind((owner, key)).fetch_optional(sql).await?)
 }
 
 /// Checks that the datasets of a job are datasets of its display. Another display may have a dataset with the id of a
 /// deleted one.
-pub(super) async fn require_datasets(sql: &mut Connection, spec: &JobSpec) -> Result<(), StoreError> {
+pub(super) async fn require_datasets(sql: &mut Connection, spec: &JobSpec) -> Result<()> {
     if spec.datasets().is_empty() {
         return Ok(());
     }
@@ -267,15 +234,14 @@ pub(super) async fn require_datasets(sql: &mut Connection, spec: &JobSpec) -> Re
         "select value from json_each($1) where not exists \
          (select 1 from dataset where id = value and display = $2) limit 1",
     )
-    .bind(to_json("job.spec", &spec.datasets())?)
-    .bind(spec.display())
+    .bind((to_json("job.spec", &spec.datasets())?, spec.display()))
     .fetch_optional(sql)
     .await?;
     missing.map_or(Ok(()), |id| Err(StoreError::not_found(format!("datasets/{id}"))))
 }
 
 /// Checks that the artifacts that the new job reads still exist: unused artifacts are removed after a while.
-async fn require_artifacts(sql: &mut Connection, id: &str) -> Result<(), StoreError> {
+async fn require_artifacts(sql: &mut Connection, id: &str) -> Result<()> {
     let missing: Option<String> = scalar(
         "select artifact from job_artifact where job = $1 \
          and not exists (select 1 from artifact a where a.digest = job_artifact.artifact) limit 1",

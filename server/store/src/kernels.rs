@@ -2,10 +2,10 @@
 
 use super::changes::Change;
 use super::datasets::require_artifact;
-use super::rows::{from_json, from_word, to_json, to_word};
-use super::sql::{Builder, Connection, Row, query, scalar};
+use super::rows::{from_json, from_word, key_of, to_json, to_word};
+use super::sql::{Builder, Connection, Row, from_row, query, scalar};
 use super::write::Write;
-use super::{Store, StoreError, page};
+use super::{Result, Store, StoreError, page};
 use lightpath_domain::kernel::{Cause, Deprecation, Kernel, KernelKey, KernelVersion, NewKernelVersion, VERSIONS_MAX};
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_domain::units::{Distance, Wavelength};
@@ -31,7 +31,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`].
-    pub async fn kernel(&self, key: &KernelKey) -> Result<Kernel, StoreError> {
+    pub async fn kernel(&self, key: &KernelKey) -> Result<Kernel> {
         let mut read = self.readers().acquire().await?;
         Ok(find(&mut read, key).await?.1)
     }
@@ -41,12 +41,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn kernels(
-        &self,
-        display: Option<&str>,
-        after: Option<&str>,
-        limit: u32,
-    ) -> Result<Vec<Kernel>, StoreError> {
+    pub async fn kernels(&self, display: Option<&str>, after: Option<&str>, limit: u32) -> Result<Vec<Kernel>> {
         let mut query = Builder::new(KERNELS);
         query.push(" where name > ");
         query.push_bind(after.unwrap_or(""));
@@ -63,7 +58,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn nearest_kernels(&self, key: &KernelKey) -> Result<Vec<Kernel>, StoreError> {
+    pub async fn nearest_kernels(&self, key: &KernelKey) -> Result<Vec<Kernel>> {
         let mut read = self.readers().begin().await?;
         let mut found = Vec::new();
         for (side, order) in [(" and distance_nm <= ", "desc"), (" and distance_nm > ", "asc")] {
@@ -87,7 +82,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`].
-    pub async fn kernel_version(&self, key: &KernelKey, version: u32) -> Result<KernelVersion, StoreError> {
+    pub async fn kernel_version(&self, key: &KernelKey, version: u32) -> Result<KernelVersion> {
         let mut read = self.readers().acquire().await?;
         find_version(&mut read, key, version).await
     }
@@ -102,7 +97,7 @@ impl Store {
         key: &KernelKey,
         before: Option<u32>,
         limit: u32,
-    ) -> Result<Vec<KernelVersion>, StoreError> {
+    ) -> Result<Vec<KernelVersion>> {
         let mut read = self.readers().begin().await?;
         let (id, _) = find(&mut read, key).await?;
         let mut query = Builder::new(VERSIONS);
@@ -124,7 +119,7 @@ impl Store {
         display: &str,
         wavelength: Wavelength,
         limit: u32,
-    ) -> Result<Vec<KernelVersion>, StoreError> {
+    ) -> Result<Vec<KernelVersion>> {
         let mut query = Builder::new(VERSIONS);
         query.push(" where k.display = ").push_bind(display);
         query.push(" and k.wavelength_pm = ").push_bind(wavelength.pm);
@@ -153,26 +148,19 @@ impl Store {
         deprecated: bool,
         cause: &Cause,
         now_ms: i64,
-    ) -> Result<KernelVersion, StoreError> {
+    ) -> Result<KernelVersion> {
         let (key, cause) = (key.clone(), cause.clone());
-        self.write(move |write| {
-            Box::pin(async move {
-                find_version(write.sql(), &key, version).await?;
-                query(
-                    "insert into kernel_deprecation (kernel, version, deprecated, time_ms, caller, reason) \
+        self.write(async move |write| {
+            find_version(write.sql(), &key, version).await?;
+            query(
+                "insert into kernel_deprecation (kernel, version, deprecated, time_ms, caller, reason) \
                      select id, $1, $2, $3, $4, $5 from kernel where name = $6",
-                )
-                .bind(version)
-                .bind(deprecated)
-                .bind(now_ms)
-                .bind(cause.caller)
-                .bind(cause.reason)
-                .bind(key.to_string())
-                .execute(write.sql())
-                .await?;
-                write.announce(Change::Kernel(key.clone()));
-                find_version(write.sql(), &key, version).await
-            })
+            )
+            .bind((version, deprecated, now_ms, cause.caller, cause.reason, key.to_string()))
+            .execute(write.sql())
+            .await?;
+            write.announce(Change::Kernel(key.clone()));
+            find_version(write.sql(), &key, version).await
         })
         .await
     }
@@ -188,9 +176,9 @@ impl Store {
         key: &KernelKey,
         version: NewKernelVersion,
         now_ms: i64,
-    ) -> Result<KernelVersion, StoreError> {
+    ) -> Result<KernelVersion> {
         let key = key.clone();
-        self.write(move |write| Box::pin(async move { append_version(write, &key, version, now_ms).await })).await
+        self.write(async move |write| append_version(write, &key, version, now_ms).await).await
     }
 }
 
@@ -200,7 +188,7 @@ pub(super) async fn append_version(
     key: &KernelKey,
     content: NewKernelVersion,
     now_ms: i64,
-) -> Result<KernelVersion, StoreError> {
+) -> Result<KernelVersion> {
     require_artifact(write.sql(), &content.artifact).await?;
     let (id, latest_version) = create(write.sql(), key, now_ms).await?;
     if latest_version >= VERSIONS_MAX {
@@ -213,25 +201,18 @@ pub(super) async fn append_version(
          (kernel, version, model, artifact, size_bytes, metrics, lineage, create_time_ms, interpolated, datasets, job) \
          select id, latest_version + 1, $2, $3, $4, $5, $6, $7, $8, $9, $10 from kernel where id = $1 returning version",
     )
-    .bind(id)
-    .bind(to_word("kernel_version.model", &content.model)?)
-    .bind(&content.artifact)
-    .bind(content.size_bytes as i64)
-    .bind(to_json("kernel_version.metrics", &content.metrics)?)
-    .bind(to_json("kernel_version.lineage", &content.lineage)?)
-    .bind(now_ms)
-    .bind(content.lineage.interpolated)
-    .bind(content.lineage.datasets.len() as i64)
-    .bind(&content.lineage.job)
+    .bind((id, to_word("kernel_version.model", &content.model)?, &content.artifact, content.size_bytes as i64))
+    .bind((to_json("kernel_version.metrics", &content.metrics)?, to_json("kernel_version.lineage", &content.lineage)?))
+    .bind((now_ms, content.lineage.interpolated, content.lineage.datasets.len() as i64, &content.lineage.job))
     .fetch_one(write.sql())
     .await?;
-    query("update kernel set latest_version = $2 where id = $1").bind(id).bind(version).execute(write.sql()).await?;
+    query("update kernel set latest_version = $2 where id = $1").bind((id, version)).execute(write.sql()).await?;
     write.announce(Change::Kernel(key.clone()));
     Ok(KernelVersion { key: key.clone(), version, content, create_time_ms: now_ms, active: false, deprecation: None })
 }
 
 /// Row id and latest version of the kernel, which is created if it does not exist.
-async fn create(sql: &mut Connection, key: &KernelKey, now_ms: i64) -> Result<(i64, u32), StoreError> {
+async fn create(sql: &mut Connection, key: &KernelKey, now_ms: i64) -> Result<(i64, u32)> {
     let known: bool =
         scalar("select exists (select 1 from display where id = $1)").bind(&key.display).fetch_one(&mut *sql).await?;
     if !known {
@@ -241,11 +222,7 @@ async fn create(sql: &mut Connection, key: &KernelKey, now_ms: i64) -> Result<(i
         "insert into kernel (name, display, wavelength_pm, distance_nm, create_time_ms) values ($1, $2, $3, $4, $5) \
          on conflict do nothing",
     )
-    .bind(key.to_string())
-    .bind(&key.display)
-    .bind(key.wavelength.pm)
-    .bind(key.distance.nm)
-    .bind(now_ms)
+    .bind((key.to_string(), &key.display, key.wavelength.pm, key.distance.nm, now_ms))
     .execute(&mut *sql)
     .await?;
     let (id, kernel) = find(sql, key).await?;
@@ -253,7 +230,7 @@ async fn create(sql: &mut Connection, key: &KernelKey, now_ms: i64) -> Result<(i
 }
 
 /// The kernel and its row id.
-pub(super) async fn find(sql: &mut Connection, key: &KernelKey) -> Result<(i64, Kernel), StoreError> {
+pub(super) async fn find(sql: &mut Connection, key: &KernelKey) -> Result<(i64, Kernel)> {
     let mut query = Builder::new(KERNELS);
     query.push(" where name = ").push_bind(key.to_string());
     let row = query.build().fetch_optional(sql).await?;
@@ -262,11 +239,7 @@ pub(super) async fn find(sql: &mut Connection, key: &KernelKey) -> Result<(i64, 
 }
 
 /// A version of a kernel.
-pub(super) async fn find_version(
-    sql: &mut Connection,
-    key: &KernelKey,
-    version: u32,
-) -> Result<KernelVersion, StoreError> {
+pub(super) async fn find_version(sql: &mut Connection, key: &KernelKey, version: u32) -> Result<KernelVersion> {
     let mut query = Builder::new(VERSIONS);
     query.push(" where k.name = ").push_bind(key.to_string());
     query.push(" and v.version = ").push_bind(version);
@@ -274,25 +247,17 @@ pub(super) async fn find_version(
     version_of(key, &row.ok_or_else(|| StoreError::not_found(format!("{key}/versions/{version}")))?)
 }
 
-fn kernel_of(row: &Row) -> Result<Kernel, StoreError> {
+fn kernel_of(row: &Row) -> Result<Kernel> {
     let aliases: Option<String> = row.try_get("aliases")?;
-    Ok(Kernel {
-        key: KernelKey {
-            display: row.try_get("display")?,
-            wavelength: Wavelength { pm: row.try_get("wavelength_pm")? },
-            distance: Distance { nm: row.try_get("distance_nm")? },
-        },
-        active_version: row.try_get("active_version")?,
-        latest_version: row.try_get("latest_version")?,
-        interpolated: row.try_get("interpolated")?,
-        create_time_ms: row.try_get("create_time_ms")?,
+    Ok(from_row!(row, Kernel {
+        active_version, latest_version, interpolated, create_time_ms, rollout;
+        key: key_of(row)?,
         aliases: aliases_of(&aliases.unwrap_or_default())?,
-        rollout: row.try_get("rollout")?,
-    })
+    }))
 }
 
 /// The aliases in a text such as `good=3,best=7`.
-fn aliases_of(text: &str) -> Result<BTreeMap<String, u32>, StoreError> {
+fn aliases_of(text: &str) -> Result<BTreeMap<String, u32>> {
     let pairs = text.split(',').filter(|pair| !pair.is_empty());
     let parsed = pairs.map(|pair| {
         let (alias, version) = pair.split_once('=')?;
@@ -302,26 +267,24 @@ fn aliases_of(text: &str) -> Result<BTreeMap<String, u32>, StoreError> {
     aliases.ok_or_else(|| StoreError::corrupt("kernel_alias", "is no list of aliases"))
 }
 
-fn version_of(key: &KernelKey, row: &Row) -> Result<KernelVersion, StoreError> {
+fn version_of(key: &KernelKey, row: &Row) -> Result<KernelVersion> {
     let metrics: String = row.try_get("metrics")?;
     let lineage: String = row.try_get("lineage")?;
-    Ok(KernelVersion {
+    Ok(from_row!(row, KernelVersion {
+        version, create_time_ms, active;
         key: key.clone(),
-        version: row.try_get("version")?,
         content: NewKernelVersion {
             model: from_word("kernel_version.model", row.try_get("model")?)?,
             artifact: row.try_get("artifact")?,
-            size_bytes: row.try_get::<i64>("size_bytes")?.unsigned_abs(),
+            size_bytes: row.try_get("size_bytes")?,
             metrics: from_json("kernel_version.metrics", &metrics)?,
             lineage: from_json("kernel_version.lineage", &lineage)?,
         },
-        create_time_ms: row.try_get("create_time_ms")?,
-        active: row.try_get("active")?,
         deprecation: deprecation_of(row)?,
-    })
+    }))
 }
 
-fn deprecation_of(row: &Row) -> Result<Option<Deprecation>, StoreError> {
+fn deprecation_of(row: &Row) -> Result<Option<Deprecation>> {
     let Some(time_ms) = row.try_get("deprecation_time_ms")? else { return Ok(None) };
     let cause = Cause { caller: row.try_get("deprecation_caller")?, reason: row.try_get("deprecation_reason")? };
     Ok(Some(Deprecation { time_ms, cause }))

@@ -11,7 +11,7 @@ use super::job_rows::job_of;
 use super::rows::to_json;
 use super::sql::{Query, Row, query, scalar};
 use super::write::Write;
-use super::{Store, StoreError};
+use super::{Result, Store, StoreError};
 use lightpath_domain::ability::Abilities;
 use lightpath_domain::job::{Job, Lease, Progress};
 use uuid::Uuid;
@@ -78,7 +78,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`], [`StoreError::DiskFull`].
-    pub async fn claim(&self, now_ms: i64, lease_ms: i64, worker: &str) -> Result<Option<(Job, Lease)>, StoreError> {
+    pub async fn claim(&self, now_ms: i64, lease_ms: i64, worker: &str) -> Result<Option<(Job, Lease)>> {
         self.claim_within(ClaimLimits::default(), now_ms, lease_ms, &Claimant::named(worker)).await
     }
 
@@ -94,9 +94,9 @@ impl Store {
         now_ms: i64,
         lease_ms: i64,
         claimant: &Claimant,
-    ) -> Result<Option<(Job, Lease)>, StoreError> {
+    ) -> Result<Option<(Job, Lease)>> {
         let claimant = claimant.clone();
-        self.write(move |write| Box::pin(async move { claim(write, limits, now_ms, lease_ms, &claimant).await })).await
+        self.write(async move |write| claim(write, limits, now_ms, lease_ms, &claimant).await).await
     }
 
     /// Earliest time after `now_ms` when a waiting job becomes due \[ms since 1970\] that a process with these abilities can
@@ -105,9 +105,9 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn next_run_time(&self, now_ms: i64, abilities: &Abilities) -> Result<Option<i64>, StoreError> {
+    pub async fn next_run_time(&self, now_ms: i64, abilities: &Abilities) -> Result<Option<i64>> {
         let (labels, memory_bytes) = in_claim(abilities)?;
-        let time = scalar(NEXT_RUN_TIME).bind(now_ms).bind(labels).bind(memory_bytes);
+        let time = scalar(NEXT_RUN_TIME).bind((now_ms, labels, memory_bytes));
         Ok(time.fetch_one(self.readers()).await?)
     }
 
@@ -116,17 +116,15 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::LeaseLost`].
-    pub async fn heartbeat(&self, lease: &Lease, now_ms: i64, lease_ms: i64) -> Result<Heartbeat, StoreError> {
+    pub async fn heartbeat(&self, lease: &Lease, now_ms: i64, lease_ms: i64) -> Result<Heartbeat> {
         let lease = lease.clone();
-        self.write_row(move |write| {
-            Box::pin(async move {
-                // A heartbeat does not count as a change, so the revision stays the same.
-                let sql = "update job set lease_until_ms = max(lease_until_ms, $4) where id = $1 and state = 'running' \
+        self.write_row(async move |write| {
+            // A heartbeat does not count as a change, so the revision stays the same.
+            let sql = "update job set lease_until_ms = max(lease_until_ms, $4) where id = $1 and state = 'running' \
                            and attempt = $2 and lease_id = $3 returning *";
-                let row = bind_lease(sql, &lease).bind(now_ms + lease_ms).fetch_optional(write.sql()).await?;
-                let job = job_or_lease_lost(row)?;
-                Ok(Heartbeat { until_ms: now_ms + lease_ms, cancel_requested: job.cancel_requested })
-            })
+            let row = bind_lease(sql, &lease).bind(now_ms + lease_ms).fetch_optional(write.sql()).await?;
+            let job = job_or_lease_lost(row)?;
+            Ok(Heartbeat { until_ms: now_ms + lease_ms, cancel_requested: job.cancel_requested })
         })
         .await
     }
@@ -136,13 +134,11 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`], [`StoreError::DiskFull`].
-    pub async fn shift_leases(&self, by_ms: i64) -> Result<(), StoreError> {
-        self.write(move |write| {
-            Box::pin(async move {
-                let sql = "update job set lease_until_ms = lease_until_ms + $1 where state = 'running'";
-                query(sql).bind(by_ms).execute(write.sql()).await?;
-                Ok(())
-            })
+    pub async fn shift_leases(&self, by_ms: i64) -> Result<()> {
+        self.write(async move |write| {
+            let sql = "update job set lease_until_ms = lease_until_ms + $1 where state = 'running'";
+            query(sql).bind(by_ms).execute(write.sql()).await?;
+            Ok(())
         })
         .await
     }
@@ -152,7 +148,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`], [`StoreError::DiskFull`].
-    pub async fn cap_leases(&self, latest_ms: i64) -> Result<(), StoreError> {
+    pub async fn cap_leases(&self, latest_ms: i64) -> Result<()> {
         let late: bool = scalar("select exists (select 1 from job where state = 'running' and lease_until_ms > $1)")
             .bind(latest_ms)
             .fetch_one(self.readers())
@@ -160,12 +156,10 @@ impl Store {
         if !late {
             return Ok(());
         }
-        self.write(move |write| {
-            Box::pin(async move {
-                let sql = "update job set lease_until_ms = $1 where state = 'running' and lease_until_ms > $1";
-                query(sql).bind(latest_ms).execute(write.sql()).await?;
-                Ok(())
-            })
+        self.write(async move |write| {
+            let sql = "update job set lease_until_ms = $1 where state = 'running' and lease_until_ms > $1";
+            query(sql).bind(latest_ms).execute(write.sql()).await?;
+            Ok(())
         })
         .await
     }
@@ -177,15 +171,14 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`], [`StoreError::DiskFull`].
-    pub async fn pull_forward(&self, now_ms: i64, pause_max_ms: i64) -> Result<u64, StoreError> {
-        self.write(move |write| {
-            Box::pin(async move {
+    pub async fn pull_forward(&self, now_ms: i64, pause_max_ms: i64) -> Result<u64> {
+        self.write(async move |write| {
                 let sql = "with late as (select id as late_id, \
                                max(coalesce(not_before_ms, 0), $1 + case when error is null then 0 else $2 end) as latest_ms \
                                from job where state = 'queued') \
                            update job set run_time_ms = latest_ms, revision = revision + 1 from late \
                            where id = late_id and run_time_ms > latest_ms returning id";
-                let query = scalar(sql).bind(now_ms).bind(pause_max_ms);
+                let query = scalar(sql).bind((now_ms, pause_max_ms));
                 let ids: Vec<String> = query.fetch_all(write.sql()).await?;
                 let count = ids.len() as u64;
                 if count > 0 {
@@ -193,8 +186,7 @@ impl Store {
                 }
                 ids.into_iter().for_each(|id| write.announce(Change::Job(id)));
                 Ok(count)
-            })
-        })
+})
         .await
     }
 
@@ -203,15 +195,13 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::LeaseLost`].
-    pub async fn progress(&self, lease: &Lease, progress: &Progress) -> Result<(), StoreError> {
+    pub async fn progress(&self, lease: &Lease, progress: &Progress) -> Result<()> {
         let (lease, progress) = (lease.clone(), to_json("job.progress", progress)?);
-        self.write_row(move |write| {
-            Box::pin(async move {
-                let query = bind_lease(fenced!("progress = $4"), &lease).bind(progress);
-                job_or_lease_lost(query.fetch_optional(write.sql()).await?)?;
-                write.announce(Change::Job(lease.job));
-                Ok(())
-            })
+        self.write_row(async move |write| {
+            let query = bind_lease(fenced!("progress = $4"), &lease).bind(progress);
+            job_or_lease_lost(query.fetch_optional(write.sql()).await?)?;
+            write.announce(Change::Job(lease.job));
+            Ok(())
         })
         .await
     }
@@ -222,23 +212,21 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::LeaseLost`].
-    pub async fn checkpoint(&self, lease: &Lease, digest: &str) -> Result<Option<String>, StoreError> {
+    pub async fn checkpoint(&self, lease: &Lease, digest: &str) -> Result<Option<String>> {
         let (lease, digest) = (lease.clone(), digest.to_owned());
-        self.write(move |write| {
-            Box::pin(async move {
-                let before = read(write, &lease).await?.0.checkpoint;
-                let query = bind_lease(fenced!("checkpoint = $4, failures = 0, crashes = 0"), &lease).bind(&digest);
-                job_or_lease_lost(query.fetch_optional(write.sql()).await?)?;
-                write.announce(Change::Job(lease.job));
-                Ok(before.filter(|before| *before != digest))
-            })
+        self.write(async move |write| {
+            let before = read(write, &lease).await?.0.checkpoint;
+            let query = bind_lease(fenced!("checkpoint = $4, failures = 0, crashes = 0"), &lease).bind(&digest);
+            job_or_lease_lost(query.fetch_optional(write.sql()).await?)?;
+            write.announce(Change::Job(lease.job));
+            Ok(before.filter(|before| *before != digest))
         })
         .await
     }
 }
 
 /// Labels and memory as claims get them.
-fn in_claim(abilities: &Abilities) -> Result<(String, i64), StoreError> {
+fn in_claim(abilities: &Abilities) -> Result<(String, i64)> {
     let memory_bytes = i64::try_from(abilities.memory_bytes).unwrap_or(i64::MAX);
     Ok((to_json("process.labels", &abilities.labels)?, memory_bytes))
 }
@@ -249,20 +237,12 @@ async fn claim(
     now_ms: i64,
     lease_ms: i64,
     claimant: &Claimant,
-) -> Result<Option<(Job, Lease)>, StoreError> {
+) -> Result<Option<(Job, Lease)>> {
     let lease_id = claimant.lease_id.clone();
     let (labels, memory_bytes) = in_claim(&claimant.abilities)?;
     let row = query(CLAIM)
-        .bind(&lease_id)
-        .bind(now_ms + lease_ms)
-        .bind(&claimant.worker)
-        .bind(now_ms)
-        .bind(limits.per_owner)
-        .bind(limits.per_display)
-        .bind(&claimant.process)
-        .bind(labels)
-        .bind(memory_bytes)
-        .bind(&claimant.computer)
+        .bind((&lease_id, now_ms + lease_ms, &claimant.worker, now_ms, limits.per_owner, limits.per_display))
+        .bind((&claimant.process, labels, memory_bytes, &claimant.computer))
         .fetch_optional(write.sql())
         .await?;
     let Some(row) = row else { return Ok(None) };
@@ -274,7 +254,7 @@ async fn claim(
 }
 
 /// The job of a valid lease, the number of its failed attempts, and the number of deaths of the server while it ran.
-pub(super) async fn read(write: &mut Write, lease: &Lease) -> Result<(Job, i64, i64), StoreError> {
+pub(super) async fn read(write: &mut Write, lease: &Lease) -> Result<(Job, i64, i64)> {
     let sql = "select * from job where id = $1 and state = 'running' and attempt = $2 and lease_id = $3";
     let row = bind_lease(sql, lease).fetch_optional(write.sql()).await?.ok_or(StoreError::LeaseLost)?;
     Ok((job_of(&row)?, row.try_get("failures")?, row.try_get("crashes")?))
@@ -282,10 +262,10 @@ pub(super) async fn read(write: &mut Write, lease: &Lease) -> Result<(Job, i64, 
 
 /// A query with the lease bound to its first three parameters, in the order of `fenced`.
 pub(super) fn bind_lease(sql: &'static str, lease: &Lease) -> Query {
-    query(sql).bind(lease.job.clone()).bind(lease.attempt).bind(lease.lease_id.clone())
+    query(sql).bind((lease.job.clone(), lease.attempt, lease.lease_id.clone()))
 }
 
 /// The job in the row that an update under a lease returned. Without a row, the lease was not valid.
-pub(super) fn job_or_lease_lost(row: Option<Row>) -> Result<Job, StoreError> {
+pub(super) fn job_or_lease_lost(row: Option<Row>) -> Result<Job> {
     job_of(&row.ok_or(StoreError::LeaseLost)?)
 }

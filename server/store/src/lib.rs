@@ -82,7 +82,7 @@ pub use changes::Changed;
 pub use collection::Deleted;
 pub use deliveries::Attempt;
 pub use devices::DEVICES_MAX;
-pub use error::{AbortReason, StoreError};
+pub use error::{AbortReason, Result, StoreError};
 pub use inspect::{Counts, DanglingReference, Inspection, StoredBlob};
 pub use job_lists::JobFilter;
 pub use jobs::{QueueCounts, QueueLimits, Submitted};

@@ -1,37 +1,21 @@
 //! Processes that work on a database, and which of them live.
 
 use lightpath_domain::ability::Abilities;
-use serde::{Deserialize, Serialize};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 /// Time for which a process counts as living after its last sign of life.
 pub const LIFE: Duration = Duration::from_secs(20);
 
-/// What a process does.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum ProcessKind {
-    /// It answers calls.
-    Server,
-    /// It runs jobs.
-    Worker,
-    /// It answers calls and runs jobs.
-    Both,
-}
-
-impl ProcessKind {
-    /// All kinds.
-    pub const ALL: [Self; 3] = [Self::Server, Self::Worker, Self::Both];
-
-    /// Name of the kind in lower case.
-    #[must_use]
-    pub fn as_str(self) -> &'static str {
-        match self {
-            Self::Server => "server",
-            Self::Worker => "worker",
-            Self::Both => "both",
-        }
+lightpath_domain::words! {
+    /// What a process does.
+    pub enum ProcessKind {
+        /// It answers calls.
+        Server = "server",
+        /// It runs jobs.
+        Worker = "worker",
+        /// It answers calls and runs jobs.
+        Both = "both",
     }
 }
 

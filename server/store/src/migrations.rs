@@ -1,7 +1,7 @@
 //! The tables of a database: its migrations, and whether this program can work on them.
 
-use super::StoreError;
 use super::sql::{Connection, Pool, scalar};
+use super::{Result, StoreError};
 use sqlx::migrate::{MigrateError, Migration, MigrationType, Migrator};
 use sqlx::{AssertSqlSafe, SqlSafeStr as _};
 
@@ -44,7 +44,7 @@ pub(super) const STEPS_OF_0_1_0: usize = 9;
 
 /// Applies the migrations that are new to the database. One that a newer program has migrated stays as it is, if this
 /// program can work on it.
-pub(super) async fn bring_up_to_date(writers: &Pool) -> Result<(), StoreError> {
+pub(super) async fn bring_up_to_date(writers: &Pool) -> Result<()> {
     require_suitable(&mut writers.acquire().await?).await?;
     let migrator = |text| {
         let mut migrator = migrator(MIGRATIONS.len(), text);
@@ -60,7 +60,7 @@ pub(super) async fn bring_up_to_date(writers: &Pool) -> Result<(), StoreError> {
 }
 
 /// Refuses a database that a newer program has migrated so that this one cannot work on it.
-pub(super) async fn require_suitable(connection: &mut Connection) -> Result<(), StoreError> {
+pub(super) async fn require_suitable(connection: &mut Connection) -> Result<()> {
     // The first migration makes this table.
     if !has_table(connection, "older_programs").await? {
         return Ok(());
@@ -73,7 +73,7 @@ pub(super) async fn require_suitable(connection: &mut Connection) -> Result<(), 
 }
 
 /// Whether the database has this table.
-pub(super) async fn has_table(connection: &mut Connection, name: &str) -> Result<bool, StoreError> {
+pub(super) async fn has_table(connection: &mut Connection, name: &str) -> Result<bool> {
     let sql = match connection.is_postgres() {
         true => "select to_regclass($1) is not null",
         false => "select exists (select 1 from sqlite_master where type = 'table' and name = $1)",
@@ -82,12 +82,12 @@ pub(super) async fn has_table(connection: &mut Connection, name: &str) -> Result
 }
 
 /// Refuses the target of an unfinished transfer.
-pub(super) async fn require_finished(connection: &mut Connection) -> Result<(), StoreError> {
+pub(super) async fn require_finished(connection: &mut Connection) -> Result<()> {
     marked_source(connection).await?.map_or(Ok(()), |_| Err(StoreError::Unfinished))
 }
 
 /// The source of an unfinished transfer into this database; `None`: there is none.
-pub(super) async fn marked_source(connection: &mut Connection) -> Result<Option<String>, StoreError> {
+pub(super) async fn marked_source(connection: &mut Connection) -> Result<Option<String>> {
     if !has_table(connection, "unfinished_transfer").await? {
         return Ok(None);
     }

@@ -2,10 +2,10 @@
 
 use super::changes::Change;
 use super::kernels::{find, find_version};
-use super::rows::{from_json, to_json};
-use super::sql::{query, scalar};
+use super::rows::{cause_of, from_json, to_json};
+use super::sql::{from_row, query, scalar};
 use super::write::Write;
-use super::{AbortReason, Store, StoreError, page};
+use super::{AbortReason, Result, Store, StoreError, page};
 use lightpath_domain::kernel::{ACTIVE, Cause, Kernel, KernelKey, KernelMove};
 use lightpath_domain::reason::PreconditionReason;
 
@@ -55,14 +55,12 @@ impl Store {
     ///
     /// [`StoreError::NotFound`] if the version does not exist; [`StoreError::Aborted`] if a version other than the
     /// expected one is active; [`StoreError::Precondition`] while a rollout of the kernel is running.
-    pub async fn promote(&self, key: &KernelKey, promotion: Promotion, now_ms: i64) -> Result<Kernel, StoreError> {
+    pub async fn promote(&self, key: &KernelKey, promotion: Promotion, now_ms: i64) -> Result<Kernel> {
         let key = key.clone();
-        self.write(move |write| {
-            Box::pin(async move {
-                let (_, kernel) = find(write.sql(), &key).await?;
-                require_no_rollout(&kernel)?;
-                promote(write, &key, promotion, now_ms).await
-            })
+        self.write(async move |write| {
+            let (_, kernel) = find(write.sql(), &key).await?;
+            require_no_rollout(&kernel)?;
+            promote(write, &key, promotion, now_ms).await
         })
         .await
     }
@@ -73,9 +71,9 @@ impl Store {
     ///
     /// [`StoreError::NotFound`] if the version does not exist; [`StoreError::Aborted`] if the alias names another
     /// version than expected; [`StoreError::Precondition`] if the kernel has [`ALIASES_MAX`] aliases.
-    pub async fn set_alias(&self, key: &KernelKey, step: AliasMove, now_ms: i64) -> Result<Kernel, StoreError> {
+    pub async fn set_alias(&self, key: &KernelKey, step: AliasMove, now_ms: i64) -> Result<Kernel> {
         let key = key.clone();
-        self.write(move |write| Box::pin(async move { set_alias(write, &key, step, now_ms).await })).await
+        self.write(async move |write| set_alias(write, &key, step, now_ms).await).await
     }
 
     /// Undoes the latest promotion that has not been undone. The version `expected` (`None`: no version) must be active
@@ -86,15 +84,9 @@ impl Store {
     ///
     /// [`StoreError::NotFound`]; [`StoreError::Aborted`] if a version other than `expected` is active;
     /// [`StoreError::Precondition`] if there is no promotion to undo, or the version before is deprecated.
-    pub async fn rollback(
-        &self,
-        key: &KernelKey,
-        expected: Option<u32>,
-        cause: &Cause,
-        now_ms: i64,
-    ) -> Result<Kernel, StoreError> {
+    pub async fn rollback(&self, key: &KernelKey, expected: Option<u32>, cause: &Cause, now_ms: i64) -> Result<Kernel> {
         let (key, cause) = (key.clone(), cause.clone());
-        self.write(move |write| Box::pin(async move { rollback(write, &key, expected, cause, now_ms).await })).await
+        self.write(async move |write| rollback(write, &key, expected, cause, now_ms).await).await
     }
 
     /// Raises the generation of every display to at least `least`. Devices have seen the generations of moves that a
@@ -103,15 +95,13 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn raise_generations(&self, least: u64) -> Result<(), StoreError> {
-        self.write(move |write| {
-            Box::pin(async move {
-                query("update display set generation = $1 where generation < $1")
-                    .bind(least as i64)
-                    .execute(write.sql())
-                    .await?;
-                Ok(())
-            })
+    pub async fn raise_generations(&self, least: u64) -> Result<()> {
+        self.write(async move |write| {
+            query("update display set generation = $1 where generation < $1")
+                .bind(least as i64)
+                .execute(write.sql())
+                .await?;
+            Ok(())
         })
         .await
     }
@@ -121,47 +111,30 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`] if the kernel does not exist.
-    pub async fn kernel_moves(
-        &self,
-        key: &KernelKey,
-        before: Option<i64>,
-        limit: u32,
-    ) -> Result<Vec<KernelMove>, StoreError> {
+    pub async fn kernel_moves(&self, key: &KernelKey, before: Option<i64>, limit: u32) -> Result<Vec<KernelMove>> {
         let mut read = self.readers().begin().await?;
         let (id, _) = find(&mut read, key).await?;
         let rows =
             query("select * from kernel_move where kernel = $1 and sequence < $2 order by sequence desc limit $3")
-                .bind(id)
-                .bind(before.unwrap_or(i64::MAX))
-                .bind(page(limit))
+                .bind((id, before.unwrap_or(i64::MAX), page(limit)))
                 .fetch_all(&mut read)
                 .await?;
         rows.iter()
             .map(|row| {
                 let overridden: String = row.try_get("overridden")?;
-                Ok(KernelMove {
-                    sequence: row.try_get("sequence")?,
-                    alias: row.try_get("alias")?,
-                    time_ms: row.try_get("time_ms")?,
-                    cause: Cause { caller: row.try_get("caller")?, reason: row.try_get("reason")? },
-                    from_version: row.try_get("from_version")?,
-                    to_version: row.try_get("to_version")?,
+                Ok(from_row!(row, KernelMove {
+                    sequence, alias, time_ms, from_version, to_version, generation;
+                    cause: cause_of(row)?,
                     overridden: from_json("kernel_move.overridden", &overridden)?,
-                    generation: row.try_get::<i64>("generation")?.unsigned_abs(),
                     rollback: row.try_get::<Option<i64>>("undoes")?.is_some(),
-                })
+                }))
             })
             .collect()
     }
 }
 
 /// Makes a version active within the caller's transaction.
-pub(super) async fn promote(
-    write: &mut Write,
-    key: &KernelKey,
-    promotion: Promotion,
-    now_ms: i64,
-) -> Result<Kernel, StoreError> {
+pub(super) async fn promote(write: &mut Write, key: &KernelKey, promotion: Promotion, now_ms: i64) -> Result<Kernel> {
     let Promotion { version, expected_active, cause, overridden } = promotion;
     let (id, kernel) = find(write.sql(), key).await?;
     require_version(&kernel, version)?;
@@ -180,7 +153,7 @@ async fn set_alias(
     key: &KernelKey,
     AliasMove { alias, version, expected, cause }: AliasMove,
     now_ms: i64,
-) -> Result<Kernel, StoreError> {
+) -> Result<Kernel> {
     let (id, kernel) = find(write.sql(), key).await?;
     if let Some(version) = version {
         require_version(&kernel, version)?;
@@ -205,7 +178,7 @@ async fn set_alias(
 }
 
 /// Refuses a version that does not exist.
-pub(super) fn require_version(kernel: &Kernel, version: u32) -> Result<(), StoreError> {
+pub(super) fn require_version(kernel: &Kernel, version: u32) -> Result<()> {
     match version {
         1.. if version <= kernel.latest_version => Ok(()),
         _ => Err(StoreError::not_found(format!("{}/versions/{version}", kernel.key))),
@@ -213,14 +186,14 @@ pub(super) fn require_version(kernel: &Kernel, version: u32) -> Result<(), Store
 }
 
 /// Refuses a move of `active` while a rollout of the kernel is running.
-pub(super) fn require_no_rollout(kernel: &Kernel) -> Result<(), StoreError> {
+pub(super) fn require_no_rollout(kernel: &Kernel) -> Result<()> {
     let Some(number) = kernel.rollout else { return Ok(()) };
     let message = format!("{}/rollouts/{number} is running; complete or halt it first", kernel.key);
     Err(StoreError::precondition(PreconditionReason::RolloutRunning, message))
 }
 
 /// Checks that the version `expected` is active (`None`: no version).
-pub(super) fn require_active(kernel: &Kernel, expected: Option<u32>) -> Result<(), StoreError> {
+pub(super) fn require_active(kernel: &Kernel, expected: Option<u32>) -> Result<()> {
     if expected == kernel.active_version {
         return Ok(());
     }
@@ -238,7 +211,7 @@ async fn rollback(
     expected: Option<u32>,
     cause: Cause,
     now_ms: i64,
-) -> Result<Kernel, StoreError> {
+) -> Result<Kernel> {
     let (id, kernel) = find(write.sql(), key).await?;
     require_no_rollout(&kernel)?;
     require_active(&kernel, expected)?;
@@ -272,11 +245,11 @@ async fn rollback(
 }
 
 /// Raises the generation of a kernel's display, because what its devices get changes.
-pub(super) async fn raise_generation(write: &mut Write, key: &KernelKey, now_ms: i64) -> Result<i64, StoreError> {
+pub(super) async fn raise_generation(write: &mut Write, key: &KernelKey, now_ms: i64) -> Result<i64> {
     let raise = "update display set generation = generation + 1, \
                  generation_time_ms = max(generation_time_ms, $2) where id = $1 returning generation";
     write.announce(Change::Kernel(key.clone()));
-    Ok(scalar(raise).bind(&key.display).bind(now_ms).fetch_one(write.sql()).await?)
+    Ok(scalar(raise).bind((&key.display, now_ms)).fetch_one(write.sql()).await?)
 }
 
 async fn apply(
@@ -286,22 +259,14 @@ async fn apply(
     step: Move<'_>,
     generation: i64,
     now_ms: i64,
-) -> Result<Kernel, StoreError> {
+) -> Result<Kernel> {
     query(
         "insert into kernel_move \
          (kernel, alias, time_ms, caller, from_version, to_version, reason, overridden, generation, undoes) \
          values ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10)",
     )
-    .bind(id)
-    .bind(step.alias)
-    .bind(now_ms)
-    .bind(step.cause.caller)
-    .bind(step.from)
-    .bind(step.to)
-    .bind(step.cause.reason)
-    .bind(to_json("kernel_move.overridden", &step.overridden)?)
-    .bind(generation)
-    .bind(step.undoes)
+    .bind((id, step.alias, now_ms, step.cause.caller, step.from, step.to, step.cause.reason))
+    .bind((to_json("kernel_move.overridden", &step.overridden)?, generation, step.undoes))
     .execute(write.sql())
     .await?;
     let change = match (step.alias, step.to) {
@@ -311,7 +276,7 @@ async fn apply(
             "insert into kernel_alias values ($1, $2, $3) on conflict (kernel, alias) do update set version = excluded.version"
         }
     };
-    query(change).bind(id).bind(step.alias).bind(step.to).execute(write.sql()).await?;
+    query(change).bind((id, step.alias, step.to)).execute(write.sql()).await?;
     write.announce(Change::Kernel(key.clone()));
     Ok(find(write.sql(), key).await?.1)
 }

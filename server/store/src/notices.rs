@@ -8,7 +8,7 @@ use super::changes::Change;
 use super::rows::to_json;
 use super::sql::scalar;
 use super::store::Inner;
-use super::{Changed, Store, StoreError};
+use super::{Changed, Result, Store};
 use serde::{Deserialize, Serialize};
 use sqlx::postgres::PgListener;
 use std::collections::HashSet;
@@ -40,7 +40,7 @@ struct Notice<C> {
 }
 
 /// The texts of the notices about these changes by `process`. Repeated changes are said once.
-pub(super) fn messages(process: &str, changes: &[Change]) -> Result<Vec<String>, StoreError> {
+pub(super) fn messages(process: &str, changes: &[Change]) -> Result<Vec<String>> {
     let mut said = HashSet::new();
     let mut rest: Vec<&Change> = changes.iter().filter(|change| said.insert(*change)).collect();
     let mut messages = Vec::new();
@@ -62,7 +62,7 @@ pub(super) fn messages(process: &str, changes: &[Change]) -> Result<Vec<String>,
 
 impl Store {
     /// Begins to hear of the changes of other processes.
-    pub(super) async fn listen(&self, mut listener: PgListener) -> Result<(), StoreError> {
+    pub(super) async fn listen(&self, mut listener: PgListener) -> Result<()> {
         listener.listen("lightpath").await?;
         let inner = Arc::downgrade(&self.inner);
         let task = AbortOnDropHandle::new(tokio::spawn(async move {
@@ -73,7 +73,7 @@ impl Store {
     }
 
     /// Announces everything that may have changed while nobody listened.
-    async fn announce_again(&self) -> Result<(), StoreError> {
+    async fn announce_again(&self) -> Result<()> {
         let sql = "select id from job order by id desc limit $1";
         let jobs: Vec<String> = scalar(sql).bind(ANNOUNCED_AGAIN_MAX).fetch_all(self.readers()).await?;
         let mut changes: Vec<Change> = jobs.into_iter().map(Change::Job).collect();

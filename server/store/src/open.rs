@@ -3,7 +3,7 @@
 use super::connect::{ACQUIRE_TIMEOUT, POSTGRES_WRITERS, connect_once, connect_options, create_private};
 use super::migrations::{bring_up_to_date, require_finished};
 use super::sql::Pool;
-use super::{Store, StoreError};
+use super::{Result, Store, StoreError};
 use sqlx::Connection as _;
 use sqlx::postgres::{PgConnectOptions, PgListener, PgPoolOptions};
 use sqlx::sqlite::{SqlitePool, SqlitePoolOptions};
@@ -38,7 +38,7 @@ impl Store {
     ///
     /// [`StoreError::Database`] if the file cannot be opened; [`StoreError::Migration`] if its tables have a newer
     /// version; [`StoreError::SqliteTooOld`]; [`StoreError::Unfinished`].
-    pub async fn open(path: &Path) -> Result<Self, StoreError> {
+    pub async fn open(path: &Path) -> Result<Self> {
         if !path.exists() {
             create_private(path)?;
         }
@@ -59,7 +59,7 @@ impl Store {
     ///
     /// [`StoreError::Database`] if the server cannot be reached or refuses; [`StoreError::Migration`] and
     /// [`StoreError::NewerDatabase`] as [`Self::open`].
-    pub async fn connect(url: &str) -> Result<Self, StoreError> {
+    pub async fn connect(url: &str) -> Result<Self> {
         let options = PgConnectOptions::from_str(url)?.application_name("lightpath").options(POSTGRES_LIMITS);
         // A pool tries again until its time is up and then hides the cause.
         connect_once(&options).await?.close().await?;
@@ -82,7 +82,7 @@ fn pool(connections: u32) -> SqlitePoolOptions {
     SqlitePoolOptions::new().max_connections(connections).idle_timeout(None).max_lifetime(None)
 }
 
-async fn check_version(pool: &SqlitePool) -> Result<(), StoreError> {
+async fn check_version(pool: &SqlitePool) -> Result<()> {
     let found: String = sqlx::query_scalar("select sqlite_version()").fetch_one(pool).await?;
     let mut numbers = found.split('.').map(|part| part.parse::<u32>().unwrap_or(0));
     let mut next = || numbers.next().unwrap_or(0);

@@ -8,7 +8,7 @@ use super::datasets::{changed, require_artifact, with_pairs};
 use super::rows::{to_json, to_word};
 use super::sql::query;
 use super::write::Write;
-use super::{AbortReason, StoreError};
+use super::{AbortReason, Result, StoreError};
 use lightpath_domain::dataset::{
     self, Dataset, Finalization, Finding, Pair, PairChecks, PreparedDataset, Split, Splits,
 };
@@ -16,11 +16,7 @@ use lightpath_domain::reason::PreconditionReason;
 use std::collections::BTreeMap;
 
 /// Stores the results of a job that aligned or finalized a dataset, and returns the changed dataset.
-pub(super) async fn store_prepared(
-    write: &mut Write,
-    prepared: PreparedDataset,
-    now_ms: i64,
-) -> Result<Dataset, StoreError> {
+pub(super) async fn store_prepared(write: &mut Write, prepared: PreparedDataset, now_ms: i64) -> Result<Dataset> {
     let PreparedDataset { dataset: id, revision, alignment, mut checks, findings, closing } = prepared;
     let before = with_pairs(write.sql(), &id).await?;
     require_unchanged(&before, revision)?;
@@ -59,7 +55,7 @@ fn group_by_pair(findings: &[Finding]) -> BTreeMap<&str, Vec<&Finding>> {
 }
 
 /// Checks that the dataset is open and still has the revision that the job read.
-fn require_unchanged(dataset: &Dataset, revision: u64) -> Result<(), StoreError> {
+fn require_unchanged(dataset: &Dataset, revision: u64) -> Result<()> {
     let id = &dataset.id;
     if dataset.digest.is_some() {
         let message =
@@ -75,12 +71,7 @@ fn require_unchanged(dataset: &Dataset, revision: u64) -> Result<(), StoreError>
 }
 
 /// Finalizes the dataset: sets the split of every pair and the digest of the dataset.
-fn finalize(
-    dataset: &mut Dataset,
-    finalization: Finalization,
-    mut splits: Splits,
-    now_ms: i64,
-) -> Result<(), StoreError> {
+fn finalize(dataset: &mut Dataset, finalization: Finalization, mut splits: Splits, now_ms: i64) -> Result<()> {
     splits.sort_by(|a, b| a.0.cmp(&b.0));
     let id = &dataset.id;
     if !splits.iter().map(|(id, _)| id).eq(dataset.pairs.iter().map(|pair| &pair.id)) {
@@ -102,20 +93,17 @@ fn finalize(
     Ok(())
 }
 
-async fn update_pair(write: &mut Write, dataset: &str, pair: &Pair, findings: &[&Finding]) -> Result<(), StoreError> {
+async fn update_pair(write: &mut Write, dataset: &str, pair: &Pair, findings: &[&Finding]) -> Result<()> {
     let checks_json = |checks: &PairChecks| to_json("pair.checks", checks);
     query("update pair set split = $3, checks = $4, findings = $5 where dataset = $1 and id = $2")
-        .bind(dataset)
-        .bind(&pair.id)
-        .bind(pair.split.map(|split| to_word("pair.split", &split)).transpose()?)
-        .bind(pair.checks.as_ref().map(checks_json).transpose()?)
-        .bind(to_json("pair.findings", &findings)?)
+        .bind((dataset, &pair.id, pair.split.map(|split| to_word("pair.split", &split)).transpose()?))
+        .bind((pair.checks.as_ref().map(checks_json).transpose()?, to_json("pair.findings", &findings)?))
         .execute(write.sql())
         .await?;
     Ok(())
 }
 
-async fn update_dataset(write: &mut Write, dataset: &Dataset) -> Result<(), StoreError> {
+async fn update_dataset(write: &mut Write, dataset: &Dataset) -> Result<()> {
     let dataset_findings: Vec<&Finding> = dataset.findings.iter().filter(|finding| finding.pair.is_empty()).collect();
     query(
         "update dataset set alignment = $2, findings = $3, revision = $4, digest = $5, finalization = $6, \
@@ -123,9 +111,7 @@ async fn update_dataset(write: &mut Write, dataset: &Dataset) -> Result<(), Stor
     )
     .bind(&dataset.id)
     .bind(dataset.alignment.as_ref().map(|alignment| to_json("dataset.alignment", alignment)).transpose()?)
-    .bind(to_json("dataset.findings", &dataset_findings)?)
-    .bind(dataset.revision as i64)
-    .bind(&dataset.digest)
+    .bind((to_json("dataset.findings", &dataset_findings)?, dataset.revision as i64, &dataset.digest))
     .bind(dataset.finalization.as_ref().map(|finalization| to_json("dataset.finalization", finalization)).transpose()?)
     .bind(dataset.finalize_time_ms)
     .execute(write.sql())

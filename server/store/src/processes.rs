@@ -5,8 +5,8 @@
 
 use super::living::{LIFE, Process};
 use super::rows::{from_json, from_word, to_json, to_word};
-use super::sql::{Row, query};
-use super::{Store, StoreError};
+use super::sql::{Row, from_row, query};
+use super::{Result, Store};
 use lightpath_domain::ability::Abilities;
 use std::sync::Arc;
 
@@ -21,8 +21,8 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`], [`StoreError::DiskFull`].
-    pub async fn sign_of_life(&self, process: &Process) -> Result<(), StoreError> {
+    /// [`crate::StoreError::Database`], [`crate::StoreError::DiskFull`].
+    pub async fn sign_of_life(&self, process: &Process) -> Result<()> {
         let process = Process { seen_time_ms: self.now_ms(), ..process.clone() };
         if !self.is_shared() {
             self.inner.living.set(vec![process]);
@@ -30,26 +30,18 @@ impl Store {
         }
         let (kind, labels) =
             (to_word("process.kind", &process.kind)?, to_json("process.labels", &process.abilities.labels)?);
-        self.write_row(move |write| {
-            Box::pin(async move {
-                let sql = "insert into process values ($1, $2, $3, $4, $5, $6, $7, $8, $9) on conflict (id) do update set \
+        self.write_row(async move |write| {
+            let sql = "insert into process values ($1, $2, $3, $4, $5, $6, $7, $8, $9) on conflict (id) do update set \
                            kind = excluded.kind, name = excluded.name, version = excluded.version, \
                            labels = excluded.labels, memory_bytes = excluded.memory_bytes, workers = excluded.workers, \
                            start_time_ms = excluded.start_time_ms, seen_time_ms = excluded.seen_time_ms";
-                query(sql)
-                    .bind(process.id)
-                    .bind(kind)
-                    .bind(process.name)
-                    .bind(process.version)
-                    .bind(labels)
-                    .bind(i64::try_from(process.abilities.memory_bytes).unwrap_or(i64::MAX))
-                    .bind(process.workers)
-                    .bind(process.start_time_ms)
-                    .bind(process.seen_time_ms)
-                    .execute(write.sql())
-                    .await?;
-                Ok(())
-            })
+            query(sql)
+                .bind((process.id, kind, process.name, process.version, labels))
+                .bind((i64::try_from(process.abilities.memory_bytes).unwrap_or(i64::MAX), process.workers))
+                .bind((process.start_time_ms, process.seen_time_ms))
+                .execute(write.sql())
+                .await?;
+            Ok(())
         })
         .await?;
         if self.read_living().await? {
@@ -62,8 +54,8 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`].
-    pub async fn read_living(&self) -> Result<bool, StoreError> {
+    /// [`crate::StoreError::Database`].
+    pub async fn read_living(&self) -> Result<bool> {
         if !self.is_shared() {
             return Ok(false);
         }
@@ -82,30 +74,26 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`].
-    pub async fn sign_off(&self, id: &str) -> Result<(), StoreError> {
+    /// [`crate::StoreError::Database`].
+    pub async fn sign_off(&self, id: &str) -> Result<()> {
         if !self.is_shared() {
             return Ok(());
         }
         let id = id.to_owned();
-        self.write_row(move |write| {
-            Box::pin(async move {
-                query("delete from process where id = $1").bind(id).execute(write.sql()).await?;
-                Ok(())
-            })
+        self.write_row(async move |write| {
+            query("delete from process where id = $1").bind(id).execute(write.sql()).await?;
+            Ok(())
         })
         .await
     }
 
     /// Removes the processes whose time is over.
-    async fn remove_ended(&self) -> Result<(), StoreError> {
+    async fn remove_ended(&self) -> Result<()> {
         let (from_ms, to_ms) = self.time_of_living();
-        self.write(move |write| {
-            Box::pin(async move {
-                let sql = "delete from process where seen_time_ms not between $1 and $2";
-                query(sql).bind(from_ms).bind(to_ms).execute(write.sql()).await?;
-                Ok(())
-            })
+        self.write(async move |write| {
+            let sql = "delete from process where seen_time_ms not between $1 and $2";
+            query(sql).bind((from_ms, to_ms)).execute(write.sql()).await?;
+            Ok(())
         })
         .await
     }
@@ -117,18 +105,13 @@ impl Store {
     }
 }
 
-fn process_of(row: &Row) -> Result<Process, StoreError> {
-    Ok(Process {
-        id: row.try_get("id")?,
+fn process_of(row: &Row) -> Result<Process> {
+    Ok(from_row!(row, Process {
+        id, name, version, workers, start_time_ms, seen_time_ms;
         kind: from_word("process.kind", row.try_get("kind")?)?,
-        name: row.try_get("name")?,
-        version: row.try_get("version")?,
         abilities: Abilities {
             labels: from_json("process.labels", &row.try_get::<String>("labels")?)?,
-            memory_bytes: row.try_get::<i64>("memory_bytes")?.unsigned_abs(),
+            memory_bytes: row.try_get("memory_bytes")?,
         },
-        workers: row.try_get("workers")?,
-        start_time_ms: row.try_get("start_time_ms")?,
-        seen_time_ms: row.try_get("seen_time_ms")?,
-    })
+    }))
 }

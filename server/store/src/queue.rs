@@ -3,7 +3,7 @@
 use super::changes::{Change, Changed};
 use super::rows::from_json_option;
 use super::sql::{query, query_as, scalar};
-use super::{Store, StoreError};
+use super::{Result, Store, StoreError};
 use lightpath_domain::job::Progress;
 use lightpath_domain::reason::PreconditionReason;
 
@@ -58,20 +58,19 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`] if the display does not exist.
-    pub async fn pause(&self, display: Option<&str>, reason: &str, now_ms: i64) -> Result<(), StoreError> {
+    pub async fn pause(&self, display: Option<&str>, reason: &str, now_ms: i64) -> Result<()> {
         let (display, reason) = (display.unwrap_or_default().to_owned(), reason.to_owned());
-        self.write(move |write| {
-            Box::pin(async move {
-                let known = scalar("select $1 = '' or exists (select 1 from display where id = $1)");
-                let known: bool = known.bind(&display).fetch_one(write.sql()).await?;
-                if !known {
-                    return Err(StoreError::not_found(format!("displays/{display}")));
-                }
-                let sql = "insert into pause values ($1, $2, $3) on conflict (display) do update set reason = excluded.reason";
-                query(sql).bind(display).bind(now_ms).bind(reason).execute(write.sql()).await?;
-                write.announce_changed(Changed::Queue);
-                Ok(())
-            })
+        self.write(async move |write| {
+            let known = scalar("select $1 = '' or exists (select 1 from display where id = $1)");
+            let known: bool = known.bind(&display).fetch_one(write.sql()).await?;
+            if !known {
+                return Err(StoreError::not_found(format!("displays/{display}")));
+            }
+            let sql =
+                "insert into pause values ($1, $2, $3) on conflict (display) do update set reason = excluded.reason";
+            query(sql).bind((display, now_ms, reason)).execute(write.sql()).await?;
+            write.announce_changed(Changed::Queue);
+            Ok(())
         })
         .await
     }
@@ -82,23 +81,17 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Precondition`] if the display or queue is not paused.
-    pub async fn resume(&self, display: Option<&str>) -> Result<(), StoreError> {
+    pub async fn resume(&self, display: Option<&str>) -> Result<()> {
         let display = display.unwrap_or_default().to_owned();
-        self.write(move |write| {
-            Box::pin(async move {
-                let deleted = query("delete from pause where display = $1").bind(&display).execute(write.sql());
-                if deleted.await? == 0 {
-                    let target =
-                        if display.is_empty() { "the queue".to_owned() } else { format!("displays/{display}") };
-                    return Err(StoreError::precondition(
-                        PreconditionReason::NotPaused,
-                        format!("{target} is not paused"),
-                    ));
-                }
-                write.announce(Change::Claimable);
-                write.announce_changed(Changed::Queue);
-                Ok(())
-            })
+        self.write(async move |write| {
+            let deleted = query("delete from pause where display = $1").bind(&display).execute(write.sql());
+            if deleted.await? == 0 {
+                let target = if display.is_empty() { "the queue".to_owned() } else { format!("displays/{display}") };
+                return Err(StoreError::precondition(PreconditionReason::NotPaused, format!("{target} is not paused")));
+            }
+            write.announce(Change::Claimable);
+            write.announce_changed(Changed::Queue);
+            Ok(())
         })
         .await
     }
@@ -108,7 +101,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn pauses(&self) -> Result<Vec<Pause>, StoreError> {
+    pub async fn pauses(&self) -> Result<Vec<Pause>> {
         let rows = query("select * from pause order by display").fetch_all(self.readers()).await?;
         rows.iter()
             .map(|row| {
@@ -127,7 +120,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn owner_queues(&self) -> Result<Vec<OwnerQueue>, StoreError> {
+    pub async fn owner_queues(&self) -> Result<Vec<OwnerQueue>> {
         let rows: Vec<(String, i64, i64)> = query_as(
             "select owner, cast(sum(case state when 'queued' then jobs else 0 end) as bigint), \
              cast(sum(case state when 'running' then jobs else 0 end) as bigint) from job_count \
@@ -148,7 +141,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`] if the batch has no jobs.
-    pub async fn batch(&self, name: &str) -> Result<BatchProgress, StoreError> {
+    pub async fn batch(&self, name: &str) -> Result<BatchProgress> {
         let rows: Vec<(Option<String>, i64, Option<String>)> =
             query_as(BATCH).bind(name).fetch_all(self.readers()).await?;
         let mut progress = BatchProgress::default();

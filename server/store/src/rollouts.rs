@@ -3,15 +3,14 @@
 use super::changes::Changed;
 use super::kernels::find;
 use super::moves::{Promotion, promote, raise_generation, require_active, require_no_rollout, require_version};
-use super::rows::{from_json, from_word, to_json, to_word};
-use super::sql::{Builder, Connection, Row, query, scalar};
+use super::rows::{cause_of, from_json, from_word, key_of, to_json, to_word};
+use super::sql::{Builder, Connection, Row, from_row, query, scalar};
 use super::write::Write;
-use super::{AbortReason, Store, StoreError, page};
+use super::{AbortReason, Result, Store, StoreError, page};
 use lightpath_domain::device::Report;
 use lightpath_domain::kernel::{Cause, Kernel, KernelKey};
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_domain::rollout::{Rollout, RolloutEvent, RolloutPlan, RolloutState, is_in_share};
-use lightpath_domain::units::{Distance, Wavelength};
 
 /// Selects rollouts with the numbers of their reports.
 const ROLLOUTS: &str = "select r.*, k.display, k.wavelength_pm, k.distance_nm, \
@@ -49,9 +48,9 @@ impl Store {
         plan: RolloutPlan,
         expected_active: Option<u32>,
         now_ms: i64,
-    ) -> Result<Rollout, StoreError> {
+    ) -> Result<Rollout> {
         let key = key.clone();
-        self.write(move |write| Box::pin(async move { start(write, &key, plan, expected_active, now_ms).await })).await
+        self.write(async move |write| start(write, &key, plan, expected_active, now_ms).await).await
     }
 
     /// Gives the version of a rollout to a larger share of the devices.
@@ -66,29 +65,27 @@ impl Store {
         number: u32,
         Widening { share_percent, expected_revision, caller }: Widening,
         now_ms: i64,
-    ) -> Result<Rollout, StoreError> {
+    ) -> Result<Rollout> {
         let key = key.clone();
-        self.write(move |write| {
-            Box::pin(async move {
-                let rollout = running(write.sql(), &key, number, expected_revision).await?;
-                let present = rollout.plan.share_percent;
-                if share_percent <= present {
-                    let message = format!("{} has {present} % already; halt it to go back", name(&key, number));
-                    return Err(StoreError::Aborted { reason: AbortReason::RolloutChanged, message });
-                }
-                let set = "update rollout set share_percent = $3, revision = revision + 1 where number = $2 \
+        self.write(async move |write| {
+            let rollout = running(write.sql(), &key, number, expected_revision).await?;
+            let present = rollout.plan.share_percent;
+            if share_percent <= present {
+                let message = format!("{} has {present} % already; halt it to go back", name(&key, number));
+                return Err(StoreError::Aborted { reason: AbortReason::RolloutChanged, message });
+            }
+            let set = "update rollout set share_percent = $3, revision = revision + 1 where number = $2 \
                            and kernel = (select id from kernel where name = $1)";
-                query(set).bind(key.to_string()).bind(number).bind(share_percent).execute(write.sql()).await?;
-                let generation = raise_generation(write, &key, now_ms).await?;
-                let event = RolloutEvent {
-                    time_ms: now_ms,
-                    caller,
-                    message: format!("{share_percent} % of the devices get the version, instead of {present} %"),
-                    generation: generation.unsigned_abs(),
-                };
-                append_event(write, &key, number, event).await?;
-                find_rollout(write.sql(), &key, number).await
-            })
+            query(set).bind((key.to_string(), number, share_percent)).execute(write.sql()).await?;
+            let generation = raise_generation(write, &key, now_ms).await?;
+            let event = RolloutEvent {
+                time_ms: now_ms,
+                caller,
+                message: format!("{share_percent} % of the devices get the version, instead of {present} %"),
+                generation: generation.unsigned_abs(),
+            };
+            append_event(write, &key, number, event).await?;
+            find_rollout(write.sql(), &key, number).await
         })
         .await
     }
@@ -105,22 +102,20 @@ impl Store {
         expected_revision: Option<u32>,
         caller: &str,
         now_ms: i64,
-    ) -> Result<Rollout, StoreError> {
+    ) -> Result<Rollout> {
         let (key, caller) = (key.clone(), caller.to_owned());
-        self.write(move |write| {
-            Box::pin(async move {
-                let Rollout { plan, from_version, .. } = running(write.sql(), &key, number, expected_revision).await?;
-                let ending = Ending { state: RolloutState::Completed, caller, message: "the version is active".into() };
-                end(write, &key, number, ending, now_ms).await?;
-                let promotion = Promotion {
-                    version: plan.version,
-                    expected_active: from_version,
-                    cause: plan.cause,
-                    overridden: plan.overridden,
-                };
-                promote(write, &key, promotion, now_ms).await?;
-                find_rollout(write.sql(), &key, number).await
-            })
+        self.write(async move |write| {
+            let Rollout { plan, from_version, .. } = running(write.sql(), &key, number, expected_revision).await?;
+            let ending = Ending { state: RolloutState::Completed, caller, message: "the version is active".into() };
+            end(write, &key, number, ending, now_ms).await?;
+            let promotion = Promotion {
+                version: plan.version,
+                expected_active: from_version,
+                cause: plan.cause,
+                overridden: plan.overridden,
+            };
+            promote(write, &key, promotion, now_ms).await?;
+            find_rollout(write.sql(), &key, number).await
         })
         .await
     }
@@ -130,24 +125,16 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`]; [`StoreError::Precondition`] if the rollout has ended.
-    pub async fn halt_rollout(
-        &self,
-        key: &KernelKey,
-        number: u32,
-        cause: &Cause,
-        now_ms: i64,
-    ) -> Result<Rollout, StoreError> {
+    pub async fn halt_rollout(&self, key: &KernelKey, number: u32, cause: &Cause, now_ms: i64) -> Result<Rollout> {
         let (key, cause) = (key.clone(), cause.clone());
-        self.write(move |write| {
-            Box::pin(async move {
-                running(write.sql(), &key, number, None).await?;
-                let why = if cause.reason.is_empty() { String::new() } else { format!(": {}", cause.reason) };
-                let message = format!("halted{why}");
-                let ending = Ending { state: RolloutState::Halted, caller: cause.caller, message };
-                end(write, &key, number, ending, now_ms).await?;
-                raise_generation(write, &key, now_ms).await?;
-                find_rollout(write.sql(), &key, number).await
-            })
+        self.write(async move |write| {
+            running(write.sql(), &key, number, None).await?;
+            let why = if cause.reason.is_empty() { String::new() } else { format!(": {}", cause.reason) };
+            let message = format!("halted{why}");
+            let ending = Ending { state: RolloutState::Halted, caller: cause.caller, message };
+            end(write, &key, number, ending, now_ms).await?;
+            raise_generation(write, &key, now_ms).await?;
+            find_rollout(write.sql(), &key, number).await
         })
         .await
     }
@@ -158,21 +145,19 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn halt_all_rollouts(&self, message: &str, now_ms: i64) -> Result<(), StoreError> {
+    pub async fn halt_all_rollouts(&self, message: &str, now_ms: i64) -> Result<()> {
         let message = message.to_owned();
-        self.write(move |write| {
-            Box::pin(async move {
-                let mut query = Builder::new(ROLLOUTS);
-                query.push(" where r.state = 'running'");
-                for row in query.build().fetch_all(write.sql()).await? {
-                    let Rollout { key, number, .. } = rollout_of(&row)?;
-                    let (state, message) = (RolloutState::Halted, message.clone());
-                    let ending = Ending { state, caller: String::new(), message };
-                    end(write, &key, number, ending, now_ms).await?;
-                    raise_generation(write, &key, now_ms).await?;
-                }
-                Ok(())
-            })
+        self.write(async move |write| {
+            let mut query = Builder::new(ROLLOUTS);
+            query.push(" where r.state = 'running'");
+            for row in query.build().fetch_all(write.sql()).await? {
+                let Rollout { key, number, .. } = rollout_of(&row)?;
+                let (state, message) = (RolloutState::Halted, message.clone());
+                let ending = Ending { state, caller: String::new(), message };
+                end(write, &key, number, ending, now_ms).await?;
+                raise_generation(write, &key, now_ms).await?;
+            }
+            Ok(())
         })
         .await
     }
@@ -182,27 +167,18 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`].
-    pub async fn rollout(&self, key: &KernelKey, number: u32) -> Result<(Rollout, Vec<RolloutEvent>), StoreError> {
+    pub async fn rollout(&self, key: &KernelKey, number: u32) -> Result<(Rollout, Vec<RolloutEvent>)> {
         let mut read = self.readers().begin().await?;
         let rollout = find_rollout(&mut read, key, number).await?;
         let rows = query(
             "select e.* from rollout_event e join kernel k on k.id = e.kernel where k.name = $1 and e.number = $2 \
              order by sequence limit $3",
         )
-        .bind(key.to_string())
-        .bind(number)
-        .bind(page(u32::MAX))
+        .bind((key.to_string(), number, page(u32::MAX)))
         .fetch_all(&mut read)
         .await?;
-        let events = rows.iter().map(|row| {
-            Ok(RolloutEvent {
-                time_ms: row.try_get("time_ms")?,
-                caller: row.try_get("caller")?,
-                message: row.try_get("message")?,
-                generation: row.try_get::<i64>("generation")?.unsigned_abs(),
-            })
-        });
-        Ok((rollout, events.collect::<Result<_, StoreError>>()?))
+        let events = rows.iter().map(|row| Ok(from_row!(row, RolloutEvent { time_ms, caller, message, generation })));
+        Ok((rollout, events.collect::<Result<_>>()?))
     }
 
     /// At most `limit` rollouts of a kernel, newest first and older than the rollout `before`.
@@ -210,7 +186,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`] if the kernel does not exist.
-    pub async fn rollouts(&self, key: &KernelKey, before: Option<u32>, limit: u32) -> Result<Vec<Rollout>, StoreError> {
+    pub async fn rollouts(&self, key: &KernelKey, before: Option<u32>, limit: u32) -> Result<Vec<Rollout>> {
         let mut read = self.readers().begin().await?;
         let (id, _) = find(&mut read, key).await?;
         let mut query = Builder::new(ROLLOUTS);
@@ -234,7 +210,7 @@ async fn start(
     plan: RolloutPlan,
     expected_active: Option<u32>,
     now_ms: i64,
-) -> Result<Rollout, StoreError> {
+) -> Result<Rollout> {
     let (id, kernel) = find(write.sql(), key).await?;
     require_version(&kernel, plan.version)?;
     require_active(&kernel, expected_active)?;
@@ -249,18 +225,9 @@ async fn start(
          select $1, 1 + coalesce((select max(number) from rollout where kernel = $1), 0), $2, $3, 'running', \
          $4, $5, $6, $7, $8, $9, $10, $11, $12 returning number",
     )
-    .bind(id)
-    .bind(plan.version)
-    .bind(kernel.active_version)
-    .bind(plan.share_percent)
-    .bind(&plan.group)
-    .bind(plan.failed_percent_max)
-    .bind(plan.devices_min)
-    .bind(plan.self_test_loss_max)
-    .bind(&plan.cause.caller)
-    .bind(&plan.cause.reason)
-    .bind(to_json("rollout.overridden", &plan.overridden)?)
-    .bind(now_ms)
+    .bind((id, plan.version, kernel.active_version, plan.share_percent, &plan.group, plan.failed_percent_max))
+    .bind((plan.devices_min, plan.self_test_loss_max, &plan.cause.caller, &plan.cause.reason))
+    .bind((to_json("rollout.overridden", &plan.overridden)?, now_ms))
     .fetch_one(write.sql())
     .await?;
     let generation = raise_generation(write, key, now_ms).await?.unsigned_abs();
@@ -274,17 +241,14 @@ async fn start(
 }
 
 /// Ends a running rollout. The caller changes what devices get, which raises the generation.
-async fn end(write: &mut Write, key: &KernelKey, number: u32, ending: Ending, now_ms: i64) -> Result<(), StoreError> {
+async fn end(write: &mut Write, key: &KernelKey, number: u32, ending: Ending, now_ms: i64) -> Result<()> {
     let Ending { state, caller, message } = ending;
     let word = to_word("rollout.state", &state)?;
     query(
         "update rollout set state = $3, end_time_ms = $4, revision = revision + 1 where number = $2 \
          and kernel = (select id from kernel where name = $1)",
     )
-    .bind(key.to_string())
-    .bind(number)
-    .bind(word)
-    .bind(now_ms)
+    .bind((key.to_string(), number, word, now_ms))
     .execute(write.sql())
     .await?;
     let generation: i64 =
@@ -294,12 +258,7 @@ async fn end(write: &mut Write, key: &KernelKey, number: u32, ending: Ending, no
 }
 
 /// Notes what a device reports about the version of a running rollout, and halts the rollout if too many have failed.
-pub(super) async fn note_report(
-    write: &mut Write,
-    kernel_id: i64,
-    kernel: &Kernel,
-    report: &Report,
-) -> Result<(), StoreError> {
+pub(super) async fn note_report(write: &mut Write, kernel_id: i64, kernel: &Kernel, report: &Report) -> Result<()> {
     let Some(number) = kernel.rollout else { return Ok(()) };
     let key = &kernel.key;
     let Rollout { plan, .. } = find_rollout(write.sql(), key, number).await?;
@@ -319,9 +278,7 @@ pub(super) async fn note_report(
     };
     let before: Option<bool> =
         scalar("select passed from rollout_report where kernel = $1 and number = $2 and device = $3")
-            .bind(kernel_id)
-            .bind(number)
-            .bind(&report.device)
+            .bind((kernel_id, number, &report.device))
             .fetch_optional(write.sql())
             .await?;
     if !passed && before != Some(false) {
@@ -331,11 +288,7 @@ pub(super) async fn note_report(
         "insert into rollout_report values ($1, $2, $3, $4, $5) on conflict (kernel, number, device) do update set passed = excluded.passed, \
          time_ms = excluded.time_ms",
     )
-    .bind(kernel_id)
-    .bind(number)
-    .bind(&report.device)
-    .bind(passed)
-    .bind(installed.report_time_ms)
+    .bind((kernel_id, number, &report.device, passed, installed.report_time_ms))
     .execute(write.sql())
     .await?;
     let rollout = find_rollout(write.sql(), key, number).await?;
@@ -354,13 +307,12 @@ pub(super) async fn note_report(
 }
 
 /// Takes back what a device reported in rollouts that run. An ended rollout keeps its history.
-pub(super) async fn forget_reports(write: &mut Write, display: &str, device: &str) -> Result<(), StoreError> {
+pub(super) async fn forget_reports(write: &mut Write, display: &str, device: &str) -> Result<()> {
     query(
         "delete from rollout_report where device = $2 and (kernel, number) in (select r.kernel, r.number \
          from rollout r join kernel k on k.id = r.kernel where k.display = $1 and r.state = 'running')",
     )
-    .bind(display)
-    .bind(device)
+    .bind((display, device))
     .execute(write.sql())
     .await?;
     Ok(())
@@ -373,20 +325,19 @@ async fn is_member(
     number: u32,
     plan: &RolloutPlan,
     device: &str,
-) -> Result<bool, StoreError> {
+) -> Result<bool> {
     if is_in_share(key, number, device, plan.share_percent) {
         return Ok(true);
     }
     let group: Option<String> = scalar("select group_name from device where display = $1 and id = $2")
-        .bind(&key.display)
-        .bind(device)
+        .bind((&key.display, device))
         .fetch_optional(sql)
         .await?;
     Ok(!plan.group.is_empty() && group.as_deref() == Some(&plan.group))
 }
 
 /// Notes why a device failed, as long as the rollout has few events.
-async fn note_failure(write: &mut Write, key: &KernelKey, number: u32, report: &Report) -> Result<(), StoreError> {
+async fn note_failure(write: &mut Write, key: &KernelKey, number: u32, report: &Report) -> Result<()> {
     let installed = &report.installed;
     let why = match (installed.tried_version, installed.self_test_loss) {
         (None, Some(loss)) => format!("its self-test measured a loss of {loss}"),
@@ -395,7 +346,7 @@ async fn note_failure(write: &mut Write, key: &KernelKey, number: u32, report: &
     let (message, time_ms) = (format!("{} failed: {why}", report.device), installed.report_time_ms);
     let count =
         "select count(*) from rollout_event e join kernel k on k.id = e.kernel where k.name = $1 and number = $2";
-    let events: u32 = scalar(count).bind(key.to_string()).bind(number).fetch_one(write.sql()).await?;
+    let events: u32 = scalar(count).bind((key.to_string(), number)).fetch_one(write.sql()).await?;
     if events >= EVENTS_MAX {
         return Ok(());
     }
@@ -406,18 +357,16 @@ async fn note_failure(write: &mut Write, key: &KernelKey, number: u32, report: &
 }
 
 /// Raises the generation of a display whose devices changed their groups while a rollout runs: what they get changes.
-pub(super) async fn note_regrouping(write: &mut Write, display: &str, now_ms: i64) -> Result<(), StoreError> {
+pub(super) async fn note_regrouping(write: &mut Write, display: &str, now_ms: i64) -> Result<()> {
     let running = query(
-        "select k.wavelength_pm, k.distance_nm from rollout r join kernel k on k.id = r.kernel \
+        "select k.display, k.wavelength_pm, k.distance_nm from rollout r join kernel k on k.id = r.kernel \
          where k.display = $1 and r.state = 'running' and r.group_name <> ''",
     )
     .bind(display)
     .fetch_all(write.sql())
     .await?;
     for row in running {
-        let (wavelength, distance) =
-            (Wavelength { pm: row.try_get("wavelength_pm")? }, Distance { nm: row.try_get("distance_nm")? });
-        raise_generation(write, &KernelKey { display: display.to_owned(), wavelength, distance }, now_ms).await?;
+        raise_generation(write, &key_of(&row)?, now_ms).await?;
     }
     Ok(())
 }
@@ -428,7 +377,7 @@ async fn running(
     key: &KernelKey,
     number: u32,
     expected_revision: Option<u32>,
-) -> Result<Rollout, StoreError> {
+) -> Result<Rollout> {
     let rollout = find_rollout(sql, key, number).await?;
     if rollout.state != RolloutState::Running {
         let message = format!("{} has ended", name(key, number));
@@ -445,7 +394,7 @@ fn name(key: &KernelKey, number: u32) -> String {
     format!("{key}/rollouts/{number}")
 }
 
-async fn find_rollout(sql: &mut Connection, key: &KernelKey, number: u32) -> Result<Rollout, StoreError> {
+async fn find_rollout(sql: &mut Connection, key: &KernelKey, number: u32) -> Result<Rollout> {
     let mut query = Builder::new(ROLLOUTS);
     query.push(" where k.name = ").push_bind(key.to_string());
     query.push(" and r.number = ").push_bind(number);
@@ -453,48 +402,29 @@ async fn find_rollout(sql: &mut Connection, key: &KernelKey, number: u32) -> Res
     rollout_of(&row.ok_or_else(|| StoreError::not_found(name(key, number)))?)
 }
 
-async fn append_event(write: &mut Write, key: &KernelKey, number: u32, event: RolloutEvent) -> Result<(), StoreError> {
+async fn append_event(write: &mut Write, key: &KernelKey, number: u32, event: RolloutEvent) -> Result<()> {
     query(
         "insert into rollout_event (kernel, number, time_ms, caller, message, generation) \
          select id, $2, $3, $4, $5, $6 from kernel where name = $1",
     )
-    .bind(key.to_string())
-    .bind(number)
-    .bind(event.time_ms)
-    .bind(event.caller)
-    .bind(event.message)
-    .bind(event.generation as i64)
+    .bind((key.to_string(), number, event.time_ms, event.caller, event.message, event.generation as i64))
     .execute(write.sql())
     .await?;
     write.announce_changed(Changed::Kernel(key.clone()));
     Ok(())
 }
 
-fn rollout_of(row: &Row) -> Result<Rollout, StoreError> {
+fn rollout_of(row: &Row) -> Result<Rollout> {
     let overridden: String = row.try_get("overridden")?;
-    Ok(Rollout {
-        key: KernelKey {
-            display: row.try_get("display")?,
-            wavelength: Wavelength { pm: row.try_get("wavelength_pm")? },
-            distance: Distance { nm: row.try_get("distance_nm")? },
-        },
-        number: row.try_get("number")?,
-        plan: RolloutPlan {
-            version: row.try_get("version")?,
-            share_percent: row.try_get("share_percent")?,
+    Ok(from_row!(row, Rollout {
+        number, from_version, devices_passed, devices_failed, start_time_ms, end_time_ms, revision;
+        key: key_of(row)?,
+        plan: from_row!(row, RolloutPlan {
+            version, share_percent, failed_percent_max, devices_min, self_test_loss_max;
             group: row.try_get("group_name")?,
-            failed_percent_max: row.try_get("failed_percent_max")?,
-            devices_min: row.try_get("devices_min")?,
-            self_test_loss_max: row.try_get("self_test_loss_max")?,
-            cause: Cause { caller: row.try_get("caller")?, reason: row.try_get("reason")? },
+            cause: cause_of(row)?,
             overridden: from_json("rollout.overridden", &overridden)?,
-        },
-        from_version: row.try_get("from_version")?,
+        }),
         state: from_word("rollout.state", row.try_get("state")?)?,
-        devices_passed: row.try_get("devices_passed")?,
-        devices_failed: row.try_get("devices_failed")?,
-        start_time_ms: row.try_get("start_time_ms")?,
-        end_time_ms: row.try_get("end_time_ms")?,
-        revision: row.try_get("revision")?,
-    })
+    }))
 }

@@ -1,30 +1,30 @@
-//! Conversion between columns and domain values: words and JSON.
+//! Conversion between columns and domain values: words, JSON, and values of several columns.
 
-use super::StoreError;
+use super::sql::Row;
+use super::{Result, StoreError};
+use lightpath_domain::kernel::{Cause, KernelKey};
+use lightpath_domain::units::{Distance, Wavelength};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
 /// Writes a value as JSON text.
-pub(super) fn to_json<T: Serialize>(column: &'static str, value: &T) -> Result<String, StoreError> {
+pub(super) fn to_json<T: Serialize>(column: &'static str, value: &T) -> Result<String> {
     serde_json::to_string(value).map_err(|source| StoreError::Corrupt { column, source })
 }
 
 /// Parses JSON text.
-pub(super) fn from_json<T: DeserializeOwned>(column: &'static str, text: &str) -> Result<T, StoreError> {
+pub(super) fn from_json<T: DeserializeOwned>(column: &'static str, text: &str) -> Result<T> {
     serde_json::from_str(text).map_err(|source| StoreError::Corrupt { column, source })
 }
 
 /// Parses JSON text, if there is any.
-pub(super) fn from_json_option<T: DeserializeOwned>(
-    column: &'static str,
-    text: Option<String>,
-) -> Result<Option<T>, StoreError> {
+pub(super) fn from_json_option<T: DeserializeOwned>(column: &'static str, text: Option<String>) -> Result<Option<T>> {
     text.map(|text| from_json(column, &text)).transpose()
 }
 
 /// Writes a unit variant as a word, for example `Encoding::Srgb` as `srgb`.
-pub(super) fn to_word<T: Serialize>(column: &'static str, value: &T) -> Result<String, StoreError> {
+pub(super) fn to_word<T: Serialize>(column: &'static str, value: &T) -> Result<String> {
     match serde_json::to_value(value).map_err(|source| StoreError::Corrupt { column, source })? {
         Value::String(word) => Ok(word),
         other => Ok(other.to_string()),
@@ -32,6 +32,20 @@ pub(super) fn to_word<T: Serialize>(column: &'static str, value: &T) -> Result<S
 }
 
 /// Parses a word as a unit variant.
-pub(super) fn from_word<T: DeserializeOwned>(column: &'static str, word: String) -> Result<T, StoreError> {
+pub(super) fn from_word<T: DeserializeOwned>(column: &'static str, word: String) -> Result<T> {
     serde_json::from_value(Value::String(word)).map_err(|source| StoreError::Corrupt { column, source })
+}
+
+/// The kernel that a row names.
+pub(super) fn key_of(row: &Row) -> Result<KernelKey> {
+    Ok(KernelKey {
+        display: row.try_get("display")?,
+        wavelength: Wavelength { pm: row.try_get("wavelength_pm")? },
+        distance: Distance { nm: row.try_get("distance_nm")? },
+    })
+}
+
+/// Who caused what a row tells, and why.
+pub(super) fn cause_of(row: &Row) -> Result<Cause> {
+    Ok(Cause { caller: row.try_get("caller")?, reason: row.try_get("reason")? })
 }

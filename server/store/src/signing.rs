@@ -1,8 +1,8 @@
 //! Keyrings, and the private keys of this server.
 
-use super::sql::{Row, query, scalar};
+use super::sql::{Row, from_row, query, scalar};
 use super::write::Write;
-use super::{AbortReason, Store, StoreError};
+use super::{AbortReason, Result, Store, StoreError};
 use lightpath_domain::kernel::{KernelKey, KernelMoment};
 use lightpath_domain::rollout::is_in_share;
 
@@ -36,7 +36,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn keyring(&self) -> Result<Option<StoredKeyring>, StoreError> {
+    pub async fn keyring(&self) -> Result<Option<StoredKeyring>> {
         let row = query("select version, document from keyring order by version desc limit 1")
             .fetch_optional(self.readers())
             .await?;
@@ -56,8 +56,8 @@ impl Store {
         new: Vec<PrivateKey>,
         forgotten: Vec<String>,
         now_ms: i64,
-    ) -> Result<(), StoreError> {
-        self.write(move |write| Box::pin(async move { add(write, keyring, new, forgotten, now_ms).await })).await
+    ) -> Result<()> {
+        self.write(async move |write| add(write, keyring, new, forgotten, now_ms).await).await
     }
 
     /// Adds private keys, for a keyring that is signed elsewhere and added later.
@@ -65,8 +65,8 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn add_private_keys(&self, new: Vec<PrivateKey>, now_ms: i64) -> Result<(), StoreError> {
-        self.write(move |write| Box::pin(async move { add_private(write, new, now_ms).await })).await
+    pub async fn add_private_keys(&self, new: Vec<PrivateKey>, now_ms: i64) -> Result<()> {
+        self.write(async move |write| add_private(write, new, now_ms).await).await
     }
 
     /// Private keys of this server.
@@ -74,7 +74,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn private_keys(&self) -> Result<Vec<PrivateKey>, StoreError> {
+    pub async fn private_keys(&self) -> Result<Vec<PrivateKey>> {
         let rows = query("select public, private from signing_key order by public").fetch_all(self.readers()).await?;
         let key = |row: &Row| Ok(PrivateKey { public: row.try_get("public")?, private: row.try_get("private")? });
         rows.iter().map(key).collect()
@@ -85,14 +85,11 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn forget_private_key(&self, public: &str) -> Result<bool, StoreError> {
+    pub async fn forget_private_key(&self, public: &str) -> Result<bool> {
         let public = public.to_owned();
-        self.write(move |write| {
-            Box::pin(async move {
-                let deleted =
-                    query("delete from signing_key where public = $1").bind(public).execute(write.sql()).await?;
-                Ok(deleted > 0)
-            })
+        self.write(async move |write| {
+            let deleted = query("delete from signing_key where public = $1").bind(public).execute(write.sql()).await?;
+            Ok(deleted > 0)
         })
         .await
     }
@@ -102,7 +99,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`] if the kernel does not exist.
-    pub async fn kernel_moment(&self, key: &KernelKey, device: Option<&str>) -> Result<KernelMoment, StoreError> {
+    pub async fn kernel_moment(&self, key: &KernelKey, device: Option<&str>) -> Result<KernelMoment> {
         let row = query(
             "select k.active_version, d.generation, d.generation_time_ms, \
              (select max(version) from keyring) as keyring_version, \
@@ -112,22 +109,19 @@ impl Store {
              left join rollout r on r.kernel = k.id and r.state = 'running' \
              left join device e on e.display = k.display and e.id = $2 where k.name = $1",
         )
-        .bind(key.to_string())
-        .bind(device)
+        .bind((key.to_string(), device))
         .fetch_optional(self.readers())
         .await?;
         let row = row.ok_or_else(|| StoreError::not_found(key.to_string()))?;
-        Ok(KernelMoment {
+        Ok(from_row!(row, KernelMoment {
+            generation, generation_time_ms, keyring_version;
             version: version_for(&row, key, device)?,
-            generation: row.try_get::<i64>("generation")?.unsigned_abs(),
-            generation_time_ms: row.try_get("generation_time_ms")?,
-            keyring_version: row.try_get("keyring_version")?,
-        })
+        }))
     }
 }
 
 /// The version for a device: that of the rollout, or the active one. Unknown devices get the new version when all do.
-fn version_for(row: &Row, key: &KernelKey, device: Option<&str>) -> Result<Option<u32>, StoreError> {
+fn version_for(row: &Row, key: &KernelKey, device: Option<&str>) -> Result<Option<u32>> {
     let active = row.try_get("active_version")?;
     let Some(rollout) = row.try_get("rollout")? else { return Ok(active) };
     let share_percent: f64 = row.try_get("share_percent")?;
@@ -143,7 +137,7 @@ async fn add(
     new: Vec<PrivateKey>,
     forgotten: Vec<String>,
     now_ms: i64,
-) -> Result<(), StoreError> {
+) -> Result<()> {
     let newest: Option<u32> = scalar("select max(version) from keyring").fetch_one(write.sql()).await?;
     let newest = newest.unwrap_or(0);
     if keyring.version <= newest {
@@ -154,9 +148,7 @@ async fn add(
         return Err(StoreError::Aborted { reason: AbortReason::KeyringChanged, message });
     }
     query("insert into keyring values ($1, $2, $3)")
-        .bind(keyring.version)
-        .bind(keyring.document)
-        .bind(now_ms)
+        .bind((keyring.version, keyring.document, now_ms))
         .execute(write.sql())
         .await?;
     add_private(write, new, now_ms).await?;
@@ -166,12 +158,10 @@ async fn add(
     Ok(())
 }
 
-async fn add_private(write: &mut Write, new: Vec<PrivateKey>, now_ms: i64) -> Result<(), StoreError> {
+async fn add_private(write: &mut Write, new: Vec<PrivateKey>, now_ms: i64) -> Result<()> {
     for PrivateKey { public, private } in new {
         query("insert into signing_key values ($1, $2, $3) on conflict do nothing")
-            .bind(public)
-            .bind(private)
-            .bind(now_ms)
+            .bind((public, private, now_ms))
             .execute(write.sql())
             .await?;
     }

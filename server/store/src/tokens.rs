@@ -1,8 +1,8 @@
 //! API tokens.
 
 use super::rows::{from_json, from_word, to_json};
-use super::sql::{Row, query};
-use super::{Store, StoreError};
+use super::sql::{Row, from_row, query};
+use super::{Result, Store, StoreError};
 use lightpath_domain::access::{Caller, Role};
 
 /// An API token, without the secret that only its bearer has.
@@ -39,26 +39,20 @@ impl Store {
         hash: &str,
         expire_time_ms: Option<i64>,
         now_ms: i64,
-    ) -> Result<TokenRecord, StoreError> {
+    ) -> Result<TokenRecord> {
         let (caller, hash) = (caller.clone(), hash.to_owned());
-        self.write(move |write| {
-            Box::pin(async move {
-                let row = query(
-                    "insert into token (name, hash, role, displays, create_time_ms, expire_time_ms) \
+        self.write(async move |write| {
+            let row = query(
+                "insert into token (name, hash, role, displays, create_time_ms, expire_time_ms) \
                      values ($1, $2, $3, $4, $5, $6) on conflict (name) do nothing returning *",
-                )
-                .bind(&caller.name)
-                .bind(hash)
-                .bind(caller.role.as_str())
-                .bind(to_json("token.displays", &caller.displays)?)
-                .bind(now_ms)
-                .bind(expire_time_ms)
-                .fetch_optional(write.sql())
-                .await?;
-                let taken =
-                    || StoreError::exists(format!("token \"{}\"", caller.name), "or was revoked; choose another name");
-                token_of(&row.ok_or_else(taken)?)
-            })
+            )
+            .bind((&caller.name, hash, caller.role.as_str(), to_json("token.displays", &caller.displays)?, now_ms))
+            .bind(expire_time_ms)
+            .fetch_optional(write.sql())
+            .await?;
+            let taken =
+                || StoreError::exists(format!("token \"{}\"", caller.name), "or was revoked; choose another name");
+            token_of(&row.ok_or_else(taken)?)
         })
         .await
     }
@@ -68,7 +62,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn token_by_hash(&self, hash: &str) -> Result<Option<TokenRecord>, StoreError> {
+    pub async fn token_by_hash(&self, hash: &str) -> Result<Option<TokenRecord>> {
         let row = query("select * from token where hash = $1").bind(hash).fetch_optional(self.readers()).await?;
         row.as_ref().map(token_of).transpose()
     }
@@ -78,7 +72,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn tokens(&self) -> Result<Vec<TokenRecord>, StoreError> {
+    pub async fn tokens(&self) -> Result<Vec<TokenRecord>> {
         let rows = query("select * from token order by name").fetch_all(self.readers()).await?;
         rows.iter().map(token_of).collect()
     }
@@ -88,26 +82,22 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`].
-    pub async fn revoke_token(&self, name: &str, now_ms: i64) -> Result<TokenRecord, StoreError> {
+    pub async fn revoke_token(&self, name: &str, now_ms: i64) -> Result<TokenRecord> {
         let name = name.to_owned();
-        self.write(move |write| {
-            Box::pin(async move {
-                let sql = "update token set revoke_time_ms = coalesce(revoke_time_ms, $2) where name = $1 returning *";
-                let row = query(sql).bind(&name).bind(now_ms).fetch_optional(write.sql()).await?;
-                token_of(&row.ok_or_else(|| StoreError::not_found(format!("token \"{name}\"")))?)
-            })
+        self.write(async move |write| {
+            let sql = "update token set revoke_time_ms = coalesce(revoke_time_ms, $2) where name = $1 returning *";
+            let row = query(sql).bind((&name, now_ms)).fetch_optional(write.sql()).await?;
+            token_of(&row.ok_or_else(|| StoreError::not_found(format!("token \"{name}\"")))?)
         })
         .await
     }
 }
 
-fn token_of(row: &Row) -> Result<TokenRecord, StoreError> {
+fn token_of(row: &Row) -> Result<TokenRecord> {
     let role: Role = from_word("token.role", row.try_get("role")?)?;
     let displays = from_json("token.displays", &row.try_get::<String>("displays")?)?;
-    Ok(TokenRecord {
+    Ok(from_row!(row, TokenRecord {
+        create_time_ms, expire_time_ms, revoke_time_ms;
         caller: Caller { name: row.try_get("name")?, role, displays },
-        create_time_ms: row.try_get("create_time_ms")?,
-        expire_time_ms: row.try_get("expire_time_ms")?,
-        revoke_time_ms: row.try_get("revoke_time_ms")?,
-    })
+    }))
 }

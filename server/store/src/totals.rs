@@ -2,7 +2,7 @@
 
 use super::rows::{from_json, from_word};
 use super::sql::{query_as, scalar};
-use super::{Store, StoreError};
+use super::{Result, Store};
 use lightpath_domain::ability::Labels;
 use lightpath_domain::job::{JobSpec, JobState};
 use std::fs;
@@ -36,8 +36,8 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`].
-    pub async fn queue_depths(&self) -> Result<Vec<QueueDepth>, StoreError> {
+    /// [`crate::StoreError::Database`].
+    pub async fn queue_depths(&self) -> Result<Vec<QueueDepth>> {
         let rows: Vec<(String, String, i64)> = query_as(
             "select kind, state, cast(sum(jobs) as bigint) from job_count where state in ('queued', 'running') group by 1, 2",
         )
@@ -62,8 +62,8 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`].
-    pub async fn oldest_due(&self, now_ms: i64) -> Result<Vec<(&'static str, Duration)>, StoreError> {
+    /// [`crate::StoreError::Database`].
+    pub async fn oldest_due(&self, now_ms: i64) -> Result<Vec<(&'static str, Duration)>> {
         let mut ages = Vec::new();
         for kind in JobSpec::KINDS {
             let sql = "select min(run_time_ms) from job where state = 'queued' and waiting_for = 0 and kind = $1";
@@ -79,14 +79,14 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`].
-    pub async fn waiting_work(&self, now_ms: i64) -> Result<Vec<WaitingWork>, StoreError> {
+    /// [`crate::StoreError::Database`].
+    pub async fn waiting_work(&self, now_ms: i64) -> Result<Vec<WaitingWork>> {
         let mut all = Vec::new();
         for kind in JobSpec::KINDS {
             let sql = "select needs, cast(sum(estimated_ms) as bigint) from job \
                        where state = 'queued' and waiting_for = 0 and kind = $1 and run_time_ms <= $2 \
                        group by needs order by needs";
-            let rows: Vec<(String, i64)> = query_as(sql).bind(kind).bind(now_ms).fetch_all(self.readers()).await?;
+            let rows: Vec<(String, i64)> = query_as(sql).bind((kind, now_ms)).fetch_all(self.readers()).await?;
             let without_needs = all.len();
             all.push(WaitingWork { kind, needs: Labels::default(), time: Duration::ZERO });
             for (needs, time_ms) in rows {
@@ -105,8 +105,8 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`].
-    pub async fn database_bytes(&self) -> Result<(u64, u64), StoreError> {
+    /// [`crate::StoreError::Database`].
+    pub async fn database_bytes(&self) -> Result<(u64, u64)> {
         let size = |path: &Path| fs::metadata(path).map_or(0, |metadata| metadata.len());
         let Some(path) = &self.inner.path else {
             let bytes: i64 = scalar("select pg_database_size(current_database())").fetch_one(self.readers()).await?;
@@ -121,8 +121,8 @@ impl Store {
     ///
     /// # Errors
     ///
-    /// [`StoreError::Database`].
-    pub async fn artifact_totals(&self) -> Result<(u64, u64), StoreError> {
+    /// [`crate::StoreError::Database`].
+    pub async fn artifact_totals(&self) -> Result<(u64, u64)> {
         let (count, bytes): (i64, i64) =
             query_as("select count(*), cast(coalesce(sum(size_bytes), 0) as bigint) from artifact")
                 .fetch_one(self.readers())

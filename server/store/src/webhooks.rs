@@ -3,8 +3,8 @@
 use super::changes::Change;
 use super::deliveries::delivery_of;
 use super::rows::{from_json, to_json};
-use super::sql::{Row, query, scalar};
-use super::{Store, StoreError};
+use super::sql::{Row, from_row, query, scalar};
+use super::{Result, Store, StoreError};
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_domain::webhook::{Delivery, Webhook, WebhookEvent, WebhookSecret, WebhookUrl};
 use std::collections::BTreeMap;
@@ -19,42 +19,35 @@ impl Store {
     ///
     /// [`StoreError::AlreadyExists`] if the id is taken; [`StoreError::NotFound`] if its display does not exist;
     /// [`StoreError::Precondition`] if there are [`WEBHOOKS_MAX`] webhooks.
-    pub async fn create_webhook(&self, webhook: &Webhook, secret: &WebhookSecret) -> Result<(), StoreError> {
+    pub async fn create_webhook(&self, webhook: &Webhook, secret: &WebhookSecret) -> Result<()> {
         let (webhook, secret) = (webhook.clone(), secret.clone());
-        self.write(move |write| {
-            Box::pin(async move {
-                let count: u32 = scalar("select count(*) from webhook").fetch_one(write.sql()).await?;
-                if count >= WEBHOOKS_MAX {
-                    let message = format!("the server has {count} webhooks, its limit; delete one first");
-                    return Err(StoreError::precondition(PreconditionReason::WebhooksFull, message));
+        self.write(async move |write| {
+            let count: u32 = scalar("select count(*) from webhook").fetch_one(write.sql()).await?;
+            if count >= WEBHOOKS_MAX {
+                let message = format!("the server has {count} webhooks, its limit; delete one first");
+                return Err(StoreError::precondition(PreconditionReason::WebhooksFull, message));
+            }
+            if let Some(display) = &webhook.display {
+                let known: bool = scalar("select exists (select 1 from display where id = $1)")
+                    .bind(display)
+                    .fetch_one(write.sql())
+                    .await?;
+                if !known {
+                    return Err(StoreError::not_found(format!("displays/{display}")));
                 }
-                if let Some(display) = &webhook.display {
-                    let known: bool = scalar("select exists (select 1 from display where id = $1)")
-                        .bind(display)
-                        .fetch_one(write.sql())
-                        .await?;
-                    if !known {
-                        return Err(StoreError::not_found(format!("displays/{display}")));
-                    }
-                }
-                let inserted = query(
-                    "insert into webhook (id, url, events, display, secret, caller, create_time_ms) \
+            }
+            let inserted = query(
+                "insert into webhook (id, url, events, display, secret, caller, create_time_ms) \
                          values ($1, $2, $3, $4, $5, $6, $7) on conflict do nothing",
-                )
-                .bind(&webhook.id)
-                .bind(webhook.url.as_str())
-                .bind(to_json("webhook.events", &webhook.events)?)
-                .bind(webhook.display)
-                .bind(secret.reveal())
-                .bind(webhook.caller)
-                .bind(webhook.create_time_ms)
-                .execute(write.sql())
-                .await?;
-                match inserted {
-                    1 => Ok(()),
-                    _ => Err(StoreError::exists(name(&webhook.id), "on the server; choose another id")),
-                }
-            })
+            )
+            .bind((&webhook.id, webhook.url.as_str(), to_json("webhook.events", &webhook.events)?, webhook.display))
+            .bind((secret.reveal(), webhook.caller, webhook.create_time_ms))
+            .execute(write.sql())
+            .await?;
+            match inserted {
+                1 => Ok(()),
+                _ => Err(StoreError::exists(name(&webhook.id), "on the server; choose another id")),
+            }
         })
         .await
     }
@@ -64,7 +57,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`].
-    pub async fn webhook(&self, id: &str) -> Result<Webhook, StoreError> {
+    pub async fn webhook(&self, id: &str) -> Result<Webhook> {
         let row = query("select * from webhook where id = $1").bind(id).fetch_optional(self.readers()).await?;
         webhook_of(&row.ok_or_else(|| StoreError::not_found(name(id)))?)
     }
@@ -74,7 +67,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`].
-    pub async fn webhook_secret(&self, id: &str) -> Result<WebhookSecret, StoreError> {
+    pub async fn webhook_secret(&self, id: &str) -> Result<WebhookSecret> {
         let secret: Option<String> =
             scalar("select secret from webhook where id = $1").bind(id).fetch_optional(self.readers()).await?;
         let secret = secret.ok_or_else(|| StoreError::not_found(name(id)))?;
@@ -86,7 +79,7 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn webhooks(&self) -> Result<Vec<Webhook>, StoreError> {
+    pub async fn webhooks(&self) -> Result<Vec<Webhook>> {
         let rows = query("select * from webhook order by id").fetch_all(self.readers()).await?;
         rows.iter().map(webhook_of).collect()
     }
@@ -96,16 +89,14 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`].
-    pub async fn delete_webhook(&self, id: &str) -> Result<(), StoreError> {
+    pub async fn delete_webhook(&self, id: &str) -> Result<()> {
         let id = id.to_owned();
-        self.write(move |write| {
-            Box::pin(async move {
-                let deleted = query("delete from webhook where id = $1").bind(&id).execute(write.sql()).await?;
-                match deleted {
-                    0 => Err(StoreError::not_found(name(&id))),
-                    _ => Ok(()),
-                }
-            })
+        self.write(async move |write| {
+            let deleted = query("delete from webhook where id = $1").bind(&id).execute(write.sql()).await?;
+            match deleted {
+                0 => Err(StoreError::not_found(name(&id))),
+                _ => Ok(()),
+            }
         })
         .await
     }
@@ -116,20 +107,18 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn hold_webhook(&self, id: &str, now_ms: i64, hold_ms: i64) -> Result<bool, StoreError> {
+    pub async fn hold_webhook(&self, id: &str, now_ms: i64, hold_ms: i64) -> Result<bool> {
         if !self.is_shared() {
             return Ok(true);
         }
         let (id, process) = (id.to_owned(), self.inner.process.clone());
-        self.write_row(move |write| {
-            Box::pin(async move {
-                let sql = "update webhook set teller = $2, teller_until_ms = $3 where id = $1 \
+        self.write_row(async move |write| {
+            let sql = "update webhook set teller = $2, teller_until_ms = $3 where id = $1 \
                            and (teller is null or teller = $2 or teller_until_ms <= $4 or teller_until_ms > $5)";
-                let held = query(sql).bind(id).bind(process).bind(now_ms + hold_ms).bind(now_ms);
-                // The clocks of two processes may differ a little. A hold much longer than any is from a clock that was ahead.
-                let held = held.bind(now_ms + 2 * hold_ms);
-                Ok(held.execute(write.sql()).await? == 1)
-            })
+            let held = query(sql).bind((id, process, now_ms + hold_ms, now_ms));
+            // The clocks of two processes may differ a little. A hold much longer than any is from a clock that was ahead.
+            let held = held.bind(now_ms + 2 * hold_ms);
+            Ok(held.execute(write.sql()).await? == 1)
         })
         .await
     }
@@ -139,17 +128,15 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::Database`].
-    pub async fn release_webhook(&self, id: &str) -> Result<(), StoreError> {
+    pub async fn release_webhook(&self, id: &str) -> Result<()> {
         if !self.is_shared() {
             return Ok(());
         }
         let (id, process) = (id.to_owned(), self.inner.process.clone());
-        self.write_row(move |write| {
-            Box::pin(async move {
-                let sql = "update webhook set teller = null, teller_until_ms = null where id = $1 and teller = $2";
-                query(sql).bind(id).bind(process).execute(write.sql()).await?;
-                Ok(())
-            })
+        self.write_row(async move |write| {
+            let sql = "update webhook set teller = null, teller_until_ms = null where id = $1 and teller = $2";
+            query(sql).bind((id, process)).execute(write.sql()).await?;
+            Ok(())
         })
         .await
     }
@@ -159,24 +146,19 @@ impl Store {
     /// # Errors
     ///
     /// [`StoreError::NotFound`].
-    pub async fn test_webhook(&self, id: &str, caller: &str, now_ms: i64) -> Result<Delivery, StoreError> {
+    pub async fn test_webhook(&self, id: &str, caller: &str, now_ms: i64) -> Result<Delivery> {
         let subject = to_json("webhook_delivery.subject", &BTreeMap::from([("caller", caller)]))?;
         let id = id.to_owned();
-        self.write(move |write| {
-            Box::pin(async move {
-                let inserted = query(
-                    "insert into webhook_delivery (webhook, event, subject, time_ms, next_time_ms) \
+        self.write(async move |write| {
+            let inserted = query(
+                "insert into webhook_delivery (webhook, event, subject, time_ms, next_time_ms) \
                      select id, $2, $3, $4, $4 from webhook where id = $1 returning *",
-                )
-                .bind(&id)
-                .bind(WebhookEvent::Test.as_str())
-                .bind(subject)
-                .bind(now_ms)
-                .fetch_optional(write.sql())
-                .await?;
-                write.announce(Change::Deliverable);
-                delivery_of(&inserted.ok_or_else(|| StoreError::not_found(name(&id)))?)
-            })
+            )
+            .bind((&id, WebhookEvent::Test.as_str(), subject, now_ms))
+            .fetch_optional(write.sql())
+            .await?;
+            write.announce(Change::Deliverable);
+            delivery_of(&inserted.ok_or_else(|| StoreError::not_found(name(&id)))?)
         })
         .await
     }
@@ -186,15 +168,12 @@ fn name(id: &str) -> String {
     format!("webhooks/{id}")
 }
 
-fn webhook_of(row: &Row) -> Result<Webhook, StoreError> {
+fn webhook_of(row: &Row) -> Result<Webhook> {
     let events: String = row.try_get("events")?;
     let url: String = row.try_get("url")?;
-    Ok(Webhook {
-        id: row.try_get("id")?,
+    Ok(from_row!(row, Webhook {
+        id, display, caller, create_time_ms;
         url: WebhookUrl::parse(&url).map_err(|error| StoreError::corrupt("webhook.url", error))?,
         events: from_json("webhook.events", &events)?,
-        display: row.try_get("display")?,
-        caller: row.try_get("caller")?,
-        create_time_ms: row.try_get("create_time_ms")?,
-    })
+    }))
 }

@@ -4,8 +4,7 @@ use super::changes::{Change, Changed};
 use super::connect::POSTGRES_WRITERS;
 use super::notices;
 use super::sql::{Connection, Pool, query, run_all};
-use super::{Store, StoreError};
-use futures::future::BoxFuture;
+use super::{Result, Store, StoreError};
 use lightpath_fail_points as fail;
 use std::time::Duration;
 use tokio::time::timeout;
@@ -54,7 +53,7 @@ impl Write {
         &mut self.connection
     }
 
-    async fn begin(writers: &Pool, in_turn: bool) -> Result<Self, StoreError> {
+    async fn begin(writers: &Pool, in_turn: bool) -> Result<Self> {
         let connection = match writers.is_postgres() {
             true => begin_postgres(writers, in_turn).await?,
             false => begin_sqlite(writers).await?,
@@ -62,7 +61,7 @@ impl Write {
         Ok(Self { connection, changes: Vec::new(), ended: false })
     }
 
-    async fn commit(&mut self, process: &str) -> Result<(), StoreError> {
+    async fn commit(&mut self, process: &str) -> Result<()> {
         if self.connection.is_postgres() {
             for message in notices::messages(process, &self.changes)? {
                 query(notices::NOTIFY).bind(message).execute(self.sql()).await?;
@@ -93,7 +92,7 @@ impl Write {
 
 /// Begins a transaction. After an error (for example a full disk), SQLite ends some transactions by itself and leaves
 /// others open. This function accepts both; a transaction of sqlx would make the next one fail.
-async fn begin_sqlite(writers: &Pool) -> Result<Connection, StoreError> {
+async fn begin_sqlite(writers: &Pool) -> Result<Connection> {
     let mut connection = writers.acquire().await?;
     if query(BEGIN_SQLITE).execute(&mut connection).await.is_err() {
         // Either a panic left a transaction open, or another process holds the database. The second attempt shows
@@ -106,7 +105,7 @@ async fn begin_sqlite(writers: &Pool) -> Result<Connection, StoreError> {
 
 /// Begins a transaction. The pool does not test its connections, because that takes another message. So after a restart of
 /// the server the first statement fails on each connection, and another connection is taken.
-async fn begin_postgres(writers: &Pool, in_turn: bool) -> Result<Connection, StoreError> {
+async fn begin_postgres(writers: &Pool, in_turn: bool) -> Result<Connection> {
     let begin = if in_turn { BEGIN_IN_TURN_POSTGRES } else { BEGIN_POSTGRES };
     let mut spare = POSTGRES_WRITERS;
     loop {
@@ -125,41 +124,47 @@ fn timed_out() -> StoreError {
     sqlx::Error::Io(std::io::ErrorKind::TimedOut.into()).into()
 }
 
+/// What a transaction does: an async closure.
+pub(super) trait Work<T>: AsyncFnOnce(&mut Write) -> Result<T> + for<'w> Movable<'w, T> + 'static {}
+
+impl<T, W: AsyncFnOnce(&mut Write) -> Result<T> + for<'w> Movable<'w, T> + 'static> Work<T> for W {}
+
+/// An async closure that may move to another thread, with its future. A bound of an `AsyncFnOnce` cannot say this yet.
+pub(super) trait Movable<'w, T>: FnOnce(&'w mut Write) -> Self::Future + Send {
+    type Future: Future<Output = Result<T>> + Send;
+}
+
+impl<'w, T, W, F> Movable<'w, T> for W
+where
+    W: FnOnce(&'w mut Write) -> F + Send,
+    F: Future<Output = Result<T>> + Send,
+{
+    type Future = F;
+}
+
 impl Store {
     /// Waits until this call could write, and writes nothing. Earlier writes have ended then.
     ///
     /// # Errors
     ///
     /// [`StoreError::Database`] if another process holds the database for too long.
-    pub async fn wait_for_writer(&self) -> Result<(), StoreError> {
-        self.write(|_| Box::pin(async { Ok(()) })).await
+    pub async fn wait_for_writer(&self) -> Result<()> {
+        self.write(async move |_| Ok(())).await
     }
 
     /// Runs `work` in a write transaction, in a task of its own. The transaction happens completely or not at all, even
     /// if the caller drops the future. Writers take turns.
-    pub(super) async fn write<T, W>(&self, work: W) -> Result<T, StoreError>
-    where
-        T: Send + 'static,
-        W: for<'w> FnOnce(&'w mut Write) -> BoxFuture<'w, Result<T, StoreError>> + Send + 'static,
-    {
+    pub(super) async fn write<T: Send + 'static>(&self, work: impl Work<T>) -> Result<T> {
         self.run_write(true, work).await
     }
 
     /// Does the same for `work` that is one statement about one row. In PostgreSQL it does not wait for its turn: the
     /// lock of the row is enough.
-    pub(super) async fn write_row<T, W>(&self, work: W) -> Result<T, StoreError>
-    where
-        T: Send + 'static,
-        W: for<'w> FnOnce(&'w mut Write) -> BoxFuture<'w, Result<T, StoreError>> + Send + 'static,
-    {
+    pub(super) async fn write_row<T: Send + 'static>(&self, work: impl Work<T>) -> Result<T> {
         self.run_write(false, work).await
     }
 
-    async fn run_write<T, W>(&self, in_turn: bool, work: W) -> Result<T, StoreError>
-    where
-        T: Send + 'static,
-        W: for<'w> FnOnce(&'w mut Write) -> BoxFuture<'w, Result<T, StoreError>> + Send + 'static,
-    {
+    async fn run_write<T: Send + 'static>(&self, in_turn: bool, work: impl Work<T>) -> Result<T> {
         let store = self.clone();
         let is_postgres = self.inner.writers.is_postgres();
         let work = async move {

@@ -6,16 +6,8 @@ use lightpath::v1::{PropagationMethod, Quality, SecondOpinion, hologram_result::
 
 /// A table of all metrics for each detector: for the phase as optimized and as quantized for the display.
 pub(super) fn table(plane: &PlaneResult) -> String {
-    let mut table = Table::new(&[
-        "detector",
-        "phase",
-        ">PSNR",
-        ">SSIM?",
-        ">MS-SSIM???",
-        ">efficiency??",
-        ">in frame????",
-        ">speckle contrast?????",
-    ]);
+    let mut table =
+        Table::new("detector|phase|>PSNR|>SSIM?|>MS-SSIM???|>efficiency??|>in frame????|>speckle contrast?????");
     let by_detector =
         |quality: Quality| [quality.point, quality.pixel, quality.supersampled].map(Option::unwrap_or_default);
     let phases = [("as optimized", plane.quality), ("quantized", plane.quantized_quality)];

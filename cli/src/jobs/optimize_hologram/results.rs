@@ -21,17 +21,10 @@ pub(super) fn results(items: &[Item]) -> String {
     if let ([item], Some((_, result))) = (items, succeeded.clone().next()) {
         return result_facts(item, result);
     }
-    let mut table = Table::new(&[
-        "target~",
-        "kernel~????",
-        ">point?????",
-        ">pixel",
-        ">supersampled?????",
-        ">quantized pixel?",
-        ">SSIM??",
-        ">ms/iteration?????",
-        "job???",
-    ]);
+    let mut table = Table::new(
+        "target~|kernel~????|>point?????|>pixel|>supersampled?????|>quantized pixel?|>SSIM??|>ms/iteration?????|\
+         job???",
+    );
     for (item, result) in succeeded {
         let first = result.wavelengths.first().and_then(|wavelength| wavelength.planes.first());
         let [point, pixel, supersampled, quantized, similarity, _] =
@@ -101,16 +94,8 @@ fn result_facts(item: &Item, result: &v1::HologramResult) -> String {
 
 /// A table with a line for each wavelength and plane.
 fn parts_table(result: &v1::HologramResult) -> String {
-    let mut table = Table::new(&[
-        "wavelength",
-        "distance",
-        ">point???",
-        ">pixel",
-        ">supersampled???",
-        ">quantized pixel?",
-        ">SSIM?",
-        ">efficiency??",
-    ]);
+    let mut table =
+        Table::new("wavelength|distance|>point???|>pixel|>supersampled???|>quantized pixel?|>SSIM?|>efficiency??");
     for wavelength in &result.wavelengths {
         for plane in &wavelength.planes {
             let [point, pixel, supersampled, quantized, similarity, efficiency] = quality::summary(plane.clone());

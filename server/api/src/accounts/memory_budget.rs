@@ -1,6 +1,6 @@
 //! A limit on the memory of messages that are received or sent, for each client and for all clients together.
 
-use lightpath_service::{Client, LimitReason, ServiceError};
+use lightpath_service::{Client, LimitReason, Result, ServiceError};
 use std::collections::HashMap;
 use std::mem;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -42,7 +42,7 @@ impl MemoryBudget {
     }
 
     /// Takes `bytes` for a call of `client`, or returns an error that says when to retry.
-    pub(crate) fn take(self: &Arc<Self>, client: &Client, bytes: usize) -> Result<Share, ServiceError> {
+    pub(crate) fn take(self: &Arc<Self>, client: &Client, bytes: usize) -> Result<Share> {
         let mut used = self.used.lock().unwrap_or_else(PoisonError::into_inner);
         let own = used.by_client.get(client).copied().unwrap_or_default();
         if own + bytes > self.bytes_max / 4 * CLIENT_QUARTERS {
@@ -64,7 +64,7 @@ fn exhausted(message: &str) -> ServiceError {
 
 impl Share {
     /// Takes more bytes for the same call.
-    pub(crate) fn grow(&mut self, bytes: usize) -> Result<(), ServiceError> {
+    pub(crate) fn grow(&mut self, bytes: usize) -> Result<()> {
         let mut more = self.budget.take(&self.client, bytes)?;
         self.bytes += mem::take(&mut more.bytes);
         Ok(())

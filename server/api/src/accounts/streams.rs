@@ -1,6 +1,6 @@
 //! Limits on open streams and connections, for each client and for all clients together.
 
-use lightpath_service::{Client, LimitReason, ServiceError};
+use lightpath_service::{Client, LimitReason, Result, ServiceError};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
@@ -103,7 +103,7 @@ impl Streams {
     /// # Errors
     ///
     /// [`ServiceError::Exhausted`] if the client or all clients together have too many open streams of this kind.
-    pub(crate) fn open(&self, kind: StreamKind, client: &Client) -> Result<OpenStream, ServiceError> {
+    pub(crate) fn open(&self, kind: StreamKind, client: &Client) -> Result<OpenStream> {
         let (name, all_max, own_max) = (kind.name(), kind.all_max(), kind.own_max());
         let mut streams = self.lock();
         let open = streams.entry(kind).or_default();

@@ -6,7 +6,7 @@ use crate::call::Answers;
 use futures::stream::{self, Stream, StreamExt as _};
 use lightpath_artifacts::{ArtifactReader, CHUNK_BYTES};
 use lightpath_proto::v1;
-use lightpath_service::{Call, Field, ServiceError};
+use lightpath_service::{Call, Field, Result};
 use prost::bytes::Bytes;
 
 impl Api {
@@ -14,25 +14,27 @@ impl Api {
         &self,
         call: &Call,
         request: v1::ReadArtifactRequest,
-    ) -> Result<Answers<v1::ReadArtifactResponse>, ServiceError> {
+    ) -> Result<Answers<v1::ReadArtifactResponse>> {
         let v1::ReadArtifactRequest { digest, offset_bytes, limit_bytes } = request;
         let field = Field::new("digest");
         let digest = field.digest(&digest)?;
         self.service.files.existing(call, &field, &digest).await?;
         let open = self.streams.open(StreamKind::Download, &call.client)?;
         let reader = self.service.files.reader(call, &digest, (offset_bytes, limit_bytes)).await?;
-        let answers = chunks(reader, open).map(|chunk| chunk.map(|chunk| v1::ReadArtifactResponse { chunk }));
+        let answers =
+            chunks(reader, open, CHUNK_BYTES).map(|chunk| chunk.map(|chunk| v1::ReadArtifactResponse { chunk }));
         Ok(answers.boxed())
     }
 }
 
-/// Stream of the reader's bytes in pieces. The stream is counted as open until its end.
+/// Stream of the reader's bytes in pieces of at most `chunk_bytes`. The stream is counted as open until its end.
 pub(crate) fn chunks(
     reader: ArtifactReader,
     open: OpenStream,
-) -> impl Stream<Item = Result<Bytes, ServiceError>> + Send + 'static {
-    stream::try_unfold((reader, open), |(mut reader, open)| async move {
-        let chunk = reader.next_chunk(CHUNK_BYTES).await?;
+    chunk_bytes: usize,
+) -> impl Stream<Item = Result<Bytes>> + Send + 'static {
+    stream::try_unfold((reader, open), move |(mut reader, open)| async move {
+        let chunk = reader.next_chunk(chunk_bytes).await?;
         Ok(chunk.map(|chunk| (Bytes::from(chunk), (reader, open))))
     })
 }

@@ -6,7 +6,7 @@ use crate::api::Api;
 use futures::stream;
 use lightpath_proto::v1;
 use lightpath_proto::v1::write_artifact_request::Part;
-use lightpath_service::{Call, Field, Files, ServiceError, UploadState};
+use lightpath_service::{Call, Field, Files, Result, ServiceError, UploadState};
 use prost::bytes::Bytes;
 use std::pin::pin;
 use tokio::time::timeout;
@@ -16,11 +16,7 @@ use tonic::Streaming;
 const CHUNK_BYTES_MAX: usize = 2 << 20;
 
 impl Api {
-    pub(crate) async fn get_upload(
-        &self,
-        call: &Call,
-        request: v1::GetUploadRequest,
-    ) -> Result<v1::Upload, ServiceError> {
+    pub(crate) async fn get_upload(&self, call: &Call, request: v1::GetUploadRequest) -> Result<v1::Upload> {
         let digest = Field::new("digest").digest(&request.digest)?;
         let (received_bytes, complete) = match self.service.files.upload_state(call, &digest).await? {
             UploadState::Complete(record) => (record.size_bytes, true),
@@ -33,7 +29,7 @@ impl Api {
         &self,
         call: &Call,
         mut parts: Streaming<v1::WriteArtifactRequest>,
-    ) -> Result<v1::Artifact, ServiceError> {
+    ) -> Result<v1::Artifact> {
         let _open = self.streams.open(StreamKind::Upload, &call.client)?;
         let start = match next_part(&mut parts).await? {
             Some(Part::Start(start)) => start,
@@ -52,7 +48,7 @@ impl Api {
 }
 
 /// The next chunk of an upload over gRPC.
-async fn next_chunk(parts: &mut Streaming<v1::WriteArtifactRequest>) -> Result<Option<Bytes>, ServiceError> {
+async fn next_chunk(parts: &mut Streaming<v1::WriteArtifactRequest>) -> Result<Option<Bytes>> {
     match next_part(parts).await? {
         None => Ok(None),
         Some(Part::Chunk(chunk)) if chunk.len() <= CHUNK_BYTES_MAX => Ok(Some(chunk)),
@@ -66,7 +62,7 @@ async fn next_chunk(parts: &mut Streaming<v1::WriteArtifactRequest>) -> Result<O
     }
 }
 
-async fn next_part(parts: &mut Streaming<v1::WriteArtifactRequest>) -> Result<Option<Part>, ServiceError> {
+async fn next_part(parts: &mut Streaming<v1::WriteArtifactRequest>) -> Result<Option<Part>> {
     let message = timeout(Files::UPLOAD_IDLE_MAX, parts.message()).await;
     let message = message.map_err(|_| ServiceError::Idle(Files::UPLOAD_IDLE_MAX))?;
     match message.map_err(|status| ServiceError::Stream(Box::new(status)))? {

@@ -4,10 +4,10 @@ use crate::enumerations::WireField as _;
 use crate::names;
 use lightpath_domain::dataset::{Exposure, Pair};
 use lightpath_proto::v1;
-use lightpath_service::{Field, ServiceError, check_all};
+use lightpath_service::{Field, Result, check_all};
 
 /// Checks a pair from a client and converts it.
-pub(crate) fn pair(pair: &v1::Pair, field: &Field) -> Result<Pair, ServiceError> {
+pub(crate) fn pair(pair: &v1::Pair, field: &Field) -> Result<Pair> {
     check_all! {
         id = names::pair_id(&field.at("id"), &pair.id);
         phase = field.at("phase").digest(&pair.phase);

@@ -2,60 +2,28 @@
 
 use super::{from_wire, to_wire};
 use crate::api::Api;
+use crate::call::answers;
 use crate::enumerations::WireField as _;
 use crate::names;
 use crate::pages::Page;
 use lightpath_domain::dataset::{Dataset, Encoding};
 use lightpath_proto::v1;
 use lightpath_proto::v1::dataset_service_server::DatasetService;
-use lightpath_service::{CalibrationTarget, Call, Field, ServiceError, check_all};
-use tonic::{Request, Response, Status};
+use lightpath_service::{CalibrationTarget, Call, Field, Result, check_all};
 
-#[tonic::async_trait]
-impl DatasetService for Api {
-    async fn create_dataset(
-        &self,
-        request: Request<v1::CreateDatasetRequest>,
-    ) -> Result<Response<v1::Dataset>, Status> {
-        self.answer(request, Self::create_dataset).await
-    }
-
-    async fn get_dataset(&self, request: Request<v1::GetDatasetRequest>) -> Result<Response<v1::Dataset>, Status> {
-        self.answer(request, Self::get_dataset).await
-    }
-
-    async fn list_datasets(
-        &self,
-        request: Request<v1::ListDatasetsRequest>,
-    ) -> Result<Response<v1::ListDatasetsResponse>, Status> {
-        self.answer(request, Self::list_datasets).await
-    }
-
-    async fn add_pair(&self, request: Request<v1::AddPairRequest>) -> Result<Response<v1::Dataset>, Status> {
-        self.answer(request, Self::add_pair).await
-    }
-
-    async fn delete_dataset(
-        &self,
-        request: Request<v1::DeleteDatasetRequest>,
-    ) -> Result<Response<v1::DeleteDatasetResponse>, Status> {
-        self.answer(request, Self::delete_dataset).await
-    }
-
-    async fn create_calibration_target(
-        &self,
-        request: Request<v1::CreateCalibrationTargetRequest>,
-    ) -> Result<Response<v1::CalibrationTarget>, Status> {
-        self.answer(request, Self::create_calibration_target).await
+answers! {
+    DatasetService {
+        create_dataset(v1::CreateDatasetRequest) -> v1::Dataset;
+        get_dataset(v1::GetDatasetRequest) -> v1::Dataset;
+        list_datasets(v1::ListDatasetsRequest) -> v1::ListDatasetsResponse;
+        add_pair(v1::AddPairRequest) -> v1::Dataset;
+        delete_dataset(v1::DeleteDatasetRequest) -> v1::DeleteDatasetResponse;
+        create_calibration_target(v1::CreateCalibrationTargetRequest) -> v1::CalibrationTarget;
     }
 }
 
 impl Api {
-    async fn create_dataset(
-        &self,
-        call: &Call,
-        request: v1::CreateDatasetRequest,
-    ) -> Result<v1::Dataset, ServiceError> {
+    async fn create_dataset(&self, call: &Call, request: v1::CreateDatasetRequest) -> Result<v1::Dataset> {
         let field = Field::new("dataset");
         let message = field.required(request.dataset)?;
         let dataset = self.new_dataset(call, &message, &field).await?;
@@ -63,16 +31,12 @@ impl Api {
         Ok(to_wire::dataset(self.service.datasets.create(&dataset).await?))
     }
 
-    async fn get_dataset(&self, call: &Call, request: v1::GetDatasetRequest) -> Result<v1::Dataset, ServiceError> {
+    async fn get_dataset(&self, call: &Call, request: v1::GetDatasetRequest) -> Result<v1::Dataset> {
         let id = names::dataset_id(&Field::new("name"), &request.name)?;
         Ok(to_wire::dataset(self.service.datasets.visible(call, &id).await?))
     }
 
-    async fn list_datasets(
-        &self,
-        call: &Call,
-        request: v1::ListDatasetsRequest,
-    ) -> Result<v1::ListDatasetsResponse, ServiceError> {
+    async fn list_datasets(&self, call: &Call, request: v1::ListDatasetsRequest) -> Result<v1::ListDatasetsResponse> {
         let display = names::display_filter(call, &Field::new("display"), &request.display)?;
         let page = Page::new(&["datasets", &request.display], request.page_size, &request.page_token)?;
         let datasets = self.store.datasets(display.as_deref(), page.after.as_deref(), page.limit()).await?;
@@ -81,7 +45,7 @@ impl Api {
     }
 
     /// Adds a pair to a dataset, with its measurements and findings.
-    async fn add_pair(&self, call: &Call, request: v1::AddPairRequest) -> Result<v1::Dataset, ServiceError> {
+    async fn add_pair(&self, call: &Call, request: v1::AddPairRequest) -> Result<v1::Dataset> {
         let id = names::dataset_id(&Field::new("dataset"), &request.dataset)?;
         call.concerns(format!("datasets/{id}"));
         let field = Field::new("pair");
@@ -93,7 +57,7 @@ impl Api {
         &self,
         call: &Call,
         request: v1::CreateCalibrationTargetRequest,
-    ) -> Result<v1::CalibrationTarget, ServiceError> {
+    ) -> Result<v1::CalibrationTarget> {
         let display = self.display_named(call, &Field::new("display"), &request.display).await?;
         let CalibrationTarget { target, columns, rows } =
             self.service.datasets.calibration_target(call, &display).await?;
@@ -104,14 +68,14 @@ impl Api {
         &self,
         call: &Call,
         request: v1::DeleteDatasetRequest,
-    ) -> Result<v1::DeleteDatasetResponse, ServiceError> {
+    ) -> Result<v1::DeleteDatasetResponse> {
         let id = names::dataset_id(&Field::new("name"), &request.name)?;
         call.concerns(format!("datasets/{id}"));
         self.service.datasets.delete(call, &id).await?;
         Ok(v1::DeleteDatasetResponse {})
     }
 
-    async fn new_dataset(&self, call: &Call, message: &v1::Dataset, field: &Field) -> Result<Dataset, ServiceError> {
+    async fn new_dataset(&self, call: &Call, message: &v1::Dataset, field: &Field) -> Result<Dataset> {
         let display = self.display_named(call, &field.at("display"), &message.display).await;
         check_all! {
             id = names::dataset_id(&field.at("name"), &message.name);

@@ -2,47 +2,25 @@
 
 use super::to_wire;
 use crate::api::Api;
+use crate::call::answers;
 use crate::names;
 use crate::pages::Page;
 use lightpath_domain::device::{Device, InstalledFile, InstalledKernel, Report};
 use lightpath_proto::v1;
 use lightpath_proto::v1::device_service_server::DeviceService;
-use lightpath_service::{Call, Field, ServiceError, permissions};
-use tonic::{Request, Response, Status};
+use lightpath_service::{Call, Field, Result, permissions};
 
 /// Limit on the length of a device's message \[bytes\].
 const MESSAGE_BYTES_MAX: usize = 1024;
 /// Limit on the length of the name of a device's program \[bytes\].
 const AGENT_BYTES_MAX: usize = 128;
 
-#[tonic::async_trait]
-impl DeviceService for Api {
-    async fn report_device(
-        &self,
-        request: Request<v1::ReportDeviceRequest>,
-    ) -> Result<Response<v1::ReportDeviceResponse>, Status> {
-        self.answer(request, Self::report_device).await
-    }
-
-    async fn list_devices(
-        &self,
-        request: Request<v1::ListDevicesRequest>,
-    ) -> Result<Response<v1::ListDevicesResponse>, Status> {
-        self.answer(request, Self::list_devices).await
-    }
-
-    async fn set_device_group(
-        &self,
-        request: Request<v1::SetDeviceGroupRequest>,
-    ) -> Result<Response<v1::Device>, Status> {
-        self.answer(request, Self::set_device_group).await
-    }
-
-    async fn delete_device(
-        &self,
-        request: Request<v1::DeleteDeviceRequest>,
-    ) -> Result<Response<v1::DeleteDeviceResponse>, Status> {
-        self.answer(request, Self::delete_device).await
+answers! {
+    DeviceService {
+        report_device(v1::ReportDeviceRequest) -> v1::ReportDeviceResponse;
+        list_devices(v1::ListDevicesRequest) -> v1::ListDevicesResponse;
+        set_device_group(v1::SetDeviceGroupRequest) -> v1::Device;
+        delete_device(v1::DeleteDeviceRequest) -> v1::DeleteDeviceResponse;
     }
 }
 
@@ -51,7 +29,7 @@ impl Api {
         &self,
         call: &Call,
         request: v1::ReportDeviceRequest,
-    ) -> Result<v1::ReportDeviceResponse, ServiceError> {
+    ) -> Result<v1::ReportDeviceResponse> {
         let (display, device) = names::device(call, &Field::new("name"), &request.name)?;
         permissions::device_of(call, &device)?;
         call.concerns(&request.name);
@@ -87,7 +65,7 @@ impl Api {
         &self,
         call: &Call,
         request: v1::ListDevicesRequest,
-    ) -> Result<v1::ListDevicesResponse, ServiceError> {
+    ) -> Result<v1::ListDevicesResponse> {
         let display = self.display_named(call, &Field::new("display"), &request.display).await?;
         let page = Page::new(&["devices", &request.display], request.page_size, &request.page_token)?;
         let devices = self.store.devices(&display.id, page.after.as_deref(), page.limit()).await?;
@@ -95,11 +73,7 @@ impl Api {
         Ok(v1::ListDevicesResponse { devices, next_page_token })
     }
 
-    async fn set_device_group(
-        &self,
-        call: &Call,
-        request: v1::SetDeviceGroupRequest,
-    ) -> Result<v1::Device, ServiceError> {
+    async fn set_device_group(&self, call: &Call, request: v1::SetDeviceGroupRequest) -> Result<v1::Device> {
         let (display, device) = names::device(call, &Field::new("name"), &request.name)?;
         call.concerns(&request.name);
         let group = match request.group.as_str() {
@@ -109,11 +83,7 @@ impl Api {
         Ok(to_wire::device(self.service.devices.set_group(&display, &device, group).await?))
     }
 
-    async fn delete_device(
-        &self,
-        call: &Call,
-        request: v1::DeleteDeviceRequest,
-    ) -> Result<v1::DeleteDeviceResponse, ServiceError> {
+    async fn delete_device(&self, call: &Call, request: v1::DeleteDeviceRequest) -> Result<v1::DeleteDeviceResponse> {
         let (display, device) = names::device(call, &Field::new("name"), &request.name)?;
         call.concerns(&request.name);
         self.service.devices.delete(&display, &device).await?;
@@ -122,7 +92,7 @@ impl Api {
 }
 
 /// The file that a device uses; `None` for version 0.
-fn installed_file(version: u32, form: &str, digest: &str) -> Result<Option<InstalledFile>, ServiceError> {
+fn installed_file(version: u32, form: &str, digest: &str) -> Result<Option<InstalledFile>> {
     if version == 0 {
         return Ok(None);
     }

@@ -7,7 +7,7 @@ use lightpath_domain::display::Display;
 use lightpath_domain::units::Wavelength;
 use lightpath_optics::{OpticalSetup, OrderFilter, Orders};
 use lightpath_proto::v1::{self, display};
-use lightpath_service::{Call, Field, ServiceError, check_all, collect_all};
+use lightpath_service::{Call, Field, Result, check_all, collect_all};
 use std::f64::consts::PI;
 use std::ops::RangeInclusive;
 
@@ -28,7 +28,7 @@ const CAMERA_FILL_FACTOR: RangeInclusive<f64> = OpticalSetup::CAMERA_FILL_FACTOR
 const NOTES_BYTES_MAX: usize = 4096;
 
 /// Checks a display from a client and converts it.
-pub(crate) fn display(call: &Call, message: v1::Display, field: &Field) -> Result<Display, ServiceError> {
+pub(crate) fn display(call: &Call, message: v1::Display, field: &Field) -> Result<Display> {
     let at = |name| field.at(name);
     let bit_depth = at("bit_depth").integer_or(message.bit_depth, 8, BIT_DEPTH);
     let response = match (message.phase_response, &bit_depth) {
@@ -72,7 +72,7 @@ pub(crate) fn display(call: &Call, message: v1::Display, field: &Field) -> Resul
     })
 }
 
-fn all_orders(field: &Field, message: v1::AllOrders, has_carrier: bool) -> Result<Orders, ServiceError> {
+fn all_orders(field: &Field, message: v1::AllOrders, has_carrier: bool) -> Result<Orders> {
     if has_carrier {
         return Err(field.invalid("is given, but a carrier needs optics that let only one half of the orders through"));
     }
@@ -87,7 +87,7 @@ fn all_orders(field: &Field, message: v1::AllOrders, has_carrier: bool) -> Resul
     Ok(Orders::All { fill_factor_x, fill_factor_y })
 }
 
-fn order_filter(field: &Field, message: v1::OrderFilter) -> Result<Orders, ServiceError> {
+fn order_filter(field: &Field, message: v1::OrderFilter) -> Result<Orders> {
     let side = |name, value: f64| {
         let field = field.at(name);
         if value == 0.0 { Ok(1.0) } else { field.number(value, OrderFilter::SIDE_MIN..=1.0) }
@@ -115,14 +115,14 @@ fn order_filter(field: &Field, message: v1::OrderFilter) -> Result<Orders, Servi
     Ok(Orders::Filtered(filter))
 }
 
-fn pixel_pitch(field: &Field, value: f64) -> Result<f64, ServiceError> {
+fn pixel_pitch(field: &Field, value: f64) -> Result<f64> {
     if PIXEL_PITCH_M.contains(&value) {
         return Ok(value);
     }
     Err(field.invalid(format!("is {value}, but must be 1e-7 to 1e-3 m (8e-6 is 8 µm)")))
 }
 
-fn wavelengths(field: &Field, values: &[f64]) -> Result<Vec<Wavelength>, ServiceError> {
+fn wavelengths(field: &Field, values: &[f64]) -> Result<Vec<Wavelength>> {
     if values.is_empty() {
         return Err(field.invalid("is empty, but a display needs at least one wavelength"));
     }
@@ -138,7 +138,7 @@ fn wavelengths(field: &Field, values: &[f64]) -> Result<Vec<Wavelength>, Service
     }
 }
 
-fn phases(field: &Field, phase_rad: Vec<f64>, bit_depth: u32) -> Result<Vec<f64>, ServiceError> {
+fn phases(field: &Field, phase_rad: Vec<f64>, bit_depth: u32) -> Result<Vec<f64>> {
     let field = field.at("phase_rad");
     let levels = 1_usize << bit_depth;
     if phase_rad.len() != levels {

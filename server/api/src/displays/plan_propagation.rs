@@ -8,7 +8,7 @@ use lightpath_optics::propagation::{self, assess, plan_onto};
 use lightpath_optics::{Error, OpticalSetup, PropagationMethod};
 use lightpath_proto::v1;
 use lightpath_service::propagation::{distance_refusal, method_refusal, optimizable};
-use lightpath_service::{Call, Field, ServiceError};
+use lightpath_service::{Call, Field, Result};
 
 impl Api {
     /// Plans the propagation from a display to a distance or a window, and lists the other methods with their validity.
@@ -16,7 +16,7 @@ impl Api {
         &self,
         call: &Call,
         request: v1::PlanPropagationRequest,
-    ) -> Result<v1::PlanPropagationResponse, ServiceError> {
+    ) -> Result<v1::PlanPropagationResponse> {
         let display = self.display_named(call, &Field::new("display"), &request.display).await?;
         let wavelength = Field::new("wavelength_m").wavelength_of(request.wavelength_m, &display)?;
         let field = Field::new("distance_m");
@@ -57,7 +57,7 @@ fn alternative(setup: &OpticalSetup, method: PropagationMethod) -> v1::Propagati
     v1::PropagationAlternative { method: method.to_wire(), possible, optimizable, text }
 }
 
-fn image_window(window: v1::ImageWindow, field: &Field) -> Result<propagation::ImageWindow, ServiceError> {
+fn image_window(window: v1::ImageWindow, field: &Field) -> Result<propagation::ImageWindow> {
     let v1::ImageWindow { width_px, height_px, pitch_x_m, pitch_y_m, centre_x_m, centre_y_m } = window;
     if pitch_y_m != 0.0 && pitch_y_m != pitch_x_m {
         return Err(field.at("pitch_y_m").invalid(format!("is {pitch_y_m}, but must be pitch_x_m, {pitch_x_m}, or 0")));

@@ -2,7 +2,7 @@
 
 use lightpath_bench::SimulatedBench;
 use lightpath_proto::v1;
-use lightpath_service::{Field, ServiceError, collect_all};
+use lightpath_service::{Field, Result, collect_all};
 
 /// Copies all properties of a bench into the other type: the simulated bench and the message have the same
 /// properties.
@@ -40,7 +40,7 @@ macro_rules! with_all_properties {
 }
 
 /// Checks a bench from a client and converts it. A strength or camera noise of 0 stands for the default.
-pub(super) fn from_wire(message: v1::SimulatedBench, field: &Field) -> Result<SimulatedBench, ServiceError> {
+pub(super) fn from_wire(message: v1::SimulatedBench, field: &Field) -> Result<SimulatedBench> {
     let mut bench = with_all_properties!(message, SimulatedBench);
     for (value, default) in [
         (&mut bench.strength, SimulatedBench::FAIR.strength),

@@ -3,29 +3,23 @@
 use super::publisher::publish;
 use crate::accounts::{OpenStream, StreamKind};
 use crate::api::Api;
-use crate::call::{Answers, StatusStream};
+use crate::call::{Answers, answers};
 use crate::event_log::{Entry, EventLog, Since};
 use futures::{StreamExt as _, stream};
 use lightpath_domain::access::Caller;
 use lightpath_proto::v1;
 use lightpath_proto::v1::event::{Change, Reset};
 use lightpath_proto::v1::event_service_server::EventService;
-use lightpath_service::{Call, ServiceError};
+use lightpath_service::{Call, Result, ServiceError};
 use std::collections::{HashSet, VecDeque};
 use std::mem;
 use std::sync::Arc;
 use tokio::sync::watch;
-use tonic::{Request, Response, Status};
 
-#[tonic::async_trait]
-impl EventService for Api {
-    type WatchEventsStream = StatusStream<v1::Event>;
-
-    async fn watch_events(
-        &self,
-        request: Request<v1::WatchEventsRequest>,
-    ) -> Result<Response<Self::WatchEventsStream>, Status> {
-        self.answer_with_stream(request, Self::watch_events).await
+answers! {
+    EventService {}
+    streams {
+        watch_events(v1::WatchEventsRequest) -> v1::Event as WatchEventsStream;
     }
 }
 
@@ -34,7 +28,7 @@ impl Api {
         &self,
         call: &Call,
         request: v1::WatchEventsRequest,
-    ) -> Result<Answers<v1::Event>, ServiceError> {
+    ) -> Result<Answers<v1::Event>> {
         let open = self.streams.open(StreamKind::Watch, &call.client)?;
         let log = self.events.clone();
         log.start_once(|| {
@@ -79,7 +73,7 @@ struct Follower {
 }
 
 impl Follower {
-    async fn next(&mut self) -> Result<v1::Event, ServiceError> {
+    async fn next(&mut self) -> Result<v1::Event> {
         loop {
             if mem::take(&mut self.must_reset) {
                 return Ok(self.event(self.sent, Change::Reset(Reset {})));
@@ -95,7 +89,7 @@ impl Follower {
     }
 
     /// Waits for events after those sent, and takes the latest one about each thing.
-    async fn fetch(&mut self) -> Result<(), ServiceError> {
+    async fn fetch(&mut self) -> Result<()> {
         let sent = self.sent;
         let latest = tokio::select! {
             biased;
@@ -127,7 +121,7 @@ impl Follower {
     }
 
     /// The change without the names of jobs that the caller may not see.
-    async fn seen(&self, mut change: Change) -> Result<Change, ServiceError> {
+    async fn seen(&self, mut change: Change) -> Result<Change> {
         if let Change::Job(v1::JobSummary { error: Some(error), .. }) = &mut change {
             error.message = self.api.service.jobs.text_for(&self.caller, mem::take(&mut error.message)).await?;
         }

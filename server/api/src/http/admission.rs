@@ -6,7 +6,7 @@
 
 use super::origin::Hosts;
 use super::protocol::{is_grpc, require_grpc};
-use super::refusal::{RefusalCode, code_name, refuse};
+use super::refusal::{RefusalCode, refuse};
 use super::token_expiry::{EndedTokens, ending_at_expiry, not_accepted};
 use super::transcode::Called;
 use crate::accounts::Rate;
@@ -22,7 +22,8 @@ use axum::http::{HeaderMap, header};
 use axum::middleware::Next;
 use axum::response::Response;
 use lightpath_domain::access::{Caller, Secret};
-use lightpath_service::{Call, Client, LimitReason, ServiceError};
+use lightpath_proto::code_name;
+use lightpath_service::{Call, Client, LimitReason, Result, ServiceError};
 use lightpath_store::Store;
 use std::net::IpAddr;
 use std::sync::Arc;
@@ -160,7 +161,7 @@ impl Admission {
         Ok(caller)
     }
 
-    fn limit_rate(&self, client: &Client) -> Result<(), ServiceError> {
+    fn limit_rate(&self, client: &Client) -> Result<()> {
         self.rate.admit(client, Instant::now()).map_err(|retry_after| ServiceError::Exhausted {
             reason: LimitReason::RateLimited,
             message: "too many calls; retry after the delay".to_owned(),
@@ -226,7 +227,7 @@ impl Admission {
 }
 
 /// The token in the headers of a request.
-fn bearer(headers: &HeaderMap) -> Result<Option<Secret>, ServiceError> {
+fn bearer(headers: &HeaderMap) -> Result<Option<Secret>> {
     let Some(value) = headers.get(header::AUTHORIZATION) else { return Ok(None) };
     let text = value.to_str().ok().and_then(|text| text.split_once(' '));
     match text {
@@ -238,7 +239,7 @@ fn bearer(headers: &HeaderMap) -> Result<Option<Secret>, ServiceError> {
 }
 
 /// The caller with this token, if the token is accepted now. All refusals are equal, so that they reveal nothing.
-async fn find(store: &Store, secret: &Secret) -> Result<Caller, ServiceError> {
+async fn find(store: &Store, secret: &Secret) -> Result<Caller> {
     let record = store.token_by_hash(&secret.hash()).await?;
     let valid = record.filter(|record| record.is_valid(now_ms()));
     valid.map(|record| record.caller).ok_or_else(not_accepted)
@@ -246,22 +247,8 @@ async fn find(store: &Store, secret: &Secret) -> Result<Caller, ServiceError> {
 
 /// Whether a handler that answers with this code has changed nothing.
 fn is_refusal(code: Code) -> bool {
-    match code {
-        Code::Ok | Code::Unknown | Code::DeadlineExceeded | Code::Internal | Code::Unavailable | Code::DataLoss => {
-            false
-        }
-        Code::Cancelled
-        | Code::InvalidArgument
-        | Code::NotFound
-        | Code::AlreadyExists
-        | Code::PermissionDenied
-        | Code::ResourceExhausted
-        | Code::FailedPrecondition
-        | Code::Aborted
-        | Code::OutOfRange
-        | Code::Unimplemented
-        | Code::Unauthenticated => true,
-    }
+    use Code::{DataLoss, DeadlineExceeded, Internal, Ok, Unavailable, Unknown};
+    !matches!(code, Ok | Unknown | DeadlineExceeded | Internal | Unavailable | DataLoss)
 }
 
 /// The code of the answer as far as it is known when the answer starts.

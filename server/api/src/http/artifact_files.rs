@@ -13,7 +13,7 @@ use axum::response::Response;
 use axum::{Extension, Json};
 use futures::{Stream, StreamExt as _};
 use lightpath_proto::v1;
-use lightpath_service::{Call, Field, ServiceError};
+use lightpath_service::{Call, Field, Result, ServiceError};
 use std::pin::pin;
 use tonic::Status;
 
@@ -75,7 +75,7 @@ pub(super) async fn upload_unnamed(
 }
 
 /// The chunks of the body of an upload.
-fn chunks(body: Body) -> impl Stream<Item = Result<Bytes, ServiceError>> {
+fn chunks(body: Body) -> impl Stream<Item = Result<Bytes>> {
     body.into_data_stream().map(|chunk| {
         chunk.map_err(|error| {
             let cut = || Status::cancelled(format!("the body of the upload broke off: {error}"));

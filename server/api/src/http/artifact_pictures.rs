@@ -1,20 +1,19 @@
 //! Artifacts as pictures for people, and the colours of their bars.
 
-use super::etags::{etag, has};
-use super::file_answer::IMMUTABLE;
+use super::etags::{IMMUTABLE, etag, has, unless_known};
 use super::refusal::Refusal;
 use crate::api::Api;
 use axum::Extension;
 use axum::extract::rejection::{PathRejection, QueryRejection};
 use axum::extract::{Path, Query, State};
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::http::{HeaderMap, header};
 use axum::response::{IntoResponse, Response};
 use lightpath_domain::dataset::Encoding;
 use lightpath_domain::job::Fit;
 use lightpath_media::figures::{ColourMap, View, ViewColours, ViewRegion};
 use lightpath_media::pictures::{Channel, SIDE_PX_MAX, rgb_png};
 use lightpath_optics::Plane;
-use lightpath_service::{Call, Field, Minus, ServiceError};
+use lightpath_service::{Call, Field, Minus, Result, ServiceError};
 use serde::Deserialize;
 use tonic::Status;
 
@@ -82,16 +81,15 @@ pub(super) async fn get_picture(
     let subtracted = minus.as_deref().map(|minus| (&minus_field, minus));
     let need_bytes = api.service.files.view_bytes(&call, (&field, &digest), subtracted).await?;
     let etag = etag(format!("{digest} {wish:?}"));
-    let fields = [(header::ETAG, etag.clone()), (header::CACHE_CONTROL, IMMUTABLE.into())];
     if has(&headers, &etag) {
-        return Ok((StatusCode::NOT_MODIFIED, fields).into_response());
+        return Ok(unless_known(&headers, &etag, IMMUTABLE, ()));
     }
     let (fit, encoding) = (wish.minus_fit, wish.minus_encoding.unwrap_or(Encoding::Srgb));
     let channel = wish.minus_channel.map_or(Channel::Mean, |colour| Channel::Colour(colour as usize));
     let minus = minus.map(|digest| Minus { digest, encoding, fit, channel });
     let drawn = api.service.files.view(&call, need_bytes, (&field, &digest), minus, wanted).await?;
     let size = [(PICTURE_SIZE, format!("{}x{}", drawn.width_px, drawn.height_px))];
-    Ok((fields, size, PNG, drawn.png).into_response())
+    Ok(unless_known(&headers, &etag, IMMUTABLE, (size, PNG, drawn.png)))
 }
 
 /// Handles `GET /v1/colormaps/{colormap}`: the colours of a map from its start to its end, 256 in a row.
@@ -106,7 +104,7 @@ pub(super) async fn get_colormap(colours: Result<Path<Colours>, PathRejection>) 
 }
 
 impl Wish {
-    fn view(&self) -> Result<View, ServiceError> {
+    fn view(&self) -> Result<View> {
         let side = 1..=SIDE_PX_MAX;
         let width = self.width.map(|width| Field::new("width").integer(width, side)).transpose()?;
         let positive = |name: &str, value: f32, most: f64| {
@@ -124,7 +122,7 @@ impl Wish {
     }
 }
 
-fn region(text: &str) -> Result<ViewRegion, ServiceError> {
+fn region(text: &str) -> Result<ViewRegion> {
     let numbers = text.split(',').map(str::parse).collect::<Result<Vec<usize>, _>>();
     match numbers.as_deref() {
         Ok(&[x_px, y_px, width_px, height_px]) => Ok(ViewRegion { x_px, y_px, width_px, height_px }),

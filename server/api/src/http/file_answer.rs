@@ -1,20 +1,18 @@
 //! A file as an answer: whole or in ranges, in small pieces. What a path names never changes, so clients may keep it.
 
 use super::byte_range::{RangeOutcome, requested_range};
-use super::etags::{has, text_value};
+use super::etags::{IMMUTABLE, has, text_value, unless_known};
 use super::refusal::Refusal;
 use crate::accounts::OpenStream;
-use axum::body::{Body, Bytes};
+use crate::artifacts::download::chunks;
+use axum::body::Body;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
-use futures::stream;
 use lightpath_artifacts::ArtifactReader;
-use lightpath_service::ServiceError;
+use lightpath_service::Result;
 
 /// Size of the pieces of a file \[bytes\]. Many slow devices may fetch at once, and each holds a few pieces.
 const PIECE_BYTES: usize = 32 << 10;
-/// What a path names never changes.
-pub(super) const IMMUTABLE: &str = "private, max-age=31536000, immutable";
 
 /// A file that a client asks for.
 pub(super) struct ServedFile {
@@ -30,12 +28,11 @@ impl ServedFile {
         self,
         headers: &HeaderMap,
         open: OpenStream,
-        reader: impl AsyncFnOnce((u64, u64)) -> Result<ArtifactReader, ServiceError>,
+        reader: impl AsyncFnOnce((u64, u64)) -> Result<ArtifactReader>,
     ) -> Result<Response, Refusal> {
         let Self { etag, size_bytes, content_type } = self;
         if has(headers, &etag) {
-            let fields = [(header::ETAG, etag), (header::CACHE_CONTROL, IMMUTABLE.into())];
-            return Ok((StatusCode::NOT_MODIFIED, fields).into_response());
+            return Ok(unless_known(headers, &etag, IMMUTABLE, ()));
         }
         let range = match requested_range(headers, &etag, size_bytes) {
             RangeOutcome::Whole => None,
@@ -48,7 +45,7 @@ impl ServedFile {
         let (first, last) = range.unwrap_or((0, size_bytes.saturating_sub(1)));
         let length = if size_bytes == 0 { 0 } else { last - first + 1 };
         let reader = reader((first, length)).await?;
-        let mut response = Response::new(Body::from_stream(pieces(reader, open)));
+        let mut response = Response::new(Body::from_stream(chunks(reader, open, PIECE_BYTES)));
         let fields = response.headers_mut();
         fields.insert(header::CONTENT_TYPE, HeaderValue::from_static(content_type));
         // A browser must not guess another type, and so run what somebody uploaded.
@@ -63,15 +60,4 @@ impl ServedFile {
         }
         Ok(response)
     }
-}
-
-/// The bytes of a reader in small pieces. The download is counted until its end.
-fn pieces(
-    reader: ArtifactReader,
-    open: OpenStream,
-) -> impl futures::Stream<Item = Result<Bytes, ServiceError>> + Send + 'static {
-    stream::try_unfold((reader, open), |(mut reader, open)| async move {
-        let piece = reader.next_chunk(PIECE_BYTES).await?;
-        Ok(piece.map(|piece| (Bytes::from(piece), (reader, open))))
-    })
 }

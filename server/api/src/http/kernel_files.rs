@@ -4,7 +4,7 @@
 //! Then it fetches the file, whose path has everything that the manifest says about it. The bytes of such a path never
 //! change, so a cut download continues with `Range`, on any server that holds the kernel.
 
-use super::etags::{etag, has, text_value};
+use super::etags::{ASKED_AGAIN, etag, has, unless_known};
 use super::file_answer::ServedFile;
 use super::refusal::Refusal;
 use crate::accounts::StreamKind;
@@ -13,11 +13,11 @@ use crate::names;
 use axum::Extension;
 use axum::extract::rejection::QueryRejection;
 use axum::extract::{Path, Query, State};
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::http::{HeaderMap, HeaderValue, header};
 use axum::response::{IntoResponse, Response};
 use lightpath_domain::kernel::{KernelKey, KernelVersion};
 use lightpath_media::kernel_formats::KernelFormat;
-use lightpath_service::{Call, Field, Issued, ServiceError, VersionFile, permissions};
+use lightpath_service::{Call, Field, Issued, Result, ServiceError, VersionFile, permissions};
 use serde::Deserialize;
 use std::sync::Arc;
 use std::time::Duration;
@@ -102,7 +102,7 @@ struct Asked {
 }
 
 impl Asked {
-    async fn manifest(&self, api: &Api, call: &Call) -> Result<Arc<Issued>, ServiceError> {
+    async fn manifest(&self, api: &Api, call: &Call) -> Result<Arc<Issued>> {
         api.service.manifests.manifest(call, &self.key, self.form, self.device.as_deref()).await
     }
 }
@@ -114,7 +114,7 @@ async fn changed_manifest(
     asked: &Asked,
     headers: &HeaderMap,
     wait: Duration,
-) -> Result<Arc<Issued>, ServiceError> {
+) -> Result<Arc<Issued>> {
     let _open = api.streams.open(StreamKind::Watch, &call.client)?;
     // This subscribes before the first read, so that it misses no change.
     let mut changes = api.store().subscribe_kernel_changes();
@@ -181,16 +181,10 @@ async fn file_of(
 
 /// A signed document, or 304 if the client has it.
 fn document(api: &Api, headers: &HeaderMap, text: String) -> Response {
+    let poll_after = [(POLL_AFTER, HeaderValue::from(api.service.manifests.poll_after_s()))];
     let etag = etag(&text);
-    let fields = [
-        (header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache")),
-        (header::HeaderName::from_static(POLL_AFTER), HeaderValue::from(api.service.manifests.poll_after_s())),
-        (header::ETAG, text_value(&etag)),
-    ];
-    match has(headers, &etag) {
-        true => (StatusCode::NOT_MODIFIED, fields).into_response(),
-        false => (fields, [(header::CONTENT_TYPE, TEXT)], text).into_response(),
-    }
+    let answer = unless_known(headers, &etag, ASKED_AGAIN, ([(header::CONTENT_TYPE, TEXT)], text));
+    (poll_after, answer).into_response()
 }
 
 fn parsed_form(name: &str) -> Result<KernelFormat, Refusal> {

@@ -17,7 +17,7 @@ use axum::extract::{Request, State};
 use axum::middleware::Next;
 use axum::response::Response;
 use http_body::Frame;
-use lightpath_service::{Client, ServiceError};
+use lightpath_service::{Client, Result, ServiceError};
 use prost::bytes::Bytes;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -63,7 +63,7 @@ impl Holding {
         Self(Arc::new(Mutex::new(share)))
     }
 
-    fn grow(&self, bytes: usize) -> Result<(), ServiceError> {
+    fn grow(&self, bytes: usize) -> Result<()> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).grow(bytes)
     }
 }

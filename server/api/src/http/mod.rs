@@ -45,7 +45,7 @@ use axum::extract::{DefaultBodyLimit, State};
 use axum::http::{HeaderMap, StatusCode, header};
 use axum::middleware;
 use axum::response::{IntoResponse, Response};
-use axum::routing::{get, post, put};
+use axum::routing::{MethodRouter, get, post, put};
 use axum::{Extension, Router};
 use lightpath_metrics as metrics;
 use lightpath_service::{Call, ServiceError};
@@ -58,29 +58,28 @@ pub use worker_status::serve_worker_status;
 /// Content type of the metrics: the text format of Prometheus.
 const METRICS_TYPE: &str = "text/plain; version=0.0.4; charset=utf-8";
 
-const ARTIFACT_CONTENT: &str = "/v1/artifacts/{digest}/content";
-const PAGE_FILE: &str = "/page/{*file}";
-const ARTIFACT_PICTURE: &str = "/v1/artifacts/{digest}/picture";
 const ARTIFACT_UPLOAD: &str = "/v1/artifacts/{digest}/upload";
 const UNNAMED_UPLOAD: &str = "/v1/artifacts";
 
-/// Paths of plain HTTP that have handlers of their own.
-const PATHS: [&str; 14] = [
-    "/healthz",
-    "/metrics",
-    ARTIFACT_CONTENT,
-    ARTIFACT_PICTURE,
-    ARTIFACT_UPLOAD,
-    UNNAMED_UPLOAD,
-    "/v1/colormaps/{colormap}",
-    "/v1/jobs/{job}/picture",
-    "/openapi.json",
-    "/v1/keyring",
-    "/v1/displays/{display}/kernels/{kernel}/manifest",
-    "/v1/displays/{display}/kernels/{kernel}/versions/{version}/{form}/{digest}",
-    "/",
-    PAGE_FILE,
-];
+/// The paths of plain HTTP that have handlers of their own.
+fn routes() -> [(&'static str, MethodRouter<Api>); 14] {
+    [
+        ("/healthz", get(health)),
+        ("/metrics", get(metrics)),
+        ("/v1/artifacts/{digest}/content", get(artifact_files::get_content)),
+        ("/v1/artifacts/{digest}/picture", get(artifact_pictures::get_picture)),
+        (ARTIFACT_UPLOAD, put(artifact_files::upload).layer(DefaultBodyLimit::disable())),
+        (UNNAMED_UPLOAD, post(artifact_files::upload_unnamed).layer(DefaultBodyLimit::disable())),
+        ("/v1/colormaps/{colormap}", get(artifact_pictures::get_colormap)),
+        ("/v1/jobs/{job}/picture", get(live_pictures::get_live_picture)),
+        ("/openapi.json", get(get_openapi)),
+        ("/v1/keyring", get(kernel_files::get_keyring)),
+        ("/v1/displays/{display}/kernels/{kernel}/manifest", get(kernel_files::get_manifest)),
+        ("/v1/displays/{display}/kernels/{kernel}/versions/{version}/{form}/{digest}", get(kernel_files::get_file)),
+        ("/", get(page::get_index)),
+        ("/page/{*file}", get(page::get_file)),
+    ]
+}
 
 /// The router for gRPC and HTTP.
 pub fn router(admission: Admission, budget: Arc<MemoryBudget>, grpc: tonic::service::Routes) -> Router {
@@ -89,37 +88,9 @@ pub fn router(admission: Admission, budget: Arc<MemoryBudget>, grpc: tonic::serv
     // Both routers have a fallback, and a merged router can have only one.
     let grpc = grpc.into_axum_router().reset_fallback();
     let methods = grpc.clone();
-    let [
-        healthz,
-        metrics_path,
-        content,
-        picture,
-        upload,
-        unnamed_upload,
-        colormap,
-        live_picture,
-        openapi,
-        keyring,
-        manifest,
-        file,
-        index,
-        page_file,
-    ] = PATHS;
-    let http = Router::new()
-        .route(healthz, get(health))
-        .route(metrics_path, get(metrics))
-        .route(content, get(artifact_files::get_content))
-        .route(picture, get(artifact_pictures::get_picture))
-        .route(colormap, get(artifact_pictures::get_colormap))
-        .route(live_picture, get(live_pictures::get_live_picture))
-        .route(upload, put(artifact_files::upload).layer(DefaultBodyLimit::disable()))
-        .route(unnamed_upload, post(artifact_files::upload_unnamed).layer(DefaultBodyLimit::disable()))
-        .route(openapi, get(get_openapi))
-        .route(keyring, get(kernel_files::get_keyring))
-        .route(manifest, get(kernel_files::get_manifest))
-        .route(file, get(kernel_files::get_file))
-        .route(index, get(page::get_index))
-        .route(page_file, get(page::get_file))
+    let http = routes()
+        .into_iter()
+        .fold(Router::new(), |router, (path, methods)| router.route(path, methods))
         .fallback(move |request| transcode::call_method(methods.clone(), request))
         .with_state(api.clone());
     let app = compression::with_compression(http)

@@ -1,8 +1,8 @@
 //! The dashboard: its files, which hold no secrets. The page asks for data with the caller's token.
 
-use super::etags::{etag, has, text_value};
+use super::etags::{etag, unless_known};
 use axum::extract::Path;
-use axum::http::{HeaderMap, HeaderName, HeaderValue, StatusCode, header};
+use axum::http::{HeaderMap, HeaderName, HeaderValue, header};
 use axum::response::{IntoResponse, Response};
 use lightpath_dashboard::{INDEX, file, names};
 use std::collections::HashMap;
@@ -30,16 +30,11 @@ fn answer(name: &str, headers: &HeaderMap) -> Response {
         return super::refusal::Refusal::from(status).into_response();
     };
     let fields = [
-        (header::ETAG, text_value(etag)),
-        (header::CACHE_CONTROL, HeaderValue::from_static("no-cache")),
         (header::CONTENT_TYPE, HeaderValue::from_static(file.content_type)),
         (header::CONTENT_SECURITY_POLICY, HeaderValue::from_static(POLICY)),
         (header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff")),
         (header::REFERRER_POLICY, HeaderValue::from_static("no-referrer")),
         (HeaderName::from_static("cross-origin-opener-policy"), HeaderValue::from_static("same-origin")),
     ];
-    match has(headers, etag) {
-        true => (StatusCode::NOT_MODIFIED, fields).into_response(),
-        false => (fields, file.bytes).into_response(),
-    }
+    (fields, unless_known(headers, etag, "no-cache", file.bytes)).into_response()
 }

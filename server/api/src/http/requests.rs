@@ -82,7 +82,7 @@ fn method(request: &Request) -> String {
 pub(super) fn expect_all() {
     metrics::expect_requests(METHODS.iter().map(|method| (method.clone(), "Ok")));
     metrics::expect_requests(ROUTES.iter().map(|route| (route.method.to_owned(), "200")));
-    metrics::expect_requests(super::PATHS.map(|path| (path.to_owned(), "200")));
+    metrics::expect_requests(super::routes().map(|(path, _)| (path.to_owned(), "200")));
 }
 
 /// Paths of all gRPC methods.

@@ -2,7 +2,7 @@
 //! becomes JSON. So HTTP has the same checks, errors and messages as gRPC.
 
 use super::checked_body::status_of;
-use super::etags::{etag, has, text_value};
+use super::etags::{ASKED_AGAIN, etag, text_value, unless_known};
 use super::protocol::is_grpc;
 use super::refusal::{Refusal, refuse};
 use super::server_sent_events::{add_last_event_id, events};
@@ -98,13 +98,7 @@ async fn call(grpc: Router, found: Match, parts: Parts, body: Body) -> Result<Re
 
 /// JSON, or 304 if the client has it.
 pub(super) fn json_answer(headers: &HeaderMap, json: impl AsRef<[u8]> + IntoResponse) -> Response {
-    let etag = etag(&json);
-    let fields =
-        [(header::CACHE_CONTROL, HeaderValue::from_static("private, no-cache")), (header::ETAG, text_value(&etag))];
-    match has(headers, &etag) {
-        true => (StatusCode::NOT_MODIFIED, fields).into_response(),
-        false => (fields, [(header::CONTENT_TYPE, JSON)], json).into_response(),
-    }
+    unless_known(headers, &etag(&json), ASKED_AGAIN, ([(header::CONTENT_TYPE, JSON)], json))
 }
 
 const JSON: HeaderValue = HeaderValue::from_static("application/json");

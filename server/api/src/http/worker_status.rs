@@ -7,7 +7,7 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use lightpath_artifacts::Artifacts;
 use lightpath_metrics as metrics;
-use lightpath_service::ServiceError;
+use lightpath_service::{Result, ServiceError};
 use lightpath_store::Store;
 use std::io;
 use std::time::Duration;
@@ -58,7 +58,7 @@ async fn metrics_text(State(worker): State<Worker>) -> Response {
 }
 
 impl Worker {
-    async fn can_work(&self) -> Result<(), ServiceError> {
+    async fn can_work(&self) -> Result<()> {
         self.artifacts.space().room_to_start()?;
         timeout(ANSWER_MAX, self.store.queue_counts()).await.map_err(|_| ServiceError::Locked)??;
         Ok(())

@@ -5,7 +5,7 @@ use lightpath_domain::ability::{Labels, NEEDS_MAX};
 use lightpath_domain::job::Scheduling;
 use lightpath_proto::v1;
 use lightpath_service::permissions::owner_of_job;
-use lightpath_service::{Call, Field, ServiceError, check_all, collect_all};
+use lightpath_service::{Call, Field, Result, check_all, collect_all};
 
 /// Limit on the length of an owner, batch or unique key \[bytes\]: the same as for request ids.
 const LABEL_BYTES_MAX: usize = 128;
@@ -18,7 +18,7 @@ const TIMEOUT_S_MIN: f64 = 0.001;
 const AFTER_MAX: usize = 256;
 
 /// Checks the scheduling in a submission and converts it.
-pub(crate) fn scheduling(call: &Call, request: &v1::SubmitJobRequest) -> Result<Scheduling, ServiceError> {
+pub(crate) fn scheduling(call: &Call, request: &v1::SubmitJobRequest) -> Result<Scheduling> {
     let owner = label(&Field::new("owner"), request.owner.clone());
     check_all! {
         owner = owner.and_then(|owner| owner_of_job(call, owner.unwrap_or_default()));
@@ -33,13 +33,13 @@ pub(crate) fn scheduling(call: &Call, request: &v1::SubmitJobRequest) -> Result<
     Ok(Scheduling { owner, batch, unique_key, not_before_ms, timeout_ms, after, label, needs })
 }
 
-fn not_before_ms(time: &lightpath_proto::Timestamp) -> Result<i64, ServiceError> {
+fn not_before_ms(time: &lightpath_proto::Timestamp) -> Result<i64> {
     ms(time).filter(|ms| *ms <= now_ms() + DELAY_MS_MAX).ok_or_else(|| {
         Field::new("not_before").invalid("is not a valid time, or more than a year ahead, but must be within a year")
     })
 }
 
-fn timeout_ms(seconds: f64) -> Result<Option<i64>, ServiceError> {
+fn timeout_ms(seconds: f64) -> Result<Option<i64>> {
     if seconds == 0.0 {
         return Ok(None);
     }
@@ -48,7 +48,7 @@ fn timeout_ms(seconds: f64) -> Result<Option<i64>, ServiceError> {
 }
 
 /// The ids of the jobs to wait for, ascending, each once.
-fn after(names: &[String]) -> Result<Vec<String>, ServiceError> {
+fn after(names: &[String]) -> Result<Vec<String>> {
     let field = Field::new("after");
     if names.len() > AFTER_MAX {
         return Err(field.invalid(format!("has {} entries, but at most {AFTER_MAX} are accepted", names.len())));
@@ -59,12 +59,12 @@ fn after(names: &[String]) -> Result<Vec<String>, ServiceError> {
     Ok(ids)
 }
 
-fn needs(given: &[String]) -> Result<Labels, ServiceError> {
+fn needs(given: &[String]) -> Result<Labels> {
     Labels::new(given, NEEDS_MAX).map_err(|error| Field::new("needs").invalid(error.to_string()))
 }
 
 /// Checks a short text that the client chose; `None` if it is empty.
-pub(crate) fn label(field: &Field, given: String) -> Result<Option<String>, ServiceError> {
+pub(crate) fn label(field: &Field, given: String) -> Result<Option<String>> {
     if given.chars().any(char::is_control) {
         return Err(field.invalid("contains control characters, but must be plain text"));
     }

@@ -3,7 +3,7 @@
 use super::scheduling::label;
 use super::to_wire;
 use crate::api::Api;
-use crate::call::StatusStream;
+use crate::call::answers;
 use crate::enumerations::WireField as _;
 use crate::names;
 use crate::pages::Page;
@@ -11,76 +11,37 @@ use crate::time::ms;
 use lightpath_proto::v1;
 use lightpath_proto::v1::job_service_server::JobService;
 use lightpath_proto::v1::list_jobs_request::{Order, View};
-use lightpath_service::{Call, Field, ServiceError, shortened};
+use lightpath_service::{Call, Field, Result, shortened};
 use lightpath_store::{BatchProgress, JobFilter};
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
-use tonic::{Request, Response, Status};
 
-#[tonic::async_trait]
-impl JobService for Api {
-    async fn submit_job(&self, request: Request<v1::SubmitJobRequest>) -> Result<Response<v1::Job>, Status> {
-        self.answer(request, Self::submit_job).await
+answers! {
+    JobService {
+        submit_job(v1::SubmitJobRequest) -> v1::Job;
+        get_job(v1::GetJobRequest) -> v1::Job;
+        list_jobs(v1::ListJobsRequest) -> v1::ListJobsResponse;
+        cancel_job(v1::CancelJobRequest) -> v1::Job;
+        retry_job(v1::RetryJobRequest) -> v1::Job;
+        list_job_events(v1::ListJobEventsRequest) -> v1::ListJobEventsResponse;
+        get_batch(v1::GetBatchRequest) -> v1::Batch;
+        get_queue(v1::GetQueueRequest) -> v1::Queue;
+        pause_queue(v1::PauseQueueRequest) -> v1::Queue;
+        resume_queue(v1::ResumeQueueRequest) -> v1::Queue;
     }
-
-    async fn get_job(&self, request: Request<v1::GetJobRequest>) -> Result<Response<v1::Job>, Status> {
-        self.answer(request, Self::get_job).await
-    }
-
-    async fn list_jobs(&self, request: Request<v1::ListJobsRequest>) -> Result<Response<v1::ListJobsResponse>, Status> {
-        self.answer(request, Self::list_jobs).await
-    }
-
-    type WatchJobStream = StatusStream<v1::Job>;
-
-    async fn watch_job(&self, request: Request<v1::WatchJobRequest>) -> Result<Response<Self::WatchJobStream>, Status> {
-        self.answer_with_stream(request, Self::watch_job).await
-    }
-
-    async fn cancel_job(&self, request: Request<v1::CancelJobRequest>) -> Result<Response<v1::Job>, Status> {
-        self.answer(request, Self::cancel_job).await
-    }
-
-    async fn retry_job(&self, request: Request<v1::RetryJobRequest>) -> Result<Response<v1::Job>, Status> {
-        self.answer(request, Self::retry_job).await
-    }
-
-    async fn list_job_events(
-        &self,
-        request: Request<v1::ListJobEventsRequest>,
-    ) -> Result<Response<v1::ListJobEventsResponse>, Status> {
-        self.answer(request, Self::list_job_events).await
-    }
-
-    async fn get_batch(&self, request: Request<v1::GetBatchRequest>) -> Result<Response<v1::Batch>, Status> {
-        self.answer(request, Self::get_batch).await
-    }
-
-    async fn get_queue(&self, request: Request<v1::GetQueueRequest>) -> Result<Response<v1::Queue>, Status> {
-        self.answer(request, Self::get_queue).await
-    }
-
-    async fn pause_queue(&self, request: Request<v1::PauseQueueRequest>) -> Result<Response<v1::Queue>, Status> {
-        self.answer(request, Self::pause_queue).await
-    }
-
-    async fn resume_queue(&self, request: Request<v1::ResumeQueueRequest>) -> Result<Response<v1::Queue>, Status> {
-        self.answer(request, Self::resume_queue).await
+    streams {
+        watch_job(v1::WatchJobRequest) -> v1::Job as WatchJobStream;
     }
 }
 
 impl Api {
     /// Returns the message of the named job.
-    pub(crate) async fn get_job(&self, call: &Call, request: v1::GetJobRequest) -> Result<v1::Job, ServiceError> {
+    pub(crate) async fn get_job(&self, call: &Call, request: v1::GetJobRequest) -> Result<v1::Job> {
         let id = names::job_id(&Field::new("name"), &request.name)?;
         Ok(to_wire::job(&self.service.jobs, self.service.jobs.visible(call, &id).await?))
     }
 
     /// Returns a page of jobs.
-    pub(crate) async fn list_jobs(
-        &self,
-        call: &Call,
-        request: v1::ListJobsRequest,
-    ) -> Result<v1::ListJobsResponse, ServiceError> {
+    pub(crate) async fn list_jobs(&self, call: &Call, request: v1::ListJobsRequest) -> Result<v1::ListJobsResponse> {
         let filter = filter_of(call, &request)?;
         let page = Page::new(&["jobs", &hash_of(&filter)], request.page_size, &request.page_token)?;
         let after = page.after.as_deref();
@@ -96,14 +57,14 @@ impl Api {
         Ok(v1::ListJobsResponse { jobs, next_page_token, ..Default::default() })
     }
 
-    async fn cancel_job(&self, call: &Call, request: v1::CancelJobRequest) -> Result<v1::Job, ServiceError> {
+    async fn cancel_job(&self, call: &Call, request: v1::CancelJobRequest) -> Result<v1::Job> {
         let id = names::job_id(&Field::new("name"), &request.name)?;
         call.concerns(format!("jobs/{id}"));
         let jobs = &self.service.jobs;
         Ok(to_wire::job(jobs, jobs.cancel(call, &id).await?))
     }
 
-    async fn retry_job(&self, call: &Call, request: v1::RetryJobRequest) -> Result<v1::Job, ServiceError> {
+    async fn retry_job(&self, call: &Call, request: v1::RetryJobRequest) -> Result<v1::Job> {
         let id = names::job_id(&Field::new("name"), &request.name)?;
         call.concerns(format!("jobs/{id}"));
         let jobs = &self.service.jobs;
@@ -114,7 +75,7 @@ impl Api {
         &self,
         call: &Call,
         request: v1::ListJobEventsRequest,
-    ) -> Result<v1::ListJobEventsResponse, ServiceError> {
+    ) -> Result<v1::ListJobEventsResponse> {
         let id = names::job_id(&Field::new("name"), &request.name)?;
         self.service.jobs.visible(call, &id).await?;
         let page = Page::new(&["events", &id], request.page_size, &request.page_token)?;
@@ -123,7 +84,7 @@ impl Api {
         Ok(v1::ListJobEventsResponse { events, next_page_token })
     }
 
-    async fn get_batch(&self, call: &Call, request: v1::GetBatchRequest) -> Result<v1::Batch, ServiceError> {
+    async fn get_batch(&self, call: &Call, request: v1::GetBatchRequest) -> Result<v1::Batch> {
         let batch = label(&Field::new("batch"), request.batch)?;
         let batch = batch.ok_or_else(|| Field::new("batch").invalid("is empty, but must name a batch"))?;
         let progress = self.service.jobs.batch(call, &batch).await?;
@@ -133,7 +94,7 @@ impl Api {
 }
 
 /// Checks the filters of a list.
-fn filter_of(call: &Call, request: &v1::ListJobsRequest) -> Result<JobFilter, ServiceError> {
+fn filter_of(call: &Call, request: &v1::ListJobsRequest) -> Result<JobFilter> {
     let since = Field::new("since");
     let since_ms = request.since.as_ref().map(|time| ms(time).ok_or_else(|| since.invalid("is not a valid time")));
     Ok(JobFilter {
@@ -150,7 +111,7 @@ fn filter_of(call: &Call, request: &v1::ListJobsRequest) -> Result<JobFilter, Se
 }
 
 /// Checks the beginning of an id; `None` if it is empty.
-fn id_prefix(field: &Field, given: &str) -> Result<Option<String>, ServiceError> {
+fn id_prefix(field: &Field, given: &str) -> Result<Option<String>> {
     const LENGTH_MAX: usize = 36;
     if given.len() > LENGTH_MAX || !given.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f' | b'-')) {
         let problem = "but must be the beginning of a job's id: at most 36 characters of 0-9, a-f and '-'";

@@ -4,7 +4,7 @@ use super::{kinds, scheduling, to_wire};
 use crate::api::Api;
 use lightpath_proto::v1;
 use lightpath_service::permissions::priority_of_job;
-use lightpath_service::{Call, Field, ServiceError, Submission, check_all, is_about_fields};
+use lightpath_service::{Call, Field, Result, Submission, check_all, is_about_fields};
 use uuid::Uuid;
 
 /// Limit on the length of a request id \[bytes\]: a UUID and a few words.
@@ -16,11 +16,7 @@ const ATTEMPTS_DEFAULT: u32 = 3;
 impl Api {
     /// Checks a submission, and puts the job into the queue. Named resources are looked up and pictures are decoded, so
     /// that the request is refused now rather than by a worker an hour later.
-    pub(crate) async fn submit_job(
-        &self,
-        call: &Call,
-        mut request: v1::SubmitJobRequest,
-    ) -> Result<v1::Job, ServiceError> {
+    pub(crate) async fn submit_job(&self, call: &Call, mut request: v1::SubmitJobRequest) -> Result<v1::Job> {
         let jobs = &self.service.jobs;
         let kind = request.spec.take().and_then(|spec| spec.kind);
         let submission = match submission(call, request) {
@@ -42,7 +38,7 @@ impl Api {
 }
 
 /// Checks the part of a submission that is the same for all kinds of jobs.
-fn submission(call: &Call, request: v1::SubmitJobRequest) -> Result<Submission, ServiceError> {
+fn submission(call: &Call, request: v1::SubmitJobRequest) -> Result<Submission> {
     let attempts_max = Field::new("attempts_max");
     check_all! {
         scheduling = scheduling::scheduling(call, &request);
@@ -53,7 +49,7 @@ fn submission(call: &Call, request: v1::SubmitJobRequest) -> Result<Submission, 
     Ok(Submission { scheduling, request_id, priority, attempts_max })
 }
 
-fn request_id(given: String) -> Result<String, ServiceError> {
+fn request_id(given: String) -> Result<String> {
     let field = Field::new("request_id");
     if given.is_empty() {
         return Ok(Uuid::now_v7().to_string());

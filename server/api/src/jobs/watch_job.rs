@@ -9,14 +9,10 @@ use crate::watch::{self, Watch};
 use lightpath_domain::access::Caller;
 use lightpath_domain::job::Job;
 use lightpath_proto::v1;
-use lightpath_service::{Call, Field, Jobs, ServiceError};
+use lightpath_service::{Call, Field, Jobs, Result};
 
 impl Api {
-    pub(crate) async fn watch_job(
-        &self,
-        call: &Call,
-        request: v1::WatchJobRequest,
-    ) -> Result<Answers<v1::Job>, ServiceError> {
+    pub(crate) async fn watch_job(&self, call: &Call, request: v1::WatchJobRequest) -> Result<Answers<v1::Job>> {
         let id = names::job_id(&Field::new("name"), &request.name)?;
         let open = self.streams.open(StreamKind::Watch, &call.client)?;
         // The stream subscribes before the first read, so that it misses no change.
@@ -39,7 +35,7 @@ impl Watch for JobSource {
     type Change = String;
     type Message = v1::Job;
 
-    async fn read(&self) -> Result<Job, ServiceError> {
+    async fn read(&self) -> Result<Job> {
         self.jobs.followed_by(&self.caller, &self.id).await
     }
 

@@ -9,12 +9,13 @@ use crate::enumerations::{OnWire as _, WireField as _};
 use crate::names;
 use crate::status;
 use futures::stream::{self, StreamExt as _};
+use lightpath_artifacts::CHUNK_BYTES;
 use lightpath_domain::kernel::KernelKey;
 use lightpath_media::kernel_formats::KernelFormat;
 use lightpath_metrics as metrics;
 use lightpath_proto::v1;
 use lightpath_proto::v1::fetch_kernel_response::Part;
-use lightpath_service::{Call, Field, ServiceError};
+use lightpath_service::{Call, Field, Result};
 use tonic::Code;
 
 impl Api {
@@ -22,7 +23,7 @@ impl Api {
         &self,
         call: &Call,
         request: v1::FetchKernelRequest,
-    ) -> Result<Answers<v1::FetchKernelResponse>, ServiceError> {
+    ) -> Result<Answers<v1::FetchKernelResponse>> {
         let key = names::kernel_key(call, &Field::new("kernel"), &request.kernel)?;
         let answers = self.fetch(call, &key, request).await;
         let code = answers.as_ref().map_or_else(status::code, |_| Code::Ok);
@@ -39,7 +40,7 @@ impl Api {
         call: &Call,
         key: &KernelKey,
         request: v1::FetchKernelRequest,
-    ) -> Result<Answers<v1::FetchKernelResponse>, ServiceError> {
+    ) -> Result<Answers<v1::FetchKernelResponse>> {
         let kernels = &self.service.kernels;
         let number = (request.version > 0).then_some(request.version);
         let version = kernels.version_or_active(key, number).await?;
@@ -58,7 +59,7 @@ impl Api {
         });
         let head = [Part::Version(to_wire::version(version))].into_iter().chain(converted);
         let head = stream::iter(head.map(|part| Ok(message(part))));
-        Ok(head.chain(chunks(reader, open).map(|chunk| chunk.map(Part::Chunk).map(message))).boxed())
+        Ok(head.chain(chunks(reader, open, CHUNK_BYTES).map(|chunk| chunk.map(Part::Chunk).map(message))).boxed())
     }
 }
 

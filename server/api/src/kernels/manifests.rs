@@ -6,14 +6,14 @@ use crate::names;
 use crate::time::timestamp;
 use lightpath_media::kernel_formats::KernelFormat;
 use lightpath_proto::v1;
-use lightpath_service::{Call, Field, ServiceError, permissions};
+use lightpath_service::{Call, Field, Result, permissions};
 
 impl Api {
     pub(crate) async fn get_kernel_manifest(
         &self,
         call: &Call,
         request: v1::GetKernelManifestRequest,
-    ) -> Result<v1::KernelManifest, ServiceError> {
+    ) -> Result<v1::KernelManifest> {
         let key = names::kernel_key(call, &Field::new("kernel"), &request.kernel)?;
         let format = Field::new("format").enum_value(request.format)?.unwrap_or(KernelFormat::Safetensors);
         let device = permissions::device_of(call, &request.device)?;
@@ -29,7 +29,7 @@ impl Api {
         })
     }
 
-    pub(crate) async fn get_keyring(&self, _: &Call, _: v1::GetKeyringRequest) -> Result<v1::Keyring, ServiceError> {
+    pub(crate) async fn get_keyring(&self, _: &Call, _: v1::GetKeyringRequest) -> Result<v1::Keyring> {
         let keyring = self.service.manifests.keyring().await?;
         Ok(v1::Keyring { document: keyring.document, version: keyring.version })
     }

@@ -6,7 +6,7 @@ use crate::names;
 use lightpath_media::report::Comparison;
 use lightpath_proto::v1;
 use lightpath_proto::v1::kernel_comparison::Parameter;
-use lightpath_service::{Call, Field, KernelImport, ServiceError};
+use lightpath_service::{Call, Field, KernelImport, Result};
 
 impl Api {
     /// Stores an uploaded kernel file as the next version. Refuses a kernel of another display, wavelength or distance.
@@ -14,7 +14,7 @@ impl Api {
         &self,
         call: &Call,
         request: v1::ImportKernelRequest,
-    ) -> Result<v1::KernelVersion, ServiceError> {
+    ) -> Result<v1::KernelVersion> {
         let display = self.display_named(call, &Field::new("display"), &request.display).await?;
         let wavelength = Field::new("wavelength_m").wavelength_of(request.wavelength_m, &display)?;
         let distance = Field::new("distance_m").distance(request.distance_m)?;
@@ -29,7 +29,7 @@ impl Api {
         &self,
         call: &Call,
         request: v1::InterpolateKernelRequest,
-    ) -> Result<v1::KernelVersion, ServiceError> {
+    ) -> Result<v1::KernelVersion> {
         let display = self.display_named(call, &Field::new("display"), &request.display).await?;
         let wavelength = Field::new("wavelength_m").wavelength_of(request.wavelength_m, &display)?;
         let distance = Field::new("distance_m").distance(request.distance_m)?;
@@ -40,7 +40,7 @@ impl Api {
         &self,
         call: &Call,
         request: v1::CompareKernelVersionsRequest,
-    ) -> Result<v1::KernelComparison, ServiceError> {
+    ) -> Result<v1::KernelComparison> {
         let first = names::kernel_version(call, &Field::new("first"), &request.first)?;
         let second = names::kernel_version(call, &Field::new("second"), &request.second)?;
         let ([first, second], comparison) = self.service.kernels.compare(call, [first, second]).await?;

@@ -5,14 +5,10 @@ use crate::api::Api;
 use crate::names;
 use crate::pages::Page;
 use lightpath_proto::v1;
-use lightpath_service::{Call, Field, Passage, ServiceError};
+use lightpath_service::{Call, Field, Passage, Result};
 
 impl Api {
-    pub(crate) async fn promote_kernel(
-        &self,
-        call: &Call,
-        request: v1::PromoteKernelRequest,
-    ) -> Result<v1::Kernel, ServiceError> {
+    pub(crate) async fn promote_kernel(&self, call: &Call, request: v1::PromoteKernelRequest) -> Result<v1::Kernel> {
         let key = names::kernel_key(call, &Field::new("kernel"), &request.kernel)?;
         let version = Field::new("version").integer(request.version, 1..=u32::MAX)?;
         call.concerns(format!("{key}/versions/{version}"));
@@ -26,7 +22,7 @@ impl Api {
         &self,
         call: &Call,
         request: v1::CheckPromotionRequest,
-    ) -> Result<v1::PromotionVerdict, ServiceError> {
+    ) -> Result<v1::PromotionVerdict> {
         let (key, version) = names::kernel_version(call, &Field::new("name"), &request.name)?;
         let verdict = self.service.promotions.check(call, &key, version).await?;
         Ok(v1::PromotionVerdict {
@@ -36,11 +32,7 @@ impl Api {
         })
     }
 
-    pub(crate) async fn rollback_kernel(
-        &self,
-        call: &Call,
-        request: v1::RollbackKernelRequest,
-    ) -> Result<v1::Kernel, ServiceError> {
+    pub(crate) async fn rollback_kernel(&self, call: &Call, request: v1::RollbackKernelRequest) -> Result<v1::Kernel> {
         let key = names::kernel_key(call, &Field::new("kernel"), &request.kernel)?;
         call.concerns(key.to_string());
         let reason = Field::new("reason").line(request.reason, REASON_BYTES_MAX)?;
@@ -53,7 +45,7 @@ impl Api {
         &self,
         call: &Call,
         request: v1::ListKernelMovesRequest,
-    ) -> Result<v1::ListKernelMovesResponse, ServiceError> {
+    ) -> Result<v1::ListKernelMovesResponse> {
         let key = names::kernel_key(call, &Field::new("kernel"), &request.kernel)?;
         let page = Page::new(&["moves", &request.kernel], request.page_size, &request.page_token)?;
         let moves = self.store.kernel_moves(&key, page.after_number()?, page.limit()).await?;

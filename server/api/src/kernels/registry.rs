@@ -6,7 +6,7 @@ use crate::names;
 use lightpath_domain::kernel::{ACTIVE, KernelKey};
 use lightpath_domain::promotion::{GateChange, PromotionGate};
 use lightpath_proto::v1;
-use lightpath_service::{Call, Field, ServiceError};
+use lightpath_service::{Call, Field, Result};
 
 /// Limit on the test pairs that a gate requires: no dataset has more.
 const TEST_PAIRS_MAX: u32 = 100_000;
@@ -18,7 +18,7 @@ impl Api {
         &self,
         call: &Call,
         request: v1::SetPromotionGateRequest,
-    ) -> Result<v1::DisplayGate, ServiceError> {
+    ) -> Result<v1::DisplayGate> {
         let display = self.display_named(call, &Field::new("display"), &request.display).await?;
         call.concerns(&request.display);
         let reason = Field::new("reason").line(request.reason, REASON_BYTES_MAX)?;
@@ -30,16 +30,12 @@ impl Api {
         &self,
         call: &Call,
         request: v1::GetPromotionGateRequest,
-    ) -> Result<v1::DisplayGate, ServiceError> {
+    ) -> Result<v1::DisplayGate> {
         let display = self.display_named(call, &Field::new("display"), &request.display).await?;
         Ok(display_gate(&display.id, self.service.promotions.gates(&display.id).await?))
     }
 
-    pub(crate) async fn set_kernel_alias(
-        &self,
-        call: &Call,
-        request: v1::SetKernelAliasRequest,
-    ) -> Result<v1::Kernel, ServiceError> {
+    pub(crate) async fn set_kernel_alias(&self, call: &Call, request: v1::SetKernelAliasRequest) -> Result<v1::Kernel> {
         let key = names::kernel_key(call, &Field::new("kernel"), &request.kernel)?;
         call.concerns(key.to_string());
         let alias = alias(&Field::new("alias"), &request.alias)?.to_owned();
@@ -54,7 +50,7 @@ impl Api {
         &self,
         call: &Call,
         request: v1::DeprecateKernelVersionRequest,
-    ) -> Result<v1::KernelVersion, ServiceError> {
+    ) -> Result<v1::KernelVersion> {
         let (key, version) = names::kernel_version(call, &Field::new("name"), &request.name)?;
         call.concerns(&request.name);
         let field = Field::new("reason");
@@ -71,7 +67,7 @@ impl Api {
         &self,
         call: &Call,
         request: v1::FindNearestKernelsRequest,
-    ) -> Result<v1::FindNearestKernelsResponse, ServiceError> {
+    ) -> Result<v1::FindNearestKernelsResponse> {
         let display = self.display_named(call, &Field::new("display"), &request.display).await?;
         let wavelength = Field::new("wavelength_m").wavelength_of(request.wavelength_m, &display)?;
         let distance = Field::new("distance_m").distance(request.distance_m)?;
@@ -92,7 +88,7 @@ fn display_gate(display: &str, (gate, history): (PromotionGate, Vec<GateChange>)
     }
 }
 
-fn gate_from_wire(field: &Field, gate: v1::PromotionGate) -> Result<PromotionGate, ServiceError> {
+fn gate_from_wire(field: &Field, gate: v1::PromotionGate) -> Result<PromotionGate> {
     let percent = gate.better_than_active_percent;
     let percent = percent.map(|percent| field.at("better_than_active_percent").number(percent, 0.0..=100.0));
     let forms = gate.forms.iter().map(|name| field.at("forms").form(name));
@@ -105,7 +101,7 @@ fn gate_from_wire(field: &Field, gate: v1::PromotionGate) -> Result<PromotionGat
 }
 
 /// Checks an alias other than `active`.
-fn alias<'a>(field: &Field, text: &'a str) -> Result<&'a str, ServiceError> {
+fn alias<'a>(field: &Field, text: &'a str) -> Result<&'a str> {
     let alias = names::label(field, text)?;
     if RESERVED.contains(&alias) {
         return Err(field.invalid(format!("is {alias:?}, which has another meaning; choose another name")));

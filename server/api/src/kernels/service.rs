@@ -2,159 +2,43 @@
 
 use super::to_wire;
 use crate::api::Api;
-use crate::call::StatusStream;
+use crate::call::answers;
 use crate::names;
 use crate::pages::Page;
 use lightpath_domain::kernel::KernelVersion;
 use lightpath_proto::v1;
 use lightpath_proto::v1::kernel_service_server::KernelService;
-use lightpath_service::{Call, Field, ServiceError};
-use tonic::{Request, Response, Status};
+use lightpath_service::{Call, Field, Result};
 
-#[tonic::async_trait]
-impl KernelService for Api {
-    async fn get_kernel(&self, request: Request<v1::GetKernelRequest>) -> Result<Response<v1::Kernel>, Status> {
-        self.answer(request, Self::get_kernel).await
+answers! {
+    KernelService {
+        get_kernel(v1::GetKernelRequest) -> v1::Kernel;
+        list_kernels(v1::ListKernelsRequest) -> v1::ListKernelsResponse;
+        get_kernel_version(v1::GetKernelVersionRequest) -> v1::KernelVersion;
+        list_kernel_versions(v1::ListKernelVersionsRequest) -> v1::ListKernelVersionsResponse;
+        get_kernel_manifest(v1::GetKernelManifestRequest) -> v1::KernelManifest;
+        get_keyring(v1::GetKeyringRequest) -> v1::Keyring;
+        promote_kernel(v1::PromoteKernelRequest) -> v1::Kernel;
+        check_promotion(v1::CheckPromotionRequest) -> v1::PromotionVerdict;
+        set_promotion_gate(v1::SetPromotionGateRequest) -> v1::DisplayGate;
+        get_promotion_gate(v1::GetPromotionGateRequest) -> v1::DisplayGate;
+        set_kernel_alias(v1::SetKernelAliasRequest) -> v1::Kernel;
+        deprecate_kernel_version(v1::DeprecateKernelVersionRequest) -> v1::KernelVersion;
+        compare_kernel_versions(v1::CompareKernelVersionsRequest) -> v1::KernelComparison;
+        find_nearest_kernels(v1::FindNearestKernelsRequest) -> v1::FindNearestKernelsResponse;
+        rollback_kernel(v1::RollbackKernelRequest) -> v1::Kernel;
+        list_kernel_moves(v1::ListKernelMovesRequest) -> v1::ListKernelMovesResponse;
+        import_kernel(v1::ImportKernelRequest) -> v1::KernelVersion;
+        interpolate_kernel(v1::InterpolateKernelRequest) -> v1::KernelVersion;
     }
-
-    async fn list_kernels(
-        &self,
-        request: Request<v1::ListKernelsRequest>,
-    ) -> Result<Response<v1::ListKernelsResponse>, Status> {
-        self.answer(request, Self::list_kernels).await
-    }
-
-    async fn get_kernel_version(
-        &self,
-        request: Request<v1::GetKernelVersionRequest>,
-    ) -> Result<Response<v1::KernelVersion>, Status> {
-        self.answer(request, Self::get_kernel_version).await
-    }
-
-    async fn list_kernel_versions(
-        &self,
-        request: Request<v1::ListKernelVersionsRequest>,
-    ) -> Result<Response<v1::ListKernelVersionsResponse>, Status> {
-        self.answer(request, Self::list_kernel_versions).await
-    }
-
-    type FetchKernelStream = StatusStream<v1::FetchKernelResponse>;
-
-    async fn fetch_kernel(
-        &self,
-        request: Request<v1::FetchKernelRequest>,
-    ) -> Result<Response<Self::FetchKernelStream>, Status> {
-        self.answer_with_stream(request, Self::fetch_kernel).await
-    }
-
-    async fn get_kernel_manifest(
-        &self,
-        request: Request<v1::GetKernelManifestRequest>,
-    ) -> Result<Response<v1::KernelManifest>, Status> {
-        self.answer(request, Self::get_kernel_manifest).await
-    }
-
-    async fn get_keyring(&self, request: Request<v1::GetKeyringRequest>) -> Result<Response<v1::Keyring>, Status> {
-        self.answer(request, Self::get_keyring).await
-    }
-
-    type WatchKernelStream = StatusStream<v1::Kernel>;
-
-    async fn watch_kernel(
-        &self,
-        request: Request<v1::WatchKernelRequest>,
-    ) -> Result<Response<Self::WatchKernelStream>, Status> {
-        self.answer_with_stream(request, Self::watch_kernel).await
-    }
-
-    async fn promote_kernel(&self, request: Request<v1::PromoteKernelRequest>) -> Result<Response<v1::Kernel>, Status> {
-        self.answer(request, Self::promote_kernel).await
-    }
-
-    async fn check_promotion(
-        &self,
-        request: Request<v1::CheckPromotionRequest>,
-    ) -> Result<Response<v1::PromotionVerdict>, Status> {
-        self.answer(request, Self::check_promotion).await
-    }
-
-    async fn set_promotion_gate(
-        &self,
-        request: Request<v1::SetPromotionGateRequest>,
-    ) -> Result<Response<v1::DisplayGate>, Status> {
-        self.answer(request, Self::set_promotion_gate).await
-    }
-
-    async fn get_promotion_gate(
-        &self,
-        request: Request<v1::GetPromotionGateRequest>,
-    ) -> Result<Response<v1::DisplayGate>, Status> {
-        self.answer(request, Self::get_promotion_gate).await
-    }
-
-    async fn set_kernel_alias(
-        &self,
-        request: Request<v1::SetKernelAliasRequest>,
-    ) -> Result<Response<v1::Kernel>, Status> {
-        self.answer(request, Self::set_kernel_alias).await
-    }
-
-    async fn deprecate_kernel_version(
-        &self,
-        request: Request<v1::DeprecateKernelVersionRequest>,
-    ) -> Result<Response<v1::KernelVersion>, Status> {
-        self.answer(request, Self::deprecate_kernel_version).await
-    }
-
-    async fn compare_kernel_versions(
-        &self,
-        request: Request<v1::CompareKernelVersionsRequest>,
-    ) -> Result<Response<v1::KernelComparison>, Status> {
-        self.answer(request, Self::compare_kernel_versions).await
-    }
-
-    async fn find_nearest_kernels(
-        &self,
-        request: Request<v1::FindNearestKernelsRequest>,
-    ) -> Result<Response<v1::FindNearestKernelsResponse>, Status> {
-        self.answer(request, Self::find_nearest_kernels).await
-    }
-
-    async fn rollback_kernel(
-        &self,
-        request: Request<v1::RollbackKernelRequest>,
-    ) -> Result<Response<v1::Kernel>, Status> {
-        self.answer(request, Self::rollback_kernel).await
-    }
-
-    async fn list_kernel_moves(
-        &self,
-        request: Request<v1::ListKernelMovesRequest>,
-    ) -> Result<Response<v1::ListKernelMovesResponse>, Status> {
-        self.answer(request, Self::list_kernel_moves).await
-    }
-
-    async fn import_kernel(
-        &self,
-        request: Request<v1::ImportKernelRequest>,
-    ) -> Result<Response<v1::KernelVersion>, Status> {
-        self.answer(request, Self::import_kernel).await
-    }
-
-    async fn interpolate_kernel(
-        &self,
-        request: Request<v1::InterpolateKernelRequest>,
-    ) -> Result<Response<v1::KernelVersion>, Status> {
-        self.answer(request, Self::interpolate_kernel).await
+    streams {
+        fetch_kernel(v1::FetchKernelRequest) -> v1::FetchKernelResponse as FetchKernelStream;
+        watch_kernel(v1::WatchKernelRequest) -> v1::Kernel as WatchKernelStream;
     }
 }
 
 impl Api {
-    pub(crate) async fn get_kernel(
-        &self,
-        call: &Call,
-        request: v1::GetKernelRequest,
-    ) -> Result<v1::Kernel, ServiceError> {
+    pub(crate) async fn get_kernel(&self, call: &Call, request: v1::GetKernelRequest) -> Result<v1::Kernel> {
         let key = names::kernel_key(call, &Field::new("name"), &request.name)?;
         Ok(to_wire::kernel(&self.store.kernel(&key).await?))
     }
@@ -163,7 +47,7 @@ impl Api {
         &self,
         call: &Call,
         request: v1::ListKernelsRequest,
-    ) -> Result<v1::ListKernelsResponse, ServiceError> {
+    ) -> Result<v1::ListKernelsResponse> {
         let display = names::display_filter(call, &Field::new("display"), &request.display)?;
         let page = Page::new(&["kernels", &request.display], request.page_size, &request.page_token)?;
         let kernels = self.store.kernels(display.as_deref(), page.after.as_deref(), page.limit()).await?;
@@ -172,11 +56,7 @@ impl Api {
         Ok(v1::ListKernelsResponse { kernels, next_page_token })
     }
 
-    async fn get_kernel_version(
-        &self,
-        call: &Call,
-        request: v1::GetKernelVersionRequest,
-    ) -> Result<v1::KernelVersion, ServiceError> {
+    async fn get_kernel_version(&self, call: &Call, request: v1::GetKernelVersionRequest) -> Result<v1::KernelVersion> {
         let (key, version) = names::kernel_version(call, &Field::new("name"), &request.name)?;
         Ok(to_wire::version(self.store.kernel_version(&key, version).await?))
     }
@@ -185,7 +65,7 @@ impl Api {
         &self,
         call: &Call,
         request: v1::ListKernelVersionsRequest,
-    ) -> Result<v1::ListKernelVersionsResponse, ServiceError> {
+    ) -> Result<v1::ListKernelVersionsResponse> {
         let key = names::kernel_key(call, &Field::new("kernel"), &request.kernel)?;
         let page = Page::new(&["versions", &request.kernel], request.page_size, &request.page_token)?;
         let versions = self.store.kernel_versions(&key, page.after_number()?, page.limit()).await?;

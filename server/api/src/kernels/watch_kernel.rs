@@ -8,7 +8,7 @@ use crate::names;
 use crate::watch::{self, Watch};
 use lightpath_domain::kernel::{Kernel, KernelKey};
 use lightpath_proto::v1;
-use lightpath_service::{Call, Field, ServiceError};
+use lightpath_service::{Call, Field, Result};
 use lightpath_store::Store;
 
 impl Api {
@@ -16,7 +16,7 @@ impl Api {
         &self,
         call: &Call,
         request: v1::WatchKernelRequest,
-    ) -> Result<Answers<v1::Kernel>, ServiceError> {
+    ) -> Result<Answers<v1::Kernel>> {
         let key = names::kernel_key(call, &Field::new("name"), &request.name)?;
         let open = self.streams.open(StreamKind::Watch, &call.client)?;
         // The stream subscribes before the first read, so that it misses no change.
@@ -38,7 +38,7 @@ impl Watch for KernelSource {
     type Change = KernelKey;
     type Message = v1::Kernel;
 
-    async fn read(&self) -> Result<Kernel, ServiceError> {
+    async fn read(&self) -> Result<Kernel> {
         Ok(self.store.kernel(&self.key).await?)
     }
 

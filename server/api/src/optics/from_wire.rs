@@ -5,10 +5,10 @@ use lightpath_domain::display::Display;
 use lightpath_optics::{ConvolutionMethod, PropagationMethod, RegionOfInterest};
 use lightpath_proto::v1;
 use lightpath_service::propagation::optimizable;
-use lightpath_service::{Field, ServiceError, region_of};
+use lightpath_service::{Field, Result, region_of};
 
 /// The method that a job asks for; `None`: the planner's choice.
-pub(crate) fn convolution_method(field: &Field, number: i32) -> Result<Option<ConvolutionMethod>, ServiceError> {
+pub(crate) fn convolution_method(field: &Field, number: i32) -> Result<Option<ConvolutionMethod>> {
     let Some(method) = field.enum_value::<PropagationMethod>(number)? else { return Ok(None) };
     let refusal = || {
         let rest = "but holograms are only optimized with the angular spectrum (band-limited or not), impulse responses \
@@ -23,7 +23,7 @@ pub(crate) fn region(
     field: &Field,
     region: Option<v1::RegionOfInterest>,
     display: &Display,
-) -> Result<RegionOfInterest, ServiceError> {
+) -> Result<RegionOfInterest> {
     region_of(field, region.map(region_px), display)
 }
 

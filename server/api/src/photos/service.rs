@@ -2,27 +2,22 @@
 
 use super::to_wire;
 use crate::api::Api;
+use crate::call::answers;
 use crate::enumerations::WireField as _;
 use crate::optics::from_wire::region_px;
 use lightpath_domain::dataset::Encoding;
 use lightpath_proto::v1;
 use lightpath_proto::v1::photo_service_server::PhotoService;
-use lightpath_service::{Call, Field, ScoreRequest, ServiceError};
-use tonic::{Request, Response, Status};
+use lightpath_service::{Call, Field, Result, ScoreRequest};
 
-#[tonic::async_trait]
-impl PhotoService for Api {
-    async fn score_photo(&self, request: Request<v1::ScorePhotoRequest>) -> Result<Response<v1::PhotoScore>, Status> {
-        self.answer(request, Self::score_photo).await
+answers! {
+    PhotoService {
+        score_photo(v1::ScorePhotoRequest) -> v1::PhotoScore;
     }
 }
 
 impl Api {
-    pub(crate) async fn score_photo(
-        &self,
-        call: &Call,
-        request: v1::ScorePhotoRequest,
-    ) -> Result<v1::PhotoScore, ServiceError> {
+    pub(crate) async fn score_photo(&self, call: &Call, request: v1::ScorePhotoRequest) -> Result<v1::PhotoScore> {
         let encoding = |name: &str, number: i32| Field::new(name).enum_value::<Encoding>(number);
         let request = ScoreRequest {
             photo: Field::new("photo").digest(&request.photo)?,

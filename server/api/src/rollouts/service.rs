@@ -2,55 +2,33 @@
 
 use super::to_wire;
 use crate::api::Api;
+use crate::call::answers;
 use crate::kernels::REASON_BYTES_MAX;
 use crate::names;
 use crate::pages::Page;
 use lightpath_domain::rollout::RolloutPlan;
 use lightpath_proto::v1;
 use lightpath_proto::v1::rollout_service_server::RolloutService;
-use lightpath_service::{Call, Field, Passage, ServiceError};
-use tonic::{Request, Response, Status};
+use lightpath_service::{Call, Field, Passage, Result};
 
 /// Default of the limit on failed devices \[%\].
 const FAILED_PERCENT_MAX: f64 = 10.0;
 /// Default of the least number of devices of which the share of failures is computed.
 const DEVICES_MIN: u32 = 10;
 
-#[tonic::async_trait]
-impl RolloutService for Api {
-    async fn start_rollout(&self, request: Request<v1::StartRolloutRequest>) -> Result<Response<v1::Rollout>, Status> {
-        self.answer(request, Self::start_rollout).await
-    }
-
-    async fn widen_rollout(&self, request: Request<v1::WidenRolloutRequest>) -> Result<Response<v1::Rollout>, Status> {
-        self.answer(request, Self::widen_rollout).await
-    }
-
-    async fn complete_rollout(
-        &self,
-        request: Request<v1::CompleteRolloutRequest>,
-    ) -> Result<Response<v1::Rollout>, Status> {
-        self.answer(request, Self::complete_rollout).await
-    }
-
-    async fn halt_rollout(&self, request: Request<v1::HaltRolloutRequest>) -> Result<Response<v1::Rollout>, Status> {
-        self.answer(request, Self::halt_rollout).await
-    }
-
-    async fn get_rollout(&self, request: Request<v1::GetRolloutRequest>) -> Result<Response<v1::Rollout>, Status> {
-        self.answer(request, Self::get_rollout).await
-    }
-
-    async fn list_rollouts(
-        &self,
-        request: Request<v1::ListRolloutsRequest>,
-    ) -> Result<Response<v1::ListRolloutsResponse>, Status> {
-        self.answer(request, Self::list_rollouts).await
+answers! {
+    RolloutService {
+        start_rollout(v1::StartRolloutRequest) -> v1::Rollout;
+        widen_rollout(v1::WidenRolloutRequest) -> v1::Rollout;
+        complete_rollout(v1::CompleteRolloutRequest) -> v1::Rollout;
+        halt_rollout(v1::HaltRolloutRequest) -> v1::Rollout;
+        get_rollout(v1::GetRolloutRequest) -> v1::Rollout;
+        list_rollouts(v1::ListRolloutsRequest) -> v1::ListRolloutsResponse;
     }
 }
 
 impl Api {
-    async fn start_rollout(&self, call: &Call, request: v1::StartRolloutRequest) -> Result<v1::Rollout, ServiceError> {
+    async fn start_rollout(&self, call: &Call, request: v1::StartRolloutRequest) -> Result<v1::Rollout> {
         let key = names::kernel_key(call, &Field::new("kernel"), &request.kernel)?;
         let version = Field::new("version").integer(request.version, 1..=u32::MAX)?;
         call.concerns(format!("{key}/versions/{version}"));
@@ -62,7 +40,7 @@ impl Api {
         Ok(to_wire::rollout(rollout, Vec::new()))
     }
 
-    async fn widen_rollout(&self, call: &Call, request: v1::WidenRolloutRequest) -> Result<v1::Rollout, ServiceError> {
+    async fn widen_rollout(&self, call: &Call, request: v1::WidenRolloutRequest) -> Result<v1::Rollout> {
         let (key, number) = names::rollout(call, &Field::new("name"), &request.name)?;
         call.concerns(&request.name);
         let share_percent = Field::new("share_percent").number(request.share_percent, 0.0..=100.0)?;
@@ -71,18 +49,14 @@ impl Api {
         Ok(to_wire::rollout(rollout, Vec::new()))
     }
 
-    async fn complete_rollout(
-        &self,
-        call: &Call,
-        request: v1::CompleteRolloutRequest,
-    ) -> Result<v1::Rollout, ServiceError> {
+    async fn complete_rollout(&self, call: &Call, request: v1::CompleteRolloutRequest) -> Result<v1::Rollout> {
         let (key, number) = names::rollout(call, &Field::new("name"), &request.name)?;
         call.concerns(&request.name);
         let rollout = self.service.rollouts.complete(call, &key, number, request.expected_revision).await?;
         Ok(to_wire::rollout(rollout, Vec::new()))
     }
 
-    async fn halt_rollout(&self, call: &Call, request: v1::HaltRolloutRequest) -> Result<v1::Rollout, ServiceError> {
+    async fn halt_rollout(&self, call: &Call, request: v1::HaltRolloutRequest) -> Result<v1::Rollout> {
         let (key, number) = names::rollout(call, &Field::new("name"), &request.name)?;
         call.concerns(&request.name);
         let reason = Field::new("reason").line(request.reason, REASON_BYTES_MAX)?;
@@ -90,17 +64,13 @@ impl Api {
         Ok(to_wire::rollout(rollout, Vec::new()))
     }
 
-    async fn get_rollout(&self, call: &Call, request: v1::GetRolloutRequest) -> Result<v1::Rollout, ServiceError> {
+    async fn get_rollout(&self, call: &Call, request: v1::GetRolloutRequest) -> Result<v1::Rollout> {
         let (key, number) = names::rollout(call, &Field::new("name"), &request.name)?;
         let (rollout, events) = self.store.rollout(&key, number).await?;
         Ok(to_wire::rollout(rollout, events))
     }
 
-    async fn list_rollouts(
-        &self,
-        call: &Call,
-        request: v1::ListRolloutsRequest,
-    ) -> Result<v1::ListRolloutsResponse, ServiceError> {
+    async fn list_rollouts(&self, call: &Call, request: v1::ListRolloutsRequest) -> Result<v1::ListRolloutsResponse> {
         let key = names::kernel_key(call, &Field::new("kernel"), &request.kernel)?;
         let page = Page::new(&["rollouts", &request.kernel], request.page_size, &request.page_token)?;
         let rollouts = self.store.rollouts(&key, page.after_number()?, page.limit()).await?;
@@ -111,7 +81,7 @@ impl Api {
 }
 
 /// The checked plan of a request, without its cause.
-fn plan(request: &v1::StartRolloutRequest, version: u32) -> Result<RolloutPlan, ServiceError> {
+fn plan(request: &v1::StartRolloutRequest, version: u32) -> Result<RolloutPlan> {
     let percent = |name: &'static str, value| Field::new(name).number(value, 0.0..=100.0);
     let share_percent = percent("share_percent", request.share_percent)?;
     if request.group.is_empty() && share_percent == 0.0 {

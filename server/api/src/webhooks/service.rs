@@ -2,62 +2,27 @@
 
 use super::to_wire;
 use crate::api::Api;
+use crate::call::answers;
 use crate::names;
 use crate::pages::Page;
 use lightpath_domain::webhook::{Delivery, Webhook, WebhookEvent, WebhookUrl};
 use lightpath_proto::v1;
 use lightpath_proto::v1::webhook_service_server::WebhookService;
-use lightpath_service::{Call, Field, NewWebhook, ServiceError, shortened};
-use tonic::{Request, Response, Status};
+use lightpath_service::{Call, Field, NewWebhook, Result, shortened};
 
-#[tonic::async_trait]
-impl WebhookService for Api {
-    async fn create_webhook(
-        &self,
-        request: Request<v1::CreateWebhookRequest>,
-    ) -> Result<Response<v1::Webhook>, Status> {
-        self.answer(request, Self::create_webhook).await
-    }
-
-    async fn get_webhook(&self, request: Request<v1::GetWebhookRequest>) -> Result<Response<v1::Webhook>, Status> {
-        self.answer(request, Self::get_webhook).await
-    }
-
-    async fn list_webhooks(
-        &self,
-        request: Request<v1::ListWebhooksRequest>,
-    ) -> Result<Response<v1::ListWebhooksResponse>, Status> {
-        self.answer(request, Self::list_webhooks).await
-    }
-
-    async fn test_webhook(
-        &self,
-        request: Request<v1::TestWebhookRequest>,
-    ) -> Result<Response<v1::WebhookDelivery>, Status> {
-        self.answer(request, Self::test_webhook).await
-    }
-
-    async fn list_webhook_deliveries(
-        &self,
-        request: Request<v1::ListWebhookDeliveriesRequest>,
-    ) -> Result<Response<v1::ListWebhookDeliveriesResponse>, Status> {
-        self.answer(request, Self::list_webhook_deliveries).await
-    }
-
-    async fn delete_webhook(
-        &self,
-        request: Request<v1::DeleteWebhookRequest>,
-    ) -> Result<Response<v1::DeleteWebhookResponse>, Status> {
-        self.answer(request, Self::delete_webhook).await
+answers! {
+    WebhookService {
+        create_webhook(v1::CreateWebhookRequest) -> v1::Webhook;
+        get_webhook(v1::GetWebhookRequest) -> v1::Webhook;
+        list_webhooks(v1::ListWebhooksRequest) -> v1::ListWebhooksResponse;
+        test_webhook(v1::TestWebhookRequest) -> v1::WebhookDelivery;
+        list_webhook_deliveries(v1::ListWebhookDeliveriesRequest) -> v1::ListWebhookDeliveriesResponse;
+        delete_webhook(v1::DeleteWebhookRequest) -> v1::DeleteWebhookResponse;
     }
 }
 
 impl Api {
-    async fn create_webhook(
-        &self,
-        call: &Call,
-        request: v1::CreateWebhookRequest,
-    ) -> Result<v1::Webhook, ServiceError> {
+    async fn create_webhook(&self, call: &Call, request: v1::CreateWebhookRequest) -> Result<v1::Webhook> {
         let id = names::label(&Field::new("id"), &request.id)?.to_owned();
         call.concerns(format!("webhooks/{id}"));
         let field = Field::new("url");
@@ -73,24 +38,16 @@ impl Api {
         Ok(v1::Webhook { secret: secret.reveal().to_owned(), ..to_wire::webhook(webhook) })
     }
 
-    async fn get_webhook(&self, call: &Call, request: v1::GetWebhookRequest) -> Result<v1::Webhook, ServiceError> {
+    async fn get_webhook(&self, call: &Call, request: v1::GetWebhookRequest) -> Result<v1::Webhook> {
         Ok(to_wire::webhook(self.webhook(call, &Field::new("name"), &request.name).await?))
     }
 
-    async fn list_webhooks(
-        &self,
-        call: &Call,
-        _: v1::ListWebhooksRequest,
-    ) -> Result<v1::ListWebhooksResponse, ServiceError> {
+    async fn list_webhooks(&self, call: &Call, _: v1::ListWebhooksRequest) -> Result<v1::ListWebhooksResponse> {
         let visible = self.service.webhooks.visible(call).await?;
         Ok(v1::ListWebhooksResponse { webhooks: visible.into_iter().map(to_wire::webhook).collect() })
     }
 
-    async fn test_webhook(
-        &self,
-        call: &Call,
-        request: v1::TestWebhookRequest,
-    ) -> Result<v1::WebhookDelivery, ServiceError> {
+    async fn test_webhook(&self, call: &Call, request: v1::TestWebhookRequest) -> Result<v1::WebhookDelivery> {
         let webhook = self.webhook(call, &Field::new("name"), &request.name).await?;
         call.concerns(&request.name);
         Ok(to_wire::delivery(self.service.webhooks.test(call, &webhook).await?))
@@ -100,7 +57,7 @@ impl Api {
         &self,
         call: &Call,
         request: v1::ListWebhookDeliveriesRequest,
-    ) -> Result<v1::ListWebhookDeliveriesResponse, ServiceError> {
+    ) -> Result<v1::ListWebhookDeliveriesResponse> {
         let webhook = self.webhook(call, &Field::new("webhook"), &request.webhook).await?;
         let page = Page::new(&["deliveries", &request.webhook], request.page_size, &request.page_token)?;
         let deliveries = self.store.deliveries(&webhook.id, page.after_number()?, page.limit()).await?;
@@ -113,7 +70,7 @@ impl Api {
         &self,
         call: &Call,
         request: v1::DeleteWebhookRequest,
-    ) -> Result<v1::DeleteWebhookResponse, ServiceError> {
+    ) -> Result<v1::DeleteWebhookResponse> {
         let webhook = self.webhook(call, &Field::new("name"), &request.name).await?;
         call.concerns(&request.name);
         self.service.webhooks.delete(&webhook).await?;
@@ -121,12 +78,12 @@ impl Api {
     }
 
     /// The webhook with this name. One that the caller may not use does not exist for the caller.
-    async fn webhook(&self, call: &Call, field: &Field, name: &str) -> Result<Webhook, ServiceError> {
+    async fn webhook(&self, call: &Call, field: &Field, name: &str) -> Result<Webhook> {
         self.service.webhooks.existing(call, &names::webhook_id(field, name)?).await
     }
 }
 
-fn event(field: &Field, code: &str) -> Result<WebhookEvent, ServiceError> {
+fn event(field: &Field, code: &str) -> Result<WebhookEvent> {
     WebhookEvent::parse(code).ok_or_else(|| {
         let codes = WebhookEvent::CHOICES.map(WebhookEvent::as_str).join(", ");
         field.invalid(format!("is {:?}, but must be one of {codes}", shortened(code)))

@@ -1,7 +1,7 @@
 //! Stores what the folder holds and the remote does not: files from a time when the folder was used without the remote.
 
 use super::{Remote, identity};
-use crate::error::ArtifactError;
+use crate::error::{ArtifactError, Result};
 use crate::folder::flush_folder;
 use crate::inventory::{BlobKind, Inventory};
 use crate::private::private_file;
@@ -13,7 +13,7 @@ use std::path::Path;
 const APART: &str = "remote.apart";
 
 /// Notes that the folder is used without a remote, if it has one.
-pub(crate) fn note_use_without(data_dir: &Path) -> Result<(), ArtifactError> {
+pub(crate) fn note_use_without(data_dir: &Path) -> Result<()> {
     let note = || -> io::Result<()> {
         if identity::kept(data_dir)?.is_some() {
             private_file().write(true).create(true).truncate(false).open(data_dir.join(APART))?.sync_all()?;
@@ -26,7 +26,7 @@ pub(crate) fn note_use_without(data_dir: &Path) -> Result<(), ArtifactError> {
 
 /// Stores the blobs of the folder in the remote, unless all its files have been there before. Then the folder is a
 /// cache, from which files are removed.
-pub(super) fn run(remote: &Remote, data_dir: &Path) -> Result<(), ArtifactError> {
+pub(super) fn run(remote: &Remote, data_dir: &Path) -> Result<()> {
     let apart = data_dir.join(APART);
     let kept = identity::kept(data_dir).map_err(|error| ArtifactError::io("read the remote's name", error))?;
     if kept.is_some() && !apart.exists() {

@@ -1,7 +1,7 @@
 //! To whom a remote belongs, and whether its server keeps the promises that artifacts need.
 
 use super::Remote;
-use crate::error::ArtifactError;
+use crate::error::{ArtifactError, Result};
 use crate::folder::flush_folder;
 use crate::private::private_file;
 use object_store::{ObjectStoreExt as _, PutMode, PutPayload};
@@ -18,7 +18,7 @@ const NEW_FILE: &str = "remote.new";
 
 /// Reads the name of the installation whose objects are in the remote, and gives it one if it is new. A data folder that
 /// has kept a name is not used with a remote that has another.
-pub(super) fn agree(remote: &Remote, data_dir: &Path) -> Result<String, ArtifactError> {
+pub(super) fn agree(remote: &Remote, data_dir: &Path) -> Result<String> {
     probe(remote)?;
     let offered = Uuid::now_v7().to_string();
     let path = remote.prefix.clone().join(OBJECT);
@@ -35,7 +35,7 @@ pub(super) fn agree(remote: &Remote, data_dir: &Path) -> Result<String, Artifact
 }
 
 /// The name that the remote has.
-pub(super) fn named(remote: &Remote) -> Result<String, ArtifactError> {
+pub(super) fn named(remote: &Remote) -> Result<String> {
     let found = match remote.get_all(&remote.prefix.clone().join(OBJECT)) {
         Ok(found) => found,
         Err(object_store::Error::NotFound { .. }) => return Err(unfit("no server has kept artifacts there")),
@@ -46,7 +46,7 @@ pub(super) fn named(remote: &Remote) -> Result<String, ArtifactError> {
 }
 
 /// Creates an object twice, reads it, and removes it: the second creation must fail.
-fn probe(remote: &Remote) -> Result<(), ArtifactError> {
+fn probe(remote: &Remote) -> Result<()> {
     let path = remote.prefix.clone().join("probe").join(Uuid::now_v7().to_string());
     let create = |bytes: &'static [u8]| remote.put(&path, PutPayload::from_static(bytes), PutMode::Create);
     create(b"first").map_err(|error| ArtifactError::remote("create an object", error))?;

@@ -3,7 +3,7 @@
 use super::options::RemoteOptions;
 use super::{Remote, identity};
 use crate::blocking::blocking;
-use crate::error::ArtifactError;
+use crate::error::Result;
 use crate::inventory::BlobKind;
 use std::sync::Arc;
 
@@ -18,9 +18,9 @@ impl BucketInventory {
     ///
     /// # Errors
     ///
-    /// [`ArtifactError::BadRemote`], [`ArtifactError::UnfitRemote`] if no server has used the bucket,
-    /// [`ArtifactError::Remote`].
-    pub async fn open(options: &RemoteOptions) -> Result<Self, ArtifactError> {
+    /// [`crate::ArtifactError::BadRemote`], [`crate::ArtifactError::UnfitRemote`] if no server has used the bucket,
+    /// [`crate::ArtifactError::Remote`].
+    pub async fn open(options: &RemoteOptions) -> Result<Self> {
         let options = options.clone();
         blocking(move || {
             let (store, prefix) = options.connect()?;
@@ -41,8 +41,8 @@ impl BucketInventory {
     ///
     /// # Errors
     ///
-    /// [`ArtifactError::Remote`].
-    pub async fn list(&self, kind: BlobKind) -> Result<Vec<String>, ArtifactError> {
+    /// [`crate::ArtifactError::Remote`].
+    pub async fn list(&self, kind: BlobKind) -> Result<Vec<String>> {
         let remote = Arc::clone(&self.remote);
         blocking(move || {
             let shards = (0..=u8::MAX).map(|shard| remote.stored(kind, shard));
@@ -55,9 +55,9 @@ impl BucketInventory {
     ///
     /// # Errors
     ///
-    /// [`ArtifactError::NotFound`] if there is no copy; [`ArtifactError::DataLoss`] if no copy matches the digest;
-    /// [`ArtifactError::BadDigest`], [`ArtifactError::Remote`].
-    pub async fn verify(&self, kind: BlobKind, digest: &str) -> Result<u64, ArtifactError> {
+    /// [`crate::ArtifactError::NotFound`] if there is no copy; [`crate::ArtifactError::DataLoss`] if no copy matches
+    /// the digest; [`crate::ArtifactError::BadDigest`], [`crate::ArtifactError::Remote`].
+    pub async fn verify(&self, kind: BlobKind, digest: &str) -> Result<u64> {
         let (remote, digest) = (Arc::clone(&self.remote), digest.to_owned());
         blocking(move || remote.verify(kind, &digest)).await
     }

@@ -37,7 +37,7 @@ mod tests;
 mod thread;
 
 use crate::digest::{check_digest, name, shard};
-use crate::error::ArtifactError;
+use crate::error::{ArtifactError, Result};
 use crate::inventory::BlobKind;
 use futures::TryStreamExt as _;
 use object_store::path::Path;
@@ -80,17 +80,13 @@ pub(crate) struct Remote {
 impl Remote {
     /// Connects to the remote, checks what its server can do and to whom its objects belong, and stores there what the
     /// data folder holds from a time without it.
-    pub(crate) fn open(options: &RemoteOptions, data_dir: &std::path::Path) -> Result<Self, ArtifactError> {
+    pub(crate) fn open(options: &RemoteOptions, data_dir: &std::path::Path) -> Result<Self> {
         let (store, prefix) = options.connect()?;
         Self::on(Arc::new(store), prefix, data_dir)
     }
 
     /// Does the same as [`Self::open`] on any object store.
-    pub(crate) fn on(
-        store: Arc<dyn ObjectStore>,
-        prefix: Path,
-        data_dir: &std::path::Path,
-    ) -> Result<Self, ArtifactError> {
+    pub(crate) fn on(store: Arc<dyn ObjectStore>, prefix: Path, data_dir: &std::path::Path) -> Result<Self> {
         let mut remote = Self::unnamed(store, prefix)?;
         remote.installation = identity::agree(&remote, data_dir)?;
         catch_up::run(&remote, data_dir)?;
@@ -98,7 +94,7 @@ impl Remote {
     }
 
     /// A remote of which nothing is known yet.
-    fn unnamed(store: Arc<dyn ObjectStore>, prefix: Path) -> Result<Self, ArtifactError> {
+    fn unnamed(store: Arc<dyn ObjectStore>, prefix: Path) -> Result<Self> {
         let (thread, damaged) = (RequestThreads::start()?, Mutex::default());
         Ok(Self { store, prefix, thread, damaged, installation: String::new() })
     }
@@ -109,7 +105,7 @@ impl Remote {
     }
 
     /// The copies of a blob, without those that are known to be damaged.
-    pub(crate) fn copies(&self, kind: BlobKind, digest: &str) -> Result<Vec<RemoteObject>, ArtifactError> {
+    pub(crate) fn copies(&self, kind: BlobKind, digest: &str) -> Result<Vec<RemoteObject>> {
         let mut objects = self.objects(kind, digest)?;
         let damaged = self.damaged();
         objects.retain(|object| !damaged.contains(&object.id));
@@ -117,7 +113,7 @@ impl Remote {
     }
 
     /// All copies of a blob.
-    pub(crate) fn objects(&self, kind: BlobKind, digest: &str) -> Result<Vec<RemoteObject>, ArtifactError> {
+    pub(crate) fn objects(&self, kind: BlobKind, digest: &str) -> Result<Vec<RemoteObject>> {
         let listed = self.list(self.folder(kind, digest)?)?;
         let object = |object: ObjectMeta| {
             let id = Uuid::parse_str(object.location.filename()?).ok()?;
@@ -128,7 +124,7 @@ impl Remote {
     }
 
     /// Digests of the blobs whose digest begins with the byte `shard`, in their order.
-    pub(crate) fn stored(&self, kind: BlobKind, shard: u8) -> Result<Vec<String>, ArtifactError> {
+    pub(crate) fn stored(&self, kind: BlobKind, shard: u8) -> Result<Vec<String>> {
         let listed = self.list(self.prefix.clone().join(kind.folder()).join(format!("{shard:02x}")))?;
         let digest = |object: ObjectMeta| object.location.parts().rev().nth(1).map(|part| part.as_ref().to_owned());
         let digests: BTreeSet<String> = listed.into_iter().filter_map(digest).collect();
@@ -136,14 +132,14 @@ impl Remote {
     }
 
     /// Stores another copy of a blob with the bytes of `file`, if they match the digest.
-    pub(crate) fn put_anew(&self, kind: BlobKind, digest: &str, file: &mut File) -> Result<(), ArtifactError> {
+    pub(crate) fn put_anew(&self, kind: BlobKind, digest: &str, file: &mut File) -> Result<()> {
         let path = self.folder(kind, digest)?.join(Uuid::now_v7().to_string());
         let failed = |error| ArtifactError::io("read a file", error);
         let size_bytes = file.metadata().map_err(failed)?.len();
         file.seek(SeekFrom::Start(0)).map_err(failed)?;
         let mut hasher = Sha256::new();
         let mut left_bytes = size_bytes;
-        let mut next = || -> Result<PutPayload, ArtifactError> {
+        let mut next = || -> Result<PutPayload> {
             let mut part = vec![0; left_bytes.min(PART_BYTES as u64) as usize];
             file.read_exact(&mut part).map_err(failed)?;
             left_bytes -= part.len() as u64;
@@ -163,7 +159,7 @@ impl Remote {
         let store = Arc::clone(&self.store);
         let begun = self.thread.wait(async move { store.put_multipart(&path).await });
         let mut upload = begun.map_err(|error| ArtifactError::remote("store a blob", error))?;
-        let mut send = || -> Result<(), ArtifactError> {
+        let mut send = || -> Result<()> {
             for _ in 0..parts {
                 let sent = self.thread.wait(upload.put_part(next()?));
                 sent.map_err(|error| ArtifactError::remote("store a blob", error))?;
@@ -194,7 +190,7 @@ impl Remote {
         sink: &mut S,
         begin: impl Fn(&mut S) -> std::io::Result<()>,
         each: impl Fn(&mut S, &[u8]) -> std::io::Result<()>,
-    ) -> Result<u64, ArtifactError> {
+    ) -> Result<u64> {
         let mut objects = self.objects(kind, digest)?;
         objects.sort_by_key(|object| self.damaged().contains(&object.id));
         let written = |error| ArtifactError::io("write a file", error);
@@ -233,12 +229,12 @@ impl Remote {
     }
 
     /// Reads the copies of a blob until one matches the digest, and returns its size \[bytes\].
-    pub(crate) fn verify(&self, kind: BlobKind, digest: &str) -> Result<u64, ArtifactError> {
+    pub(crate) fn verify(&self, kind: BlobKind, digest: &str) -> Result<u64> {
         self.fetch(kind, digest, &mut (), |()| Ok(()), |(), _| Ok(()))
     }
 
     /// Removes copies of a blob. A missing one is no error.
-    pub(crate) fn delete(&self, kind: BlobKind, digest: &str, objects: &[RemoteObject]) -> Result<(), ArtifactError> {
+    pub(crate) fn delete(&self, kind: BlobKind, digest: &str, objects: &[RemoteObject]) -> Result<()> {
         for object in objects {
             let (store, path) = (Arc::clone(&self.store), self.folder(kind, digest)?.join(object.id.to_string()));
             match self.thread.wait(async move { store.delete(&path).await }) {
@@ -260,13 +256,13 @@ impl Remote {
     }
 
     /// All objects below a path.
-    fn list(&self, below: Path) -> Result<Vec<ObjectMeta>, ArtifactError> {
+    fn list(&self, below: Path) -> Result<Vec<ObjectMeta>> {
         let store = Arc::clone(&self.store);
         let listed = self.thread.wait(async move { store.list(Some(&below)).try_collect().await });
         listed.map_err(|error| ArtifactError::remote("list objects", error))
     }
 
-    fn folder(&self, kind: BlobKind, digest: &str) -> Result<Path, ArtifactError> {
+    fn folder(&self, kind: BlobKind, digest: &str) -> Result<Path> {
         check_digest(digest)?;
         Ok(self.prefix.clone().join(kind.folder()).join(shard(digest)).join(digest))
     }

@@ -1,6 +1,6 @@
 //! Settings of a remote.
 
-use crate::error::ArtifactError;
+use crate::error::{ArtifactError, Result};
 use object_store::ClientOptions;
 use object_store::aws::{AmazonS3, AmazonS3Builder, Checksum, S3ConditionalPut};
 use object_store::path::Path;
@@ -46,7 +46,7 @@ impl fmt::Debug for RemoteOptions {
 
 impl RemoteOptions {
     /// Client of the bucket, and the beginning of all keys.
-    pub(super) fn connect(&self) -> Result<(AmazonS3, Path), ArtifactError> {
+    pub(super) fn connect(&self) -> Result<(AmazonS3, Path)> {
         let bad = |problem: &str| ArtifactError::BadRemote { problem: problem.to_owned() };
         let rest = self.url.strip_prefix("s3://").ok_or_else(|| bad("its URL must begin with s3://"))?;
         let (bucket, prefix) = rest.trim_end_matches('/').split_once('/').unwrap_or((rest.trim_end_matches('/'), ""));

@@ -1,6 +1,6 @@
 //! Requests on threads of their own, so that any thread can wait for them, also one of the caller's runtime.
 
-use crate::error::ArtifactError;
+use crate::error::{ArtifactError, Result};
 use std::future::Future;
 use std::sync::mpsc;
 use tokio::runtime::{Builder, Runtime};
@@ -15,7 +15,7 @@ pub(super) struct RequestThreads {
 }
 
 impl RequestThreads {
-    pub(super) fn start() -> Result<Self, ArtifactError> {
+    pub(super) fn start() -> Result<Self> {
         let runtime = Builder::new_multi_thread().worker_threads(THREADS).thread_name("remote").enable_all().build();
         let runtime = runtime.map_err(|error| ArtifactError::io("start threads for requests", error))?;
         Ok(Self { runtime: Some(runtime) })

@@ -6,7 +6,7 @@
 //! the same result.
 
 use super::blob_reader::blob_problem;
-use super::{Finding, FindingKind, UpkeepError};
+use super::{Finding, FindingKind, Result, UpkeepError};
 use crate::database::{DATABASE, DatabaseError};
 use lightpath_artifacts::{
     ArtifactError, BlobKind, FolderLock, Inventory, LOCK, create_private_folder, digest_of_file, private_file,
@@ -61,7 +61,7 @@ pub struct Backup {
 ///
 /// [`DatabaseError::NoData`], [`UpkeepError::NotEmpty`], [`UpkeepError::Inside`]; [`ArtifactError::Locked`] if another
 /// process writes to the destination.
-pub async fn backup(data_dir: &Path, destination: &Path) -> Result<Backup, UpkeepError> {
+pub async fn backup(data_dir: &Path, destination: &Path) -> Result<Backup> {
     let database = data_dir.join(DATABASE);
     if !database.is_file() {
         return Err(DatabaseError::NoData { path: data_dir.to_owned() }.into());
@@ -99,11 +99,7 @@ pub async fn backup(data_dir: &Path, destination: &Path) -> Result<Backup, Upkee
 }
 
 /// Copies the recorded artifacts. Returns those whose files are missing or damaged.
-async fn copy_artifacts(
-    inspection: &mut Inspection,
-    from: &Inventory,
-    to: &Inventory,
-) -> Result<Vec<Finding>, UpkeepError> {
+async fn copy_artifacts(inspection: &mut Inspection, from: &Inventory, to: &Inventory) -> Result<Vec<Finding>> {
     let (mut damaged, mut after) = (Vec::new(), String::new());
     loop {
         let page = inspection.artifacts_after(&after).await?;
@@ -123,11 +119,7 @@ async fn copy_artifacts(
 }
 
 /// Copies the saved states of jobs. Returns the ids of the jobs whose states could not be copied.
-async fn copy_checkpoints(
-    inspection: &mut Inspection,
-    from: &Inventory,
-    to: &Inventory,
-) -> Result<Vec<String>, UpkeepError> {
+async fn copy_checkpoints(inspection: &mut Inspection, from: &Inventory, to: &Inventory) -> Result<Vec<String>> {
     let mut restarting = Vec::new();
     for (job, digest) in inspection.checkpoints().await? {
         match from.copy(BlobKind::Checkpoint, &digest, to) {
@@ -140,7 +132,7 @@ async fn copy_checkpoints(
 }
 
 /// Refuses a destination inside the folder that is copied.
-pub(super) fn require_outside(destination: &Path, folder: &Path) -> Result<(), UpkeepError> {
+pub(super) fn require_outside(destination: &Path, folder: &Path) -> Result<()> {
     let folder = folder.canonicalize().map_err(UpkeepError::io("read the folder", folder))?;
     // The destination may not exist yet, so the nearest folder above it decides.
     let existing = std::path::absolute(destination).map_err(UpkeepError::io("find", destination))?;
@@ -153,7 +145,7 @@ pub(super) fn require_outside(destination: &Path, folder: &Path) -> Result<(), U
 
 /// Creates a folder, or accepts one that is empty, and locks it: no server can start on it, and no other command can
 /// write to it.
-pub(super) fn lock_empty(path: &Path) -> Result<FolderLock, UpkeepError> {
+pub(super) fn lock_empty(path: &Path) -> Result<FolderLock> {
     create_private_folder(path).map_err(UpkeepError::io("create the folder", path))?;
     // The first check leaves no lock file in a folder with other files. The second one finds what another process wrote
     // before this one had the lock.
@@ -164,7 +156,7 @@ pub(super) fn lock_empty(path: &Path) -> Result<FolderLock, UpkeepError> {
 }
 
 /// Refuses a folder with files other than the lock file, which an earlier command may have left.
-fn require_empty(path: &Path) -> Result<(), UpkeepError> {
+fn require_empty(path: &Path) -> Result<()> {
     for entry in fs::read_dir(path).map_err(UpkeepError::io("read the folder", path))? {
         if entry.map_err(UpkeepError::io("read the folder", path))?.file_name() != LOCK {
             return Err(UpkeepError::NotEmpty { path: path.to_owned() });
@@ -173,7 +165,7 @@ fn require_empty(path: &Path) -> Result<(), UpkeepError> {
     Ok(())
 }
 
-fn write_manifest(destination: &Path, manifest: &Manifest) -> Result<(), UpkeepError> {
+fn write_manifest(destination: &Path, manifest: &Manifest) -> Result<()> {
     let path = destination.join(MANIFEST);
     let write = || -> std::io::Result<()> {
         let mut file = private_file().write(true).create_new(true).open(&path)?;

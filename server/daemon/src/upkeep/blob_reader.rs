@@ -1,6 +1,6 @@
 //! Reads the blobs of an installation for a check: in the data folder, or in a bucket.
 
-use super::UpkeepError;
+use super::Result;
 use crate::database::DatabaseError;
 use lightpath_artifacts::{ArtifactError, BlobKind, BucketInventory, Inventory, RemoteOptions};
 use lightpath_store::Inspection;
@@ -16,7 +16,7 @@ pub(super) enum BlobReader {
 }
 
 impl BlobReader {
-    pub(super) async fn open(data_dir: &Path, bucket: Option<&RemoteOptions>) -> Result<Self, UpkeepError> {
+    pub(super) async fn open(data_dir: &Path, bucket: Option<&RemoteOptions>) -> Result<Self> {
         match bucket {
             Some(options) => Ok(Self::Bucket(BucketInventory::open(options).await?)),
             None => Ok(Self::Folder(Inventory::of(data_dir))),
@@ -24,7 +24,7 @@ impl BlobReader {
     }
 
     /// Refuses a database that belongs to other artifacts: each of them would seem to be missing.
-    pub(super) async fn require(&self, inspection: &mut Inspection) -> Result<(), UpkeepError> {
+    pub(super) async fn require(&self, inspection: &mut Inspection) -> Result<()> {
         let Some(recorded) = inspection.artifact_place().await? else { return Ok(()) };
         let found = match self {
             Self::Folder(inventory) => inventory.identity()?.unwrap_or_else(|| "none".to_owned()),
@@ -35,7 +35,7 @@ impl BlobReader {
 
     /// Whether it is an artifact, and the digest, of all blobs that exist before the rows are read. Those that remain
     /// in the set after the check are unreferenced.
-    pub(super) async fn blobs(&self) -> Result<HashSet<(bool, String)>, UpkeepError> {
+    pub(super) async fn blobs(&self) -> Result<HashSet<(bool, String)>> {
         let mut blobs = HashSet::new();
         for kind in [BlobKind::Artifact, BlobKind::Checkpoint] {
             let digests = match self {

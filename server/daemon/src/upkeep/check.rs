@@ -1,6 +1,6 @@
 //! Checks that a data folder contains everything to which its database refers.
 
-use super::UpkeepError;
+use super::Result;
 use super::blob_reader::BlobReader;
 use crate::database::Database;
 use futures::{StreamExt as _, stream};
@@ -87,7 +87,7 @@ impl FindingKind {
 /// # Errors
 ///
 /// [`DatabaseError::NoData`](crate::database::DatabaseError::NoData), or another error if the folder cannot be read at all. Problems inside are in the report.
-pub async fn check(data_dir: &Path) -> Result<Report, UpkeepError> {
+pub async fn check(data_dir: &Path) -> Result<Report> {
     check_with(data_dir, &Database::InFolder(data_dir.to_owned()), None).await
 }
 
@@ -98,11 +98,7 @@ pub async fn check(data_dir: &Path) -> Result<Report, UpkeepError> {
 ///
 /// The errors of [`check`]; [`DatabaseError::OtherArtifacts`](crate::database::DatabaseError::OtherArtifacts) if the database belongs to other artifacts;
 /// [`ArtifactError::Remote`](lightpath_artifacts::ArtifactError::Remote) if the bucket cannot be reached.
-pub async fn check_with(
-    data_dir: &Path,
-    database: &Database,
-    bucket: Option<&RemoteOptions>,
-) -> Result<Report, UpkeepError> {
+pub async fn check_with(data_dir: &Path, database: &Database, bucket: Option<&RemoteOptions>) -> Result<Report> {
     let mut inspection = database.inspect().await?;
     let reader = BlobReader::open(data_dir, bucket).await?;
     reader.require(&mut inspection).await?;
@@ -128,7 +124,7 @@ pub async fn check_with(
     })
 }
 
-async fn database_problems(inspection: &mut Inspection, name: &str) -> Result<Vec<Finding>, UpkeepError> {
+async fn database_problems(inspection: &mut Inspection, name: &str) -> Result<Vec<Finding>> {
     let mut problems = Vec::new();
     for problem in inspection.damages().await? {
         problems.push(Finding { kind: FindingKind::Database, what: name.to_owned(), problem });
@@ -152,7 +148,7 @@ async fn check_artifacts(
     reader: &BlobReader,
     blobs: &mut HashSet<(bool, String)>,
     problems: &mut Vec<Finding>,
-) -> Result<(u64, u64), UpkeepError> {
+) -> Result<(u64, u64)> {
     let (mut count, mut bytes, mut after) = (0, 0, String::new());
     loop {
         let page = inspection.artifacts_after(&after).await?;
@@ -183,7 +179,7 @@ async fn check_checkpoints(
     reader: &BlobReader,
     blobs: &mut HashSet<(bool, String)>,
     problems: &mut Vec<Finding>,
-) -> Result<u64, UpkeepError> {
+) -> Result<u64> {
     let mut count = 0;
     for (job, mut digest) in inspection.checkpoints().await? {
         loop {

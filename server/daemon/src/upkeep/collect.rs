@@ -6,7 +6,7 @@
 //! which other processes use, `removal` removes.
 
 use super::removal::{Collected, STEP};
-use super::{UpkeepError, removal};
+use super::{Result, removal};
 use crate::config::{Config, days};
 use lightpath_artifacts::Artifacts;
 use lightpath_metrics as metrics;
@@ -33,8 +33,8 @@ impl Retention {
     ///
     /// # Errors
     ///
-    /// [`UpkeepError::Store`].
-    pub async fn preview(&self, store: &Store, now_ms: i64) -> Result<Collected, UpkeepError> {
+    /// [`super::UpkeepError::Database`].
+    pub async fn preview(&self, store: &Store, now_ms: i64) -> Result<Collected> {
         let mut collected = Collected::default();
         if let Some(before_ms) = before(self.jobs, now_ms) {
             collected.jobs = store.count_jobs_ended_before(before_ms).await?;
@@ -56,8 +56,8 @@ impl Retention {
     ///
     /// # Errors
     ///
-    /// [`UpkeepError::Store`], [`UpkeepError::Artifacts`]. What was removed before the error stays removed.
-    pub async fn collect(&self, store: &Store, artifacts: &Artifacts, now_ms: i64) -> Result<Collected, UpkeepError> {
+    /// [`super::UpkeepError::Database`], [`super::UpkeepError::Artifacts`]. What was removed before the error stays removed.
+    pub async fn collect(&self, store: &Store, artifacts: &Artifacts, now_ms: i64) -> Result<Collected> {
         let mut collected = Collected::default();
         if let Some(before_ms) = before(self.jobs, now_ms) {
             loop {
@@ -94,7 +94,7 @@ impl Retention {
 }
 
 /// Removes the artifacts in the data folder, which no other process uses.
-async fn from_folder(store: &Store, artifacts: &Artifacts, before_ms: i64) -> Result<Collected, UpkeepError> {
+async fn from_folder(store: &Store, artifacts: &Artifacts, before_ms: i64) -> Result<Collected> {
     let (mut collected, mut after) = (Collected::default(), String::new());
     loop {
         let page = store.unreferenced_artifacts(before_ms, &after, STEP).await?;

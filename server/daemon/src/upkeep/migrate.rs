@@ -6,7 +6,7 @@
 //! a move takes the newest state along, so nothing that a device has seen is lost.
 
 use super::blob_reader::blob_problem;
-use super::{Finding, FindingKind, UpkeepError, open_artifacts};
+use super::{Finding, FindingKind, Result, open_artifacts};
 use crate::config::Config;
 use crate::database::{DATABASE, DatabaseError};
 use lightpath_artifacts::{ArtifactError, Artifacts, BlobKind, Inventory};
@@ -69,8 +69,8 @@ impl Migration {
     ///
     /// [`DatabaseError::NoData`] if the data folder has no database to move; [`ArtifactError::Locked`] while a server uses
     /// the folder; [`DatabaseError::OtherArtifacts`] if the database on the server names files that are not in the data
-    /// folder; [`UpkeepError::Transfer`].
-    pub async fn run(&self, progress: &mut Progress<'_>) -> Result<Moved, UpkeepError> {
+    /// folder; [`super::UpkeepError::Transfer`].
+    pub async fn run(&self, progress: &mut Progress<'_>) -> Result<Moved> {
         let file = self.config.data_dir.join(DATABASE);
         if self.to_server && !file.is_file() {
             return Err(DatabaseError::NoData { path: self.config.data_dir.clone() }.into());
@@ -97,7 +97,7 @@ impl Migration {
     }
 
     /// Refuses a database on the server that names other artifacts than these, before the target has anything.
-    async fn require_artifacts(&self, identity: &str) -> Result<(), UpkeepError> {
+    async fn require_artifacts(&self, identity: &str) -> Result<()> {
         let mut inspection = Inspection::connect(&self.url).await?;
         let recorded = inspection.artifact_place().await?;
         inspection.close().await?;
@@ -108,7 +108,7 @@ impl Migration {
     }
 
     /// Locks the data folder. With a bucket, this stores the files of the folder there, which can take long.
-    async fn open_artifacts(&self) -> Result<Artifacts, UpkeepError> {
+    async fn open_artifacts(&self) -> Result<Artifacts> {
         let config = self.config.clone();
         match tokio::task::spawn_blocking(move || open_artifacts(&config)).await {
             Ok(opened) => opened,
@@ -123,7 +123,7 @@ async fn verify_blobs(
     artifacts: &Artifacts,
     data_dir: &Path,
     progress: &mut Progress<'_>,
-) -> Result<MovedBlobs, UpkeepError> {
+) -> Result<MovedBlobs> {
     let (digests, checkpoints) = transfer.blobs().await?;
     let all = digests.len() + checkpoints.len();
     let named = |kind| move |digest| (kind, digest);

@@ -48,10 +48,13 @@ use lightpath_store::{StoreError, TransferError};
 use std::io;
 use std::path::PathBuf;
 
+/// A result with an [`UpkeepError`], if it names no other error.
+pub type Result<T, E = UpkeepError> = std::result::Result<T, E>;
+
 /// Why a data folder could not be checked, backed up or restored.
 #[derive(Debug, thiserror::Error)]
 pub enum UpkeepError {
-    /// The database could not be opened.
+    /// The database could not be opened or used.
     #[error(transparent)]
     Database(#[from] DatabaseError),
     /// The database is on a PostgreSQL server, which has programs of its own for copies.
@@ -92,9 +95,6 @@ pub enum UpkeepError {
         /// Error of the operating system.
         source: io::Error,
     },
-    /// The database could not be used.
-    #[error(transparent)]
-    Store(#[from] StoreError),
     /// The keys could not be used.
     #[error(transparent)]
     Keys(Box<KeysError>),
@@ -109,6 +109,12 @@ pub enum UpkeepError {
     Config(#[from] ConfigError),
 }
 
+impl From<StoreError> for UpkeepError {
+    fn from(error: StoreError) -> Self {
+        Self::Database(error.into())
+    }
+}
+
 impl UpkeepError {
     fn io(action: &'static str, path: impl Into<PathBuf>) -> impl FnOnce(io::Error) -> Self {
         let path = path.into();
@@ -121,6 +127,6 @@ impl UpkeepError {
 /// # Errors
 ///
 /// [`UpkeepError::Config`] as [`Config::bucket`], [`UpkeepError::Artifacts`] as [`Artifacts::open_with`].
-pub(crate) fn open_artifacts(config: &Config) -> Result<Artifacts, UpkeepError> {
+pub(crate) fn open_artifacts(config: &Config) -> Result<Artifacts> {
     Ok(Artifacts::open_with(&config.data_dir, config.space(), config.bucket()?.as_ref())?)
 }

@@ -6,7 +6,7 @@
 //!
 //! The copies in data folders leave them like all others that nobody uses.
 
-use super::UpkeepError;
+use super::Result;
 use lightpath_artifacts::{Artifacts, BlobKind, RemoteObject};
 use lightpath_store::Store;
 use serde::Serialize;
@@ -34,11 +34,7 @@ pub struct Collected {
 
 /// Removes the artifacts that no record refers to and that were last used before `before_ms`, and what is left of
 /// removals that did not come to their end.
-pub(super) async fn unreferenced_artifacts(
-    store: &Store,
-    artifacts: &Artifacts,
-    before_ms: i64,
-) -> Result<Collected, UpkeepError> {
+pub(super) async fn unreferenced_artifacts(store: &Store, artifacts: &Artifacts, before_ms: i64) -> Result<Collected> {
     let (mut collected, mut after) = (Collected::default(), String::new());
     loop {
         let page = store.removals(&after, STEP).await?;
@@ -66,7 +62,7 @@ pub(super) async fn unreferenced_artifacts(
 }
 
 /// Removes artifacts that no row records, because a process died after it had stored them. Each hour has a share of them.
-pub(super) async fn unrecorded_artifacts(store: &Store, artifacts: &Artifacts, now_ms: i64) -> Result<(), UpkeepError> {
+pub(super) async fn unrecorded_artifacts(store: &Store, artifacts: &Artifacts, now_ms: i64) -> Result<()> {
     for shard in shards(now_ms) {
         let stored = artifacts.stored(BlobKind::Artifact, shard).await?;
         for digest in store.unrecorded(&stored).await? {
@@ -94,11 +90,7 @@ fn is_left(object: &RemoteObject, now_ms: i64) -> bool {
 
 /// Removes saved states to which no job refers, because a process died while it replaced them. Each hour has a share of
 /// them.
-pub(super) async fn unreferenced_checkpoints(
-    store: &Store,
-    artifacts: &Artifacts,
-    now_ms: i64,
-) -> Result<(), UpkeepError> {
+pub(super) async fn unreferenced_checkpoints(store: &Store, artifacts: &Artifacts, now_ms: i64) -> Result<()> {
     let mut stored = Vec::new();
     for shard in shards(now_ms) {
         stored.extend(artifacts.stored(BlobKind::Checkpoint, shard).await?);
@@ -135,31 +127,31 @@ struct Deleted {
 }
 
 impl Listed {
-    async fn list(artifacts: &Artifacts, digest: String) -> Result<Self, UpkeepError> {
+    async fn list(artifacts: &Artifacts, digest: String) -> Result<Self> {
         Ok(Self { objects: artifacts.objects_of(BlobKind::Artifact, &digest).await?, digest })
     }
 
     /// Begins the removal; `None` if the artifact is kept.
-    async fn mark(self, store: &Store, before_ms: i64) -> Result<Option<Marked>, UpkeepError> {
+    async fn mark(self, store: &Store, before_ms: i64) -> Result<Option<Marked>> {
         let mark = store.begin_removal(&self.digest, before_ms).await?;
         Ok(mark.map(|mark| Marked { listed: self, mark }))
     }
 
     /// Does the same as [`Self::mark`] for objects that no row records.
-    async fn mark_unrecorded(self, store: &Store) -> Result<Option<Marked>, UpkeepError> {
+    async fn mark_unrecorded(self, store: &Store) -> Result<Option<Marked>> {
         let mark = store.begin_removal_of_unrecorded(&self.digest).await?;
         Ok(mark.map(|mark| Marked { listed: self, mark }))
     }
 
     /// Takes over the removal that had the mark `seen` before the objects were listed; `None` if it no longer has.
-    async fn take_over(self, store: &Store, seen: &str) -> Result<Option<Marked>, UpkeepError> {
+    async fn take_over(self, store: &Store, seen: &str) -> Result<Option<Marked>> {
         let mark = store.continue_removal(&self.digest, seen).await?;
         Ok(mark.map(|mark| Marked { listed: self, mark }))
     }
 }
 
 impl Marked {
-    async fn delete(self, artifacts: &Artifacts) -> Result<Deleted, UpkeepError> {
+    async fn delete(self, artifacts: &Artifacts) -> Result<Deleted> {
         let Self { listed: Listed { digest, objects }, mark } = self;
         artifacts.delete_objects(BlobKind::Artifact, &digest, objects).await?;
         Ok(Deleted { digest, mark })
@@ -167,7 +159,7 @@ impl Marked {
 }
 
 impl Deleted {
-    async fn end(self, store: &Store) -> Result<(), UpkeepError> {
+    async fn end(self, store: &Store) -> Result<()> {
         store.end_removal(&self.digest, &self.mark).await?;
         Ok(())
     }
@@ -225,12 +217,7 @@ mod tests {
             artifacts.publish(bytes.to_vec(), record).await.unwrap();
         }
 
-        async fn record(
-            &self,
-            digest: String,
-            seen: Option<String>,
-            now_ms: i64,
-        ) -> Result<Result<(), String>, UpkeepError> {
+        async fn record(&self, digest: String, seen: Option<String>, now_ms: i64) -> Result<Result<(), String>> {
             let recorded = self.store.record_artifact(&digest, 1, "", seen.as_deref(), now_ms).await?;
             Ok(recorded.map(drop))
         }

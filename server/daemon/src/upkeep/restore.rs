@@ -2,7 +2,7 @@
 
 use super::backup::{MANIFEST, Manifest, lock_empty, require_outside};
 use super::keys::raise_after_restore;
-use super::{Report, UpkeepError, check};
+use super::{Report, Result, UpkeepError, check};
 use crate::database::DATABASE;
 use lightpath_artifacts::{ArtifactError, BlobKind, Inventory, digest_of_file, private_file};
 use lightpath_fail_points as fail;
@@ -19,7 +19,7 @@ use std::path::Path;
 ///
 /// [`UpkeepError::NoBackup`], [`UpkeepError::NotEmpty`], [`UpkeepError::Inside`]; [`ArtifactError::Locked`] if another
 /// process uses the folder. Missing and damaged files of the backup are in the report, and everything else is restored.
-pub async fn restore(backup: &Path, data_dir: &Path) -> Result<Report, UpkeepError> {
+pub async fn restore(backup: &Path, data_dir: &Path) -> Result<Report> {
     let manifest = read_manifest(backup)?;
     let database = backup.join(DATABASE);
     let found = digest_of_file(&database)?;
@@ -62,7 +62,7 @@ pub async fn restore(backup: &Path, data_dir: &Path) -> Result<Report, UpkeepErr
     check(data_dir).await
 }
 
-fn read_manifest(backup: &Path) -> Result<Manifest, UpkeepError> {
+fn read_manifest(backup: &Path) -> Result<Manifest> {
     let no_backup = |problem: String| UpkeepError::NoBackup { path: backup.to_owned(), problem };
     let text = fs::read_to_string(backup.join(MANIFEST)).map_err(|error| {
         no_backup(format!("{MANIFEST} cannot be read ({error}); every complete backup has this file"))

@@ -5,7 +5,7 @@
 mod turns;
 
 use crate::call::Call;
-use crate::error::{LimitReason, ServiceError};
+use crate::error::{LimitReason, Result, ServiceError};
 use lightpath_optics::interrupt::Interrupt;
 use std::io;
 use tokio::sync::oneshot;
@@ -45,7 +45,7 @@ impl Computing {
         call: &Call,
         bytes: u64,
         compute: impl FnOnce() -> T + Send + 'static,
-    ) -> Result<T, ServiceError> {
+    ) -> Result<T> {
         let turn = tokio::select! {
             biased;
             () = call.cancelled.cancelled() => return Err(ServiceError::Cancelled),

@@ -12,7 +12,7 @@
 //! its memory when its computation has really ended.
 
 use crate::client::Client;
-use crate::error::{LimitReason, ServiceError};
+use crate::error::{LimitReason, Result, ServiceError};
 use std::collections::{HashMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -104,7 +104,7 @@ impl Turns {
     ///
     /// [`ServiceError::TooLarge`] if the computation needs more memory than one client may use; [`ServiceError::Exhausted`] if
     /// too many computations wait.
-    pub(super) async fn wait(&self, client: &Client, bytes: u64) -> Result<Turn, ServiceError> {
+    pub(super) async fn wait(&self, client: &Client, bytes: u64) -> Result<Turn> {
         let bytes_max = self.0.limits.bytes / CLIENT_SHARE;
         if bytes > bytes_max {
             return Err(ServiceError::TooLarge { bytes, bytes_max });
@@ -135,7 +135,7 @@ impl Turns {
 }
 
 impl State {
-    fn add(&mut self, client: &Client, waiter: Waiter) -> Result<(), ServiceError> {
+    fn add(&mut self, client: &Client, waiter: Waiter) -> Result<()> {
         self.forget_cancelled();
         let account = self.clients.entry(client.clone()).or_default();
         if account.waiting.len() >= WAITING_PER_CLIENT_MAX {
@@ -243,7 +243,7 @@ mod tests {
     }
 
     /// The turn if it is granted at once.
-    async fn at_once(wait: impl Future<Output = Result<Turn, ServiceError>>) -> Option<Turn> {
+    async fn at_once(wait: impl Future<Output = Result<Turn>>) -> Option<Turn> {
         timeout(Duration::from_millis(20), wait).await.ok().map(Result::unwrap)
     }
 

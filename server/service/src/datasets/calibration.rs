@@ -2,7 +2,7 @@
 
 use super::Datasets;
 use crate::call::Call;
-use crate::error::ServiceError;
+use crate::error::Result;
 use crate::field::Field;
 use lightpath_camera::alignment::DotGrid;
 use lightpath_domain::display::Display;
@@ -24,7 +24,7 @@ pub struct CalibrationTarget {
 
 impl Datasets {
     /// Draws the calibration target of a display.
-    pub async fn calibration_target(&self, call: &Call, display: &Display) -> Result<CalibrationTarget, ServiceError> {
+    pub async fn calibration_target(&self, call: &Call, display: &Display) -> Result<CalibrationTarget> {
         let field = Field::new("display");
         let (height_px, width_px) = (display.height_px as usize, display.width_px as usize);
         let grid = DotGrid::of_display(height_px, width_px);

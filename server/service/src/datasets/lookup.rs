@@ -2,7 +2,7 @@
 
 use super::Datasets;
 use crate::call::Call;
-use crate::error::ServiceError;
+use crate::error::{Result, ServiceError};
 use crate::field::Field;
 use lightpath_domain::dataset::Dataset;
 use lightpath_domain::display::Display;
@@ -11,7 +11,7 @@ use lightpath_store::StoreError;
 
 impl Datasets {
     /// The dataset with this id, as [`Self::visible`]. `field` is the field with the id.
-    pub async fn named(&self, call: &Call, field: &Field, id: &str) -> Result<Dataset, ServiceError> {
+    pub async fn named(&self, call: &Call, field: &Field, id: &str) -> Result<Dataset> {
         match self.visible(call, id).await {
             Err(ServiceError::Store(StoreError::NotFound { resource })) => {
                 Err(field.missing(resource, "create it first"))
@@ -22,7 +22,7 @@ impl Datasets {
 
     /// The dataset with this id. A dataset of a display that the caller may not use is refused as one that does not
     /// exist.
-    pub async fn visible(&self, call: &Call, id: &str) -> Result<Dataset, ServiceError> {
+    pub async fn visible(&self, call: &Call, id: &str) -> Result<Dataset> {
         let dataset = self.store.dataset(id).await?;
         if call.caller.may_use(&dataset.display) {
             return Ok(dataset);
@@ -31,7 +31,7 @@ impl Datasets {
     }
 
     /// The finalized dataset with this id, which a field names, and its display. Refuses an open dataset.
-    pub async fn finalized(&self, call: &Call, field: &Field, id: &str) -> Result<(Dataset, Display), ServiceError> {
+    pub async fn finalized(&self, call: &Call, field: &Field, id: &str) -> Result<(Dataset, Display)> {
         let dataset = self.named(call, field, id).await?;
         if dataset.digest.is_none() {
             let (reason, fix) = match dataset.pair_count {

@@ -14,7 +14,7 @@ pub use calibration::CalibrationTarget;
 
 use crate::call::Call;
 use crate::computing::Computing;
-use crate::error::ServiceError;
+use crate::error::Result;
 use crate::files::Files;
 use lightpath_artifacts::Artifacts;
 use lightpath_domain::dataset::Dataset;
@@ -37,12 +37,12 @@ impl Datasets {
     }
 
     /// Creates a dataset without pairs.
-    pub async fn create(&self, dataset: &Dataset) -> Result<Dataset, ServiceError> {
+    pub async fn create(&self, dataset: &Dataset) -> Result<Dataset> {
         Ok(self.store.create_dataset(dataset, self.store.now_ms()).await?)
     }
 
     /// Deletes a dataset.
-    pub async fn delete(&self, call: &Call, id: &str) -> Result<(), ServiceError> {
+    pub async fn delete(&self, call: &Call, id: &str) -> Result<()> {
         self.visible(call, id).await?;
         Ok(self.store.delete_dataset(id, self.store.now_ms()).await?)
     }

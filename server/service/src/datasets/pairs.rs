@@ -3,7 +3,7 @@
 use super::Datasets;
 use super::reconstructors::LastReconstructor;
 use crate::call::Call;
-use crate::error::ServiceError;
+use crate::error::Result;
 use crate::field::Field;
 use lightpath_artifacts::ArtifactError;
 use lightpath_domain::dataset::{Dataset, Finding, Pair, PairChecks};
@@ -21,7 +21,7 @@ type MeasuredPair = Result<PairChecks, (&'static str, CaptureError)>;
 
 impl Datasets {
     /// Adds a pair to a dataset, with its measurements and findings.
-    pub async fn add_pair(&self, call: &Call, id: &str, mut pair: Pair) -> Result<Dataset, ServiceError> {
+    pub async fn add_pair(&self, call: &Call, id: &str, mut pair: Pair) -> Result<Dataset> {
         let field = Field::new("pair");
         let dataset = self.named(call, &Field::new("dataset"), id).await?;
         // Wrong files are refused now, because learning would notice them much later.
@@ -33,12 +33,7 @@ impl Datasets {
     }
 
     /// Findings about the dataset with the new pair, which is compared with all other pairs.
-    async fn findings_with(
-        &self,
-        call: &Call,
-        mut dataset: Dataset,
-        pair: &Pair,
-    ) -> Result<Vec<Finding>, ServiceError> {
+    async fn findings_with(&self, call: &Call, mut dataset: Dataset, pair: &Pair) -> Result<Vec<Finding>> {
         let pair = pair.clone();
         let compute = move || {
             let id = pair.id.clone();
@@ -51,13 +46,7 @@ impl Datasets {
     }
 
     /// Reads and measures a pair. Refuses a pair with a wrong file.
-    async fn measured_pair(
-        &self,
-        call: &Call,
-        dataset: &Dataset,
-        pair: &Pair,
-        field: &Field,
-    ) -> Result<PairChecks, ServiceError> {
+    async fn measured_pair(&self, call: &Call, dataset: &Dataset, pair: &Pair, field: &Field) -> Result<PairChecks> {
         let (display, _) = self.store.display(&dataset.display).await?;
         let px = u64::from(display.height_px) * u64::from(display.width_px);
         let need_bytes = self.files.reading_bytes(call, &field.at("phase"), &pair.phase, px).await?

@@ -2,7 +2,7 @@
 
 use super::Files;
 use crate::call::Call;
-use crate::error::ServiceError;
+use crate::error::Result;
 use crate::field::Field;
 use lightpath_artifacts::ArtifactError;
 use lightpath_media::pictures::{self, PictureError};
@@ -14,7 +14,7 @@ const HEADER_BYTES: u64 = 1 << 20;
 
 impl Files {
     /// Refuses an artifact that does not exist or is larger than a picture may be, and returns its size \[bytes\].
-    pub async fn require_picture(&self, call: &Call, field: &Field, digest: &str) -> Result<u64, ServiceError> {
+    pub async fn require_picture(&self, call: &Call, field: &Field, digest: &str) -> Result<u64> {
         let Some(record) = self.readable(call, digest).await? else {
             return Err(field.missing(format!("artifact {digest}"), "upload it first"));
         };
@@ -26,18 +26,12 @@ impl Files {
     }
 
     /// Memory for reading an artifact as a picture and fitting it to `fitted_px` pixels \[bytes\].
-    pub async fn reading_bytes(
-        &self,
-        call: &Call,
-        field: &Field,
-        digest: &str,
-        fitted_px: u64,
-    ) -> Result<u64, ServiceError> {
+    pub async fn reading_bytes(&self, call: &Call, field: &Field, digest: &str, fitted_px: u64) -> Result<u64> {
         self.header_number(call, field, digest, move |file| pictures::reading_bytes(file, fitted_px)).await
     }
 
     /// Number of pixels of an artifact that is a picture; 0 if it is none.
-    pub async fn picture_pixels(&self, call: &Call, field: &Field, digest: &str) -> Result<u64, ServiceError> {
+    pub async fn picture_pixels(&self, call: &Call, field: &Field, digest: &str) -> Result<u64> {
         self.header_number(call, field, digest, pictures::pixels).await
     }
 
@@ -47,7 +41,7 @@ impl Files {
         field: &Field,
         digest: &str,
         read: impl FnOnce(BufReader<File>) -> io::Result<u64> + Send + 'static,
-    ) -> Result<u64, ServiceError> {
+    ) -> Result<u64> {
         let file_bytes = self.require_picture(call, field, digest).await?;
         let (artifacts, digest) = (self.artifacts.clone(), digest.to_owned());
         let read_header = move || {
@@ -65,7 +59,7 @@ impl Files {
         field: &Field,
         (digest, fitted_px): (&str, u64),
         decode: impl FnOnce(&[u8]) -> Result<T, PictureError> + Send + 'static,
-    ) -> Result<(T, u64), ServiceError> {
+    ) -> Result<(T, u64)> {
         let bytes = self.reading_bytes(call, field, digest, fitted_px).await?;
         let (artifacts, name) = (self.artifacts.clone(), digest.to_owned());
         // The file is read only when its turn has come, so that waiting calls hold no memory.

@@ -2,7 +2,7 @@
 
 use super::Files;
 use crate::call::Call;
-use crate::error::ServiceError;
+use crate::error::Result;
 use crate::field::Field;
 use lightpath_artifacts::{ArtifactReader, CHUNK_BYTES};
 use lightpath_store::ArtifactRecord;
@@ -10,7 +10,7 @@ use lightpath_store::ArtifactRecord;
 impl Files {
     /// The record of an artifact that the caller reads. Refuses one that the caller may not read as one that does not
     /// exist.
-    pub async fn existing(&self, call: &Call, field: &Field, digest: &str) -> Result<ArtifactRecord, ServiceError> {
+    pub async fn existing(&self, call: &Call, field: &Field, digest: &str) -> Result<ArtifactRecord> {
         let missing = || field.missing(format!("artifact {digest}"), "use a digest from the result of a job");
         self.readable(call, digest).await?.ok_or_else(missing)
     }
@@ -22,7 +22,7 @@ impl Files {
         call: &Call,
         digest: &str,
         (offset_bytes, limit_bytes): (u64, u64),
-    ) -> Result<ArtifactReader, ServiceError> {
+    ) -> Result<ArtifactReader> {
         let (artifacts, digest) = (self.artifacts.clone(), digest.to_owned());
         let open = move || artifacts.read_range_blocking(&digest, offset_bytes, limit_bytes);
         Ok(self.computing.run(call, CHUNK_BYTES as u64, open).await??)

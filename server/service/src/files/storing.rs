@@ -2,13 +2,13 @@
 
 use super::Files;
 use crate::call::Call;
-use crate::error::ServiceError;
+use crate::error::Result;
 use lightpath_store::ArtifactRecord;
 
 impl Files {
     /// Stores bytes as an artifact owned by the caller, and returns its digest. Empty bytes are not stored; their
     /// digest is an empty text.
-    pub async fn store(&self, call: &Call, bytes: Vec<u8>) -> Result<String, ServiceError> {
+    pub async fn store(&self, call: &Call, bytes: Vec<u8>) -> Result<String> {
         if bytes.is_empty() {
             return Ok(String::new());
         }
@@ -24,7 +24,7 @@ impl Files {
         digest: &str,
         size_bytes: u64,
         seen: Option<String>,
-    ) -> Result<Result<ArtifactRecord, String>, ServiceError> {
+    ) -> Result<Result<ArtifactRecord, String>> {
         call.concerns(digest);
         Ok(self
             .store

@@ -2,7 +2,7 @@
 
 use super::Files;
 use crate::call::Call;
-use crate::error::ServiceError;
+use crate::error::{Result, ServiceError};
 use crate::field::Field;
 use futures::{Stream, StreamExt as _};
 use lightpath_artifacts::{ArtifactError, UploadWriter};
@@ -30,13 +30,13 @@ impl Files {
     pub const UPLOAD_IDLE_MAX: Duration = Duration::from_secs(60);
 
     /// The record of an artifact that the caller is about to use, which counts as a use. Refuses one that is not stored.
-    pub async fn uploaded(&self, call: &Call, field: &Field, digest: &str) -> Result<ArtifactRecord, ServiceError> {
+    pub async fn uploaded(&self, call: &Call, field: &Field, digest: &str) -> Result<ArtifactRecord> {
         let missing = || field.missing(format!("artifact {digest}"), "upload it first");
         self.in_use(call, digest).await?.ok_or_else(missing)
     }
 
     /// How far the caller's upload of an artifact has come.
-    pub async fn upload_state(&self, call: &Call, digest: &str) -> Result<UploadState, ServiceError> {
+    pub async fn upload_state(&self, call: &Call, digest: &str) -> Result<UploadState> {
         Ok(match self.intact(call, digest).await? {
             Some(record) => UploadState::Complete(record),
             None => UploadState::Received(self.artifacts.uploads().received_bytes(digest, &call.caller.name).await?),
@@ -49,8 +49,8 @@ impl Files {
         call: &Call,
         digest: &str,
         (size_bytes, offset_bytes): (u64, u64),
-        chunks: impl Stream<Item = Result<impl Into<Vec<u8>>, ServiceError>> + Unpin,
-    ) -> Result<ArtifactRecord, ServiceError> {
+        chunks: impl Stream<Item = Result<impl Into<Vec<u8>>>> + Unpin,
+    ) -> Result<ArtifactRecord> {
         let digest = Field::new("start.digest").digest(digest)?;
         call.concerns(&digest);
         let size_bytes = Field::new("start.size_bytes").integer(size_bytes, 0..=ARTIFACT_BYTES_MAX)?;
@@ -67,8 +67,8 @@ impl Files {
         &self,
         call: &Call,
         size_bytes: u64,
-        chunks: impl Stream<Item = Result<impl Into<Vec<u8>>, ServiceError>> + Unpin,
-    ) -> Result<ArtifactRecord, ServiceError> {
+        chunks: impl Stream<Item = Result<impl Into<Vec<u8>>>> + Unpin,
+    ) -> Result<ArtifactRecord> {
         let size_bytes = Field::new("content-length").integer(size_bytes, 0..=ARTIFACT_BYTES_MAX)?;
         self.artifacts.space().admit(size_bytes)?;
         self.store.require_owner_room(&call.caller.name, size_bytes, self.owner_bytes_max).await?;
@@ -78,19 +78,14 @@ impl Files {
     }
 
     /// Ends an upload, and records the artifact.
-    async fn publish(
-        &self,
-        call: &Call,
-        upload: UploadWriter,
-        size_bytes: u64,
-    ) -> Result<ArtifactRecord, ServiceError> {
+    async fn publish(&self, call: &Call, upload: UploadWriter, size_bytes: u64) -> Result<ArtifactRecord> {
         let record = async |digest: String, seen| self.record(call, &digest, size_bytes, seen).await;
         self.artifacts.publish(upload, record).await
     }
 
     /// Waits while another call of the caller uploads the same artifact, until that artifact is stored or the other
     /// upload has ended.
-    async fn turn(&self, call: &Call, digest: &str, size_bytes: u64, offset_bytes: u64) -> Result<Turn, ServiceError> {
+    async fn turn(&self, call: &Call, digest: &str, size_bytes: u64, offset_bytes: u64) -> Result<Turn> {
         let until = Instant::now() + UPLOAD_TURN_MAX;
         loop {
             if let Some(record) = self.intact(call, digest).await? {
@@ -113,8 +108,8 @@ impl Files {
 async fn fill(
     upload: &mut UploadWriter,
     size_bytes: u64,
-    mut chunks: impl Stream<Item = Result<impl Into<Vec<u8>>, ServiceError>> + Unpin,
-) -> Result<(), ServiceError> {
+    mut chunks: impl Stream<Item = Result<impl Into<Vec<u8>>>> + Unpin,
+) -> Result<()> {
     while upload.received_bytes() < size_bytes {
         let idle = |_| ServiceError::Idle(Files::UPLOAD_IDLE_MAX);
         match timeout(Files::UPLOAD_IDLE_MAX, chunks.next()).await.map_err(idle)? {

@@ -2,7 +2,7 @@
 
 use super::Files;
 use crate::call::Call;
-use crate::error::ServiceError;
+use crate::error::Result;
 use crate::field::Field;
 use lightpath_domain::dataset::Encoding;
 use lightpath_domain::job::Fit;
@@ -33,7 +33,7 @@ impl Files {
         call: &Call,
         (field, digest): (&Field, &str),
         minus: Option<(&Field, &str)>,
-    ) -> Result<u64, ServiceError> {
+    ) -> Result<u64> {
         let mut need_bytes = self.reading_bytes(call, field, digest, 0).await?;
         let pixels = self.picture_pixels(call, field, digest).await?;
         need_bytes += VIEW_PIXEL_BYTES * pixels;
@@ -51,9 +51,9 @@ impl Files {
         (field, digest): (&Field, &str),
         minus: Option<Minus>,
         wanted: View,
-    ) -> Result<Drawn, ServiceError> {
+    ) -> Result<Drawn> {
         let (artifacts, name) = (self.artifacts.clone(), digest.to_owned());
-        let draw = move || -> Result<_, ServiceError> {
+        let draw = move || -> Result<_> {
             let picture = artifacts.read_blocking(&name)?;
             let bytes = minus.as_ref().map(|minus| artifacts.read_blocking(&minus.digest)).transpose()?;
             let subtracted = bytes.as_deref().zip(minus).map(|(bytes, minus)| {

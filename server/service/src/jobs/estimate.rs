@@ -1,7 +1,7 @@
 //! Sizes of what is stored, from which the memory and time of a job are estimated when it is submitted.
 
 use super::Jobs;
-use crate::error::ServiceError;
+use crate::error::Result;
 use lightpath_domain::display::Display;
 use lightpath_domain::job::LearnKernel;
 use lightpath_domain::job::estimate::{KernelSize, PairsSize};
@@ -16,11 +16,7 @@ use lightpath_store::StoreError;
 
 impl Jobs {
     /// Pairs of the dataset from which a version was learned; `None`: it has none, or it was deleted.
-    pub(super) async fn learned_pairs(
-        &self,
-        version: &KernelVersion,
-        display: &Display,
-    ) -> Result<Option<PairsSize>, ServiceError> {
+    pub(super) async fn learned_pairs(&self, version: &KernelVersion, display: &Display) -> Result<Option<PairsSize>> {
         let Some(learned) = version.content.lineage.own_dataset() else { return Ok(None) };
         match self.store.dataset(&learned.id).await {
             // Another dataset, perhaps of another display, may have the id of a deleted one.
@@ -42,7 +38,7 @@ impl Jobs {
         detector: Detector,
         propagation: Option<ConvolutionMethod>,
         has_bins: bool,
-    ) -> Result<EngineSize, ServiceError> {
+    ) -> Result<EngineSize> {
         let (height_px, width_px) = (display.height_px as usize, display.width_px as usize);
         let ideal = EngineSize::ideal(height_px, width_px, detector, self.limits.threads);
         // Where no method is valid, the job fails before it needs memory.
@@ -59,7 +55,7 @@ impl Jobs {
         version: Option<u32>,
         detector: Detector,
         propagation: Option<ConvolutionMethod>,
-    ) -> Result<KernelSize, ServiceError> {
+    ) -> Result<KernelSize> {
         let ideal = |has_bins| self.ideal_engine(display, key, detector, propagation, has_bins);
         let Some(version) = version else {
             let engine = ideal(false)?;

@@ -1,7 +1,7 @@
 //! Limits on the estimated memory and time of a job.
 
 use super::{Jobs, kinds};
-use crate::error::ServiceError;
+use crate::error::{Result, ServiceError};
 use lightpath_domain::ability::counted_memory;
 use lightpath_domain::job::{Estimate, JobSpec};
 use lightpath_domain::reason::PreconditionReason;
@@ -33,7 +33,7 @@ impl Default for JobLimits {
 impl Jobs {
     /// Estimates memory and time of a job. Refuses a job that would exceed the limits. `decoding_bytes` is the largest
     /// memory for decoding one of its pictures.
-    pub(super) async fn estimated(&self, spec: &JobSpec, decoding_bytes: u64) -> Result<Estimate, ServiceError> {
+    pub(super) async fn estimated(&self, spec: &JobSpec, decoding_bytes: u64) -> Result<Estimate> {
         let need = kinds::need(self, spec, decoding_bytes).await?;
         let estimate = need.on(self.limits.work_per_s);
         // A server alone runs whatever is within its limit.
@@ -57,7 +57,7 @@ impl Jobs {
 }
 
 /// Refuses a job that needs more memory or time than the living processes give a job.
-fn require_within(estimate: &Estimate, limits: &JobLimits, spec: &JobSpec) -> Result<(), ServiceError> {
+fn require_within(estimate: &Estimate, limits: &JobLimits, spec: &JobSpec) -> Result<()> {
     let Estimate { memory_bytes, time_s } = *estimate;
     if memory_bytes <= limits.memory_bytes && time_s <= limits.time_s {
         return Ok(());

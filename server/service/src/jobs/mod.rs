@@ -23,7 +23,7 @@ pub use submit::Submission;
 
 use crate::call::Call;
 use crate::datasets::Datasets;
-use crate::error::ServiceError;
+use crate::error::Result;
 use crate::files::Files;
 use crate::kernels::Kernels;
 use checked_targets::CheckedTargets;
@@ -57,7 +57,7 @@ impl Jobs {
     }
 
     /// Cancels a job, or records the wish if it runs.
-    pub async fn cancel(&self, call: &Call, id: &str) -> Result<Job, ServiceError> {
+    pub async fn cancel(&self, call: &Call, id: &str) -> Result<Job> {
         self.visible(call, id).await?;
         let job = self.store.cancel(id, self.store.now_ms()).await?;
         // A running job ends when its worker stops it, and the worker counts it then.
@@ -68,7 +68,7 @@ impl Jobs {
     }
 
     /// Puts a job that failed or was cancelled back into the queue.
-    pub async fn retry(&self, call: &Call, id: &str) -> Result<Job, ServiceError> {
+    pub async fn retry(&self, call: &Call, id: &str) -> Result<Job> {
         self.visible(call, id).await?;
         match self.store.retry(id, self.store.now_ms()).await {
             Ok(job) => self.seen_by(&call.caller, job).await,

@@ -2,7 +2,7 @@
 
 use super::Jobs;
 use crate::call::Call;
-use crate::error::ServiceError;
+use crate::error::Result;
 use lightpath_store::{OwnerQueue, Pause, Process};
 use std::sync::Arc;
 
@@ -20,7 +20,7 @@ pub struct QueueState {
 
 impl Jobs {
     /// The queue and its processes as the caller may see it.
-    pub async fn queue(&self, call: &Call) -> Result<QueueState, ServiceError> {
+    pub async fn queue(&self, call: &Call) -> Result<QueueState> {
         let pauses = self.store.pauses().await?;
         if call.caller.displays.is_empty() {
             let owner_queues = self.store.owner_queues().await?;
@@ -32,13 +32,13 @@ impl Jobs {
     }
 
     /// Pauses the jobs of a display; `None`: of all displays.
-    pub async fn pause(&self, call: &Call, display: Option<&str>, reason: &str) -> Result<QueueState, ServiceError> {
+    pub async fn pause(&self, call: &Call, display: Option<&str>, reason: &str) -> Result<QueueState> {
         self.store.pause(display, reason, self.store.now_ms()).await?;
         self.queue(call).await
     }
 
     /// Ends a pause.
-    pub async fn resume(&self, call: &Call, display: Option<&str>) -> Result<QueueState, ServiceError> {
+    pub async fn resume(&self, call: &Call, display: Option<&str>) -> Result<QueueState> {
         self.store.resume(display).await?;
         self.queue(call).await
     }

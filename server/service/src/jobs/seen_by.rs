@@ -3,7 +3,7 @@
 
 use super::Jobs;
 use crate::call::Call;
-use crate::error::ServiceError;
+use crate::error::{Result, ServiceError};
 use lightpath_domain::access::Caller;
 use lightpath_domain::job::Job;
 use lightpath_store::StoreError;
@@ -14,7 +14,7 @@ const HIDDEN: &str = "a job on another display";
 impl Jobs {
     /// The job with this id, as the caller sees it. A job about a display that the caller may not use is refused as one
     /// that does not exist.
-    pub async fn visible(&self, call: &Call, id: &str) -> Result<Job, ServiceError> {
+    pub async fn visible(&self, call: &Call, id: &str) -> Result<Job> {
         let job = self.store.job(id).await?;
         if call.caller.may_use(job.spec.display()) {
             return self.seen_by(&call.caller, job).await;
@@ -23,12 +23,12 @@ impl Jobs {
     }
 
     /// The present state of a job that the caller may see.
-    pub async fn followed_by(&self, caller: &Caller, id: &str) -> Result<Job, ServiceError> {
+    pub async fn followed_by(&self, caller: &Caller, id: &str) -> Result<Job> {
         self.seen_by(caller, self.store.job(id).await?).await
     }
 
     /// A job without the names of other jobs that the caller may not see.
-    pub(super) async fn seen_by(&self, caller: &Caller, mut job: Job) -> Result<Job, ServiceError> {
+    pub(super) async fn seen_by(&self, caller: &Caller, mut job: Job) -> Result<Job> {
         let mut ids = job.scheduling.after.clone();
         ids.extend(job.error.iter().flat_map(|error| job_ids(&error.message)));
         let hidden = self.hidden_jobs(caller, &ids).await?;
@@ -40,7 +40,7 @@ impl Jobs {
     }
 
     /// A text without the names of jobs that the caller may not see.
-    pub async fn text_for(&self, caller: &Caller, text: String) -> Result<String, ServiceError> {
+    pub async fn text_for(&self, caller: &Caller, text: String) -> Result<String> {
         let hidden = self.hidden_jobs(caller, &job_ids(&text)).await?;
         Ok(without(&text, &hidden))
     }
@@ -63,7 +63,7 @@ impl Jobs {
     }
 
     /// Those of the jobs `ids` that the caller may not see, or that no longer exist.
-    async fn hidden_jobs(&self, caller: &Caller, ids: &[String]) -> Result<Vec<String>, ServiceError> {
+    async fn hidden_jobs(&self, caller: &Caller, ids: &[String]) -> Result<Vec<String>> {
         if caller.displays.is_empty() || ids.is_empty() {
             return Ok(Vec::new());
         }

@@ -2,7 +2,7 @@
 
 use super::Jobs;
 use crate::call::Call;
-use crate::error::ServiceError;
+use crate::error::Result;
 use lightpath_domain::job::{Job, JobSpec, NewJob, Scheduling};
 
 /// A job to be submitted, as far as it is the same for all kinds.
@@ -21,7 +21,7 @@ pub struct Submission {
 impl Jobs {
     /// The job of an earlier submission of the same request. Refuses a submission that waits for jobs which the caller
     /// may not see.
-    pub async fn submitted_before(&self, call: &Call, submission: &Submission) -> Result<Option<Job>, ServiceError> {
+    pub async fn submitted_before(&self, call: &Call, submission: &Submission) -> Result<Option<Job>> {
         let Submission { scheduling, request_id, .. } = submission;
         // The store refuses jobs that do not exist.
         if !call.caller.displays.is_empty() {
@@ -40,7 +40,7 @@ impl Jobs {
         submission: Submission,
         (spec, decoding_bytes): (JobSpec, u64),
         before: Option<Job>,
-    ) -> Result<Job, ServiceError> {
+    ) -> Result<Job> {
         // A repeated request returns its job, even if the limits have changed since.
         let estimate = match before {
             Some(job) => job.estimate,

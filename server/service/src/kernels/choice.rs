@@ -1,7 +1,7 @@
 //! Resolution of the field `kernel` of a job into a kernel version.
 
 use super::Kernels;
-use crate::error::ServiceError;
+use crate::error::{Result, ServiceError};
 use crate::field::{Field, shortened};
 use lightpath_domain::kernel::KernelKey;
 use lightpath_domain::reason::PreconditionReason;
@@ -11,13 +11,7 @@ use std::collections::BTreeMap;
 impl Kernels {
     /// The kernel version for which `kernel` stands; `None`: the ideal kernel. An empty text stands for the active
     /// version or, if no version is active and the version is not `required`, for the ideal kernel.
-    pub async fn chosen(
-        &self,
-        field: &Field,
-        kernel: &str,
-        key: &KernelKey,
-        required: bool,
-    ) -> Result<Option<u32>, ServiceError> {
+    pub async fn chosen(&self, field: &Field, kernel: &str, key: &KernelKey, required: bool) -> Result<Option<u32>> {
         match kernel {
             "ideal" => Ok(None),
             "" | "active" => {
@@ -45,7 +39,7 @@ impl Kernels {
     }
 
     /// The version that an alias of the kernel names.
-    async fn version_of_alias(&self, field: &Field, alias: &str, key: &KernelKey) -> Result<u32, ServiceError> {
+    async fn version_of_alias(&self, field: &Field, alias: &str, key: &KernelKey) -> Result<u32> {
         let aliases = match self.store.kernel(key).await {
             Ok(kernel) => kernel.aliases,
             Err(StoreError::NotFound { .. }) => BTreeMap::new(),
@@ -57,7 +51,7 @@ impl Kernels {
         })
     }
 
-    async fn active_version(&self, key: &KernelKey) -> Result<Option<u32>, ServiceError> {
+    async fn active_version(&self, key: &KernelKey) -> Result<Option<u32>> {
         match self.store.kernel(key).await {
             Ok(kernel) => Ok(kernel.active_version),
             // A kernel does not exist before its first version.

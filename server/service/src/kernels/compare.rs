@@ -3,7 +3,7 @@
 use super::Kernels;
 use super::model_file::exporting_bytes;
 use crate::call::Call;
-use crate::error::ServiceError;
+use crate::error::{Result, ServiceError};
 use crate::field::Field;
 use lightpath_domain::kernel::{KernelKey, KernelVersion};
 use lightpath_domain::reason::PreconditionReason;
@@ -15,7 +15,7 @@ impl Kernels {
         &self,
         call: &Call,
         [(key, version), (second_key, second)]: [(KernelKey, u32); 2],
-    ) -> Result<([KernelVersion; 2], Comparison), ServiceError> {
+    ) -> Result<([KernelVersion; 2], Comparison)> {
         if (&key.display, key.wavelength) != (&second_key.display, second_key.wavelength) {
             let name = format!("{second_key}/versions/{second}");
             let rule = "must be of the same display and wavelength as the first one";

@@ -3,7 +3,7 @@
 use super::conversions::{ConversionKey, Converted};
 use super::{Kernels, bundle, model_file};
 use crate::call::Call;
-use crate::error::ServiceError;
+use crate::error::{Result, ServiceError};
 use lightpath_artifacts::{ArtifactError, ArtifactReader, CHUNK_BYTES};
 use lightpath_domain::kernel::KernelVersion;
 use lightpath_domain::reason::PreconditionReason;
@@ -26,12 +26,7 @@ pub struct VersionFile {
 
 impl Kernels {
     /// The file of a version in a format. It is made if it was not made before.
-    pub async fn file(
-        &self,
-        call: &Call,
-        version: KernelVersion,
-        format: KernelFormat,
-    ) -> Result<VersionFile, ServiceError> {
+    pub async fn file(&self, call: &Call, version: KernelVersion, format: KernelFormat) -> Result<VersionFile> {
         if format == KernelFormat::Safetensors {
             let (digest, size_bytes) = (version.content.artifact.clone(), version.content.size_bytes);
             return Ok(VersionFile { version, format, converted: None, digest, size_bytes });
@@ -43,12 +38,7 @@ impl Kernels {
 
     /// A reader of a range (offset and limit; limit 0: all) of a version's file. The whole file is compared with its
     /// digest first, so that no part of a damaged file is sent.
-    pub async fn reader(
-        &self,
-        call: &Call,
-        file: &VersionFile,
-        range: (u64, u64),
-    ) -> Result<ArtifactReader, ServiceError> {
+    pub async fn reader(&self, call: &Call, file: &VersionFile, range: (u64, u64)) -> Result<ArtifactReader> {
         match &file.converted {
             None => self.files.reader(call, &file.digest, range).await,
             Some(converted) => self.conversion_reader(call, &file.version, file.format, converted, range).await,
@@ -61,7 +51,7 @@ impl Kernels {
         call: &Call,
         version: &KernelVersion,
         format: KernelFormat,
-    ) -> Result<Converted, ServiceError> {
+    ) -> Result<Converted> {
         let key = ConversionKey::new(version, format);
         if let Some(converted) = self.conversions.find(&key) {
             return Ok(converted);
@@ -80,7 +70,7 @@ impl Kernels {
         format: KernelFormat,
         converted: &Converted,
         (offset_bytes, limit_bytes): (u64, u64),
-    ) -> Result<ArtifactReader, ServiceError> {
+    ) -> Result<ArtifactReader> {
         let open = async || {
             let (artifacts, digest) = (self.artifacts.clone(), converted.digest.clone());
             let read = move || artifacts.read_conversion_blocking(&digest, offset_bytes, limit_bytes);
@@ -99,12 +89,7 @@ impl Kernels {
     }
 
     /// Converts the file of a version. The other file is written before the memory for the conversion is given back.
-    async fn export(
-        &self,
-        call: &Call,
-        version: &KernelVersion,
-        format: KernelFormat,
-    ) -> Result<Converted, ServiceError> {
+    async fn export(&self, call: &Call, version: &KernelVersion, format: KernelFormat) -> Result<Converted> {
         let (display, _) = self.store.display(&version.key.display).await?;
         let need_bytes = model_file::exporting_bytes(version.content.size_bytes, &display, &version.key);
         let (artifacts, artifact) = (self.artifacts.clone(), version.content.artifact.clone());

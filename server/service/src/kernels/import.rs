@@ -4,7 +4,7 @@ use super::Kernels;
 use super::bundle::Record;
 use super::model_file::importing_bytes;
 use crate::call::Call;
-use crate::error::ServiceError;
+use crate::error::{Result, ServiceError};
 use crate::field::Field;
 use lightpath_artifacts::ArtifactError;
 use lightpath_domain::display::Display;
@@ -34,7 +34,7 @@ pub struct KernelImport {
 
 impl Kernels {
     /// Stores an uploaded kernel file as the next version. Refuses a kernel of another display, wavelength or distance.
-    pub async fn import(&self, call: &Call, import: KernelImport) -> Result<KernelVersion, ServiceError> {
+    pub async fn import(&self, call: &Call, import: KernelImport) -> Result<KernelVersion> {
         let KernelImport { display, wavelength, distance, digest, from_another_display } = import;
         let key = KernelKey { display: display.id.clone(), wavelength, distance };
         let field = Field::new("artifact");
@@ -153,7 +153,7 @@ fn imported(file: &[u8], setup: &OpticalSetup, destination: &Destination) -> Res
 }
 
 /// Refuses the kernel of another display, unless the caller accepts it.
-fn require_display(destination: &Destination, origin: &Origin) -> Result<(), ServiceError> {
+fn require_display(destination: &Destination, origin: &Origin) -> Result<()> {
     let Destination { field, key, any_display, .. } = destination;
     match &origin.display {
         Some(other) if *other != key.display && !any_display => Err(field.invalid(format!(
@@ -172,7 +172,7 @@ fn imported_dataset(distance_m: f64) -> Option<LearnedDataset> {
 }
 
 /// Refuses a setup that does not match the display, wavelength and distance.
-fn require_setup(field: &Field, setup: &OpticalSetup, display: &Display, key: &KernelKey) -> Result<(), ServiceError> {
+fn require_setup(field: &Field, setup: &OpticalSetup, display: &Display, key: &KernelKey) -> Result<()> {
     let grid = setup.grid();
     let is_size = (grid.width_px(), grid.height_px()) == (display.width_px as usize, display.height_px as usize);
     // Both were converted from decimal numbers, so they may differ in their last bits.

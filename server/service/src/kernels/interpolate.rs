@@ -3,7 +3,7 @@
 use super::Kernels;
 use super::model_file::importing_bytes;
 use crate::call::Call;
-use crate::error::ServiceError;
+use crate::error::{Result, ServiceError};
 use crate::field::Field;
 use crate::propagation::distance_refusal;
 use lightpath_domain::display::Display;
@@ -27,7 +27,7 @@ impl Kernels {
         display: Display,
         wavelength: Wavelength,
         distance: Distance,
-    ) -> Result<KernelVersion, ServiceError> {
+    ) -> Result<KernelVersion> {
         let field = Field::new("distance_m");
         let planned = planning::setup(&display, wavelength, distance).and_then(|setup| planning::planned(setup, None));
         let (setup, _) = planned.map_err(|error| distance_refusal(&field, distance, &error))?;
@@ -66,7 +66,7 @@ impl Kernels {
     }
 
     /// The kernels at the nearest distances, and whether [`Self::interpolate`] could make this one.
-    pub async fn nearest(&self, key: &KernelKey) -> Result<(Vec<Kernel>, bool), ServiceError> {
+    pub async fn nearest(&self, key: &KernelKey) -> Result<(Vec<Kernel>, bool)> {
         let nearest = self.store.nearest_kernels(key).await?;
         let versions = self.store.joint_versions(&key.display, key.wavelength, VERSIONS_MAX).await?;
         Ok((nearest, fit_around(&Field::new("distance_m"), key, &versions).is_ok()))
@@ -87,7 +87,7 @@ struct Fit<'a> {
 }
 
 /// The newest fit whose distances include the distance of the kernel between them.
-fn fit_around<'a>(field: &Field, key: &KernelKey, versions: &'a [KernelVersion]) -> Result<Fit<'a>, ServiceError> {
+fn fit_around<'a>(field: &Field, key: &KernelKey, versions: &'a [KernelVersion]) -> Result<Fit<'a>> {
     let same_job = |a: &KernelVersion, b: &KernelVersion| a.content.lineage.job == b.content.lineage.job;
     let fits: Vec<Fit<'_>> = versions
         .chunk_by(same_job)

@@ -2,7 +2,7 @@
 
 use super::Kernels;
 use crate::call::Call;
-use crate::error::ServiceError;
+use crate::error::{Result, ServiceError};
 use lightpath_artifacts::ArtifactError;
 use lightpath_domain::display::Display;
 use lightpath_domain::kernel::{KernelKey, KernelVersion};
@@ -37,7 +37,7 @@ pub(super) fn importing_bytes(file_bytes: u64) -> u64 {
 
 impl Kernels {
     /// Reads the model from the file of a version.
-    pub(super) async fn model_of(&self, call: &Call, version: &KernelVersion) -> Result<DisplayModel, ServiceError> {
+    pub(super) async fn model_of(&self, call: &Call, version: &KernelVersion) -> Result<DisplayModel> {
         let (artifacts, artifact) = (self.artifacts.clone(), version.content.artifact.clone());
         let read =
             move || -> Result<_, ArtifactError> { Ok(kernel_file::decode(&artifacts.read_blocking(&artifact)?)) };

@@ -8,7 +8,7 @@ mod issued;
 mod signer;
 
 use crate::call::Call;
-use crate::error::ServiceError;
+use crate::error::{Result, ServiceError};
 use crate::kernels::Kernels;
 pub use issued::{Issued, ManifestRules};
 
@@ -41,7 +41,7 @@ impl Manifests {
     }
 
     /// The keyring, which says whose signatures count.
-    pub async fn keyring(&self) -> Result<StoredKeyring, ServiceError> {
+    pub async fn keyring(&self) -> Result<StoredKeyring> {
         self.store.keyring().await?.ok_or_else(signer::no_key)
     }
 
@@ -52,7 +52,7 @@ impl Manifests {
         key: &KernelKey,
         format: KernelFormat,
         device: Option<&str>,
-    ) -> Result<Arc<Issued>, ServiceError> {
+    ) -> Result<Arc<Issued>> {
         let moment = self.store.kernel_moment(key, device).await?;
         let now_s = self.store.now_ms().div_euclid(1000);
         let Some(version) = moment.version else {
@@ -78,7 +78,7 @@ impl Manifests {
         moment: &KernelMoment,
         format: KernelFormat,
         now_s: i64,
-    ) -> Result<Manifest, ServiceError> {
+    ) -> Result<Manifest> {
         let file = self.kernels.file(call, version.clone(), format).await?;
         let (display, _) = self.store.display(&version.key.display).await?;
         let (issued_s, expires_s) = self.kept.rules().times_s(now_s);

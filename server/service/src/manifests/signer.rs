@@ -1,12 +1,12 @@
 //! The key that signs manifests.
 
-use crate::error::ServiceError;
+use crate::error::{Result, ServiceError};
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_manifest::{SignedKeyring, SigningKey};
 use lightpath_store::Store;
 
 /// The newest key of the keyring that counts now and whose private key this server has.
-pub(super) async fn signing_key(store: &Store, now_s: i64) -> Result<SigningKey, ServiceError> {
+pub(super) async fn signing_key(store: &Store, now_s: i64) -> Result<SigningKey> {
     let keyring = store.keyring().await?.ok_or_else(no_key)?;
     let keyring = SignedKeyring::parse(keyring.document.as_bytes()).map_err(|_| no_key())?;
     let private = store.private_keys().await?;

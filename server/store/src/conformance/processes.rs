@@ -106,10 +106,7 @@ async fn a_panic_in_a_write_does_not_stop_the_writers() {
     let (one, other, _database) = two_processes().await;
     for _ in 0..5 {
         let store = one.clone();
-        let panicked =
-            tokio::spawn(
-                async move { store.write::<(), _>(|_| Box::pin(async { panic!("a mistake in a write") })).await },
-            );
+        let panicked = tokio::spawn(async move { store.write::<()>(async |_| panic!("a mistake in a write")).await });
         assert!(panicked.await.unwrap_err().is_panic());
     }
     // The process of the panics writes nothing more: its next writer would end the transaction.
@@ -217,14 +214,12 @@ async fn a_process_that_is_suspended_in_a_write_does_not_stop_the_others() {
     let has_begun = std::sync::Arc::clone(&begun);
     let suspended = tokio::spawn(async move {
         store
-            .write::<(), _>(move |write| {
-                Box::pin(async move {
-                    has_begun.notify_one();
-                    // Longer than PostgreSQL waits for the next statement.
-                    tokio::time::sleep(Duration::from_secs(13)).await;
-                    crate::sql::query("delete from display").execute(write.sql()).await?;
-                    Ok(())
-                })
+            .write::<()>(async move |write| {
+                has_begun.notify_one();
+                // Longer than PostgreSQL waits for the next statement.
+                tokio::time::sleep(Duration::from_secs(13)).await;
+                crate::sql::query("delete from display").execute(write.sql()).await?;
+                Ok(())
             })
             .await
     });

@@ -18,4 +18,4 @@ mod row;
 
 pub(super) use connection::{Connection, Pool};
 pub(super) use query::{Builder, Query, Value, query, query_as, run_all, scalar};
-pub(super) use row::{ColumnId, Row};
+pub(super) use row::{ColumnId, Row, from_row};

@@ -87,6 +87,36 @@ impl From<Option<&str>> for Value {
     }
 }
 
+/// A parameter, or a tuple of parameters in their order.
+pub(crate) trait Values {
+    fn append_to(self, values: &mut Vec<Value>);
+}
+
+impl<T: Into<Value>> Values for T {
+    fn append_to(self, values: &mut Vec<Value>) {
+        values.push(self.into());
+    }
+}
+
+/// Tuples of parameters.
+macro_rules! tuples {
+    ($($name:ident $number:tt),*) => {
+        impl<$($name: Into<Value>),*> Values for ($($name,)*) {
+            fn append_to(self, values: &mut Vec<Value>) {
+                values.extend([$(self.$number.into()),*]);
+            }
+        }
+    };
+}
+
+tuples!(A 0, B 1);
+tuples!(A 0, B 1, C 2);
+tuples!(A 0, B 1, C 2, D 3);
+tuples!(A 0, B 1, C 2, D 3, E 4);
+tuples!(A 0, B 1, C 2, D 3, E 4, F 5);
+tuples!(A 0, B 1, C 2, D 3, E 4, F 5, G 6);
+tuples!(A 0, B 1, C 2, D 3, E 4, F 5, G 6, H 7);
+
 /// The text of a statement: fixed, or put together by [`Builder`].
 #[derive(Clone, Debug)]
 enum Text {
@@ -117,8 +147,9 @@ pub(crate) fn query_as<T: Columns>(text: &'static str) -> Typed<T> {
 }
 
 impl Query {
-    pub(crate) fn bind(mut self, value: impl Into<Value>) -> Self {
-        self.values.push(value.into());
+    /// Binds the next parameter, or the next ones as a tuple.
+    pub(crate) fn bind(mut self, values: impl Values) -> Self {
+        values.append_to(&mut self.values);
         self
     }
 
@@ -187,8 +218,8 @@ pub(crate) struct Typed<T> {
 }
 
 impl<T> Typed<T> {
-    pub(crate) fn bind(mut self, value: impl Into<Value>) -> Self {
-        self.query = self.query.bind(value);
+    pub(crate) fn bind(mut self, values: impl Values) -> Self {
+        self.query = self.query.bind(values);
         self
     }
 

@@ -86,7 +86,7 @@ macro_rules! narrow {
     )*};
 }
 
-narrow!(i32, u32, u8);
+narrow!(i32, u32, u8, u64);
 
 impl Column for bool {
     fn read(row: &Row, column: ColumnId<'_>) -> Result<Self, sqlx::Error> {
@@ -117,6 +117,14 @@ impl<T: Column> Column for Option<T> {
         if row.is_null(column)? { Ok(None) } else { T::read(row, column).map(Some) }
     }
 }
+
+/// Makes a value from a row. The fields before the semicolon have the names of their columns.
+macro_rules! from_row {
+    ($row:ident, $kind:ident { $($column:ident),* $(; $($rest:tt)*)? }) => {
+        $kind { $($column: $row.try_get(stringify!($column))?,)* $($($rest)*)? }
+    };
+}
+pub(crate) use from_row;
 
 /// The columns of a row, in order.
 pub(crate) trait Columns: Sized {

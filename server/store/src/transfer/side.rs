@@ -104,7 +104,7 @@ pub(super) async fn mark(to: &mut Connection, source: &str, tables: &[Table]) ->
         }
     }
     let triggers = to_json("unfinished_transfer.triggers", &triggers)?;
-    let insert = query("insert into unfinished_transfer values ($1, $2)").bind(source).bind(triggers);
+    let insert = query("insert into unfinished_transfer values ($1, $2)").bind((source, triggers));
     insert.execute(&mut *to).await?;
     run_all("commit", to).await?;
     Ok(())
@@ -144,7 +144,7 @@ pub(super) async fn last_number(connection: &mut Connection, table: &str, column
     // Kernels are never deleted, and numbers that PostgreSQL has left out may be given again in SQLite.
     let given: i64 = match table {
         "kernel" => 0,
-        _ => scalar(given).bind(table).bind(column).fetch_one(&mut *connection).await?,
+        _ => scalar(given).bind((table, column)).fetch_one(&mut *connection).await?,
     };
     let stored = Builder::new(format!("select coalesce(max({column}), 0) from {table}")).build();
     let stored: i64 = stored.fetch_one(connection).await?.try_get(0)?;
@@ -160,14 +160,14 @@ pub(super) async fn set_last_number(
 ) -> Result<(), TransferError> {
     if connection.is_postgres() {
         let set = "select setval(pg_get_serial_sequence($1, $2), max($3, 1), $3 > 0)";
-        scalar::<i64>(set).bind(table).bind(column).bind(last).fetch_one(connection).await?;
+        scalar::<i64>(set).bind((table, column, last)).fetch_one(connection).await?;
         return Ok(());
     }
     // Only tables that never give a number again are listed there.
     let counts = "select exists (select 1 from sqlite_master where name = $1 and sql like '%autoincrement%')";
     if last > 0 && scalar(counts).bind(table).fetch_one(&mut *connection).await? {
         query("delete from sqlite_sequence where name = $1").bind(table).execute(&mut *connection).await?;
-        let set = query("insert into sqlite_sequence (name, seq) values ($1, $2)").bind(table).bind(last);
+        let set = query("insert into sqlite_sequence (name, seq) values ($1, $2)").bind((table, last));
         set.execute(connection).await?;
     }
     Ok(())

@@ -145,11 +145,7 @@ impl Table {
         let rows = query("select id, active_version from kernel order by id").fetch_all(from).await?;
         for row in rows {
             let (id, version): (i64, Option<i64>) = (row.try_get(0)?, row.try_get(1)?);
-            query("update kernel set active_version = $2 where id = $1")
-                .bind(id)
-                .bind(version)
-                .execute(&mut *to)
-                .await?;
+            query("update kernel set active_version = $2 where id = $1").bind((id, version)).execute(&mut *to).await?;
         }
         Ok(())
     }

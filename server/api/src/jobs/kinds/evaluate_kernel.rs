@@ -9,7 +9,7 @@ use crate::optics::to_wire::{region_message, validity_report};
 use lightpath_domain::job::{EvaluateKernel, EvaluateResult, Job};
 use lightpath_proto::v1;
 use lightpath_service::propagation::check_distance;
-use lightpath_service::{Call, Field, ServiceError};
+use lightpath_service::{Call, Field, Result};
 
 /// Checks a request, looks up the named resources, fills in defaults, and converts the request. `before` is the job
 /// of an earlier submission of the same request.
@@ -19,7 +19,7 @@ pub(super) async fn from_wire(
     message: v1::EvaluateKernel,
     field: &Field,
     before: Option<&Job>,
-) -> Result<EvaluateKernel, ServiceError> {
+) -> Result<EvaluateKernel> {
     let at = |name| field.at(name);
     let id = names::dataset_id(&at("dataset"), &message.dataset)?;
     let (dataset, display) = api.service.datasets.finalized(call, &at("dataset"), &id).await?;

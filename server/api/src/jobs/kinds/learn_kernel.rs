@@ -11,7 +11,7 @@ use lightpath_domain::job::{LearnKernel, LearnResult, LearnedKernel};
 use lightpath_optics::learning::{Measure, PartStrength};
 use lightpath_optics::{Detector, KernelModel};
 use lightpath_proto::v1;
-use lightpath_service::{Call, Field, ServiceError, check_all};
+use lightpath_service::{Call, Field, Result, check_all};
 
 /// Limit on the epochs: thirty times as many as the paper uses.
 const EPOCHS_MAX: u32 = 1000;
@@ -20,12 +20,7 @@ const REFINEMENT_EVALUATIONS_MAX: u32 = 10_000;
 const DEGREE_MAX: u32 = 12;
 
 /// Checks a request, looks up the named resources, fills in defaults, and converts the request.
-pub(super) async fn from_wire(
-    api: &Api,
-    call: &Call,
-    message: v1::LearnKernel,
-    field: &Field,
-) -> Result<LearnKernel, ServiceError> {
+pub(super) async fn from_wire(api: &Api, call: &Call, message: v1::LearnKernel, field: &Field) -> Result<LearnKernel> {
     let at = |name| field.at(name);
     let model = at("model").enum_value::<KernelModel>(message.model).map(Option::unwrap_or_default);
     // If the model is wrong, the other fields are checked for the default one.
@@ -76,7 +71,7 @@ pub(super) async fn from_wire(
 }
 
 /// Checks the number of refining evaluations, which only smooth models have.
-fn refinement(field: &Field, given: Option<u32>, is_smooth: bool) -> Result<Option<u32>, ServiceError> {
+fn refinement(field: &Field, given: Option<u32>, is_smooth: bool) -> Result<Option<u32>> {
     if !is_smooth && given.is_some_and(|evaluations| evaluations > 0) {
         return Err(field.invalid("is given, but only smooth, display and varying models are refined"));
     }
@@ -84,7 +79,7 @@ fn refinement(field: &Field, given: Option<u32>, is_smooth: bool) -> Result<Opti
 }
 
 /// Checks what the camera's pixels measure.
-fn detector(field: &Field, number: i32) -> Result<Detector, ServiceError> {
+fn detector(field: &Field, number: i32) -> Result<Detector> {
     match field.enum_value::<Detector>(number)?.unwrap_or_default() {
         Detector::Supersampled => {
             Err(field.invalid("is supersampled, but must be point or pixel, which a camera measures"))

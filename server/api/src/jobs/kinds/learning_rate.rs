@@ -4,7 +4,7 @@
 const LEARNING_RATE_MAX: f64 = 10.0;
 
 /// Checks a learning rate, which must be above 0. `None`: the value is 0, which stands for the default.
-pub(super) fn learning_rate(field: &Field, value: f64) -> Result<Option<f64>, ServiceError> {
+pub(super) fn learning_rate(field: &Field, value: f64) -> Result<Option<f64>> {
     if value == 0.0 {
         return Ok(None);
     }
@@ -13,4 +13,4 @@ pub(super) fn learning_rate(field: &Field, value: f64) -> Result<Option<f64>, Se
     }
     Err(field.invalid(format!("is {value}, but must be above 0 and at most {LEARNING_RATE_MAX}, or 0 for the default")))
 }
-use lightpath_service::{Field, ServiceError};
+use lightpath_service::{Field, Result};

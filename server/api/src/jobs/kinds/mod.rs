@@ -13,7 +13,7 @@ mod verify_hologram;
 use crate::api::Api;
 use lightpath_domain::job::{Job, JobResult, JobSpec};
 use lightpath_proto::v1::{self, job_result, job_spec};
-use lightpath_service::{Call, Field, ServiceError};
+use lightpath_service::{Call, Field, Result};
 
 /// Checks what a job shall do, looks up the named resources, and fills in defaults. Returns also the largest memory for
 /// decoding one of its pictures \[bytes\]. `before` is the job of an earlier submission of the same request.
@@ -22,7 +22,7 @@ pub(super) async fn from_wire(
     call: &Call,
     kind: Option<job_spec::Kind>,
     before: Option<&Job>,
-) -> Result<(JobSpec, u64), ServiceError> {
+) -> Result<(JobSpec, u64)> {
     let field = Field::new("spec");
     let at = |name| field.at(name);
     let spec = match field.required(kind)? {

@@ -10,7 +10,7 @@ use lightpath_media::pictures;
 use lightpath_proto::v1;
 use lightpath_proto::v1::prepare_dataset::align::Source;
 use lightpath_proto::v1::prepare_dataset::{Align, Finalize, Step};
-use lightpath_service::{Call, Field, ServiceError};
+use lightpath_service::{Call, Field, Result};
 
 /// Limit on the fraction of the pairs that are held out: some pairs must remain for learning.
 const HELD_OUT_FRACTION_MAX: f64 = 0.8;
@@ -29,7 +29,7 @@ pub(super) async fn from_wire(
     message: v1::PrepareDataset,
     field: &Field,
     before: Option<&Job>,
-) -> Result<(PrepareDataset, u64), ServiceError> {
+) -> Result<(PrepareDataset, u64)> {
     let dataset_field = field.at("dataset");
     let id = names::dataset_id(&dataset_field, &message.dataset)?;
     let dataset = api.service.datasets.named(call, &dataset_field, &id).await?;
@@ -40,7 +40,7 @@ pub(super) async fn from_wire(
     api.service.jobs.complete_preparation(call, field, (dataset, step), before).await
 }
 
-async fn align_by(api: &Api, call: &Call, align: Align, field: &Field) -> Result<AlignBy, ServiceError> {
+async fn align_by(api: &Api, call: &Call, align: Align, field: &Field) -> Result<AlignBy> {
     match field.at("source").required(align.source)? {
         Source::Points(points) => align_by_points(&points, &field.at("points")),
         Source::DotsPhoto(digest) => {
@@ -56,7 +56,7 @@ async fn align_by(api: &Api, call: &Call, align: Align, field: &Field) -> Result
     }
 }
 
-fn align_by_points(points: &v1::AlignmentPoints, field: &Field) -> Result<AlignBy, ServiceError> {
+fn align_by_points(points: &v1::AlignmentPoints, field: &Field) -> Result<AlignBy> {
     let side = 1..=pictures::SIDE_PX_MAX;
     let photo_width_px = field.at("photo_width_px").integer(points.photo_width_px, side.clone())?;
     let photo_height_px = field.at("photo_height_px").integer(points.photo_height_px, side)?;
@@ -74,7 +74,7 @@ fn align_by_points(points: &v1::AlignmentPoints, field: &Field) -> Result<AlignB
     Ok(AlignBy::Points { photo_width_px, photo_height_px, points })
 }
 
-fn finalization(finalize: &Finalize, field: &Field) -> Result<Finalization, ServiceError> {
+fn finalization(finalize: &Finalize, field: &Field) -> Result<Finalization> {
     let allowed = 0.0..=HELD_OUT_FRACTION_MAX;
     let validation_field = field.at("validation_fraction");
     let test_fraction =

@@ -5,7 +5,7 @@ use crate::names;
 use lightpath_domain::job::{ReportKernel, ReportResult};
 use lightpath_domain::kernel::KernelVersion;
 use lightpath_proto::v1;
-use lightpath_service::{Call, Field, ServiceError};
+use lightpath_service::{Call, Field, Result};
 
 /// Checks a request and converts it. Refuses a version that does not exist.
 pub(super) async fn from_wire(
@@ -13,7 +13,7 @@ pub(super) async fn from_wire(
     call: &Call,
     message: v1::ReportKernel,
     field: &Field,
-) -> Result<ReportKernel, ServiceError> {
+) -> Result<ReportKernel> {
     let field = field.at("kernel_version");
     let (key, version) = names::kernel_version(call, &field, &message.kernel_version)?;
     let KernelVersion { key, version, .. } = api.service.kernels.existing_version(&field, &key, version).await?;

@@ -4,7 +4,7 @@ use crate::api::Api;
 use crate::optics::to_wire::validity_report;
 use lightpath_domain::job::{CaptureResult, SimulateCapture};
 use lightpath_proto::v1;
-use lightpath_service::{Call, Field, ServiceError};
+use lightpath_service::{Call, Field, Result};
 
 /// Limit on the time since the bench was set up \[s\]: ten years.
 const ELAPSED_S_MAX: f64 = 10.0 * 365.25 * 86_400.0;
@@ -15,7 +15,7 @@ pub(super) async fn from_wire(
     call: &Call,
     message: v1::SimulateCapture,
     field: &Field,
-) -> Result<SimulateCapture, ServiceError> {
+) -> Result<SimulateCapture> {
     let at = |name| field.at(name);
     let display = api.display_named(call, &at("display"), &message.display).await?;
     api.service.jobs.require_simulated(&at("display"), &display)?;

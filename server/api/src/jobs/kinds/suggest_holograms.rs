@@ -5,7 +5,7 @@ use crate::names;
 use lightpath_domain::job::kinds::suggest_holograms::{SUGGESTIONS_DEFAULT, SUGGESTIONS_MAX};
 use lightpath_domain::job::{SuggestHolograms, SuggestResult, SuggestedHologram};
 use lightpath_proto::v1::{self, suggest_result};
-use lightpath_service::{Call, Field, ServiceError};
+use lightpath_service::{Call, Field, Result};
 
 /// Checks a request and converts it. Refuses a version that does not exist, or that has no model of the modulator
 /// or no dataset.
@@ -14,7 +14,7 @@ pub(super) async fn from_wire(
     call: &Call,
     message: v1::SuggestHolograms,
     field: &Field,
-) -> Result<SuggestHolograms, ServiceError> {
+) -> Result<SuggestHolograms> {
     let of_version = field.at("kernel_version");
     let (key, version) = names::kernel_version(call, &of_version, &message.kernel_version)?;
     let found = api.service.jobs.suggestible_version(&of_version, &key, version).await?;

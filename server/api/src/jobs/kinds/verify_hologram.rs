@@ -5,7 +5,7 @@ use crate::names;
 use crate::optics::to_wire::second_opinion;
 use lightpath_domain::job::{PlaneOpinion, VerifyHologram, VerifyResult};
 use lightpath_proto::v1::{self, verify_result};
-use lightpath_service::{Call, Field, ServiceError};
+use lightpath_service::{Call, Field, Result};
 
 /// Checks a request and converts it. Refuses a job that has no holograms.
 pub(super) async fn from_wire(
@@ -13,7 +13,7 @@ pub(super) async fn from_wire(
     call: &Call,
     message: v1::VerifyHologram,
     field: &Field,
-) -> Result<VerifyHologram, ServiceError> {
+) -> Result<VerifyHologram> {
     let field = field.at("job");
     api.service.jobs.verification_of(call, &field, &names::job_id(&field, &message.job)?).await
 }

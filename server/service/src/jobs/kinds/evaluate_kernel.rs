@@ -1,7 +1,7 @@
 //! Evaluation jobs: how well a kernel predicts a dataset.
 
 use super::Kind;
-use crate::error::ServiceError;
+use crate::error::Result;
 use crate::field::Field;
 use crate::jobs::Jobs;
 use lightpath_domain::job::estimate::{Need, PairsSize};
@@ -13,7 +13,7 @@ use lightpath_optics::Detector;
 impl Kind for EvaluateKernel {
     const ADVICE: &'static str = "use fewer pairs, smaller photographs, or a smaller display";
 
-    async fn need(&self, jobs: &Jobs, _: u64) -> Result<Need, ServiceError> {
+    async fn need(&self, jobs: &Jobs, _: u64) -> Result<Need> {
         let (display, _) = jobs.store.display(&self.display).await?;
         let dataset = jobs.store.dataset(&self.dataset).await?;
         // The detector is the one with which the kernel was learned. None that a camera measures with is larger.
@@ -31,7 +31,7 @@ impl Jobs {
         kernel: &str,
         key: &KernelKey,
         before: Option<&Job>,
-    ) -> Result<Option<u32>, ServiceError> {
+    ) -> Result<Option<u32>> {
         match before.map(|job| &job.spec) {
             // A repeated request has the same version as the first time, even if `active` has moved.
             Some(JobSpec::EvaluateKernel(job)) if ["", "active"].contains(&kernel) => Ok(job.kernel_version),

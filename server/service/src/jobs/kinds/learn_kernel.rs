@@ -2,7 +2,7 @@
 
 use super::Kind;
 use crate::call::Call;
-use crate::error::ServiceError;
+use crate::error::Result;
 use crate::field::Field;
 use crate::jobs::Jobs;
 use crate::propagation::check_distance;
@@ -24,7 +24,7 @@ impl Kind for LearnKernel {
     const ADVICE: &'static str =
         "use a smooth or display model, a lower degree, fewer datasets, epochs or pairs, or a smaller display";
 
-    async fn need(&self, jobs: &Jobs, _: u64) -> Result<Need, ServiceError> {
+    async fn need(&self, jobs: &Jobs, _: u64) -> Result<Need> {
         let (display, _) = jobs.store.display(&self.display).await?;
         let (mut pairs, mut engine) = (Vec::with_capacity(self.datasets.len()), None);
         for id in &self.datasets {
@@ -52,9 +52,9 @@ impl Jobs {
         &self,
         call: &Call,
         field: &Field,
-        ids: Vec<Result<String, ServiceError>>,
+        ids: Vec<Result<String>>,
         model: KernelModel,
-    ) -> Result<(Vec<Dataset>, Display), ServiceError> {
+    ) -> Result<(Vec<Dataset>, Display)> {
         if ids.len() > 1 && !matches!(model, KernelModel::Smooth | KernelModel::Display) {
             return Err(
                 field.invalid("has several entries, but only smooth and display models are learned from several")
@@ -92,7 +92,7 @@ impl Jobs {
     }
 
     /// Refuses a model that cannot describe the display.
-    pub fn require_learnable(&self, field: &Field, model: KernelModel, display: &Display) -> Result<(), ServiceError> {
+    pub fn require_learnable(&self, field: &Field, model: KernelModel, display: &Display) -> Result<()> {
         if model.is_smooth() || !display.orders.are_all() {
             return Ok(());
         }
@@ -109,7 +109,7 @@ impl Jobs {
         version: u32,
         is_smooth: bool,
         key: &KernelKey,
-    ) -> Result<Option<u32>, ServiceError> {
+    ) -> Result<Option<u32>> {
         if version == 0 {
             return Ok(None);
         }

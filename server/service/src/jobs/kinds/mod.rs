@@ -11,7 +11,7 @@ mod suggest_holograms;
 mod verify_hologram;
 
 use super::Jobs;
-use crate::error::ServiceError;
+use crate::error::Result;
 use lightpath_domain::job::JobSpec;
 use lightpath_domain::job::estimate::Need;
 
@@ -21,7 +21,7 @@ trait Kind {
     const ADVICE: &'static str;
 
     /// Memory and work of the job. `decoding_bytes` is the largest memory for decoding one of its pictures.
-    async fn need(&self, jobs: &Jobs, decoding_bytes: u64) -> Result<Need, ServiceError>;
+    async fn need(&self, jobs: &Jobs, decoding_bytes: u64) -> Result<Need>;
 
     fn advice(&self) -> &'static str {
         Self::ADVICE
@@ -45,7 +45,7 @@ macro_rules! of_kind {
 }
 
 /// Memory and work of a job.
-pub(super) async fn need(jobs: &Jobs, spec: &JobSpec, decoding_bytes: u64) -> Result<Need, ServiceError> {
+pub(super) async fn need(jobs: &Jobs, spec: &JobSpec, decoding_bytes: u64) -> Result<Need> {
     of_kind!(spec, request => request.need(jobs, decoding_bytes).await)
 }
 

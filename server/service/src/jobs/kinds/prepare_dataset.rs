@@ -2,7 +2,7 @@
 
 use super::Kind;
 use crate::call::Call;
-use crate::error::ServiceError;
+use crate::error::{Result, ServiceError};
 use crate::field::Field;
 use crate::jobs::Jobs;
 use lightpath_domain::dataset::{Dataset, Finalization};
@@ -16,7 +16,7 @@ use lightpath_optics::Detector;
 impl Kind for PrepareDataset {
     const ADVICE: &'static str = "use fewer pairs, smaller photographs, or a smaller display";
 
-    async fn need(&self, jobs: &Jobs, dots_bytes: u64) -> Result<Need, ServiceError> {
+    async fn need(&self, jobs: &Jobs, dots_bytes: u64) -> Result<Need> {
         let (display, _) = jobs.store.display(&self.display).await?;
         let dataset = jobs.store.dataset(&self.dataset).await?;
         let engine = jobs.ideal_engine(&display, &dataset.kernel_key(), Detector::Pixel, None, false)?;
@@ -35,7 +35,7 @@ impl Jobs {
         field: &Field,
         (dataset, step): (Dataset, PrepareStep),
         before: Option<&Job>,
-    ) -> Result<(PrepareDataset, u64), ServiceError> {
+    ) -> Result<(PrepareDataset, u64)> {
         // A repeated request returns its job, even if the job has changed the dataset since.
         if before.is_none() {
             require_preparable(&field.at("dataset"), &dataset, &step)?;
@@ -49,7 +49,7 @@ impl Jobs {
 }
 
 /// Refuses a dataset that is finalized (unless in the same way), and one without pairs if the step needs pairs.
-fn require_preparable(field: &Field, dataset: &Dataset, step: &PrepareStep) -> Result<(), ServiceError> {
+fn require_preparable(field: &Field, dataset: &Dataset, step: &PrepareStep) -> Result<()> {
     let id = &dataset.id;
     let (reason, problem) = match (&dataset.finalization, step) {
         (Some(before), PrepareStep::Finalize(wanted)) if before == wanted => return Ok(()),

@@ -1,7 +1,7 @@
 //! Report jobs: the report of a kernel version.
 
 use super::Kind;
-use crate::error::ServiceError;
+use crate::error::Result;
 use crate::jobs::Jobs;
 use crate::jobs::estimate::learned_region_px;
 use lightpath_domain::job::estimate::Need;
@@ -12,7 +12,7 @@ use lightpath_optics::Detector;
 impl Kind for ReportKernel {
     const ADVICE: &'static str = "use a smaller display";
 
-    async fn need(&self, jobs: &Jobs, _: u64) -> Result<Need, ServiceError> {
+    async fn need(&self, jobs: &Jobs, _: u64) -> Result<Need> {
         let (display, _) = jobs.store.display(&self.kernel.display).await?;
         let version = jobs.store.kernel_version(&self.kernel, self.version).await?;
         let kernel = jobs.kernel_size(&display, &self.kernel, Some(self.version), Detector::Pixel, None).await?;

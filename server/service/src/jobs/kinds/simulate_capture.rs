@@ -2,7 +2,7 @@
 
 use super::Kind;
 use crate::call::Call;
-use crate::error::ServiceError;
+use crate::error::{Result, ServiceError};
 use crate::field::Field;
 use crate::jobs::Jobs;
 use crate::propagation::check_distance;
@@ -18,7 +18,7 @@ use lightpath_optics::Detector;
 impl Kind for SimulateCapture {
     const ADVICE: &'static str = "use a smaller display";
 
-    async fn need(&self, jobs: &Jobs, _: u64) -> Result<Need, ServiceError> {
+    async fn need(&self, jobs: &Jobs, _: u64) -> Result<Need> {
         let (display, _) = jobs.store.display(&self.display).await?;
         let key = KernelKey { display: self.display.clone(), wavelength: self.wavelength, distance: self.distance };
         let engine = jobs.ideal_engine(&display, &key, Detector::Pixel, None, false)?;
@@ -30,7 +30,7 @@ impl Kind for SimulateCapture {
 
 impl Jobs {
     /// Refuses a display without a simulated bench.
-    pub fn require_simulated(&self, field: &Field, display: &Display) -> Result<(), ServiceError> {
+    pub fn require_simulated(&self, field: &Field, display: &Display) -> Result<()> {
         if display.simulated_bench.is_some() {
             return Ok(());
         }
@@ -47,7 +47,7 @@ impl Jobs {
         field: &Field,
         spec: &SimulateCapture,
         display: &Display,
-    ) -> Result<(), ServiceError> {
+    ) -> Result<()> {
         check_distance(&field.at("distance_m"), display, spec.wavelength, spec.distance)?;
         let (height_px, width_px) = (display.height_px as usize, display.width_px as usize);
         let bit_depth = display.bit_depth;

@@ -1,7 +1,7 @@
 //! Jobs that suggest holograms to photograph.
 
 use super::Kind;
-use crate::error::ServiceError;
+use crate::error::{Result, ServiceError};
 use crate::field::Field;
 use crate::jobs::Jobs;
 use crate::jobs::estimate::learned_region_px;
@@ -16,7 +16,7 @@ use lightpath_optics::learning::KernelModel;
 impl Kind for SuggestHolograms {
     const ADVICE: &'static str = "ask for fewer holograms, or use a smaller display";
 
-    async fn need(&self, jobs: &Jobs, _: u64) -> Result<Need, ServiceError> {
+    async fn need(&self, jobs: &Jobs, _: u64) -> Result<Need> {
         let (display, _) = jobs.store.display(&self.kernel.display).await?;
         let version = jobs.store.kernel_version(&self.kernel, self.version).await?;
         let kernel = jobs.kernel_size(&display, &self.kernel, Some(self.version), Detector::Pixel, None).await?;
@@ -37,12 +37,7 @@ impl Kind for SuggestHolograms {
 
 impl Jobs {
     /// The version that a field names. Refuses one that has no model of the modulator or no dataset.
-    pub async fn suggestible_version(
-        &self,
-        field: &Field,
-        key: &KernelKey,
-        version: u32,
-    ) -> Result<KernelVersion, ServiceError> {
+    pub async fn suggestible_version(&self, field: &Field, key: &KernelKey, version: u32) -> Result<KernelVersion> {
         let found = self.kernels.existing_version(field, key, version).await?;
         let name = format!("{}/versions/{}", found.key, found.version);
         if !matches!(found.content.model, KernelModel::Display | KernelModel::Varying) {

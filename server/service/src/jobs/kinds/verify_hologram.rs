@@ -3,7 +3,7 @@
 use super::Kind;
 use super::optimize_hologram::kernels_of;
 use crate::call::Call;
-use crate::error::ServiceError;
+use crate::error::Result;
 use crate::field::Field;
 use crate::jobs::Jobs;
 use lightpath_domain::job::estimate::Need;
@@ -14,7 +14,7 @@ use lightpath_store::StoreError;
 impl Kind for VerifyHologram {
     const ADVICE: &'static str = "verify holograms with fewer frames or planes, or of a smaller display";
 
-    async fn need(&self, jobs: &Jobs, _: u64) -> Result<Need, ServiceError> {
+    async fn need(&self, jobs: &Jobs, _: u64) -> Result<Need> {
         let JobSpec::OptimizeHologram(verified) = jobs.store.job(&self.job).await?.spec else {
             return Err(StoreError::NotFound { resource: format!("jobs/{}", self.job) }.into());
         };
@@ -24,7 +24,7 @@ impl Kind for VerifyHologram {
 
 impl Jobs {
     /// The request to verify the holograms of a job. Refuses a job that has none.
-    pub async fn verification_of(&self, call: &Call, field: &Field, id: &str) -> Result<VerifyHologram, ServiceError> {
+    pub async fn verification_of(&self, call: &Call, field: &Field, id: &str) -> Result<VerifyHologram> {
         let job = self.visible(call, id).await?;
         match job.result {
             Some(JobResult::Hologram(_)) => Ok(VerifyHologram { job: job.id, display: job.spec.display().to_owned() }),

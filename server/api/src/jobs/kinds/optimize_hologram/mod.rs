@@ -21,7 +21,7 @@ use lightpath_proto::v1::{
         initial_phase::{Constant, Given, Kind, Lens, Random},
     },
 };
-use lightpath_service::{Call, Field, ServiceError, check_all};
+use lightpath_service::{Call, Field, Result, check_all};
 
 /// Limit on the iterations, fifty times as many as a good hologram needs. It bounds the time that one job uses a
 /// worker.
@@ -38,7 +38,7 @@ struct Shown {
 }
 
 impl Shown {
-    fn on(display: Display, field: &Field, message: &v1::OptimizeHologram) -> Result<Self, ServiceError> {
+    fn on(display: Display, field: &Field, message: &v1::OptimizeHologram) -> Result<Self> {
         check_all! {
             wavelengths = planes::wavelengths(field, message, &display);
             region_of_interest = region(&field.at("region_of_interest"), message.region_of_interest, &display);
@@ -56,7 +56,7 @@ pub(super) async fn from_wire(
     message: v1::OptimizeHologram,
     field: &Field,
     before: Option<&Job>,
-) -> Result<(OptimizeHologram, u64), ServiceError> {
+) -> Result<(OptimizeHologram, u64)> {
     let at = |name| field.at(name);
     let display = api.display_named(call, &at("display"), &message.display).await;
     let shown = display.and_then(|display| Shown::on(display, field, &message));

@@ -4,7 +4,7 @@ use lightpath_domain::display::Display;
 use lightpath_domain::job::ImagePlane;
 use lightpath_domain::units::Wavelength;
 use lightpath_proto::v1::{self, optimize_hologram};
-use lightpath_service::{Field, ServiceError, check_all, collect_all};
+use lightpath_service::{Field, Result, check_all, collect_all};
 
 /// Limit on the planes: the light of one hologram does not suffice for more.
 const PLANES_MAX: usize = 16;
@@ -13,11 +13,7 @@ const WAVELENGTHS_MAX: usize = 8;
 const PLANE_WEIGHT_MAX: f64 = 1000.0;
 
 /// Checks the wavelengths, no two equal. An empty list stands for the only wavelength of the display.
-pub(super) fn wavelengths(
-    field: &Field,
-    message: &v1::OptimizeHologram,
-    display: &Display,
-) -> Result<Vec<Wavelength>, ServiceError> {
+pub(super) fn wavelengths(field: &Field, message: &v1::OptimizeHologram, display: &Display) -> Result<Vec<Wavelength>> {
     let list = field.at("wavelengths_m");
     if message.wavelengths_m.is_empty() {
         return Ok(vec![list.wavelength_of(0.0, display)?]);
@@ -39,7 +35,7 @@ pub(super) fn wavelengths(
 }
 
 /// Checks the planes, no two at the same distance.
-pub(super) fn planes(field: &Field, planes: &[optimize_hologram::ImagePlane]) -> Result<Vec<ImagePlane>, ServiceError> {
+pub(super) fn planes(field: &Field, planes: &[optimize_hologram::ImagePlane]) -> Result<Vec<ImagePlane>> {
     if planes.is_empty() {
         return Err(field.invalid("is empty, but must have a plane with a distance and a target"));
     }
@@ -65,7 +61,7 @@ pub(super) fn planes(field: &Field, planes: &[optimize_hologram::ImagePlane]) ->
 }
 
 /// Checks the digest of the depth map, which needs at least two planes.
-pub(super) fn depth_map(field: &Field, digest: &str, planes: usize) -> Result<Option<String>, ServiceError> {
+pub(super) fn depth_map(field: &Field, digest: &str, planes: usize) -> Result<Option<String>> {
     match (optional_digest(field, digest)?, planes) {
         (Some(_), 1) => Err(field.invalid("is given, but there is one plane; a depth map needs at least two")),
         (map, _) => Ok(map),
@@ -73,12 +69,12 @@ pub(super) fn depth_map(field: &Field, digest: &str, planes: usize) -> Result<Op
 }
 
 /// Checks the digest of an optional picture; `None` if it is empty.
-pub(super) fn optional_digest(field: &Field, digest: &str) -> Result<Option<String>, ServiceError> {
+pub(super) fn optional_digest(field: &Field, digest: &str) -> Result<Option<String>> {
     if digest.is_empty() { Ok(None) } else { field.digest(digest).map(Some) }
 }
 
 /// Refuses a list with too many entries.
-fn at_most(list: &Field, count: usize, most: usize) -> Result<(), ServiceError> {
+fn at_most(list: &Field, count: usize, most: usize) -> Result<()> {
     if count <= most {
         return Ok(());
     }

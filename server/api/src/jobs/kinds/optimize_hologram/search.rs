@@ -12,7 +12,7 @@ use lightpath_proto::v1::{
         initial_phase::{Kind, Random},
     },
 };
-use lightpath_service::{Field, ServiceError, check_all, collect_all};
+use lightpath_service::{Field, Result, check_all, collect_all};
 use std::f64::consts::TAU;
 
 /// Adam's learning rate by default \[rad\]: that of the paper.
@@ -22,7 +22,7 @@ const SPECKLE_BLOCK_PX_MAX: u32 = 256;
 const SPECKLE_BLOCK_PX_DEFAULT: u32 = 8;
 
 /// Checks the method and its learning rate, which only Adam has.
-pub(super) fn method(field: &Field, message: &v1::OptimizeHologram) -> Result<HologramMethod, ServiceError> {
+pub(super) fn method(field: &Field, message: &v1::OptimizeHologram) -> Result<HologramMethod> {
     let rate = field.at("learning_rate");
     let field = field.at("method");
     check_all! {
@@ -44,7 +44,7 @@ pub(super) fn method(field: &Field, message: &v1::OptimizeHologram) -> Result<Ho
     }
 }
 
-fn phase_range(field: &Field, value: f64) -> Result<f64, ServiceError> {
+fn phase_range(field: &Field, value: f64) -> Result<f64> {
     /// Values above 2π by up to this difference are accepted as rounded values of 2π.
     const ROUNDING: f64 = 1e-6;
     if (0.0..=TAU + ROUNDING).contains(&value) {
@@ -67,7 +67,7 @@ pub(super) fn initial_phase(
     field: &Field,
     given: Option<optimize_hologram::InitialPhase>,
     defaults: PhaseDefaults,
-) -> Result<InitialPhase<Vec<String>>, ServiceError> {
+) -> Result<InitialPhase<Vec<String>>> {
     let range = |kind: &str, random: Random, default_rad: f64| {
         phase_range(&field.at(kind).at("range_rad"), random.range_rad.unwrap_or(default_rad))
     };
@@ -105,7 +105,7 @@ pub(super) fn loss(
     field: &Field,
     given: Option<optimize_hologram::Loss>,
     region: Option<RegionOfInterest>,
-) -> Result<Loss, ServiceError> {
+) -> Result<Loss> {
     let given = given.unwrap_or_default();
     let block = field.at("speckle_block_px");
     let fits = |side: u32| region.is_none_or(|region| side as usize <= region.width_px().min(region.height_px()));

@@ -1,6 +1,6 @@
 //! Checks of fields that are valid separately, but may contradict each other.
 
-use crate::error::ServiceError;
+use crate::error::Result;
 use crate::field::Field;
 use crate::propagation::{check_distance, check_method};
 use crate::wrong_fields::collect_all;
@@ -14,7 +14,7 @@ const FRAME_PIXELS_MAX: u64 = 100_000_000;
 const PLANE_PIXELS_MAX: u64 = 100_000_000;
 
 /// Refuses a distance or method that gives no correct image for one of the wavelengths.
-pub(super) fn propagation(field: &Field, spec: &OptimizeHologram, display: &Display) -> Result<(), ServiceError> {
+pub(super) fn propagation(field: &Field, spec: &OptimizeHologram, display: &Display) -> Result<()> {
     let mut checks = Vec::new();
     for (&wavelength, versions) in spec.wavelengths.iter().zip(&spec.kernel_versions) {
         for (p, (plane, &version)) in spec.planes.iter().zip(versions).enumerate() {
@@ -37,7 +37,7 @@ pub(super) fn propagation(field: &Field, spec: &OptimizeHologram, display: &Disp
 }
 
 /// Refuses fields that a method without a gradient ignores.
-pub(super) fn method(field: &Field, spec: &OptimizeHologram) -> Result<(), ServiceError> {
+pub(super) fn method(field: &Field, spec: &OptimizeHologram) -> Result<()> {
     if spec.method.follows_gradient() {
         return Ok(());
     }
@@ -52,7 +52,7 @@ pub(super) fn method(field: &Field, spec: &OptimizeHologram) -> Result<(), Servi
 }
 
 /// Refuses frames or planes that do not fit into memory.
-pub(super) fn size(field: &Field, spec: &OptimizeHologram, display: &Display) -> Result<(), ServiceError> {
+pub(super) fn size(field: &Field, spec: &OptimizeHologram, display: &Display) -> Result<()> {
     let pixels = u64::from(display.width_px) * u64::from(display.height_px);
     let planes = spec.planes.len() as u64;
     for (name, count, most) in

@@ -5,7 +5,7 @@ mod pictures;
 
 use super::Kind;
 use crate::call::Call;
-use crate::error::ServiceError;
+use crate::error::Result;
 use crate::field::{Field, shortened};
 use crate::jobs::Jobs;
 use crate::wrong_fields::collect_all;
@@ -19,7 +19,7 @@ use pictures::PictureChecks;
 impl Kind for OptimizeHologram {
     const ADVICE: &'static str = "use fewer frames, planes or iterations, a smaller display, or the method adam, which needs half the memory of lbfgs";
 
-    async fn need(&self, jobs: &Jobs, decoding_bytes: u64) -> Result<Need, ServiceError> {
+    async fn need(&self, jobs: &Jobs, decoding_bytes: u64) -> Result<Need> {
         let kernels = kernels_of(jobs, self).await?;
         let cache_bytes_max = jobs.limits.cache_bytes;
         Ok(optimize_hologram::need(self, &HologramInputs { cache_bytes_max, kernels, decoding_bytes }))
@@ -27,7 +27,7 @@ impl Kind for OptimizeHologram {
 }
 
 /// Kernels of a hologram job: for each wavelength one for each plane.
-pub(super) async fn kernels_of(jobs: &Jobs, spec: &OptimizeHologram) -> Result<Vec<Vec<KernelSize>>, ServiceError> {
+pub(super) async fn kernels_of(jobs: &Jobs, spec: &OptimizeHologram) -> Result<Vec<Vec<KernelSize>>> {
     let (display, _) = jobs.store.display(&spec.display).await?;
     let mut kernels = Vec::with_capacity(spec.wavelengths.len());
     for (&wavelength, versions) in spec.wavelengths.iter().zip(&spec.kernel_versions) {
@@ -52,7 +52,7 @@ impl Jobs {
         (mut spec, display): (OptimizeHologram, &Display),
         kernel: &str,
         before: Option<&Job>,
-    ) -> Result<(OptimizeHologram, u64), ServiceError> {
+    ) -> Result<(OptimizeHologram, u64)> {
         collect_all([checks::method(field, &spec), checks::size(field, &spec, display)])?;
         spec.kernel_versions = self.chosen_kernels(&field.at("kernel"), kernel, &spec, before).await?;
         checks::propagation(field, &spec, display)?;
@@ -67,7 +67,7 @@ impl Jobs {
         kernel: &str,
         spec: &OptimizeHologram,
         before: Option<&Job>,
-    ) -> Result<Vec<Vec<Option<u32>>>, ServiceError> {
+    ) -> Result<Vec<Vec<Option<u32>>>> {
         let several = spec.wavelengths.len() * spec.planes.len() > 1;
         if several && !["", "active", "ideal"].contains(&kernel) {
             let fix = "must be empty, active or ideal: each of several wavelengths and planes has its own kernel";

@@ -1,7 +1,7 @@
 //! Checks of the pictures in a request for holograms, before the request is answered.
 
 use crate::call::Call;
-use crate::error::ServiceError;
+use crate::error::Result;
 use crate::field::Field;
 use crate::jobs::Jobs;
 use crate::wrong_fields::collect_all;
@@ -23,7 +23,7 @@ pub(super) struct PictureChecks<'a> {
 impl PictureChecks<'_> {
     /// Decodes every picture, so that a wrong picture is refused now. `field` is the path of the request. Returns the
     /// largest memory for decoding one of them \[bytes\].
-    pub(super) async fn check(&self, field: &Field) -> Result<u64, ServiceError> {
+    pub(super) async fn check(&self, field: &Field) -> Result<u64> {
         let mut checks = Vec::new();
         for (p, plane) in self.spec.planes.iter().enumerate() {
             // With a depth map the planes usually have the same target.
@@ -49,13 +49,7 @@ impl PictureChecks<'_> {
 
     /// Refuses a picture that is black everywhere in the region of interest. `dark` describes such a picture in the
     /// error. Returns the memory for decoding it \[bytes\].
-    async fn check_light(
-        &self,
-        field: &Field,
-        digest: &str,
-        encoding: Encoding,
-        dark: &str,
-    ) -> Result<u64, ServiceError> {
+    async fn check_light(&self, field: &Field, digest: &str, encoding: Encoding, dark: &str) -> Result<u64> {
         let (height_px, width_px) = self.size_px();
         let (fit, region) = (self.spec.target_fit, self.spec.region_of_interest);
         let key = format!("{digest} {encoding:?} {fit:?} {width_px}×{height_px} {region:?}");
@@ -78,7 +72,7 @@ impl PictureChecks<'_> {
     }
 
     /// Refuses a depth map that is not a picture. Returns the memory for decoding it \[bytes\].
-    async fn check_depth_map(&self, field: &Field, digest: &str) -> Result<u64, ServiceError> {
+    async fn check_depth_map(&self, field: &Field, digest: &str) -> Result<u64> {
         let ((height_px, width_px), fit) = (self.size_px(), self.spec.target_fit);
         let decode =
             move |bytes: &[u8]| pictures::target_intensity(bytes, Encoding::Linear, fit, height_px, width_px).map(drop);
@@ -87,7 +81,7 @@ impl PictureChecks<'_> {
     }
 
     /// Refuses an initial phase that is not an array of the display's size, with one frame after the other.
-    async fn check_phase(&self, field: &Field, digest: &str) -> Result<(), ServiceError> {
+    async fn check_phase(&self, field: &Field, digest: &str) -> Result<()> {
         let ((height_px, width_px), frames) = (self.size_px(), self.spec.frames as usize);
         let decode = move |bytes: &[u8]| pictures::phase_npy(bytes, frames * height_px, width_px).map(drop);
         let fitted_px = self.px() * u64::from(self.spec.frames);
