@@ -6,7 +6,9 @@ use super::notices;
 use super::sql::{Connection, Pool, query, run_all};
 use super::{Result, Store, StoreError};
 use lightpath_fail_points as fail;
+use std::pin::Pin;
 use std::time::Duration;
+use tokio::sync::oneshot;
 use tokio::time::timeout;
 
 /// In SQLite a transaction that reads first and writes later fails with BUSY however long it waits, unless it begins
@@ -131,15 +133,37 @@ impl<T, W: AsyncFnOnce(&mut Write) -> Result<T> + for<'w> Movable<'w, T> + 'stat
 
 /// An async closure that may move to another thread, with its future. A bound of an `AsyncFnOnce` cannot say this yet.
 pub(super) trait Movable<'w, T>: FnOnce(&'w mut Write) -> Self::Future + Send {
-    type Future: Future<Output = Result<T>> + Send;
+    type Future: Future<Output = Result<T>> + Send + 'w;
 }
 
 impl<'w, T, W, F> Movable<'w, T> for W
 where
     W: FnOnce(&'w mut Write) -> F + Send,
-    F: Future<Output = Result<T>> + Send,
+    F: Future<Output = Result<T>> + Send + 'w,
 {
     type Future = F;
+}
+
+/// The same without its types. So all transactions are one task, which is compiled once and not in each crate that
+/// writes.
+type BoxedWork = Box<dyn for<'w> FnOnce(&'w mut Write) -> BoxedFuture<'w> + Send>;
+type BoxedFuture<'w> = Pin<Box<dyn Future<Output = Result<()>> + Send + 'w>>;
+
+/// Boxes `work`, which then sends its value to the receiver.
+fn boxed<T: Send + 'static>(work: impl Work<T>) -> (BoxedWork, oneshot::Receiver<T>) {
+    // A closure alone is not taken for one that works for every lifetime.
+    fn for_any_lifetime(work: impl for<'w> FnOnce(&'w mut Write) -> BoxedFuture<'w> + Send + 'static) -> BoxedWork {
+        Box::new(work)
+    }
+    let (give, value) = oneshot::channel();
+    let work = for_any_lifetime(|write| {
+        let work = work(write);
+        Box::pin(async {
+            drop(give.send(work.await?));
+            Ok(())
+        })
+    });
+    (work, value)
 }
 
 impl Store {
@@ -155,26 +179,30 @@ impl Store {
     /// Runs `work` in a write transaction, in a task of its own. The transaction happens completely or not at all, even
     /// if the caller drops the future. Writers take turns.
     pub(super) async fn write<T: Send + 'static>(&self, work: impl Work<T>) -> Result<T> {
-        self.run_write(true, work).await
+        let (work, value) = boxed(work);
+        self.run_write(true, work).await?;
+        value.await.map_err(|_| StoreError::Stopping)
     }
 
     /// Does the same for `work` that is one statement about one row. In PostgreSQL it does not wait for its turn: the
     /// lock of the row is enough.
     pub(super) async fn write_row<T: Send + 'static>(&self, work: impl Work<T>) -> Result<T> {
-        self.run_write(false, work).await
+        let (work, value) = boxed(work);
+        self.run_write(false, work).await?;
+        value.await.map_err(|_| StoreError::Stopping)
     }
 
-    async fn run_write<T: Send + 'static>(&self, in_turn: bool, work: impl Work<T>) -> Result<T> {
+    async fn run_write(&self, in_turn: bool, work: BoxedWork) -> Result<()> {
         let store = self.clone();
         let is_postgres = self.inner.writers.is_postgres();
         let work = async move {
             let mut write = Write::begin(&store.inner.writers, in_turn).await?;
             let outcome = match work(&mut write).await {
-                Ok(value) => write.commit(&store.inner.process).await.map(|()| value),
+                Ok(()) => write.commit(&store.inner.process).await,
                 Err(error) => Err(error),
             };
             match &outcome {
-                Ok(_) => store.inner.changes.publish(std::mem::take(&mut write.changes)),
+                Ok(()) => store.inner.changes.publish(std::mem::take(&mut write.changes)),
                 Err(error) => {
                     // The commit may have happened, and only its answer been lost. A needless announcement does no harm.
                     if matches!(error, StoreError::Unreachable(_)) {
@@ -185,12 +213,11 @@ impl Store {
             }
             outcome
         };
-        let task = match is_postgres {
+        let task = async move {
             // A network that swallows everything would keep the connection for a quarter of an hour.
-            true => tokio::spawn(async { timeout(WRITE_MAX, work).await.unwrap_or_else(|_| Err(timed_out())) }),
-            false => tokio::spawn(work),
+            if is_postgres { timeout(WRITE_MAX, work).await.unwrap_or_else(|_| Err(timed_out())) } else { work.await }
         };
-        match task.await {
+        match tokio::spawn(task).await {
             Ok(outcome) => outcome,
             Err(error) => match error.try_into_panic() {
                 Ok(panic) => std::panic::resume_unwind(panic),
