@@ -204,6 +204,11 @@ mod tests {
     }
 
     #[test]
+    fn a_sample_on_the_horizon_is_drawn() {
+        assert!(TestCard::Spheres.render(210, 240, 3).is_ok());
+    }
+
+    #[test]
     fn too_short_side_is_refused() {
         let error = TestCard::Rings.render(31, 64, 1).unwrap_err();
         assert_eq!(error.to_string(), "height_px is 31, but must be at least 32 px for a test card");

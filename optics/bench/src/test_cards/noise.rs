@@ -32,7 +32,8 @@ impl Noise {
         let (x0, y0) = (x.floor(), y.floor());
         let (fx, fy) = (x - x0, y - y0);
         let corner = |dx: i32, dy: i32| {
-            let bits = self.bits(x0 as i32 + dx, y0 as i32 + dy);
+            // A point near a horizon can lie beyond the largest number.
+            let bits = self.bits((x0 as i32).wrapping_add(dx), (y0 as i32).wrapping_add(dy));
             let (gx, gy) = GRADIENTS[(bits >> 61) as usize];
             gx * (fx - dx as f32) + gy * (fy - dy as f32)
         };
