@@ -2,6 +2,7 @@
 
 use super::changes::Change;
 use super::datasets::require_artifact;
+use super::displays::require_display;
 use super::rows::{from_json, from_word, key_of, to_json, to_word};
 use super::sql::{Builder, Connection, Row, from_row, query, scalar};
 use super::write::Write;
@@ -213,11 +214,7 @@ pub(super) async fn append_version(
 
 /// Row id and latest version of the kernel, which is created if it does not exist.
 async fn create(sql: &mut Connection, key: &KernelKey, now_ms: i64) -> Result<(i64, u32)> {
-    let known: bool =
-        scalar("select exists (select 1 from display where id = $1)").bind(&key.display).fetch_one(&mut *sql).await?;
-    if !known {
-        return Err(StoreError::not_found(format!("displays/{}", key.display)));
-    }
+    require_display(sql, &key.display).await?;
     query(
         "insert into kernel (name, display, wavelength_pm, distance_nm, create_time_ms) values ($1, $2, $3, $4, $5) \
          on conflict do nothing",

@@ -2,6 +2,7 @@
 
 use super::changes::Change;
 use super::deliveries::delivery_of;
+use super::displays::require_display;
 use super::rows::{from_json, to_json};
 use super::sql::{Row, from_row, query, scalar};
 use super::{Result, Store, StoreError};
@@ -28,13 +29,7 @@ impl Store {
                 return Err(StoreError::precondition(PreconditionReason::WebhooksFull, message));
             }
             if let Some(display) = &webhook.display {
-                let known: bool = scalar("select exists (select 1 from display where id = $1)")
-                    .bind(display)
-                    .fetch_one(write.sql())
-                    .await?;
-                if !known {
-                    return Err(StoreError::not_found(format!("displays/{display}")));
-                }
+                require_display(write.sql(), display).await?;
             }
             let inserted = query(
                 "insert into webhook (id, url, events, display, secret, caller, create_time_ms) \
