@@ -68,7 +68,7 @@ impl Store {
         };
         self.write(async move |write| {
             let sql = "update webhook_delivery set attempts = attempts + 1, next_time_ms = $2, delivered = $3, \
-                           answer = $4 where sequence = $1 and attempts = $5 and next_time_ms is not null";
+                       answer = $4 where sequence = $1 and attempts = $5 and next_time_ms is not null";
             query(sql)
                 .bind((sequence, next_ms, attempt == Attempt::Accepted, answer, delivery_attempts))
                 .execute(write.sql())
@@ -102,8 +102,7 @@ impl Store {
     /// [`crate::StoreError::Database`].
     pub async fn deliveries_waiting(&self) -> Result<u64> {
         let sql = "select count(*) from webhook_delivery where next_time_ms is not null";
-        let count: i64 = scalar(sql).fetch_one(self.readers()).await?;
-        Ok(count.unsigned_abs())
+        Ok(scalar(sql).fetch_one(self.readers()).await?)
     }
 }
 

@@ -65,8 +65,8 @@ impl Store {
         self.write(async move |write| {
             let users: Option<String> = scalar(
                 "select 'dataset' from dataset where display = $1 union all \
-                     select 'kernel' from kernel where display = $1 union all \
-                     select 'job' from job where display = $1 limit 1",
+                 select 'kernel' from kernel where display = $1 union all \
+                 select 'job' from job where display = $1 limit 1",
             )
             .bind(&id)
             .fetch_optional(write.sql())

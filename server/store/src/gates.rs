@@ -18,7 +18,7 @@ impl Store {
         self.write(async move |write| {
             let inserted = query(
                 "insert into promotion_gate (display, time_ms, caller, reason, gate) \
-                     select id, $1, $2, $3, $4 from display where id = $5",
+                 select id, $1, $2, $3, $4 from display where id = $5",
             )
             .bind((now_ms, cause.caller, cause.reason, gate, &display))
             .execute(write.sql())

@@ -155,7 +155,7 @@ impl Store {
             find_version(write.sql(), &key, version).await?;
             query(
                 "insert into kernel_deprecation (kernel, version, deprecated, time_ms, caller, reason) \
-                     select id, $1, $2, $3, $4, $5 from kernel where name = $6",
+                 select id, $1, $2, $3, $4, $5 from kernel where name = $6",
             )
             .bind((version, deprecated, now_ms, cause.caller, cause.reason, key.to_string()))
             .execute(write.sql())

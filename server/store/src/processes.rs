@@ -32,9 +32,9 @@ impl Store {
             (to_word("process.kind", &process.kind)?, to_json("process.labels", &process.abilities.labels)?);
         self.write_row(async move |write| {
             let sql = "insert into process values ($1, $2, $3, $4, $5, $6, $7, $8, $9) on conflict (id) do update set \
-                           kind = excluded.kind, name = excluded.name, version = excluded.version, \
-                           labels = excluded.labels, memory_bytes = excluded.memory_bytes, workers = excluded.workers, \
-                           start_time_ms = excluded.start_time_ms, seen_time_ms = excluded.seen_time_ms";
+                       kind = excluded.kind, name = excluded.name, version = excluded.version, \
+                       labels = excluded.labels, memory_bytes = excluded.memory_bytes, workers = excluded.workers, \
+                       start_time_ms = excluded.start_time_ms, seen_time_ms = excluded.seen_time_ms";
             query(sql)
                 .bind((process.id, kind, process.name, process.version, labels))
                 .bind((i64::try_from(process.abilities.memory_bytes).unwrap_or(i64::MAX), process.workers))

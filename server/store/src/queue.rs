@@ -113,19 +113,14 @@ impl Store {
     ///
     /// [`StoreError::Database`].
     pub async fn owner_queues(&self) -> Result<Vec<OwnerQueue>> {
-        let rows: Vec<(String, i64, i64)> = query_as(
+        let rows = query_as(
             "select owner, cast(sum(case state when 'queued' then jobs else 0 end) as bigint), \
              cast(sum(case state when 'running' then jobs else 0 end) as bigint) from job_count \
              where state in ('queued', 'running') group by owner order by owner",
         )
         .fetch_all(self.readers())
         .await?;
-        let to_queue = |(owner, queued, running): (String, i64, i64)| OwnerQueue {
-            owner,
-            queued: queued.unsigned_abs(),
-            running: running.unsigned_abs(),
-        };
-        Ok(rows.into_iter().map(to_queue).collect())
+        Ok(rows.into_iter().map(|(owner, queued, running)| OwnerQueue { owner, queued, running }).collect())
     }
 
     /// Progress of the jobs of a batch.

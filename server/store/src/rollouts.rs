@@ -75,7 +75,7 @@ impl Store {
                 return Err(StoreError::Aborted { reason: AbortReason::RolloutChanged, message });
             }
             let set = "update rollout set share_percent = $3, revision = revision + 1 where number = $2 \
-                           and kernel = (select id from kernel where name = $1)";
+                       and kernel = (select id from kernel where name = $1)";
             query(set).bind((key.to_string(), number, share_percent)).execute(write.sql()).await?;
             let generation = raise_generation(write, &key, now_ms).await?;
             let event = RolloutEvent {

@@ -44,7 +44,7 @@ impl Store {
         self.write(async move |write| {
             let row = query(
                 "insert into token (name, hash, role, displays, create_time_ms, expire_time_ms) \
-                     values ($1, $2, $3, $4, $5, $6) on conflict (name) do nothing returning *",
+                 values ($1, $2, $3, $4, $5, $6) on conflict (name) do nothing returning *",
             )
             .bind((&caller.name, hash, caller.role.as_str(), to_json("token.displays", &caller.displays)?, now_ms))
             .bind(expire_time_ms)
