@@ -1,6 +1,6 @@
 //! What webhooks are to learn, and what became of it. Triggers of the database insert the rows.
 
-use super::rows::from_word;
+use super::rows::word;
 use super::sql::{Row, from_row, query, scalar};
 use super::{Result, Store, page};
 use lightpath_domain::webhook::Delivery;
@@ -109,6 +109,6 @@ impl Store {
 pub(super) fn delivery_of(row: &Row) -> Result<Delivery> {
     Ok(from_row!(row, Delivery {
         sequence, id, webhook, subject, time_ms, attempts, next_time_ms, delivered, answer;
-        event: from_word("webhook_delivery.event", row.try_get("event")?)?,
+        event: word(row, "webhook_delivery.event")?,
     }))
 }

@@ -1,7 +1,7 @@
 //! Stored displays.
 
 use super::changes::Changed;
-use super::rows::{from_json, to_json};
+use super::rows::{json, to_json};
 use super::sql::{Connection, Row, query, scalar};
 use super::{Result, Store, StoreError, page};
 use lightpath_domain::display::Display;
@@ -89,8 +89,7 @@ impl Store {
 }
 
 fn display_of(row: &Row) -> Result<(Display, i64)> {
-    let content: String = row.try_get("content")?;
-    Ok((from_json("display.content", &content)?, row.try_get("create_time_ms")?))
+    Ok((json(row, "display.content")?, row.try_get("create_time_ms")?))
 }
 
 /// Checks that the display exists.

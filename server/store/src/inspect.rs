@@ -3,7 +3,7 @@
 use super::connect::{connect_once, connect_options, create_private};
 use super::datasets::with_pairs;
 use super::migrations::{MIGRATIONS, has_table, require_finished, require_suitable};
-use super::rows::{from_json, from_json_option, to_json};
+use super::rows::{json, json_option, to_json};
 use super::sql::{Connection, from_row, query, query_as, scalar};
 use super::{Result, Store, StoreError};
 use lightpath_domain::dataset::digest;
@@ -303,8 +303,8 @@ impl Inspection {
                         references.insert((name.clone(), digest.to_owned()));
                     })
                 };
-                collect(&from_json("job.spec", &row.try_get::<String>("spec")?)?);
-                let result: Option<Value> = from_json_option("job.result", row.try_get("result")?)?;
+                collect(&json(row, "job.spec")?);
+                let result: Option<Value> = json_option(row, "job.result")?;
                 collect(&result.unwrap_or_default());
             }
             let digests: BTreeSet<&str> = references.iter().map(|(_, digest)| digest.as_str()).collect();

@@ -3,7 +3,7 @@
 use super::changes::Change;
 use super::datasets::require_artifact;
 use super::displays::require_display;
-use super::rows::{from_json, from_word, key_of, to_json, to_word};
+use super::rows::{json, key_of, to_json, to_word, word};
 use super::sql::{Builder, Connection, Row, from_row, query, scalar};
 use super::write::Write;
 use super::{Result, Store, StoreError, page};
@@ -265,17 +265,15 @@ fn aliases_of(text: &str) -> Result<BTreeMap<String, u32>> {
 }
 
 fn version_of(key: &KernelKey, row: &Row) -> Result<KernelVersion> {
-    let metrics: String = row.try_get("metrics")?;
-    let lineage: String = row.try_get("lineage")?;
     Ok(from_row!(row, KernelVersion {
         version, create_time_ms, active;
         key: key.clone(),
         content: NewKernelVersion {
-            model: from_word("kernel_version.model", row.try_get("model")?)?,
+            model: word(row, "kernel_version.model")?,
             artifact: row.try_get("artifact")?,
             size_bytes: row.try_get("size_bytes")?,
-            metrics: from_json("kernel_version.metrics", &metrics)?,
-            lineage: from_json("kernel_version.lineage", &lineage)?,
+            metrics: json(row, "kernel_version.metrics")?,
+            lineage: json(row, "kernel_version.lineage")?,
         },
         deprecation: deprecation_of(row)?,
     }))

@@ -4,7 +4,7 @@
 //! others. A row whose time is over is removed by anyone. Without a shared database there is one process, which needs no row.
 
 use super::living::{LIFE, Process};
-use super::rows::{from_json, from_word, to_json, to_word};
+use super::rows::{json, to_json, to_word, word};
 use super::sql::{Row, from_row, query};
 use super::{Result, Store};
 use lightpath_domain::ability::Abilities;
@@ -108,9 +108,9 @@ impl Store {
 fn process_of(row: &Row) -> Result<Process> {
     Ok(from_row!(row, Process {
         id, name, version, workers, start_time_ms, seen_time_ms;
-        kind: from_word("process.kind", row.try_get("kind")?)?,
+        kind: word(row, "process.kind")?,
         abilities: Abilities {
-            labels: from_json("process.labels", &row.try_get::<String>("labels")?)?,
+            labels: json(row, "process.labels")?,
             memory_bytes: row.try_get("memory_bytes")?,
         },
     }))

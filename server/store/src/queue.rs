@@ -3,7 +3,7 @@
 use super::changes::{Change, Changed};
 use super::displays::require_display;
 use super::jobs::QueueCounts;
-use super::rows::{from_json_option, from_word};
+use super::rows::{from_json, from_word};
 use super::sql::{query, query_as};
 use super::{Result, Store, StoreError};
 use lightpath_domain::job::Progress;
@@ -134,8 +134,9 @@ impl Store {
         let (mut jobs, mut count_all, mut done) = (QueueCounts::default(), 0, 0.0);
         for (state, count, running) in rows {
             let Some(state) = state else {
-                let running: Option<Progress> = from_json_option("job.progress", running)?;
-                done += running.map_or(0.0, |running| running.fraction());
+                if let Some(progress) = running {
+                    done += from_json::<Progress>("job.progress", &progress)?.fraction();
+                }
                 continue;
             };
             *jobs.of(from_word("job.state", state)?) = count.unsigned_abs();

@@ -3,7 +3,7 @@
 use super::changes::Change;
 use super::deliveries::delivery_of;
 use super::displays::require_display;
-use super::rows::{from_json, to_json};
+use super::rows::{json, to_json};
 use super::sql::{Row, from_row, query, scalar};
 use super::{Result, Store, StoreError};
 use lightpath_domain::reason::PreconditionReason;
@@ -164,11 +164,10 @@ fn name(id: &str) -> String {
 }
 
 fn webhook_of(row: &Row) -> Result<Webhook> {
-    let events: String = row.try_get("events")?;
     let url: String = row.try_get("url")?;
     Ok(from_row!(row, Webhook {
         id, display, caller, create_time_ms;
         url: WebhookUrl::parse(&url).map_err(|error| StoreError::corrupt("webhook.url", error))?,
-        events: from_json("webhook.events", &events)?,
+        events: json(row, "webhook.events")?,
     }))
 }
