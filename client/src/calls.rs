@@ -154,50 +154,38 @@ calls! {
     artifacts.get_upload(GetUploadRequest) -> Upload;
 }
 
-impl Client {
+/// Calls whose answers are streams.
+macro_rules! streams {
+    ($($(#[$doc:meta])* $service:ident.$call:ident($request:ident) -> $item:ident;)*) => {
+        impl Client {
+            $(
+                $(#[$doc])*
+                ///
+                /// # Errors
+                ///
+                /// [`crate::Error::Refused`] when the server refuses the call, [`crate::Error::Unreachable`] when no
+                /// server answers.
+                pub async fn $call(&self, request: v1::$request) -> Result<Streaming<v1::$item>> {
+                    Ok(self.$service().$call(request).await.map_err(|status| self.error(status))?.into_inner())
+                }
+            )*
+        }
+    };
+}
+
+streams! {
     /// Streams the current state of a job, then each change, until the job has ended.
     ///
     /// The stream ends early if the connection is lost. [`Client::wait`] reconnects.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::Error::Refused`] when the server refuses the call, [`crate::Error::Unreachable`] when no server
-    /// answers.
-    pub async fn watch_job(&self, request: v1::WatchJobRequest) -> Result<Streaming<v1::Job>> {
-        Ok(self.jobs().watch_job(request).await.map_err(|status| self.error(status))?.into_inner())
-    }
-
+    jobs.watch_job(WatchJobRequest) -> Job;
     /// Streams the current state of a kernel, then each change: a new version or another active version.
     ///
     /// The stream ends when the connection is lost.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::Error::Refused`] when the server refuses the call, [`crate::Error::Unreachable`] when no server
-    /// answers.
-    pub async fn watch_kernel(&self, request: v1::WatchKernelRequest) -> Result<Streaming<v1::Kernel>> {
-        Ok(self.kernels().watch_kernel(request).await.map_err(|status| self.error(status))?.into_inner())
-    }
-
+    kernels.watch_kernel(WatchKernelRequest) -> Kernel;
     /// Streams an event after each change on the server, for dashboards.
     ///
     /// The stream ends when the connection is lost. A client that then names the last event it received misses none.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::Error::Refused`] when the server refuses the call, [`crate::Error::Unreachable`] when no server
-    /// answers.
-    pub async fn watch_events(&self, request: v1::WatchEventsRequest) -> Result<Streaming<v1::Event>> {
-        Ok(self.events().watch_events(request).await.map_err(|status| self.error(status))?.into_inner())
-    }
-
+    events.watch_events(WatchEventsRequest) -> Event;
     /// Streams a range of an artifact's bytes without checking the digest. [`Client::download`] checks it.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::Error::Refused`] when the server refuses the call, [`crate::Error::Unreachable`] when no server
-    /// answers.
-    pub async fn read_artifact(&self, request: v1::ReadArtifactRequest) -> Result<Streaming<v1::ReadArtifactResponse>> {
-        Ok(self.artifacts().read_artifact(request).await.map_err(|status| self.error(status))?.into_inner())
-    }
+    artifacts.read_artifact(ReadArtifactRequest) -> ReadArtifactResponse;
 }

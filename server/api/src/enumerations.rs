@@ -8,6 +8,7 @@ use lightpath_optics::engine::photometry::Quantity;
 use lightpath_optics::{Carrier, Detector, FilterShape, KernelModel, PropagationMethod};
 use lightpath_proto::v1;
 use lightpath_service::{Field, Result, ServiceError};
+use lightpath_store::ProcessKind;
 
 /// An enumeration that messages contain as a number. The number 0 stands for an unspecified value.
 pub(crate) trait OnWire: Sized {
@@ -77,6 +78,7 @@ convert_by_name! {
     Encoding = v1::Encoding { Linear Srgb }
     RolloutState = v1::rollout::State { Running Completed Halted }
     JobState = v1::job::State { Queued Running Succeeded Failed Cancelled }
+    ProcessKind = v1::queue::process::Kind { Server Worker Both }
     KernelFormat = v1::KernelFormat { Safetensors Compact Pt Npy Npz Complex64 F16 Bundle }
     AlignmentMethod = v1::alignment::Method { Points Dots Pairs }
     FindingKind = v1::finding::Kind {

@@ -62,9 +62,9 @@ impl Store {
             }
             let row = query(
                 "insert into artifact (digest, size_bytes, create_time_ms, use_time_ms) select $1, $2, $3, $3 \
-                     where not exists (select 1 from artifact_removal where digest = $1) \
-                     on conflict (digest) do update set size_bytes = excluded.size_bytes, \
-                     use_time_ms = max(artifact.use_time_ms, excluded.use_time_ms) returning *",
+                 where not exists (select 1 from artifact_removal where digest = $1) \
+                 on conflict (digest) do update set size_bytes = excluded.size_bytes, \
+                 use_time_ms = max(artifact.use_time_ms, excluded.use_time_ms) returning *",
             )
             .bind((&digest, size_bytes as i64, now_ms))
             .fetch_optional(write.sql())

@@ -85,7 +85,7 @@ impl Store {
         let (digest, mark) = (digest.to_owned(), Uuid::now_v7().to_string());
         self.write(async move |write| {
             let sql = "insert into artifact_removal select $1, $2 \
-                           where not exists (select 1 from artifact where digest = $1) on conflict do nothing";
+                       where not exists (select 1 from artifact where digest = $1) on conflict do nothing";
             let inserted = query(sql).bind((digest, &mark)).execute(write.sql()).await?;
             Ok((inserted == 1).then_some(mark))
         })
@@ -153,10 +153,10 @@ impl Store {
     pub async fn forget_old_checkpoints(&self, before_ms: i64) -> Result<Vec<String>> {
         self.write(async move |write| {
             let sql = "select checkpoint from job \
-                           where checkpoint is not null and state = 'failed' and finish_time_ms < $1";
+                       where checkpoint is not null and state = 'failed' and finish_time_ms < $1";
             let digests = scalar(sql).bind(before_ms).fetch_all(write.sql()).await?;
             let sql = "update job set checkpoint = null, revision = revision + 1 \
-                           where checkpoint is not null and state = 'failed' and finish_time_ms < $1";
+                       where checkpoint is not null and state = 'failed' and finish_time_ms < $1";
             query(sql).bind(before_ms).execute(write.sql()).await?;
             Ok(digests)
         })
@@ -180,8 +180,7 @@ impl Store {
     /// [`crate::StoreError::Database`].
     pub async fn count_jobs_ended_before(&self, before_ms: i64) -> Result<u64> {
         let sql = "select count(*) from job where finish_time_ms < $1";
-        let count: i64 = scalar(sql).bind(before_ms).fetch_one(self.readers()).await?;
-        Ok(count.unsigned_abs())
+        Ok(scalar(sql).bind(before_ms).fetch_one(self.readers()).await?)
     }
 
     /// Deletes the jobs among `ids` that ended before `before_ms`, with their events. Returns the digests of their

@@ -1,7 +1,7 @@
 //! Datasets and their pairs.
 
 use super::changes::Changed;
-use super::rows::{from_json, from_json_option, from_word, to_json, to_word};
+use super::rows::{from_word, json, json_option, to_json, to_word, word};
 use super::sql::{Builder, Connection, Row, from_row, query, query_as, scalar};
 use super::write::Write;
 use super::{AbortReason, Result, Store, StoreError, page};
@@ -233,7 +233,7 @@ pub(super) async fn with_pairs(sql: &mut Connection, id: &str) -> Result<Dataset
     let mut findings = Vec::new();
     for row in &rows {
         dataset.pairs.push(pair_of(row)?);
-        findings.append(&mut from_json("pair.findings", &row.try_get::<String>("findings")?)?);
+        findings.append(&mut json(row, "pair.findings")?);
     }
     findings.append(&mut dataset.findings);
     Ok(Dataset { findings, ..dataset })
@@ -256,11 +256,11 @@ fn dataset_of(row: &Row) -> Result<Dataset> {
         id, display, photo_bit_depth, pair_count, revision, digest, create_time_ms, finalize_time_ms;
         wavelength: Wavelength { pm: row.try_get("wavelength_pm")? },
         distance: Distance { nm: row.try_get("distance_nm")? },
-        photo_encoding: from_word("dataset.photo_encoding", row.try_get("photo_encoding")?)?,
-        alignment: from_json_option("dataset.alignment", row.try_get("alignment")?)?,
+        photo_encoding: word(row, "dataset.photo_encoding")?,
+        alignment: json_option(row, "dataset.alignment")?,
         pairs: Vec::new(),
-        findings: from_json("dataset.findings", &row.try_get::<String>("findings")?)?,
-        finalization: from_json_option("dataset.finalization", row.try_get("finalization")?)?,
+        findings: json(row, "dataset.findings")?,
+        finalization: json_option(row, "dataset.finalization")?,
     }))
 }
 
@@ -269,7 +269,7 @@ fn pair_of(row: &Row) -> Result<Pair> {
     Ok(from_row!(row, Pair {
         id, phase, photo;
         split: split.map(|word| from_word("pair.split", word)).transpose()?,
-        exposure: from_json_option("pair.exposure", row.try_get("exposure")?)?.unwrap_or_default(),
-        checks: from_json_option("pair.checks", row.try_get("checks")?)?,
+        exposure: json_option(row, "pair.exposure")?.unwrap_or_default(),
+        checks: json_option(row, "pair.checks")?,
     }))
 }

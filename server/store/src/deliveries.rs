@@ -1,6 +1,6 @@
 //! What webhooks are to learn, and what became of it. Triggers of the database insert the rows.
 
-use super::rows::from_word;
+use super::rows::word;
 use super::sql::{Row, from_row, query, scalar};
 use super::{Result, Store, page};
 use lightpath_domain::webhook::Delivery;
@@ -68,7 +68,7 @@ impl Store {
         };
         self.write(async move |write| {
             let sql = "update webhook_delivery set attempts = attempts + 1, next_time_ms = $2, delivered = $3, \
-                           answer = $4 where sequence = $1 and attempts = $5 and next_time_ms is not null";
+                       answer = $4 where sequence = $1 and attempts = $5 and next_time_ms is not null";
             query(sql)
                 .bind((sequence, next_ms, attempt == Attempt::Accepted, answer, delivery_attempts))
                 .execute(write.sql())
@@ -102,14 +102,13 @@ impl Store {
     /// [`crate::StoreError::Database`].
     pub async fn deliveries_waiting(&self) -> Result<u64> {
         let sql = "select count(*) from webhook_delivery where next_time_ms is not null";
-        let count: i64 = scalar(sql).fetch_one(self.readers()).await?;
-        Ok(count.unsigned_abs())
+        Ok(scalar(sql).fetch_one(self.readers()).await?)
     }
 }
 
 pub(super) fn delivery_of(row: &Row) -> Result<Delivery> {
     Ok(from_row!(row, Delivery {
         sequence, id, webhook, subject, time_ms, attempts, next_time_ms, delivered, answer;
-        event: from_word("webhook_delivery.event", row.try_get("event")?)?,
+        event: word(row, "webhook_delivery.event")?,
     }))
 }

@@ -3,7 +3,7 @@
 use super::changes::Change;
 use super::events::append_event;
 use super::job_rows::job_of;
-use super::rows::to_json;
+use super::rows::{to_json, word};
 use super::sql::{query, scalar};
 use super::write::Write;
 use super::{Result, Store, StoreError};
@@ -58,7 +58,7 @@ pub(super) async fn unfinished(write: &mut Write, after: &[String]) -> Result<Ve
     for id in after {
         let row = query("select state from job where id = $1").bind(id).fetch_optional(write.sql()).await?;
         let row = row.ok_or_else(|| StoreError::not_found(format!("jobs/{id}")))?;
-        match super::rows::from_word("job.state", row.try_get("state")?)? {
+        match word(&row, "job.state")? {
             JobState::Queued | JobState::Running => unfinished.push(id.clone()),
             JobState::Succeeded => {}
             state @ (JobState::Failed | JobState::Cancelled) => {

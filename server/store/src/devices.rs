@@ -4,7 +4,7 @@ use super::changes::Changed;
 use super::kernels::find;
 use super::moves::require_version;
 use super::rollouts;
-use super::rows::{from_word, key_of, to_word};
+use super::rows::{from_word, key_of, to_word, word};
 use super::sql::{Connection, Row, from_row, query, query_as, scalar};
 use super::write::Write;
 use super::{Result, Store, StoreError, page};
@@ -199,11 +199,9 @@ fn device_of(display: &str, row: &Row) -> Result<Device> {
 fn installed_of(row: &Row) -> Result<InstalledKernel> {
     let file = match row.try_get("version")? {
         None => None,
-        Some(version) => Some(InstalledFile {
-            version,
-            form: from_word("device_kernel.form", row.try_get("form")?)?,
-            digest: row.try_get("digest")?,
-        }),
+        Some(version) => {
+            Some(InstalledFile { version, form: word(row, "device_kernel.form")?, digest: row.try_get("digest")? })
+        }
     };
     Ok(from_row!(row, InstalledKernel {
         generation, tried_version, message, self_test_loss, report_time_ms;

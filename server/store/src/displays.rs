@@ -1,8 +1,8 @@
 //! Stored displays.
 
 use super::changes::Changed;
-use super::rows::{from_json, to_json};
-use super::sql::{Row, query, scalar};
+use super::rows::{json, to_json};
+use super::sql::{Connection, Row, query, scalar};
 use super::{Result, Store, StoreError, page};
 use lightpath_domain::display::Display;
 use lightpath_domain::reason::PreconditionReason;
@@ -65,8 +65,8 @@ impl Store {
         self.write(async move |write| {
             let users: Option<String> = scalar(
                 "select 'dataset' from dataset where display = $1 union all \
-                     select 'kernel' from kernel where display = $1 union all \
-                     select 'job' from job where display = $1 limit 1",
+                 select 'kernel' from kernel where display = $1 union all \
+                 select 'job' from job where display = $1 limit 1",
             )
             .bind(&id)
             .fetch_optional(write.sql())
@@ -89,6 +89,11 @@ impl Store {
 }
 
 fn display_of(row: &Row) -> Result<(Display, i64)> {
-    let content: String = row.try_get("content")?;
-    Ok((from_json("display.content", &content)?, row.try_get("create_time_ms")?))
+    Ok((json(row, "display.content")?, row.try_get("create_time_ms")?))
+}
+
+/// Checks that the display exists.
+pub(super) async fn require_display(sql: &mut Connection, id: &str) -> Result<()> {
+    let known: bool = scalar("select exists (select 1 from display where id = $1)").bind(id).fetch_one(sql).await?;
+    if known { Ok(()) } else { Err(StoreError::not_found(format!("displays/{id}"))) }
 }

@@ -1,8 +1,8 @@
 //! Promotion gates of displays.
 
 use super::changes::Changed;
-use super::rows::{cause_of, from_json, to_json};
-use super::sql::query;
+use super::rows::{cause_of, json, to_json};
+use super::sql::{Row, query};
 use super::{Result, Store, StoreError, page};
 use lightpath_domain::kernel::Cause;
 use lightpath_domain::promotion::{GateChange, PromotionGate};
@@ -18,7 +18,7 @@ impl Store {
         self.write(async move |write| {
             let inserted = query(
                 "insert into promotion_gate (display, time_ms, caller, reason, gate) \
-                     select id, $1, $2, $3, $4 from display where id = $5",
+                 select id, $1, $2, $3, $4 from display where id = $5",
             )
             .bind((now_ms, cause.caller, cause.reason, gate, &display))
             .execute(write.sql())
@@ -44,15 +44,10 @@ impl Store {
             .bind((display, page(limit)))
             .fetch_all(self.readers())
             .await?;
-        rows.iter()
-            .map(|row| {
-                let gate: String = row.try_get("gate")?;
-                Ok(GateChange {
-                    time_ms: row.try_get("time_ms")?,
-                    cause: cause_of(row)?,
-                    gate: from_json("promotion_gate.gate", &gate)?,
-                })
-            })
-            .collect()
+        let change = |row: &Row| {
+            let (time_ms, cause) = (row.try_get("time_ms")?, cause_of(row)?);
+            Ok(GateChange { time_ms, cause, gate: json(row, "promotion_gate.gate")? })
+        };
+        rows.iter().map(change).collect()
     }
 }

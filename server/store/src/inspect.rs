@@ -3,8 +3,8 @@
 use super::connect::{connect_once, connect_options, create_private};
 use super::datasets::with_pairs;
 use super::migrations::{MIGRATIONS, has_table, require_finished, require_suitable};
-use super::rows::{from_json, from_json_option, to_json};
-use super::sql::{Connection, query, query_as, scalar};
+use super::rows::{json, json_option, to_json};
+use super::sql::{Connection, from_row, query, query_as, scalar};
 use super::{Result, Store, StoreError};
 use lightpath_domain::dataset::digest;
 use serde_json::Value;
@@ -220,18 +220,13 @@ impl Inspection {
     ///
     /// [`StoreError::Database`].
     pub async fn counts(&mut self) -> Result<Counts> {
-        let (jobs, artifacts, artifact_bytes, kernel_versions): (i64, i64, i64, i64) = query_as(
+        let (jobs, artifacts, artifact_bytes, kernel_versions) = query_as(
             "select (select count(*) from job), (select count(*) from artifact), \
              (select cast(coalesce(sum(size_bytes), 0) as bigint) from artifact), (select count(*) from kernel_version)",
         )
         .fetch_one(&mut self.connection)
         .await?;
-        Ok(Counts {
-            jobs: jobs.unsigned_abs(),
-            artifacts: artifacts.unsigned_abs(),
-            artifact_bytes: artifact_bytes.unsigned_abs(),
-            kernel_versions: kernel_versions.unsigned_abs(),
-        })
+        Ok(Counts { jobs, artifacts, artifact_bytes, kernel_versions })
     }
 
     /// The next page of artifacts in the order of their digests, behind `after`; empty at the end.
@@ -244,12 +239,7 @@ impl Inspection {
             .bind((after, PAGE))
             .fetch_all(&mut self.connection)
             .await?;
-        rows.iter()
-            .map(|row| {
-                let size_bytes = row.try_get("size_bytes")?;
-                Ok(StoredBlob { digest: row.try_get("digest")?, size_bytes })
-            })
-            .collect()
+        rows.iter().map(|row| Ok(from_row!(row, StoredBlob { digest, size_bytes }))).collect()
     }
 
     /// Whether the artifact is recorded.
@@ -313,8 +303,8 @@ impl Inspection {
                         references.insert((name.clone(), digest.to_owned()));
                     })
                 };
-                collect(&from_json("job.spec", &row.try_get::<String>("spec")?)?);
-                let result: Option<Value> = from_json_option("job.result", row.try_get("result")?)?;
+                collect(&json(row, "job.spec")?);
+                let result: Option<Value> = json_option(row, "job.result")?;
                 collect(&result.unwrap_or_default());
             }
             let digests: BTreeSet<&str> = references.iter().map(|(_, digest)| digest.as_str()).collect();

@@ -1,7 +1,7 @@
 //! Conversion of rows of the database into jobs.
 
 use super::Result;
-use super::rows::{from_json, from_json_option, from_word};
+use super::rows::{json, json_option, word};
 use super::sql::{Row, from_row};
 use lightpath_domain::job::{Estimate, Job, JobSummary, Scheduling};
 
@@ -10,15 +10,15 @@ pub(super) fn job_of(row: &Row) -> Result<Job> {
     Ok(from_row!(row, Job {
         id, request_id, priority, attempt, attempts_max, create_time_ms, start_time_ms, finish_time_ms, run_time_ms,
         computer, cancel_requested, checkpoint, revision, waiting_for;
-        spec: from_json("job.spec", &row.try_get::<String>("spec")?)?,
-        state: from_word("job.state", row.try_get("state")?)?,
-        progress: from_json_option("job.progress", row.try_get("progress")?)?,
-        error: from_json_option("job.error", row.try_get("error")?)?,
-        result: from_json_option("job.result", row.try_get("result")?)?,
+        spec: json(row, "job.spec")?,
+        state: word(row, "job.state")?,
+        progress: json_option(row, "job.progress")?,
+        error: json_option(row, "job.error")?,
+        result: json_option(row, "job.result")?,
         scheduling: from_row!(row, Scheduling {
             owner, batch, unique_key, not_before_ms, timeout_ms, label;
-            after: from_json("job.after", &row.try_get::<String>("after")?)?,
-            needs: from_json("job.needs", &row.try_get::<String>("needs")?)?,
+            after: json(row, "job.after")?,
+            needs: json(row, "job.needs")?,
         }),
         estimate: Estimate {
             memory_bytes: row.try_get("estimated_bytes")?,
@@ -32,10 +32,10 @@ pub(super) fn summary_of(row: &Row) -> Result<JobSummary> {
     Ok(from_row!(row, JobSummary {
         id, kind, display, owner, batch, cancel_requested, priority, attempt, create_time_ms, start_time_ms,
         finish_time_ms, revision, label, waiting_for;
-        state: from_word("job.state", row.try_get("state")?)?,
-        progress: from_json_option("job.progress", row.try_get("progress")?)?,
-        error: from_json_option("job.error", row.try_get("error")?)?,
-        needs: from_json("job.needs", &row.try_get::<String>("needs")?)?,
+        state: word(row, "job.state")?,
+        progress: json_option(row, "job.progress")?,
+        error: json_option(row, "job.error")?,
+        needs: json(row, "job.needs")?,
         memory_bytes: row.try_get("estimated_bytes")?,
     }))
 }

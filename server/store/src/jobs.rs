@@ -52,6 +52,19 @@ pub struct QueueCounts {
     pub cancelled: u64,
 }
 
+impl QueueCounts {
+    /// The number of jobs in a state.
+    pub(super) fn of(&mut self, state: JobState) -> &mut u64 {
+        match state {
+            JobState::Queued => &mut self.queued,
+            JobState::Running => &mut self.running,
+            JobState::Succeeded => &mut self.succeeded,
+            JobState::Failed => &mut self.failed,
+            JobState::Cancelled => &mut self.cancelled,
+        }
+    }
+}
+
 impl Store {
     /// Queues a job, which is on disk when this returns. If its owner submits the same request (id and content) again,
     /// this returns the job of the first submit.
@@ -114,14 +127,7 @@ impl Store {
                 .await?;
         let mut counts = QueueCounts::default();
         for (state, count) in rows {
-            let slot = match from_word("job.state", state)? {
-                JobState::Queued => &mut counts.queued,
-                JobState::Running => &mut counts.running,
-                JobState::Succeeded => &mut counts.succeeded,
-                JobState::Failed => &mut counts.failed,
-                JobState::Cancelled => &mut counts.cancelled,
-            };
-            *slot = count.unsigned_abs();
+            *counts.of(from_word("job.state", state)?) = count.unsigned_abs();
         }
         Ok(counts)
     }

@@ -2,7 +2,8 @@
 
 use super::changes::Change;
 use super::datasets::require_artifact;
-use super::rows::{from_json, from_word, key_of, to_json, to_word};
+use super::displays::require_display;
+use super::rows::{json, key_of, to_json, to_word, word};
 use super::sql::{Builder, Connection, Row, from_row, query, scalar};
 use super::write::Write;
 use super::{Result, Store, StoreError, page};
@@ -154,7 +155,7 @@ impl Store {
             find_version(write.sql(), &key, version).await?;
             query(
                 "insert into kernel_deprecation (kernel, version, deprecated, time_ms, caller, reason) \
-                     select id, $1, $2, $3, $4, $5 from kernel where name = $6",
+                 select id, $1, $2, $3, $4, $5 from kernel where name = $6",
             )
             .bind((version, deprecated, now_ms, cause.caller, cause.reason, key.to_string()))
             .execute(write.sql())
@@ -213,11 +214,7 @@ pub(super) async fn append_version(
 
 /// Row id and latest version of the kernel, which is created if it does not exist.
 async fn create(sql: &mut Connection, key: &KernelKey, now_ms: i64) -> Result<(i64, u32)> {
-    let known: bool =
-        scalar("select exists (select 1 from display where id = $1)").bind(&key.display).fetch_one(&mut *sql).await?;
-    if !known {
-        return Err(StoreError::not_found(format!("displays/{}", key.display)));
-    }
+    require_display(sql, &key.display).await?;
     query(
         "insert into kernel (name, display, wavelength_pm, distance_nm, create_time_ms) values ($1, $2, $3, $4, $5) \
          on conflict do nothing",
@@ -268,17 +265,15 @@ fn aliases_of(text: &str) -> Result<BTreeMap<String, u32>> {
 }
 
 fn version_of(key: &KernelKey, row: &Row) -> Result<KernelVersion> {
-    let metrics: String = row.try_get("metrics")?;
-    let lineage: String = row.try_get("lineage")?;
     Ok(from_row!(row, KernelVersion {
         version, create_time_ms, active;
         key: key.clone(),
         content: NewKernelVersion {
-            model: from_word("kernel_version.model", row.try_get("model")?)?,
+            model: word(row, "kernel_version.model")?,
             artifact: row.try_get("artifact")?,
             size_bytes: row.try_get("size_bytes")?,
-            metrics: from_json("kernel_version.metrics", &metrics)?,
-            lineage: from_json("kernel_version.lineage", &lineage)?,
+            metrics: json(row, "kernel_version.metrics")?,
+            lineage: json(row, "kernel_version.lineage")?,
         },
         deprecation: deprecation_of(row)?,
     }))

@@ -121,7 +121,7 @@ impl Store {
         self.write_row(async move |write| {
             // A heartbeat does not count as a change, so the revision stays the same.
             let sql = "update job set lease_until_ms = max(lease_until_ms, $4) where id = $1 and state = 'running' \
-                           and attempt = $2 and lease_id = $3 returning *";
+                       and attempt = $2 and lease_id = $3 returning *";
             let row = bind_lease(sql, &lease).bind(now_ms + lease_ms).fetch_optional(write.sql()).await?;
             let job = job_or_lease_lost(row)?;
             Ok(Heartbeat { until_ms: now_ms + lease_ms, cancel_requested: job.cancel_requested })

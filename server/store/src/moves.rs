@@ -2,8 +2,8 @@
 
 use super::changes::Change;
 use super::kernels::{find, find_version};
-use super::rows::{cause_of, from_json, to_json};
-use super::sql::{from_row, query, scalar};
+use super::rows::{cause_of, json, to_json};
+use super::sql::{Row, from_row, query, scalar};
 use super::write::Write;
 use super::{AbortReason, Result, Store, StoreError, page};
 use lightpath_domain::kernel::{ACTIVE, Cause, Kernel, KernelKey, KernelMove};
@@ -119,18 +119,17 @@ impl Store {
                 .bind((id, before.unwrap_or(i64::MAX), page(limit)))
                 .fetch_all(&mut read)
                 .await?;
-        rows.iter()
-            .map(|row| {
-                let overridden: String = row.try_get("overridden")?;
-                Ok(from_row!(row, KernelMove {
-                    sequence, alias, time_ms, from_version, to_version, generation;
-                    cause: cause_of(row)?,
-                    overridden: from_json("kernel_move.overridden", &overridden)?,
-                    rollback: row.try_get::<Option<i64>>("undoes")?.is_some(),
-                }))
-            })
-            .collect()
+        rows.iter().map(move_of).collect()
     }
+}
+
+fn move_of(row: &Row) -> Result<KernelMove> {
+    Ok(from_row!(row, KernelMove {
+        sequence, alias, time_ms, from_version, to_version, generation;
+        cause: cause_of(row)?,
+        overridden: json(row, "kernel_move.overridden")?,
+        rollback: row.try_get::<Option<i64>>("undoes")?.is_some(),
+    }))
 }
 
 /// Makes a version active within the caller's transaction.

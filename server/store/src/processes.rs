@@ -4,7 +4,7 @@
 //! others. A row whose time is over is removed by anyone. Without a shared database there is one process, which needs no row.
 
 use super::living::{LIFE, Process};
-use super::rows::{from_json, from_word, to_json, to_word};
+use super::rows::{json, to_json, to_word, word};
 use super::sql::{Row, from_row, query};
 use super::{Result, Store};
 use lightpath_domain::ability::Abilities;
@@ -32,9 +32,9 @@ impl Store {
             (to_word("process.kind", &process.kind)?, to_json("process.labels", &process.abilities.labels)?);
         self.write_row(async move |write| {
             let sql = "insert into process values ($1, $2, $3, $4, $5, $6, $7, $8, $9) on conflict (id) do update set \
-                           kind = excluded.kind, name = excluded.name, version = excluded.version, \
-                           labels = excluded.labels, memory_bytes = excluded.memory_bytes, workers = excluded.workers, \
-                           start_time_ms = excluded.start_time_ms, seen_time_ms = excluded.seen_time_ms";
+                       kind = excluded.kind, name = excluded.name, version = excluded.version, \
+                       labels = excluded.labels, memory_bytes = excluded.memory_bytes, workers = excluded.workers, \
+                       start_time_ms = excluded.start_time_ms, seen_time_ms = excluded.seen_time_ms";
             query(sql)
                 .bind((process.id, kind, process.name, process.version, labels))
                 .bind((i64::try_from(process.abilities.memory_bytes).unwrap_or(i64::MAX), process.workers))
@@ -108,9 +108,9 @@ impl Store {
 fn process_of(row: &Row) -> Result<Process> {
     Ok(from_row!(row, Process {
         id, name, version, workers, start_time_ms, seen_time_ms;
-        kind: from_word("process.kind", row.try_get("kind")?)?,
+        kind: word(row, "process.kind")?,
         abilities: Abilities {
-            labels: from_json("process.labels", &row.try_get::<String>("labels")?)?,
+            labels: json(row, "process.labels")?,
             memory_bytes: row.try_get("memory_bytes")?,
         },
     }))

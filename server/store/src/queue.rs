@@ -1,8 +1,10 @@
 //! The queue as a whole: its pauses and its state.
 
 use super::changes::{Change, Changed};
-use super::rows::from_json_option;
-use super::sql::{query, query_as, scalar};
+use super::displays::require_display;
+use super::jobs::QueueCounts;
+use super::rows::{from_json, from_word};
+use super::sql::{query, query_as};
 use super::{Result, Store, StoreError};
 use lightpath_domain::job::Progress;
 use lightpath_domain::reason::PreconditionReason;
@@ -37,16 +39,8 @@ pub struct OwnerQueue {
 /// Progress of the jobs of a batch.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct BatchProgress {
-    /// Jobs that wait.
-    pub queued: u64,
-    /// Jobs that a worker runs.
-    pub running: u64,
-    /// Jobs that ended with a result.
-    pub succeeded: u64,
-    /// Jobs that ended with an error.
-    pub failed: u64,
-    /// Jobs that were cancelled.
-    pub cancelled: u64,
+    /// Numbers of the jobs in each state.
+    pub jobs: QueueCounts,
     /// Mean progress of all jobs, from 0 to 1. A job that has ended counts as 1.
     pub done: f64,
 }
@@ -61,10 +55,8 @@ impl Store {
     pub async fn pause(&self, display: Option<&str>, reason: &str, now_ms: i64) -> Result<()> {
         let (display, reason) = (display.unwrap_or_default().to_owned(), reason.to_owned());
         self.write(async move |write| {
-            let known = scalar("select $1 = '' or exists (select 1 from display where id = $1)");
-            let known: bool = known.bind(&display).fetch_one(write.sql()).await?;
-            if !known {
-                return Err(StoreError::not_found(format!("displays/{display}")));
+            if !display.is_empty() {
+                require_display(write.sql(), &display).await?;
             }
             let sql =
                 "insert into pause values ($1, $2, $3) on conflict (display) do update set reason = excluded.reason";
@@ -121,19 +113,14 @@ impl Store {
     ///
     /// [`StoreError::Database`].
     pub async fn owner_queues(&self) -> Result<Vec<OwnerQueue>> {
-        let rows: Vec<(String, i64, i64)> = query_as(
+        let rows = query_as(
             "select owner, cast(sum(case state when 'queued' then jobs else 0 end) as bigint), \
              cast(sum(case state when 'running' then jobs else 0 end) as bigint) from job_count \
              where state in ('queued', 'running') group by owner order by owner",
         )
         .fetch_all(self.readers())
         .await?;
-        let to_queue = |(owner, queued, running): (String, i64, i64)| OwnerQueue {
-            owner,
-            queued: queued.unsigned_abs(),
-            running: running.unsigned_abs(),
-        };
-        Ok(rows.into_iter().map(to_queue).collect())
+        Ok(rows.into_iter().map(|(owner, queued, running)| OwnerQueue { owner, queued, running }).collect())
     }
 
     /// Progress of the jobs of a batch.
@@ -144,29 +131,21 @@ impl Store {
     pub async fn batch(&self, name: &str) -> Result<BatchProgress> {
         let rows: Vec<(Option<String>, i64, Option<String>)> =
             query_as(BATCH).bind(name).fetch_all(self.readers()).await?;
-        let mut progress = BatchProgress::default();
-        let (mut jobs, mut done) = (0, 0.0);
+        let (mut jobs, mut count_all, mut done) = (QueueCounts::default(), 0, 0.0);
         for (state, count, running) in rows {
             let Some(state) = state else {
-                let running: Option<Progress> = from_json_option("job.progress", running)?;
-                done += running.map_or(0.0, |running| running.fraction());
+                if let Some(progress) = running {
+                    done += from_json::<Progress>("job.progress", &progress)?.fraction();
+                }
                 continue;
             };
-            let slot = match super::rows::from_word("job.state", state)? {
-                lightpath_domain::job::JobState::Queued => &mut progress.queued,
-                lightpath_domain::job::JobState::Running => &mut progress.running,
-                lightpath_domain::job::JobState::Succeeded => &mut progress.succeeded,
-                lightpath_domain::job::JobState::Failed => &mut progress.failed,
-                lightpath_domain::job::JobState::Cancelled => &mut progress.cancelled,
-            };
-            *slot = count.unsigned_abs();
-            jobs += count;
+            *jobs.of(from_word("job.state", state)?) = count.unsigned_abs();
+            count_all += count;
         }
-        if jobs == 0 {
+        if count_all == 0 {
             return Err(StoreError::not_found(format!("batch {name:?}")));
         }
-        done += (progress.succeeded + progress.failed + progress.cancelled) as f64;
-        progress.done = done / jobs as f64;
-        Ok(progress)
+        done += (jobs.succeeded + jobs.failed + jobs.cancelled) as f64;
+        Ok(BatchProgress { jobs, done: done / count_all as f64 })
     }
 }

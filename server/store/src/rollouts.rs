@@ -3,7 +3,7 @@
 use super::changes::Changed;
 use super::kernels::find;
 use super::moves::{Promotion, promote, raise_generation, require_active, require_no_rollout, require_version};
-use super::rows::{cause_of, from_json, from_word, key_of, to_json, to_word};
+use super::rows::{cause_of, json, key_of, to_json, to_word, word};
 use super::sql::{Builder, Connection, Row, from_row, query, scalar};
 use super::write::Write;
 use super::{AbortReason, Result, Store, StoreError, page};
@@ -75,7 +75,7 @@ impl Store {
                 return Err(StoreError::Aborted { reason: AbortReason::RolloutChanged, message });
             }
             let set = "update rollout set share_percent = $3, revision = revision + 1 where number = $2 \
-                           and kernel = (select id from kernel where name = $1)";
+                       and kernel = (select id from kernel where name = $1)";
             query(set).bind((key.to_string(), number, share_percent)).execute(write.sql()).await?;
             let generation = raise_generation(write, &key, now_ms).await?;
             let event = RolloutEvent {
@@ -415,7 +415,6 @@ async fn append_event(write: &mut Write, key: &KernelKey, number: u32, event: Ro
 }
 
 fn rollout_of(row: &Row) -> Result<Rollout> {
-    let overridden: String = row.try_get("overridden")?;
     Ok(from_row!(row, Rollout {
         number, from_version, devices_passed, devices_failed, start_time_ms, end_time_ms, revision;
         key: key_of(row)?,
@@ -423,8 +422,8 @@ fn rollout_of(row: &Row) -> Result<Rollout> {
             version, share_percent, failed_percent_max, devices_min, self_test_loss_max;
             group: row.try_get("group_name")?,
             cause: cause_of(row)?,
-            overridden: from_json("rollout.overridden", &overridden)?,
+            overridden: json(row, "rollout.overridden")?,
         }),
-        state: from_word("rollout.state", row.try_get("state")?)?,
+        state: word(row, "rollout.state")?,
     }))
 }

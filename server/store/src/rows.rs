@@ -18,9 +18,25 @@ pub(super) fn from_json<T: DeserializeOwned>(column: &'static str, text: &str) -
     serde_json::from_str(text).map_err(|source| StoreError::Corrupt { column, source })
 }
 
-/// Parses JSON text, if there is any.
-pub(super) fn from_json_option<T: DeserializeOwned>(column: &'static str, text: Option<String>) -> Result<Option<T>> {
+/// Parses the JSON text of a column, which is named after its table: `job.spec`.
+pub(super) fn json<T: DeserializeOwned>(row: &Row, column: &'static str) -> Result<T> {
+    from_json(column, &row.try_get::<String>(in_row(column))?)
+}
+
+/// Parses the JSON text of a column, if there is any.
+pub(super) fn json_option<T: DeserializeOwned>(row: &Row, column: &'static str) -> Result<Option<T>> {
+    let text: Option<String> = row.try_get(in_row(column))?;
     text.map(|text| from_json(column, &text)).transpose()
+}
+
+/// Parses the word of a column as a unit variant.
+pub(super) fn word<T: DeserializeOwned>(row: &Row, column: &'static str) -> Result<T> {
+    from_word(column, row.try_get(in_row(column))?)
+}
+
+/// The name that a column `table.column` has in a row.
+fn in_row(column: &'static str) -> &'static str {
+    column.rsplit('.').next().unwrap_or(column)
 }
 
 /// Writes a unit variant as a word, for example `Encoding::Srgb` as `srgb`.

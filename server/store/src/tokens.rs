@@ -1,6 +1,6 @@
 //! API tokens.
 
-use super::rows::{from_json, from_word, to_json};
+use super::rows::{json, to_json, word};
 use super::sql::{Row, from_row, query};
 use super::{Result, Store, StoreError};
 use lightpath_domain::access::{Caller, Role};
@@ -44,7 +44,7 @@ impl Store {
         self.write(async move |write| {
             let row = query(
                 "insert into token (name, hash, role, displays, create_time_ms, expire_time_ms) \
-                     values ($1, $2, $3, $4, $5, $6) on conflict (name) do nothing returning *",
+                 values ($1, $2, $3, $4, $5, $6) on conflict (name) do nothing returning *",
             )
             .bind((&caller.name, hash, caller.role.as_str(), to_json("token.displays", &caller.displays)?, now_ms))
             .bind(expire_time_ms)
@@ -94,8 +94,8 @@ impl Store {
 }
 
 fn token_of(row: &Row) -> Result<TokenRecord> {
-    let role: Role = from_word("token.role", row.try_get("role")?)?;
-    let displays = from_json("token.displays", &row.try_get::<String>("displays")?)?;
+    let role: Role = word(row, "token.role")?;
+    let displays = json(row, "token.displays")?;
     Ok(from_row!(row, TokenRecord {
         create_time_ms, expire_time_ms, revoke_time_ms;
         caller: Caller { name: row.try_get("name")?, role, displays },

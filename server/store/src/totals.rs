@@ -109,8 +109,8 @@ impl Store {
     pub async fn database_bytes(&self) -> Result<(u64, u64)> {
         let size = |path: &Path| fs::metadata(path).map_or(0, |metadata| metadata.len());
         let Some(path) = &self.inner.path else {
-            let bytes: i64 = scalar("select pg_database_size(current_database())").fetch_one(self.readers()).await?;
-            return Ok((bytes.unsigned_abs(), 0));
+            let bytes = scalar("select pg_database_size(current_database())").fetch_one(self.readers()).await?;
+            return Ok((bytes, 0));
         };
         let mut wal = path.clone().into_os_string();
         wal.push("-wal");
@@ -123,10 +123,7 @@ impl Store {
     ///
     /// [`crate::StoreError::Database`].
     pub async fn artifact_totals(&self) -> Result<(u64, u64)> {
-        let (count, bytes): (i64, i64) =
-            query_as("select count(*), cast(coalesce(sum(size_bytes), 0) as bigint) from artifact")
-                .fetch_one(self.readers())
-                .await?;
-        Ok((count.unsigned_abs(), bytes.unsigned_abs()))
+        let sql = "select count(*), cast(coalesce(sum(size_bytes), 0) as bigint) from artifact";
+        Ok(query_as(sql).fetch_one(self.readers()).await?)
     }
 }

@@ -2,7 +2,8 @@
 
 use super::changes::Change;
 use super::deliveries::delivery_of;
-use super::rows::{from_json, to_json};
+use super::displays::require_display;
+use super::rows::{json, to_json};
 use super::sql::{Row, from_row, query, scalar};
 use super::{Result, Store, StoreError};
 use lightpath_domain::reason::PreconditionReason;
@@ -28,17 +29,11 @@ impl Store {
                 return Err(StoreError::precondition(PreconditionReason::WebhooksFull, message));
             }
             if let Some(display) = &webhook.display {
-                let known: bool = scalar("select exists (select 1 from display where id = $1)")
-                    .bind(display)
-                    .fetch_one(write.sql())
-                    .await?;
-                if !known {
-                    return Err(StoreError::not_found(format!("displays/{display}")));
-                }
+                require_display(write.sql(), display).await?;
             }
             let inserted = query(
                 "insert into webhook (id, url, events, display, secret, caller, create_time_ms) \
-                         values ($1, $2, $3, $4, $5, $6, $7) on conflict do nothing",
+                 values ($1, $2, $3, $4, $5, $6, $7) on conflict do nothing",
             )
             .bind((&webhook.id, webhook.url.as_str(), to_json("webhook.events", &webhook.events)?, webhook.display))
             .bind((secret.reveal(), webhook.caller, webhook.create_time_ms))
@@ -114,7 +109,7 @@ impl Store {
         let (id, process) = (id.to_owned(), self.inner.process.clone());
         self.write_row(async move |write| {
             let sql = "update webhook set teller = $2, teller_until_ms = $3 where id = $1 \
-                           and (teller is null or teller = $2 or teller_until_ms <= $4 or teller_until_ms > $5)";
+                       and (teller is null or teller = $2 or teller_until_ms <= $4 or teller_until_ms > $5)";
             let held = query(sql).bind((id, process, now_ms + hold_ms, now_ms));
             // The clocks of two processes may differ a little. A hold much longer than any is from a clock that was ahead.
             let held = held.bind(now_ms + 2 * hold_ms);
@@ -152,7 +147,7 @@ impl Store {
         self.write(async move |write| {
             let inserted = query(
                 "insert into webhook_delivery (webhook, event, subject, time_ms, next_time_ms) \
-                     select id, $2, $3, $4, $4 from webhook where id = $1 returning *",
+                 select id, $2, $3, $4, $4 from webhook where id = $1 returning *",
             )
             .bind((&id, WebhookEvent::Test.as_str(), subject, now_ms))
             .fetch_optional(write.sql())
@@ -169,11 +164,10 @@ fn name(id: &str) -> String {
 }
 
 fn webhook_of(row: &Row) -> Result<Webhook> {
-    let events: String = row.try_get("events")?;
     let url: String = row.try_get("url")?;
     Ok(from_row!(row, Webhook {
         id, display, caller, create_time_ms;
         url: WebhookUrl::parse(&url).map_err(|error| StoreError::corrupt("webhook.url", error))?,
-        events: from_json("webhook.events", &events)?,
+        events: json(row, "webhook.events")?,
     }))
 }

@@ -12,7 +12,7 @@ use lightpath_proto::v1;
 use lightpath_proto::v1::job_service_server::JobService;
 use lightpath_proto::v1::list_jobs_request::{Order, View};
 use lightpath_service::{Call, Field, Result, shortened};
-use lightpath_store::{BatchProgress, JobFilter};
+use lightpath_store::{BatchProgress, JobFilter, QueueCounts};
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 
 answers! {
@@ -87,8 +87,8 @@ impl Api {
     async fn get_batch(&self, call: &Call, request: v1::GetBatchRequest) -> Result<v1::Batch> {
         let batch = label(&Field::new("batch"), request.batch)?;
         let batch = batch.ok_or_else(|| Field::new("batch").invalid("is empty, but must name a batch"))?;
-        let progress = self.service.jobs.batch(call, &batch).await?;
-        let BatchProgress { queued, running, succeeded, failed, cancelled, done } = progress;
+        let BatchProgress { jobs, done } = self.service.jobs.batch(call, &batch).await?;
+        let QueueCounts { queued, running, succeeded, failed, cancelled } = jobs;
         Ok(v1::Batch { batch, queued, running, succeeded, failed, cancelled, done })
     }
 }

@@ -1,9 +1,10 @@
 //! Conversion of the queue into a message.
 
+use crate::enumerations::OnWire as _;
 use crate::time::timestamp;
 use lightpath_proto::v1;
 use lightpath_service::QueueState;
-use lightpath_store::{Process, ProcessKind};
+use lightpath_store::Process;
 
 /// Converts the state of the queue into its message.
 pub(crate) fn queue(queue: QueueState) -> v1::Queue {
@@ -28,14 +29,9 @@ pub(crate) fn queue(queue: QueueState) -> v1::Queue {
 }
 
 fn process(process: Process) -> v1::queue::Process {
-    let kind = match process.kind {
-        ProcessKind::Server => v1::queue::process::Kind::Server,
-        ProcessKind::Worker => v1::queue::process::Kind::Worker,
-        ProcessKind::Both => v1::queue::process::Kind::Both,
-    };
     v1::queue::Process {
         id: process.id,
-        kind: kind.into(),
+        kind: process.kind.to_wire(),
         name: process.name,
         version: process.version,
         labels: process.abilities.labels.iter().map(str::to_owned).collect(),

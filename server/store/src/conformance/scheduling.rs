@@ -1,7 +1,7 @@
 //! Tests of when and for which owner jobs run.
 
 use super::*;
-use crate::{BatchProgress, ClaimLimits, JobFilter, OwnerQueue, Pause, QueueLimits, Submitted};
+use crate::{BatchProgress, ClaimLimits, JobFilter, OwnerQueue, Pause, QueueCounts, QueueLimits, Submitted};
 use lightpath_domain::ability::Abilities;
 use lightpath_domain::job::{Job, JobSpec, JobState, Lease, Progress};
 use lightpath_domain::reason::PreconditionReason;
@@ -330,7 +330,8 @@ async fn batch_progress_averages_its_jobs() {
     let (_, lease) = claim(&store, 22).await.unwrap();
     let progress = Progress { stage: "x".into(), step: 5, steps_total: 10, loss: 0.5, eta_s: None };
     store.progress(&lease, &progress).await.unwrap();
-    let expected = BatchProgress { queued: 2, running: 1, succeeded: 1, done: 1.5 / 4.0, ..BatchProgress::default() };
+    let jobs = QueueCounts { queued: 2, running: 1, succeeded: 1, ..QueueCounts::default() };
+    let expected = BatchProgress { jobs, done: 1.5 / 4.0 };
     assert_eq!(store.batch("night").await.unwrap(), expected);
     assert!(matches!(store.batch("day").await, Err(StoreError::NotFound { .. })));
     let filter = JobFilter { batch: Some("night".to_owned()), ..JobFilter::default() };

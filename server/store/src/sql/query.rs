@@ -15,75 +15,40 @@ pub(crate) enum Value {
     Text(Option<String>),
 }
 
-macro_rules! integers {
-    ($($kind:ty),*) => {$(
+macro_rules! values {
+    ($($kind:ty => $variant:ident($convert:expr);)*) => {$(
         impl From<$kind> for Value {
             fn from(value: $kind) -> Self {
-                Self::Integer(Some(value.into()))
+                Self::$variant(Some($convert(value)))
             }
         }
 
         impl From<Option<$kind>> for Value {
             fn from(value: Option<$kind>) -> Self {
-                Self::Integer(value.map(Into::into))
-            }
-        }
-
-        impl From<&Option<$kind>> for Value {
-            fn from(value: &Option<$kind>) -> Self {
-                Self::Integer(value.map(Into::into))
+                Self::$variant(value.map($convert))
             }
         }
     )*};
 }
 
-integers!(i64, i32, u32, u8, bool);
-
-impl From<f64> for Value {
-    fn from(value: f64) -> Self {
-        Self::Real(Some(value))
-    }
+values! {
+    i64 => Integer(i64::from);
+    i32 => Integer(i64::from);
+    u32 => Integer(i64::from);
+    u8 => Integer(i64::from);
+    bool => Integer(i64::from);
+    f64 => Real(f64::from);
+    String => Text(String::from);
+    &String => Text(String::clone);
+    &str => Text(str::to_owned);
 }
 
-impl From<Option<f64>> for Value {
-    fn from(value: Option<f64>) -> Self {
-        Self::Real(value)
-    }
-}
-
-impl From<&str> for Value {
-    fn from(value: &str) -> Self {
-        Self::Text(Some(value.to_owned()))
-    }
-}
-
-impl From<&String> for Value {
-    fn from(value: &String) -> Self {
-        Self::Text(Some(value.clone()))
-    }
-}
-
-impl From<String> for Value {
-    fn from(value: String) -> Self {
-        Self::Text(Some(value))
-    }
-}
-
-impl From<Option<String>> for Value {
-    fn from(value: Option<String>) -> Self {
-        Self::Text(value)
-    }
-}
-
-impl From<&Option<String>> for Value {
-    fn from(value: &Option<String>) -> Self {
-        Self::Text(value.clone())
-    }
-}
-
-impl From<Option<&str>> for Value {
-    fn from(value: Option<&str>) -> Self {
-        Self::Text(value.map(str::to_owned))
+impl<T: Clone> From<&Option<T>> for Value
+where
+    Option<T>: Into<Self>,
+{
+    fn from(value: &Option<T>) -> Self {
+        value.clone().into()
     }
 }
 

@@ -225,7 +225,7 @@ impl Transfer {
 
 async fn rows_of(table: &str, connection: &mut Connection) -> Result<u64, TransferError> {
     let row = Builder::new(format!("select count(*) from {table}")).build().fetch_one(connection).await?;
-    Ok(row.try_get::<i64>(0)?.unsigned_abs())
+    Ok(row.try_get(0)?)
 }
 
 async fn require_empty(to: &mut Connection, tables: &[Table]) -> Result<(), TransferError> {
