@@ -74,25 +74,6 @@ impl PropagationMethod {
             Self::Fraunhofer => "Fraunhofer diffraction",
         }
     }
-
-    /// Whether the method is paraxial: it replaces spherical wave fronts by paraboloids, and sines of angles by
-    /// tangents.
-    #[must_use]
-    pub fn is_paraxial(self) -> bool {
-        match self {
-            Self::FresnelTransferFunction | Self::FresnelImpulseResponse | Self::ScaledFresnel | Self::Fraunhofer => {
-                true
-            }
-            Self::BandResponse
-            | Self::AllOrders
-            | Self::AngularSpectrum
-            | Self::BandLimited
-            | Self::Shifted
-            | Self::RayleighSommerfeld
-            | Self::BandExtended
-            | Self::Scaled => false,
-        }
-    }
 }
 
 impl fmt::Display for PropagationMethod {

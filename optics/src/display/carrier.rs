@@ -9,7 +9,6 @@
 //! the pixel pitch \[m\].
 
 use super::phase_response::wrap_f32;
-use super::setup::OpticalSetup;
 use crate::numerics::Plane;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::PI;
@@ -50,23 +49,6 @@ impl Carrier {
             let steered = if self.sign(y, x) < 0.0 { PI } else { 0.0 };
             wrap_f32(f64::from(phase.at(y, x)) + steered)
         })
-    }
-
-    /// Angle θ \[rad\] between the steered image and the undiffracted light, asin(λ/2Δ); `None` if λ > 2Δ, since the
-    /// order then does not exist.
-    ///
-    /// ```
-    /// use lightpath_optics::{Grid, OpticalSetup};
-    /// use lightpath_optics::display::carrier::Carrier;
-    /// let setup = OpticalSetup::try_new(Grid::try_new(1080, 1920, 8e-6)?, 515e-9, 0.15)?;
-    /// let angle_deg = Carrier::HalfOrderX.steering_angle_rad(&setup).unwrap().to_degrees();
-    /// assert!((angle_deg - 1.845).abs() < 1e-3);
-    /// # Ok::<(), lightpath_optics::Error>(())
-    /// ```
-    #[must_use]
-    pub fn steering_angle_rad(self, setup: &OpticalSetup) -> Option<f64> {
-        let sine = setup.wavelength_m() / (2.0 * setup.grid().pixel_pitch_m());
-        (sine <= 1.0).then(|| sine.asin())
     }
 }
 

@@ -114,143 +114,91 @@ pub(crate) trait Vectors: Copy {
     fn pair<S: Simd>(simd: S, parts: [Self::Vector<S>; 2]) -> [Self::Vector<S>; 2];
 }
 
-impl Vectors for f32 {
-    type Vector<S: Simd> = S::f32s;
+/// Implements [`Vectors`] with pulp's names for a type.
+macro_rules! vectors {
+    (
+        $real:ty: $vector:ident, $lanes:ident, $splat:ident, $add:ident, $sub:ident, $mul:ident,
+        $mul_add:ident, $neg:ident, $vectors:ident, $vectors_mut:ident, $parts:ident, $pair:ident
+    ) => {
+        impl Vectors for $real {
+            type Vector<S: Simd> = S::$vector;
 
-    #[inline(always)]
-    fn lanes<S: Simd>() -> usize {
-        S::F32_LANES
-    }
+            #[inline(always)]
+            fn lanes<S: Simd>() -> usize {
+                S::$lanes
+            }
 
-    #[inline(always)]
-    fn splat<S: Simd>(simd: S, value: Self) -> S::f32s {
-        simd.splat_f32s(value)
-    }
+            #[inline(always)]
+            fn splat<S: Simd>(simd: S, value: Self) -> S::$vector {
+                simd.$splat(value)
+            }
 
-    #[inline(always)]
-    fn add<S: Simd>(simd: S, a: S::f32s, b: S::f32s) -> S::f32s {
-        simd.add_f32s(a, b)
-    }
+            #[inline(always)]
+            fn add<S: Simd>(simd: S, a: S::$vector, b: S::$vector) -> S::$vector {
+                simd.$add(a, b)
+            }
 
-    #[inline(always)]
-    fn sub<S: Simd>(simd: S, a: S::f32s, b: S::f32s) -> S::f32s {
-        simd.sub_f32s(a, b)
-    }
+            #[inline(always)]
+            fn sub<S: Simd>(simd: S, a: S::$vector, b: S::$vector) -> S::$vector {
+                simd.$sub(a, b)
+            }
 
-    #[inline(always)]
-    fn mul<S: Simd>(simd: S, a: S::f32s, b: S::f32s) -> S::f32s {
-        simd.mul_f32s(a, b)
-    }
+            #[inline(always)]
+            fn mul<S: Simd>(simd: S, a: S::$vector, b: S::$vector) -> S::$vector {
+                simd.$mul(a, b)
+            }
 
-    #[inline(always)]
-    fn mul_add<S: Simd>(simd: S, a: S::f32s, b: S::f32s, c: S::f32s) -> S::f32s {
-        simd.mul_add_e_f32s(a, b, c)
-    }
+            #[inline(always)]
+            fn mul_add<S: Simd>(simd: S, a: S::$vector, b: S::$vector, c: S::$vector) -> S::$vector {
+                simd.$mul_add(a, b, c)
+            }
 
-    #[inline(always)]
-    fn neg<S: Simd>(simd: S, a: S::f32s) -> S::f32s {
-        simd.neg_f32s(a)
-    }
+            #[inline(always)]
+            fn neg<S: Simd>(simd: S, a: S::$vector) -> S::$vector {
+                simd.$neg(a)
+            }
 
-    #[inline(always)]
-    fn vectors<S: Simd>(values: &[Self]) -> &[S::f32s] {
-        S::as_simd_f32s(values).0
-    }
+            #[inline(always)]
+            fn vectors<S: Simd>(values: &[Self]) -> &[S::$vector] {
+                S::$vectors(values).0
+            }
 
-    #[inline(always)]
-    fn vectors_mut<S: Simd>(values: &mut [Self]) -> &mut [S::f32s] {
-        S::as_mut_simd_f32s(values).0
-    }
+            #[inline(always)]
+            fn vectors_mut<S: Simd>(values: &mut [Self]) -> &mut [S::$vector] {
+                S::$vectors_mut(values).0
+            }
 
-    #[inline(always)]
-    fn interleaved<S: Simd>(values: &[Complex<Self>]) -> &[[S::f32s; 2]] {
-        S::as_simd_f32s(bytemuck::cast_slice(values)).0.as_chunks().0
-    }
+            #[inline(always)]
+            fn interleaved<S: Simd>(values: &[Complex<Self>]) -> &[[S::$vector; 2]] {
+                S::$vectors(bytemuck::cast_slice(values)).0.as_chunks().0
+            }
 
-    #[inline(always)]
-    fn interleaved_mut<S: Simd>(values: &mut [Complex<Self>]) -> &mut [[S::f32s; 2]] {
-        S::as_mut_simd_f32s(bytemuck::cast_slice_mut(values)).0.as_chunks_mut().0
-    }
+            #[inline(always)]
+            fn interleaved_mut<S: Simd>(values: &mut [Complex<Self>]) -> &mut [[S::$vector; 2]] {
+                S::$vectors_mut(bytemuck::cast_slice_mut(values)).0.as_chunks_mut().0
+            }
 
-    #[inline(always)]
-    fn parts<S: Simd>(simd: S, pair: [S::f32s; 2]) -> [S::f32s; 2] {
-        simd.deinterleave_shfl_f32s(pair)
-    }
+            #[inline(always)]
+            fn parts<S: Simd>(simd: S, pair: [S::$vector; 2]) -> [S::$vector; 2] {
+                simd.$parts(pair)
+            }
 
-    #[inline(always)]
-    fn pair<S: Simd>(simd: S, parts: [S::f32s; 2]) -> [S::f32s; 2] {
-        simd.interleave_shfl_f32s(parts)
-    }
+            #[inline(always)]
+            fn pair<S: Simd>(simd: S, parts: [S::$vector; 2]) -> [S::$vector; 2] {
+                simd.$pair(parts)
+            }
+        }
+    };
 }
 
-impl Vectors for f64 {
-    type Vector<S: Simd> = S::f64s;
-
-    #[inline(always)]
-    fn lanes<S: Simd>() -> usize {
-        S::F64_LANES
-    }
-
-    #[inline(always)]
-    fn splat<S: Simd>(simd: S, value: Self) -> S::f64s {
-        simd.splat_f64s(value)
-    }
-
-    #[inline(always)]
-    fn add<S: Simd>(simd: S, a: S::f64s, b: S::f64s) -> S::f64s {
-        simd.add_f64s(a, b)
-    }
-
-    #[inline(always)]
-    fn sub<S: Simd>(simd: S, a: S::f64s, b: S::f64s) -> S::f64s {
-        simd.sub_f64s(a, b)
-    }
-
-    #[inline(always)]
-    fn mul<S: Simd>(simd: S, a: S::f64s, b: S::f64s) -> S::f64s {
-        simd.mul_f64s(a, b)
-    }
-
-    #[inline(always)]
-    fn mul_add<S: Simd>(simd: S, a: S::f64s, b: S::f64s, c: S::f64s) -> S::f64s {
-        simd.mul_add_e_f64s(a, b, c)
-    }
-
-    #[inline(always)]
-    fn neg<S: Simd>(simd: S, a: S::f64s) -> S::f64s {
-        simd.neg_f64s(a)
-    }
-
-    #[inline(always)]
-    fn vectors<S: Simd>(values: &[Self]) -> &[S::f64s] {
-        S::as_simd_f64s(values).0
-    }
-
-    #[inline(always)]
-    fn vectors_mut<S: Simd>(values: &mut [Self]) -> &mut [S::f64s] {
-        S::as_mut_simd_f64s(values).0
-    }
-
-    #[inline(always)]
-    fn interleaved<S: Simd>(values: &[Complex<Self>]) -> &[[S::f64s; 2]] {
-        S::as_simd_f64s(bytemuck::cast_slice(values)).0.as_chunks().0
-    }
-
-    #[inline(always)]
-    fn interleaved_mut<S: Simd>(values: &mut [Complex<Self>]) -> &mut [[S::f64s; 2]] {
-        S::as_mut_simd_f64s(bytemuck::cast_slice_mut(values)).0.as_chunks_mut().0
-    }
-
-    #[inline(always)]
-    fn parts<S: Simd>(simd: S, pair: [S::f64s; 2]) -> [S::f64s; 2] {
-        simd.deinterleave_shfl_f64s(pair)
-    }
-
-    #[inline(always)]
-    fn pair<S: Simd>(simd: S, parts: [S::f64s; 2]) -> [S::f64s; 2] {
-        simd.interleave_shfl_f64s(parts)
-    }
-}
+vectors!(
+    f32: f32s, F32_LANES, splat_f32s, add_f32s, sub_f32s, mul_f32s, mul_add_e_f32s, neg_f32s,
+    as_simd_f32s, as_mut_simd_f32s, deinterleave_shfl_f32s, interleave_shfl_f32s
+);
+vectors!(
+    f64: f64s, F64_LANES, splat_f64s, add_f64s, sub_f64s, mul_f64s, mul_add_e_f64s, neg_f64s,
+    as_simd_f64s, as_mut_simd_f64s, deinterleave_shfl_f64s, interleave_shfl_f64s
+);
 
 /// Computes e^{ix} in the precision of `x`.
 #[inline(always)]

@@ -35,9 +35,6 @@ pub struct Registration {
     pub turn_uncertainty_px: f64,
     /// Root mean square, over the region, of the displacement by scale and shear \[px\].
     pub stretch_px: f64,
-    /// Root mean square distance of the tiles' displacements from the correction \[px\]: a rough measure of its
-    /// uncertainty.
-    pub scatter_px: f64,
     /// Number of tiles used.
     pub tiles: usize,
 }
@@ -80,7 +77,6 @@ fn fit(displacements: &[(Point, Point)], region: RegionOfInterest, repeats: f64)
         turn_px: frame.rms(parts.turn).copysign(parts.turn_rad),
         turn_uncertainty_px: frame.rms([[0.0, -turn.uncertainty_rad], [turn.uncertainty_rad, 0.0]]),
         stretch_px: frame.rms(parts.stretch),
-        scatter_px: (used.iter().map(|at| off(at).powi(2)).sum::<f64>() / used.len() as f64).sqrt(),
         tiles: used.len(),
     })
 }

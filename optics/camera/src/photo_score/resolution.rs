@@ -33,14 +33,6 @@ pub struct Resolution {
     pub cycles_per_px: f64,
 }
 
-impl Resolution {
-    /// The frequency as a part of the target's highest, the Nyquist frequency: 0 to 1.
-    #[must_use]
-    pub fn part_of_nyquist(&self) -> f64 {
-        self.cycles_per_px / NYQUIST
-    }
-}
-
 /// Resolution of the light in the region. Both planes must cover the region.
 #[must_use]
 pub fn resolution(light: &Plane<f32>, target: &Plane<f32>, region: RegionOfInterest) -> Resolution {

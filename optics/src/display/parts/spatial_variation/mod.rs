@@ -37,8 +37,6 @@ pub struct SpatialVariation {
 impl SpatialVariation {
     /// Number of powers of the position on the SLM.
     pub const POWERS: usize = 5;
-    /// Names of the powers.
-    pub const POWER_NAMES: [&str; Self::POWERS] = ["x", "y", "x²", "xy", "y²"];
 
     /// No variation: the same kernel everywhere.
     #[must_use]
