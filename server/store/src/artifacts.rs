@@ -106,10 +106,6 @@ impl Store {
     }
 
     /// Whether an artifact belongs to `owner`, or a record about one of these displays refers to it.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn artifact_concerns(&self, digest: &str, owner: &str, displays: &[String]) -> Result<bool> {
         let sql = "with own as (select value as id from json_each($3)) select \
                    exists (select 1 from artifact_owner where artifact = $1 and owner = $2) \
@@ -134,10 +130,6 @@ impl Store {
     }
 
     /// The record of an artifact; `None` if it is not recorded.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn artifact(&self, digest: &str) -> Result<Option<ArtifactRecord>> {
         let row = query("select * from artifact where digest = $1").bind(digest).fetch_optional(self.readers()).await?;
         row.as_ref().map(record_of).transpose()

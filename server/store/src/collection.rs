@@ -29,10 +29,6 @@ macro_rules! unreferenced {
 impl Store {
     /// At most `limit` artifacts, in the order of their digests and behind `after`, that no record refers to and that
     /// were last used before `before_ms`.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::StoreError::Database`].
     pub async fn unreferenced_artifacts(&self, before_ms: i64, after: &str, limit: u32) -> Result<Vec<ArtifactRecord>> {
         let sql = unreferenced!("select * from artifact", "and digest > $2 order by digest limit $3");
         let query = query(sql).bind((before_ms, after, page(limit)));
@@ -41,10 +37,6 @@ impl Store {
 
     /// Deletes the record of an artifact if still no record refers to it. Returns whether it was deleted; then the
     /// caller removes the file.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::StoreError::Database`], [`crate::StoreError::DiskFull`].
     pub async fn forget_artifact(&self, digest: &str, before_ms: i64) -> Result<bool> {
         let digest = digest.to_owned();
         self.write(async move |write| {
@@ -93,10 +85,6 @@ impl Store {
     }
 
     /// Those of `digests` that are neither recorded nor being removed, in no particular order.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::StoreError::Database`].
     pub async fn unrecorded(&self, digests: &[String]) -> Result<Vec<String>> {
         let sql = "select value from json_each($1) as given where not exists (select 1 from artifact where digest = given.value) \
                    and not exists (select 1 from artifact_removal where digest = given.value)";
@@ -105,10 +93,6 @@ impl Store {
 
     /// Takes over a removal that another collector began, and may still be about. Returns its new mark; `None` if the
     /// removal no longer has the mark that the caller has `seen` before it listed the objects.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::StoreError::Database`], [`crate::StoreError::DiskFull`].
     pub async fn continue_removal(&self, digest: &str, seen: &str) -> Result<Option<String>> {
         let (digest, seen, mark) = (digest.to_owned(), seen.to_owned(), Uuid::now_v7().to_string());
         self.write(async move |write| {
@@ -120,10 +104,6 @@ impl Store {
     }
 
     /// Ends a removal whose objects are removed, if it still has this mark. Returns whether it had.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::StoreError::Database`], [`crate::StoreError::DiskFull`].
     pub async fn end_removal(&self, digest: &str, mark: &str) -> Result<bool> {
         let (digest, mark) = (digest.to_owned(), mark.to_owned());
         self.write(async move |write| {
@@ -134,10 +114,6 @@ impl Store {
     }
 
     /// Digests and marks of at most `limit` removals, in the order of their digests and behind `after`.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::StoreError::Database`].
     pub async fn removals(&self, after: &str, limit: u32) -> Result<Vec<(String, String)>> {
         let sql = "select digest, mark from artifact_removal where digest > $1 order by digest limit $2";
         let rows = query(sql).bind((after, page(limit))).fetch_all(self.readers()).await?;
@@ -146,10 +122,6 @@ impl Store {
 
     /// Forgets the saved states of jobs that failed before `before_ms`: such a job starts from the beginning if it is
     /// retried. Returns the digests of the states, whose files the caller removes.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::StoreError::Database`], [`crate::StoreError::DiskFull`].
     pub async fn forget_old_checkpoints(&self, before_ms: i64) -> Result<Vec<String>> {
         self.write(async move |write| {
             let sql = "select checkpoint from job \
@@ -164,20 +136,12 @@ impl Store {
     }
 
     /// Ids of at most `limit` jobs that ended before `before_ms`, the oldest first.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::StoreError::Database`].
     pub async fn jobs_ended_before(&self, before_ms: i64, limit: u32) -> Result<Vec<String>> {
         let sql = "select id from job where finish_time_ms < $1 order by finish_time_ms limit $2";
         Ok(scalar(sql).bind((before_ms, page(limit))).fetch_all(self.readers()).await?)
     }
 
     /// Number of jobs that ended before `before_ms`.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::StoreError::Database`].
     pub async fn count_jobs_ended_before(&self, before_ms: i64) -> Result<u64> {
         let sql = "select count(*) from job where finish_time_ms < $1";
         Ok(scalar(sql).bind(before_ms).fetch_one(self.readers()).await?)
@@ -186,10 +150,6 @@ impl Store {
     /// Deletes the jobs among `ids` that ended before `before_ms`, with their events. Returns the digests of their
     /// checkpoints, whose files the caller removes. The artifacts that the jobs made stay while another record refers
     /// to them, and for the time of grace after that.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::StoreError::Database`], [`crate::StoreError::DiskFull`].
     pub async fn delete_jobs(&self, ids: Vec<String>, before_ms: i64, now_ms: i64) -> Result<Deleted> {
         self.write(async move |write| delete_jobs(write, ids, before_ms, now_ms).await).await
     }

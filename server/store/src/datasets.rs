@@ -34,10 +34,6 @@ impl Store {
     }
 
     /// At most `limit` datasets, without their pairs, in the order of their ids and behind `after`.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn datasets(&self, display: Option<&str>, after: Option<&str>, limit: u32) -> Result<Vec<Dataset>> {
         let mut query = Builder::new("select * from dataset where id > ");
         query.push_bind(after.unwrap_or(""));

@@ -21,10 +21,6 @@ pub enum Attempt {
 
 impl Store {
     /// Ids of the webhooks that have something to learn at the time `now_ms`.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::StoreError::Database`].
     pub async fn webhooks_due(&self, now_ms: i64) -> Result<Vec<String>> {
         let sql = "select id from webhook where exists \
                    (select 1 from webhook_delivery where webhook = webhook.id and next_time_ms <= $1)";
@@ -32,10 +28,6 @@ impl Store {
     }
 
     /// Time of the next attempt of any webhook \[ms since 1970\]; `None`: nothing waits.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::StoreError::Database`].
     pub async fn next_attempt_ms(&self) -> Result<Option<i64>> {
         let sql = "select min((select min(next_time_ms) from webhook_delivery \
                    where webhook = webhook.id and next_time_ms is not null)) from webhook";
@@ -43,10 +35,6 @@ impl Store {
     }
 
     /// What a webhook is to learn next at the time `now_ms`.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::StoreError::Database`].
     pub async fn due_delivery(&self, webhook: &str, now_ms: i64) -> Result<Option<Delivery>> {
         let sql = "select * from webhook_delivery where webhook = $1 and next_time_ms <= $2 \
                    order by next_time_ms, sequence limit 1";
@@ -96,10 +84,6 @@ impl Store {
     }
 
     /// Number of deliveries that wait for their next attempt.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::StoreError::Database`].
     pub async fn deliveries_waiting(&self) -> Result<u64> {
         let sql = "select count(*) from webhook_delivery where next_time_ms is not null";
         Ok(scalar(sql).fetch_one(self.readers()).await?)

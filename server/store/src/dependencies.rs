@@ -13,10 +13,6 @@ use std::collections::{HashSet, VecDeque};
 
 impl Store {
     /// Those of the jobs `ids` that exist and are about one of these displays.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn jobs_on(&self, ids: &[String], displays: &[String]) -> Result<HashSet<String>> {
         let sql = "select id from job where id in (select value from json_each($1)) \
                    and display in (select value from json_each($2))";

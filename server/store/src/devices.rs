@@ -28,10 +28,6 @@ impl Store {
     }
 
     /// At most `limit` devices of a display in the order of their ids, behind the id `after`.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn devices(&self, display: &str, after: Option<&str>, limit: u32) -> Result<Vec<Device>> {
         let mut read = self.readers().begin().await?;
         let rows = query("select * from device where display = $1 and id > $2 order by id limit $3")

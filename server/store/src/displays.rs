@@ -43,10 +43,6 @@ impl Store {
 
     /// At most `limit` displays with their creation times \[ms since 1970\], in the order of their ids and behind
     /// `after`.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn displays(&self, after: Option<&str>, limit: u32) -> Result<Vec<(Display, i64)>> {
         let rows = query("select * from display where id > $1 order by id limit $2")
             .bind((after.unwrap_or(""), page(limit)))

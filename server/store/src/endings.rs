@@ -109,10 +109,6 @@ impl Store {
     /// Takes every running job from the workers of a process that stops, because some of its jobs did not stop in time.
     /// `None` is the only process that works on this database. The jobs return to the queue, and neither failures nor
     /// deaths of the server are counted.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::StoreError::Database`], [`crate::StoreError::DiskFull`].
     pub async fn release_all(&self, process: Option<&str>, now_ms: i64) -> Result<Vec<Job>> {
         let mut released = Vec::new();
         loop {
@@ -127,10 +123,6 @@ impl Store {
 
     /// Returns the job to the queue that got this lease by a claim whose answer was lost, so that nobody runs it. The attempt
     /// does not count as failed.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::StoreError::Database`], [`crate::StoreError::DiskFull`].
     pub async fn abandon_claim(&self, lease_id: &str, now_ms: i64) -> Result<()> {
         let lease_id = lease_id.to_owned();
         self.write(async move |write| {
@@ -160,10 +152,6 @@ impl Store {
 
     /// Takes jobs from workers whose leases have expired. Each job returns to the queue, or fails if it has no attempts
     /// left.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::StoreError::Database`], [`crate::StoreError::DiskFull`].
     pub async fn expire_leases(&self, now_ms: i64) -> Result<Vec<Job>> {
         self.write(async move |write| expire(write, now_ms).await).await
     }
@@ -172,10 +160,6 @@ impl Store {
     /// that works on this database, whose start finds all workers dead. Each death of the server counts as an attempt of the job until the job
     /// saves a checkpoint. So a job that kills its server fails when its attempts are spent, and other jobs can run
     /// again.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::StoreError::Database`], [`crate::StoreError::DiskFull`].
     pub async fn recover_orphans(&self, process: Option<&str>, now_ms: i64) -> Result<Vec<Job>> {
         let process = process.map(str::to_owned);
         self.write(async move |write| recover_orphans(write, process, now_ms).await).await

@@ -35,10 +35,6 @@ impl Store {
     }
 
     /// At most `limit` gates that were set for a display, the newest first. The first one counts.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn gates(&self, display: &str, limit: u32) -> Result<Vec<GateChange>> {
         let rows = query("select * from promotion_gate where display = $1 order by sequence desc limit $2")
             .bind((display, page(limit)))

@@ -160,10 +160,6 @@ impl Inspection {
 
     /// Errors that SQLite finds in pages, indexes, constraints and references between rows. PostgreSQL has programs of
     /// its own for that, such as `pg_amcheck`, so none are found there.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn damages(&mut self) -> Result<Vec<String>> {
         if self.connection.is_postgres() {
             return Ok(Vec::new());
@@ -178,10 +174,6 @@ impl Inspection {
     }
 
     /// Descriptions of the jobs whose events contradict their state.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn contradictions(&mut self) -> Result<Vec<String>> {
         let sql = "select id, ends from (select id, state, (select count(*) from job_event e where e.job = job.id \
                    and e.message = 'succeeded') as ends from job) counted \
@@ -215,10 +207,6 @@ impl Inspection {
     }
 
     /// Counts the stored records.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn counts(&mut self) -> Result<Counts> {
         let (jobs, artifacts, artifact_bytes, kernel_versions) = query_as(
             "select (select count(*) from job), (select count(*) from artifact), \
@@ -230,10 +218,6 @@ impl Inspection {
     }
 
     /// The next page of artifacts in the order of their digests, behind `after`; empty at the end.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn artifacts_after(&mut self, after: &str) -> Result<Vec<StoredBlob>> {
         let rows = query("select digest, size_bytes from artifact where digest > $1 order by digest limit $2")
             .bind((after, PAGE))
@@ -243,39 +227,23 @@ impl Inspection {
     }
 
     /// Whether the artifact is recorded.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn has_artifact(&mut self, digest: &str) -> Result<bool> {
         let known = scalar("select exists (select 1 from artifact where digest = $1)").bind(digest);
         Ok(known.fetch_one(&mut self.connection).await?)
     }
 
     /// The identity of the data folder or the bucket in which the artifacts are; `None` if no server has recorded one.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn artifact_place(&mut self) -> Result<Option<String>> {
         Ok(scalar("select identity from artifact_place").fetch_optional(&mut self.connection).await?)
     }
 
     /// Ids of the jobs that have a checkpoint, each with the checkpoint's digest.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn checkpoints(&mut self) -> Result<Vec<(String, String)>> {
         let rows = query_as("select id, checkpoint from job where checkpoint is not null order by id");
         Ok(rows.fetch_all(&mut self.connection).await?)
     }
 
     /// Digest of the job's checkpoint.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn checkpoint_of(&mut self, job: &str) -> Result<Option<String>> {
         let digest = scalar("select checkpoint from job where id = $1").bind(job);
         Ok(digest.fetch_optional(&mut self.connection).await?.flatten())
@@ -283,10 +251,6 @@ impl Inspection {
 
     /// References of jobs to artifacts that are not recorded, as inputs or as results. Pairs and kernel versions refer
     /// to artifacts by foreign keys and need no check.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn dangling_references(&mut self) -> Result<Vec<DanglingReference>> {
         let mut dangling = Vec::new();
         let mut after = String::new();
@@ -323,10 +287,6 @@ impl Inspection {
 
     /// Removes the checkpoints of these jobs from a snapshot that no server uses. The jobs will start from the
     /// beginning.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn forget_checkpoints(path: &Path, jobs: &[String]) -> Result<()> {
         let mut connection = connect_options(path).create_if_missing(false).connect().await?;
         for job in jobs {
@@ -340,10 +300,6 @@ impl Inspection {
     }
 
     /// Closes the connection.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn close(self) -> Result<()> {
         Ok(self.connection.close().await?)
     }

@@ -35,20 +35,12 @@ pub struct JobFilter {
 
 impl Store {
     /// At most `limit` jobs that match the filter and follow the job `after` in its order.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn jobs(&self, filter: &JobFilter, after: Option<&str>, limit: u32) -> Result<Vec<Job>> {
         let rows = list_query(self.readers(), "*", filter, after, limit)?.build().fetch_all(self.readers()).await?;
         rows.iter().map(job_of).collect()
     }
 
     /// What lists show of the same jobs as [`Self::jobs`]. It does not parse their requests and results.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn job_summaries(&self, filter: &JobFilter, after: Option<&str>, limit: u32) -> Result<Vec<JobSummary>> {
         let rows = list_query(self.readers(), SUMMARY, filter, after, limit)?.build().fetch_all(self.readers()).await?;
         rows.iter().map(summary_of).collect()

@@ -93,10 +93,6 @@ impl Store {
 
     /// The job that the owner's request with this id created, if any. A repeated submit that names "the active kernel"
     /// must mean the version that was active at the first submit, so callers look here before they resolve that name.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn job_by_request(&self, owner: &str, request_id: &str) -> Result<Option<Job>> {
         let row = query("select * from job where owner = $1 and request_id = $2")
             .bind((owner, request_id))
@@ -106,20 +102,12 @@ impl Store {
     }
 
     /// Digests of the checkpoints of all jobs.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn live_checkpoints(&self) -> Result<Vec<String>> {
         let digests = scalar("select checkpoint from job where checkpoint is not null");
         Ok(digests.fetch_all(self.readers()).await?)
     }
 
     /// Numbers of jobs in each state.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn queue_counts(&self) -> Result<QueueCounts> {
         let rows: Vec<(String, i64)> =
             query_as("select state, cast(sum(jobs) as bigint) from job_count group by state")

@@ -38,10 +38,6 @@ impl Store {
     }
 
     /// At most `limit` kernels in the order of their names (as `KernelKey` displays them), behind the name `after`.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn kernels(&self, display: Option<&str>, after: Option<&str>, limit: u32) -> Result<Vec<Kernel>> {
         let mut query = Builder::new(KERNELS);
         query.push(" where name > ");
@@ -55,10 +51,6 @@ impl Store {
 
     /// The kernels with an active version whose distances are nearest to that of `key`, the nearest first: one at it,
     /// or at most one on each side.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn nearest_kernels(&self, key: &KernelKey) -> Result<Vec<Kernel>> {
         let mut read = self.readers().begin().await?;
         let mut found = Vec::new();
@@ -111,10 +103,6 @@ impl Store {
 
     /// At most `limit` kernel versions of a display and wavelength that were learned together as one model of several
     /// distances, newest first, then by distance.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn joint_versions(
         &self,
         display: &str,

@@ -74,10 +74,6 @@ impl Store {
     /// Gives the next job to `worker`, a process without labels, with a lease of `lease_ms`. Jobs are ordered by: lowest `priority`; owner with
     /// the fewest running jobs; owner whose last start is longest ago; earliest due; oldest. Starts in the future, from
     /// a time when the clock was wrong, do not count.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`], [`StoreError::DiskFull`].
     pub async fn claim(&self, now_ms: i64, lease_ms: i64, worker: &str) -> Result<Option<(Job, Lease)>> {
         self.claim_within(ClaimLimits::default(), now_ms, lease_ms, &Claimant::named(worker)).await
     }
@@ -101,10 +97,6 @@ impl Store {
 
     /// Earliest time after `now_ms` when a waiting job becomes due \[ms since 1970\] that a process with these abilities can
     /// run; `None` if there is no such job.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn next_run_time(&self, now_ms: i64, abilities: &Abilities) -> Result<Option<i64>> {
         let (labels, memory_bytes) = in_claim(abilities)?;
         let time = scalar(NEXT_RUN_TIME).bind((now_ms, labels, memory_bytes));
@@ -130,10 +122,6 @@ impl Store {
     }
 
     /// Moves the ends of all leases by `by_ms`, because the system's clock was set.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`], [`StoreError::DiskFull`].
     pub async fn shift_leases(&self, by_ms: i64) -> Result<()> {
         self.write(async move |write| {
             let sql = "update job set lease_until_ms = lease_until_ms + $1 where state = 'running'";
@@ -144,10 +132,6 @@ impl Store {
     }
 
     /// Lets no lease end after `latest_ms`, because a clock that was ahead has been set right.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`], [`StoreError::DiskFull`].
     pub async fn cap_leases(&self, latest_ms: i64) -> Result<()> {
         let late: bool = scalar("select exists (select 1 from job where state = 'running' and lease_until_ms > $1)")
             .bind(latest_ms)
@@ -167,10 +151,6 @@ impl Store {
     /// Makes waiting jobs due earlier whose start lies further ahead than its reasons explain, because the system's
     /// clock was ahead when it was set: a job starts at the time that its submitter requested or, after a failed
     /// attempt, at most `pause_max_ms` from now. Returns the number of these jobs.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`], [`StoreError::DiskFull`].
     pub async fn pull_forward(&self, now_ms: i64, pause_max_ms: i64) -> Result<u64> {
         self.write(async move |write| {
                 let sql = "with late as (select id as late_id, \

@@ -13,6 +13,11 @@
 //! - The changes of a transaction are announced after its commit, see [`Store::subscribe_job_changes`] and the similar
 //!   functions. In PostgreSQL other processes hear of them, too.
 //!
+//! # Errors
+//!
+//! Every function can fail with [`StoreError::Database`] or [`StoreError::Unreachable`], and one that writes also with
+//! [`StoreError::DiskFull`]. Functions name only their other errors.
+//!
 //! # Layout
 //!
 //! - `tokens`: API tokens. `signing`: keyrings and private keys. `queue`: pauses and the state of the queue.

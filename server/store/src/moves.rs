@@ -91,10 +91,6 @@ impl Store {
 
     /// Raises the generation of every display to at least `least`. Devices have seen the generations of moves that a
     /// restored database lacks.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn raise_generations(&self, least: u64) -> Result<()> {
         self.write(async move |write| {
             query("update display set generation = $1 where generation < $1")

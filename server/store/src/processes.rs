@@ -18,10 +18,6 @@ impl Store {
     }
 
     /// Gives a sign of life for this process and reads those of the others. Removes those that have ended.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::StoreError::Database`], [`crate::StoreError::DiskFull`].
     pub async fn sign_of_life(&self, process: &Process) -> Result<()> {
         let process = Process { seen_time_ms: self.now_ms(), ..process.clone() };
         if !self.is_shared() {
@@ -51,10 +47,6 @@ impl Store {
     }
 
     /// Reads which processes live. Returns whether there are rows of others.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::StoreError::Database`].
     pub async fn read_living(&self) -> Result<bool> {
         if !self.is_shared() {
             return Ok(false);
@@ -71,10 +63,6 @@ impl Store {
     }
 
     /// Removes the row of a process that stops.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::StoreError::Database`].
     pub async fn sign_off(&self, id: &str) -> Result<()> {
         if !self.is_shared() {
             return Ok(());

@@ -89,10 +89,6 @@ impl Store {
     }
 
     /// Lists all pauses.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn pauses(&self) -> Result<Vec<Pause>> {
         let rows = query("select * from pause order by display").fetch_all(self.readers()).await?;
         rows.iter()
@@ -108,10 +104,6 @@ impl Store {
     }
 
     /// Numbers of waiting and running jobs of each owner who has any.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn owner_queues(&self) -> Result<Vec<OwnerQueue>> {
         let rows = query_as(
             "select owner, cast(sum(case state when 'queued' then jobs else 0 end) as bigint), \

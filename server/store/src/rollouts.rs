@@ -141,10 +141,6 @@ impl Store {
 
     /// Halts all rollouts that are running, with this message. They may have been halted after the backup from which
     /// the database was restored.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn halt_all_rollouts(&self, message: &str, now_ms: i64) -> Result<()> {
         let message = message.to_owned();
         self.write(async move |write| {

@@ -32,10 +32,6 @@ impl std::fmt::Debug for PrivateKey {
 
 impl Store {
     /// The newest keyring.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn keyring(&self) -> Result<Option<StoredKeyring>> {
         let row = query("select version, document from keyring order by version desc limit 1")
             .fetch_optional(self.readers())
@@ -61,19 +57,11 @@ impl Store {
     }
 
     /// Adds private keys, for a keyring that is signed elsewhere and added later.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn add_private_keys(&self, new: Vec<PrivateKey>, now_ms: i64) -> Result<()> {
         self.write(async move |write| add_private(write, new, now_ms).await).await
     }
 
     /// Private keys of this server.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn private_keys(&self) -> Result<Vec<PrivateKey>> {
         let rows = query("select public, private from signing_key order by public").fetch_all(self.readers()).await?;
         let key = |row: &Row| Ok(PrivateKey { public: row.try_get("public")?, private: row.try_get("private")? });
@@ -81,10 +69,6 @@ impl Store {
     }
 
     /// Forgets a private key. False if this server does not have it.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn forget_private_key(&self, public: &str) -> Result<bool> {
         let public = public.to_owned();
         self.write(async move |write| {

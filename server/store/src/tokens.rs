@@ -58,20 +58,12 @@ impl Store {
     }
 
     /// The token whose secret has this hash.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn token_by_hash(&self, hash: &str) -> Result<Option<TokenRecord>> {
         let row = query("select * from token where hash = $1").bind(hash).fetch_optional(self.readers()).await?;
         row.as_ref().map(token_of).transpose()
     }
 
     /// Lists all tokens in the order of their names.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn tokens(&self) -> Result<Vec<TokenRecord>> {
         let rows = query("select * from token order by name").fetch_all(self.readers()).await?;
         rows.iter().map(token_of).collect()

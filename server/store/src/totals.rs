@@ -33,10 +33,6 @@ pub struct WaitingWork {
 
 impl Store {
     /// Numbers of waiting and running jobs, for every kind. A kind without jobs is 0.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::StoreError::Database`].
     pub async fn queue_depths(&self) -> Result<Vec<QueueDepth>> {
         let rows: Vec<(String, String, i64)> = query_as(
             "select kind, state, cast(sum(jobs) as bigint) from job_count where state in ('queued', 'running') group by 1, 2",
@@ -59,10 +55,6 @@ impl Store {
     }
 
     /// For every kind, how long its earliest due job has been ready to run without being claimed.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::StoreError::Database`].
     pub async fn oldest_due(&self, now_ms: i64) -> Result<Vec<(&'static str, Duration)>> {
         let mut ages = Vec::new();
         for kind in JobSpec::KINDS {
@@ -76,10 +68,6 @@ impl Store {
 
     /// For every kind and each set of labels that its jobs need, the estimated time of the jobs that are due and wait for a
     /// worker. A job without an estimate counts as 0. The empty set is there for every kind.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::StoreError::Database`].
     pub async fn waiting_work(&self, now_ms: i64) -> Result<Vec<WaitingWork>> {
         let mut all = Vec::new();
         for kind in JobSpec::KINDS {
@@ -102,10 +90,6 @@ impl Store {
     }
 
     /// Sizes of the database and of SQLite's write-ahead log \[bytes\]; 0 for a missing file.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::StoreError::Database`].
     pub async fn database_bytes(&self) -> Result<(u64, u64)> {
         let size = |path: &Path| fs::metadata(path).map_or(0, |metadata| metadata.len());
         let Some(path) = &self.inner.path else {
@@ -118,10 +102,6 @@ impl Store {
     }
 
     /// Number of all artifacts and their total size \[bytes\].
-    ///
-    /// # Errors
-    ///
-    /// [`crate::StoreError::Database`].
     pub async fn artifact_totals(&self) -> Result<(u64, u64)> {
         let sql = "select count(*), cast(coalesce(sum(size_bytes), 0) as bigint) from artifact";
         Ok(query_as(sql).fetch_one(self.readers()).await?)

@@ -70,10 +70,6 @@ impl Store {
     }
 
     /// All webhooks, in the order of their ids.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn webhooks(&self) -> Result<Vec<Webhook>> {
         let rows = query("select * from webhook order by id").fetch_all(self.readers()).await?;
         rows.iter().map(webhook_of).collect()
@@ -98,10 +94,6 @@ impl Store {
 
     /// Takes this webhook for `hold_ms`, in which no other process sends its events. Returns whether this process has it
     /// now; it always has where no other process shares the database.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn hold_webhook(&self, id: &str, now_ms: i64, hold_ms: i64) -> Result<bool> {
         if !self.is_shared() {
             return Ok(true);
@@ -119,10 +111,6 @@ impl Store {
     }
 
     /// Ends what [`Self::hold_webhook`] began.
-    ///
-    /// # Errors
-    ///
-    /// [`StoreError::Database`].
     pub async fn release_webhook(&self, id: &str) -> Result<()> {
         if !self.is_shared() {
             return Ok(());
