@@ -1,4 +1,4 @@
-//! An optical bench without optics.
+//! A bench that exists only as a simulation: a display with a camera, and pictures to show.
 //!
 //! - [`simulated_display`]: a display, its optics and a camera, with flaws.
 //! - [`test_cards`]: target pictures.
