@@ -5,159 +5,81 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Reason why the agent could not do a step.
+/// Reason why the agent could not do a step; the messages say what each means.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
 pub enum Problem {
-    /// A file of the directory cannot be read, written or removed.
     #[error("could not {action} {}: {source}{}", path.display(), hint(source))]
-    Disk {
-        /// What the agent wanted to do.
-        action: &'static str,
-        /// The file or folder.
-        path: PathBuf,
-        /// What the system says.
-        source: io::Error,
-    },
-    /// The disk has too little space for a kernel.
+    Disk { action: &'static str, path: PathBuf, source: io::Error },
     #[error(
         "the disk of {} is full: the kernel needs {wanted_bytes} bytes more and {free_bytes} are free; \
          the agent tries again later",
         path.display()
     )]
-    Full {
-        /// The directory.
-        path: PathBuf,
-        /// Space that the kernel needs \[bytes\].
-        wanted_bytes: u64,
-        /// Space that is free \[bytes\].
-        free_bytes: u64,
-    },
-    /// Another agent keeps the directory.
+    Full { path: PathBuf, wanted_bytes: u64, free_bytes: u64 },
     #[error("another agent works in {}: end it, or choose another directory with --directory", path.display())]
-    Locked {
-        /// The directory.
-        path: PathBuf,
-    },
+    Locked { path: PathBuf },
     /// A file with a token or with certificates cannot be used.
     #[error("{0}")]
     Setting(String),
     /// The server cannot be reached, or the connection ended before the answer.
     #[error("could not reach {server}: {reason}")]
-    Unreachable {
-        /// URL of the server.
-        server: String,
-        /// What the connection says.
-        reason: String,
-    },
-    /// The server does not accept the token.
+    Unreachable { server: String, reason: String },
     #[error("the server refused the token of this device ({status}: {message}): {fix}")]
     Token {
         /// 401 or 403.
         status: u16,
-        /// What the server says.
         message: String,
-        /// What to do.
         fix: String,
     },
-    /// The server refused a call.
     #[error("the server refused {what} ({status}: {message})")]
     Refused {
-        /// What the agent asked for.
         what: &'static str,
-        /// Status of HTTP.
         status: u16,
-        /// What the server says.
         message: String,
         /// Time after which to ask again, if the server names one.
         retry_after: Option<Duration>,
     },
-    /// The keyring of the server is not acceptable.
     #[error("refused the keyring of the server: {}", with_clock_hint(.0))]
     Keyring(Distrust),
-    /// The keyring has a lower version than an earlier one.
     #[error("refused the keyring of the server: it has version {found}, but version {known} was accepted before")]
-    OlderKeyring {
-        /// Version of the keyring.
-        found: u32,
-        /// Highest version that the agent accepted.
-        known: u32,
-    },
-    /// The manifest of the server is not acceptable.
+    OlderKeyring { found: u32, known: u32 },
     #[error("refused the manifest of the server: {}", with_clock_hint(.0))]
     Manifest(Distrust),
-    /// The file of a version is not the one of its manifest.
     #[error("refused the file of version {version}: {problem}")]
-    Body {
-        /// Version of the manifest.
-        version: u32,
-        /// What is wrong.
-        problem: BodyProblem,
-    },
+    Body { version: u32, problem: BodyProblem },
     /// The connection ended within a file. The next try continues there.
     #[error("the download of version {version} was cut after {bytes} of {size_bytes} bytes: {reason}")]
     Cut {
-        /// Version of the manifest.
         version: u32,
         /// Bytes that are on the disk.
         bytes: u64,
-        /// Size in the manifest.
         size_bytes: u64,
         /// Whether this poll brought some of these bytes.
         has_progress: bool,
-        /// What the connection says.
         reason: String,
     },
-    /// The device's own test cannot be started.
     #[error("could not start the self-test {}: {source}; put a program there, or correct --self-test", program.display())]
-    SelfTestStart {
-        /// The program.
-        program: PathBuf,
-        /// What the system says.
-        source: io::Error,
-    },
-    /// The device's own test refused the kernel.
+    SelfTestStart { program: PathBuf, source: io::Error },
     #[error("the self-test refused version {version}: {reason}")]
-    SelfTest {
-        /// The version.
-        version: u32,
-        /// What the test says.
-        reason: String,
-    },
+    SelfTest { version: u32, reason: String },
 }
 
-/// What is wrong with the body of a file.
+/// What is wrong with the body of a file; the messages say what each means.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs)]
 pub enum BodyProblem {
-    /// The body is longer than the manifest says.
     #[error("it is longer than the {size_bytes} bytes of the manifest")]
-    Longer {
-        /// Size in the manifest.
-        size_bytes: u64,
-    },
-    /// The body is shorter than the manifest says.
+    Longer { size_bytes: u64 },
     #[error("it has {found_bytes} bytes, but the manifest says {size_bytes}")]
-    Shorter {
-        /// Size of the body.
-        found_bytes: u64,
-        /// Size in the manifest.
-        size_bytes: u64,
-    },
-    /// The bytes are others.
+    Shorter { found_bytes: u64, size_bytes: u64 },
     #[error("it has the digest {found}, but the manifest says {wanted}")]
-    Digest {
-        /// Digest of the bytes.
-        found: String,
-        /// Digest in the manifest.
-        wanted: String,
-    },
-    /// The server answered with another part than the one that was asked for.
+    Digest { found: String, wanted: String },
     #[error("the server sent the part \"{found}\" instead of the bytes from {first} of {size_bytes}")]
     Part {
         /// `content-range` of the answer.
         found: String,
-        /// First byte that was asked for.
         first: u64,
-        /// Size in the manifest.
         size_bytes: u64,
     },
 }

@@ -12,19 +12,14 @@ use tonic_types::StatusExt as _;
 /// A result with this crate's [`Error`].
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// An error of a call, or of a file that the call needs.
+/// An error of a call, or of a file that the call needs; the messages say what each means.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
+#[allow(missing_docs)]
 pub enum Error {
     /// The server's address is malformed, or its certificates cannot be used.
     #[error("server URL \"{url}\" {reason}")]
-    Url {
-        /// The address that the caller gave.
-        url: String,
-        /// What is wrong with the address, and the fix.
-        reason: String,
-    },
-    /// The access token is empty or malformed.
+    Url { url: String, reason: String },
     #[error(
         "the access token is empty or has characters other than printable ASCII; use a token of `lightpathd token create`"
     )]
@@ -32,14 +27,12 @@ pub enum Error {
     /// No server answered, the connection was lost, or the server is shutting down. The call may succeed later.
     #[error("server {url} could not be reached: {reason}")]
     Unreachable {
-        /// The server's address.
         url: String,
         /// The innermost known cause.
         reason: String,
         /// The gRPC status of the call.
         status: Status,
     },
-    /// The server refused the call.
     #[error(transparent)]
     Refused(#[from] Refusal),
     /// The job has no result, because it failed, was cancelled or has not ended.
@@ -47,31 +40,17 @@ pub enum Error {
     JobUnsuccessful {
         /// `jobs/{id}`.
         job: String,
-        /// How the job ended, with the reason.
         ending: String,
     },
-    /// Downloaded bytes do not match their digest.
     #[error("the bytes of {digest} arrived damaged: their digest is {found}; try again")]
-    Damaged {
-        /// The requested digest.
-        digest: String,
-        /// The digest of the received bytes.
-        found: String,
-    },
-    /// An answer of the server breaks the rules of the API.
+    Damaged { digest: String, found: String },
     #[error("the server's answer is invalid: {what}; client and server may have different versions")]
-    Protocol {
-        /// The broken rule.
-        what: &'static str,
-    },
-    /// A local file could not be read or written.
+    Protocol { what: &'static str },
     #[error("could not {action} {}: {source}", path.display())]
     File {
         /// The action that failed: `read`, `write`, …
         action: &'static str,
-        /// Path of the file or folder.
         path: PathBuf,
-        /// The system's error.
         source: io::Error,
     },
 }

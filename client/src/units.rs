@@ -14,49 +14,22 @@ pub enum Length {
     Wavelength,
 }
 
-/// The reason why a text is not a length.
+/// The reason why a text is not a length; the messages say what each means.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs)]
 pub enum ParseError {
-    /// The text does not start with a number.
     #[error("{length} \"{text}\" is not a number with a unit, such as {example}")]
-    NotANumber {
-        /// The kind of length that was expected.
-        length: Length,
-        /// The text that was given.
-        text: String,
-        /// A valid example.
-        example: &'static str,
-    },
-    /// The number is not finite.
+    NotANumber { length: Length, text: String, example: &'static str },
     #[error("{length} is {text}, but must be a finite number, such as {example}")]
-    NotFinite {
-        /// The kind of length that was expected.
-        length: Length,
-        /// The text that was given.
-        text: String,
-        /// A valid example.
-        example: &'static str,
-    },
-    /// The unit is unknown.
+    NotFinite { length: Length, text: String, example: &'static str },
     #[error(
         "{length} \"{text}\" has the unknown unit \"{unit}\": use m, cm, mm, um (or µm), nm or pm, such as {example}"
     )]
-    UnknownUnit {
-        /// The kind of length that was expected.
-        length: Length,
-        /// The text that was given.
-        text: String,
-        /// The text after the number.
-        unit: String,
-        /// A valid example.
-        example: &'static str,
-    },
+    UnknownUnit { length: Length, text: String, unit: String, example: &'static str },
     /// The number has no unit. It would be in metres, and that is too large for this kind of length.
     #[error("{length} {text} has no unit and would be {text} m: write {text}{unit}")]
     NoUnit {
-        /// The kind of length that was expected.
         length: Length,
-        /// The text that was given.
         text: String,
         /// The unit that the user probably meant.
         unit: &'static str,

@@ -2,42 +2,21 @@
 
 use crate::{DOCUMENT_BYTES_MAX, Time};
 
-/// Reason why a text is not a document of the wanted kind.
+/// Reason why a text is not a document of the wanted kind; the messages say what each means. Lines count from 1.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs)]
 pub enum DocumentError {
-    /// The text is larger than any document.
     #[error("the document has {bytes} bytes, but may have at most {DOCUMENT_BYTES_MAX}")]
-    TooLarge {
-        /// Size of the text \[bytes\].
-        bytes: usize,
-    },
-    /// The text has bytes that no document has.
+    TooLarge { bytes: usize },
     #[error("the document must be lines of printable ASCII, each with a line feed at its end")]
     NotText,
     /// A line has another name than the one that must stand there, or is missing.
     #[error("line {line} must begin with \"{expected}\"")]
-    Name {
-        /// Number of the line, from 1.
-        line: usize,
-        /// Beginning of the line.
-        expected: &'static str,
-    },
-    /// A value is not possible.
+    Name { line: usize, expected: &'static str },
     #[error("line {line}: {name} must be {expected}")]
-    Value {
-        /// Number of the line, from 1.
-        line: usize,
-        /// Name at the beginning of the line.
-        name: &'static str,
-        /// What the value must be.
-        expected: &'static str,
-    },
-    /// The document has more lines.
+    Value { line: usize, name: &'static str, expected: &'static str },
     #[error("line {line}: the document must end before it")]
-    TooLong {
-        /// Number of the line, from 1.
-        line: usize,
-    },
+    TooLong { line: usize },
 }
 
 /// Writes a document.

@@ -18,92 +18,34 @@ pub struct Wanted {
     pub generation: u64,
 }
 
-/// Reason why a device does not accept a document.
+/// Reason why a device does not accept a document; the messages say what each means.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[allow(missing_docs)]
 pub enum Distrust {
-    /// The text is not a document of the wanted kind.
     #[error(transparent)]
     Document(#[from] DocumentError),
-    /// No root key that the device knows signed the keyring.
     #[error("the keyring is not signed by a root key of this device")]
     KeyringSignature,
-    /// The keyring has a lower number than the device's own.
     #[error("the keyring has version {found}, but version {known} is known")]
-    OlderKeyring {
-        /// Version of the keyring.
-        found: u32,
-        /// Version of the device's keyring.
-        known: u32,
-    },
-    /// The keyring has the number of the device's own and says something else.
+    OlderKeyring { found: u32, known: u32 },
     #[error("the keyring has version {version} like the known one, but other keys")]
-    OtherKeyring {
-        /// Version of both.
-        version: u32,
-    },
-    /// The keyring counts no more, or not yet.
+    OtherKeyring { version: u32 },
     #[error("the keyring counts from {from} until {until}, but it is {now}")]
-    KeyringTime {
-        /// First time of the keyring.
-        from: Time,
-        /// Last time of the keyring.
-        until: Time,
-        /// Present time.
-        now: Time,
-    },
-    /// The manifest's key is not in the keyring.
+    KeyringTime { from: Time, until: Time, now: Time },
     #[error("the manifest is signed with the key {key}, which the keyring does not list")]
-    UnknownKey {
-        /// Id of the key.
-        key: String,
-    },
-    /// The manifest's key was revoked.
+    UnknownKey { key: String },
     #[error("the manifest is signed with the key {key}, which is revoked")]
-    RevokedKey {
-        /// Id of the key.
-        key: String,
-    },
-    /// The manifest's key counts no more, or not yet.
+    RevokedKey { key: String },
     #[error("the manifest's key counts from {from} until {until}, but it is {now}")]
-    KeyTime {
-        /// First time of the key.
-        from: Time,
-        /// Last time of the key.
-        until: Time,
-        /// Present time.
-        now: Time,
-    },
-    /// The signature is wrong.
+    KeyTime { from: Time, until: Time, now: Time },
     #[error("the manifest's signature is wrong")]
     Signature,
-    /// The manifest counts no more, or not yet.
     #[error("the manifest counts from {from} until {until}, but it is {now}")]
-    Time {
-        /// First time of the manifest.
-        from: Time,
-        /// Last time of the manifest.
-        until: Time,
-        /// Present time.
-        now: Time,
-    },
-    /// The manifest is about something else than the device asked for.
+    Time { from: Time, until: Time, now: Time },
     #[error("the manifest has {name} {found}, but {wanted} was asked for")]
-    Other {
-        /// Name of the line.
-        name: &'static str,
-        /// Value of the manifest.
-        found: String,
-        /// Value that the device asked for.
-        wanted: String,
-    },
-    /// The manifest is older than the one that the device accepted last.
+    Other { name: &'static str, found: String, wanted: String },
     #[error("the manifest has generation {found}, but generation {known} was accepted before")]
-    LowerGeneration {
-        /// Generation of the manifest.
-        found: u64,
-        /// Generation of the manifest that the device accepted last.
-        known: u64,
-    },
+    LowerGeneration { found: u64, known: u64 },
 }
 
 /// What a device trusts: its newest keyring, and before the first one the root keys of its manufacture.

@@ -28,31 +28,17 @@ pub struct TlsFiles {
     pub client_authority: Option<PathBuf>,
 }
 
-/// Why TLS cannot be set up.
+/// Why TLS cannot be set up; the messages say what each means.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
 pub enum TlsError {
-    /// A file cannot be read.
     #[error("cannot read {}", path.display())]
-    Read {
-        /// Path of the file.
-        path: PathBuf,
-        /// Error of the operating system.
-        source: io::Error,
-    },
-    /// The content of a file is not as required.
+    Read { path: PathBuf, source: io::Error },
     #[error("{} must contain {what} in PEM form", path.display())]
-    Pem {
-        /// Path of the file.
-        path: PathBuf,
-        /// Required content.
-        what: &'static str,
-        /// Error in the file.
-        source: pem::Error,
-    },
+    Pem { path: PathBuf, what: &'static str, source: pem::Error },
     /// The certificate does not match the key, or one of them is of an unsupported kind.
     #[error("certificate and key cannot be used")]
     Rustls(#[from] rustls::Error),
-    /// The authority of client certificates cannot be used.
     #[error("the authority of client certificates cannot be used")]
     ClientAuthority(#[from] VerifierBuilderError),
 }

@@ -20,30 +20,19 @@ pub enum Database {
     OnServer(String),
 }
 
-/// Why the database of a server could not be opened.
+/// Why the database of a server could not be opened; the messages say what each means.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
 pub enum DatabaseError {
-    /// The folder has no database.
     #[error("{} contains no {DATABASE}; give the data folder of the server with --data-dir", path.display())]
-    NoData {
-        /// Path of the folder.
-        path: PathBuf,
-    },
-    /// The database's artifacts are in another data folder or bucket.
+    NoData { path: PathBuf },
     #[error(
         "the artifacts of this database are in the data folder or bucket with the identity {recorded}, but the settings lead \
          to the one with {found}: set data_dir or artifacts_url to the other one, or database_url to another database"
     )]
-    OtherArtifacts {
-        /// Identity that the database records.
-        recorded: String,
-        /// Identity of the data folder or the bucket.
-        found: String,
-    },
-    /// The database could not be used.
+    OtherArtifacts { recorded: String, found: String },
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// The artifacts could not be used.
     #[error(transparent)]
     Artifacts(#[from] ArtifactError),
 }

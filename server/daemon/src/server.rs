@@ -38,8 +38,9 @@ const TOKEN_INTERVAL: Duration = Duration::from_secs(2);
 /// Interval between searches for jobs and artifacts to remove.
 const COLLECT_INTERVAL: Duration = Duration::from_secs(3600);
 
-/// Why the server could not start or had to stop.
+/// Why the server could not start or had to stop; the messages say what each means.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
 pub enum ServeError {
     /// The artifacts cannot be used, for example because another server uses the data folder.
     #[error(transparent)]
@@ -47,46 +48,34 @@ pub enum ServeError {
     /// The database cannot be opened, for example because it belongs to other artifacts.
     #[error(transparent)]
     Database(#[from] DatabaseError),
-    /// The database failed.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// The workers cannot start.
     #[error(transparent)]
     Worker(#[from] WorkerError),
     /// The workers panicked.
     #[error("the workers failed")]
     Panic(#[from] JoinError),
-    /// The listener cannot be used.
     #[error("the listening address cannot be read")]
     Listener(#[source] io::Error),
-    /// The listening address cannot be announced.
     #[error("the listening address cannot be printed")]
     Announcement(#[source] io::Error),
-    /// The audit log cannot be opened.
     #[error("the audit log cannot be opened")]
     Audit(#[source] io::Error),
     /// One of two settings that belong together is missing.
     #[error(transparent)]
     Config(#[from] ConfigError),
-    /// The certificates cannot be used.
     #[error(transparent)]
     Tls(#[from] TlsError),
-    /// Other machines could connect without TLS.
     #[error(
         "{address} can be reached from other machines, but there is no TLS: set tls_cert and tls_key, listen on \
          127.0.0.1, or use --insecure"
     )]
-    NoTls {
-        /// Listening address of the server.
-        address: SocketAddr,
-    },
-    /// Calls need a token, and no valid token exists.
+    NoTls { address: SocketAddr },
     #[error(
         "calls need a token, but no valid token exists: create one with `lightpathd token create NAME --role admin`, or listen on \
          127.0.0.1"
     )]
     NoTokens,
-    /// The descriptors of the API cannot be read.
     #[error("the API's descriptors cannot be read")]
     Reflection(#[from] tonic_reflection::server::Error),
 }

@@ -62,26 +62,18 @@ pub(crate) const METADATA_KEY: &str = "lightpath";
 const FORMAT: &str = "lightpath-kernel";
 const FORMAT_VERSION: u32 = 1;
 
-/// Reason why a kernel file could not be read or written.
+/// Reason why a kernel file could not be read or written; the messages say what each means.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
 pub enum KernelFileError {
-    /// The file is not safetensors, or is cut short.
     #[error("the safetensors file is damaged or incomplete: {0}")]
     Safetensors(#[from] SafeTensorError),
-    /// The file is safetensors without Lightpath's metadata.
     #[error("the file has no metadata entry `lightpath`: it is safetensors, but not a Lightpath kernel")]
     NoHeader,
-    /// The metadata entry `lightpath` does not parse.
     #[error("the metadata entry `lightpath` is invalid: {0}")]
     Header(#[from] serde_json::Error),
-    /// The file has another format or a later format version.
     #[error("the file is {format} version {version}; this server reads {FORMAT} version {FORMAT_VERSION}")]
-    Format {
-        /// Format in the file's metadata.
-        format: String,
-        /// Format version in the file's metadata.
-        version: u32,
-    },
+    Format { format: String, version: u32 },
     /// An entry of the header or a tensor is not as the format has it.
     #[error(transparent)]
     Stored(#[from] StoredError),

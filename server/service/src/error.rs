@@ -47,18 +47,14 @@ fn text_of(fields: &[WrongField], count: usize) -> String {
 /// A result with a [`ServiceError`], if it names no other error.
 pub type Result<T, E = ServiceError> = std::result::Result<T, E>;
 
-/// Why a request was refused or failed.
+/// Why a request was refused or failed; the messages say what most mean. `reason` is a code for programs, and `message`
+/// a text for people.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
 pub enum ServiceError {
     /// The value of a field is not allowed.
     #[error("{field} {problem}")]
-    Invalid {
-        /// Path of the field.
-        field: String,
-        /// The value that was given, and the values that are allowed.
-        problem: String,
-    },
-    /// The values of several fields are not allowed.
+    Invalid { field: String, problem: String },
     #[error("{}", text_of(fields, *count))]
     SeveralInvalid {
         /// The fields, at most as many as one answer names.
@@ -68,84 +64,50 @@ pub enum ServiceError {
         /// Whether each of the fields names a resource that does not exist.
         are_missing: bool,
     },
-    /// A field names a resource that does not exist.
     #[error("{field}: {what} does not exist; {fix}")]
-    Missing {
-        /// Path of the field.
-        field: String,
-        /// Name of the missing resource.
-        what: String,
-        /// Advice to the client.
-        fix: &'static str,
-    },
+    Missing { field: String, what: String, fix: &'static str },
     /// The present state does not allow the request.
     #[error("{message}")]
-    Precondition {
-        /// Code for programs.
-        reason: PreconditionReason,
-        /// Text for people.
-        message: String,
-    },
+    Precondition { reason: PreconditionReason, message: String },
     /// A limit of the server has been reached.
     #[error("{message}")]
-    Exhausted {
-        /// Code for programs.
-        reason: LimitReason,
-        /// Text for people.
-        message: String,
-        /// Time after which the client may retry.
-        retry_after: Duration,
-    },
+    Exhausted { reason: LimitReason, message: String, retry_after: Duration },
     /// The request has no token, or its token is not accepted.
     #[error("{0}")]
     Unauthenticated(String),
-    /// The call did not pass the checks of its caller, who is unknown.
     #[error("the call is refused, because its caller is unknown")]
     NoCaller,
     /// The caller may not make this call.
     #[error("{0}")]
     Denied(String),
-    /// Another process holds the database.
     #[error("the database cannot be written; another program may hold its lock")]
     Locked,
-    /// The server is stopping.
     #[error("the server is stopping; retry in a moment")]
     Stopping,
-    /// A computation needs more memory than the server gives to one client.
     #[error(
         "the call needs {} MiB of memory, but the server gives a client at most {} MiB for computations; send a smaller \
          picture, or ask the operator for a larger computing_mib_max",
         bytes.div_ceil(1 << 20),
         bytes_max >> 20
     )]
-    TooLarge {
-        /// Memory that the computation needs \[bytes\].
-        bytes: u64,
-        /// Memory that one client may use \[bytes\].
-        bytes_max: u64,
-    },
+    TooLarge { bytes: u64, bytes_max: u64 },
     /// The client left before the call changed anything.
     #[error("the client left before the answer")]
     Cancelled,
     /// The client disconnected or its stream failed.
     #[error("the stream failed")]
     Stream(#[source] Box<dyn std::error::Error + Send + Sync>),
-    /// The client sent nothing for too long.
     #[error("no data arrived for {} s; continue at the offset that GetUpload returns", .0.as_secs())]
     Idle(Duration),
-    /// The operating system has no random numbers.
     #[error("the server has no random numbers for a secret")]
     NoRandomness,
     /// A task of the server panicked.
     #[error("a task of the server failed")]
     Task(#[source] tokio::task::JoinError),
-    /// A computation panicked.
     #[error("a computation of the server failed")]
     Panicked,
-    /// The store refused the request or failed.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// The artifact folder refused the request or failed.
     #[error(transparent)]
     Artifact(#[from] ArtifactError),
 }

@@ -23,76 +23,40 @@ lightpath_domain::reasons! {
 /// A result with a [`StoreError`], if it names no other error.
 pub type Result<T, E = StoreError> = std::result::Result<T, E>;
 
-/// Why the store refused a request or failed. All variants except the last ones are caused by the request.
+/// Why the store refused a request or failed; the messages say what most mean. All variants except the last ones are
+/// caused by the request. `resource` is a name such as `displays/lab-2`, `reason` a code for programs, and `message` a
+/// text for people.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
 pub enum StoreError {
-    /// The named resource does not exist.
     #[error("{resource} does not exist")]
-    NotFound {
-        /// Name of the resource, for example `displays/lab-2`.
-        resource: String,
-    },
-    /// A resource with this name and other content exists.
+    NotFound { resource: String },
+    /// A resource with this name and other content exists. `detail` is the difference, such as `with other properties`.
     #[error("{resource} already exists {detail}")]
-    AlreadyExists {
-        /// Name of the resource, for example `displays/lab-2`.
-        resource: String,
-        /// The difference, for example `with other properties`.
-        detail: String,
-    },
+    AlreadyExists { resource: String, detail: String },
     /// The present state does not allow the request.
     #[error("{message}")]
-    Precondition {
-        /// Code for programs.
-        reason: PreconditionReason,
-        /// Text for people.
-        message: String,
-    },
+    Precondition { reason: PreconditionReason, message: String },
     /// A record changed during the request. The caller must read it again and retry.
     #[error("{message}")]
-    Aborted {
-        /// Code for programs.
-        reason: AbortReason,
-        /// Text for people.
-        message: String,
-    },
+    Aborted { reason: AbortReason, message: String },
     /// The worker no longer holds the job: the lease expired, the job ended, or another worker has it.
     #[error("the lease on the job is lost")]
     LeaseLost,
-    /// The queue is full.
     #[error("the queue is full: {limit} jobs wait already; submit again when some have run")]
-    QueueFull {
-        /// Limit on the waiting jobs.
-        limit: u32,
-    },
-    /// The owner has reached the limit on waiting jobs.
+    QueueFull { limit: u32 },
     #[error("{limit} of your jobs wait already, which is the limit of each owner; submit again when some have run")]
-    OwnerQueueFull {
-        /// Limit on the waiting jobs of one owner.
-        limit: u32,
-    },
-    /// The queued jobs wait for too many other jobs.
+    OwnerQueueFull { limit: u32 },
     #[error("the queued jobs wait for {limit} other jobs in all, which is the limit; submit again when some have run")]
-    DependenciesFull {
-        /// Limit on the dependencies of all queued jobs.
-        limit: u32,
-    },
-    /// The owner has reached the limit on stored bytes.
+    DependenciesFull { limit: u32 },
     #[error(
         "you and your jobs have stored {} MiB, and the limit is {} MiB; retry when some of it has been removed",
         stored_bytes >> 20,
         stored_bytes_max >> 20
     )]
-    OwnerBytes {
-        /// Bytes that the owner has stored.
-        stored_bytes: u64,
-        /// Limit on the stored bytes of one owner.
-        stored_bytes_max: u64,
-    },
-    /// The disk of the database is full.
+    OwnerBytes { stored_bytes: u64, stored_bytes_max: u64 },
     #[error("no space is left on the disk of the database")]
     DiskFull,
-    /// The database is too busy to answer in time.
     #[error("the database is too busy to answer in time; retry later")]
     Busy,
     /// The write did not happen because the process is stopping.
@@ -100,31 +64,14 @@ pub enum StoreError {
     Stopping,
     /// The linked version of SQLite has known bugs.
     #[error("SQLite {found} is too old, but must be at least {required}")]
-    SqliteTooOld {
-        /// Linked version of SQLite.
-        found: String,
-        /// Oldest version of SQLite without the bugs.
-        required: &'static str,
-    },
-    /// A stored text cannot be parsed.
+    SqliteTooOld { found: String, required: &'static str },
     #[error("the stored value of {column} cannot be parsed")]
-    Corrupt {
-        /// Name of the column.
-        column: &'static str,
-        /// The error in the text.
-        source: serde_json::Error,
-    },
-    /// The database was changed by a newer version of the program.
+    Corrupt { column: &'static str, source: serde_json::Error },
+    /// `step` is the first migration that this version does not know.
     #[error("the database was written by a newer version of this program (step {step}); use that version")]
-    NewerDatabase {
-        /// The first migration that this version does not know.
-        step: i64,
-    },
-    /// The database still has the tables of an older version: the server of this version has not been started on it
-    /// yet.
+    NewerDatabase { step: i64 },
     #[error("the database has the tables of an older version; start the server of this version once to migrate them")]
     OlderDatabase,
-    /// The database is the target of a transfer that has not ended.
     #[error(
         "the database is the target of a move that has not ended: repeat the same `lightpathd migrate` to continue it"
     )]
@@ -132,16 +79,13 @@ pub enum StoreError {
     /// PostgreSQL cannot store a text with the character NUL.
     #[error("a text contains the character NUL (U+0000), which the database cannot store")]
     Nul,
-    /// No server has used the database yet.
     #[error("the database is empty; check database_url, or start the server once")]
     EmptyDatabase,
-    /// The database is on read-only media, and a part of it is in a log that cannot be read there.
     #[error(
         "the database was not closed, and its log cannot be read in a folder without write access; copy the folder to a \
          disk that can be written"
     )]
     LogUnreadable,
-    /// A migration of the tables failed.
     #[error("the database cannot be migrated")]
     Migration(#[source] sqlx::migrate::MigrateError),
     /// The database's server cannot be reached, or it is stopping or starting.

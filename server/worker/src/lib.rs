@@ -119,16 +119,14 @@ fn yield_to_other_threads() {
     }
 }
 
-/// Reason why the workers could not start.
+/// Reason why the workers could not start; the messages say what each means.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
 pub enum WorkerError {
-    /// The compute threads could not be started.
     #[error("the compute threads could not be started")]
     Threads(#[from] ThreadPoolBuildError),
-    /// The recovery of the queue failed.
     #[error("the queue could not be recovered")]
     Store(#[from] StoreError),
-    /// Old checkpoints could not be removed.
     #[error("old checkpoints could not be removed")]
     Artifacts(#[from] ArtifactError),
 }

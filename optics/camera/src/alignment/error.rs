@@ -6,49 +6,27 @@ pub const TARGET_SIDE_MIN: usize = 32;
 /// small pictures sometimes 0.2.
 pub const CORRELATION_MIN: f64 = 0.35;
 
-/// Reasons why a photograph cannot be aligned with the display's grid.
+/// Reasons why a photograph cannot be aligned with the display's grid; the messages say what each means.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
+#[allow(missing_docs)]
 pub enum AlignmentError {
-    /// Fewer than the four points that a homography needs.
     #[error("there are {0} points, but a homography needs at least 4")]
     TooFewPoints(usize),
-    /// The points do not determine a homography.
     #[error("the points lie on a line, or nearly so; spread them over the image")]
     Degenerate,
     /// A coordinate or an entry is NaN or infinite, or the homography cannot be inverted.
     #[error("{0}")]
     Impossible(String),
-    /// The display is too small for a grid of dots.
     #[error("a display of {width_px}×{height_px} px is too small for a grid of dots: both sides need {min_px} px")]
-    DisplayTooSmall {
-        /// Columns of the display.
-        width_px: usize,
-        /// Rows of the display.
-        height_px: usize,
-        /// Shortest side that is allowed \[px\].
-        min_px: usize,
-    },
-    /// The photograph does not show the grid of dots.
+    DisplayTooSmall { width_px: usize, height_px: usize, min_px: usize },
     #[error("{found} dots of the grid were found, but at least {needed} are needed: {hint}")]
-    DotsNotFound {
-        /// Number of dots that form a grid.
-        found: usize,
-        /// Least number of dots.
-        needed: usize,
-        /// Advice on how to take a better photograph.
-        hint: &'static str,
-    },
-    /// The photograph shows dots, but not the three large ones that mark the grid's orientation.
+    DotsNotFound { found: usize, needed: usize, hint: &'static str },
     #[error(
         "{found} dots form a grid, but the three large dots that mark its orientation were not found; take a \
          photograph that is in focus and not saturated"
     )]
-    MarkersNotFound {
-        /// Number of dots that form a grid.
-        found: usize,
-    },
-    /// A picture in which or for which a search makes no sense.
+    MarkersNotFound { found: usize },
     #[error(
         "the {name} has {width_px}×{height_px} px, but both sides need at least {TARGET_SIDE_MIN} px to be found or \
          searched; send a larger picture"
@@ -56,19 +34,13 @@ pub enum AlignmentError {
     PictureTooSmall {
         /// `photograph` or `target`.
         name: &'static str,
-        /// Columns of the picture.
         width_px: usize,
-        /// Rows of the picture.
         height_px: usize,
     },
-    /// The photograph does not show the target, or not clearly.
     #[error(
         "the target was not found in the photograph: at the best place their details correlate by {correlation:.3}, but \
          at least {CORRELATION_MIN} is needed; check that the photograph shows this target in focus, turned by at most \
          12°, with the target's longer side at least 0.3 times as long as the photograph's"
     )]
-    TargetNotFound {
-        /// Correlation of the details at the best place.
-        correlation: f64,
-    },
+    TargetNotFound { correlation: f64 },
 }

@@ -180,82 +180,36 @@ pub enum LogFormat {
     Json,
 }
 
-/// Error in the settings.
+/// Error in the settings; the messages say what each means.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
 pub enum ConfigError {
-    /// The configuration file cannot be read.
     #[error("cannot read the configuration file {}", path.display())]
-    Read {
-        /// Path of the file.
-        path: PathBuf,
-        /// Error of the operating system.
-        source: std::io::Error,
-    },
+    Read { path: PathBuf, source: std::io::Error },
     /// The configuration file has invalid TOML, an unknown key, or a value of the wrong type.
     #[error("the configuration file {} is invalid: {problem}", path.display())]
-    Parse {
-        /// Path of the file.
-        path: PathBuf,
-        /// Description of the error, with line and key.
-        problem: String,
-    },
-    /// One of two settings that belong together is missing.
+    Parse { path: PathBuf, problem: String },
     #[error("{given} is set, but {missing} is not: {reason}")]
-    Incomplete {
-        /// Name of the setting that is present.
-        given: &'static str,
-        /// Name of the setting that is missing.
-        missing: &'static str,
-        /// Why the one needs the other.
-        reason: &'static str,
-    },
-    /// The setting `artifacts_url` names no bucket.
+    Incomplete { given: &'static str, missing: &'static str, reason: &'static str },
     #[error("artifacts_url is {url:?}, but must be a URL such as s3://bucket or s3://bucket/prefix")]
-    ArtifactsUrl {
-        /// The value.
-        url: String,
-    },
-    /// The setting `artifacts_endpoint` is no URL, or one without TLS that is not allowed.
+    ArtifactsUrl { url: String },
     #[error(
         "artifacts_endpoint is {url:?}, but must begin with https://, or with http:// if artifacts_allow_http is true"
     )]
-    ArtifactsEndpoint {
-        /// The value.
-        url: String,
-    },
-    /// The setting `cors_origins` is no list of origins.
+    ArtifactsEndpoint { url: String },
     #[error("cors_origins {0}")]
     Origins(OriginError),
-    /// The setting `webhook_origins` is no list of origins.
     #[error("webhook_origins {0}")]
     WebhookOrigins(OriginError),
-    /// The setting `worker_labels` is no list of labels.
     #[error("worker_labels {0}")]
     Labels(LabelError),
-    /// The setting `database_url` is no URL of PostgreSQL.
     #[error("database_url must be a URL such as postgres://lightpath@db.example/lightpath")]
     DatabaseUrl,
-    /// Several processes cannot work together, because a setting is missing.
     #[error(
         "{what} needs {missing}: processes that work together share a PostgreSQL database and a bucket; see \"Run several \
          processes\" in the operating guide"
     )]
-    NotShared {
-        /// What needs the setting.
-        what: &'static str,
-        /// Name of the missing setting.
-        missing: &'static str,
-    },
-    /// A value is out of range.
+    NotShared { what: &'static str, missing: &'static str },
     #[error("{key} is {value}, but must be {allowed} ({origin})")]
-    Value {
-        /// Name of the setting.
-        key: &'static str,
-        /// The value.
-        value: f64,
-        /// Allowed values.
-        allowed: Allowed,
-        /// Source of the value.
-        origin: Origin,
-    },
+    Value { key: &'static str, value: f64, allowed: Allowed, origin: Origin },
 }

@@ -20,48 +20,30 @@ const RENEWED_AT: f64 = 0.5;
 const EARLY_S: i64 = DAY_S;
 const DAY_S: i64 = 24 * 3600;
 
-/// Why keys could not be changed.
+/// Why keys could not be changed; the messages say what each means.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
 pub enum KeysError {
-    /// The database could not be used.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// A key could not be made or read.
     #[error(transparent)]
     Key(#[from] KeyError),
-    /// The server has no keyring yet.
     #[error("the server has no keys yet; `lightpathd serve` makes them at its first start")]
     NoKeyring,
-    /// The stored keyring cannot be read.
     #[error("the stored keyring cannot be read: {0}")]
     Damaged(String),
-    /// The server does not have the root key.
     #[error(
         "the root key {root} is not on this server; make the new keyring with `lightpathd key draft`, sign it where the \
          root key is (`lightpath keyring sign`), and give it to `lightpathd key install`"
     )]
-    RootElsewhere {
-        /// Id of the root key.
-        root: String,
-    },
-    /// The key is not in the keyring.
+    RootElsewhere { root: String },
     #[error("the keyring lists no key {id}; `lightpathd key list` shows all")]
-    NoSuchKey {
-        /// Id that was given.
-        id: String,
-    },
+    NoSuchKey { id: String },
     /// Devices have a newer keyring.
     #[error("the number {version} is too low: the next keyring has at least {least}")]
-    OldVersion {
-        /// Number that was given.
-        version: u32,
-        /// Least number of the next keyring.
-        least: u32,
-    },
-    /// The keyring that was given is not acceptable to devices.
+    OldVersion { version: u32, least: u32 },
     #[error("devices would refuse this keyring: {0}")]
     Refused(#[from] Distrust),
-    /// The clock shows a time that no document can have.
     #[error("the clock shows {0} s after 1970, which no document can have; set the clock")]
     Clock(i64),
 }

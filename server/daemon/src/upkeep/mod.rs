@@ -51,57 +51,30 @@ use std::path::PathBuf;
 /// A result with an [`UpkeepError`], if it names no other error.
 pub type Result<T, E = UpkeepError> = std::result::Result<T, E>;
 
-/// Why a data folder could not be checked, backed up or restored.
+/// Why a data folder could not be checked, backed up or restored; the messages say what each means.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
 pub enum UpkeepError {
-    /// The database could not be opened or used.
     #[error(transparent)]
     Database(#[from] DatabaseError),
-    /// The database is on a PostgreSQL server, which has programs of its own for copies.
     #[error(
         "the database is on a PostgreSQL server: copy it with pg_dump and then the artifacts; without database_url this \
          command copies a data folder with a database"
     )]
     DatabaseOnServer,
-    /// The destination of a copy is not empty.
     #[error("{} is not empty; choose a folder that is empty or does not exist", path.display())]
-    NotEmpty {
-        /// Path of the destination.
-        path: PathBuf,
-    },
+    NotEmpty { path: PathBuf },
     /// The destination of a copy is inside the folder that is copied.
     #[error("{} is inside {}; choose a folder outside of it", path.display(), folder.display())]
-    Inside {
-        /// Path of the destination.
-        path: PathBuf,
-        /// Path of the folder that is copied.
-        folder: PathBuf,
-    },
-    /// The folder is not a complete backup.
+    Inside { path: PathBuf, folder: PathBuf },
     #[error("{} is not a complete backup: {problem}", path.display())]
-    NoBackup {
-        /// Path of the folder.
-        path: PathBuf,
-        /// Description of the problem.
-        problem: String,
-    },
-    /// A file operation failed.
+    NoBackup { path: PathBuf, problem: String },
     #[error("could not {action} {}", path.display())]
-    Io {
-        /// The operation that failed.
-        action: &'static str,
-        /// Path of the file.
-        path: PathBuf,
-        /// Error of the operating system.
-        source: io::Error,
-    },
-    /// The keys could not be used.
+    Io { action: &'static str, path: PathBuf, source: io::Error },
     #[error(transparent)]
     Keys(Box<KeysError>),
-    /// The artifacts could not be used.
     #[error(transparent)]
     Artifacts(#[from] ArtifactError),
-    /// The database could not be moved.
     #[error(transparent)]
     Transfer(#[from] TransferError),
     /// The settings of the bucket are wrong.

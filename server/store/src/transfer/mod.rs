@@ -22,31 +22,20 @@ use std::fmt;
 use std::path::PathBuf;
 use table::Table;
 
-/// Why a database could not be copied.
+/// Why a database could not be copied; the messages say what each means.
 #[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)]
 pub enum TransferError {
-    /// A server is connected to the database, or another transfer is in progress.
     #[error("a server is connected to the database, or another move of it is in progress: end it first")]
     Served,
     /// The target has content that this transfer did not put there.
     #[error("the target is not empty: it holds {holds}; give an empty database")]
-    NotEmpty {
-        /// What was found.
-        holds: String,
-    },
-    /// The two sides differ.
+    NotEmpty { holds: String },
     #[error(
         "the table {table} differs after the copy ({source_rows} rows in the source, {target_rows} in the target), because \
          one of them was changed meanwhile: empty the target and begin again"
     )]
-    Different {
-        /// Name of the table.
-        table: &'static str,
-        /// Number of its rows in the source.
-        source_rows: u64,
-        /// Number of its rows in the target.
-        target_rows: u64,
-    },
+    Different { table: &'static str, source_rows: u64, target_rows: u64 },
     /// A database could not be used.
     #[error(transparent)]
     Store(#[from] StoreError),
