@@ -14,10 +14,6 @@ pub fn digest_of(bytes: &[u8]) -> String {
 }
 
 /// Checks that `digest` is well formed. A well-formed digest is a plain file name: it has no separator and no dot.
-///
-/// # Errors
-///
-/// [`ArtifactError::BadDigest`].
 pub fn check_digest(digest: &str) -> Result<()> {
     let good = digest.strip_prefix(PREFIX).is_some_and(|hex| {
         hex.len() == HEX_DIGITS && hex.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'))

@@ -50,19 +50,11 @@ impl Inventory {
     }
 
     /// The identity of the data folder; `None` if it has none, because it was never used with a database on a server.
-    ///
-    /// # Errors
-    ///
-    /// [`ArtifactError::Io`].
     pub fn identity(&self) -> Result<Option<String>> {
         kept_in(&self.data_dir)
     }
 
     /// Creates the folders of a copy below `data_dir`.
-    ///
-    /// # Errors
-    ///
-    /// [`ArtifactError::DiskFull`], [`ArtifactError::Io`].
     pub fn create(data_dir: &Path) -> Result<Self> {
         for name in ["artifacts", "checkpoints", "tmp"] {
             create_private_folder(&data_dir.join(name)).map_err(|error| ArtifactError::io("create a folder", error))?;
@@ -72,10 +64,6 @@ impl Inventory {
 
     /// Locks the folder: while the returned lock lives, the server removes no artifact. `None` if this process cannot
     /// write to the folder and no lock file exists, as on read-only media.
-    ///
-    /// # Errors
-    ///
-    /// [`ArtifactError::Io`].
     pub fn prevent_removal(&self) -> Result<Option<File>> {
         lock_shared(&self.data_dir.join(KEEP_LOCK))
     }
@@ -84,8 +72,7 @@ impl Inventory {
     ///
     /// # Errors
     ///
-    /// [`ArtifactError::NotFound`]; [`ArtifactError::DataLoss`] if the content does not match the digest;
-    /// [`ArtifactError::BadDigest`].
+    /// [`ArtifactError::NotFound`]; [`ArtifactError::DataLoss`] if the content does not match the digest.
     pub fn verify(&self, kind: BlobKind, digest: &str) -> Result<u64> {
         Ok(self.folder(kind).open_verified(digest)?.1)
     }
@@ -107,19 +94,11 @@ impl Inventory {
     }
 
     /// Digests of all blobs of a kind.
-    ///
-    /// # Errors
-    ///
-    /// [`ArtifactError::Io`].
     pub fn list(&self, kind: BlobKind) -> Result<Vec<String>> {
         self.folder(kind).list()
     }
 
     /// Counts the temporary files: files that are being written, and files that a dead server left half written.
-    ///
-    /// # Errors
-    ///
-    /// [`ArtifactError::Io`].
     pub fn temporary_files(&self) -> Result<usize> {
         match fs::read_dir(self.data_dir.join("tmp")) {
             Ok(files) => Ok(files.count()),
@@ -129,10 +108,6 @@ impl Inventory {
     }
 
     /// Flushes the folders: after this, the copied blobs survive a power failure.
-    ///
-    /// # Errors
-    ///
-    /// [`ArtifactError::Io`].
     pub fn flush(&self) -> Result<()> {
         let folders = [self.data_dir.join("artifacts"), self.data_dir.join("checkpoints"), self.data_dir.clone()];
         let flushed = folders.iter().try_for_each(|folder| flush_folder(folder));
@@ -148,10 +123,6 @@ impl Inventory {
 }
 
 /// Hashes a file of any name. Backups compare the digest with that of the database they wrote.
-///
-/// # Errors
-///
-/// [`ArtifactError::Io`].
 pub fn digest_of_file(path: &Path) -> Result<String> {
     let hash = || -> io::Result<String> { Ok(name(hash_rest(&mut File::open(path)?)?)) };
     let digest = hash().map_err(|error| ArtifactError::io("read a file", error))?;

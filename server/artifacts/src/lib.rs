@@ -21,6 +21,12 @@
 //! flush to disk by default and cannot resume an upload. File access runs on blocking threads, never on the threads of
 //! the async runtime.
 //!
+//! # Errors
+//!
+//! Every function that uses files can fail with [`ArtifactError::Io`], one that writes files also with
+//! [`ArtifactError::DiskFull`], one that takes a digest with [`ArtifactError::BadDigest`], and one that uses the remote
+//! with [`ArtifactError::Remote`]. Functions name only their other errors.
+//!
 //! # Layout
 //!
 //! - `digest`: names of blobs. `folder`: blobs of one folder. `blobs`: such a folder, and the remote behind it. `remote`: blobs in a bucket. `publish`: storing and recording. `remote_calls`: what else processes that share a bucket do. `upload`: resumable uploads. `read`: streaming. `error`.
@@ -101,16 +107,12 @@ impl Artifacts {
     ///
     /// # Errors
     ///
-    /// [`ArtifactError::Locked`] if another process uses this folder; [`ArtifactError::Io`].
+    /// [`ArtifactError::Locked`] if another process uses this folder.
     pub fn open(data_dir: &Path) -> Result<Self> {
         Self::open_within(data_dir, SpaceLimits::default())
     }
 
     /// Does the same as [`Self::open`], with limits on the space that new work may use.
-    ///
-    /// # Errors
-    ///
-    /// The errors of [`Self::open`].
     pub fn open_within(data_dir: &Path, limits: SpaceLimits) -> Result<Self> {
         Self::open_with(data_dir, limits, None)
     }
@@ -123,7 +125,7 @@ impl Artifacts {
     /// # Errors
     ///
     /// The errors of [`Self::open`]; [`ArtifactError::BadRemote`], [`ArtifactError::UnfitRemote`],
-    /// [`ArtifactError::OtherRemote`], [`ArtifactError::Remote`].
+    /// [`ArtifactError::OtherRemote`].
     pub fn open_with(data_dir: &Path, limits: SpaceLimits, remote: Option<&RemoteOptions>) -> Result<Self> {
         let open = |options: &RemoteOptions| Ok((Remote::open(options, data_dir)?, options.cache_bytes_max));
         Self::open_on(data_dir, limits, || remote.map(open).transpose())
@@ -181,10 +183,6 @@ impl Artifacts {
 
     /// The identity of the place where the blobs are, a UUID, for a database on another machine: that of the installation
     /// whose objects are in the remote, or that of the data folder.
-    ///
-    /// # Errors
-    ///
-    /// [`ArtifactError::Io`].
     pub async fn identity(&self) -> Result<String> {
         self.blocking(|inner| match &inner.remote {
             Some(remote) => Ok(remote.installation().to_owned()),
@@ -194,20 +192,12 @@ impl Artifacts {
     }
 
     /// The identity of the data folder, a UUID. Only this process holds the folder, so no other one has this identity.
-    ///
-    /// # Errors
-    ///
-    /// [`ArtifactError::Io`].
     pub async fn folder_identity(&self) -> Result<String> {
         self.blocking(|inner| identity::identity_of(&inner.data_dir)).await
     }
 
     /// The identity that the data folder had before its blobs moved to the bucket; `None` if it had none, or there is no
     /// bucket.
-    ///
-    /// # Errors
-    ///
-    /// [`ArtifactError::Io`].
     pub async fn former_identity(&self) -> Result<Option<String>> {
         self.blocking(|inner| match inner.remote {
             Some(_) => identity::kept_in(&inner.data_dir),
@@ -241,10 +231,6 @@ impl Artifacts {
     }
 
     /// Returns a lock to hold while unused artifacts are removed; `None` while a backup copies the folder.
-    ///
-    /// # Errors
-    ///
-    /// [`ArtifactError::Io`].
     pub async fn collecting(&self) -> Result<Option<Collecting>> {
         let no_publishing = Arc::clone(&self.inner.publishing).write_owned().await;
         let path = self.inner.data_dir.join(inventory::KEEP_LOCK);
@@ -254,10 +240,6 @@ impl Artifacts {
 
     /// Stores `bytes` and returns their digest. When this returns they are on disk, and nothing records them: see
     /// [`Self::publish`].
-    ///
-    /// # Errors
-    ///
-    /// [`ArtifactError::DiskFull`], [`ArtifactError::Io`].
     pub async fn put_bytes(&self, bytes: Vec<u8>) -> Result<String> {
         self.blocking(move |inner| inner.blobs.put(&bytes)).await
     }
@@ -273,10 +255,6 @@ impl Artifacts {
     }
 
     /// Does the same as [`Self::read_all`] on the calling thread, which may block.
-    ///
-    /// # Errors
-    ///
-    /// The errors of [`Self::read_all`].
     pub fn read_blocking(&self, digest: &str) -> Result<Vec<u8>> {
         self.inner.noticing_damage(digest, self.inner.blobs.read(digest))
     }
@@ -285,7 +263,7 @@ impl Artifacts {
     ///
     /// # Errors
     ///
-    /// [`ArtifactError::NotFound`], [`ArtifactError::BadDigest`], [`ArtifactError::Io`].
+    /// [`ArtifactError::NotFound`].
     pub fn open_blocking(&self, digest: &str) -> Result<File> {
         Ok(self.inner.blobs.open(digest)?.0)
     }
@@ -304,10 +282,6 @@ impl Artifacts {
     /// Whether the file of a blob exists, also in the remote, and has the content of its digest, for a client that offers this content. To
     /// limit the cost, one file at a time is hashed, and a file that has not changed is hashed again only after some
     /// minutes. If others make a call wait for too long, the call believes that the file is intact.
-    ///
-    /// # Errors
-    ///
-    /// [`ArtifactError::BadDigest`], [`ArtifactError::Io`].
     pub async fn is_intact(&self, digest: &str) -> Result<bool> {
         let digest = digest.to_owned();
         let (digest, known) = self
@@ -334,10 +308,6 @@ impl Artifacts {
     }
 
     /// Size of a blob \[bytes\]; `None` if it is neither on disk nor in the remote. The content is not checked.
-    ///
-    /// # Errors
-    ///
-    /// [`ArtifactError::BadDigest`], [`ArtifactError::Io`].
     pub async fn size(&self, digest: &str) -> Result<Option<u64>> {
         let digest = digest.to_owned();
         self.blocking(move |inner| inner.blobs.size(&digest)).await
@@ -345,10 +315,6 @@ impl Artifacts {
 
     /// Removes a blob, also from the remote. A missing blob is no error. Processes that share a remote remove blobs with
     /// [`Self::objects_of`] and [`Self::delete_objects`] instead.
-    ///
-    /// # Errors
-    ///
-    /// [`ArtifactError::BadDigest`], [`ArtifactError::Io`].
     pub async fn delete(&self, digest: &str) -> Result<()> {
         let digest = digest.to_owned();
         self.blocking(move |inner| inner.blobs.delete(&digest)).await
@@ -356,10 +322,6 @@ impl Artifacts {
 
     /// Stores a checkpoint and returns its digest. Two jobs must never store the same bytes, because each job deletes
     /// its own checkpoints.
-    ///
-    /// # Errors
-    ///
-    /// [`ArtifactError::DiskFull`], [`ArtifactError::Io`].
     pub async fn put_checkpoint(&self, bytes: Vec<u8>) -> Result<String> {
         self.blocking(move |inner| inner.checkpoints.put(&bytes)).await
     }
@@ -375,10 +337,6 @@ impl Artifacts {
     }
 
     /// Removes a checkpoint. A missing checkpoint is no error.
-    ///
-    /// # Errors
-    ///
-    /// [`ArtifactError::BadDigest`], [`ArtifactError::Io`].
     pub async fn delete_checkpoint(&self, digest: &str) -> Result<()> {
         let digest = digest.to_owned();
         self.blocking(move |inner| inner.checkpoints.delete(&digest)).await
@@ -388,8 +346,7 @@ impl Artifacts {
     ///
     /// # Errors
     ///
-    /// [`ArtifactError::DiskLow`] if the file would use the reserve of the disk; [`ArtifactError::DiskFull`],
-    /// [`ArtifactError::Io`].
+    /// [`ArtifactError::DiskLow`] if the file would use the reserve of the disk.
     pub fn put_conversion_blocking(&self, bytes: &[u8]) -> Result<String> {
         self.inner.space.admit_temporary(bytes.len() as u64)?;
         self.inner.conversions.put(bytes, |_, _| Ok(()))
@@ -412,20 +369,12 @@ impl Artifacts {
     }
 
     /// Removes a conversion. A missing one is no error.
-    ///
-    /// # Errors
-    ///
-    /// [`ArtifactError::BadDigest`], [`ArtifactError::Io`].
     pub async fn delete_conversion(&self, digest: &str) -> Result<()> {
         let digest = digest.to_owned();
         self.blocking(move |inner| inner.conversions.delete(&digest)).await
     }
 
     /// Digests of all checkpoints on disk. With a remote, these are the cached ones.
-    ///
-    /// # Errors
-    ///
-    /// [`ArtifactError::Io`].
     pub async fn checkpoints(&self) -> Result<Vec<String>> {
         self.blocking(|inner| inner.checkpoints.list()).await
     }

@@ -20,7 +20,7 @@ impl FolderLock {
     ///
     /// # Errors
     ///
-    /// [`ArtifactError::Locked`] if another process holds the lock; [`ArtifactError::Io`].
+    /// [`ArtifactError::Locked`] if another process holds the lock.
     pub fn take(data_dir: &Path) -> Result<Self> {
         create_private_folder(data_dir).map_err(|error| ArtifactError::io("create the data folder", error))?;
         let path = data_dir.join(LOCK);

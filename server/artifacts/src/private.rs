@@ -28,10 +28,6 @@ pub fn private_file() -> OpenOptions {
 
 /// Creates a private folder, and the missing folders above it with the usual mode. An existing folder keeps its mode,
 /// because it may also be used for something else.
-///
-/// # Errors
-///
-/// The errors of the file system.
 pub fn create_private_folder(path: &Path) -> io::Result<()> {
     if let Some(parent) = path.parent() {
         fs::create_dir_all(parent)?;

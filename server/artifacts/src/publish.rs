@@ -34,8 +34,7 @@ impl Artifacts {
     ///
     /// # Errors
     ///
-    /// [`ArtifactError::DiskFull`], [`ArtifactError::Io`], [`ArtifactError::Remote`]; of an upload also
-    /// [`ArtifactError::WrongSize`], [`ArtifactError::WrongDigest`]; the errors of `record`.
+    /// Of an upload, [`ArtifactError::WrongSize`] and [`ArtifactError::WrongDigest`]; the errors of `record`.
     pub async fn publish<T, E, R>(
         &self,
         content: impl Into<Content>,

@@ -41,10 +41,6 @@ impl ArtifactReader {
     }
 
     /// Returns the next piece, at most `bytes_max` long; `None` at the end of the range.
-    ///
-    /// # Errors
-    ///
-    /// [`ArtifactError::Io`].
     pub async fn next_chunk(&mut self, bytes_max: usize) -> Result<Option<Vec<u8>>> {
         let count = self.left_bytes.min(bytes_max as u64);
         let Some(mut file) = self.file.take().filter(|_| count > 0) else { return Ok(None) };

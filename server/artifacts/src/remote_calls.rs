@@ -22,10 +22,6 @@ use crate::{Artifacts, Inner};
 
 impl Artifacts {
     /// The copies of a blob in the remote.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::ArtifactError::BadDigest`], [`crate::ArtifactError::Remote`].
     pub async fn objects_of(&self, kind: BlobKind, digest: &str) -> Result<Vec<RemoteObject>> {
         let digest = digest.to_owned();
         self.blocking(move |inner| match &inner.remote {
@@ -37,10 +33,6 @@ impl Artifacts {
 
     /// Removes listed copies of a blob from the remote, and nothing else. A missing copy is no error. The local file
     /// stays: a publisher in this process may need it for [`Self::store_anew`].
-    ///
-    /// # Errors
-    ///
-    /// [`crate::ArtifactError::BadDigest`], [`crate::ArtifactError::Remote`].
     pub async fn delete_objects(&self, kind: BlobKind, digest: &str, listed: Vec<RemoteObject>) -> Result<()> {
         let digest = digest.to_owned();
         self.blocking(move |inner| match &inner.remote {
@@ -54,8 +46,7 @@ impl Artifacts {
     ///
     /// # Errors
     ///
-    /// [`crate::ArtifactError::BadDigest`]; [`crate::ArtifactError::Remote`], also if the local file is gone: then
-    /// the bytes must be sent again.
+    /// [`crate::ArtifactError::Remote`] also if the local file is gone: then the bytes must be sent again.
     pub async fn store_anew(&self, kind: BlobKind, digest: &str) -> Result<()> {
         let digest = digest.to_owned();
         self.blocking(move |inner| inner.of(kind).store_anew(&digest)).await
@@ -72,10 +63,6 @@ impl Artifacts {
     }
 
     /// Digests of the blobs in the remote whose digest begins with the byte `shard`, in their order.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::ArtifactError::Remote`].
     pub async fn stored(&self, kind: BlobKind, shard: u8) -> Result<Vec<String>> {
         self.blocking(move |inner| match &inner.remote {
             Some(remote) => remote.stored(kind, shard),
@@ -90,7 +77,7 @@ impl Artifacts {
     /// # Errors
     ///
     /// [`crate::ArtifactError::NotFound`] if the remote has no copy; [`crate::ArtifactError::DataLoss`] if no copy
-    /// matches the digest; [`crate::ArtifactError::BadDigest`], [`crate::ArtifactError::Remote`].
+    /// matches the digest.
     pub async fn verify(&self, kind: BlobKind, digest: &str) -> Result<Option<u64>> {
         let digest = digest.to_owned();
         self.blocking(move |inner| match &inner.remote {

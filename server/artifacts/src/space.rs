@@ -28,10 +28,6 @@ impl Space {
     }
 
     /// Free space on the disk, without the space that the system keeps for its administrator \[bytes\].
-    ///
-    /// # Errors
-    ///
-    /// [`ArtifactError::Io`].
     pub fn free_bytes(&self) -> Result<u64> {
         let disk = statvfs(&self.data_dir)
             .map_err(|error| ArtifactError::io("read the free space of the disk", error.into()))?;

@@ -76,10 +76,6 @@ impl Uploads {
 
     /// Number of stored bytes of an owner's interrupted upload. The next call continues the upload at this offset. Each
     /// owner has uploads of its own, so that nobody continues an upload of which another has sent the beginning.
-    ///
-    /// # Errors
-    ///
-    /// [`ArtifactError::BadDigest`], [`ArtifactError::Io`].
     pub async fn received_bytes(&self, digest: &str, owner: &str) -> Result<u64> {
         check_digest(digest)?;
         let part = self.inner.folder.join(file_name(digest, owner));
@@ -96,8 +92,8 @@ impl Uploads {
     ///
     /// # Errors
     ///
-    /// [`ArtifactError::BadDigest`]; [`ArtifactError::UploadBusy`] while another call uploads the same artifact for the
-    /// same owner; [`ArtifactError::WrongOffset`]; [`ArtifactError::WrongSize`] if more than `size_bytes` are stored.
+    /// [`ArtifactError::UploadBusy`] while another call uploads the same artifact for the same owner;
+    /// [`ArtifactError::WrongOffset`]; [`ArtifactError::WrongSize`] if more than `size_bytes` are stored.
     pub async fn begin(&self, digest: &str, owner: &str, size_bytes: u64, offset_bytes: u64) -> Result<UploadWriter> {
         check_digest(digest)?;
         let file_name = file_name(digest, owner);
@@ -111,10 +107,6 @@ impl Uploads {
 
     /// Starts an upload of `size_bytes` whose digest [`UploadWriter::finish`] tells. It cannot be continued: if it ends
     /// early, what it received is removed.
-    ///
-    /// # Errors
-    ///
-    /// [`ArtifactError::Io`].
     pub async fn begin_unnamed(&self, size_bytes: u64) -> Result<UploadWriter> {
         // The file of a server that died may have the same name; its content is discarded.
         let file_name = format!("unnamed-{}.part", self.inner.unnamed.fetch_add(1, Ordering::Relaxed));
@@ -146,8 +138,7 @@ impl UploadWriter {
     ///
     /// # Errors
     ///
-    /// [`ArtifactError::WrongSize`] if more bytes arrive than were announced, [`ArtifactError::DiskFull`],
-    /// [`ArtifactError::Io`].
+    /// [`ArtifactError::WrongSize`] if more bytes arrive than were announced.
     pub async fn write(&mut self, chunk: Vec<u8>) -> Result<()> {
         let mut part = self.take_part()?;
         let part = blocking(move || part.append(&chunk).map(|()| part)).await?;

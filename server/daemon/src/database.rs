@@ -67,8 +67,7 @@ impl Database {
     ///
     /// # Errors
     ///
-    /// [`DatabaseError::OtherArtifacts`] if the artifacts of the database are in another place; [`DatabaseError::Store`];
-    /// [`DatabaseError::Artifacts`].
+    /// [`DatabaseError::OtherArtifacts`] if the artifacts of the database are in another place.
     pub async fn open(&self, artifacts: &Artifacts) -> Result<Store, DatabaseError> {
         match self {
             Self::InFolder(folder) => Ok(Store::open(&folder.join(DATABASE)).await?),
@@ -83,10 +82,6 @@ impl Database {
     }
 
     /// Opens a database that a server may be using. One whose tables have another version is refused.
-    ///
-    /// # Errors
-    ///
-    /// Errors of the store.
     pub async fn open_shared(&self) -> Result<Store, StoreError> {
         match self {
             Self::InFolder(folder) => Store::open_shared(&folder.join(DATABASE)).await,
@@ -110,8 +105,8 @@ impl Database {
     ///
     /// # Errors
     ///
-    /// [`DatabaseError::NoData`] if the data folder has no database; [`StoreError::EmptyDatabase`] if the one on the server
-    /// has no tables; other errors of the store.
+    /// [`DatabaseError::NoData`] if the data folder has no database; [`StoreError::EmptyDatabase`] if the one on the
+    /// server has no tables.
     pub async fn require(&self) -> Result<(), DatabaseError> {
         match self {
             Self::InFolder(folder) => file_in(folder).map(drop),

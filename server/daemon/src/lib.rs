@@ -1,6 +1,11 @@
 //! The Lightpath server: a durable job queue, workers on the optics engine, and a registry of learned kernels, behind
 //! one gRPC and HTTP port.
 //!
+//! # Errors
+//!
+//! Every function that uses a server's data can fail with the errors of its database and of its artifacts. Functions
+//! name only their other errors.
+//!
 //! # Layout
 //!
 //! - [`config`], [`server`]: settings, and the assembly of store, workers and API. [`database`]: where the database is.

@@ -81,10 +81,6 @@ pub enum ServeError {
 }
 
 /// Does the same as [`run_and_announce`], without an announcement.
-///
-/// # Errors
-///
-/// The errors of [`run_and_announce`].
 pub async fn run(
     listener: TcpListener,
     config: Config,

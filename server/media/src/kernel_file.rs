@@ -103,10 +103,6 @@ pub struct Origin {
 }
 
 /// [`encode`] with the origin of the kernel.
-///
-/// # Errors
-///
-/// The errors of [`encode`].
 pub fn encode_with(model: &DisplayModel, kind: KernelModel, origin: &Origin) -> Result<Vec<u8>, KernelFileError> {
     let stored = Stored::of(model);
     let metadata = HashMap::from([(METADATA_KEY.to_owned(), header_text(model, kind, &stored, origin)?)]);

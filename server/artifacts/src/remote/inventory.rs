@@ -18,8 +18,7 @@ impl BucketInventory {
     ///
     /// # Errors
     ///
-    /// [`crate::ArtifactError::BadRemote`], [`crate::ArtifactError::UnfitRemote`] if no server has used the bucket,
-    /// [`crate::ArtifactError::Remote`].
+    /// [`crate::ArtifactError::BadRemote`]; [`crate::ArtifactError::UnfitRemote`] if no server has used the bucket.
     pub async fn open(options: &RemoteOptions) -> Result<Self> {
         let options = options.clone();
         blocking(move || {
@@ -38,10 +37,6 @@ impl BucketInventory {
     }
 
     /// Digests of all blobs of a kind.
-    ///
-    /// # Errors
-    ///
-    /// [`crate::ArtifactError::Remote`].
     pub async fn list(&self, kind: BlobKind) -> Result<Vec<String>> {
         let remote = Arc::clone(&self.remote);
         blocking(move || {
@@ -56,7 +51,7 @@ impl BucketInventory {
     /// # Errors
     ///
     /// [`crate::ArtifactError::NotFound`] if there is no copy; [`crate::ArtifactError::DataLoss`] if no copy matches
-    /// the digest; [`crate::ArtifactError::BadDigest`], [`crate::ArtifactError::Remote`].
+    /// the digest.
     pub async fn verify(&self, kind: BlobKind, digest: &str) -> Result<u64> {
         let (remote, digest) = (Arc::clone(&self.remote), digest.to_owned());
         blocking(move || remote.verify(kind, &digest)).await

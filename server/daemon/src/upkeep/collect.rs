@@ -30,10 +30,6 @@ impl Retention {
     }
 
     /// Counts what a collection would remove now.
-    ///
-    /// # Errors
-    ///
-    /// [`super::UpkeepError::Database`].
     pub async fn preview(&self, store: &Store, now_ms: i64) -> Result<Collected> {
         let mut collected = Collected::default();
         if let Some(before_ms) = before(self.jobs, now_ms) {
@@ -56,7 +52,7 @@ impl Retention {
     ///
     /// # Errors
     ///
-    /// [`super::UpkeepError::Database`], [`super::UpkeepError::Artifacts`]. What was removed before the error stays removed.
+    /// What was removed before the error stays removed.
     pub async fn collect(&self, store: &Store, artifacts: &Artifacts, now_ms: i64) -> Result<Collected> {
         let mut collected = Collected::default();
         if let Some(before_ms) = before(self.jobs, now_ms) {

@@ -89,10 +89,6 @@ pub enum KeyChange {
 }
 
 /// Makes the keys of a server that has none, and renews what would expire soon. Without the root key it only warns.
-///
-/// # Errors
-///
-/// [`KeysError`].
 pub async fn tend(store: &Store, now_ms: i64) -> Result<(), KeysError> {
     let now_s = now_ms.div_euclid(1000);
     let Some(keyring) = store.keyring().await? else { return create(store, now_ms).await };
@@ -140,7 +136,7 @@ async fn create(store: &Store, now_ms: i64) -> Result<(), KeysError> {
 ///
 /// # Errors
 ///
-/// [`KeysError::RootElsewhere`], [`KeysError::NoSuchKey`], and those of the store.
+/// [`KeysError::RootElsewhere`], [`KeysError::NoSuchKey`].
 pub async fn change_keyring(store: &Store, change: KeyChange, now_ms: i64) -> Result<u32, KeysError> {
     let (keyring, new) = drafted(store, change, None, now_ms).await?;
     let forgotten = match change {
@@ -209,10 +205,6 @@ async fn drafted(
 
 /// The text of the next keyring, signed with the root keys of this server, if it has any. It has the given number, or
 /// the next one. A new manifest key in it is kept here.
-///
-/// # Errors
-///
-/// [`KeysError`].
 pub(super) async fn draft(
     store: &Store,
     change: KeyChange,
@@ -236,7 +228,7 @@ pub(super) async fn draft(
 ///
 /// # Errors
 ///
-/// [`KeysError::Refused`], and those of the store.
+/// [`KeysError::Refused`].
 pub async fn install(store: &Store, document: &str, now_ms: i64) -> Result<u32, KeysError> {
     let present = store.keyring().await?.ok_or(KeysError::NoKeyring)?;
     let now_s = now_ms.div_euclid(1000);
@@ -249,10 +241,6 @@ pub async fn install(store: &Store, document: &str, now_ms: i64) -> Result<u32, 
 
 /// Raises what devices compare, after a restore: the database lacks the moves and keyrings since the backup, and
 /// devices refuse a lower generation or keyring than they have seen. The seconds since 1970 are more than any of both.
-///
-/// # Errors
-///
-/// [`KeysError`].
 pub(super) async fn raise_after_restore(store: &Store, now_ms: i64) -> Result<(), KeysError> {
     let now_s = now_ms.div_euclid(1000);
     store.halt_all_rollouts("halted: the server was restored from a backup", now_s * 1000).await?;
@@ -280,7 +268,7 @@ pub(super) async fn raise_after_restore(store: &Store, now_ms: i64) -> Result<()
 ///
 /// # Errors
 ///
-/// [`KeysError::NoKeyring`], and those of the store.
+/// [`KeysError::NoKeyring`].
 pub async fn state(store: &Store) -> Result<KeyState, KeysError> {
     let keyring = read(&store.keyring().await?.ok_or(KeysError::NoKeyring)?)?;
     let private = store.private_keys().await?;

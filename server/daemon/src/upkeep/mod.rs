@@ -96,10 +96,6 @@ impl UpkeepError {
 }
 
 /// Opens the artifacts of a server: locks the data folder, and connects to the bucket if there is one. Blocks.
-///
-/// # Errors
-///
-/// [`UpkeepError::Config`] as [`Config::bucket`], [`UpkeepError::Artifacts`] as [`Artifacts::open_with`].
 pub(crate) fn open_artifacts(config: &Config) -> Result<Artifacts> {
     Ok(Artifacts::open_with(&config.data_dir, config.space(), config.bucket()?.as_ref())?)
 }

@@ -43,10 +43,6 @@ pub fn export(model: &DisplayModel, kind: KernelModel, format: KernelFormat) -> 
 
 /// [`export`] with the origin of the kernel. Forms that hold a whole model hold its origin as well, but only bundles
 /// have its record.
-///
-/// # Errors
-///
-/// The errors of [`export`].
 pub fn export_with(
     model: &DisplayModel,
     kind: KernelModel,

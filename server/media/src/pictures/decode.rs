@@ -41,10 +41,6 @@ pub fn target_intensity(
 }
 
 /// [`target_intensity`] for one colour channel of the picture.
-///
-/// # Errors
-///
-/// The errors of [`target_intensity`].
 pub fn target_channel(
     bytes: &[u8],
     encoding: Encoding,
@@ -67,10 +63,6 @@ pub fn photograph(bytes: &[u8], encoding: Encoding) -> Result<Plane<f32>, Pictur
 }
 
 /// [`photograph`] for one colour channel of the picture.
-///
-/// # Errors
-///
-/// The errors of [`photograph`].
 pub fn photograph_channel(bytes: &[u8], encoding: Encoding, channel: Channel) -> Result<Plane<f32>, PictureError> {
     linear_light(bytes, encoding, channel, 1)
 }

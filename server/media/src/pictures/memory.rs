@@ -22,10 +22,6 @@ const OTHER_BYTES: u64 = 4 << 20;
 /// f bytes of the file (some decoders copy it), n pixels of the picture, m pixels after fitting. First the decoder has
 /// d bytes for each pixel beside the light, of which there is a turned copy (t = 2) if the file records an orientation
 /// (otherwise t = 1). Then fitting has the picture, an intermediate of one side each, and the result.
-///
-/// # Errors
-///
-/// If the file cannot be read.
 pub fn reading_bytes(mut source: impl BufRead + Seek, fitted_px: u64) -> io::Result<u64> {
     let file_bytes = source.seek(io::SeekFrom::End(0))?;
     source.rewind()?;
@@ -58,10 +54,6 @@ pub fn reading_bytes(mut source: impl BufRead + Seek, fitted_px: u64) -> io::Res
 }
 
 /// Number of pixels of a picture, from its header; 0 for a file that is no readable picture.
-///
-/// # Errors
-///
-/// If the file cannot be read.
 pub fn pixels(source: impl BufRead + Seek) -> io::Result<u64> {
     let size = ImageReader::new(source).with_guessed_format()?.into_dimensions();
     Ok(size.map_or(0, |(width_px, height_px)| u64::from(width_px) * u64::from(height_px)))
