@@ -8,8 +8,11 @@ use lightpath::{Client, names};
 use lightpath_domain::kernel::KernelModel;
 use lightpath_media::{kernel_file, pictures};
 use lightpath_optics::hologram::initial_phase as random_phase;
-use lightpath_optics::{DisplayModel, Engine, Grid, KernelShape, OpticalSetup, Plane};
+use lightpath_optics::{
+    DisplayModel, Engine, FurtherMode, Grid, KernelShape, OpticalSetup, PartialCoherence, Plane, SmoothField,
+};
 use num_complex::Complex32;
+use std::f64::consts::PI;
 
 /// Number of pairs of each dataset.
 const PAIRS: u64 = 8;
@@ -165,12 +168,26 @@ fn setup(size_px: (u32, u32)) -> OpticalSetup {
 }
 
 /// Makes a finalized dataset and a kernel. Returns the specs of the jobs that made them and that use them.
+/// A display that needs the part that takes most memory: modes of light, here shifted by a pixel to either side.
+fn partially_coherent(size_px: (u32, u32)) -> DisplayModel {
+    let shifted = |tilt_rad: f64| {
+        let mut errors = SmoothField::flat(1);
+        errors.phase[1] = tilt_rad;
+        FurtherMode { light: 1.0, errors }
+    };
+    DisplayModel {
+        kernel: KernelShape::Smooth(SmoothField::flat(1)),
+        coherence: PartialCoherence::new(vec![shifted(PI), shifted(-PI)]),
+        ..DisplayModel::ideal(setup(size_px))
+    }
+}
+
 async fn dataset_specs(
     client: &Client,
     size_px: (u32, u32),
     model: v1::KernelModel,
 ) -> Vec<(&'static str, job_spec::Kind)> {
-    let engine = Engine::new(&DisplayModel::ideal(setup(size_px)), lightpath_optics::Detector::Pixel, None).unwrap();
+    let engine = Engine::new(&partially_coherent(size_px), lightpath_optics::Detector::Pixel, None).unwrap();
     let dataset = names::dataset("d");
     client
         .create_dataset(v1::CreateDatasetRequest {
