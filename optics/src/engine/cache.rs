@@ -5,8 +5,7 @@ use super::core::{EngineCore, convolver, sample_kernels};
 use super::prepared::{Prepared, PreparedMode};
 use super::single_precision::Engine;
 use super::sub_samples::offsets_px;
-use crate::display::parts::{InBins, ModelPart};
-use crate::display::{Carrier, Detector, DisplayModel, KernelShape, PartialCoherence};
+use crate::display::{Carrier, Detector, DisplayModel, Dust, KernelShape};
 use crate::error::Result;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -29,7 +28,8 @@ pub struct EngineCache {
 #[derive(Debug, Default)]
 struct CachedParts {
     plans: Vec<Arc<Convolver<f32>>>,
-    /// Sampled transfer functions, each with the [model](transfer_alone) that determines it.
+    /// Sampled transfer functions, each with the whole model that it is of, but for the dust, which takes memory and does
+    /// not change it.
     kernels: Vec<(DisplayModel, Arc<Kernels<f32>>)>,
 }
 
@@ -82,7 +82,7 @@ impl EngineCache {
         if matches!(mode.model().kernel, KernelShape::Bins(_)) {
             return Arc::new(sample_kernels(mode));
         }
-        let key = transfer_alone(mode.model());
+        let key = DisplayModel { dust: Dust::none(), ..mode.model().clone() };
         let mut parts = self.lock();
         if let Some(at) = parts.kernels.iter().position(|(of, _)| *of == key) {
             let found = parts.kernels.remove(at);
@@ -101,15 +101,6 @@ impl EngineCache {
     fn lock(&self) -> MutexGuard<'_, CachedParts> {
         self.parts.lock().unwrap_or_else(PoisonError::into_inner)
     }
-}
-
-/// A display with the same transfer function, without the parts beside it.
-fn transfer_alone(model: &DisplayModel) -> DisplayModel {
-    let mut alone = DisplayModel { coherence: PartialCoherence::none(), gain: 1.0, offset: 0.0, ..model.clone() };
-    for part in ModelPart::ALL.iter().filter(|part| part.in_bins() == InBins::Beside) {
-        part.remove(&mut alone);
-    }
-    alone
 }
 
 impl CachedParts {

@@ -1,4 +1,5 @@
-//! Reasons of errors and refusals, as codes in capitals for programs. A code is the same in every version.
+//! Enumerations that are words for people, programs and the database; and the reasons of errors and refusals, as codes in
+//! capitals for programs. A word or code is the same in every version.
 
 /// Declares an enum whose variants are words for people, programs and the database. Each variant has a description and a
 /// word, which is also the text that serde writes.
