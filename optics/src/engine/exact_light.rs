@@ -138,9 +138,9 @@ impl<T: Real> EngineCore<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::display::{DisplayModel, OpticalSetup, Orders};
+    use crate::display::{DisplayModel, FurtherMode, OpticalSetup, Orders, PartialCoherence};
     use crate::hologram::initial_phase;
-    use crate::numerics::Grid;
+    use crate::numerics::{Grid, SmoothField};
 
     #[test]
     fn pixel_light_matches_many_samples_of_each_pixel() {
@@ -158,6 +158,22 @@ mod tests {
             for (found, expected) in found.values().iter().zip(expected.values()) {
                 assert!((found - expected).abs() < within, "{distance_m}: {found} {expected}");
             }
+        }
+    }
+
+    #[test]
+    fn light_in_the_middles_of_pixels_is_that_of_the_point_detector() {
+        let setup = OpticalSetup::try_new(Grid::try_new(8, 12, 8e-6).unwrap(), 515e-9, 4e-3).unwrap();
+        let wavy = SmoothField { order: 1, log_amplitude: vec![0.1, 0.0], phase: vec![0.3, -0.5] };
+        let coherence = PartialCoherence::new(vec![FurtherMode { light: 0.5, errors: wavy }]);
+        let model = DisplayModel { coherence, ..DisplayModel::ideal(setup) };
+        let engine = EngineCore::<f64>::new(&model, Detector::Point, None).unwrap();
+        let phases = [3, 4].map(|seed| initial_phase(8, 12, 6.0, seed).unwrap().map(f64::from));
+        let found = &engine.light_at(&[([0.0, 0.0], 1.0)], &[&phases]).unwrap()[0];
+        let expected = phases.each_ref().map(|phase| engine.light(phase).unwrap());
+        for (at, found) in found.values().iter().enumerate() {
+            let expected = expected.iter().map(|light| light.values()[at]).sum::<f64>() / 2.0;
+            assert!((found - expected).abs() < 1e-9, "{found} {expected}");
         }
     }
 }

@@ -130,6 +130,11 @@ mod tests {
         let samples =
             Plane::from_fn(20, 40, |y, x| ramp().at(y / 2, x / 2) + if (y + x) % 2 == 0 { 0.1 } else { -0.1 });
         assert!((psnr_db(&samples, &ramp(), middle(), Gain::Given(1.0)).unwrap() - 20.0).abs() < 1e-5);
+        let each_sample_twice = |plane: &Plane<f32>| Plane::from_fn(20, 40, |y, x| plane.at(y / 2, x / 2));
+        let noisy = Plane::from_fn(10, 20, |y, x| ramp().at(y, x) + if (x + y) % 2 == 0 { 0.05 } else { -0.05 });
+        let once = psnr_with_offset_db(&noisy, &ramp(), middle()).unwrap();
+        let twice = psnr_with_offset_db(&each_sample_twice(&noisy), &ramp(), middle()).unwrap();
+        assert!((once - twice).abs() < 1e-6, "{once} dB, {twice} dB");
     }
 
     #[test]

@@ -143,4 +143,22 @@ mod tests {
         }
         assert_eq!(owner_of_job(&Call::without_token(), "bob".to_owned()).unwrap(), "bob");
     }
+
+    #[test]
+    fn only_curators_and_admins_let_a_job_overtake_others() {
+        for role in [Role::Submitter, Role::Curator, Role::Admin] {
+            for priority in [0, 1, PRIORITY_MAX] {
+                assert_eq!(priority_of_job(&ada(role), priority).unwrap(), priority, "{role:?}");
+            }
+            for priority in [-PRIORITY_MAX - 1, PRIORITY_MAX + 1] {
+                assert!(matches!(priority_of_job(&ada(role), priority), Err(ServiceError::Invalid(_))), "{priority}");
+            }
+        }
+        for priority in [-1, -PRIORITY_MAX] {
+            assert!(matches!(priority_of_job(&ada(Role::Submitter), priority), Err(ServiceError::Denied(_))));
+            for role in [Role::Curator, Role::Admin] {
+                assert_eq!(priority_of_job(&ada(role), priority).unwrap(), priority, "{role:?}");
+            }
+        }
+    }
 }

@@ -304,10 +304,12 @@ mod tests {
         let (mut state, mut workspace) = (LimitedMemory::new(start()), Workspace::default());
         let first = state.advance(&mut workspace, rosenbrock_sum);
         let mut before = f64::INFINITY;
-        for _ in 0..300 {
+        for count in 0..300 {
             state.advance(&mut workspace, rosenbrock_sum);
             assert!(state.loss <= before, "an accepted point is never worse");
             before = state.loss;
+            // With the loops of the inverse Hessian's product in a wrong order, 0.019 of the first loss is left here.
+            assert!(count != 60 || state.loss < 5e-3 * first, "from {first} to {}", state.loss);
         }
         assert!(state.loss < 1e-7 * first, "from {first} to {}", state.loss);
     }

@@ -141,6 +141,8 @@ async fn heartbeats_keep_a_lease() {
         assert_eq!((beat.until_ms, beat.cancel_requested), (now + LEASE_MS, false));
         assert_eq!(store.expire_leases(now).await.unwrap(), []);
     }
+    store.heartbeat(&lease, now - LEASE_MS / 2, LEASE_MS).await.unwrap();
+    assert_eq!(store.expire_leases(now + LEASE_MS - 1).await.unwrap(), [], "a heartbeat that came late shortens no lease");
     store.finish(&lease, result(), JobEffect::None, now).await.unwrap();
 }
 
