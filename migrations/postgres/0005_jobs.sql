@@ -48,7 +48,9 @@ create table job (
     counted_bytes    bigint           not null default 0 check (counted_bytes >= 0),
     -- failed attempts since the last checkpoint
     failures         bigint           not null default 0 check (failures >= 0),
-    -- deaths of the server during attempts, since the last checkpoint
+    -- whether the server died while it ran the job, so that the job runs in a process of its own from now on
+    suspect          bigint           not null default 0 check (suspect >= 0),
+    -- deaths of that process since the last checkpoint
     crashes          bigint           not null default 0 check (crashes >= 0),
     lease_id         text collate "C",
     lease_until_ms   bigint,

@@ -10,7 +10,8 @@ create table webhook (
     secret         text    not null,
     caller         text    not null,
     create_time_ms integer not null,
-    -- process that tells it, where several share the database, and until when no other one may
+    -- where several processes share the database: the one that sends the events of this webhook, and until when no
+    -- other process may send them
     teller         text,
     teller_until_ms integer
 ) strict, without rowid;

@@ -97,8 +97,17 @@ struct Inner {
     /// collection of artifacts holds it exclusively, so that it never removes a file that is about to be recorded
     /// again.
     publishing: Arc<RwLock<()>>,
-    /// Lock of the data folder. The operating system releases it when the process ends, even after a crash.
-    _lock: FolderLock,
+    /// The operating system releases it when the process ends, even after a crash.
+    _lock: Held,
+}
+
+/// What a process holds while it uses a data folder.
+#[derive(Debug)]
+enum Held {
+    /// The folder: no other process uses it.
+    Folder { _lock: FolderLock },
+    /// The removal of artifacts, in a folder that the process holds which started this one.
+    Removal { _lock: Option<File> },
 }
 
 impl Artifacts {
@@ -128,14 +137,28 @@ impl Artifacts {
     /// [`ArtifactError::OtherRemote`].
     pub fn open_with(data_dir: &Path, limits: SpaceLimits, remote: Option<&RemoteOptions>) -> Result<Self> {
         let open = |options: &RemoteOptions| Ok((Remote::open(options, data_dir)?, options.cache_bytes_max));
-        Self::open_on(data_dir, limits, || remote.map(open).transpose())
+        let held = Held::Folder { _lock: FolderLock::take(data_dir)? };
+        Self::open_on(data_dir, limits, held, || remote.map(open).transpose())
+    }
+
+    /// Opens a data folder that the process holds which started this one, to read and store blobs for it. Meanwhile that
+    /// process removes no artifact, because it cannot know which ones this process is about to record.
+    ///
+    /// # Errors
+    ///
+    /// The errors of [`Self::open_with`], without [`ArtifactError::Locked`].
+    pub fn open_beside(data_dir: &Path, limits: SpaceLimits, remote: Option<&RemoteOptions>) -> Result<Self> {
+        let open = |options: &RemoteOptions| Ok((Remote::open(options, data_dir)?, options.cache_bytes_max));
+        let held = Held::Removal { _lock: lock::lock_shared(&data_dir.join(inventory::KEEP_LOCK))? };
+        Self::open_on(data_dir, limits, held, || remote.map(open).transpose())
     }
 
     /// Does the same as [`Self::open_with`], with a function that connects to the remote and returns it and the bound of
-    /// the cache \[bytes\]. It is called when the data folder is locked.
+    /// the cache \[bytes\]. It is called when the data folder is locked, as `held` says.
     fn open_on(
         data_dir: &Path,
         limits: SpaceLimits,
+        held: Held,
         connect: impl FnOnce() -> Result<Option<(Remote, u64)>>,
     ) -> Result<Self> {
         let make = |name: &str| -> Result<PathBuf> {
@@ -143,11 +166,16 @@ impl Artifacts {
             create_private_folder(&path).map_err(|error| ArtifactError::io("create a folder", error))?;
             Ok(path)
         };
-        let lock = FolderLock::take(data_dir)?;
-        let temporary = make("tmp")?;
-        folder::empty(&temporary).map_err(|error| ArtifactError::io("empty tmp", error))?;
-        let conversions = make("conversions")?;
-        folder::empty(&conversions).map_err(|error| ArtifactError::io("empty conversions", error))?;
+        let (temporary, conversions) = (make("tmp")?, make("conversions")?);
+        let received = match held {
+            Held::Folder { .. } => {
+                folder::empty(&temporary).map_err(|error| ArtifactError::io("empty tmp", error))?;
+                folder::empty(&conversions).map_err(|error| ArtifactError::io("empty conversions", error))?;
+                make("uploads")?
+            }
+            // The uploads are those of the other process.
+            Held::Removal { .. } => make("tmp/uploads")?,
+        };
         let (artifacts, checkpoints) = (make("artifacts")?, make("checkpoints")?);
         let behind = match connect()? {
             Some((remote, cache_bytes_max)) => {
@@ -164,7 +192,7 @@ impl Artifacts {
         let blobs = |kind, root| Blobs::new(kind, Folder::new(root, temporary.clone()), behind.clone());
         let checkpoints = blobs(BlobKind::Checkpoint, checkpoints);
         let blobs = Arc::new(blobs(BlobKind::Artifact, artifacts));
-        let uploads = Uploads::open(make("uploads")?, Arc::clone(&blobs))?;
+        let uploads = Uploads::open(received, Arc::clone(&blobs))?;
         Ok(Self {
             inner: Arc::new(Inner {
                 blobs,
@@ -176,7 +204,7 @@ impl Artifacts {
                 data_dir: data_dir.to_owned(),
                 space: Space::new(limits, data_dir.to_owned()),
                 publishing: Arc::default(),
-                _lock: lock,
+                _lock: held,
             }),
         })
     }

@@ -9,7 +9,7 @@
 //! # Layout
 //!
 //! - [`config`], [`server`]: settings, and the assembly of store, workers and API. [`database`]: where the database is.
-//!   [`worker_process`]: the assembly of a process that only runs jobs. `workers`: start and end of the workers.
+//!   [`worker_process`]: the assembly of a process that only runs jobs. [`job_process`]: the process of a single job. `workers`: start and end of the workers.
 //!   `life`: by what others know that this process lives.
 //! - [`upkeep`]: commands for operators on a data folder: check, back up, restore, collect.
 //! - [`demo`]: the whole loop on a simulated display, for new users.
@@ -20,6 +20,7 @@ pub mod config;
 pub mod database;
 pub mod demo;
 pub mod fuzzing;
+pub mod job_process;
 pub mod server;
 pub mod upkeep;
 pub mod worker_process;

@@ -9,7 +9,8 @@ use lightpath_server::demo::{self, DemoArgs};
 use lightpath_server::upkeep::{
     BackupArgs, CheckArgs, CollectArgs, KeyCommand, MigrateArgs, RestoreArgs, RestoredArgs, TokenCommand,
 };
-use lightpath_server::{server, worker_process};
+use lightpath_server::{job_process, server, worker_process};
+use lightpath_worker::JobInput;
 use std::future::Future;
 use std::io::{IsTerminal as _, Write as _};
 use std::path::PathBuf;
@@ -45,6 +46,9 @@ enum Command {
     Key(KeyCommand),
     Demo(DemoArgs),
     Man(Man),
+    /// Run one job in a process of its own; servers and workers call this
+    #[command(name = job_process::COMMAND, hide = true)]
+    Job,
 }
 
 /// Run the server until SIGTERM or ctrl-c. Then running jobs save their state and return to the queue.
@@ -125,6 +129,7 @@ fn main() -> ExitCode {
         Command::Key(command) => Ok(command.run()),
         Command::Demo(args) => demo::run(args).map(|()| ExitCode::SUCCESS),
         Command::Man(man) => man.run().map(|()| ExitCode::SUCCESS),
+        Command::Job => run_job().map(|()| ExitCode::SUCCESS),
     };
     match outcome {
         Ok(code) => code,
@@ -181,13 +186,25 @@ impl Source {
             return Ok(());
         }
         start_log(&effective.config)?;
-        freed_memory::give_back();
-        let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
-        let outcome = runtime.block_on(process(effective.config));
-        // The blocking threads that still run belong to cancelled requests, so the process need not wait for them.
-        runtime.shutdown_background();
-        outcome
+        run_to_end(process(effective.config))
     }
+}
+
+/// Runs a process until its future ends.
+fn run_to_end(process: impl Future<Output = anyhow::Result<()>>) -> anyhow::Result<()> {
+    freed_memory::give_back();
+    let runtime = tokio::runtime::Builder::new_multi_thread().enable_all().build()?;
+    let outcome = runtime.block_on(process);
+    // The blocking threads that still run belong to cancelled requests, so the process need not wait for them.
+    runtime.shutdown_background();
+    outcome
+}
+
+fn run_job() -> anyhow::Result<()> {
+    let input = JobInput::read().context("this command is called by servers and workers, with a job to run")?;
+    let config: Config = serde_json::from_str(&input.settings)?;
+    start_log(&config)?;
+    run_to_end(async { Ok(job_process::run(input, config).await?) })
 }
 
 async fn work(config: Config) -> anyhow::Result<()> {
@@ -200,7 +217,8 @@ async fn work(config: Config) -> anyhow::Result<()> {
         }
     };
     tracing::info!(data_dir = %config.data_dir.display(), "starting");
-    worker_process::run(status, config, stop).await?;
+    let program = job_process::this_program(&config)?;
+    worker_process::run(status, config, Some(program), stop).await?;
     Ok(())
 }
 
@@ -215,7 +233,8 @@ async fn serve(config: Config) -> anyhow::Result<()> {
     // Clients that connect from now on wait in the backlog until the server has checked everything.
     let scheme = if config.tls_cert.is_some() { "https" } else { "http" };
     let announce = |address| writeln!(std::io::stdout().lock(), "listening on {scheme}://{address}");
-    server::run_and_announce(listener, config, announce, stop).await?;
+    let program = job_process::this_program(&config)?;
+    server::run_and_announce(listener, config, Some(program), announce, stop).await?;
     Ok(())
 }
 

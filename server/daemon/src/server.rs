@@ -14,7 +14,7 @@ use lightpath_artifacts::Artifacts;
 use lightpath_metrics as metrics;
 use lightpath_service::{Service, ServiceLimits};
 use lightpath_store::{ProcessKind, Store, StoreError};
-use lightpath_worker::WorkerError;
+use lightpath_worker::{JobProgram, WorkerError};
 use std::io;
 use std::net::SocketAddr;
 use std::path::Path;
@@ -80,13 +80,13 @@ pub enum ServeError {
     Reflection(#[from] tonic_reflection::server::Error),
 }
 
-/// Does the same as [`run_and_announce`], without an announcement.
+/// Does the same as [`run_and_announce`], without an announcement, and runs all jobs in this process.
 pub async fn run(
     listener: TcpListener,
     config: Config,
     shutdown: impl Future<Output = ()> + Send,
 ) -> Result<(), ServeError> {
-    run_and_announce(listener, config, |_| Ok(()), shutdown).await
+    run_and_announce(listener, config, None, |_| Ok(()), shutdown).await
 }
 
 /// Serves on `listener` until the future `shutdown` ends, then drains: it accepts no new connections, the health check
@@ -94,7 +94,8 @@ pub async fn run(
 /// takes at most `config.drain_deadline_s`.
 ///
 /// `announce` gets the listening address as soon as the server knows that it may serve: it holds the data folder, its
-/// database and certificates can be used, and its access is safe.
+/// database and certificates can be used, and its access is safe. Jobs during which a server died run with `job_program`,
+/// in a process of their own.
 ///
 /// # Errors
 ///
@@ -102,6 +103,7 @@ pub async fn run(
 pub async fn run_and_announce(
     listener: TcpListener,
     config: Config,
+    job_program: Option<JobProgram>,
     announce: impl FnOnce(SocketAddr) -> io::Result<()> + Send,
     shutdown: impl Future<Output = ()> + Send,
 ) -> Result<(), ServeError> {
@@ -133,7 +135,10 @@ pub async fn run_and_announce(
     let watching = tokio::spawn(health_loop(api.clone(), health.clone(), stopping.clone()));
     let mut workers = match config.no_worker {
         true => None,
-        false => Some(Workers::start(store, artifacts, &config, api.live_pictures(), stopping.clone()).await?),
+        false => {
+            let pictures = api.live_pictures();
+            Some(Workers::start(store, artifacts, &config, pictures, job_program, stopping.clone()).await?)
+        }
     };
     let ended_tokens = EndedTokens::default();
     loops.spawn(token_loop(api.store().clone(), ended_tokens.clone(), stopping.clone()));

@@ -9,13 +9,15 @@ use lightpath_artifacts::Artifacts;
 use lightpath_media::live_pictures::LivePictures;
 use lightpath_metrics as metrics;
 use lightpath_store::{ProcessKind, Store};
+use lightpath_worker::JobProgram;
 use tokio::net::TcpListener;
 use tokio::task::JoinSet;
 use tokio::time::interval;
 use tokio_util::sync::CancellationToken;
 
 /// Runs jobs until the future `shutdown` ends, then drains: running jobs save their state and return to the queue.
-/// Draining takes at most `config.drain_deadline_s`. Health and metrics are at `status`.
+/// Draining takes at most `config.drain_deadline_s`. Health and metrics are at `status`. Jobs during which a process died
+/// run with `job_program`, in a process of their own.
 ///
 /// # Errors
 ///
@@ -23,6 +25,7 @@ use tokio_util::sync::CancellationToken;
 pub async fn run(
     status: Option<TcpListener>,
     config: Config,
+    job_program: Option<JobProgram>,
     shutdown: impl Future<Output = ()> + Send,
 ) -> Result<(), ServeError> {
     config.require_shared("lightpathd worker")?;
@@ -44,7 +47,8 @@ pub async fn run(
             }
         });
     }
-    let mut workers = Workers::start(store, artifacts, &config, LivePictures::default(), stopping.clone()).await?;
+    let mut workers =
+        Workers::start(store, artifacts, &config, LivePictures::default(), job_program, stopping.clone()).await?;
     tracing::info!("working");
     let early = tokio::select! {
         () = shutdown => None,

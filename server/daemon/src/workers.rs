@@ -5,7 +5,7 @@ use crate::upkeep::Result;
 use lightpath_artifacts::Artifacts;
 use lightpath_media::live_pictures::LivePictures;
 use lightpath_store::Store;
-use lightpath_worker::{OpticsTask, Worker, WorkerConfig, WorkerError};
+use lightpath_worker::{JobProgram, OpticsTask, Worker, WorkerConfig, WorkerError};
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::task::{JoinError, JoinHandle};
@@ -25,18 +25,20 @@ pub(crate) struct Workers {
 }
 
 impl Workers {
-    /// Starts the workers. They end when `stopping` is cancelled.
+    /// Starts the workers. They end when `stopping` is cancelled. Jobs during which a server died run with `job_program`.
     pub(crate) async fn start(
         store: Store,
         artifacts: Artifacts,
         config: &Config,
         live_pictures: LivePictures,
+        job_program: Option<JobProgram>,
         stopping: CancellationToken,
     ) -> Result<Self> {
         // Two processes cannot hold the same data folder, so its identity is that of the process.
         let process = if store.is_shared() { Some(artifacts.folder_identity().await?) } else { None };
         let config = WorkerConfig { process: process.clone(), labels: config.labels()?, ..config.workers() };
-        let worker = Worker::new(store.clone(), artifacts, config, Arc::new(OpticsTask)).showing(live_pictures);
+        let worker = Worker::new(store.clone(), artifacts, config, Arc::new(OpticsTask));
+        let worker = worker.showing(live_pictures).isolating(job_program);
         Ok(Self { running: tokio::spawn(worker.run(stopping)), store, process })
     }
 

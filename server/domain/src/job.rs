@@ -103,6 +103,8 @@ pub struct Job {
     pub result: Option<JobResult>,
     /// Whether a user asked to cancel the job.
     pub cancel_requested: bool,
+    /// Whether the server died while it ran the job. It then runs in a process of its own.
+    pub suspect: bool,
     /// Artifact digest of the latest checkpoint.
     pub checkpoint: Option<String>,
     /// Number that grows with every change.
@@ -233,7 +235,7 @@ pub struct JobEvent {
 }
 
 /// Permission of a worker to run a job for a limited time. Every write of the worker names job, attempt and lease id.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Lease {
     /// Id of the job.
     pub job: String,

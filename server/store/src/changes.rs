@@ -2,8 +2,8 @@
 
 use lightpath_domain::kernel::KernelKey;
 use serde::{Deserialize, Serialize};
-use std::sync::Arc;
-use tokio::sync::{Notify, broadcast};
+use std::sync::{Arc, OnceLock};
+use tokio::sync::{Notify, broadcast, mpsc};
 
 /// Announcements kept for a slow listener. A job announces about five changes a second. A listener that misses some
 /// (`RecvError::Lagged`) reads the present state and continues.
@@ -61,6 +61,8 @@ pub(super) struct Changes {
     pub(super) claimable: Arc<Notify>,
     pub(super) deliverable: Arc<Notify>,
     pub(super) all: broadcast::Sender<Changed>,
+    /// Tells the changes of this process to the one that started it.
+    pub(super) passed_on: OnceLock<mpsc::UnboundedSender<Change>>,
 }
 
 impl Default for Changes {
@@ -72,6 +74,7 @@ impl Default for Changes {
             claimable: Arc::default(),
             deliverable: Arc::default(),
             all: broadcast::Sender::new(BACKLOG),
+            passed_on: OnceLock::new(),
         }
     }
 }
@@ -80,6 +83,9 @@ impl Changes {
     pub(super) fn publish(&self, changes: Vec<Change>) {
         for change in changes {
             // A send fails only if there is no listener, which is no error.
+            if let Some(passed_on) = self.passed_on.get() {
+                drop(passed_on.send(change.clone()));
+            }
             match change {
                 Change::Job(id) => {
                     drop(self.all.send(Changed::Job(id.clone())));

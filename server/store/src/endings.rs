@@ -7,14 +7,18 @@ use super::kernels::append_version;
 use super::leases::{bind_lease, fenced, job_or_lease_lost, read};
 use super::prepared::store_prepared;
 use super::rows::to_json;
-use super::sql::{Row, query};
+use super::sql::{Row, query, scalar};
 use super::write::Write;
 use super::{Result, Store, dependencies};
 use lightpath_domain::job::{FailureReason, Job, JobEffect, JobError, JobResult, Lease};
 use lightpath_domain::kernel::{KernelKey, NewKernelVersion};
+use std::time::Duration;
 
 /// Limit on the leases that one call expires. The next call expires the remaining ones.
 const EXPIRED_MAX: i64 = 1000;
+
+/// Time without a sign of life after which the process of an expired lease counts as dead: two signs are missing.
+const SILENCE_MAX: Duration = Duration::from_secs(12);
 
 /// End of an attempt without a result.
 enum Ending {
@@ -156,10 +160,36 @@ impl Store {
         self.write(async move |write| expire(write, now_ms).await).await
     }
 
+    /// Ends the attempt of a job that ran in a process of its own, because that process died. Its deaths count as failed
+    /// attempts until the job saves a checkpoint: nothing else ran in it.
+    ///
+    /// # Errors
+    ///
+    /// [`crate::StoreError::LeaseLost`], also if the process had stored the end of the attempt before it died.
+    pub async fn end_dead(&self, lease: &Lease, death: &str, retry_at_ms: i64, now_ms: i64) -> Result<Job> {
+        let (lease, death) = (lease.clone(), death.to_owned());
+        self.write(async move |write| {
+            let (job, failures, crashes) = read(write, &lease).await?;
+            let crashes = crashes + 1;
+            query("update job set crashes = $1 where id = $2").bind((crashes, &job.id)).execute(write.sql()).await?;
+            let message = match crashes {
+                1 => format!("the process that ran this job alone {death}"),
+                _ => format!(
+                    "the process that ran this job alone died {crashes} times, and no state was saved in between; the last \
+                     one {death}"
+                ),
+            };
+            let error = JobError { reason: FailureReason::ProcessDied, message, retryable: true };
+            // The death is counted already.
+            let ending = after_failure(&job, failures - 1, crashes, error, Some(retry_at_ms));
+            end(write, &job.id, ending, now_ms).await
+        })
+        .await
+    }
+
     /// Takes every running job from the workers of a process at its next start: they are dead. `None` is the only process
-    /// that works on this database, whose start finds all workers dead. Each death of the server counts as an attempt of the job until the job
-    /// saves a checkpoint. So a job that kills its server fails when its attempts are spent, and other jobs can run
-    /// again.
+    /// that works on this database, whose start finds all workers dead. Nobody knows which job caused the death, or
+    /// whether one did. So it counts for none, and each runs in a process of its own from now on.
     pub async fn recover_orphans(&self, process: Option<&str>, now_ms: i64) -> Result<Vec<Job>> {
         let process = process.map(str::to_owned);
         self.write(async move |write| recover_orphans(write, process, now_ms).await).await
@@ -223,12 +253,24 @@ async fn expire(write: &mut Write, now_ms: i64) -> Result<Vec<Job>> {
         if query(sql).bind((&job.id, now_ms)).execute(write.sql()).await? == 0 {
             continue;
         }
+        if has_died(write, &row, now_ms).await? {
+            jobs.push(end_orphan(write, &row, now_ms).await?);
+            continue;
+        }
         let message = format!("{} sent no heartbeat before its lease expired", row.try_get::<String>("worker")?);
         let error = JobError { reason: FailureReason::LeaseExpired, message, retryable: true };
         let ending = after_failure(&job, row.try_get("failures")?, row.try_get("crashes")?, error, Some(now_ms));
         jobs.push(end(write, &job.id, ending, now_ms).await?);
     }
     Ok(jobs)
+}
+
+/// Whether the process is dead that ran this job: it gives no more signs of life. A process that lives and lets a lease
+/// end could not store the end of the attempt, which counts as a failure of the job.
+async fn has_died(write: &mut Write, row: &Row, now_ms: i64) -> Result<bool> {
+    let Some(process) = row.try_get::<Option<String>>("process")? else { return Ok(false) };
+    let sql = "select not exists (select 1 from process where id = $1 and seen_time_ms > $2)";
+    Ok(scalar(sql).bind((process, now_ms - SILENCE_MAX.as_millis() as i64)).fetch_one(write.sql()).await?)
 }
 
 async fn release_running(write: &mut Write, process: Option<String>, now_ms: i64) -> Result<Vec<Job>> {
@@ -244,23 +286,20 @@ async fn release_running(write: &mut Write, process: Option<String>, now_ms: i64
 async fn recover_orphans(write: &mut Write, process: Option<String>, now_ms: i64) -> Result<Vec<Job>> {
     let mut jobs = Vec::new();
     for row in running_in(write, process).await? {
-        let (job, failures, crashes) = (job_of(&row)?, row.try_get("failures")?, row.try_get::<i64>("crashes")? + 1);
-        let spent = failures + crashes >= i64::from(job.attempts_max);
-        let ending = match (job.cancel_requested, spent) {
-            (true, _) => Ending::Cancelled,
-            (false, false) => Ending::Requeued { run_time_ms: job.run_time_ms, failures, cause: Cause::ServerDied },
-            (false, true) => {
-                let message = format!(
-                    "the server died {crashes} times while it ran this job, which saved no checkpoint in between"
-                );
-                let error = JobError { reason: FailureReason::ServerDied, message, retryable: false };
-                Ending::Failed { failures, error }
-            }
-        };
-        query("update job set crashes = $1 where id = $2").bind((crashes, &job.id)).execute(write.sql()).await?;
-        jobs.push(end(write, &job.id, ending, now_ms).await?);
+        jobs.push(end_orphan(write, &row, now_ms).await?);
     }
     Ok(jobs)
+}
+
+/// Ends the attempt of a job whose process died while other jobs may have run in it.
+async fn end_orphan(write: &mut Write, row: &Row, now_ms: i64) -> Result<Job> {
+    let (job, failures) = (job_of(row)?, row.try_get("failures")?);
+    let ending = match job.cancel_requested {
+        true => Ending::Cancelled,
+        false => Ending::Requeued { run_time_ms: job.run_time_ms, failures, cause: Cause::ServerDied },
+    };
+    query("update job set suspect = 1 where id = $1").bind(&job.id).execute(write.sql()).await?;
+    end(write, &job.id, ending, now_ms).await
 }
 
 /// At most [`EXPIRED_MAX`] jobs that a process runs; `None`: that any process runs. A running job without a process was
@@ -324,7 +363,7 @@ async fn end(write: &mut Write, id: &str, ending: Ending, now_ms: i64) -> Result
                     (Some(error), message)
                 }
                 Cause::Drain => (None, "the server stopped; queued again".to_owned()),
-                Cause::ServerDied => (None, "the server died; queued again".to_owned()),
+                Cause::ServerDied => (None, "the server died; queued again, to run in a process of its own".to_owned()),
             };
             ("queued", Some(run_time_ms), None, Some(failures), error, message)
         }

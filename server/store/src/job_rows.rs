@@ -9,7 +9,7 @@ use lightpath_domain::job::{Estimate, Job, JobSummary, Scheduling};
 pub(super) fn job_of(row: &Row) -> Result<Job> {
     Ok(from_row!(row, Job {
         id, request_id, priority, attempt, attempts_max, create_time_ms, start_time_ms, finish_time_ms, run_time_ms,
-        computer, cancel_requested, checkpoint, revision, waiting_for;
+        computer, cancel_requested, suspect, checkpoint, revision, waiting_for;
         spec: json(row, "job.spec")?,
         state: word(row, "job.state")?,
         progress: json_option(row, "job.progress")?,

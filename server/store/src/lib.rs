@@ -31,7 +31,8 @@
 //! - `store`: the handle. `open`: opens it; `connect`: single connections; `migrations`: the tables, and whether this program
 //!   can work on them. `database_time`: the time of day on which processes agree. `sql`: statements that both databases run.
 //!   `write`: write transactions.
-//!   `changes`: announcements. `notices`: those of other processes. `subscriptions`: receiving announcements. `rows`: text
+//!   `changes`: announcements. `notices`: those of other processes. `passed_on`: those of a
+//!   process that runs one job of a server. `subscriptions`: receiving announcements. `rows`: text
 //!   and JSON. `job_rows`: jobs as rows.
 //! - `displays`, `artifacts`, `datasets`, `jobs`, `leases`, `endings`, `cancels`, `events`, `kernels`, `moves`,
 //!   `totals`: each an `impl Store` for one table or for one part of a record's life. `prepared`: results of jobs that
@@ -67,6 +68,7 @@ mod migrations;
 mod moves;
 mod notices;
 mod open;
+mod passed_on;
 mod prepared;
 mod processes;
 mod queue;
@@ -94,6 +96,7 @@ pub use jobs::{QueueCounts, QueueLimits, Submitted};
 pub use leases::{ClaimLimits, Claimant, Heartbeat};
 pub use living::{LIFE, Process, ProcessKind};
 pub use moves::{ALIASES_MAX, AliasMove, Promotion};
+pub use passed_on::PassedOn;
 pub use queue::{BatchProgress, OwnerQueue, Pause};
 pub use rollouts::Widening;
 pub use signing::{PrivateKey, StoredKeyring};

@@ -1,6 +1,7 @@
 //! One attempt at a job, from claim to end.
 
 use super::context::saved_state;
+use super::job_process::End;
 use super::live_picture::LivePicture;
 use super::stop::{StopFlag, StopReason};
 use super::{Clock, JobContext, PAUSE, Task, TaskError, TaskOutput, Worker};
@@ -53,6 +54,13 @@ impl Worker {
                 stop.raise(StopReason::Timeout);
             });
         }
+        if job.suspect
+            && let Some(program) = &self.job_program
+        {
+            let end = program.run(&self.store, &lease, &stop).await;
+            drop(share);
+            return self.end_alone(&lease, end, &stop).await;
+        }
         let saved = match stop.unless_interrupted(saved_state(&self.artifacts, &job)).await {
             Some(Err(error)) => return self.end_and_log(&lease, Err(error), &stop, None).await,
             Some(Ok(saved)) => saved,
@@ -104,10 +112,24 @@ impl Worker {
         helpers
     }
 
+    /// Records in the store how the process of the job ended, unless it has done so itself.
+    async fn end_alone(&self, lease: &Lease, end: End, stop: &StopFlag) {
+        let error = match end {
+            End::Stored => {
+                if let Ok(job) = self.store.job(&lease.job).await {
+                    self.note_end(lease, &job, None).await;
+                }
+                return;
+            }
+            End::Stopped => TaskError::Stopped,
+            End::NotStarted(message) => TaskError::transient(FailureReason::NotStarted, message),
+            End::Died(death) => TaskError::transient(FailureReason::ProcessDied, death),
+        };
+        self.end_and_log(lease, Err(error), stop, None).await;
+    }
+
     /// Records in the store how the attempt ended.
     async fn end_and_log(&self, lease: &Lease, outcome: Outcome, stop: &StopFlag, last_report: Option<Progress>) {
-        // Whether an answer was lost, so that the end may be stored already.
-        let mut unsure = false;
         // Saved state of the job before its end, which refers to none any more.
         let mut checkpoint = None;
         loop {
@@ -125,13 +147,13 @@ impl Worker {
                     let error: &dyn std::error::Error = &error;
                     tracing::warn!(job = lease.job, error, "the end of the attempt is not stored yet; trying again");
                 }
-                StoreError::LeaseLost if unsure => match self.stored_end(lease).await {
+                StoreError::LeaseLost => match self.stored_end(lease).await {
                     Ok(Some(job)) => return self.note_end(lease, &job, checkpoint).await,
                     Ok(None) => {
                         tracing::warn!(
                             job = lease.job,
-                            "the lease is not valid any more: the end of the attempt was stored and the answer lost, or the \
-                             lease was taken back before"
+                            "the lease is not valid any more: the end of the attempt was stored before, or the lease was \
+                             taken back"
                         );
                         return;
                     }
@@ -144,7 +166,6 @@ impl Worker {
                     return;
                 }
             }
-            unsure = true;
             sleep(PAUSE).await;
         }
     }
@@ -204,7 +225,9 @@ impl Worker {
                 );
                 let now_ms = self.clock.now_ms();
                 let delay = self.config.backoff.delay(error.reason, lease.attempt).as_millis() as i64;
-                if error.is_of_the_storage() {
+                if error.reason == FailureReason::ProcessDied {
+                    self.store.end_dead(lease, &error.message, now_ms + delay, now_ms).await
+                } else if error.is_of_the_machine() {
                     self.store.postpone(lease, error, now_ms + delay, now_ms).await
                 } else {
                     let retry_at_ms = error.retryable.then_some(now_ms + delay);
@@ -258,7 +281,7 @@ async fn compute(task: Arc<dyn Task>, job: Job, context: JobContext, pool: Arc<T
     };
     if let Err(error) = std::thread::Builder::new().name("compute".to_owned()).spawn(run) {
         return Err(TaskError::transient(
-            FailureReason::Thread,
+            FailureReason::NotStarted,
             format!("the compute thread could not be started: {error}"),
         ));
     }

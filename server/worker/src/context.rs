@@ -256,7 +256,7 @@ impl JobContext {
     /// tries again later.
     fn save_in_passing(&self, state: Vec<u8>) -> Result<(), TaskError> {
         match self.save(state) {
-            Err(TaskError::Failed(error)) if error.is_of_the_storage() => {
+            Err(TaskError::Failed(error)) if error.is_of_the_machine() => {
                 tracing::warn!(
                     job = self.lease.job,
                     error = error.message,

@@ -15,6 +15,7 @@
 //! # Layout
 //!
 //! - `attempt`: one job from claim to end. `context`: interface of a task to the server. `stop`: the shared stop flag.
+//! - `job_process`: a process of its own for a job during which a server died.
 //! - `job_memory`: the memory that running jobs share. `speed`: the speed of this machine.
 //! - `config`: the settings. `checkpoint`: the envelope of saved states. `computer`: what may resume them. `backoff`: pauses
 //!   before retries. `clock`: the time of day.
@@ -35,6 +36,7 @@ mod context;
 mod display_setup;
 mod hologram_setup;
 mod job_memory;
+mod job_process;
 mod kinds;
 mod learned_from;
 mod live_picture;
@@ -52,6 +54,7 @@ pub use clock::Clock;
 pub use config::{Timeouts, WorkerConfig};
 pub use context::{JobContext, TaskError, TaskOutput};
 pub use job_memory::{cache_bytes_max, jobs_bytes_max};
+pub use job_process::{JobInput, JobProgram};
 pub use kinds::OpticsTask;
 pub use speed::measured_work_per_s;
 pub use stop::StopReason;
@@ -125,6 +128,8 @@ fn yield_to_other_threads() {
 pub enum WorkerError {
     #[error("the compute threads could not be started")]
     Threads(#[from] ThreadPoolBuildError),
+    #[error("the thread that listens to the server could not be started")]
+    Listening(#[source] std::io::Error),
     #[error("the queue could not be recovered")]
     Store(#[from] StoreError),
     #[error("old checkpoints could not be removed")]
@@ -141,6 +146,7 @@ pub struct Worker {
     task: Arc<dyn Task>,
     clock: Clock,
     live_pictures: LivePictures,
+    job_program: Option<JobProgram>,
 }
 
 impl std::fmt::Debug for Worker {
@@ -156,7 +162,15 @@ impl Worker {
         let engines = Arc::new(EngineCache::new(cache_bytes_max(config.memory_bytes) as usize));
         let memory = JobMemory::new(config.memory_bytes);
         let (clock, live_pictures) = (Clock::of(&store), LivePictures::default());
-        Self { store, artifacts, engines, memory, config, task, clock, live_pictures }
+        Self { store, artifacts, engines, memory, config, task, clock, live_pictures, job_program: None }
+    }
+
+    /// Runs jobs during which a server died with `program`, in a process of its own each. Without it, they run in this
+    /// process like all others.
+    #[must_use]
+    pub fn isolating(mut self, program: Option<JobProgram>) -> Self {
+        self.job_program = program;
+        self
     }
 
     /// Shows the pictures of running jobs in `pictures`.

@@ -1,7 +1,7 @@
 //! Tests of a remote in memory.
 
 use super::*;
-use crate::{Artifacts, SpaceLimits};
+use crate::{Artifacts, FolderLock, Held, SpaceLimits};
 use object_store::memory::InMemory;
 use std::fs;
 use std::path::{Path as FilePath, PathBuf};
@@ -11,7 +11,8 @@ pub(super) const MIB: usize = 1 << 20;
 /// Opens the data folder on a remote in memory, whose keys begin with `lab`.
 fn open(data: &FilePath, store: &Arc<InMemory>, cache_bytes_max: u64) -> Result<Artifacts, ArtifactError> {
     let store = Arc::clone(store) as Arc<dyn ObjectStore>;
-    Artifacts::open_on(data, SpaceLimits::default(), || {
+    let held = Held::Folder { _lock: FolderLock::take(data)? };
+    Artifacts::open_on(data, SpaceLimits::default(), held, || {
         Ok(Some((Remote::on(store, Path::from("lab"), data)?, cache_bytes_max)))
     })
 }

@@ -358,7 +358,7 @@ async fn other_machines_need_tls_and_tokens() {
             announced = Some(address);
             Ok(())
         };
-        let ended = server::run_and_announce(listener, config, announce, std::future::ready(())).await;
+        let ended = server::run_and_announce(listener, config, None, announce, std::future::ready(())).await;
         assert_eq!(announced, ended.is_ok().then_some(bound), "{ended:?}");
         ended
     };

@@ -38,7 +38,7 @@ impl WorkerProcess {
         };
         let stop = CancellationToken::new();
         let stopped = stop.clone().cancelled_owned();
-        let running = tokio::spawn(async { worker_process::run(None, config, stopped).await.unwrap() });
+        let running = tokio::spawn(async { worker_process::run(None, config, None, stopped).await.unwrap() });
         Self { stop, running, _folder: folder }
     }
 

@@ -14,10 +14,11 @@ pub struct JobError {
 }
 
 impl JobError {
-    /// Whether the job did not cause the error: the place where files are stored is full or cannot be reached.
+    /// Whether the job did not cause the error: the place where files are stored is full or cannot be reached, or the
+    /// machine starts no more threads or processes.
     #[must_use]
-    pub fn is_of_the_storage(&self) -> bool {
-        matches!(self.reason, FailureReason::DiskFull | FailureReason::Remote)
+    pub fn is_of_the_machine(&self) -> bool {
+        matches!(self.reason, FailureReason::DiskFull | FailureReason::Remote | FailureReason::NotStarted)
     }
 }
 
@@ -79,19 +80,21 @@ crate::reasons! {
         NotFound = "NOT_FOUND",
         /// The kernel's model does not say what holograms can tell about it.
         NoSuggestion = "NO_SUGGESTION",
+        /// The machine could not start the thread or the process of the computation.
+        NotStarted = "NOT_STARTED",
         /// The independent model cannot judge the hologram.
         NotVerifiable = "NOT_VERIFIABLE",
         /// The display has no simulated bench.
         NotSimulated = "NOT_SIMULATED",
         /// The task panicked.
         Panic = "PANIC",
+        /// The process that ran this job alone died in the job's last permitted attempt.
+        ProcessDied = "PROCESS_DIED",
         /// The database or the bucket of the artifacts did not answer, or refused.
         Remote = "REMOTE",
-        /// The server ended unexpectedly during the job's last permitted attempt.
-        ServerDied = "SERVER_DIED",
         /// The database failed.
         Store = "STORE",
-        /// The thread of the computation could not start or ended unexpectedly.
+        /// The thread of the computation ended unexpectedly.
         Thread = "THREAD",
         /// The attempt exceeded its time limit.
         Timeout = "TIMEOUT",

@@ -142,7 +142,11 @@ async fn heartbeats_keep_a_lease() {
         assert_eq!(store.expire_leases(now).await.unwrap(), []);
     }
     store.heartbeat(&lease, now - LEASE_MS / 2, LEASE_MS).await.unwrap();
-    assert_eq!(store.expire_leases(now + LEASE_MS - 1).await.unwrap(), [], "a heartbeat that came late shortens no lease");
+    assert_eq!(
+        store.expire_leases(now + LEASE_MS - 1).await.unwrap(),
+        [],
+        "a heartbeat that came late shortens no lease"
+    );
     store.finish(&lease, result(), JobEffect::None, now).await.unwrap();
 }
 
@@ -183,16 +187,11 @@ async fn stop_without_the_jobs_is_no_death_of_the_server() {
     let job = store.job(&id).await.unwrap();
     assert_eq!((job.state, job.error, job.run_time_ms), (JobState::Queued, None, 1));
     assert_eq!(store.job(&cancelled).await.unwrap().state, JobState::Cancelled);
-    // Three deaths still end the job.
-    for _ in 0..3 {
-        claim(&store, 20).await.unwrap();
-        store.recover_orphans(None, 21).await.unwrap();
-    }
-    assert_eq!(store.job(&id).await.unwrap().error.unwrap().reason.as_str(), "SERVER_DIED");
+    assert!(!job.suspect);
 }
 
 #[tokio::test]
-async fn failures_and_server_deaths_spend_attempts_until_a_checkpoint() {
+async fn failures_and_deaths_of_its_own_process_spend_attempts_until_a_checkpoint() {
     let (store, _folder) = store().await;
     let id = submit(&store, "r", 1).await;
     for drain in 1..=5 {
@@ -211,14 +210,17 @@ async fn failures_and_server_deaths_spend_attempts_until_a_checkpoint() {
     assert_eq!(store.checkpoint(&lease, &digest(2)).await.unwrap(), None);
     let orphans = store.recover_orphans(None, 52).await.unwrap();
     assert_eq!((orphans.len(), orphans[0].state, &orphans[0].error), (1, JobState::Queued, &None));
+    let (_, lease) = claim(&store, 53).await.unwrap();
+    let job = store.end_dead(&lease, "was killed by signal 9", 55, 54).await.unwrap();
+    assert_eq!((job.state, job.run_time_ms, job.suspect), (JobState::Queued, 55, true));
 
     for state in [JobState::Queued, JobState::Failed] {
         let (_, lease) = claim(&store, 60).await.unwrap();
         let job = store.fail(&lease, io_error(), Some(60), 60).await.unwrap();
-        assert_eq!(job.state, state, "one server death and two failures since the checkpoint");
+        assert_eq!(job.state, state, "a death of its process and two failures since the checkpoint");
     }
     let job = store.job(&id).await.unwrap();
-    assert_eq!((job.attempt, job.finish_time_ms), (9, Some(60)));
+    assert_eq!((job.attempt, job.finish_time_ms), (10, Some(60)));
     assert!(!job.error.unwrap().retryable);
     assert_eq!(job.checkpoint, Some(digest(2)), "a retry by hand continues from the checkpoint");
 
@@ -229,18 +231,30 @@ async fn failures_and_server_deaths_spend_attempts_until_a_checkpoint() {
 }
 
 #[tokio::test]
-async fn job_fails_after_repeated_server_deaths() {
+async fn deaths_of_the_server_count_for_no_job_and_those_of_its_own_process_do() {
     let (store, _folder) = store().await;
-    let id = submit(&store, "r", 1).await;
-    let mut deaths = 0;
-    while claim(&store, 10).await.is_some() {
+    let (id, other) = (submit(&store, "r", 1).await, submit(&store, "other", 2).await);
+    for _ in 0..20 {
+        claim(&store, 10).await.unwrap();
         store.recover_orphans(None, 10).await.unwrap();
+    }
+    let job = store.job(&id).await.unwrap();
+    assert_eq!((job.state, job.error, job.suspect), (JobState::Queued, None, true));
+    assert!(!store.job(&other).await.unwrap().suspect, "it never ran");
+    let mut deaths = 0;
+    while store.job(&id).await.unwrap().state == JobState::Queued {
+        let (_, lease) = claim(&store, 10).await.unwrap();
+        store.end_dead(&lease, "was killed by signal 11", 10, 10).await.unwrap();
+        let late = store.end_dead(&lease, "again", 10, 10).await;
+        assert!(matches!(late, Err(StoreError::LeaseLost)), "a death counts once");
         deaths += 1;
     }
     assert_eq!(deaths, 3);
-    let job = store.job(&id).await.unwrap();
-    assert_eq!((job.state, job.error.unwrap().reason.as_str()), (JobState::Failed, "SERVER_DIED"));
-    assert_eq!(store.retry(&id, 20).await.unwrap().state, JobState::Queued);
+    let error = store.job(&id).await.unwrap().error.unwrap();
+    assert_eq!((error.reason.as_str(), error.retryable), ("PROCESS_DIED", false));
+    assert!(error.message.contains("died 3 times") && error.message.ends_with("signal 11"), "{}", error.message);
+    let job = store.retry(&id, 20).await.unwrap();
+    assert_eq!((job.state, job.suspect), (JobState::Queued, true), "by hand, too, it runs in a process of its own");
 }
 
 #[tokio::test]

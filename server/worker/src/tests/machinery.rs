@@ -464,24 +464,3 @@ async fn job_of_dead_worker_runs_again_within_two_leases() {
     assert_eq!(bench.ended(&id).await.state, JobState::Succeeded);
     working.stop().await;
 }
-
-#[tokio::test]
-async fn job_that_kills_its_server_fails_after_its_last_attempt() {
-    for attempts_max in [1, 3, 7] {
-        let bench = bench().await;
-        let id = submit(&bench, "killer", attempts_max).await;
-        let after = submit(&bench, "after", 3).await;
-        let mut deaths = 0;
-        // Each claim is a start of the job during which the server dies. Each start of a server recovers the queue.
-        while bench.store.job(&id).await.unwrap().state == JobState::Queued {
-            bench.store.claim(now_ms(), 30_000, "w").await.unwrap().unwrap();
-            bench.store.recover_orphans(None, now_ms()).await.unwrap();
-            deaths += 1;
-        }
-        let job = bench.store.job(&id).await.unwrap();
-        assert_eq!((deaths, job.attempt, job.state), (attempts_max, attempts_max, JobState::Failed));
-        assert_eq!(job.error.unwrap().reason, FailureReason::ServerDied);
-        let next = bench.store.claim(now_ms(), 30_000, "w").await.unwrap().unwrap().0;
-        assert_eq!(next.id, after, "other jobs run again");
-    }
-}

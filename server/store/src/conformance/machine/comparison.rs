@@ -29,6 +29,7 @@ impl Comparison {
             Command::EndCancelled { job, stale } => self.end_cancelled(job, stale).await,
             Command::Expire => self.expire().await,
             Command::ServerDies => self.server_dies().await,
+            Command::ProcessDies { job, stale } => self.process_dies(job, stale).await,
             Command::ServerStops => self.server_stops().await,
             Command::Cancel { job } => self.cancel(job).await,
             Command::Retry { job } => self.retry(job).await,
@@ -209,6 +210,7 @@ impl Comparison {
             attempt: 0,
             failures: 0,
             crashes: 0,
+            suspect: false,
             cancel_requested: false,
             run_time_ms: now_ms + delay_ms,
             start_time_ms: None,
@@ -252,13 +254,29 @@ impl Comparison {
             if job.state != JobState::Running {
                 continue;
             }
+            job.suspect = true;
+            let state = if job.cancel_requested { JobState::Cancelled } else { JobState::Queued };
+            self.model.end(index, state);
+        }
+    }
+
+    async fn process_dies(&mut self, job: usize, stale: bool) {
+        let Some((index, lease, is_valid)) = self.model.lease(job, stale) else { return };
+        let now_ms = self.model.now_ms;
+        let ended = self.store.end_dead(&lease, "was killed by signal 9", now_ms + 5, now_ms).await;
+        assert_eq!(ended.is_ok(), is_valid);
+        if is_valid {
+            let job = &mut self.model.jobs[index];
             job.crashes += 1;
-            let spent = job.failures + job.crashes >= job.new.attempts_max;
-            let state = match (job.cancel_requested, spent) {
+            let is_last = job.failures + job.crashes >= job.new.attempts_max;
+            let state = match (job.cancel_requested, is_last) {
                 (true, _) => JobState::Cancelled,
                 (false, true) => JobState::Failed,
                 (false, false) => JobState::Queued,
             };
+            if state == JobState::Queued {
+                (job.run_time_ms, job.has_error) = (now_ms + 5, true);
+            }
             self.model.end(index, state);
         }
     }
@@ -313,7 +331,7 @@ impl Comparison {
                 ),
                 "{job:?}"
             );
-            assert_eq!(job.checkpoint.is_some(), expected.has_checkpoint, "{job:?}");
+            assert_eq!((job.checkpoint.is_some(), job.suspect), (expected.has_checkpoint, expected.suspect), "{job:?}");
             if job.state == JobState::Queued {
                 assert_eq!(job.waiting_for as usize, self.model.waiting_for(expected), "{job:?}");
             }

@@ -11,6 +11,7 @@ pub(super) struct ModelJob {
     pub(super) attempt: u32,
     pub(super) failures: u32,
     pub(super) crashes: u32,
+    pub(super) suspect: bool,
     pub(super) cancel_requested: bool,
     pub(super) run_time_ms: i64,
     pub(super) start_time_ms: Option<i64>,
