@@ -138,7 +138,7 @@ impl<T: Real> EngineCore<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::display::{DisplayModel, FurtherMode, OpticalSetup, Orders, PartialCoherence};
+    use crate::display::{DisplayModel, FurtherMode, KernelShape, OpticalSetup, Orders, PartialCoherence};
     use crate::hologram::initial_phase;
     use crate::numerics::{Grid, SmoothField};
 
@@ -165,8 +165,9 @@ mod tests {
     fn light_in_the_middles_of_pixels_is_that_of_the_point_detector() {
         let setup = OpticalSetup::try_new(Grid::try_new(8, 12, 8e-6).unwrap(), 515e-9, 4e-3).unwrap();
         let wavy = SmoothField { order: 1, log_amplitude: vec![0.1, 0.0], phase: vec![0.3, -0.5] };
-        let coherence = PartialCoherence::new(vec![FurtherMode { light: 0.5, errors: wavy }]);
-        let model = DisplayModel { coherence, ..DisplayModel::ideal(setup) };
+        let coherence = PartialCoherence::new(vec![FurtherMode { light: 0.5, errors: wavy.clone() }]);
+        let kernel = KernelShape::Smooth(wavy);
+        let model = DisplayModel { kernel, coherence, ..DisplayModel::ideal(setup) };
         let engine = EngineCore::<f64>::new(&model, Detector::Point, None).unwrap();
         let phases = [3, 4].map(|seed| initial_phase(8, 12, 6.0, seed).unwrap().map(f64::from));
         let found = &engine.light_at(&[([0.0, 0.0], 1.0)], &[&phases]).unwrap()[0];

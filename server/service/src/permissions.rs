@@ -151,7 +151,10 @@ mod tests {
                 assert_eq!(priority_of_job(&ada(role), priority).unwrap(), priority, "{role:?}");
             }
             for priority in [-PRIORITY_MAX - 1, PRIORITY_MAX + 1] {
-                assert!(matches!(priority_of_job(&ada(role), priority), Err(ServiceError::Invalid { .. })), "{priority}");
+                assert!(
+                    matches!(priority_of_job(&ada(role), priority), Err(ServiceError::Invalid { .. })),
+                    "{priority}"
+                );
             }
         }
         for priority in [-1, -PRIORITY_MAX] {

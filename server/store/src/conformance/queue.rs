@@ -233,7 +233,7 @@ async fn failures_and_deaths_of_its_own_process_spend_attempts_until_a_checkpoin
 #[tokio::test]
 async fn deaths_of_the_server_count_for_no_job_and_those_of_its_own_process_do() {
     let (store, _folder) = store().await;
-    let (id, other) = (submit(&store, "r", 1).await, submit(&store, "other", 2).await);
+    let (id, other) = (submit(&store, "r", 1).await, submit(&store, "other", 50).await);
     for _ in 0..20 {
         claim(&store, 10).await.unwrap();
         store.recover_orphans(None, 10).await.unwrap();
