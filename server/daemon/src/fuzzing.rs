@@ -7,6 +7,7 @@ use crate::config::{Effective, Settings};
 use crate::upkeep::Manifest;
 use lightpath_domain::dataset::Encoding;
 use lightpath_domain::job::Fit;
+use lightpath_media::budget::Budget;
 use lightpath_media::kernel_file;
 use lightpath_media::kernel_formats;
 use lightpath_media::pictures;
@@ -17,6 +18,10 @@ use lightpath_optics::{Grid, OpticalSetup};
 pub const HEIGHT_PX: usize = 48;
 /// Width of the display in the inputs \[px\]; the seed files have the same.
 pub const WIDTH_PX: usize = 64;
+
+/// Largest memory of a kernel \[bytes\]: what one call may use of the default of `computing_mib_max`. A server refuses larger
+/// ones before it reads them.
+const KERNEL_BYTES_MAX: u64 = 1536 << 20;
 
 /// A decoder of outside input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,7 +77,8 @@ impl Decoder {
                 let setup = Grid::try_new(HEIGHT_PX, WIDTH_PX, 8e-6)
                     .and_then(|grid| OpticalSetup::try_new(grid, 515e-9, 0.05))
                     .ok();
-                setup.is_some_and(|setup| kernel_formats::import(bytes, &setup).is_ok())
+                let budget = Budget::new(kernel_formats::importing_bytes(bytes).min(KERNEL_BYTES_MAX));
+                setup.is_some_and(|setup| kernel_formats::import(bytes, &setup, &budget).is_ok())
             }
             Self::StoredKernel => kernel_file::decode(bytes).is_ok(),
             Self::Settings => std::str::from_utf8(bytes).is_ok_and(|text| {

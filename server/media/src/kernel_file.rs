@@ -47,9 +47,12 @@
 //! Coefficients are in the order of `lightpath_optics::numerics::chebyshev::ChebyshevBasis::degrees`.
 
 mod header;
+mod small_json;
 
 pub(crate) use header::Header;
 
+use crate::budget::{Budget, OverBudget};
+use crate::shortened::shortened;
 use lightpath_optics::display::parts::stored::{Entry, Numbers, Stored, StoredArray, StoredError, StoredParts};
 use lightpath_optics::{DisplayModel, KernelModel, Plane};
 use num_complex::Complex32;
@@ -61,19 +64,34 @@ use std::collections::HashMap;
 pub(crate) const METADATA_KEY: &str = "lightpath";
 const FORMAT: &str = "lightpath-kernel";
 const FORMAT_VERSION: u32 = 1;
+/// Largest header of a safetensors file, and largest metadata \[bytes\]. Those of a kernel have some kilobytes with the
+/// record of its version.
+const HEADER_BYTES_MAX: usize = 1 << 20;
+/// Memory for headers and metadata within these limits \[bytes\].
+const OTHER_BYTES: u64 = 16 << 20;
+/// Files, arrays and models of a kernel that are in memory at once, in sizes of its file.
+const COPIES: u64 = 6;
 
 /// Reason why a kernel file could not be read or written; the messages say what each means.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum KernelFileError {
-    #[error("the safetensors file is damaged or incomplete: {0}")]
+    #[error("the safetensors file is damaged or incomplete: {}", shortened(.0))]
     Safetensors(#[from] SafeTensorError),
     #[error("the file has no metadata entry `lightpath`: it is safetensors, but not a Lightpath kernel")]
     NoHeader,
-    #[error("the metadata entry `lightpath` is invalid: {0}")]
+    #[error("the header of the safetensors file has {bytes} bytes, but at most {HEADER_BYTES_MAX} are read")]
+    LargeHeader { bytes: u64 },
+    #[error("the header of the safetensors file is invalid: {}", shortened(.0))]
+    Tensors(serde_json::Error),
+    #[error("the metadata entry `lightpath` has {bytes} bytes, but at most {HEADER_BYTES_MAX} are read")]
+    LargeMetadata { bytes: usize },
+    #[error("the metadata entry `lightpath` is invalid: {}", shortened(.0))]
     Header(#[from] serde_json::Error),
     #[error("the file is {format} version {version}; this server reads {FORMAT} version {FORMAT_VERSION}")]
     Format { format: String, version: u32 },
+    #[error(transparent)]
+    Memory(#[from] OverBudget),
     /// An entry of the header or a tensor is not as the format has it.
     #[error(transparent)]
     Stored(#[from] StoredError),
@@ -142,15 +160,55 @@ pub(crate) fn header_text(
     Ok(serde_json::to_string(&Header::of(model, kind, stored, origin))?)
 }
 
-/// Reads a kernel file and checks that it describes a possible display. Returns the model and its parametrization.
+/// Memory that reading a kernel file of `file_bytes` may take, and also writing its kernel again afterwards \[bytes\].
+#[must_use]
+pub fn decoding_bytes(file_bytes: u64) -> u64 {
+    COPIES.saturating_mul(file_bytes).saturating_add(OTHER_BYTES)
+}
+
+/// Reads a kernel file and checks that it describes a possible display. Returns the model and its parametrization. Takes no
+/// more memory than [`decoding_bytes`].
 ///
 /// # Errors
 ///
 /// [`KernelFileError`] for a file that is damaged, of another format or version, or not a possible kernel.
 pub fn decode(bytes: &[u8]) -> Result<(DisplayModel, KernelModel), KernelFileError> {
+    let (model, kind, _) = decode_within(bytes, &Budget::new(decoding_bytes(bytes.len() as u64)))?;
+    Ok((model, kind))
+}
+
+/// [`decode`] and [`origin`] with a budget.
+pub(crate) fn decode_within(
+    bytes: &[u8],
+    budget: &Budget,
+) -> Result<(DisplayModel, KernelModel, Origin), KernelFileError> {
+    let tensors = tensors(bytes)?;
     let header = header(bytes)?;
-    let file = File { header: &header, tensors: SafeTensors::deserialize(bytes)? };
-    Ok((assemble(&header, &file)?, header.model))
+    let model = assemble(&header, &File { header: &header, tensors, budget })?;
+    Ok((model, header.model, header.into_origin()))
+}
+
+/// Reads the header of a safetensors file after a check of its size, so that it takes a few megabytes at most.
+pub(crate) fn tensors(bytes: &[u8]) -> Result<SafeTensors<'_>, KernelFileError> {
+    if let Some((length, rest)) = bytes.split_first_chunk() {
+        let header_bytes = u64::from_le_bytes(*length);
+        if header_bytes > HEADER_BYTES_MAX as u64 {
+            return Err(KernelFileError::LargeHeader { bytes: header_bytes });
+        }
+        // A file that ends in its header is refused below.
+        rest.get(..header_bytes as usize)
+            .map_or(Ok(()), small_json::require_small)
+            .map_err(KernelFileError::Tensors)?;
+    }
+    Ok(SafeTensors::deserialize(bytes)?)
+}
+
+/// Refuses metadata of which much memory would be made.
+fn require_small(metadata: &str) -> Result<(), KernelFileError> {
+    if metadata.len() > HEADER_BYTES_MAX {
+        return Err(KernelFileError::LargeMetadata { bytes: metadata.len() });
+    }
+    Ok(small_json::require_small(metadata.as_bytes())?)
 }
 
 /// Makes the model of a header from the arrays of a file.
@@ -166,9 +224,11 @@ pub(crate) fn assemble(header: &Header, file: &dyn StoredParts) -> Result<Displa
 ///
 /// [`KernelFileError`] for a file that is no kernel file.
 pub fn origin(bytes: &[u8]) -> Result<Origin, KernelFileError> {
-    Ok(header(bytes)?.origin())
+    tensors(bytes)?;
+    Ok(header(bytes)?.into_origin())
 }
 
+/// The metadata of a file whose header [`tensors`] has read.
 fn header(bytes: &[u8]) -> Result<Header, KernelFileError> {
     let (_, metadata) = SafeTensors::read_metadata(bytes)?;
     let header = metadata.metadata().as_ref().and_then(|metadata| metadata.get(METADATA_KEY));
@@ -179,11 +239,18 @@ fn header(bytes: &[u8]) -> Result<Header, KernelFileError> {
 struct File<'a> {
     header: &'a Header,
     tensors: SafeTensors<'a>,
+    budget: &'a Budget,
 }
 
 impl File<'_> {
     fn tensor(&self, name: &'static str) -> Result<TensorView<'_>, StoredError> {
         self.tensors.tensor(name).map_err(|error| StoredError::Form(Box::new(KernelFileError::from(error))))
+    }
+
+    /// Counts the numbers of a tensor of `bytes` before they are copied, `copies` times.
+    fn count(&self, bytes: &[u8], copies: u64) -> Result<(), StoredError> {
+        let counted = self.budget.take(copies * bytes.len() as u64);
+        counted.map_err(|error| StoredError::Form(Box::new(KernelFileError::from(error))))
     }
 
     /// Rows, columns and bytes of a tensor of pairs.
@@ -212,6 +279,7 @@ impl StoredParts for File<'_> {
 
     fn f64s(&self, name: &'static str) -> Result<Vec<f64>, StoredError> {
         let tensor = self.tensor(name)?;
+        self.count(tensor.data(), 1)?;
         match tensor.dtype() {
             Dtype::F64 => Ok(tensor.data().as_chunks().0.iter().map(|&bytes| f64::from_le_bytes(bytes)).collect()),
             _ => Err(StoredError::Array { name, expected: "f64" }),
@@ -221,6 +289,7 @@ impl StoredParts for File<'_> {
     fn complex32s(&self, name: &'static str) -> Result<Plane<Complex32>, StoredError> {
         let expected = "f32 of shape [rows, columns, 2]";
         let (height_px, width_px, bytes) = self.pairs(name, Dtype::F32, expected)?;
+        self.count(bytes, 2)?;
         let numbers: Vec<f32> = bytes.as_chunks().0.iter().map(|&bytes| f32::from_le_bytes(bytes)).collect();
         let values = numbers.as_chunks().0.iter().map(|&[re, im]| Complex32::new(re, im)).collect();
         Plane::try_from_vec(height_px, width_px, values).map_err(|_| StoredError::Array { name, expected })
@@ -229,6 +298,7 @@ impl StoredParts for File<'_> {
     fn i16_pairs(&self, name: &'static str) -> Result<Plane<[i16; 2]>, StoredError> {
         let expected = "i16 of shape [rows, columns, 2]";
         let (height_px, width_px, bytes) = self.pairs(name, Dtype::I16, expected)?;
+        self.count(bytes, 1)?;
         Plane::try_from_vec(height_px, width_px, i16_pairs(bytes)).map_err(|_| StoredError::Array { name, expected })
     }
 }

@@ -2,6 +2,7 @@
 //!
 //! # Layout
 //!
+//! - [`budget`]: the memory that reading a file may take. `shortened`: texts of files in messages.
 //! - [`pictures`]: decoding of targets, photographs and holograms, and encoding of results. `npy`: limits for NumPy's
 //!   files.
 //! - [`captures`]: photographs of holograms, mapped to the display's grid and checked.
@@ -11,6 +12,7 @@
 //! - [`figures`]: contact sheets, heat maps and curves. [`report`]: reports of kernels as HTML, pictures and arrays.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+pub mod budget;
 pub mod captures;
 pub mod figures;
 pub mod kernel_file;
@@ -20,3 +22,4 @@ mod npy;
 pub mod photo_scores;
 pub mod pictures;
 pub mod report;
+mod shortened;

@@ -1,5 +1,8 @@
 //! Checks of NumPy's array files before memory for their contents is allocated.
 
+use crate::shortened::{shortened, sides};
+use npyz::{NpyHeader, Order};
+
 /// Longest accepted header \[bytes\]. NumPy writes 118 bytes for the arrays that this crate reads.
 const HEADER_BYTES_MAX: usize = 512;
 
@@ -7,6 +10,54 @@ const HEADER_BYTES_MAX: usize = 512;
 #[must_use]
 pub(crate) fn is_npy(bytes: &[u8]) -> bool {
     bytes.starts_with(b"\x93NUMPY")
+}
+
+/// A plain array of numbers, whose values are not converted yet.
+pub(crate) struct Array<'a> {
+    /// NumPy's name of the number type, for example `<f4`.
+    pub(crate) kind: String,
+    pub(crate) shape: Vec<u64>,
+    pub(crate) is_c_order: bool,
+    data: &'a [u8],
+}
+
+impl<'a> Array<'a> {
+    /// Reads the header of a file.
+    ///
+    /// # Errors
+    ///
+    /// A message that says what is wrong with it.
+    pub(crate) fn open(bytes: &'a [u8]) -> Result<Self, String> {
+        require_plain_header(bytes)?;
+        let mut data = bytes;
+        let header =
+            NpyHeader::from_reader(&mut data).map_err(|error| shortened(format!("not a .npy file ({error})")))?;
+        let kind = shortened(header.dtype().descr().trim_matches(['\'', '"']));
+        Ok(Self { kind, shape: header.shape().to_vec(), is_c_order: header.order() == Order::C, data })
+    }
+
+    /// The first `count` values; `None` if the file has fewer. Nothing is allocated before that is known.
+    pub(crate) fn values<const BYTES: usize>(
+        &self,
+        count: usize,
+        of_value: impl Fn([u8; BYTES]) -> f32,
+    ) -> Option<Vec<f32>> {
+        let values = self.data.as_chunks().0.get(..count)?;
+        Some(values.iter().map(|&bytes| of_value(bytes)).collect())
+    }
+
+    /// Type and shape, for messages.
+    pub(crate) fn described(&self) -> String {
+        format!("{} of shape {}", self.kind, sides(&self.shape))
+    }
+}
+
+/// Bytes of a value of the array; 0 for a file that is no plain array.
+pub(crate) fn value_bytes(bytes: &[u8]) -> usize {
+    let kind = Array::open(bytes).map(|array| array.kind);
+    kind.ok()
+        .and_then(|kind| kind.trim_start_matches(|letter: char| !letter.is_ascii_digit()).parse().ok())
+        .unwrap_or(0)
 }
 
 /// Checks that the file's header is short and has no nested brackets. Some hundred nested brackets would keep the

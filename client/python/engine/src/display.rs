@@ -4,6 +4,7 @@ use crate::arrays::{array, plane};
 use crate::error::Refused;
 use crate::optics::{self, Optics, json};
 use crate::threads;
+use lightpath_media::budget::Budget;
 use lightpath_media::kernel_formats::{self, KernelFormat, KernelFormatError};
 use lightpath_optics::hologram::ShownLight;
 use lightpath_optics::numerics::grid::frequency;
@@ -174,7 +175,8 @@ fn decoded(content: &[u8], optics: Option<&str>) -> Result<DisplayModel, Refused
                        distance";
         Refused::new("resolution", "OPTICS_UNKNOWN", message)
     };
-    let imported = match kernel_formats::import(content, &setup) {
+    let budget = Budget::new(kernel_formats::importing_bytes(content));
+    let imported = match kernel_formats::import(content, &setup, &budget) {
         // Such a file holds an array for the size of the display, which is not known here.
         Err(KernelFormatError::Array { .. }) if optics.is_none() => return Err(unknown()),
         Ok(file) if optics.is_none() && file.model.setup == setup => return Err(unknown()),

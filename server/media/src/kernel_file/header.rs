@@ -1,6 +1,7 @@
 //! The metadata of a kernel file.
 
-use super::{FORMAT, FORMAT_VERSION, KernelFileError, Origin};
+use super::{FORMAT, FORMAT_VERSION, KernelFileError, Origin, require_small};
+use crate::shortened::shortened;
 use lightpath_optics::display::parts::stored::{Entry, Stored, StoredError};
 use lightpath_optics::{ConvolutionMethod, DisplayModel, Grid, KernelModel, OpticalSetup, Orders};
 use serde::de::{Deserializer as _, Error as _, IgnoredAny, MapAccess, Visitor};
@@ -95,11 +96,12 @@ impl<'a> Header<Entries<'a>> {
 }
 
 impl Header {
-    /// Reads the metadata, and refuses another format or a later version.
+    /// Reads the metadata. Refuses a large one, one with a key that stands twice, another format and a later version.
     pub(crate) fn parse(text: &str) -> Result<Self, KernelFileError> {
+        require_small(text)?;
         let header = Self { parts: Text(text.to_owned()), ..serde_json::from_str(text)? };
         if header.format != FORMAT || header.format_version != FORMAT_VERSION {
-            return Err(KernelFileError::Format { format: header.format, version: header.format_version });
+            return Err(KernelFileError::Format { format: shortened(header.format), version: header.format_version });
         }
         Ok(header)
     }
@@ -110,12 +112,8 @@ impl Header {
         json.deserialize_map(EntryOf(key)).map_err(|error| StoredError::Form(Box::new(KernelFileError::Header(error))))
     }
 
-    pub(crate) fn origin(&self) -> Origin {
-        Origin {
-            display: self.display.clone(),
-            interpolated_from_m: self.interpolated_from_m.clone(),
-            record: self.record.clone(),
-        }
+    pub(crate) fn into_origin(self) -> Origin {
+        Origin { display: self.display, interpolated_from_m: self.interpolated_from_m, record: self.record }
     }
 
     pub(super) fn setup(&self) -> Result<OpticalSetup, KernelFileError> {

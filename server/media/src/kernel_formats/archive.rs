@@ -1,15 +1,26 @@
 //! The part of the zip format that arrays need: stored or deflated files, without encryption, no part beyond 4 GiB.
 //!
+//! Only the directory is read at first. A file of the archive is unpacked when somebody asks for it, after its size was
+//! counted in the budget: some kilobytes may unpack to gigabytes.
+//!
 //! Source: PKWARE APPNOTE 6.3. All numbers are little-endian.
 
 use super::error::KernelFormatError;
+use crate::budget::{Budget, Held};
+use crate::shortened::shortened;
 use flate2::read::DeflateDecoder;
+use lightpath_optics::interrupt;
+use std::borrow::Cow;
+use std::collections::HashSet;
 use std::io::Read;
+use std::ops::Deref;
 
-/// Largest inflated file of an archive \[bytes\]: a complex kernel of an 8K display.
-const FILE_BYTES_MAX: u64 = 1 << 30;
-/// Largest number of files in an archive.
+/// Largest number of files in an archive. A kernel has some dozens.
 const FILES_MAX: usize = 1000;
+/// Longest name of a file \[bytes\].
+const NAME_BYTES_MAX: usize = 1024;
+/// Bytes that are unpacked between two looks at the interrupt.
+const BYTES_AT_ONCE: usize = 1 << 20;
 /// Signature of a file's local header.
 const LOCAL: u32 = 0x0403_4b50;
 /// Signature of a file's entry in the central directory.
@@ -17,74 +28,158 @@ const CENTRAL: u32 = 0x0201_4b50;
 /// Signature of the end record.
 const END: u32 = 0x0605_4b50;
 
-/// Names and contents of files.
-pub(super) type Files = Vec<(String, Vec<u8>)>;
-
 /// Whether the first bytes of a file are those of a zip archive.
 pub(super) fn is_archive(bytes: &[u8]) -> bool {
     bytes.starts_with(&LOCAL.to_le_bytes())
 }
 
-/// Reads the files of an archive.
-pub(super) fn read(bytes: &[u8]) -> Result<Files, KernelFormatError> {
-    let cut = || KernelFormatError::Archive("it ends early".to_owned());
-    let start = bytes.len().saturating_sub(22 + usize::from(u16::MAX));
-    let tail = bytes.get(start..).ok_or_else(cut)?;
-    let end = tail.windows(4).rposition(|window| window == END.to_le_bytes()).ok_or_else(cut)? + start;
-    let count = usize::from(u16_at(bytes, end + 10)?);
-    // The last field of the archive. If it is missing, the archive was cut.
-    u16_at(bytes, end + 20)?;
-    if count > FILES_MAX {
-        return Err(KernelFormatError::Archive(format!("it has {count} files, but at most {FILES_MAX} are read")));
+/// An archive whose directory was read.
+pub(super) struct Archive<'a> {
+    bytes: &'a [u8],
+    entries: Vec<Entry>,
+}
+
+/// What the directory says of a file.
+struct Entry {
+    name: String,
+    flags: u16,
+    method: u16,
+    crc: u32,
+    packed_bytes: usize,
+    size_bytes: usize,
+    local: usize,
+}
+
+/// The content of a file. Its memory is counted while this value lives.
+#[derive(Debug)]
+pub(super) struct Content<'a> {
+    bytes: Cow<'a, [u8]>,
+    _held: Held<'a>,
+}
+
+impl Deref for Content<'_> {
+    type Target = [u8];
+
+    fn deref(&self) -> &[u8] {
+        &self.bytes
     }
-    let mut at = u32_at(bytes, end + 16)? as usize;
-    let mut files = Vec::with_capacity(count);
-    for _ in 0..count {
+}
+
+impl<'a> Archive<'a> {
+    /// Reads the directory of an archive. Refuses one that names a file or a content twice: then two readers could see
+    /// two different archives, and a small archive many large files.
+    pub(super) fn open(bytes: &'a [u8]) -> Result<Self, KernelFormatError> {
+        let start = bytes.len().saturating_sub(22 + usize::from(u16::MAX));
+        let end = bytes[start..].windows(4).rposition(|window| window == END.to_le_bytes()).ok_or_else(cut)? + start;
+        let count = usize::from(u16_at(bytes, end + 10)?);
+        // The last field of the archive. If it is missing, the archive was cut.
+        u16_at(bytes, end + 20)?;
+        if count > FILES_MAX {
+            return Err(KernelFormatError::Archive(format!("it has {count} files, but at most {FILES_MAX} are read")));
+        }
+        let mut at = u32_at(bytes, end + 16)? as usize;
+        let mut entries = Vec::with_capacity(count);
+        for _ in 0..count {
+            let (entry, next) = Entry::read(bytes, at)?;
+            entries.push(entry);
+            at = next;
+        }
+        let (mut names, mut contents) = (HashSet::new(), HashSet::new());
+        match entries.iter().find(|entry| !names.insert(&entry.name) || !contents.insert(entry.local)) {
+            None => Ok(Self { bytes, entries }),
+            Some(entry) => Err(entry.refused("its name or its content stands twice in the directory")),
+        }
+    }
+
+    /// Names of the files, in the order of the directory.
+    pub(super) fn names(&self) -> impl Iterator<Item = &str> {
+        self.entries.iter().map(|entry| &entry.name[..])
+    }
+
+    /// Bytes of all files when they are unpacked.
+    pub(super) fn unpacked_bytes(&self) -> u64 {
+        self.entries.iter().map(|entry| entry.size_bytes as u64).sum()
+    }
+
+    /// Unpacks the file with a name; `None` if there is none.
+    pub(super) fn content<'b>(&self, name: &str, budget: &'b Budget) -> Result<Option<Content<'b>>, KernelFormatError>
+    where
+        'a: 'b,
+    {
+        let Some(entry) = self.entries.iter().find(|entry| entry.name == name) else { return Ok(None) };
+        let held = budget.hold(entry.size_bytes as u64)?;
+        let bytes = entry.unpacked(self.bytes)?;
+        if bytes.len() != entry.size_bytes || crc_of(&bytes) != entry.crc {
+            return Err(entry.refused("its content does not match its checksum"));
+        }
+        Ok(Some(Content { bytes, _held: held }))
+    }
+}
+
+impl Entry {
+    /// Reads the entry at a place of the directory. Returns the place of the next one, too.
+    fn read(bytes: &[u8], at: usize) -> Result<(Self, usize), KernelFormatError> {
         if u32_at(bytes, at)? != CENTRAL {
             return Err(KernelFormatError::Archive("its directory is damaged".to_owned()));
         }
-        let lengths = [28, 30, 32].map(|offset| u16_at(bytes, at + offset).map(usize::from));
-        let [name_bytes, extra_bytes, comment_bytes] = lengths;
-        let (name_bytes, extra_bytes, comment_bytes) = (name_bytes?, extra_bytes?, comment_bytes?);
+        let length = |offset: usize| u16_at(bytes, at + offset).map(usize::from);
+        let (name_bytes, extra_bytes, comment_bytes) = (length(28)?, length(30)?, length(32)?);
         let name = bytes.get(at + 46..at + 46 + name_bytes).ok_or_else(cut)?;
-        let name = String::from_utf8_lossy(name).into_owned();
-        let content = content(bytes, at, &name)?;
-        files.push((name, content));
-        at += 46 + name_bytes + extra_bytes + comment_bytes;
+        if name_bytes > NAME_BYTES_MAX {
+            let message = format!("a name in it has {name_bytes} bytes, but may have at most {NAME_BYTES_MAX}");
+            return Err(KernelFormatError::Archive(message));
+        }
+        let entry = Self {
+            name: String::from_utf8_lossy(name).into_owned(),
+            flags: u16_at(bytes, at + 8)?,
+            method: u16_at(bytes, at + 10)?,
+            crc: u32_at(bytes, at + 16)?,
+            packed_bytes: u32_at(bytes, at + 20)? as usize,
+            size_bytes: u32_at(bytes, at + 24)? as usize,
+            local: u32_at(bytes, at + 42)? as usize,
+        };
+        Ok((entry, at + 46 + name_bytes + extra_bytes + comment_bytes))
     }
-    Ok(files)
+
+    fn unpacked<'a>(&self, archive: &'a [u8]) -> Result<Cow<'a, [u8]>, KernelFormatError> {
+        if self.flags & 1 != 0 {
+            return Err(self.refused("it is encrypted"));
+        }
+        if u32_at(archive, self.local)? != LOCAL {
+            return Err(self.refused("it has no local header"));
+        }
+        let length = |offset: usize| u16_at(archive, self.local + offset).map(usize::from);
+        let start = self.local + 30 + length(26)? + length(28)?;
+        let packed = archive.get(start..start.saturating_add(self.packed_bytes));
+        let packed = packed.ok_or_else(|| self.refused("it ends early"))?;
+        match self.method {
+            0 => Ok(Cow::Borrowed(packed)),
+            8 => self.inflated(packed).map(Cow::Owned),
+            other => Err(self.refused(format!("it is compressed by method {other}; use store or deflate"))),
+        }
+    }
+
+    /// The inflated content, which must have exactly the declared size.
+    fn inflated(&self, packed: &[u8]) -> Result<Vec<u8>, KernelFormatError> {
+        let mut content = vec![0; self.size_bytes];
+        let mut decoder = DeflateDecoder::new(packed);
+        for part in content.chunks_mut(BYTES_AT_ONCE) {
+            interrupt::check();
+            decoder.read_exact(part).map_err(|error| self.refused(error))?;
+        }
+        match decoder.read(&mut [0]).map_err(|error| self.refused(error))? {
+            0 => Ok(content),
+            _ => Err(self.refused(format!("it has more than the {} bytes of the directory", self.size_bytes))),
+        }
+    }
+
+    fn refused(&self, problem: impl std::fmt::Display) -> KernelFormatError {
+        KernelFormatError::Archive(format!("{}: {problem}", shortened(&self.name)))
+    }
 }
 
-fn content(bytes: &[u8], entry: usize, name: &str) -> Result<Vec<u8>, KernelFormatError> {
-    let refused = |problem: String| KernelFormatError::Archive(format!("{name}: {problem}"));
-    let (flags, method) = (u16_at(bytes, entry + 8)?, u16_at(bytes, entry + 10)?);
-    let crc = u32_at(bytes, entry + 16)?;
-    let (packed_bytes, size_bytes) = (u32_at(bytes, entry + 20)? as usize, u64::from(u32_at(bytes, entry + 24)?));
-    let local = u32_at(bytes, entry + 42)? as usize;
-    if flags & 1 != 0 {
-        return Err(refused("it is encrypted".to_owned()));
-    }
-    if size_bytes > FILE_BYTES_MAX || u32_at(bytes, local)? != LOCAL {
-        return Err(refused(format!("it has {size_bytes} bytes (at most {FILE_BYTES_MAX}), or no local header")));
-    }
-    let start = local + 30 + usize::from(u16_at(bytes, local + 26)?) + usize::from(u16_at(bytes, local + 28)?);
-    let packed =
-        bytes.get(start..start.saturating_add(packed_bytes)).ok_or_else(|| refused("it ends early".to_owned()))?;
-    let content = match method {
-        0 => packed.to_vec(),
-        8 => {
-            let mut content = Vec::new();
-            // Reads one byte more than declared, to detect longer contents.
-            let mut decoder = DeflateDecoder::new(packed).take(size_bytes + 1);
-            decoder.read_to_end(&mut content).map_err(|error| refused(error.to_string()))?;
-            content
-        }
-        other => return Err(refused(format!("it is compressed by method {other}; use store or deflate"))),
-    };
-    if content.len() as u64 != size_bytes || crc_of(&content) != crc {
-        return Err(refused("its content does not match its checksum".to_owned()));
-    }
-    Ok(content)
+fn cut() -> KernelFormatError {
+    KernelFormatError::Archive("it ends early".to_owned())
 }
 
 /// Writes an archive of stored files. The same files give the same bytes.
@@ -134,13 +229,19 @@ pub(super) fn crc_of(bytes: &[u8]) -> u32 {
 }
 
 fn u16_at(bytes: &[u8], at: usize) -> Result<u16, KernelFormatError> {
-    let found = bytes.get(at..).and_then(|rest| rest.first_chunk::<2>());
-    found.map(|chunk| u16::from_le_bytes(*chunk)).ok_or_else(|| KernelFormatError::Archive("it ends early".to_owned()))
+    bytes.get(at..).and_then(|rest| rest.first_chunk()).map(|chunk| u16::from_le_bytes(*chunk)).ok_or_else(cut)
 }
 
 fn u32_at(bytes: &[u8], at: usize) -> Result<u32, KernelFormatError> {
-    let found = bytes.get(at..).and_then(|rest| rest.first_chunk::<4>());
-    found.map(|chunk| u32::from_le_bytes(*chunk)).ok_or_else(|| KernelFormatError::Archive("it ends early".to_owned()))
+    bytes.get(at..).and_then(|rest| rest.first_chunk()).map(|chunk| u32::from_le_bytes(*chunk)).ok_or_else(cut)
+}
+
+/// Names and contents of all files.
+#[cfg(test)]
+pub(super) fn files(bytes: &[u8]) -> Result<Vec<(String, Vec<u8>)>, KernelFormatError> {
+    let (archive, budget) = (Archive::open(bytes)?, Budget::new(1 << 30));
+    let content = |name: &str| Ok((name.to_owned(), archive.content(name, &budget)?.unwrap().to_vec()));
+    archive.names().map(content).collect()
 }
 
 #[cfg(test)]
@@ -151,12 +252,35 @@ mod tests {
     fn files_are_read_back_and_damage_is_found() {
         let (a, b) = (vec![7_u8; 1000], b"hello".to_vec());
         let archive = write(&[("x/a", &a), ("b.txt", &b)]).unwrap();
-        assert_eq!(read(&archive).unwrap(), [("x/a".to_owned(), a), ("b.txt".to_owned(), b)]);
+        assert_eq!(files(&archive).unwrap(), [("x/a".to_owned(), a), ("b.txt".to_owned(), b)]);
         for end in [0, 10, 100, archive.len() - 23, archive.len() - 1] {
-            assert!(read(&archive[..end]).is_err(), "cut at {end}");
+            assert!(files(&archive[..end]).is_err(), "cut at {end}");
         }
         let mut damaged = archive.clone();
         damaged[50] ^= 1;
-        assert!(read(&damaged).unwrap_err().to_string().contains("checksum"));
+        assert!(files(&damaged).unwrap_err().to_string().contains("checksum"));
+    }
+
+    #[test]
+    fn content_is_counted_before_it_is_unpacked() {
+        let archive = write(&[("a", &[7; 1000])]).unwrap();
+        let (archive, budget) = (Archive::open(&archive).unwrap(), Budget::new(1500));
+        assert_eq!(archive.unpacked_bytes(), 1000);
+        let first = archive.content("a", &budget).unwrap().unwrap();
+        let refused = archive.content("a", &budget).unwrap_err().to_string();
+        assert!(refused.contains("at least 2000 bytes of memory, but 1500 are counted"), "{refused}");
+        drop(first);
+        assert!(archive.content("a", &budget).unwrap().is_some() && archive.content("b", &budget).unwrap().is_none());
+    }
+
+    #[test]
+    fn names_and_contents_that_stand_twice_are_refused() {
+        let twice = write(&[("a", b"1"), ("a", b"2")]).unwrap();
+        assert!(files(&twice).unwrap_err().to_string().contains("a: its name or its content stands twice"));
+        let mut shared = write(&[("a", b"1"), ("b", b"1")]).unwrap();
+        // The last field of the second entry, before its name and the end record, is the place of its content.
+        let place = shared.len() - 22 - 1 - 4;
+        shared[place..place + 4].fill(0);
+        assert!(files(&shared).unwrap_err().to_string().contains("b: its name or its content stands twice"));
     }
 }

@@ -4,6 +4,7 @@ use super::array::Array;
 use super::error::KernelFormatError;
 use super::imported::Imported;
 use super::losses::{Loss, beside_bins};
+use crate::budget::Budget;
 use lightpath_optics::numerics::grid::frequency;
 use lightpath_optics::{DisplayModel, KernelModel, KernelShape, OpticalSetup, Plane};
 use num_complex::Complex32;
@@ -41,8 +42,14 @@ pub(super) fn f32_bytes(numbers: &[f32]) -> Vec<u8> {
 
 /// Reads H from an array: complex \[rows, columns\], real and imaginary parts \[rows, columns, 2\], or the paper's
 /// amplitude and phase \[1, 2, rows, columns\] or \[2, rows, columns\].
-pub(super) fn of_array(array: &Array, setup: &OpticalSetup, form: &'static str) -> Result<Imported, KernelFormatError> {
+pub(super) fn of_array(
+    array: &Array<'_>,
+    setup: &OpticalSetup,
+    form: &'static str,
+    budget: &Budget,
+) -> Result<Imported, KernelFormatError> {
     let numbers = &array.numbers;
+    budget.take(size_of_val(&numbers[..]) as u64)?;
     let (rows, columns, values): (usize, usize, Vec<Complex32>) = match (array.complex, &array.shape[..]) {
         (true, &[rows, columns]) => (rows, columns, complex_of(numbers)),
         (false, &[rows, columns, 2]) => (rows, columns, complex_of(numbers)),

@@ -1,5 +1,6 @@
 //! Errors of reading and writing kernels in other forms.
 
+use crate::budget::OverBudget;
 use crate::kernel_file::KernelFileError;
 
 /// Reason why a kernel could not be read from another form, or written to it; the messages say what each means.
@@ -13,6 +14,8 @@ pub enum KernelFormatError {
          compact kernel, .pt, .npy or .npz"
     )]
     Unknown { start: String },
+    #[error(transparent)]
+    Memory(#[from] OverBudget),
     #[error("the archive is damaged or unsupported: {0}")]
     Archive(String),
     #[error(

@@ -2,9 +2,10 @@
 
 use super::dense::{f32_bytes, padded, parts, sampled};
 use super::error::KernelFormatError;
-use super::import::import;
+use super::import::{import, importing_bytes};
 use super::losses::{Loss, losses};
 use super::{array, compact, half, npz, torch};
+use crate::budget::Budget;
 use crate::kernel_file::{self, Origin};
 use lightpath_domain::kernel_format::KernelFormat;
 use lightpath_optics::KernelModel;
@@ -85,7 +86,7 @@ pub fn export_with(
         }
         KernelFormat::Npz => npz::write(model, kind, &Origin { record: None, ..origin.clone() })?,
     };
-    let back = import(&bytes, &model.setup)?;
+    let back = import(&bytes, &model.setup, &Budget::new(importing_bytes(&bytes)))?;
     let relative_error = difference(model, &back.model);
     let mut losses = losses(whole, &back.model, relative_error);
     if origin.interpolated_from_m != back.origin.interpolated_from_m {
@@ -143,6 +144,7 @@ fn difference(model: &DisplayModel, back: &DisplayModel) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::tests::import;
     use super::*;
     use lightpath_optics::{Grid, OpticalSetup, Orders, SmoothField};
     use num_complex::Complex64;

@@ -94,7 +94,8 @@ fn bins(model: &DisplayModel) -> (usize, usize) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{KernelFormat, export, export_with, import};
+    use super::super::tests::import;
+    use super::super::{KernelFormat, export, export_with};
     use super::Loss::*;
     use super::*;
     use crate::kernel_file::Origin;

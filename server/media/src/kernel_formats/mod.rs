@@ -39,7 +39,7 @@ mod torch;
 
 pub use error::KernelFormatError;
 pub use export::{Exported, export, export_with};
-pub use import::import;
+pub use import::{import, importing_bytes};
 pub use imported::Imported;
 pub use lightpath_domain::kernel_format::KernelFormat;
 pub use losses::Loss;
@@ -52,4 +52,16 @@ pub(crate) fn npy_f32(shape: &[usize], bytes: &[u8]) -> Vec<u8> {
 /// Writes a `.npz` archive of named `.npy` files.
 pub(crate) fn npz_archive(files: &[(&str, &[u8])]) -> Result<Vec<u8>, KernelFormatError> {
     archive::write(files)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Imported, KernelFormatError, importing_bytes};
+    use crate::budget::Budget;
+    use lightpath_optics::OpticalSetup;
+
+    /// [`import`](super::import) with the memory that is counted for the file.
+    pub(super) fn import(bytes: &[u8], setup: &OpticalSetup) -> Result<Imported, KernelFormatError> {
+        super::import(bytes, setup, &Budget::new(importing_bytes(bytes)))
+    }
 }

@@ -24,13 +24,15 @@
 //! because a model has the source as a series. The import says both. An archive without `lightpath` is one of another
 //! program.
 
-use super::archive;
+use super::archive::{self, Archive, Content};
 use super::array::{self, Array, NpyFile};
 use super::dense::{f32_bytes, of_array, padded, parts};
 use super::error::KernelFormatError;
 use super::imported::Imported;
 use super::losses::Loss;
+use crate::budget::Budget;
 use crate::kernel_file::{self, Header, METADATA_KEY, Origin};
+use crate::shortened::{shortened, sides};
 use lightpath_artifacts::digest_of;
 use lightpath_optics::display::parts::InBins;
 use lightpath_optics::display::parts::stored::{Entry, Numbers, Stored, StoredArray, StoredError, StoredParts};
@@ -100,29 +102,51 @@ fn sampled_source(model: &DisplayModel) -> Plane<Complex32> {
     source
 }
 
-/// The `.npy` file of an array in an archive.
-fn named<'a>(files: &'a archive::Files, array: &str) -> Option<&'a [u8]> {
-    files.iter().find(|(name, _)| name.strip_suffix(".npy") == Some(array)).map(|(_, bytes)| &bytes[..])
+/// The files of an archive, and the memory that may be taken to read them.
+#[derive(Clone, Copy)]
+struct Files<'a> {
+    archive: &'a Archive<'a>,
+    budget: &'a Budget,
+}
+
+impl<'a> Files<'a> {
+    /// The `.npy` file of an array, if there is one.
+    fn named(self, array: &str) -> Result<Option<Content<'a>>, KernelFormatError> {
+        self.archive.content(&format!("{array}.npy"), self.budget)
+    }
+
+    fn require(self, array: &str) -> Result<Content<'a>, KernelFormatError> {
+        self.named(array)?.ok_or_else(|| absent(array))
+    }
+
+    fn f64s(self, array: &str, file: &[u8]) -> Result<Vec<f64>, KernelFormatError> {
+        NpyFile::open(array, file)?.f64s(self.budget)
+    }
 }
 
 /// Reads an archive: one that [`write()`] wrote, or one of another program.
-pub(super) fn read(files: &archive::Files, setup: &OpticalSetup) -> Result<Imported, KernelFormatError> {
-    match named(files, METADATA_KEY) {
-        Some(header) => read_own(files, header),
+pub(super) fn read(
+    archive: &Archive<'_>,
+    setup: &OpticalSetup,
+    budget: &Budget,
+) -> Result<Imported, KernelFormatError> {
+    let files = Files { archive, budget };
+    match files.named(METADATA_KEY)? {
+        Some(header) => read_own(files, &header),
         None => read_foreign(files, setup),
     }
 }
 
-fn read_own(files: &archive::Files, header: &[u8]) -> Result<Imported, KernelFormatError> {
-    let header = Header::parse(&NpyFile::open(METADATA_KEY, header)?.text()?)?;
-    let archive = Archive { header: &header, files };
+fn read_own(files: Files<'_>, header: &[u8]) -> Result<Imported, KernelFormatError> {
+    let budget = files.budget;
+    let header = Header::parse(&NpyFile::open(METADATA_KEY, header)?.text(budget)?)?;
     let is_changed = |name: &str| -> Result<bool, KernelFormatError> {
         let digest = format!("{name}.digest");
-        let expected = NpyFile::open(&digest, archive.require(&digest)?)?.text()?;
-        Ok(expected != digest_of_numbers(name, archive.require(name)?)?)
+        let expected = NpyFile::open(&digest, &files.require(&digest)?)?.text(budget)?;
+        Ok(expected != digest_of_numbers(name, &files.require(name)?, budget)?)
     };
-    let model = kernel_file::assemble(&header, &archive)?;
-    let mut imported = Imported { kind: header.model, origin: header.origin(), ..Imported::new("npz", model) };
+    let model = kernel_file::assemble(&header, &Own { header: &header, files })?;
+    let mut imported = Imported { kind: header.model, origin: header.into_origin(), ..Imported::new("npz", model) };
     if is_changed(SOURCE)? {
         imported.remarks.push(
             "the array `source` was changed and is not imported: a kernel has its source as a series and as dust, which stay \
@@ -130,34 +154,30 @@ fn read_own(files: &archive::Files, header: &[u8]) -> Result<Imported, KernelFor
         );
     }
     if is_changed(TRANSFER)? {
-        take_transfer(&mut imported, &Array::read_npy(TRANSFER, archive.require(TRANSFER)?)?)?;
+        take_transfer(&mut imported, &Array::read_npy(TRANSFER, &files.require(TRANSFER)?, budget)?, budget)?;
     }
     Ok(imported)
 }
 
 /// An archive that [`write()`] wrote.
-struct Archive<'a> {
+struct Own<'a> {
     header: &'a Header,
-    files: &'a archive::Files,
+    files: Files<'a>,
 }
 
-impl Archive<'_> {
-    fn require(&self, name: &str) -> Result<&[u8], KernelFormatError> {
-        named(self.files, name).ok_or_else(|| absent(name))
-    }
-
+impl Own<'_> {
     /// Reads the array of a name.
     fn read<T>(
         &self,
         name: &str,
         of: impl FnOnce(NpyFile<'_>) -> Result<T, KernelFormatError>,
     ) -> Result<T, StoredError> {
-        let read = self.require(name).and_then(|file| of(NpyFile::open(name, file)?));
+        let read = self.files.require(name).and_then(|file| of(NpyFile::open(name, &file)?));
         read.map_err(|error| StoredError::Form(Box::new(error)))
     }
 }
 
-impl StoredParts for Archive<'_> {
+impl StoredParts for Own<'_> {
     fn has_bins(&self) -> bool {
         !self.header.model.is_smooth()
     }
@@ -167,25 +187,27 @@ impl StoredParts for Archive<'_> {
     }
 
     fn f64s(&self, name: &'static str) -> Result<Vec<f64>, StoredError> {
-        self.read(array_name(name), |file| file.f64s())
+        self.read(array_name(name), |file| file.f64s(self.files.budget))
     }
 
     fn i16_pairs(&self, name: &'static str) -> Result<Plane<[i16; 2]>, StoredError> {
-        self.read(name, |file| file.i16_pairs())
+        self.read(name, |file| file.i16_pairs(self.files.budget))
     }
 
     /// The bins are in `transfer`.
     fn complex32s(&self, _name: &'static str) -> Result<Plane<Complex32>, StoredError> {
         let shape = self.f64s(BINS_SHAPE)?;
-        let transfer = self.require(TRANSFER).and_then(|file| middle(&Array::read_npy(TRANSFER, file)?, &shape));
+        let Files { budget, .. } = self.files;
+        let transfer = self.files.require(TRANSFER);
+        let transfer = transfer.and_then(|file| middle(&Array::read_npy(TRANSFER, &file, budget)?, &shape, budget));
         transfer.map_err(|error| StoredError::Form(Box::new(error)))
     }
 }
 
 /// Replaces the kernel of an imported model by the changed H of its archive.
-fn take_transfer(imported: &mut Imported, transfer: &Array) -> Result<(), KernelFormatError> {
+fn take_transfer(imported: &mut Imported, transfer: &Array<'_>, budget: &Budget) -> Result<(), KernelFormatError> {
     let Imported { model, kind, absent, remarks, .. } = imported;
-    let changed = of_array(transfer, &model.setup, "npz")?;
+    let changed = of_array(transfer, &model.setup, "npz", budget)?;
     let parts = || ModelPart::ALL.iter().copied().filter(|part| part.is_in(model));
     absent.extend(parts().filter(|part| part.in_bins() == InBins::Lost).map(Loss::Part));
     let replaced: Vec<ModelPart> = parts().filter(|part| part.in_bins() != InBins::Beside).collect();
@@ -207,21 +229,23 @@ fn absent(name: &str) -> KernelFormatError {
 }
 
 /// SHA-256 of the numbers of an array as complex64.
-fn digest_of_numbers(name: &str, file: &[u8]) -> Result<String, KernelFormatError> {
+fn digest_of_numbers(name: &str, file: &[u8], budget: &Budget) -> Result<String, KernelFormatError> {
     let opened = NpyFile::open(name, file)?;
     if opened.descr == "<c8" {
         return Ok(digest_of(opened.data));
     }
     // The same numbers in another type are the same H.
-    Ok(digest_of(&f32_bytes(&Array::read_npy(name, file)?.numbers)))
+    let array = Array::read_npy(name, file, budget)?;
+    let _bytes = budget.hold(size_of_val(&array.numbers[..]) as u64)?;
+    Ok(digest_of(&f32_bytes(&array.numbers)))
 }
 
 /// The middle bins of a transfer function. `shape` has their rows and columns.
-fn middle(transfer: &Array, shape: &[f64]) -> Result<Plane<Complex32>, KernelFormatError> {
+fn middle(transfer: &Array<'_>, shape: &[f64], budget: &Budget) -> Result<Plane<Complex32>, KernelFormatError> {
     let refused = || KernelFormatError::Array {
         name: TRANSFER.to_owned(),
         actual: transfer.described(),
-        expected: format!("complex, with rows and columns for the middle part of shape {shape:?}"),
+        expected: format!("complex, with rows and columns for the middle part of shape {}", sides(shape)),
     };
     let (true, &[all_rows, all_columns], &[rows, columns]) = (transfer.complex, &transfer.shape[..], shape) else {
         return Err(refused());
@@ -232,6 +256,7 @@ fn middle(transfer: &Array, shape: &[f64]) -> Result<Plane<Complex32>, KernelFor
     };
     let (top, left) = (all_rows / 2 - rows / 2, all_columns / 2 - columns / 2);
     let values = transfer.numbers.as_chunks().0;
+    budget.take((size_of::<Complex32>() * rows * columns) as u64)?;
     Ok(Plane::from_fn(rows, columns, |y, x| {
         let [re, im] = values[(top + y) * all_columns + left + x];
         Complex32::new(re, im)
@@ -239,25 +264,28 @@ fn middle(transfer: &Array, shape: &[f64]) -> Result<Plane<Complex32>, KernelFor
 }
 
 /// Reads the kernel of another program: the array `kernel`, else `transfer`, else the only array.
-fn read_foreign(files: &archive::Files, setup: &OpticalSetup) -> Result<Imported, KernelFormatError> {
-    let only = if let [(_, bytes)] = &files[..] { Some(&bytes[..]) } else { None };
-    let found = ["kernel", TRANSFER].into_iter().find_map(|name| Some((name, named(files, name)?)));
-    let Some((name, bytes)) = found.or_else(|| Some(("the array", only?))) else {
-        let names: Vec<&str> = files.iter().map(|(name, _)| name.trim_end_matches(".npy")).take(10).collect();
-        return Err(KernelFormatError::Array {
-            name: "the archive".to_owned(),
-            actual: format!("one with the arrays {}", names.join(", ")),
-            expected: "one with an array `kernel` or `transfer`, or with a single array".to_owned(),
-        });
+fn read_foreign(files: Files<'_>, setup: &OpticalSetup) -> Result<Imported, KernelFormatError> {
+    let budget = files.budget;
+    let names: Vec<&str> = files.archive.names().map(|name| name.strip_suffix(".npy").unwrap_or(name)).collect();
+    let name = match ["kernel", TRANSFER].into_iter().find(|name| names.contains(name)) {
+        Some(name) => name,
+        None if names.len() == 1 => names[0],
+        None => {
+            return Err(KernelFormatError::Array {
+                name: "the archive".to_owned(),
+                actual: format!("one with the arrays {}", shortened(names.join(", "))),
+                expected: "one with an array `kernel` or `transfer`, or with a single array".to_owned(),
+            });
+        }
     };
-    let mut imported = of_array(&Array::read_npy(name, bytes)?, setup, "npz")?;
-    if let Some(bytes) = named(files, "response_harmonics") {
-        let harmonics = NpyFile::open("response_harmonics", bytes)?.f64s()?;
+    let mut imported = of_array(&Array::read_npy(name, &files.require(name)?, budget)?, setup, "npz", budget)?;
+    if let Some(file) = files.named("response_harmonics")? {
+        let harmonics = files.f64s("response_harmonics", &file)?;
         imported.model.response = harmonics.as_chunks().0.to_vec();
         imported.absent.retain(|loss| *loss != Loss::Part(ModelPart::PhaseResponse));
     }
-    if let Some(bytes) = named(files, "photometry")
-        && let [gain, offset, re, im] = NpyFile::open("photometry", bytes)?.f64s()?[..]
+    if let Some(file) = files.named("photometry")?
+        && let [gain, offset, re, im] = files.f64s("photometry", &file)?[..]
     {
         (imported.model.gain, imported.model.offset) = (gain, offset);
         imported.model.zero_order = Complex64::new(re, im);
@@ -269,7 +297,8 @@ fn read_foreign(files: &archive::Files, setup: &OpticalSetup) -> Result<Imported
 
 #[cfg(test)]
 mod tests {
-    use super::super::{KernelFormat, export, import};
+    use super::super::tests::import;
+    use super::super::{KernelFormat, export};
     use super::*;
     use lightpath_optics::{
         ConvolutionMethod, Crosstalk, Dust, FurtherMode, Ghost, Grid, LightBlur, PartialCoherence, ResponseVariation,
@@ -325,7 +354,7 @@ mod tests {
 
     /// The archive of a model after `change` changed the contents of an array.
     fn changed(model: &DisplayModel, kind: KernelModel, array: &str, change: impl Fn(&[u8]) -> Vec<u8>) -> Vec<u8> {
-        let mut files = archive::read(&write(model, kind, &Origin::default()).unwrap()).unwrap();
+        let mut files = archive::files(&write(model, kind, &Origin::default()).unwrap()).unwrap();
         let file = files.iter_mut().find(|(name, _)| name.strip_suffix(".npy") == Some(array)).unwrap();
         file.1 = change(&file.1);
         let files: Vec<(&str, &[u8])> = files.iter().map(|(name, file)| (name.as_str(), &file[..])).collect();
@@ -372,7 +401,8 @@ mod tests {
     fn the_same_numbers_in_another_type_are_no_change() {
         let (model, kind) = models().remove(1);
         let as_complex128 = |file: &[u8]| {
-            let numbers = Array::read_npy(TRANSFER, file).unwrap().numbers;
+            let budget = Budget::new(1 << 20);
+            let numbers = Array::read_npy(TRANSFER, file, &budget).unwrap().numbers;
             let bytes: Vec<u8> = numbers.iter().flat_map(|&number| f64::from(number).to_le_bytes()).collect();
             array::npy("<c16", &[24, 32], &bytes)
         };
@@ -394,7 +424,7 @@ mod tests {
     #[test]
     fn incomplete_archives_are_refused_by_name_and_foreign_ones_are_read() {
         let (model, kind) = models().remove(1);
-        let files = archive::read(&write(&model, kind, &Origin::default()).unwrap()).unwrap();
+        let files = archive::files(&write(&model, kind, &Origin::default()).unwrap()).unwrap();
         let without = |left_out: &str| {
             let kept = files.iter().filter(|(name, _)| name != left_out);
             let kept: Vec<(&str, &[u8])> = kept.map(|(name, file)| (name.as_str(), &file[..])).collect();

@@ -4,16 +4,21 @@
 //! reader knows only the instructions that a tensor needs, and the few names of functions and classes that `torch.save`
 //! writes for a tensor. It calls no function, and refuses everything else. `pickletools.py` of CPython documents the
 //! instructions.
+//!
+//! A pickle may store a value and recall it any number of times, also inside of itself. So values are shared and never
+//! copied: the memory of the machine is in proportion to the instructions that ran, of which there is a limit.
 
 use super::array::Kind;
 use super::error::KernelFormatError;
+use crate::shortened::shortened;
 use std::collections::HashMap;
+use std::rc::Rc;
 
 /// A tensor as described by a pickle.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct PickledTensor {
     /// Name of the file that holds the tensor's numbers.
-    pub(super) storage: String,
+    pub(super) storage: Rc<str>,
     pub(super) kind: Kind,
     /// Count of numbers in the storage.
     pub(super) numbers: usize,
@@ -23,8 +28,10 @@ pub(super) struct PickledTensor {
     pub(super) stride: Vec<usize>,
 }
 
-/// Largest number of instructions and values; a tensor's pickle has few.
-const INSTRUCTIONS_MAX: usize = 10_000;
+/// Largest number of instructions, of values, and of tuples in each other. The pickle of a tensor has some fifty.
+const INSTRUCTIONS_MAX: usize = 1000;
+/// Largest pickle \[bytes\]. That of a tensor has some hundred.
+const BYTES_MAX: usize = 64 << 10;
 
 #[derive(Clone, Debug, PartialEq)]
 enum Value {
@@ -32,12 +39,12 @@ enum Value {
     None,
     Bool,
     Int(i64),
-    Text(String),
-    Tuple(Vec<Value>),
+    Text(Rc<str>),
+    Tuple(Rc<[Value]>),
     Dict,
     Known(Known),
-    Storage(String, Kind, usize),
-    Tensor(Box<PickledTensor>),
+    Storage(Rc<str>, Kind, usize),
+    Tensor(Rc<PickledTensor>),
 }
 
 /// The names of functions and classes that are accepted.
@@ -51,11 +58,15 @@ enum Known {
 
 /// Reads the pickle of a single tensor or parameter.
 pub(super) fn read(bytes: &[u8]) -> Result<PickledTensor, KernelFormatError> {
+    if bytes.len() > BYTES_MAX {
+        let message = format!("its pickle has {} bytes, but that of a tensor at most {BYTES_MAX}", bytes.len());
+        return Err(KernelFormatError::Archive(message));
+    }
     let mut machine = Machine { bytes, at: 0, stack: Vec::new(), memo: HashMap::new() };
     for _ in 0..INSTRUCTIONS_MAX {
         if machine.step()? {
             return match machine.stack.pop() {
-                Some(Value::Tensor(tensor)) if machine.stack.is_empty() => Ok(*tensor),
+                Some(Value::Tensor(tensor)) if machine.stack.is_empty() => Ok(tensor.as_ref().clone()),
                 _ => Err(machine.refused("something other than one tensor")),
             };
         }
@@ -82,7 +93,7 @@ impl Machine<'_> {
             b'(' => self.stack.push(Value::Mark),
             b'N' => self.stack.push(Value::None),
             0x88 | 0x89 => self.stack.push(Value::Bool),
-            b')' => self.stack.push(Value::Tuple(Vec::new())),
+            b')' => self.stack.push(Value::Tuple(Rc::new([]))),
             b'}' => self.stack.push(Value::Dict),
             b'K' => self.integer::<1>()?,
             b'M' => self.integer::<2>()?,
@@ -134,10 +145,10 @@ impl Machine<'_> {
 
     /// Replaces all values since the latest mark by a tuple of them.
     fn tuple_from_mark(&mut self, start: usize) -> Result<(), KernelFormatError> {
-        let mark = self.stack.iter().rposition(|value| *value == Value::Mark);
+        let mark = self.stack.iter().rposition(|value| matches!(value, Value::Mark));
         let items = self.stack.split_off(mark.ok_or_else(|| self.refused_at("a tuple without a start", start))? + 1);
         self.stack.pop();
-        self.stack.push(Value::Tuple(items));
+        self.stack.push(Value::Tuple(items.into()));
         Ok(())
     }
 
@@ -145,7 +156,7 @@ impl Machine<'_> {
     fn tuple(&mut self, items: u8, start: usize) -> Result<(), KernelFormatError> {
         let first = self.stack.len().checked_sub(items.into());
         let taken = self.stack.split_off(first.ok_or_else(|| self.refused_at("a tuple of too few values", start))?);
-        self.stack.push(Value::Tuple(taken));
+        self.stack.push(Value::Tuple(taken.into()));
         Ok(())
     }
 
@@ -194,7 +205,7 @@ impl Machine<'_> {
             ("torch", "DoubleStorage") => Known::Storage(Kind::F64),
             ("torch", "ComplexFloatStorage") => Known::Storage(Kind::C64),
             ("torch", "ComplexDoubleStorage") => Known::Storage(Kind::C128),
-            _ => return Err(self.refused_at(&format!("the name {}", shortened(module, name)), at)),
+            _ => return Err(self.refused_at(&format!("the name {}.{}", shortened(module), shortened(name)), at)),
         };
         Ok(Value::Known(known))
     }
@@ -207,7 +218,7 @@ impl Machine<'_> {
 
     fn text(&mut self, length: usize) -> Result<(), KernelFormatError> {
         let text = String::from_utf8_lossy(self.slice(length)?).into_owned();
-        self.stack.push(Value::Text(text));
+        self.stack.push(Value::Text(text.into()));
         Ok(())
     }
 
@@ -260,11 +271,6 @@ impl Machine<'_> {
     }
 }
 
-fn shortened(module: &str, name: &str) -> String {
-    let short = |text: &str| text.chars().take(60).collect::<String>();
-    format!("{}.{}", short(module), short(name))
-}
-
 /// The storage that a reference `("storage", type, key, device, numbers)` describes.
 fn storage(identity: Option<Value>) -> Option<Value> {
     let Some(Value::Tuple(parts)) = identity else { return None };
@@ -275,7 +281,7 @@ fn storage(identity: Option<Value>) -> Option<Value> {
     };
     // A key is a file name. It must not lead to another folder.
     let plain = !key.is_empty() && key.bytes().all(|byte| byte.is_ascii_alphanumeric());
-    (tag == "storage" && plain).then(|| Some(Value::Storage(key.clone(), *kind, usize::try_from(*numbers).ok()?)))?
+    (&**tag == "storage" && plain).then(|| Some(Value::Storage(key.clone(), *kind, usize::try_from(*numbers).ok()?)))?
 }
 
 /// The result that a call of an accepted function would give. `None`: the call is not accepted.
@@ -283,8 +289,8 @@ fn call_result(function: Option<Value>, arguments: Option<Value>) -> Option<Valu
     let (Some(Value::Known(function)), Some(Value::Tuple(arguments))) = (function, arguments) else { return None };
     match function {
         Known::OrderedDict if arguments.is_empty() => Some(Value::Dict),
-        Known::RebuildParameter => match arguments.into_iter().next() {
-            Some(tensor @ Value::Tensor(_)) => Some(tensor),
+        Known::RebuildParameter => match arguments.first() {
+            Some(tensor @ Value::Tensor(_)) => Some(tensor.clone()),
             _ => None,
         },
         Known::RebuildTensor => {
@@ -305,7 +311,7 @@ fn call_result(function: Option<Value>, arguments: Option<Value>) -> Option<Valu
             };
             let (shape, stride) = (sizes(shape)?, sizes(stride)?);
             (shape.len() == stride.len() && shape.len() <= 8).then_some(())?;
-            Some(Value::Tensor(Box::new(PickledTensor {
+            Some(Value::Tensor(Rc::new(PickledTensor {
                 storage: storage.clone(),
                 kind: *kind,
                 numbers: *numbers,
@@ -345,17 +351,27 @@ mod tests {
         assert!(refusal(&b"(".repeat(20_000)).contains("too many"));
     }
 
+    /// A tuple of three times itself, again and again, would have 3³³⁰ parts if values were copied.
+    #[test]
+    fn values_that_hold_each_other_are_neither_copied_nor_followed() {
+        let pickle = [&b"\x80\x02X\x04\x00\x00\x00boom"[..], &b"q\x00h\x00h\x00\x87".repeat(240), b"."].concat();
+        assert!(refusal(&pickle).contains("something other than one tensor"));
+        let nested = [&b"N"[..], &b"\x85".repeat(INSTRUCTIONS_MAX - 2), b"."].concat();
+        assert!(refusal(&nested).contains("something other than one tensor"));
+        assert!(refusal(&vec![b'N'; BYTES_MAX + 1]).contains("at most 65536"));
+    }
+
     #[test]
     fn storage_keys_cannot_name_other_folders() {
         let identity = |key: &str| {
-            let text = |text: &str| Value::Text(text.to_owned());
-            Some(Value::Tuple(vec![
+            let text = |text: &str| Value::Text(text.into());
+            Some(Value::Tuple(Rc::new([
                 text("storage"),
                 Value::Known(Known::Storage(Kind::F32)),
                 text(key),
                 text("cpu"),
                 Value::Int(4),
-            ]))
+            ])))
         };
         assert!(storage(identity("0")).is_some());
         assert!(storage(identity("../../etc/passwd")).is_none());

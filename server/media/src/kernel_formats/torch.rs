@@ -4,33 +4,36 @@
 //! `data/0` holds its numbers, and `byteorder` and `version` give the byte order and the version. Older files, bare
 //! pickles, are refused.
 
-use super::archive;
+use super::archive::{self, Archive, Content};
 use super::array::Array;
 use super::error::KernelFormatError;
 use super::pickle::{self, PickledTensor};
+use crate::budget::Budget;
+use crate::shortened::shortened;
+use lightpath_optics::interrupt;
+
+/// Numbers that are gathered between two looks at the interrupt.
+const NUMBERS_AT_ONCE: usize = 1 << 16;
 
 /// Reads the tensor from the files of a `.pt` archive.
-pub(super) fn read(files: &archive::Files) -> Result<Array, KernelFormatError> {
-    let ends_with = |end: &str| files.iter().find(|(name, _)| name.ends_with(end));
-    let Some((pickle_name, pickled)) = ends_with("/data.pkl") else {
+pub(super) fn read<'b>(archive: &Archive<'b>, budget: &'b Budget) -> Result<Array<'b>, KernelFormatError> {
+    let Some(pickle_name) = archive.names().find(|name| name.ends_with("/data.pkl")) else {
         return Err(KernelFormatError::Archive("it has no data.pkl, so it is not a .pt file of torch.save".to_owned()));
     };
-    if let Some((_, order)) = ends_with("/byteorder")
-        && order != b"little"
-    {
+    let folder = pickle_name.trim_end_matches("data.pkl");
+    let content = |name: &str| archive.content(&format!("{folder}{name}"), budget);
+    let is_little = |order: Content<'_>| *order == *b"little";
+    if !content("byteorder")?.is_none_or(is_little) {
         return Err(KernelFormatError::Archive("its byte order is not little-endian".to_owned()));
     }
-    let tensor = pickle::read(pickled)?;
-    let folder = pickle_name.trim_end_matches("data.pkl");
-    let storage = format!("{folder}data/{}", tensor.storage);
-    let Some((_, bytes)) = files.iter().find(|(name, _)| *name == storage) else {
-        return Err(KernelFormatError::Archive(format!("it has no {storage}")));
-    };
-    gather(&tensor, bytes)
+    let absent = |name: &str| KernelFormatError::Archive(format!("it has no {}", shortened(format!("{folder}{name}"))));
+    let tensor = pickle::read(&content("data.pkl")?.ok_or_else(|| absent("data.pkl"))?)?;
+    let storage = format!("data/{}", tensor.storage);
+    gather(&tensor, &content(&storage)?.ok_or_else(|| absent(&storage))?, budget)
 }
 
 /// Reads the tensor's numbers in C order, for any strides.
-fn gather(tensor: &PickledTensor, bytes: &[u8]) -> Result<Array, KernelFormatError> {
+fn gather<'b>(tensor: &PickledTensor, bytes: &[u8], budget: &'b Budget) -> Result<Array<'b>, KernelFormatError> {
     let size = tensor.kind.bytes();
     let beyond = || KernelFormatError::Array {
         name: "the tensor".to_owned(),
@@ -61,15 +64,20 @@ fn gather(tensor: &PickledTensor, bytes: &[u8]) -> Result<Array, KernelFormatErr
             tensor.shape.clone(),
             tensor.kind,
             &bytes[tensor.offset * size..][..count * size],
+            budget,
         );
     }
+    let _gathered = budget.hold((count * size) as u64)?;
     let mut gathered = Vec::with_capacity(count * size);
     for i in 0..count {
+        if i % NUMBERS_AT_ONCE == 0 {
+            interrupt::check();
+        }
         let along = |axis: usize| i / contiguous[axis] % tensor.shape[axis] * tensor.stride[axis];
         let at = tensor.offset + (0..tensor.shape.len()).map(along).sum::<usize>();
         gathered.extend(&bytes[at * size..][..size]);
     }
-    Array::new("the tensor", tensor.shape.clone(), tensor.kind, &gathered)
+    Array::new("the tensor", tensor.shape.clone(), tensor.kind, &gathered, budget)
 }
 
 /// Writes a float32 tensor in the form that `torch.load` reads.
@@ -123,14 +131,16 @@ mod tests {
     #[test]
     fn written_tensor_is_read_back() {
         let numbers: Vec<f32> = (0..24).map(|n| n as f32 / 7.0).collect();
-        let files = archive::read(&write(&[1, 2, 3, 4], &numbers).unwrap()).unwrap();
-        let array = read(&files).unwrap();
+        let (file, budget) = (write(&[1, 2, 3, 4], &numbers).unwrap(), Budget::new(1000));
+        let array = read(&Archive::open(&file).unwrap(), &budget).unwrap();
         assert_eq!((array.shape, array.numbers, array.complex), (vec![1, 2, 3, 4], numbers, false));
     }
 
     #[test]
     fn strides_are_followed_but_not_beyond_the_storage() {
         let bytes: Vec<u8> = (0..6).flat_map(|n| (n as f32).to_le_bytes()).collect();
+        let budget = Budget::new(1000);
+        let gather = |tensor: &PickledTensor| gather(tensor, &bytes, &budget);
         let mut tensor = PickledTensor {
             storage: "0".into(),
             kind: Kind::F32,
@@ -139,10 +149,10 @@ mod tests {
             shape: vec![3, 2],
             stride: vec![1, 3],
         };
-        assert_eq!(gather(&tensor, &bytes).unwrap().numbers, [0.0, 3.0, 1.0, 4.0, 2.0, 5.0]);
+        assert_eq!(gather(&tensor).unwrap().numbers, [0.0, 3.0, 1.0, 4.0, 2.0, 5.0]);
         tensor.offset = 1;
-        assert!(gather(&tensor, &bytes).is_err());
+        assert!(gather(&tensor).is_err());
         let huge = PickledTensor { offset: 0, shape: vec![1 << 40, 1 << 40], stride: vec![0, 0], ..tensor };
-        assert!(gather(&huge, &bytes).is_err());
+        assert!(gather(&huge).is_err());
     }
 }

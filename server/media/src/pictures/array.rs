@@ -3,7 +3,6 @@
 use super::{FILE_BYTES_MAX, PictureError};
 use crate::npy;
 use lightpath_optics::Plane;
-use npyz::{DType, NpyFile, Order};
 
 /// Reads the phases \[rad\] in a .npy file: float32, C order, shape [`height_px`, `width_px`].
 ///
@@ -16,14 +15,17 @@ pub fn phase_npy(bytes: &[u8], height_px: usize, width_px: usize) -> Result<Plan
         return Err(PictureError::FileTooLarge { bytes: bytes.len() });
     }
     let refused = |actual: String| PictureError::NotAnArray { height_px, width_px, actual };
-    npy::require_plain_header(bytes).map_err(refused)?;
-    let file = NpyFile::new(bytes).map_err(|error| refused(format!("not a .npy file ({error})")))?;
-    let actual = format!("{} of shape {:?}", file.dtype().descr(), file.shape());
-    let is_f32 = matches!(file.dtype(), DType::Plain(kind) if kind.to_string().ends_with("f4"));
-    if file.shape() != [height_px as u64, width_px as u64] || !is_f32 || file.order() != Order::C {
-        return Err(refused(actual));
+    let array = npy::Array::open(bytes).map_err(refused)?;
+    let of_value = match array.kind.as_str() {
+        "<f4" => f32::from_le_bytes,
+        ">f4" => f32::from_be_bytes,
+        _ => return Err(refused(array.described())),
+    };
+    if array.shape != [height_px as u64, width_px as u64] || !array.is_c_order {
+        return Err(refused(array.described()));
     }
-    let values = file.into_vec::<f32>().map_err(|error| refused(format!("a damaged file ({error})")))?;
+    let values = array.values(height_px * width_px, of_value);
+    let values = values.ok_or_else(|| refused(format!("{} that ends early", array.described())))?;
     if values.iter().any(|value| !value.is_finite()) {
         return Err(refused("an array with values that are not finite".to_owned()));
     }

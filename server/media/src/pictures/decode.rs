@@ -1,19 +1,28 @@
 //! Decoding of picture files to linear light.
 
-use super::{FILE_BYTES_MAX, PIXELS_MAX, PictureError, SIDE_PX_MAX, fit, jpeg_end, srgb_to_linear};
-use image::codecs::{jpeg::JpegDecoder, png::PngDecoder, tiff::TiffDecoder};
+use super::jpeg::JpegDecoder;
+use super::memory::{self, reading_bytes};
+use super::tiff_directory::Directory;
+use super::{FILE_BYTES_MAX, PIXELS_MAX, PictureBytes, PictureError, SIDE_PX_MAX};
+use super::{fit, jpeg_end, png_chunks, srgb_to_linear};
+use crate::budget::{Budget, Held};
+use crate::shortened::shortened;
+use image::codecs::{png::PngDecoder, tiff::TiffDecoder};
 use image::metadata::Orientation;
 use image::{ColorType, ImageDecoder, ImageError, ImageFormat, ImageResult, Limits};
 use lightpath_domain::dataset::Encoding;
 use lightpath_domain::job::Fit;
-use lightpath_optics::{Plane, interrupt};
-use std::io::{self, BufRead, Cursor, Read, Seek, SeekFrom};
+use lightpath_optics::Plane;
+use std::io;
 
 /// Smallest side of a target \[px\]. Smaller pictures show nothing useful.
 pub const SIDE_PX_MIN: u32 = 8;
 
-/// Largest memory of a decoder \[bytes\], besides the pixels. The size of the picture is checked before decoding.
+/// Largest memory of a decoder \[bytes\] for what is not counted by pixel. The size of the picture is checked before
+/// decoding, and so is what the decoders count differently: chunks of PNG, tags of TIFF.
 const DECODER_BYTES_MAX: u64 = 1 << 30;
+/// Largest memory of the decoder of PNG \[bytes\]: some rows.
+const PNG_BYTES_MAX: u64 = 2 << 20;
 
 /// The colour channel that gives a picture's light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,7 +58,8 @@ pub fn target_channel(
     height_px: usize,
     width_px: usize,
 ) -> Result<Plane<f32>, PictureError> {
-    let target = linear_light(bytes, encoding, channel, SIDE_PX_MIN)?;
+    let budget = Budget::new(reading_bytes(bytes, (height_px * width_px) as u64));
+    let target = Picture::read(bytes, SIDE_PX_MIN, &budget)?.light(encoding, channel)?;
     fit::fit(target, fit, height_px, width_px)
 }
 
@@ -64,7 +74,7 @@ pub fn photograph(bytes: &[u8], encoding: Encoding) -> Result<Plane<f32>, Pictur
 
 /// [`photograph`] for one colour channel of the picture.
 pub fn photograph_channel(bytes: &[u8], encoding: Encoding, channel: Channel) -> Result<Plane<f32>, PictureError> {
-    linear_light(bytes, encoding, channel, 1)
+    Picture::read(bytes, 1, &Budget::new(reading_bytes(bytes, 0)))?.light(encoding, channel)
 }
 
 /// Decodes a picture to linear light in [0, 1], in its own size: one plane for a picture without colours, else red,
@@ -75,13 +85,14 @@ pub fn photograph_channel(bytes: &[u8], encoding: Encoding, channel: Channel) ->
 /// [`PictureError`] for a file that is no readable picture, and a picture beyond the limits or with a side below
 /// `side_px_min`.
 pub fn colour_planes(bytes: &[u8], encoding: Encoding, side_px_min: u32) -> Result<Vec<Plane<f32>>, PictureError> {
-    let picture = Picture::read(bytes, side_px_min)?;
+    let budget = Budget::new(reading_bytes(bytes, 0).saturating_add(memory::further_planes_bytes(bytes)));
+    let picture = Picture::read(bytes, side_px_min, &budget)?;
     let channels: &[Channel] = if picture.samples.is_grey() {
         &[Channel::Mean]
     } else {
         &[Channel::Colour(0), Channel::Colour(1), Channel::Colour(2)]
     };
-    Ok(channels.iter().map(|&channel| picture.light(encoding, channel)).collect())
+    channels.iter().map(|&channel| picture.light(encoding, channel)).collect()
 }
 
 /// Columns and rows \[px\] of a picture from its header, before any orientation. It decodes no pixel.
@@ -90,49 +101,60 @@ pub fn colour_planes(bytes: &[u8], encoding: Encoding, side_px_min: u32) -> Resu
 ///
 /// [`PictureError`] for a file that is no readable picture, and for a picture beyond the limits.
 pub fn picture_size(bytes: &[u8]) -> Result<(u32, u32), PictureError> {
-    let (_, decoder) = open(bytes)?;
-    Ok(decoder.dimensions())
-}
-
-fn linear_light(
-    bytes: &[u8],
-    encoding: Encoding,
-    channel: Channel,
-    side_px_min: u32,
-) -> Result<Plane<f32>, PictureError> {
-    Ok(Picture::read(bytes, side_px_min)?.light(encoding, channel))
+    Ok(open(bytes)?.decoder.dimensions())
 }
 
 /// A decoded picture, before its values are converted to light.
-struct Picture {
-    samples: Samples,
+struct Picture<'b> {
+    samples: Samples<'b>,
+    budget: &'b Budget,
     height_px: usize,
     width_px: usize,
     orientation: Orientation,
 }
 
-impl Picture {
-    fn read(bytes: &[u8], side_px_min: u32) -> Result<Self, PictureError> {
-        let (format, mut decoder) = open(bytes)?;
-        let (width_px, height_px) = decoder.dimensions();
+impl<'b> Picture<'b> {
+    fn read(bytes: &[u8], side_px_min: u32, budget: &'b Budget) -> Result<Self, PictureError> {
+        let mut opened = open(bytes)?;
+        let (format, (width_px, height_px)) = (opened.format, opened.decoder.dimensions());
         if width_px < side_px_min || height_px < side_px_min {
             return Err(PictureError::TooSmall { width_px, height_px, min_px: side_px_min });
         }
         if format == ImageFormat::Jpeg && !jpeg_end::has_end_of_image(bytes) {
             return Err(PictureError::Truncated { format: name(format) });
         }
-        let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
-        let samples = read_samples(format, decoder)?;
-        Ok(Self { samples, height_px: height_px as usize, width_px: width_px as usize, orientation })
+        let orientation = opened.orientation();
+        let samples = read_samples(opened, budget)?;
+        Ok(Self { samples, budget, height_px: height_px as usize, width_px: width_px as usize, orientation })
     }
 
-    fn light(&self, encoding: Encoding, channel: Channel) -> Plane<f32> {
-        oriented(self.samples.light(encoding, channel, self.height_px, self.width_px), self.orientation)
+    fn light(&self, encoding: Encoding, channel: Channel) -> Result<Plane<f32>, PictureError> {
+        let light_bytes = (size_of::<f32>() * self.height_px * self.width_px) as u64;
+        self.budget.take(light_bytes)?;
+        let light = self.samples.light(encoding, channel, self.height_px, self.width_px);
+        let is_turned = self.orientation != Orientation::NoTransforms;
+        let _turned = self.budget.hold(if is_turned { light_bytes } else { 0 })?;
+        Ok(oriented(light, self.orientation))
+    }
+}
+
+/// A picture file whose header was read.
+pub(super) struct Opened<'a> {
+    pub(super) format: ImageFormat,
+    pub(super) decoder: Box<dyn ImageDecoder + 'a>,
+    /// Memory of the decoder while it reads the pixels, besides them \[bytes\].
+    pub(super) decoding_bytes: u64,
+}
+
+impl Opened<'_> {
+    /// How the camera was turned, as far as the file says it.
+    pub(super) fn orientation(&mut self) -> Orientation {
+        self.decoder.orientation().unwrap_or(Orientation::NoTransforms)
     }
 }
 
 /// Recognizes the format, reads the header and checks the size.
-pub(super) fn open(bytes: &[u8]) -> Result<(ImageFormat, Box<dyn ImageDecoder + '_>), PictureError> {
+pub(super) fn open(bytes: &[u8]) -> Result<Opened<'_>, PictureError> {
     if bytes.is_empty() {
         return Err(PictureError::Empty);
     }
@@ -140,91 +162,90 @@ pub(super) fn open(bytes: &[u8]) -> Result<(ImageFormat, Box<dyn ImageDecoder + 
         return Err(PictureError::FileTooLarge { bytes: bytes.len() });
     }
     let not_a_picture = || PictureError::NotAPicture { start: bytes[..bytes.len().min(8)].escape_ascii().to_string() };
-    let format = image::guess_format(bytes).map_err(|_| not_a_picture())?;
-    let decoder = match format {
-        ImageFormat::Png => boxed(PngDecoder::with_limits(PictureBytes::new(bytes), limits())),
-        ImageFormat::Jpeg => boxed(JpegDecoder::new(Cursor::new(bytes))),
-        ImageFormat::Tiff => boxed(TiffDecoder::new(PictureBytes::new(bytes))),
+    let format = format(bytes).ok_or_else(not_a_picture)?;
+    let opened = match format {
+        ImageFormat::Png => open_png(bytes),
+        ImageFormat::Jpeg => open_jpeg(bytes),
+        ImageFormat::Tiff => open_tiff(bytes)?,
         _ => return Err(not_a_picture()),
     };
-    let mut decoder = decoder.map_err(|error| refusal(format, &error))?;
+    let (mut decoder, decoding_bytes) = opened.map_err(|error| refusal(format, &error))?;
     let (width_px, height_px) = decoder.dimensions();
     let too_many = u64::from(width_px) * u64::from(height_px) > PIXELS_MAX;
     if too_many || width_px > SIDE_PX_MAX || height_px > SIDE_PX_MAX {
         return Err(PictureError::TooLarge { width_px, height_px });
     }
-    decoder.set_limits(limits()).map_err(|error| refusal(format, &error))?;
-    Ok((format, decoder))
+    decoder.set_limits(limits(DECODER_BYTES_MAX)).map_err(|error| refusal(format, &error))?;
+    Ok(Opened { format, decoder, decoding_bytes })
 }
 
-/// Bytes that a decoder gets at once. It takes about a millisecond to decode so many.
-const BYTES_AT_ONCE: usize = 64 << 10;
-
-/// The bytes of a picture. Reading them looks at the [interrupt](lightpath_optics::interrupt) of the job, because large
-/// pictures take seconds.
-struct PictureBytes<'a>(Cursor<&'a [u8]>);
-
-impl<'a> PictureBytes<'a> {
-    fn new(bytes: &'a [u8]) -> Self {
-        Self(Cursor::new(bytes))
+/// The format of a file, from its first bytes.
+fn format(bytes: &[u8]) -> Option<ImageFormat> {
+    match bytes {
+        // BigTIFF, for files beyond 4 GiB.
+        [b'I', b'I', 43, 0, ..] | [b'M', b'M', 0, 43, ..] => Some(ImageFormat::Tiff),
+        _ => image::guess_format(bytes).ok(),
     }
 }
 
-impl Read for PictureBytes<'_> {
-    fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
-        interrupt::check();
-        let len = out.len().min(BYTES_AT_ONCE);
-        self.0.read(&mut out[..len])
-    }
+/// A decoder, and its memory besides the pixels \[bytes\].
+type Decoding<'a> = ImageResult<(Box<dyn ImageDecoder + 'a>, u64)>;
+
+fn open_png(bytes: &[u8]) -> Decoding<'_> {
+    let file = PictureBytes::new(png_chunks::needed(bytes));
+    Ok((Box::new(PngDecoder::with_limits(file, limits(PNG_BYTES_MAX))?), 0))
 }
 
-impl BufRead for PictureBytes<'_> {
-    fn fill_buf(&mut self) -> io::Result<&[u8]> {
-        interrupt::check();
-        let bytes = self.0.fill_buf()?;
-        Ok(&bytes[..bytes.len().min(BYTES_AT_ONCE)])
-    }
-
-    fn consume(&mut self, amount: usize) {
-        self.0.consume(amount);
-    }
+fn open_jpeg(bytes: &[u8]) -> Decoding<'_> {
+    let decoder = JpegDecoder::new(PictureBytes::new(bytes))?;
+    let decoding_bytes = decoder.decoding_bytes();
+    Ok((Box::new(decoder), decoding_bytes))
 }
 
-impl Seek for PictureBytes<'_> {
-    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
-        self.0.seek(to)
-    }
+fn open_tiff(bytes: &[u8]) -> Result<Decoding<'_>, PictureError> {
+    let format = name(ImageFormat::Tiff);
+    let directory = Directory::read(bytes).ok_or(PictureError::Truncated { format })?;
+    directory.check().map_err(|detail| PictureError::Unsupported { format, detail })?;
+    let directory_bytes = directory.decoding_bytes();
+    let opened = TiffDecoder::new(PictureBytes::new(bytes)).map(|decoder| {
+        // The decoder makes a copy of the pixels, which has a fourth sample for colours of ink.
+        let pixel_bits = decoder.original_color_type().bits_per_pixel().max(decoder.color_type().bits_per_pixel());
+        let (width_px, height_px) = decoder.dimensions();
+        let copied_bytes = u64::from(width_px) * u64::from(height_px) * u64::from(pixel_bits.div_ceil(8));
+        (Box::new(decoder) as Box<dyn ImageDecoder + '_>, directory_bytes + copied_bytes)
+    });
+    Ok(opened)
 }
 
-fn boxed<'a>(decoder: ImageResult<impl ImageDecoder + 'a>) -> ImageResult<Box<dyn ImageDecoder + 'a>> {
-    Ok(Box::new(decoder?))
-}
-
-fn limits() -> Limits {
+fn limits(bytes_max: u64) -> Limits {
     let mut limits = Limits::default();
-    limits.max_alloc = Some(DECODER_BYTES_MAX);
+    limits.max_alloc = Some(bytes_max);
     limits
 }
 
 /// Interleaved samples from the decoder. 16-bit samples are in the machine's byte order.
-pub(super) struct Samples {
+pub(super) struct Samples<'b> {
     pub(super) bytes: Vec<u8>,
     pub(super) colour: ColorType,
+    _held: Held<'b>,
 }
 
-pub(super) fn read_samples(format: ImageFormat, decoder: Box<dyn ImageDecoder + '_>) -> Result<Samples, PictureError> {
+pub(super) fn read_samples<'b>(opened: Opened<'_>, budget: &'b Budget) -> Result<Samples<'b>, PictureError> {
+    let Opened { format, decoder, decoding_bytes } = opened;
     let colour = decoder.color_type();
     match colour {
         ColorType::L8 | ColorType::La8 | ColorType::Rgb8 | ColorType::Rgba8 => {}
         ColorType::L16 | ColorType::La16 | ColorType::Rgb16 | ColorType::Rgba16 => {}
         other => return Err(PictureError::Unsupported { format: name(format), detail: format!("{other:?}") }),
     }
+    let held = budget.hold(decoder.total_bytes())?;
+    let _decoding = budget.hold(decoding_bytes)?;
     let mut bytes = vec![0; decoder.total_bytes() as usize];
     decoder.read_image_boxed(&mut bytes).map_err(|error| refusal(format, &error))?;
-    Ok(Samples { bytes, colour })
+    Ok(Samples { bytes, colour, _held: held })
 }
 
-impl Samples {
+impl Samples<'_> {
     fn light(&self, encoding: Encoding, channel: Channel, height_px: usize, width_px: usize) -> Plane<f32> {
         let wide = self.colour.bytes_per_pixel() / self.colour.channel_count() == 2;
         let full_scale = if wide { f32::from(u16::MAX) } else { f32::from(u8::MAX) };
@@ -293,7 +314,7 @@ fn name(format: ImageFormat) -> &'static str {
 }
 
 fn refusal(format: ImageFormat, error: &ImageError) -> PictureError {
-    let (format, detail) = (name(format), error.to_string());
+    let (format, detail) = (name(format), shortened(error));
     let ends_early = |error: &io::Error| error.kind() == io::ErrorKind::UnexpectedEof;
     match error {
         ImageError::IoError(error) if ends_early(error) => PictureError::Truncated { format },

@@ -1,6 +1,7 @@
 //! Errors of reading and writing pictures.
 
 use super::{FILE_BYTES_MAX, PIXELS_MAX, SIDE_PX_MAX};
+use crate::budget::OverBudget;
 
 /// Reason why a picture was refused. The messages say what is allowed.
 #[derive(Debug, thiserror::Error)]
@@ -52,6 +53,8 @@ pub enum PictureError {
          values are scaled to the range of the file, set photo_bit_depth to 0"
     )]
     AboveBitDepth { value: u32, x_px: usize, y_px: usize, bit_depth: u32 },
+    #[error(transparent)]
+    Memory(#[from] OverBudget),
     #[error("the picture could not be encoded ({0})")]
     Encode(String),
 }

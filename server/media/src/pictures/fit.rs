@@ -112,23 +112,38 @@ fn catmull_rom(x: f64) -> f64 {
     }
 }
 
+/// Resamples rows, then columns. A long and narrow picture for a long and narrow display that lies across it would have a
+/// huge intermediate, and is resampled in the other order. So no intermediate is larger than picture and result: the
+/// product of the two possible ones is the product of these.
 fn resample(picture: &Plane<f32>, rows: Span, columns: Span) -> Plane<f32> {
-    let narrow = resample_rows(picture, &columns.weights());
-    let row_weights = rows.weights();
-    let mut out = Plane::filled(rows.outputs, columns.outputs, 0.0);
-    out.values_mut().par_chunks_mut(columns.outputs).zip(&row_weights).for_each(|(out_row, (first, weights))| {
+    let larger = picture.values().len().max(rows.outputs * columns.outputs);
+    let mut out = if picture.height_px() * columns.outputs > larger {
+        resample_rows(&resample_columns(picture, &rows.weights()), &columns.weights())
+    } else {
+        resample_columns(&resample_rows(picture, &columns.weights()), &rows.weights())
+    };
+    out.values_mut().par_iter_mut().for_each(|value| *value = value.clamp(0.0, 1.0));
+    out
+}
+
+/// First input and weights of each output.
+type Weights = [(usize, Vec<f32>)];
+
+fn resample_columns(picture: &Plane<f32>, weights: &Weights) -> Plane<f32> {
+    let width_px = picture.width_px();
+    let mut out = Plane::filled(weights.len(), width_px, 0.0);
+    out.values_mut().par_chunks_mut(width_px).zip(weights).for_each(|(out_row, (first, weights))| {
         interrupt::check();
         for (i, weight) in weights.iter().enumerate() {
-            for (value, input) in out_row.iter_mut().zip(narrow.row(first + i)) {
+            for (value, input) in out_row.iter_mut().zip(picture.row(first + i)) {
                 *value += weight * input;
             }
         }
-        out_row.iter_mut().for_each(|value| *value = value.clamp(0.0, 1.0));
     });
     out
 }
 
-fn resample_rows(picture: &Plane<f32>, weights: &[(usize, Vec<f32>)]) -> Plane<f32> {
+fn resample_rows(picture: &Plane<f32>, weights: &Weights) -> Plane<f32> {
     let mut out = Plane::filled(picture.height_px(), weights.len(), 0.0);
     out.values_mut().par_chunks_mut(weights.len()).enumerate().for_each(|(y, out_row)| {
         interrupt::check();

@@ -1,6 +1,7 @@
 //! Reading of holograms: grey PNGs whose values are levels of the display.
 
-use super::{PictureError, decode};
+use super::{PictureError, decode, reading_bytes};
+use crate::budget::Budget;
 use image::{ColorType, ImageFormat};
 use lightpath_optics::Plane;
 
@@ -12,7 +13,9 @@ use lightpath_optics::Plane;
 /// [`PictureError`] for a file that is no readable PNG, is not grey, has another size than `height_px` × `width_px`, or
 /// holds a level that the display does not have.
 pub fn levels(bytes: &[u8], bit_depth: u32, height_px: usize, width_px: usize) -> Result<Plane<u16>, PictureError> {
-    let (format, decoder) = decode::open(bytes)?;
+    let budget = Budget::new(reading_bytes(bytes, (height_px * width_px) as u64));
+    let opened = decode::open(bytes)?;
+    let (format, decoder) = (opened.format, &opened.decoder);
     if format != ImageFormat::Png {
         return Err(PictureError::NotLevels { actual: format!("a {format:?} file") });
     }
@@ -26,7 +29,7 @@ pub fn levels(bytes: &[u8], bit_depth: u32, height_px: usize, width_px: usize) -
         let (width_px, height_px) = (width_px as u32, height_px as u32);
         return Err(PictureError::WrongSize { width_px, height_px, actual_width_px, actual_height_px });
     }
-    let samples = decode::read_samples(format, decoder)?;
+    let samples = decode::read_samples(opened, &budget)?;
     let plane = Plane::from_fn(height_px, width_px, |y, x| {
         let i = y * width_px + x;
         if samples.colour == ColorType::L16 { samples.sample_16(i) } else { u16::from(samples.bytes[i]) }

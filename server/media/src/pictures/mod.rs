@@ -1,7 +1,8 @@
 //! Pictures: decoding of users' files, fitting to a display, and encoding of results.
 //!
 //! A picture is recognized by its content, never by a file name. Its header is read and its size is checked before
-//! memory for its pixels is allocated. The result of decoding is a plane of linear light in [0, 1]:
+//! memory for its pixels is allocated. No file takes more memory than [`reading_bytes`] says of it from its header
+//! ([`crate::budget`]). The result of decoding is a plane of linear light in [0, 1]:
 //!
 //! - sRGB values are decoded to linear light *before* channels are averaged and pixels are resampled;
 //! - the light is the mean over the colour channels, unless the caller asks for one channel;
@@ -14,13 +15,19 @@ mod decode;
 mod encode;
 mod error;
 mod fit;
+mod jpeg;
 mod jpeg_end;
 mod levels;
 mod memory;
 mod photograph;
+mod picture_bytes;
+mod png_chunks;
 mod srgb;
 #[cfg(test)]
 mod tests;
+mod tiff_directory;
+
+use picture_bytes::PictureBytes;
 
 pub use array::phase_npy;
 pub use decode::{

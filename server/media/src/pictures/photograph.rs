@@ -9,13 +9,13 @@
 //! channel alone.
 
 use super::decode::{self, Samples};
-use super::{FILE_BYTES_MAX, PictureError, srgb_to_linear};
+use super::{FILE_BYTES_MAX, PictureError, reading_bytes, srgb_to_linear};
+use crate::budget::Budget;
 use crate::npy;
+use crate::shortened::sides;
 use image::ImageFormat;
-use image::metadata::Orientation;
 use lightpath_domain::dataset::Encoding;
 use lightpath_optics::Plane;
-use npyz::{NpyFile, Order};
 
 /// The light of saturated pixels.
 pub const SATURATED: f32 = 1.0;
@@ -44,22 +44,23 @@ pub fn photo_light(bytes: &[u8], reading: &PhotoReading) -> Result<Plane<f32>, P
     if npy::is_npy(bytes) {
         return array_light(bytes, reading);
     }
-    let (format, mut decoder) = decode::open(bytes)?;
-    let (width_px, height_px) = decoder.dimensions();
+    let budget = Budget::new(reading_bytes(bytes, 0));
+    let mut opened = decode::open(bytes)?;
+    let (width_px, height_px) = opened.decoder.dimensions();
     if width_px == 0 || height_px == 0 {
         return Err(PictureError::TooSmall { width_px, height_px, min_px: 1 });
     }
-    if format == ImageFormat::Jpeg && !super::jpeg_end::has_end_of_image(bytes) {
+    if opened.format == ImageFormat::Jpeg && !super::jpeg_end::has_end_of_image(bytes) {
         return Err(PictureError::Truncated { format: "JPEG" });
     }
-    let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
-    let samples = decode::read_samples(format, decoder)?;
+    let orientation = opened.orientation();
+    let samples = decode::read_samples(opened, &budget)?;
     let light = picture_light(&samples, reading, height_px as usize, width_px as usize)?;
     Ok(decode::oriented(light, orientation))
 }
 
 fn picture_light(
-    samples: &Samples,
+    samples: &Samples<'_>,
     reading: &PhotoReading,
     height_px: usize,
     width_px: usize,
@@ -103,35 +104,32 @@ fn array_light(bytes: &[u8], reading: &PhotoReading) -> Result<Plane<f32>, Pictu
         return Err(PictureError::FileTooLarge { bytes: bytes.len() });
     }
     let refused = |actual: String| PictureError::NotAPhotoArray { actual };
-    npy::require_plain_header(bytes).map_err(refused)?;
-    let file = NpyFile::new(bytes).map_err(|error| refused(format!("not a .npy file ({error})")))?;
-    let kind = file.dtype().descr();
-    let [height_px, width_px] = *file.shape() else {
-        return Err(refused(format!("{kind} of shape {:?}", file.shape())));
-    };
+    let array = npy::Array::open(bytes).map_err(refused)?;
+    let (kind, shape) = (&array.kind, sides(&array.shape));
+    let [height_px, width_px] = *array.shape else { return Err(refused(format!("{kind} of shape {shape}"))) };
     let side_max = u64::from(super::SIDE_PX_MAX);
-    if file.order() != Order::C || height_px == 0 || width_px == 0 || height_px > side_max || width_px > side_max {
-        return Err(refused(format!("{kind} of shape {:?}, {:?} order", file.shape(), file.order())));
+    if !array.is_c_order || height_px == 0 || width_px == 0 || height_px > side_max || width_px > side_max {
+        let order = if array.is_c_order { "C" } else { "Fortran" };
+        return Err(refused(format!("{kind} of shape {shape}, {order} order")));
     }
-    // Checks that the file can hold the claimed number of values before memory for them is allocated.
     let pixels = height_px * width_px;
-    if pixels > super::PIXELS_MAX || pixels > bytes.len() as u64 {
-        return Err(refused(format!("{kind} of shape {:?} in a file of {} bytes", file.shape(), bytes.len())));
+    let refused_length = || refused(format!("{kind} of shape {shape} in a file of {} bytes", bytes.len()));
+    if pixels > super::PIXELS_MAX {
+        return Err(refused_length());
     }
-    let damaged = |error: std::io::Error| refused(format!("a damaged file ({error})"));
+    let pixels = pixels as usize;
     let full_scale = match reading.bit_depth {
         0 => f32::from(u16::MAX),
         bits => ((1_u32 << bits.min(16)) - 1) as f32,
     };
-    let values: Vec<f32> = match kind.trim_matches(['\'', '"']).trim_start_matches(['<', '|', '=']) {
-        "f4" => file.into_vec::<f32>().map_err(damaged)?,
-        "f8" => file.into_vec::<f64>().map_err(damaged)?.into_iter().map(|value| value as f32).collect(),
-        "u1" => file.into_vec::<u8>().map_err(damaged)?.into_iter().map(|value| f32::from(value) / 255.0).collect(),
-        "u2" => {
-            file.into_vec::<u16>().map_err(damaged)?.into_iter().map(|value| f32::from(value) / full_scale).collect()
-        }
-        _ => return Err(refused(format!("{kind} of shape [{height_px}, {width_px}]"))),
+    let values = match kind.trim_start_matches(['<', '|', '=']) {
+        "f4" => array.values(pixels, f32::from_le_bytes),
+        "f8" => array.values(pixels, |bytes| f64::from_le_bytes(bytes) as f32),
+        "u1" => array.values(pixels, |[value]| f32::from(value) / 255.0),
+        "u2" => array.values(pixels, |bytes| f32::from(u16::from_le_bytes(bytes)) / full_scale),
+        _ => return Err(refused(format!("{kind} of shape {shape}"))),
     };
+    let values = values.ok_or_else(refused_length)?;
     let width = width_px as usize;
     if let Some(i) = values.iter().position(|value| !value.is_finite()) {
         return Err(PictureError::NotFinite { x_px: i % width, y_px: i / width });

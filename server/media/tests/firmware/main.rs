@@ -26,6 +26,9 @@ mod text;
 mod vectors;
 
 use compiler::{Program, run};
+use lightpath_media::budget::Budget;
+use lightpath_media::kernel_formats::{self, Imported, KernelFormatError};
+use lightpath_optics::OpticalSetup;
 use std::path::{Path, PathBuf};
 
 /// Whether the vectors are written instead of compared.
@@ -34,6 +37,11 @@ const WRITE: &str = "LIGHTPATH_WRITE_VECTORS";
 const BYTES_MAX: u64 = 400_000;
 /// Number of damaged files.
 const DAMAGED: u32 = 1_000_000;
+
+/// Reads a kernel with the memory that is counted for its file.
+fn import(bytes: &[u8], setup: &OpticalSetup) -> Result<Imported, KernelFormatError> {
+    kernel_formats::import(bytes, setup, &Budget::new(kernel_formats::importing_bytes(bytes)))
+}
 
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../firmware/vectors")

@@ -1,7 +1,8 @@
 //! Files that every decoder must refuse, as changes of the vectors' files, with the reason.
 
+use crate::import;
 use crate::kernels;
-use lightpath_media::kernel_formats::{compact, import};
+use lightpath_media::kernel_formats::compact;
 use lightpath_optics::{ConvolutionMethod, Grid, OpticalSetup};
 use std::fs;
 use std::path::Path;

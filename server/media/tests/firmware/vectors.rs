@@ -1,9 +1,10 @@
 //! The numbers of each vector, from the engine.
 
+use crate::import;
 use crate::kernels::{self, Case};
 use crate::plain_decoder;
 use crate::text::{self, Block};
-use lightpath_media::kernel_formats::{KernelFormat, compact, export, import};
+use lightpath_media::kernel_formats::{KernelFormat, compact, export};
 use lightpath_optics::display::parts::crosstalk;
 use lightpath_optics::engine::EngineCore;
 use lightpath_optics::numerics::grid::frequency;

@@ -6,11 +6,9 @@ use crate::error::Result;
 use crate::field::Field;
 use lightpath_artifacts::ArtifactError;
 use lightpath_media::pictures::{self, PictureError};
-use std::fs::File;
-use std::io::{self, BufReader};
 
-/// Memory for reading a header \[bytes\]. The decoder of JPEG reads the whole file, which is added.
-const HEADER_BYTES: u64 = 1 << 20;
+/// Memory for reading a header \[bytes\], besides the file and what is copied of it: the tags of TIFF files take most.
+const HEADER_BYTES: u64 = 16 << 20;
 
 impl Files {
     /// Refuses an artifact that does not exist or is larger than a picture may be, and returns its size \[bytes\].
@@ -40,15 +38,12 @@ impl Files {
         call: &Call,
         field: &Field,
         digest: &str,
-        read: impl FnOnce(BufReader<File>) -> io::Result<u64> + Send + 'static,
+        read: impl FnOnce(&[u8]) -> u64 + Send + 'static,
     ) -> Result<u64> {
         let file_bytes = self.require_picture(call, field, digest).await?;
         let (artifacts, digest) = (self.artifacts.clone(), digest.to_owned());
-        let read_header = move || {
-            let number = read(BufReader::new(artifacts.open_blocking(&digest)?));
-            number.map_err(|source| ArtifactError::Io { action: "read a header", source })
-        };
-        Ok(self.computing.run(call, file_bytes + HEADER_BYTES, read_header).await??)
+        let read_header = move || Ok::<_, ArtifactError>(read(&artifacts.read_blocking(&digest)?));
+        Ok(self.computing.run(call, 2 * file_bytes + HEADER_BYTES, read_header).await??)
     }
 
     /// Reads a picture for a display of `fitted_px` pixels. Returns the result of `decode` and the memory that reading

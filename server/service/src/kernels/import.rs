@@ -2,7 +2,6 @@
 
 use super::Kernels;
 use super::bundle::Record;
-use super::model_file::importing_bytes;
 use crate::call::Call;
 use crate::error::{Result, ServiceError};
 use crate::field::Field;
@@ -13,9 +12,13 @@ use lightpath_domain::kernel::{
 };
 use lightpath_domain::planning;
 use lightpath_domain::units::{Distance, Wavelength};
+use lightpath_media::budget::Budget;
 use lightpath_media::kernel_file::{self, Origin};
 use lightpath_media::kernel_formats::{self, Imported, KernelFormatError};
 use lightpath_optics::{KernelModel, OpticalSetup};
+
+/// Memory for the directory of an archive \[bytes\], besides its file.
+const DIRECTORY_BYTES: u64 = 4 << 20;
 
 /// A kernel file to be imported, and where it belongs.
 #[derive(Clone, Debug)]
@@ -46,13 +49,13 @@ impl Kernels {
             .map_err(|error| Field::new("distance_m").invalid(format!("is not possible: {error}")))?;
         // A kernel is accepted even if no propagation method is valid for it.
         let setup = planning::planned(setup, None).map_or(setup, |(planned, _)| planned);
-        let need_bytes = importing_bytes(record.size_bytes);
+        let need_bytes = self.importing_bytes(call, &digest, record.size_bytes).await?;
         let (artifacts, name) = (self.artifacts.clone(), digest.clone());
         let destination =
             Destination { field: field.clone(), display, key: key.clone(), any_display: from_another_display };
         let read = move || -> Result<_, ArtifactError> {
             let file = artifacts.read_blocking(&name)?;
-            Ok(imported(&file, &setup, &destination))
+            Ok(imported(&file, &setup, &destination, &Budget::new(need_bytes)))
         };
         let Import { kind, form, native_file, origin, note } =
             self.computing.run(call, need_bytes, read).await??.map_err(|error| match error {
@@ -92,6 +95,14 @@ impl Kernels {
         };
         let version = NewKernelVersion { model: kind, artifact, size_bytes, metrics, lineage };
         Ok(self.store.add_kernel_version(&key, version, self.store.now_ms()).await?)
+    }
+
+    /// Memory for reading an uploaded kernel file and writing its kernel \[bytes\]. An archive is much larger when it is
+    /// unpacked, so its directory is read first.
+    async fn importing_bytes(&self, call: &Call, digest: &str, size_bytes: u64) -> Result<u64> {
+        let (artifacts, digest) = (self.artifacts.clone(), digest.to_owned());
+        let read = move || Ok::<_, ArtifactError>(kernel_formats::importing_bytes(&artifacts.read_blocking(&digest)?));
+        Ok(self.computing.run(call, size_bytes + DIRECTORY_BYTES, read).await??)
     }
 }
 
@@ -135,8 +146,13 @@ enum ImportError {
 }
 
 /// Reads a kernel from a file, and converts it to the native format if the file has another one.
-fn imported(file: &[u8], setup: &OpticalSetup, destination: &Destination) -> Result<Import, ImportError> {
-    let imported = kernel_formats::import(file, setup).map_err(ImportError::Format)?;
+fn imported(
+    file: &[u8],
+    setup: &OpticalSetup,
+    destination: &Destination,
+    budget: &Budget,
+) -> Result<Import, ImportError> {
+    let imported = kernel_formats::import(file, setup, budget).map_err(ImportError::Format)?;
     require_setup(&destination.field, &imported.model.setup, &destination.display, &destination.key)
         .map_err(ImportError::Refused)?;
     require_display(destination, &imported.origin).map_err(ImportError::Refused)?;

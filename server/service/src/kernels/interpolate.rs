@@ -1,7 +1,6 @@
 //! Interpolation of kernels for distances between photographed ones.
 
 use super::Kernels;
-use super::model_file::importing_bytes;
 use crate::call::Call;
 use crate::error::{Result, ServiceError};
 use crate::field::Field;
@@ -46,7 +45,7 @@ impl Kernels {
             let origin = Origin { display: Some(display.id), interpolated_from_m: from_m, record: None };
             kernel_file::encode_with(&interpolated(&models, setup)?, kind, &origin)
         };
-        let file = self.computing.run(call, importing_bytes(size_bytes), interpolate).await?;
+        let file = self.computing.run(call, kernel_file::decoding_bytes(size_bytes), interpolate).await?;
         let file = file.map_err(|error| field.invalid(format!("is {distance}: {error}")))?;
         let version = NewKernelVersion {
             model: content.model,

@@ -29,19 +29,13 @@ pub(super) fn exporting_bytes(file_bytes: u64, display: &Display, key: &KernelKe
     file_bytes + 4 * TRANSFER_BYTES_PER_PX * px + sampling + OTHER_BYTES
 }
 
-/// Memory for reading kernel files of `file_bytes` and writing a native one \[bytes\]: the files, their numbers (those
-/// of 16-bit files take twice the space), the model, and the other file.
-pub(super) fn importing_bytes(file_bytes: u64) -> u64 {
-    6 * file_bytes + OTHER_BYTES
-}
-
 impl Kernels {
     /// Reads the model from the file of a version.
     pub(super) async fn model_of(&self, call: &Call, version: &KernelVersion) -> Result<DisplayModel> {
         let (artifacts, artifact) = (self.artifacts.clone(), version.content.artifact.clone());
         let read =
             move || -> Result<_, ArtifactError> { Ok(kernel_file::decode(&artifacts.read_blocking(&artifact)?)) };
-        let decoded = self.computing.run(call, importing_bytes(version.content.size_bytes), read).await??;
+        let decoded = self.computing.run(call, kernel_file::decoding_bytes(version.content.size_bytes), read).await??;
         let (model, _) = decoded.map_err(|error| ServiceError::Precondition {
             reason: PreconditionReason::KernelUnreadable,
             message: format!("{}/versions/{}: {error}", version.key, version.version),
