@@ -45,11 +45,13 @@ pub(crate) fn text(path: &Path) -> Result<String, Failure> {
     Ok(std::fs::read_to_string(path).map_err(read_error)?)
 }
 
-/// The paths of what is in a folder, in their order.
+/// The paths of what is in a folder, in their order, without hidden files. macOS writes a hidden `._NAME` beside each
+/// NAME on drives of other systems: its extension is that of a picture, but it is none.
 pub(crate) fn paths_in(folder: &Path) -> Result<Vec<PathBuf>, Failure> {
     let read_error = |source| lightpath::Error::File { action: "read", path: folder.to_owned(), source };
     let entries = std::fs::read_dir(folder).map_err(read_error)?;
     let mut paths = entries.map(|entry| Ok(entry.map_err(read_error)?.path())).collect::<Result<Vec<_>, Failure>>()?;
+    paths.retain(|path| !path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.')));
     paths.sort();
     Ok(paths)
 }
@@ -62,8 +64,7 @@ pub(crate) fn has_extension(path: &Path, extensions: &[&str]) -> bool {
 
 fn in_folder(folder: &Path, extensions: &[&str]) -> Result<Vec<PathBuf>, Failure> {
     let mut paths = paths_in(folder)?;
-    let is_hidden = |path: &Path| path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'));
-    paths.retain(|path| has_extension(path, extensions) && !is_hidden(path) && path.is_file());
+    paths.retain(|path| has_extension(path, extensions) && path.is_file());
     Ok(paths)
 }
 
