@@ -134,7 +134,7 @@ fn pictures(folder: &Path) -> Result<BTreeMap<String, PathBuf>, Failure> {
 fn table(text: &str) -> Result<Manifest, String> {
     let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
     let (_, first) = lines.next().ok_or("the file is empty")?;
-    let names = fields(first.trim_start_matches('\u{feff}'));
+    let names = fields(first);
     const KNOWN: [&str; 7] = ["id", "phase", "photo", "split", "black_level", "exposure_s", "camera_gain"];
     if let Some(unknown) = names.iter().find(|name| !KNOWN.contains(&name.as_str())) {
         return Err(format!(
