@@ -84,14 +84,20 @@ pub fn colour_planes(bytes: &[u8], encoding: Encoding, side_px_min: u32) -> Resu
     Ok(channels.iter().map(|&channel| picture.light(encoding, channel)).collect())
 }
 
-/// Columns and rows \[px\] of a picture from its header, before any orientation. It decodes no pixel.
+/// Columns and rows \[px\] of a picture from its header, turned as the camera recorded. It decodes no pixel.
 ///
 /// # Errors
 ///
 /// [`PictureError`] for a file that is no readable picture, and for a picture beyond the limits.
 pub fn picture_size(bytes: &[u8]) -> Result<(u32, u32), PictureError> {
-    let (_, decoder) = open(bytes)?;
-    Ok(decoder.dimensions())
+    let (_, mut decoder) = open(bytes)?;
+    let (width_px, height_px) = decoder.dimensions();
+    Ok(match decoder.orientation().unwrap_or(Orientation::NoTransforms) {
+        Orientation::Rotate90 | Orientation::Rotate270 | Orientation::Rotate90FlipH | Orientation::Rotate270FlipH => {
+            (height_px, width_px)
+        }
+        _ => (width_px, height_px),
+    })
 }
 
 fn linear_light(
@@ -262,6 +268,22 @@ impl Samples {
             let colours = &pixel[..3 * sample_bytes];
             colours[..2 * sample_bytes] == colours[sample_bytes..]
         })
+    }
+
+    /// Whether a sample has 16 bits, and not 8.
+    pub(super) fn is_wide(&self) -> bool {
+        self.colour.bytes_per_pixel() / self.colour.channel_count() == 2
+    }
+
+    /// Samples of a pixel, and how many of them are not alpha.
+    pub(super) fn channels_and_colours(&self) -> (usize, usize) {
+        let channels = usize::from(self.colour.channel_count());
+        (channels, channels - usize::from(self.colour.has_alpha()))
+    }
+
+    /// The `i`-th sample.
+    pub(super) fn value(&self, i: usize) -> u32 {
+        if self.is_wide() { self.sample_16(i).into() } else { self.bytes[i].into() }
     }
 
     pub(super) fn sample_16(&self, i: usize) -> u16 {

@@ -31,7 +31,7 @@ pub use error::PictureError;
 pub use fit::{fit, resized};
 pub use levels::levels;
 pub use memory::{pixels, reading_bytes};
-pub use photograph::{PhotoReading, SATURATED, SATURATION, photo_light};
+pub use photograph::{Photo, PhotoReading, SATURATED, SATURATION, photo};
 pub use srgb::{linear_to_srgb, srgb_to_linear};
 
 /// Longest accepted side of a picture \[px\]: longer than that of any SLM or camera.

@@ -135,6 +135,7 @@ fn recorded_orientation_is_applied() {
     let turned = [&plain[..2], exif, &plain[2..]].concat();
     let light = photograph(&turned, Encoding::Linear).unwrap();
     assert_eq!((light.height_px(), light.width_px()), (10, 8));
+    assert_eq!((picture_size(&turned).unwrap(), picture_size(&plain).unwrap()), ((8, 10), (10, 8)));
     assert!(light.at(9, 4) > 0.8 && light.at(0, 4) < 0.1, "the left side is at the top");
 }
 
