@@ -168,9 +168,9 @@ def test_phase_responses_in_another_unit_are_questioned(lab: lightpath.Lab) -> N
             phase_response_rad=phases,  # type: ignore[arg-type]
         )
 
-    with pytest.raises(lightpath.InvalidRequest, match="spans 360 rad, 57 turns.* are these degrees"):
+    with pytest.raises(lightpath.InvalidRequest, match=r"spans 360 rad, 57 turns.* are these degrees"):
         create(np.linspace(0, 360, 256))
-    with pytest.raises(lightpath.InvalidRequest, match="whole numbers only.* are they grey levels"):
+    with pytest.raises(lightpath.InvalidRequest, match=r"whole numbers only.* are they grey levels"):
         create(list(range(256)))
     with pytest.raises(lightpath.InvalidArgument, match="has the shape"):
         create(np.zeros((256, 2)))

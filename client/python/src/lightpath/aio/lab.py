@@ -91,8 +91,8 @@ class Lab:
         - `resolution`: columns and rows, such as `"1920x1080"`
         - `pixel_pitch`, `wavelength`: metres, or text such as `"8um"` and `"515nm"`; several wavelengths for colour
         - `bit_depth`: bits of a grey level. Default: 8
-        - `phase_response_rad`: phase of each grey level [rad], such as `numpy.loadtxt("response.txt")`. Default: linear,
-          one turn
+        - `phase_response_rad`: phase of each grey level [rad], such as `numpy.loadtxt("response.txt")`. Default:
+          linear, one turn
         - `carrier`: grating that moves the image away from the undiffracted light
         - `orders`: diffraction orders that reach the image. Default: the whole first order, and nothing else
         - `camera_fill_factor`: side of the part of a pixel in which the camera sees light, in pixel pitches, 0.1 to 1.
