@@ -1,5 +1,6 @@
 //! Decoding of picture files to linear light.
 
+use super::tiff_pages::{AtPicture, SeveralPictures, at_full_picture};
 use super::{FILE_BYTES_MAX, PIXELS_MAX, PictureError, SIDE_PX_MAX, fit, jpeg_end, srgb_to_linear};
 use image::codecs::{jpeg::JpegDecoder, png::PngDecoder, tiff::TiffDecoder};
 use image::metadata::Orientation;
@@ -150,7 +151,7 @@ pub(super) fn open(bytes: &[u8]) -> Result<(ImageFormat, Box<dyn ImageDecoder + 
     let decoder = match format {
         ImageFormat::Png => boxed(PngDecoder::with_limits(PictureBytes::new(bytes), limits())),
         ImageFormat::Jpeg => boxed(JpegDecoder::new(Cursor::new(bytes))),
-        ImageFormat::Tiff => boxed(TiffDecoder::new(PictureBytes::new(bytes))),
+        ImageFormat::Tiff => boxed(TiffDecoder::new(full_picture(bytes)?)),
         _ => return Err(not_a_picture()),
     };
     let mut decoder = decoder.map_err(|error| refusal(format, &error))?;
@@ -199,6 +200,14 @@ impl BufRead for PictureBytes<'_> {
 impl Seek for PictureBytes<'_> {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
         self.0.seek(to)
+    }
+}
+
+fn full_picture(bytes: &[u8]) -> Result<AtPicture<PictureBytes<'_>>, PictureError> {
+    match at_full_picture(PictureBytes::new(bytes)) {
+        Ok(Ok(picture)) => Ok(picture),
+        Ok(Err(SeveralPictures { pictures })) => Err(PictureError::SeveralPictures { pictures }),
+        Err(error) => Err(refusal(ImageFormat::Tiff, &ImageError::IoError(error))),
     }
 }
 

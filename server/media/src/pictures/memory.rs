@@ -1,5 +1,6 @@
 //! The memory that reading a picture needs, from the header of its file.
 
+use super::tiff_pages::at_full_picture;
 use super::{PIXELS_MAX, SIDE_PX_MAX};
 use crate::npy;
 use image::metadata::Orientation;
@@ -29,6 +30,7 @@ pub fn reading_bytes(mut source: impl BufRead + Seek, fitted_px: u64) -> io::Res
         // An array holds at most eight bytes a value, and becomes an array of float32.
         return Ok(2 * file_bytes + 2 * LIGHT_BYTES * fitted_px + OTHER_BYTES);
     }
+    let Ok(Ok(source)) = at_full_picture(source) else { return Ok(2 * file_bytes + OTHER_BYTES) };
     let reader = ImageReader::new(source).with_guessed_format()?;
     let format = reader.format();
     let Ok(mut decoder) = reader.into_decoder() else {
@@ -55,6 +57,7 @@ pub fn reading_bytes(mut source: impl BufRead + Seek, fitted_px: u64) -> io::Res
 
 /// Number of pixels of a picture, from its header; 0 for a file that is no readable picture.
 pub fn pixels(source: impl BufRead + Seek) -> io::Result<u64> {
+    let Ok(Ok(source)) = at_full_picture(source) else { return Ok(0) };
     let size = ImageReader::new(source).with_guessed_format()?.into_dimensions();
     Ok(size.map_or(0, |(width_px, height_px)| u64::from(width_px) * u64::from(height_px)))
 }

@@ -6,6 +6,7 @@
 //! - sRGB values are decoded to linear light *before* channels are averaged and pixels are resampled;
 //! - the light is the mean over the colour channels, unless the caller asks for one channel;
 //! - transparent pixels are black: alpha multiplies the light;
+//! - of a TIFF file with thumbnails, the picture of full resolution is read; a stack of pictures is refused;
 //! - the orientation that a camera recorded in a picture is applied, as in every viewer;
 //! - embedded gamma and colour profiles are ignored: the caller names the encoding.
 
@@ -21,6 +22,7 @@ mod photograph;
 mod srgb;
 #[cfg(test)]
 mod tests;
+mod tiff_pages;
 
 pub use array::phase_npy;
 pub use decode::{
