@@ -50,6 +50,9 @@ fn files_without_valid_levels_are_refused() {
     assert!(matches!(levels(&png, 7, 4, 6), Err(PictureError::LevelTooHigh { level: 200, .. })));
     assert!(matches!(levels(&png, 8, 6, 4), Err(PictureError::WrongSize { .. })));
     assert!(matches!(levels_png(&Plane::filled(4, 6, 200), 7), Err(PictureError::LevelTooHigh { .. })));
+    // A viewer that saves a hologram of 10 bits with 8 divides its levels by 4.
+    let narrow = levels(&png, 10, 4, 6).unwrap_err().to_string();
+    assert!(narrow.contains("8 bits, its largest level is 200") && narrow.contains("10 bits, 0 to 1023"), "{narrow}");
     let rgb = file(image::RgbImage::new(6, 4), ImageFormat::Png);
     assert!(matches!(levels(&rgb, 8, 4, 6), Err(PictureError::NotLevels { .. })));
     let jpeg = file(image::GrayImage::new(6, 4), ImageFormat::Jpeg);
