@@ -284,6 +284,7 @@ fn hologram_capture_and_evaluation_results_are_stored_as_before() {
         intensity_scale: 1.5,
         loss: 0.125,
         largest_amplitude: None,
+        notes: vec!["the target is dark".to_owned()],
     };
     let holograms = HologramResult {
         wavelengths: vec![hologram],
