@@ -2,11 +2,11 @@
 
 mod bench_file;
 mod orders;
+mod phase_response;
 mod plan;
 
 use super::arguments::{Limit, above_zero, pixel_pitch, resolution, wavelength};
 use super::failure::Failure;
-use super::inputs;
 use super::pages::pages;
 use super::session::Session;
 use super::show;
@@ -15,7 +15,8 @@ use super::words::WordParser;
 use clap::{Args, Subcommand};
 use lightpath::v1::{self, Display};
 use lightpath::{Words, names, units};
-use std::path::{Path, PathBuf};
+use std::f64::consts::PI;
+use std::path::PathBuf;
 
 /// Commands for displays.
 // Variants without a comment take their help from the struct of their arguments. A comment here would hide all but its
@@ -82,10 +83,11 @@ pub(crate) struct Create {
     #[arg(long, value_name = "N", default_value_t = 8, value_parser = clap::value_parser!(u32).range(1..))]
     bit_depth: u32,
 
-    /// Read the measured phase of each grey level, in radians, from this text file: 2^bit-depth numbers, one per line
-    /// [default: level · 2π / 2^bit-depth]
+    /// Read the measured phase of each grey level from this text file: 2^bit-depth lines, each with a phase in radians, or
+    /// with a level and its phase [default: level · 2π / 2^bit-depth]
     ///
-    /// Empty lines and lines that start with # are skipped.
+    /// A heading may name another unit: deg, pi or waves. Numbers that look like degrees or levels are refused, unless
+    /// the heading names a unit. Empty lines and lines that start with # are skipped.
     #[arg(long, value_name = "FILE")]
     phase_response: Option<PathBuf>,
 
@@ -202,7 +204,7 @@ impl Create {
             pixel_pitch_m: self.pixel_pitch,
             bit_depth: self.bit_depth,
             wavelengths_m: self.wavelengths.clone(),
-            phase_response: self.phase_response.as_deref().map(phase_response).transpose()?,
+            phase_response: self.phase_response.as_deref().map(phase_response::read).transpose()?,
             carrier: self.carrier.unwrap_or_default().into(),
             orders: self.orders.message()?,
             camera_fill_factor: self.camera_fill_factor,
@@ -211,18 +213,6 @@ impl Create {
             create_time: None,
         })
     }
-}
-
-fn phase_response(path: &Path) -> Result<v1::PhaseResponse, Failure> {
-    let text = inputs::text(path)?;
-    let lines = text.lines().enumerate().map(|(index, line)| (index + 1, line.trim()));
-    let numbers = lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#')).map(|(number, line)| {
-        line.parse().map_err(|_| {
-            let file = path.display();
-            Failure::Usage(format!("{file}, line {number}: \"{line}\" must be a number of radians, such as 1.5708"))
-        })
-    });
-    Ok(v1::PhaseResponse { phase_rad: numbers.collect::<Result<_, _>>()? })
 }
 
 async fn list(session: &Session, limit: u32) -> Result<(), Failure> {
@@ -255,8 +245,7 @@ fn facts(display: &Display) -> String {
     facts.add("pixel pitch", units::show_m(display.pixel_pitch_m));
     facts.add("wavelengths", show::lengths(display.wavelengths_m.iter().copied()));
     facts.add("bit depth", display.bit_depth.to_string());
-    let response = display.phase_response.as_ref().map_or("linear, 0 to 2π", |_| "measured");
-    facts.add("phase response", response);
+    facts.add("phase response", response_text(display.phase_response.as_ref()));
     let carrier = Some(display.carrier()).filter(|carrier| *carrier != v1::Carrier::Unspecified);
     facts.add("carrier", carrier.map_or("none", Words::word));
     facts.add("orders", orders::text(display));
@@ -276,18 +265,11 @@ fn facts(display: &Display) -> String {
     facts.text()
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn phase_response_has_one_number_per_line() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("response.txt");
-        std::fs::write(&path, "# radians\n0\n1.5\n\n 3.1 \n").unwrap();
-        assert_eq!(phase_response(&path).unwrap().phase_rad, [0.0, 1.5, 3.1]);
-        std::fs::write(&path, "0\n1,5\n").unwrap();
-        let Err(Failure::Usage(text)) = phase_response(&path) else { panic!("accepted") };
-        assert!(text.contains("line 2: \"1,5\""), "{text}");
-    }
+/// A measured response with the range of its phases, in which a wrong unit shows.
+fn response_text(response: Option<&v1::PhaseResponse>) -> String {
+    let Some(response) = response else { return "linear, 0 to 2π".to_owned() };
+    let in_pi = |phase_rad: f64| phase_rad / PI;
+    let least = response.phase_rad.iter().copied().fold(f64::INFINITY, f64::min);
+    let most = response.phase_rad.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    format!("measured, {:.2}π to {:.2}π", in_pi(least), in_pi(most))
 }

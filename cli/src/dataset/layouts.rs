@@ -129,7 +129,15 @@ mod tests {
 
     #[test]
     fn order_of_paths_pairs_two_folders() {
-        let data = folder(&["h/0002.png", "h/0001.png", "p/0001_warped.png", "p/0002_warped.png", "p/notes.txt"]);
+        let data = folder(&[
+            "h/0002.png",
+            "h/0001.png",
+            "h/._0001.png",
+            "h/.trash/0003.png",
+            "p/0001_warped.png",
+            "p/0002_warped.png",
+            "p/notes.txt",
+        ]);
         let (h, p) = (data.path().join("h"), data.path().join("p"));
         let entries = realistic_holography(&h, &p).unwrap();
         assert_eq!(entries[0].id, "0001");

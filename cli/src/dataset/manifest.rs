@@ -134,7 +134,7 @@ fn pictures(folder: &Path) -> Result<BTreeMap<String, PathBuf>, Failure> {
 fn table(text: &str) -> Result<Manifest, String> {
     let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
     let (_, first) = lines.next().ok_or("the file is empty")?;
-    let names = fields(first.trim_start_matches('\u{feff}'));
+    let names = fields(first);
     const KNOWN: [&str; 7] = ["id", "phase", "photo", "split", "black_level", "exposure_s", "camera_gain"];
     if let Some(unknown) = names.iter().find(|name| !KNOWN.contains(&name.as_str())) {
         return Err(format!(
@@ -264,7 +264,10 @@ mod tests {
     fn folders_are_matched_by_name_and_unmatched_files_are_refused() {
         let folder = tempfile::tempdir().unwrap();
         let (phases, photos) = (folder.path().join("phases"), folder.path().join("photos"));
-        for (folder, names) in [(&phases, ["02.png", "01.png", "notes.txt"]), (&photos, ["01.tif", "02.jpg", "x.md"])] {
+        for (folder, names) in [
+            (&phases, ["02.png", "01.png", "notes.txt", "._01.png"]),
+            (&photos, ["01.tif", "02.jpg", "x.md", "._02.jpg"]),
+        ] {
             std::fs::create_dir(folder).unwrap();
             names.iter().for_each(|name| std::fs::write(folder.join(name), name).unwrap());
         }

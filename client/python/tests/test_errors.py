@@ -156,3 +156,22 @@ def test_all_wrong_fields_are_named_at_once(bench: lightpath.Display) -> None:
     assert lines[0] == "3 fields of the request are wrong: (INVALID_FIELD)"
     assert [line.split()[0] for line in lines[1:]] == fields
     assert error.fix.count("; ") == len(fields) - 1
+
+
+def test_phase_responses_in_another_unit_are_questioned(lab: lightpath.Lab) -> None:
+    def create(phases: object) -> None:
+        lab.create_display(
+            "measured",
+            resolution="160x96",
+            pixel_pitch="8um",
+            wavelength="515nm",
+            phase_response_rad=phases,  # type: ignore[arg-type]
+        )
+
+    with pytest.raises(lightpath.InvalidRequest, match=r"spans 360 rad, 57 turns.* are these degrees"):
+        create(np.linspace(0, 360, 256))
+    with pytest.raises(lightpath.InvalidRequest, match=r"whole numbers only.* are they grey levels"):
+        create(list(range(256)))
+    with pytest.raises(lightpath.InvalidArgument, match="has the shape"):
+        create(np.zeros((256, 2)))
+    create(np.linspace(0, 2.9 * np.pi, 256))

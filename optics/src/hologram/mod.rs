@@ -27,6 +27,7 @@ mod state;
 mod stopwatch;
 mod two_pass_buffers;
 mod two_passes;
+mod wanted;
 
 pub use backend::{Backend, Picture};
 pub use evaluate::{Evaluate, Evaluation, ProblemSize, Project};
@@ -45,3 +46,4 @@ pub use shown_light::{ShownLight, light_of_frames};
 pub use state::OptimizationState;
 pub use stopwatch::Clock;
 pub(crate) use two_passes::SAMPLES_BYTES_MAX;
+pub use wanted::Wanted;

@@ -2,11 +2,12 @@
 //! what a filter passes, or with the first instead of all.
 
 use super::shown_light::light_of_frames;
+use super::wanted::Wanted;
 use crate::display::{Detector, DisplayModel, KernelShape, Orders};
 use crate::engine::{Engine, EngineCore, sub_samples};
 use crate::error::Result;
-use crate::metrics::{Gain, psnr_db};
-use crate::numerics::{Plane, RegionOfInterest, SmoothField};
+use crate::metrics::{Gain, ImagePair};
+use crate::numerics::{Plane, SmoothField};
 
 /// Limit on the pixels of a display for which the other kind is computed. Its transfer functions would take more memory
 /// than the hologram on larger displays.
@@ -33,23 +34,28 @@ pub fn with_other_orders(model: &DisplayModel) -> Option<DisplayModel> {
 /// # Errors
 ///
 /// [`Error`](crate::Error) for phases or a target of another size than the display, or a region that leaves it.
-pub fn pixel_psnr_db(
-    model: &DisplayModel,
-    phases: &[Plane<f32>],
-    target: &Plane<f32>,
-    region: RegionOfInterest,
-) -> Result<f64> {
+pub fn pixel_psnr_db<'a>(model: &DisplayModel, phases: &[Plane<f32>], wanted: impl Into<Wanted<'a>>) -> Result<f64> {
+    let wanted = wanted.into();
     match model.setup.orders() {
         Orders::First | Orders::Filtered(_) => {
             let light = light_of_frames(&Engine::new(model, Detector::Pixel, None)?, phases)?;
-            psnr_db(&light, target, region, Gain::Fitted)
+            wanted_psnr_db(&light, wanted)
         }
         Orders::All { .. } => {
             let places = sub_samples(&model.setup, Detector::Pixel);
             let light = &EngineCore::<f32>::without_samples(model)?.light_at(&places, &[phases])?[0];
-            psnr_db(light, target, region, Gain::Fitted)
+            wanted_psnr_db(light, wanted)
         }
     }
+}
+
+fn wanted_psnr_db(light: &Plane<f32>, Wanted { target, region, belonging }: Wanted<'_>) -> Result<f64> {
+    let pair = ImagePair::new(light, target, region, Gain::Fitted)?;
+    let pair = match belonging {
+        Some(belonging) => pair.only(belonging)?,
+        None => pair,
+    };
+    Ok(-10.0 * pair.mse().log10())
 }
 
 #[cfg(test)]
@@ -61,7 +67,7 @@ mod tests {
     use crate::hologram::options::{HologramMethod, HologramOptions};
     use crate::hologram::problem::HologramProblem;
     use crate::hologram::quality::quality;
-    use crate::numerics::Grid;
+    use crate::numerics::{Grid, RegionOfInterest};
     use crate::pictures_of_tests::picture;
 
     fn optimized(model: &DisplayModel, target: &Plane<f32>, region: RegionOfInterest) -> Plane<f32> {
@@ -88,7 +94,7 @@ mod tests {
         let [of_first, of_all] = [&first, &all].map(|model| {
             let phase = optimized(model, &target, region);
             let exact = quality(&engine, &phase, &target, region).unwrap().pixel.psnr_db;
-            let quick = pixel_psnr_db(&all, &[phase], &target, region).unwrap();
+            let quick = pixel_psnr_db(&all, &[phase], (&target, region)).unwrap();
             // Four sub-samples overrate a picture that was optimized for them.
             assert!((quick - exact).abs() < 0.5 || exact > 35.0, "{quick} dB, {exact} dB");
             exact

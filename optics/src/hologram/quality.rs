@@ -1,6 +1,7 @@
 //! Quality of a hologram's picture, measured for each detector.
 
 use super::shown_light::ShownLight;
+use super::wanted::Wanted;
 use crate::engine::Engine;
 use crate::error::Result;
 use crate::metrics::{Gain, ImagePair, diffraction_efficiency, frame_efficiency, speckle_contrast, ssim_at_all_scales};
@@ -21,7 +22,9 @@ pub struct Quality {
 /// Metrics of a hologram's light in the region of interest, for one detector. Definitions and sources are in
 /// [`metrics`](crate::metrics).
 ///
-/// PSNR, SSIM and MS-SSIM are measured at the gain with the smallest squared error.
+/// PSNR, SSIM and MS-SSIM are measured at the gain with the smallest squared error. Where only some pixels of the region
+/// count, PSNR and its gain are those of these pixels, and SSIM, MS-SSIM and speckle contrast, which compare
+/// neighbourhoods, are `None`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct DetectorQuality {
     /// Peak signal-to-noise ratio \[dB\] by [`psnr_db`](crate::metrics::psnr_db), at most [`Self::PSNR_DB_MAX`].
@@ -53,26 +56,28 @@ pub struct DetectorQuality {
 /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for a phase or a target of another size than the engine's;
 /// [`Error::OutOfRange`](crate::Error::OutOfRange) when the region leaves the image.
 pub fn quality(engine: &Engine, phase: &Plane<f32>, target: &Plane<f32>, region: RegionOfInterest) -> Result<Quality> {
-    ShownLight::of_frames(engine, std::slice::from_ref(phase))?.quality(target, region)
+    ShownLight::of_frames(engine, std::slice::from_ref(phase))?.quality((target, region))
 }
 
 impl ShownLight {
-    /// Measures how well the light shows `target` (intensity, linear light), for all three detectors.
+    /// Measures how well the light shows what is wanted, for all three detectors.
     ///
     /// # Errors
     ///
     /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for a target of another size than the image;
     /// [`Error::OutOfRange`](crate::Error::OutOfRange) when the region leaves it.
-    pub fn quality(&self, target: &Plane<f32>, region: RegionOfInterest) -> Result<Quality> {
+    pub fn quality<'a>(&self, wanted: impl Into<Wanted<'a>>) -> Result<Quality> {
+        let wanted = wanted.into();
+        let Wanted { target, region, .. } = wanted;
         target.expect_size("target_intensity", self.at_points.height_px(), self.at_points.width_px())?;
         let efficiency = |light: &Plane<f32>| {
             [diffraction_efficiency(light, region, self.passed), frame_efficiency(light, self.passed)]
         };
-        let point = detector_quality(&self.at_points, target, region, efficiency(&self.at_points))?;
+        let point = detector_quality(&self.at_points, wanted, efficiency(&self.at_points))?;
         // The sub-samples hold the same light as the pixels, so both have the same efficiency.
         let efficiency = efficiency(&self.integrated);
-        let pixel = detector_quality(&self.integrated, target, region, efficiency)?;
-        Ok(Quality { point, pixel, supersampled: detector_quality(&self.samples, target, region, efficiency)? })
+        let pixel = detector_quality(&self.integrated, wanted, efficiency)?;
+        Ok(Quality { point, pixel, supersampled: detector_quality(&self.samples, wanted, efficiency)? })
     }
 }
 
@@ -100,12 +105,18 @@ impl Quality {
 
 pub(super) fn detector_quality(
     light: &Plane<f32>,
-    target: &Plane<f32>,
-    region: RegionOfInterest,
+    Wanted { target, region, belonging }: Wanted<'_>,
     [diffraction_efficiency, frame_efficiency]: [f64; 2],
 ) -> Result<DetectorQuality> {
     let pair = ImagePair::new(light, target, region, Gain::Fitted)?;
-    let (ssim, ms_ssim) = ssim_at_all_scales(&pair);
+    let (pair, neighbourhoods) = match belonging {
+        Some(belonging) => (pair.only(belonging)?, (None, None, None)),
+        None => {
+            let (ssim, ms_ssim) = ssim_at_all_scales(&pair);
+            (pair, (ssim, ms_ssim, speckle_contrast(light, target, region)?))
+        }
+    };
+    let (ssim, ms_ssim, speckle_contrast) = neighbourhoods;
     let psnr_db = -10.0 * pair.mse().log10();
     Ok(DetectorQuality {
         psnr_db: if psnr_db > DetectorQuality::PSNR_DB_MAX { DetectorQuality::PSNR_DB_MAX } else { psnr_db },
@@ -113,7 +124,7 @@ pub(super) fn detector_quality(
         ms_ssim,
         diffraction_efficiency,
         frame_efficiency,
-        speckle_contrast: speckle_contrast(light, target, region)?,
+        speckle_contrast,
     })
 }
 
@@ -178,6 +189,32 @@ mod tests {
     }
 
     #[test]
+    fn only_pixels_that_belong_count_in_the_psnr() {
+        let setup = setup(60, 75, 5e-3);
+        let engine = Engine::new(&DisplayModel::ideal(setup), Detector::Pixel, None).unwrap();
+        let phase = initial_phase(60, 75, 6.0, 4).unwrap();
+        let shown = ShownLight::of_frames(&engine, &[phase]).unwrap();
+        // The light itself is the target on the left, and something else on the right.
+        let light = shown.seen_by(Detector::Pixel).clone();
+        let target = Plane::from_fn(60, 75, |y, x| if x < 40 { 0.5 * light.at(y, x) } else { 7.0 });
+        let left = Plane::from_fn(60, 75, |_, x| x < 40);
+        let region = RegionOfInterest::middle(&setup.grid());
+        let of_left = shown.quality(Wanted { target: &target, region, belonging: Some(&left) }).unwrap();
+        let of_all = shown.quality((&target, region)).unwrap();
+        assert!(of_left.pixel.psnr_db > 100.0 && of_all.pixel.psnr_db < 0.0, "{of_left:?} {of_all:?}");
+        assert_eq!((of_left.pixel.ssim, of_left.pixel.speckle_contrast), (None, None));
+        assert_eq!(of_left.pixel.diffraction_efficiency, of_all.pixel.diffraction_efficiency);
+        // Sub-samples count with their pixel.
+        let columns = RegionOfInterest::try_new(&setup.grid(), 0, 0, 40, 60).unwrap();
+        let alone = shown.quality((&target, columns)).unwrap().supersampled;
+        let full = RegionOfInterest::full(&setup.grid());
+        let found = shown.quality(Wanted { target: &target, region: full, belonging: Some(&left) }).unwrap();
+        assert!((found.supersampled.psnr_db - alone.psnr_db).abs() < 1e-9);
+        let small = Plane::filled(60, 74, true);
+        assert!(shown.quality(Wanted { target: &target, region, belonging: Some(&small) }).is_err());
+    }
+
+    #[test]
     fn large_region_has_all_metrics_in_both_precisions() {
         let setup = setup(224, 240, 5e-3);
         let target = target(224, 240);
@@ -193,7 +230,8 @@ mod tests {
         let phase = Plane::try_from_vec(224, 240, adam.phases().to_vec()).unwrap();
         let wide = EngineCore::<f64>::new(&DisplayModel::ideal(setup), Detector::Point, None).unwrap();
         let narrow = quality(&narrow, &phase, &target, region).unwrap();
-        let wide = ShownLight::of_core(&wide, &[&[phase.map(f64::from)]]).unwrap()[0].quality(&target, region).unwrap();
+        let wide =
+            ShownLight::of_core(&wide, &[&[phase.map(f64::from)]]).unwrap()[0].quality((&target, region)).unwrap();
         for (a, b) in [(narrow.point, wide.point), (narrow.pixel, wide.pixel), (narrow.supersampled, wide.supersampled)]
         {
             // In f32 the relative error of the field is 1e-6, and every metric changes smoothly with the field.
@@ -231,7 +269,8 @@ mod tests {
         let flat = Plane::filled(side_px, side_px, 0.0);
         let region = RegionOfInterest::try_new(&setup.grid(), 26, 26, 12, 12).unwrap();
         let target = Plane::filled(side_px, side_px, 0.5_f32);
-        let measured = |phase| ShownLight::of_core(&engine, &[&[phase]]).unwrap()[0].quality(&target, region).unwrap();
+        let measured =
+            |phase| ShownLight::of_core(&engine, &[&[phase]]).unwrap()[0].quality((&target, region)).unwrap();
         let (focused, spread) = (measured(lens), measured(flat));
         // The spot is a sinc² whose main lobe ends at λz/L = 20 µm = 2.5 px to each side. ±6 px hold 96 % of the light
         // along one axis, and 0.96² in both axes.

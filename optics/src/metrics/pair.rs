@@ -29,6 +29,8 @@ pub(crate) struct ImagePair<'a> {
     /// Sub-samples along each side of a target's pixel.
     samples_per_px: usize,
     gain: f64,
+    /// The target's pixels that count in sums, in its size; `None`: all of them.
+    counting: Option<&'a Plane<bool>>,
 }
 
 impl<'a> ImagePair<'a> {
@@ -55,7 +57,7 @@ impl<'a> ImagePair<'a> {
         }
         let rows = roi.y_px()..roi.y_px() + roi.height_px();
         let columns = roi.x_px()..roi.x_px() + roi.width_px();
-        let pair = Self { light, target, rows, columns, samples_per_px, gain: 1.0 };
+        let pair = Self { light, target, rows, columns, samples_per_px, gain: 1.0, counting: None };
         let gain = match gain {
             Gain::Fitted => pair.best_gain(),
             Gain::Given(gain) => gain,
@@ -63,10 +65,21 @@ impl<'a> ImagePair<'a> {
         Ok(Self { gain, ..pair })
     }
 
+    /// The same pair with only some of the target's pixels in its sums, at the gain that is best for them.
+    ///
+    /// # Errors
+    ///
+    /// [`Error::SizeMismatch`] when `counting` is not of the target's size.
+    pub(crate) fn only(self, counting: &'a Plane<bool>) -> Result<Self> {
+        counting.expect_size("counting pixels", self.target.height_px(), self.target.width_px())?;
+        let pair = Self { counting: Some(counting), gain: 1.0, ..self };
+        Ok(Self { gain: pair.best_gain(), ..pair })
+    }
+
     /// Compares two whole planes of the same size with gain 1.
     pub(super) fn whole(light: &'a Plane<f32>, target: &'a Plane<f32>) -> Self {
         let (rows, columns) = (0..target.height_px(), 0..target.width_px());
-        Self { light, target, rows, columns, samples_per_px: 1, gain: 1.0 }
+        Self { light, target, rows, columns, samples_per_px: 1, gain: 1.0, counting: None }
     }
 
     /// Number of rows of samples.
@@ -104,20 +117,29 @@ impl<'a> ImagePair<'a> {
         }
     }
 
-    /// Σ `term`(light after the gain, target) over the samples.
+    /// Σ `term`(light after the gain, target) over the samples that count.
     pub(super) fn sum(&self, term: impl Fn(f64, f64) -> f64 + Sync) -> f64 {
         let rows = (0..self.height()).into_par_iter().map(|y| {
             interrupt::check();
             let (p, t) = self.row(y);
-            let samples = p.chunks_exact(self.samples_per_px).zip(t).flat_map(|(p, t)| p.iter().map(move |p| (p, t)));
+            let counting = self.counting.map(|counting| {
+                &counting.row(self.rows.start + y / self.samples_per_px)[self.columns.start..][..self.columns.len()]
+            });
+            let pixels = p.chunks_exact(self.samples_per_px).zip(t).enumerate();
+            let pixels = pixels.filter(|(x, _)| counting.is_none_or(|counting| counting[*x]));
+            let samples = pixels.flat_map(|(_, (p, t))| p.iter().map(move |p| (p, t)));
             samples.map(|(&p, &t)| term(self.gain * f64::from(p), f64::from(t))).sum::<f64>()
         });
         rows.collect::<Vec<_>>().iter().sum()
     }
 
-    /// Mean of (light − target)².
+    /// Mean of (light − target)² over the samples that count.
     pub(crate) fn mse(&self) -> f64 {
-        self.sum(|p, t| (p - t).powi(2)) / (self.height() * self.width()) as f64
+        let samples = match self.counting {
+            None => (self.height() * self.width()) as f64,
+            Some(_) => self.sum(|_, _| 1.0),
+        };
+        self.sum(|p, t| (p - t).powi(2)) / samples
     }
 
     /// Gain that brings the light closest to the target; 0 without light.

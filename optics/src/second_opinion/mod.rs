@@ -10,9 +10,9 @@ mod model;
 
 use crate::display::{Carrier, Detector, DisplayModel, KernelShape, OpticalSetup, Orders};
 use crate::error::Result;
-use crate::hologram::ShownLight;
+use crate::hologram::{ShownLight, Wanted};
+use crate::numerics::Plane;
 use crate::numerics::quadrature::gauss_legendre;
-use crate::numerics::{Plane, RegionOfInterest};
 use frequencies::{Frequencies, PANELS};
 use model::Places;
 use serde::{Deserialize, Serialize};
@@ -67,19 +67,21 @@ impl SecondOpinion {
 
     /// Compares the light that the engine computed for `phases`, shown one after the other, with the independent
     /// model's, for one detector. The phases are those before the carrier is added. `None` where the model would take
-    /// more than `effort` allows.
+    /// more than `effort` allows, and where no pixel of the compared rows counts.
     ///
     /// # Errors
     ///
     /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for phases or a target of another size than the display.
-    pub fn of(
+    pub fn of<'a>(
         (model, carrier): (&DisplayModel, Option<Carrier>),
         phases: &[Plane<f32>],
         shown: &ShownLight,
         detector: Detector,
-        (target, region): (&Plane<f32>, RegionOfInterest),
+        wanted: impl Into<Wanted<'a>>,
         effort: Effort,
     ) -> Result<Option<Self>> {
+        let wanted = wanted.into();
+        let Wanted { target, region, .. } = wanted;
         let grid = model.setup.grid();
         for plane in phases.iter().chain([target]) {
             plane.expect_size("phase or target", grid.height_px(), grid.width_px())?;
@@ -87,7 +89,7 @@ impl SecondOpinion {
         let has_bins = matches!(model.kernel, KernelShape::Bins(_));
         let modes = model.coherence.shares().len();
         let Some(frequencies) = affordable(&model.setup, has_bins, modes, effort) else { return Ok(None) };
-        let rows = model::rows(region, effort.rows_max);
+        let rows = model::rows(&wanted, effort.rows_max);
         let (places, weights) = places(model, detector);
         let lights = model::light((model, carrier), phases, &places, &rows, &frequencies);
         let mut independent = Comparison::default();
@@ -95,7 +97,7 @@ impl SecondOpinion {
         let seen = shown.seen_by(detector);
         let columns = region.x_px()..region.x_px() + region.width_px();
         for (row, &y) in rows.iter().enumerate() {
-            for x in columns.clone() {
+            for x in columns.clone().filter(|&x| wanted.counts(y, x)) {
                 let wanted = f64::from(target.at(y, x));
                 if detector == Detector::Supersampled {
                     // The places are in the order of the samples: by y, then by x.
@@ -109,11 +111,9 @@ impl SecondOpinion {
                 }
             }
         }
-        Ok(Some(Self {
-            rows: rows.len() as u32,
-            engine_psnr_db: engine.psnr_db(),
-            independent_psnr_db: independent.psnr_db(),
-        }))
+        let psnr = (engine.count > 0.0).then(|| (engine.psnr_db(), independent.psnr_db()));
+        let rows = rows.len() as u32;
+        Ok(psnr.map(|(engine_psnr_db, independent_psnr_db)| Self { rows, engine_psnr_db, independent_psnr_db }))
     }
 }
 

@@ -21,11 +21,12 @@
 use super::frequencies::{Axis, Frequencies, PANELS, frequency};
 use super::kernels::{Parts, Residual};
 use crate::display::{Carrier, DisplayModel, KernelShape, OpticalSetup};
+use crate::hologram::Wanted;
 use crate::interrupt;
 use crate::numerics::buffers::zeros;
 use crate::numerics::chebyshev::position;
 use crate::numerics::smooth_field::SeriesAlongY;
-use crate::numerics::{Plane, RegionOfInterest, SmoothField};
+use crate::numerics::{Plane, SmoothField};
 use num_complex::Complex64;
 use rayon::prelude::*;
 use rustfft::{Fft, FftPlanner};
@@ -51,10 +52,13 @@ impl Places {
     }
 }
 
-/// At most `rows_max` rows of a region, evenly distributed.
-pub(super) fn rows(region: RegionOfInterest, rows_max: usize) -> Vec<usize> {
-    let count = region.height_px().min(rows_max);
-    (0..count).map(|i| region.y_px() + (2 * i + 1) * region.height_px() / (2 * count)).collect()
+/// At most `rows_max` rows of a region, evenly distributed over those in which a pixel counts.
+pub(super) fn rows(wanted: &Wanted<'_>, rows_max: usize) -> Vec<usize> {
+    let all = wanted.region.y_px()..wanted.region.y_px() + wanted.region.height_px();
+    let counts = |y: usize| wanted.region.columns(y).is_some_and(|mut columns| columns.any(|x| wanted.counts(y, x)));
+    let counting: Vec<usize> = all.filter(|&y| counts(y)).collect();
+    let count = counting.len().min(rows_max);
+    (0..count).map(|i| counting[(2 * i + 1) * counting.len() / (2 * count)]).collect()
 }
 
 /// Mean over `phases` of the light on the rows: for each place, ordered by y, then by x, a plane of the rows.

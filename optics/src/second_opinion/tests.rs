@@ -1,4 +1,5 @@
 use super::*;
+use crate::RegionOfInterest;
 use crate::display::{
     Crosstalk, Dust, FilterShape, FurtherMode, Ghost, LightBlur, OpticalSetup, OrderFilter, PartialCoherence,
     ResponseVariation, SpatialVariation,
@@ -27,7 +28,7 @@ fn steered_light(
     phase: &Plane<f32>,
     places: &Places,
 ) -> Vec<Plane<f64>> {
-    let rows = model::rows(RegionOfInterest::full(&model.setup.grid()), usize::MAX);
+    let rows: Vec<usize> = (0..model.setup.grid().height_px()).collect();
     model::light(
         (model, carrier),
         std::slice::from_ref(phase),
@@ -194,9 +195,9 @@ fn judged(setup: OpticalSetup, detector: Detector, effort: Effort) -> SecondOpin
     if effort == Effort::THOROUGH {
         // All rows of the region were compared, as in the reported quality.
         let reported = match detector {
-            Detector::Point => shown.quality(&target, region).unwrap().point,
-            Detector::Pixel => shown.quality(&target, region).unwrap().pixel,
-            Detector::Supersampled => shown.quality(&target, region).unwrap().supersampled,
+            Detector::Point => shown.quality((&target, region)).unwrap().point,
+            Detector::Pixel => shown.quality((&target, region)).unwrap().pixel,
+            Detector::Supersampled => shown.quality((&target, region)).unwrap().supersampled,
         };
         assert_eq!(found.rows as usize, region.height_px());
         assert!((found.engine_psnr_db - reported.psnr_db).abs() < 1e-3, "{found:?} {reported:?}");

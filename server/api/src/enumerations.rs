@@ -83,7 +83,7 @@ convert_by_name! {
     AlignmentMethod = v1::alignment::Method { Points Dots Pairs }
     FindingKind = v1::finding::Kind {
         Black Saturated BlackClipped LowContrast Duplicate WrongHologram Misaligned Stretched Vignetting ExposureUnknown
-        FewPairs
+        FewPairs Clipped FewerBits
     }
 }
 

@@ -69,7 +69,7 @@ impl Decoder {
             }
             Self::Photograph => {
                 let reading = PhotoReading { encoding: Encoding::Linear, bit_depth: 12, black_level: 0.1 };
-                pictures::photo_light(bytes, &reading).is_ok()
+                pictures::photo(bytes, &reading).is_ok()
             }
             Self::Levels => pictures::levels(bytes, 8, HEIGHT_PX, WIDTH_PX).is_ok(),
             Self::Phase => pictures::phase_npy(bytes, HEIGHT_PX, WIDTH_PX).is_ok(),

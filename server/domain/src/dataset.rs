@@ -5,7 +5,7 @@ mod checks;
 mod prepared;
 
 pub use alignment::{Alignment, AlignmentMethod, CameraMap};
-pub use checks::{Finding, FindingKind, PairChecks};
+pub use checks::{Finding, FindingKind, LargestValue, PairChecks};
 pub use prepared::{Finalization, PreparedDataset, Splits};
 
 use crate::kernel::KernelKey;

@@ -12,14 +12,16 @@
 //! # Layout
 //!
 //! - [`kinds`]: each kind of job, with its request, its result, and the memory and time that it needs.
-//! - `effect`: changes that a job makes besides its result.
+//! - `effect`: changes that a job makes besides its result. `depth_map`: pixels of image planes.
 //! - `failure`: reasons why attempts fail. [`estimate`]: what the estimates of memory and time have in common.
 
+mod depth_map;
 mod effect;
 pub mod estimate;
 mod failure;
 pub mod kinds;
 
+pub use depth_map::{nearest_planes, pixels_of_planes};
 pub use effect::JobEffect;
 pub use estimate::Estimate;
 pub use failure::{FailureReason, JobError};

@@ -6,7 +6,8 @@
 use lightpath_bench::SimulatedBench;
 use lightpath_camera::alignment::PointPair;
 use lightpath_domain::dataset::{
-    Alignment, AlignmentMethod, CameraMap, Encoding, Finalization, Finding, FindingKind, PairChecks, Split,
+    Alignment, AlignmentMethod, CameraMap, Encoding, Finalization, Finding, FindingKind, LargestValue, PairChecks,
+    Split,
 };
 use lightpath_domain::display::Display;
 use lightpath_domain::job::{
@@ -222,6 +223,7 @@ fn datasets_are_stored_as_before() {
         brightest: 0.75,
         correlation: Some(0.5),
         turn_px: Some(-0.25),
+        largest: Some(LargestValue { value: 250.0, full_scale: 255.0, share: 0.5, share_below: 0.0 }),
         photo_px: [64, 48],
         map: Some(alignment().map),
         ..PairChecks::default()
@@ -282,6 +284,7 @@ fn hologram_capture_and_evaluation_results_are_stored_as_before() {
         intensity_scale: 1.5,
         loss: 0.125,
         largest_amplitude: None,
+        notes: vec!["the target is dark".to_owned()],
     };
     let holograms = HologramResult {
         wavelengths: vec![hologram],

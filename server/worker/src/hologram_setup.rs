@@ -3,7 +3,7 @@
 use super::display_setup::DisplaySetup;
 use super::{JobContext, TaskError};
 use lightpath_domain::dataset::Encoding;
-use lightpath_domain::job::{FailureReason, ImagePlane, OptimizeHologram};
+use lightpath_domain::job::{FailureReason, ImagePlane, OptimizeHologram, nearest_planes, pixels_of_planes};
 use lightpath_domain::units::Wavelength;
 use lightpath_media::pictures::{self, Channel};
 use lightpath_optics::hologram::{self, HologramOptions, HologramProblem, Levels, with_other_orders};
@@ -15,6 +15,8 @@ pub(super) struct HologramSetup {
     pub(super) display: DisplaySetup,
     pub(super) region: RegionOfInterest,
     pub(super) planes: Vec<PlaneSetup>,
+    /// Index of the plane to which each pixel belongs; `None`: every pixel counts in every plane.
+    pub(super) depths: Option<Plane<u8>>,
 }
 
 /// A picture and its image plane.
@@ -59,7 +61,14 @@ impl HologramSetup {
             let with_other_orders = with_other_orders(&model);
             planes.push(PlaneSetup { plane, model, engine, target, weight, share, with_other_orders, validity });
         }
-        Ok(Self { wavelength, display, region, planes })
+        Ok(Self { wavelength, display, region, planes, depths })
+    }
+
+    /// Pixels that belong to plane `p`; `None`: all of them, also if the depth map gives the plane no pixel of the region.
+    pub(super) fn belonging(&self, p: usize) -> Option<Plane<bool>> {
+        let depths = self.depths.as_ref()?;
+        let pixels = pixels_of_planes(depths, self.planes.len(), self.region);
+        (pixels[p] > 0).then(|| depths.map(|plane| usize::from(plane) == p))
     }
 
     /// Builds the optimization problem. Planes of a depth map without any weight are left out.
@@ -141,18 +150,6 @@ fn fitted(
     Ok(pictures::target_channel(&bytes, encoding, channel, spec.target_fit, height_px, width_px)?)
 }
 
-/// Index of the plane nearest to each pixel's depth. White is at the distance of the first plane, black at that of the
-/// last.
-fn nearest_planes(depth: &Plane<f32>, planes: &[ImagePlane]) -> Plane<u8> {
-    let distance = |p: usize| planes[p].distance.m();
-    let (white, black) = (distance(0), distance(planes.len() - 1));
-    depth.map(|value| {
-        let z = black + f64::from(value) * (white - black);
-        let off = |p: &usize| (distance(*p) - z).abs();
-        (0..planes.len()).min_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or(0) as u8
-    })
-}
-
 /// Weight of each pixel in plane `p`, and the share of the region's pixels that belong to the plane.
 fn weight_of(
     p: usize,
@@ -173,7 +170,6 @@ fn weight_of(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use lightpath_domain::units::Distance;
 
     fn wavelengths(nm: &[f64]) -> Vec<Wavelength> {
         nm.iter().map(|nm| Wavelength::from_m(nm * 1e-9).unwrap()).collect()
@@ -190,14 +186,8 @@ mod tests {
     }
 
     #[test]
-    fn every_pixel_belongs_to_the_plane_nearest_to_its_depth() {
-        let plane =
-            |mm: f64| ImagePlane { distance: Distance::from_m(mm * 1e-3).unwrap(), target: String::new(), weight: 1.0 };
-        let depth = Plane::try_from_vec(1, 5, vec![1.0, 0.8, 0.5, 0.2, 0.0]).unwrap();
-        let found = nearest_planes(&depth, &[plane(100.0), plane(150.0), plane(200.0)]);
-        assert_eq!(found.values(), [0, 0, 1, 2, 2]);
-        let away = nearest_planes(&depth, &[plane(200.0), plane(100.0)]);
-        assert_eq!(away.values(), [0, 0, 0, 1, 1]);
+    fn pixels_of_other_planes_have_no_weight() {
+        let found = Plane::try_from_vec(1, 5, vec![0_u8, 0, 1, 2, 2]).unwrap();
         let region = RegionOfInterest::full(&lightpath_optics::Grid::try_new(1, 5, 8e-6).unwrap());
         let mask = Plane::filled(1, 5, 0.5);
         let (weight, share) = weight_of(2, Some(&mask), Some(&found), region);

@@ -21,7 +21,7 @@
 //!   before retries. `clock`: the time of day.
 //! - `kinds`: runs each kind of job by its own function, in a file of its own. They share `display_setup` (a display at a
 //!   wavelength and distance), `pairs`, `losses` and `state_bytes`. `live_picture`: what a hologram job shows while it
-//!   runs. `hologram_setup` reads its input, and `captured` measures learned kernels. `version_model`, `learned_from`: the
+//!   runs. `hologram_setup` reads its input, `hologram_notes` says what its figures leave out, and `captured` measures learned kernels. `version_model`, `learned_from`: the
 //!   model of a version, and what it was learned from.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
@@ -34,6 +34,7 @@ mod computer;
 mod config;
 mod context;
 mod display_setup;
+mod hologram_notes;
 mod hologram_setup;
 mod job_memory;
 mod job_process;

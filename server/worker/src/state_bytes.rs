@@ -118,6 +118,7 @@ mod tests {
             intensity_scale: 0.1 + 0.2,
             loss: 1e-5,
             largest_amplitude: None,
+            notes: vec!["the target is dark".to_owned()],
         }];
         let state = HologramState { finished, loss: 0.1 + 0.2, steps: 7, compute_s: 1e-3 };
         for method in [

@@ -6,6 +6,7 @@ use crate::table::{Facts, Table};
 use crate::{propagation_text, show};
 use lightpath::v1::{self, Job};
 use lightpath::{hologram_result, names, units};
+use std::collections::BTreeSet;
 
 /// A target with its job and its output files.
 pub(super) struct Item {
@@ -41,7 +42,17 @@ pub(super) fn results(items: &[Item]) -> String {
             names::id(&item.job.name).to_owned(),
         ]);
     }
-    table.text_or("")
+    let notes = items.iter().filter_map(|item| Some((item, hologram_result(&item.job).ok()?)));
+    let notes =
+        notes.flat_map(|(item, result)| self::notes(result).map(|note| format!("\nnote: {}: {note}", item.name)));
+    table.text_or("") + &notes.collect::<String>()
+}
+
+/// The notes about a result, each once.
+fn notes(result: &v1::HologramResult) -> impl Iterator<Item = &str> {
+    let mut seen = BTreeSet::new();
+    let all = result.wavelengths.iter().flat_map(|wavelength| &wavelength.notes);
+    all.map(String::as_str).filter(move |note| seen.insert(*note))
 }
 
 /// The time of an iteration.
@@ -59,6 +70,7 @@ pub(super) fn in_full(result: &v1::HologramResult) -> String {
             facts.add("phase", &frame.phase);
             facts.add("phase npy", &frame.phase_npy);
         }
+        wavelength.notes.iter().for_each(|note| facts.add("note", note));
         text += &format!("\n{}", facts.text());
         for plane in &wavelength.planes {
             let mut facts = Facts::default();
@@ -84,6 +96,7 @@ fn result_facts(item: &Item, result: &v1::HologramResult) -> String {
     propagation_text::add(first.and_then(|plane| plane.propagation.as_ref()), &mut facts);
     facts.add_some("other optics", first.and_then(quality::other_orders));
     facts.add_some("second opinion", first.and_then(quality::second_opinion));
+    notes(result).for_each(|note| facts.add("note", note));
     facts.add_some("saved", item.files.text(result));
     let quality = match (first, others) {
         (Some(plane), None) => quality::table(plane),

@@ -143,7 +143,7 @@ impl DisplayModel {
             let shown = ShownLight::of_frames(&self.engine(Detector::Pixel)?, &phase)?;
             let (wanted, display) = ((&target, region), (&self.model, None));
             let opinion = SecondOpinion::of(display, &phase, &shown, Detector::Pixel, wanted, Effort::CHEAP)?;
-            json(&object!({ "quality": shown.quality(&target, region)?, "second_opinion": opinion }))
+            json(&object!({ "quality": shown.quality((&target, region))?, "second_opinion": opinion }))
         };
         Ok(threads::compute(py, work)??)
     }

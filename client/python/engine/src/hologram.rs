@@ -144,8 +144,8 @@ impl Request<'_> {
         let region = compared.region(self.display)?;
         let shown = ShownLight::of_sets(&engine, &[std::slice::from_ref(&phase), &displayed])?;
         let facts = Facts {
-            quality: shown[0].quality(&self.target, region)?,
-            quantized_quality: shown[1].quality(&self.target, region)?,
+            quality: shown[0].quality((&self.target, region))?,
+            quantized_quality: shown[1].quality((&self.target, region))?,
             second_opinion: SecondOpinion::of(
                 (&self.display.model, None),
                 &displayed,

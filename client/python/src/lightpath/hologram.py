@@ -110,6 +110,11 @@ class Hologram:
         detector = words.name_of(v1.Detector, self.spec.detector)
         return {"point": seen.point, "supersampled": seen.supersampled}.get(detector, seen.pixel)
 
+    @property
+    def notes(self) -> list[str]:
+        """Why the figures may say less than they seem to, as sentences: a dark target, planes without pixels."""
+        return list(dict.fromkeys(note for each in self.result.wavelengths for note in each.notes))
+
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the hologram: `.png` for the display as it is, or `.npy` of the phase in radians.
 
@@ -160,6 +165,7 @@ class Hologram:
             ("PSNR", f"{seen.psnr_db:.1f} dB"),
             ("SSIM", f"{seen.ssim:.3f}" if seen.HasField("ssim") else "too small to measure"),
             ("diffraction efficiency", f"{seen.diffraction_efficiency:.1%}"),
+            *(("note", note) for note in self.notes),
             ("job", self.job.name),
         ]
         return pictures + html.table("Hologram", rows)

@@ -9,7 +9,7 @@ from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
-from PIL import Image
+from PIL import Image, ImageOps
 
 from lightpath import png
 from lightpath.errors import InvalidArgument
@@ -30,6 +30,8 @@ Picture: TypeAlias = str | os.PathLike[str] | Image.Image | npt.NDArray[Any] | T
 
 Arrays are [height][width] or [height][width][3]; tensors may also be [3][height][width], with leading axes of length 1.
 Values are uint8, uint16, bool, or floats from 0 to 1. What they mean is said by the encoding, as for a file.
+PIL images are turned as their camera recorded (EXIF), as files are. Those of floats (mode F) and of integers (mode I)
+are read as arrays are: 0 to 1, and 0 to 65535.
 """
 
 Phase: TypeAlias = str | os.PathLike[str] | Image.Image | npt.NDArray[Any] | Tensor
@@ -40,8 +42,11 @@ Arrays are [height][width]. Floats are the phase before the display's response a
 
 _GREY_AXES, _COLOUR_AXES = 2, 3
 _COLOURS = 3
+_UINT8_MAX, _UINT16_MAX = 255, 65535
 # Modes that a PNG holds as they are, so that an image gives the same result as its file.
 _PNG_MODES = {"1", "L", "LA", "P", "RGB", "RGBA", "I;16"}
+# Modes of colours, which Pillow converts to RGB with all their values.
+_COLOUR_MODES = {"CMYK", "YCbCr", "HSV", "PA", "RGBX"}
 
 
 def picture_bytes(field: str, picture: Picture) -> bytes:
@@ -49,7 +54,10 @@ def picture_bytes(field: str, picture: Picture) -> bytes:
     if isinstance(picture, str | os.PathLike):
         return file_bytes(field, picture)
     if isinstance(picture, Image.Image):
-        return _image(picture)
+        picture = ImageOps.exif_transpose(picture)
+        if picture.mode in _PNG_MODES | _COLOUR_MODES:
+            return _png(picture)
+        picture = _numbers(field, picture)
     pixels = _pixels(field, picture)
     if pixels.dtype.kind == "f":
         _refuse_not_finite(field, pixels)
@@ -66,7 +74,9 @@ def phase_bytes(field: str, phase: Phase) -> bytes:
     if isinstance(phase, str | os.PathLike):
         return file_bytes(field, phase)
     if isinstance(phase, Image.Image):
-        return _image(phase)
+        if phase.mode in _PNG_MODES | _COLOUR_MODES:
+            return _png(phase)
+        phase = _numbers(field, phase)
     levels = _pixels(field, phase)
     if levels.ndim != _GREY_AXES:
         raise InvalidArgument(field, f"has the shape {levels.shape}", "give [height][width]")
@@ -86,10 +96,29 @@ def file_bytes(field: str, path: str | os.PathLike[str]) -> bytes:
         raise InvalidArgument(field, f'is "{os.fspath(path)}", which cannot be read', str(error.strerror)) from error
 
 
-def _image(image: Image.Image) -> bytes:
+def _png(image: Image.Image) -> bytes:
     out = io.BytesIO()
-    (image if image.mode in _PNG_MODES else image.convert("RGB")).save(out, format="PNG")
+    if image.mode not in _PNG_MODES:
+        image = image.convert("RGBA" if image.mode == "PA" else "RGB")
+    image.save(out, format="PNG")
     return out.getvalue()
+
+
+def _numbers(field: str, image: Image.Image) -> npt.NDArray[Any]:
+    """Return the values of an image that no PNG holds: floats, or integers of 16 bits in one of 32 bits."""
+    values = np.asarray(image)
+    if image.mode == "F":
+        return values
+    if not image.mode.startswith("I"):
+        raise InvalidArgument(field, f"is an image of mode {image.mode}", "convert it to L, RGB, I;16 or F")
+    least, largest = int(values.min(initial=0)), int(values.max(initial=0))
+    if least < 0 or largest > _UINT16_MAX:
+        fix = "give an array of uint8, uint16 or floats"
+        raise InvalidArgument(field, f"has values from {least} to {largest}, but integers are 0 to 65535", fix)
+    if image.mode == "I" and largest <= _UINT8_MAX:
+        fix = 'convert it to "L" for 8 bits, or to "I;16" for 16 bits'
+        raise InvalidArgument(field, f"is an image of mode I with values up to {largest}, of 8 or of 16 bits", fix)
+    return values.astype(np.uint16)
 
 
 def _pixels(field: str, values: npt.NDArray[Any] | Tensor) -> npt.NDArray[Any]:

@@ -2,7 +2,7 @@
 
 use crate::enumerations::OnWire;
 use crate::time::timestamp;
-use lightpath_domain::dataset::{Alignment, Dataset, Finding, Pair, PairChecks};
+use lightpath_domain::dataset::{Alignment, Dataset, Finding, LargestValue, Pair, PairChecks};
 use lightpath_proto::v1;
 
 /// Converts a dataset into its message.
@@ -56,7 +56,13 @@ fn checks(checks: PairChecks) -> v1::PairChecks {
         stretch_px: checks.stretch_px,
         photo_width_px: checks.photo_px[0],
         photo_height_px: checks.photo_px[1],
+        largest: checks.largest.map(largest),
     }
+}
+
+fn largest(largest: LargestValue) -> v1::LargestValue {
+    let LargestValue { value, full_scale, share, share_below } = largest;
+    v1::LargestValue { value, full_scale, share, share_below }
 }
 
 pub(crate) fn finding(finding: Finding) -> v1::Finding {

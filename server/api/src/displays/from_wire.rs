@@ -8,7 +8,7 @@ use lightpath_domain::units::Wavelength;
 use lightpath_optics::{OpticalSetup, OrderFilter, Orders};
 use lightpath_proto::v1::{self, display};
 use lightpath_service::{Call, Field, Result, check_all, collect_all};
-use std::f64::consts::PI;
+use std::f64::consts::{PI, TAU};
 use std::ops::RangeInclusive;
 
 /// Allowed sides of an SLM \[px\]. Smaller sides hardly diffract. Larger SLMs do not exist, and their padded fields
@@ -20,8 +20,12 @@ const PIXEL_PITCH_M: RangeInclusive<f64> = 1e-7..=1e-3;
 const BIT_DEPTH: RangeInclusive<u32> = 1..=16;
 /// Limit on the wavelengths of a display, above that of any multi-colour projector.
 const WAVELENGTHS_MAX: usize = 16;
-/// Largest phase in a response \[rad\]: about 160 wavelengths of modulation, at which f32 still resolves a thousandth.
+/// Largest phase in a response \[rad\], at which f32 still resolves a thousandth.
 const PHASE_RAD_MAX: f64 = 1000.0;
+/// Largest span of a response \[rad\], 16 turns: no modulator has so many, and 180 degrees or 8-bit levels are more.
+const PHASE_SPAN_RAD_MAX: f64 = 100.0;
+/// Smallest number of levels whose phases cannot all be whole numbers by chance.
+const WHOLE_NUMBERS_MIN: usize = 8;
 /// Allowed sides of what a camera sees of a pixel, in pixel pitches.
 const CAMERA_FILL_FACTOR: RangeInclusive<f64> = OpticalSetup::CAMERA_FILL_FACTOR_MIN..=1.0;
 /// Limit on the length of the notes \[bytes\]: a page of text.
@@ -145,14 +149,39 @@ fn phases(field: &Field, phase_rad: Vec<f64>, bit_depth: u32) -> Result<Vec<f64>
         let count = phase_rad.len();
         return Err(field.invalid(format!("has {count} entries, but must have {levels}, one for each level")));
     }
-    let checks = phase_rad.iter().enumerate();
-    collect_all(checks.map(|(i, &phase)| field.index(i).number(phase, -PHASE_RAD_MAX..=PHASE_RAD_MAX)))?;
+    let is_outside = |phase: &f64| !(-PHASE_RAD_MAX..=PHASE_RAD_MAX).contains(phase);
+    if let Some(i) = phase_rad.iter().position(is_outside) {
+        field.index(i).number(phase_rad[i], -PHASE_RAD_MAX..=PHASE_RAD_MAX)?;
+    }
+    require_radians(&field, &phase_rad)?;
+    Ok(phase_rad)
+}
+
+/// Refuses phases that a modulator cannot make, or that look like another quantity, with a question.
+fn require_radians(field: &Field, phase_rad: &[f64]) -> Result<()> {
     let least = phase_rad.iter().copied().fold(f64::INFINITY, f64::min);
     let most = phase_rad.iter().copied().fold(f64::NEG_INFINITY, f64::max);
-    if most - least < PI {
-        return Err(field.invalid(format!("spans {} rad, but must span at least π", most - least)));
+    let span = most - least;
+    if phase_rad.len() >= WHOLE_NUMBERS_MIN && phase_rad.iter().all(|phase| phase.fract() == 0.0) {
+        return Err(field.invalid(format!(
+            "has whole numbers only, from {least} to {most}, but must have radians as measured; are they grey levels, \
+             such as a driver's table? Then give the phase that each level makes. Are they degrees? Then multiply them \
+             by π/180"
+        )));
     }
-    Ok(phase_rad)
+    if span > PHASE_SPAN_RAD_MAX {
+        return Err(field.invalid(format!(
+            "spans {span} rad, {:.0} turns, but a modulator makes a few; are these degrees? Then multiply them by π/180. \
+             Are they grey levels? Then give the phase that each level makes",
+            span / TAU
+        )));
+    }
+    if span < PI {
+        return Err(field.invalid(format!(
+            "spans {span} rad, but must span at least π; are these turns or multiples of π? Then multiply them by 2π or π"
+        )));
+    }
+    Ok(())
 }
 
 #[cfg(test)]
@@ -190,6 +219,25 @@ mod tests {
         let mut message = message();
         change(&mut message);
         display(&Call::without_token(), message, &Field::new("display")).unwrap_err().to_string()
+    }
+
+    fn with_response(bit_depth: u32, phase_rad: impl Fn(f64) -> f64) -> v1::Display {
+        let phase_rad = (0..1 << bit_depth).map(|level| phase_rad(f64::from(level))).collect();
+        v1::Display { bit_depth, phase_response: Some(v1::PhaseResponse { phase_rad }), ..message() }
+    }
+
+    /// The refusal of a measured response.
+    fn measured(bit_depth: u32, phase_rad: impl Fn(f64) -> f64) -> String {
+        refusal(|d| *d = with_response(bit_depth, &phase_rad))
+    }
+
+    #[test]
+    fn responses_of_more_or_less_than_a_turn_are_accepted() {
+        for (bit_depth, turns) in [(8, 1.45), (8, 0.8), (10, 6.0), (1, 0.6), (2, 0.955)] {
+            let levels = f64::from(1 << bit_depth);
+            let message = with_response(bit_depth, |level| turns * TAU * level / (levels - 1.0));
+            assert!(display(&Call::without_token(), message, &Field::new("display")).is_ok(), "{bit_depth} {turns}");
+        }
     }
 
     #[test]
@@ -286,6 +334,32 @@ mod tests {
             (
                 refusal(|d| d.phase_response.as_mut().unwrap().phase_rad[0] = f64::NAN),
                 "display.phase_response.phase_rad[0] is NaN",
+            ),
+        ] {
+            assert!(refusal.starts_with(start), "{refusal}");
+        }
+    }
+
+    #[test]
+    fn responses_in_another_unit_are_questioned() {
+        for (refusal, start) in [
+            (
+                measured(8, |level| 360.0 * level / 255.0),
+                "display.phase_response.phase_rad spans 360 rad, 57 turns, but",
+            ),
+            (measured(8, |level| level), "display.phase_response.phase_rad has whole numbers only, from 0 to 255"),
+            (
+                measured(4, |level| 24.0 * level),
+                "display.phase_response.phase_rad has whole numbers only, from 0 to 360",
+            ),
+            (measured(8, |level| level * level / 255.0), "display.phase_response.phase_rad spans 255 rad, 41 turns"),
+            (
+                measured(8, |level| 2.0 * level / 255.0),
+                "display.phase_response.phase_rad spans 2 rad, but must span at",
+            ),
+            (
+                measured(8, |level| 1e4 * level),
+                "display.phase_response.phase_rad[1] is 10000, but must be -1000 to 1000",
             ),
         ] {
             assert!(refusal.starts_with(start), "{refusal}");

@@ -33,6 +33,8 @@ pub struct PairChecks {
     /// Root mean square displacement by scale and shear \[px of the display\]: the camera's, or that of the modulator's
     /// uneven surface.
     pub stretch_px: Option<f64>,
+    /// The largest value of the photograph's file; `None`: the photograph is empty.
+    pub largest: Option<LargestValue>,
     /// Columns and rows of the photograph \[px\].
     pub photo_px: [u32; 2],
     /// Digest of the hologram's decoded values: files with equal pixels have equal digests.
@@ -46,6 +48,19 @@ pub struct PairChecks {
     /// Map with which the pair was measured; `None`: one camera pixel for each pixel of the display.
     #[serde(flatten)]
     pub map: Option<CameraMap>,
+}
+
+/// The largest value of a photograph, as its file has it.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LargestValue {
+    /// The value.
+    pub value: f64,
+    /// Value of the camera's full scale: 255, 65535, 2^bits − 1 of the declared bits, or 1 for arrays of floats.
+    pub full_scale: f64,
+    /// Fraction of the pixels that have exactly this value in one of their colours.
+    pub share: f64,
+    /// Fraction of the pixels whose brightest colour is lower by up to a hundredth.
+    pub share_below: f64,
 }
 
 /// A problem of a dataset or pair that the user should know about.
@@ -69,6 +84,10 @@ pub enum FindingKind {
     Black,
     /// Too much of the photograph is saturated.
     Saturated,
+    /// Many pixels have the largest value, which is below full scale.
+    Clipped,
+    /// The photographs have no value above that of fewer bits than their files have.
+    FewerBits,
     /// Much of the photograph is clipped at black.
     BlackClipped,
     /// The photograph has hardly any structure.

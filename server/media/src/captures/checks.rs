@@ -2,7 +2,7 @@
 
 use super::fingerprint;
 use super::reading::{CaptureError, Captures};
-use crate::pictures::SATURATION;
+use crate::pictures::{Photo, SATURATION};
 use lightpath_artifacts::digest_of;
 use lightpath_camera::alignment::Registration;
 use lightpath_domain::dataset::{Pair, PairChecks};
@@ -54,7 +54,7 @@ pub fn check(
     photo_file: &[u8],
 ) -> Result<PairChecks, CaptureError> {
     let phase = captures.phase(phase_file)?;
-    let camera = captures.camera(pair, photo_file)?;
+    let Photo { light: camera, largest } = captures.camera(pair, photo_file)?;
     let photo_px = [camera.width_px() as u32, camera.height_px() as u32];
     let photo_values = values_digest(&camera);
     let photo = captures.on_grid(camera)?;
@@ -63,6 +63,7 @@ pub fn check(
     let floor = (-black_level / (1.0 - black_level)) as f32 + 1e-5;
     let mut checks = PairChecks {
         photo_px,
+        largest,
         phase_values: values_digest(&phase),
         photo_values,
         seen: fingerprint::of(&photo, region),

@@ -8,7 +8,8 @@
 
 use super::fingerprint::{self, Normalized};
 use super::{SHIFT_PX_MAX, STRETCH_PX_MAX, TURN_PX_MAX};
-use lightpath_domain::dataset::{Dataset, Finding, FindingKind, Pair, PairChecks};
+use crate::pictures::SATURATION;
+use lightpath_domain::dataset::{Dataset, Finding, FindingKind, LargestValue, Pair, PairChecks};
 
 /// Light of black photographs: the brightest light is below this fraction of full scale.
 const BLACK: f64 = 0.01;
@@ -16,6 +17,10 @@ const BLACK: f64 = 0.01;
 const SATURATED_SOME: f64 = 0.01;
 /// Fraction of saturated pixels above which a photograph is excluded.
 const SATURATED_MOST: f64 = 0.5;
+/// Fraction of pixels with exactly the largest value above which a photograph may be clipped.
+const CLIPPED: f64 = 0.001;
+/// Bits of cameras whose photographs are stored in files of 16 bits.
+const CAMERA_BITS: [u32; 3] = [10, 12, 14];
 /// Fraction of black pixels above which a photograph gets a finding.
 const BLACK_CLIPPED: f64 = 0.25;
 /// Contrast (standard deviation divided by mean) below which a photograph gets a finding.
@@ -185,6 +190,9 @@ fn light_findings(checks: &PairChecks, add: &mut impl FnMut(FindingKind, bool, S
         let message = format!("is saturated, or outside the camera's view, at {saturated} of the pixels");
         add(FindingKind::Saturated, excludes, message);
     }
+    if let Some(message) = clipped(checks) {
+        add(FindingKind::Clipped, false, message);
+    }
     if checks.black > BLACK_CLIPPED {
         add(
             FindingKind::BlackClipped,
@@ -196,6 +204,41 @@ fn light_findings(checks: &PairChecks, add: &mut impl FnMut(FindingKind, bool, S
         let excludes = checks.contrast < CONTRAST_NONE;
         add(FindingKind::LowContrast, excludes, format!("has a contrast of only {:.3}", checks.contrast));
     }
+}
+
+/// Something clipped the values of a photograph below full scale, such as a camera or a converter with fewer bits: many
+/// pixels have the largest value and few lie close below, as no picture has them.
+fn clipped(checks: &PairChecks) -> Option<String> {
+    let LargestValue { value, full_scale, share, share_below } = checks.largest?;
+    let is_clipped = share > CLIPPED && share > share_below && value < f64::from(SATURATION) * full_scale;
+    is_clipped.then(|| {
+        format!(
+            "has its largest value, {value} of {full_scale}, at {:.1} % of the pixels: it seems to be clipped there, but \
+             these pixels do not count as saturated; use a shorter exposure, or the camera's full scale",
+            100.0 * share
+        )
+    })
+}
+
+/// A question about photographs that have no value above that of fewer bits than their files have.
+fn fewer_bits(dataset: &Dataset, checked: &[(&Pair, &PairChecks)]) -> Option<String> {
+    let largest: Vec<LargestValue> = checked.iter().filter_map(|(_, checks)| checks.largest).collect();
+    if dataset.photo_bit_depth != 0 || largest.iter().any(|largest| largest.full_scale != f64::from(u16::MAX)) {
+        return None;
+    }
+    let value = largest.iter().map(|largest| largest.value).reduce(f64::max)?;
+    let most = |bits: u32| f64::from((1_u32 << bits) - 1);
+    let reaches = CAMERA_BITS.into_iter().find(|&bits| value == most(bits));
+    let below = CAMERA_BITS.into_iter().find(|&bits| value <= most(bits) && bits <= 12);
+    let bits = reaches.or(below)?;
+    let share = largest.iter().map(|largest| if largest.value == value { largest.share } else { 0.0 }).sum::<f64>();
+    Some(format!(
+        "the photographs are files of 16 bits, but no value is above {value}, which {:.1} % of the pixels have; 2^{bits} − 1 \
+         is {}: does the camera have {bits} bits? Then make the dataset anew with a bit depth of {bits} (lightpath dataset \
+         create --photo-bit-depth {bits}), or saturated pixels are taken for light",
+        100.0 * share / largest.len() as f64,
+        most(bits)
+    ))
 }
 
 fn copy_findings(
@@ -217,6 +260,7 @@ fn dataset_findings(dataset: &Dataset, checked: &[(&Pair, &PairChecks)]) -> Vec<
     if let Some(displacement) = Displacement::of(checked) {
         all.extend(displacement.findings().map(|(kind, message)| whole(kind, message)));
     }
+    all.extend(fewer_bits(dataset, checked).map(|message| whole(FindingKind::FewerBits, message)));
     if let Some(vignetting) = median(checked.iter().filter_map(|(_, checks)| checks.vignetting))
         && vignetting > VIGNETTING
     {
@@ -372,6 +416,50 @@ mod tests {
         assert_eq!(displaced(0.0, [-0.8, -0.7, -0.9], 0.9), (vec![Misaligned, Stretched], true));
         assert_eq!(displaced(1.8, [0.0; 3], 0.0), (vec![Misaligned], true));
         assert_eq!(displaced(0.0, [0.0; 3], STRETCH_PX_MAX + 0.1), (vec![Misaligned, Stretched], true));
+    }
+
+    /// Kinds of the findings about three photographs with a largest value, and the message of the last finding.
+    fn with_largest(bit_depth: u32, [value, full_scale]: [f64; 2], shares: [f64; 2]) -> (Vec<FindingKind>, String) {
+        let mut dataset = dataset(&[0.9; 3]);
+        dataset.photo_bit_depth = bit_depth;
+        for pair in &mut dataset.pairs {
+            let [share, share_below] = shares;
+            pair.checks.as_mut().unwrap().largest = Some(LargestValue { value, full_scale, share, share_below });
+        }
+        let mut all = findings(&dataset);
+        all.dedup_by_key(|finding| finding.kind);
+        (all.iter().map(|finding| finding.kind).collect(), all.pop().map(|last| last.message).unwrap_or_default())
+    }
+
+    #[test]
+    fn photographs_that_are_clipped_below_full_scale_are_found() {
+        use FindingKind::{Clipped, FewerBits};
+        for (bits, most) in [(10, 1023.0), (12, 4095.0), (14, 16383.0)] {
+            let (kinds, message) = with_largest(0, [most, 65535.0], [0.05, 0.001]);
+            assert_eq!(kinds, [Clipped, FewerBits]);
+            assert!(message.contains(&format!("above {most}, which 5.0 % of the pixels have")), "{message}");
+            assert!(message.contains(&format!("--photo-bit-depth {bits})")), "{message}");
+            // As it should be declared, and with the left-over bits filled.
+            assert_eq!(with_largest(bits, [most, most], [0.05, 0.001]).0, []);
+            let shifted = most * f64::from(1 << (16 - bits));
+            assert_eq!(with_largest(0, [shifted, 65535.0], [0.05, 0.001]).0, []);
+        }
+        for (value, full_scale) in [(235.0, 255.0), (250.0, 255.0), (4000.0, 4095.0), (0.0625, 1.0)] {
+            let (kinds, message) = with_largest(0, [value, full_scale], [0.02, 0.001]);
+            assert_eq!(kinds, [Clipped], "{value}");
+            assert!(message.contains(&format!("{value} of {full_scale}, at 2.0 % of the pixels")), "{message}");
+        }
+        // Dark, but not clipped.
+        assert_eq!(with_largest(0, [3000.0, 65535.0], [1e-5, 1e-5]).0, [FewerBits]);
+    }
+
+    #[test]
+    fn photographs_that_use_all_values_have_no_finding_about_their_bits() {
+        assert_eq!(with_largest(0, [65535.0, 65535.0], [0.005, 0.0]).0, []);
+        assert_eq!(with_largest(0, [5000.0, 65535.0], [1e-5, 1e-4]).0, []);
+        assert_eq!(with_largest(0, [208.0, 255.0], [2e-5, 0.0]).0, []);
+        // A white wall: many pixels are nearly as bright.
+        assert_eq!(with_largest(0, [208.0, 255.0], [0.1, 0.2]).0, []);
     }
 
     fn wrong(correlations: &[f64]) -> Vec<(String, bool)> {

@@ -9,7 +9,7 @@
 //! Pixels that are saturated or outside the photograph get the value 1, and learning ignores them.
 
 use crate::npy;
-use crate::pictures::{self, PhotoReading, PictureError, SATURATED, SATURATION};
+use crate::pictures::{self, Photo, PhotoReading, PictureError, SATURATED, SATURATION};
 use lightpath_camera::alignment::{AlignmentError, CameraMap, Homography, warp};
 use lightpath_domain::dataset::{self, Dataset, Encoding, Pair};
 use lightpath_domain::display::Display;
@@ -156,18 +156,18 @@ impl Captures {
         })
     }
 
-    /// Reads the light of a photograph, in its own size.
+    /// Reads a photograph, in its own size.
     ///
     /// # Errors
     ///
     /// [`CaptureError`] for a file that is no photograph.
-    pub fn camera(&self, pair: &Pair, file: &[u8]) -> Result<Plane<f32>, CaptureError> {
+    pub fn camera(&self, pair: &Pair, file: &[u8]) -> Result<Photo, CaptureError> {
         let reading = PhotoReading {
             encoding: self.encoding,
             bit_depth: self.photo_bit_depth,
             black_level: pair.exposure.black_level,
         };
-        Ok(pictures::photo_light(file, &reading)?)
+        Ok(pictures::photo(file, &reading)?)
     }
 
     /// Reads the light of a photograph, mapped to the display's grid and scaled to the smallest exposure of the
@@ -177,7 +177,7 @@ impl Captures {
     ///
     /// [`CaptureError`] for a file that is no photograph or has the wrong size.
     pub fn photo(&self, pair: &Pair, file: &[u8]) -> Result<Plane<f32>, CaptureError> {
-        let on_grid = self.on_grid(self.camera(pair, file)?)?;
+        let on_grid = self.on_grid(self.camera(pair, file)?.light)?;
         let scale = (self.sensitivity_min / pair.exposure.sensitivity()) as f32;
         if !scale.is_finite() || scale >= 1.0 {
             return Ok(on_grid);

@@ -3,6 +3,7 @@
 use super::jpeg::JpegDecoder;
 use super::memory::{self, reading_bytes};
 use super::tiff_directory::Directory;
+use super::tiff_pages::{AtPicture, SeveralPictures, at_full_picture};
 use super::{FILE_BYTES_MAX, PIXELS_MAX, PictureBytes, PictureError, SIDE_PX_MAX};
 use super::{fit, jpeg_end, png_chunks, srgb_to_linear};
 use crate::budget::{Budget, Held};
@@ -95,13 +96,20 @@ pub fn colour_planes(bytes: &[u8], encoding: Encoding, side_px_min: u32) -> Resu
     channels.iter().map(|&channel| picture.light(encoding, channel)).collect()
 }
 
-/// Columns and rows \[px\] of a picture from its header, before any orientation. It decodes no pixel.
+/// Columns and rows \[px\] of a picture from its header, turned as the camera recorded. It decodes no pixel.
 ///
 /// # Errors
 ///
 /// [`PictureError`] for a file that is no readable picture, and for a picture beyond the limits.
 pub fn picture_size(bytes: &[u8]) -> Result<(u32, u32), PictureError> {
-    Ok(open(bytes)?.decoder.dimensions())
+    let mut opened = open(bytes)?;
+    let (width_px, height_px) = opened.decoder.dimensions();
+    Ok(match opened.orientation() {
+        Orientation::Rotate90 | Orientation::Rotate270 | Orientation::Rotate90FlipH | Orientation::Rotate270FlipH => {
+            (height_px, width_px)
+        }
+        _ => (width_px, height_px),
+    })
 }
 
 /// A decoded picture, before its values are converted to light.
@@ -204,10 +212,11 @@ fn open_jpeg(bytes: &[u8]) -> Decoding<'_> {
 
 fn open_tiff(bytes: &[u8]) -> Result<Decoding<'_>, PictureError> {
     let format = name(ImageFormat::Tiff);
-    let directory = Directory::read(bytes).ok_or(PictureError::Truncated { format })?;
+    let picture = full_picture(bytes)?;
+    let directory = Directory::read(bytes, picture.header()).ok_or(PictureError::Truncated { format })?;
     directory.check().map_err(|detail| PictureError::Unsupported { format, detail })?;
     let directory_bytes = directory.decoding_bytes();
-    let opened = TiffDecoder::new(PictureBytes::new(bytes)).map(|decoder| {
+    let opened = TiffDecoder::new(picture).map(|decoder| {
         // The decoder makes a copy of the pixels, which has a fourth sample for colours of ink.
         let pixel_bits = decoder.original_color_type().bits_per_pixel().max(decoder.color_type().bits_per_pixel());
         let (width_px, height_px) = decoder.dimensions();
@@ -215,6 +224,14 @@ fn open_tiff(bytes: &[u8]) -> Result<Decoding<'_>, PictureError> {
         (Box::new(decoder) as Box<dyn ImageDecoder + '_>, directory_bytes + copied_bytes)
     });
     Ok(opened)
+}
+
+fn full_picture(bytes: &[u8]) -> Result<AtPicture<PictureBytes<'_>>, PictureError> {
+    match at_full_picture(PictureBytes::new(bytes)) {
+        Ok(Ok(picture)) => Ok(picture),
+        Ok(Err(SeveralPictures { pictures })) => Err(PictureError::SeveralPictures { pictures }),
+        Err(error) => Err(refusal(ImageFormat::Tiff, &ImageError::IoError(error))),
+    }
 }
 
 fn limits(bytes_max: u64) -> Limits {
@@ -283,6 +300,22 @@ impl Samples<'_> {
             let colours = &pixel[..3 * sample_bytes];
             colours[..2 * sample_bytes] == colours[sample_bytes..]
         })
+    }
+
+    /// Whether a sample has 16 bits, and not 8.
+    pub(super) fn is_wide(&self) -> bool {
+        self.colour.bytes_per_pixel() / self.colour.channel_count() == 2
+    }
+
+    /// Samples of a pixel, and how many of them are not alpha.
+    pub(super) fn channels_and_colours(&self) -> (usize, usize) {
+        let channels = usize::from(self.colour.channel_count());
+        (channels, channels - usize::from(self.colour.has_alpha()))
+    }
+
+    /// The `i`-th sample.
+    pub(super) fn value(&self, i: usize) -> u32 {
+        if self.is_wide() { self.sample_16(i).into() } else { self.bytes[i].into() }
     }
 
     pub(super) fn sample_16(&self, i: usize) -> u16 {

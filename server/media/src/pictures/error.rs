@@ -26,12 +26,23 @@ pub enum PictureError {
     Damaged { format: &'static str, detail: String },
     #[error("the {format} file is of an unsupported kind ({detail}); save it as grey or RGB with 8 or 16 bits")]
     Unsupported { format: &'static str, detail: String },
+    #[error(
+        "the TIFF file has {pictures} pictures, and not exactly one of them is of full resolution; save the one that is \
+         meant as a file of its own"
+    )]
+    SeveralPictures { pictures: usize },
     #[error("the picture has {actual_width_px}×{actual_height_px} px, but must have {width_px}×{height_px} px")]
     WrongSize { width_px: u32, height_px: u32, actual_width_px: u32, actual_height_px: u32 },
     #[error("the region must have at least one pixel and lie inside the picture, which has {width_px}×{height_px} px")]
     RegionOutside { width_px: u32, height_px: u32 },
     #[error("a hologram's levels must be a grey PNG of 8 or 16 bits without alpha, but this is {actual}")]
     NotLevels { actual: String },
+    #[error(
+        "the hologram is a file of 8 bits, its largest level is {largest}, and the display has levels of {bit_depth} bits, 0 \
+         to {level_max}; levels are never scaled: if a viewer scaled them to 8 bits, take the original; if they are meant \
+         as they are, save them as a grey PNG of 16 bits"
+    )]
+    NarrowLevels { largest: u8, bit_depth: u32, level_max: u16 },
     #[error(
         "level {level} at x = {x_px} px, y = {y_px} px is beyond the display's {bit_depth} bits (0 to {level_max}); \
          levels are stored as they are, not scaled to the PNG's range"

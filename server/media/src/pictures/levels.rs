@@ -5,13 +5,13 @@ use crate::budget::Budget;
 use image::{ColorType, ImageFormat};
 use lightpath_optics::Plane;
 
-/// Reads the levels of a hologram, 0 to 2^`bit_depth` − 1, from a grey PNG of 8 or 16 bits. Either kind of file may
-/// hold the levels of any display if they fit. Values are not scaled.
+/// Reads the levels of a hologram, 0 to 2^`bit_depth` − 1, from a grey PNG of 16 bits, or of 8 bits if `bit_depth` is at
+/// most 8. Values are not scaled.
 ///
 /// # Errors
 ///
-/// [`PictureError`] for a file that is no readable PNG, is not grey, has another size than `height_px` × `width_px`, or
-/// holds a level that the display does not have.
+/// [`PictureError`] for a file that is no readable PNG, is not grey, has another size than `height_px` × `width_px`, holds
+/// a level that the display does not have, or has 8 bits and not all levels of the display: a viewer may have scaled them.
 pub fn levels(bytes: &[u8], bit_depth: u32, height_px: usize, width_px: usize) -> Result<Plane<u16>, PictureError> {
     let budget = Budget::new(reading_bytes(bytes, (height_px * width_px) as u64));
     let opened = decode::open(bytes)?;
@@ -35,11 +35,19 @@ pub fn levels(bytes: &[u8], bit_depth: u32, height_px: usize, width_px: usize) -
         if samples.colour == ColorType::L16 { samples.sample_16(i) } else { u16::from(samples.bytes[i]) }
     });
     require_levels(&plane, bit_depth)?;
+    if bit_depth > 8 && samples.colour == ColorType::L8 {
+        let largest = samples.bytes.iter().copied().max().unwrap_or(0);
+        return Err(PictureError::NarrowLevels { largest, bit_depth, level_max: level_max(bit_depth) });
+    }
     Ok(plane)
 }
 
+fn level_max(bit_depth: u32) -> u16 {
+    u16::MAX >> (16 - bit_depth.clamp(1, 16))
+}
+
 fn require_levels(plane: &Plane<u16>, bit_depth: u32) -> Result<(), PictureError> {
-    let level_max = u16::MAX >> (16 - bit_depth.clamp(1, 16));
+    let level_max = level_max(bit_depth);
     match plane.values().iter().position(|&level| level > level_max) {
         None => Ok(()),
         Some(i) => {

@@ -7,6 +7,7 @@
 //! - sRGB values are decoded to linear light *before* channels are averaged and pixels are resampled;
 //! - the light is the mean over the colour channels, unless the caller asks for one channel;
 //! - transparent pixels are black: alpha multiplies the light;
+//! - of a TIFF file with thumbnails, the picture of full resolution is read; a stack of pictures is refused;
 //! - the orientation that a camera recorded in a picture is applied, as in every viewer;
 //! - embedded gamma and colour profiles are ignored: the caller names the encoding.
 
@@ -26,6 +27,7 @@ mod srgb;
 #[cfg(test)]
 mod tests;
 mod tiff_directory;
+mod tiff_pages;
 
 use picture_bytes::PictureBytes;
 
@@ -38,7 +40,7 @@ pub use error::PictureError;
 pub use fit::{fit, resized};
 pub use levels::levels;
 pub use memory::{pixels, reading_bytes};
-pub use photograph::{PhotoReading, SATURATED, SATURATION, photo_light};
+pub use photograph::{Photo, PhotoReading, SATURATED, SATURATION, photo};
 pub use srgb::{linear_to_srgb, srgb_to_linear};
 
 /// Longest accepted side of a picture \[px\]: longer than that of any SLM or camera.

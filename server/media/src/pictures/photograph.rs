@@ -14,7 +14,7 @@ use crate::budget::Budget;
 use crate::npy;
 use crate::shortened::sides;
 use image::ImageFormat;
-use lightpath_domain::dataset::Encoding;
+use lightpath_domain::dataset::{Encoding, LargestValue};
 use lightpath_optics::Plane;
 
 /// The light of saturated pixels.
@@ -33,16 +33,24 @@ pub struct PhotoReading {
     pub black_level: f64,
 }
 
-/// Reads the light in a photograph, in its own size. 1 is the camera's full scale. The file is PNG, TIFF, JPEG, or
-/// `.npy` of float32, float64, uint8 or uint16.
+/// A photograph that was read.
+#[derive(Clone, Debug)]
+pub struct Photo {
+    /// The light, in the photograph's own size. 1 is the camera's full scale.
+    pub light: Plane<f32>,
+    /// The largest value of the file; `None`: it has no pixel.
+    pub largest: Option<LargestValue>,
+}
+
+/// Reads a photograph. The file is PNG, TIFF, JPEG, or `.npy` of float32, float64, uint8 or uint16.
 ///
 /// # Errors
 ///
 /// [`PictureError`] for a file that is no readable picture, and for a picture that is beyond the limits, holds a value
 /// that is not a finite number, or holds a value above the declared bits.
-pub fn photo_light(bytes: &[u8], reading: &PhotoReading) -> Result<Plane<f32>, PictureError> {
+pub fn photo(bytes: &[u8], reading: &PhotoReading) -> Result<Photo, PictureError> {
     if npy::is_npy(bytes) {
-        return array_light(bytes, reading);
+        return array_photo(bytes, reading);
     }
     let budget = Budget::new(reading_bytes(bytes, 0));
     let mut opened = decode::open(bytes)?;
@@ -56,7 +64,41 @@ pub fn photo_light(bytes: &[u8], reading: &PhotoReading) -> Result<Plane<f32>, P
     let orientation = opened.orientation();
     let samples = decode::read_samples(opened, &budget)?;
     let light = picture_light(&samples, reading, height_px as usize, width_px as usize)?;
-    Ok(decode::oriented(light, orientation))
+    let largest = picture_largest(&samples, reading);
+    Ok(Photo { light: decode::oriented(light, orientation), largest })
+}
+
+/// Largest value that a file's samples can have, and the camera's full scale.
+fn scales(samples: &Samples<'_>, reading: &PhotoReading) -> (u32, u32) {
+    let file_scale = if samples.is_wide() { u32::from(u16::MAX) } else { u32::from(u8::MAX) };
+    let full_scale = match reading.bit_depth {
+        0 => file_scale,
+        bits => ((1_u32 << bits.min(16)) - 1).min(file_scale),
+    };
+    (file_scale, full_scale)
+}
+
+fn picture_largest(samples: &Samples<'_>, reading: &PhotoReading) -> Option<LargestValue> {
+    let (channels, colours) = samples.channels_and_colours();
+    let pixels = samples.bytes.len() / usize::from(samples.colour.bytes_per_pixel());
+    let brightest = (0..pixels).map(|i| {
+        let values = (i * channels..i * channels + colours).map(|k| samples.value(k));
+        f64::from(values.max().unwrap_or(0))
+    });
+    largest(brightest, scales(samples, reading).1.into())
+}
+
+/// The largest of the values, and how many there are of it and close below.
+fn largest(values: impl Iterator<Item = f64> + Clone, full_scale: f64) -> Option<LargestValue> {
+    let value = values.clone().reduce(f64::max)?;
+    let (mut count, mut at, mut below) = (0_usize, 0_usize, 0_usize);
+    for other in values {
+        count += 1;
+        at += usize::from(other == value);
+        below += usize::from(other < value && other >= 0.99 * value);
+    }
+    let share = |of: usize| of as f64 / count as f64;
+    Some(LargestValue { value, full_scale, share: share(at), share_below: share(below) })
 }
 
 fn picture_light(
@@ -65,21 +107,15 @@ fn picture_light(
     height_px: usize,
     width_px: usize,
 ) -> Result<Plane<f32>, PictureError> {
-    let channels = usize::from(samples.colour.channel_count());
-    let colours = channels - usize::from(samples.colour.has_alpha());
-    let wide = usize::from(samples.colour.bytes_per_pixel()) / channels == 2;
-    let file_scale = if wide { u32::from(u16::MAX) } else { u32::from(u8::MAX) };
-    let full_scale = match reading.bit_depth {
-        0 => file_scale,
-        bits => ((1_u32 << bits.min(16)) - 1).min(file_scale),
-    };
+    let (channels, colours) = samples.channels_and_colours();
+    let (file_scale, full_scale) = scales(samples, reading);
     let table: Vec<f32> = (0..=file_scale).map(|value| light_of(value as f32 / full_scale as f32, reading)).collect();
     let mut above = None;
     let mut light = Plane::filled(height_px, width_px, 0.0_f32);
     for (i, out) in light.values_mut().iter_mut().enumerate() {
         let (mut sum, mut saturated) = (0.0, false);
         for k in i * channels..i * channels + colours {
-            let value = if wide { u32::from(samples.sample_16(k)) } else { u32::from(samples.bytes[k]) };
+            let value = samples.value(k);
             if value > full_scale && above.is_none() {
                 above = Some((value, i));
             }
@@ -99,7 +135,7 @@ fn picture_light(
     }
 }
 
-fn array_light(bytes: &[u8], reading: &PhotoReading) -> Result<Plane<f32>, PictureError> {
+fn array_photo(bytes: &[u8], reading: &PhotoReading) -> Result<Photo, PictureError> {
     if bytes.len() > FILE_BYTES_MAX {
         return Err(PictureError::FileTooLarge { bytes: bytes.len() });
     }
@@ -122,11 +158,12 @@ fn array_light(bytes: &[u8], reading: &PhotoReading) -> Result<Plane<f32>, Pictu
         0 => f32::from(u16::MAX),
         bits => ((1_u32 << bits.min(16)) - 1) as f32,
     };
-    let values = match kind.trim_start_matches(['<', '|', '=']) {
-        "f4" => array.values(pixels, f32::from_le_bytes),
-        "f8" => array.values(pixels, |bytes| f64::from_le_bytes(bytes) as f32),
-        "u1" => array.values(pixels, |[value]| f32::from(value) / 255.0),
-        "u2" => array.values(pixels, |bytes| f32::from(u16::from_le_bytes(bytes)) / full_scale),
+    // The values, and the full scale of what the file has.
+    let (values, full_scale): (Option<Vec<f32>>, f32) = match kind.trim_start_matches(['<', '|', '=']) {
+        "f4" => (array.values(pixels, f32::from_le_bytes), 1.0),
+        "f8" => (array.values(pixels, |bytes| f64::from_le_bytes(bytes) as f32), 1.0),
+        "u1" => (array.values(pixels, |[value]| f32::from(value)), 255.0),
+        "u2" => (array.values(pixels, |bytes| f32::from(u16::from_le_bytes(bytes))), full_scale),
         _ => return Err(refused(format!("{kind} of shape {shape}"))),
     };
     let values = values.ok_or_else(refused_length)?;
@@ -134,9 +171,11 @@ fn array_light(bytes: &[u8], reading: &PhotoReading) -> Result<Plane<f32>, Pictu
     if let Some(i) = values.iter().position(|value| !value.is_finite()) {
         return Err(PictureError::NotFinite { x_px: i % width, y_px: i / width });
     }
+    let largest = largest(values.iter().map(|&value| f64::from(value)), full_scale.into());
     let light = |value: f32| if value >= SATURATION { SATURATED } else { light_of(value, reading) };
-    let values = values.into_iter().map(light).collect();
-    Plane::try_from_vec(height_px as usize, width, values).map_err(|error| refused(error.to_string()))
+    let values = values.into_iter().map(|value| light(value / full_scale)).collect();
+    let plane = Plane::try_from_vec(height_px as usize, width, values);
+    Ok(Photo { light: plane.map_err(|error| refused(error.to_string()))?, largest })
 }
 
 fn light_of(value: f32, reading: &PhotoReading) -> f32 {
@@ -165,7 +204,7 @@ mod tests {
     }
 
     fn values(file: &[u8], reading: &PhotoReading) -> Vec<f32> {
-        photo_light(file, reading).unwrap().into_vec()
+        photo(file, reading).unwrap().light.into_vec()
     }
 
     fn wide(values: [u16; 2]) -> Vec<u8> {
@@ -188,6 +227,24 @@ mod tests {
         assert!((values(&png(&[124, 255], ExtendedColorType::L8), &srgb)[0] - 0.2).abs() < 2e-3);
     }
 
+    fn largest_of(file: &[u8], reading: &PhotoReading) -> [f64; 4] {
+        let LargestValue { value, full_scale, share, share_below } = photo(file, reading).unwrap().largest.unwrap();
+        [value, full_scale, share, share_below]
+    }
+
+    #[test]
+    fn largest_value_is_that_of_the_file() {
+        let twelve = PhotoReading { bit_depth: 12, black_level: 0.1, encoding: Encoding::Srgb };
+        assert_eq!(largest_of(&png(&wide([4095, 4095]), ExtendedColorType::L16), &LINEAR), [4095.0, 65535.0, 1.0, 0.0]);
+        assert_eq!(largest_of(&png(&wide([4000, 3980]), ExtendedColorType::L16), &twelve), [4000.0, 4095.0, 0.5, 0.5]);
+        // Of each pixel its brightest colour counts; the second pixel's alpha does not.
+        let rgba = png(&[9, 235, 0, 255, 80, 20, 30, 255], ExtendedColorType::Rgba8);
+        assert_eq!(largest_of(&rgba, &LINEAR), [235.0, 255.0, 0.5, 0.0]);
+        assert_eq!(largest_of(&npy(&[1023_u16, 7], &[1, 2]), &LINEAR), [1023.0, 65535.0, 0.5, 0.0]);
+        assert_eq!(largest_of(&npy(&[250_u8, 7], &[1, 2]), &LINEAR), [250.0, 255.0, 0.5, 0.0]);
+        assert_eq!(largest_of(&npy(&[0.25_f32, 0.25], &[1, 2]), &LINEAR), [0.25, 1.0, 1.0, 0.0]);
+    }
+
     #[test]
     fn black_level_is_subtracted_and_full_scale_stays_1() {
         let dark = PhotoReading { black_level: 0.2, ..LINEAR };
@@ -200,7 +257,7 @@ mod tests {
     #[test]
     fn values_above_the_declared_bits_are_refused() {
         let twelve = PhotoReading { bit_depth: 12, ..LINEAR };
-        let error = photo_light(&png(&wide([7, 4096]), ExtendedColorType::L16), &twelve).unwrap_err().to_string();
+        let error = photo(&png(&wide([7, 4096]), ExtendedColorType::L16), &twelve).unwrap_err().to_string();
         assert!(error.contains("4096") && error.contains("x = 1 px") && error.contains("12 bits"), "{error}");
     }
 
@@ -217,9 +274,9 @@ mod tests {
         assert_eq!(values(&npy(&[0.2_f32, 1.0], &[1, 2]), &LINEAR), [0.2, 1.0]);
         assert_eq!(values(&npy(&[0.2_f64, 1.0], &[1, 2]), &LINEAR), [0.2, 1.0]);
         assert_eq!(values(&npy(&[13107_u16, 65535], &[1, 2]), &LINEAR), [0.2, 1.0]);
-        let error = photo_light(&npy(&[0.2, f32::NAN], &[1, 2]), &LINEAR).unwrap_err().to_string();
+        let error = photo(&npy(&[0.2, f32::NAN], &[1, 2]), &LINEAR).unwrap_err().to_string();
         assert!(error.contains("not a finite number") && error.contains("x = 1 px"), "{error}");
-        assert!(photo_light(&npy(&[0.2_f32, 0.3], &[2]), &LINEAR).is_err());
-        assert!(photo_light(&npy(&[1_i32, 2], &[1, 2]), &LINEAR).is_err());
+        assert!(photo(&npy(&[0.2_f32, 0.3], &[2]), &LINEAR).is_err());
+        assert!(photo(&npy(&[1_i32, 2], &[1, 2]), &LINEAR).is_err());
     }
 }

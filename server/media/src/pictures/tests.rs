@@ -50,6 +50,9 @@ fn files_without_valid_levels_are_refused() {
     assert!(matches!(levels(&png, 7, 4, 6), Err(PictureError::LevelTooHigh { level: 200, .. })));
     assert!(matches!(levels(&png, 8, 6, 4), Err(PictureError::WrongSize { .. })));
     assert!(matches!(levels_png(&Plane::filled(4, 6, 200), 7), Err(PictureError::LevelTooHigh { .. })));
+    // A viewer that saves a hologram of 10 bits with 8 divides its levels by 4.
+    let narrow = levels(&png, 10, 4, 6).unwrap_err().to_string();
+    assert!(narrow.contains("8 bits, its largest level is 200") && narrow.contains("10 bits, 0 to 1023"), "{narrow}");
     let rgb = file(image::RgbImage::new(6, 4), ImageFormat::Png);
     assert!(matches!(levels(&rgb, 8, 4, 6), Err(PictureError::NotLevels { .. })));
     let jpeg = file(image::GrayImage::new(6, 4), ImageFormat::Jpeg);
@@ -135,6 +138,7 @@ fn recorded_orientation_is_applied() {
     let turned = [&plain[..2], exif, &plain[2..]].concat();
     let light = photograph(&turned, Encoding::Linear).unwrap();
     assert_eq!((light.height_px(), light.width_px()), (10, 8));
+    assert_eq!((picture_size(&turned).unwrap(), picture_size(&plain).unwrap()), ((8, 10), (10, 8)));
     assert!(light.at(9, 4) > 0.8 && light.at(0, 4) < 0.1, "the left side is at the top");
 }
 

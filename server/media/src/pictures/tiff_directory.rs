@@ -28,7 +28,7 @@ const SCANS_MAX: usize = 4;
 /// Side of the largest usual block of JPEG \[px\], in whole numbers of which a strip may be coded.
 const BLOCK_PX: u64 = 16;
 
-/// The first directory of a file.
+/// The directory of the picture that is read.
 pub(super) struct Directory<'a> {
     file: &'a [u8],
     is_big_endian: bool,
@@ -46,13 +46,19 @@ struct Tag {
 }
 
 impl<'a> Directory<'a> {
-    /// Reads the directory; `None` if there is none. Then the decoder finds none, either.
-    pub(super) fn read(file: &'a [u8]) -> Option<Self> {
+    /// Reads the directory to which the header points, which may be another one than that of the file; `None` if there is
+    /// none. Then the decoder finds none, either.
+    pub(super) fn read(file: &'a [u8], header: &[u8]) -> Option<Self> {
         let is_big_endian = file.starts_with(b"MM");
         let mut directory = Self { file, is_big_endian, is_big_tiff: false, tags: Vec::new() };
         directory.is_big_tiff = directory.number(2, 2)? == 43;
         let (place, word) = if directory.is_big_tiff { (8, 8) } else { (4, 4) };
-        let start = usize::try_from(directory.number(place, word)?).ok()?;
+        let start = if directory.is_big_tiff {
+            directory.number(place, word)?
+        } else {
+            Directory { file: header, tags: Vec::new(), ..directory }.number(place, word)?
+        };
+        let start = usize::try_from(start).ok()?;
         let count_bytes = if directory.is_big_tiff { 8 } else { 2 };
         let entry_bytes = 4 + 2 * word;
         for i in 0..directory.number(start, count_bytes)?.min(TAGS_MAX + 1) as usize {

@@ -81,7 +81,7 @@ fn read_within(name: &str, file: &[u8], [height_px, width_px]: [usize; 2]) -> [S
         require_counted(&format!("{name}, {fit:?}"), fitted_bytes, read)
     });
     let reading = PhotoReading { encoding: Encoding::Linear, bit_depth: 0, black_level: 0.1 };
-    let photo = require_counted(name, own_bytes, || message(pictures::photo_light(file, &reading)));
+    let photo = require_counted(name, own_bytes, || message(pictures::photo(file, &reading)));
     require_counted(name, fitted_bytes, || message(pictures::levels(file, 8, height_px, width_px)));
     require_counted(name, fitted_bytes, || message(pictures::phase_npy(file, height_px, width_px)));
     // Two more planes of colours, which those who read them count.

@@ -2,6 +2,7 @@
 
 use crate::context::Eta;
 use crate::display_setup::finite;
+use crate::hologram_notes::notes;
 use crate::hologram_setup::{HologramSetup, PlaneSetup, colours};
 use crate::state_bytes::{HologramState, from_bytes, to_bytes};
 use crate::{JobContext, TaskError, TaskOutput};
@@ -13,7 +14,7 @@ use lightpath_metrics as metrics;
 use lightpath_optics::display::phase_response::wrap_f32;
 use lightpath_optics::engine::photometry::Quantity;
 use lightpath_optics::hologram::{
-    DetectorQuality, HologramMethod, OptimizationState, Quality, ShownLight, light_of_frames, pixel_psnr_db,
+    DetectorQuality, HologramMethod, OptimizationState, Quality, ShownLight, Wanted, light_of_frames, pixel_psnr_db,
 };
 use lightpath_optics::second_opinion::{Effort, SecondOpinion};
 use lightpath_optics::{Optimization, Plane};
@@ -149,19 +150,18 @@ impl Finished<'_> {
         drop(self.optimization);
         let intensity_scale = finite("the gain", intensity_scale(spec.loss.quantity, gain))?;
         let mut planes = Vec::new();
-        for plane in &self.setup.planes {
+        for (p, plane) in self.setup.planes.iter().enumerate() {
+            let belonging = self.setup.belonging(p);
+            let wanted = Wanted { target: &plane.target, region: self.setup.region, belonging: belonging.as_ref() };
             let light = light_of_frames(&plane.engine, &displayed)?;
             let reconstruction = light.map(|light| (intensity_scale * f64::from(light)) as f32);
             let reconstruction = context.put_artifact(pictures::grey_png_srgb(&reconstruction)?)?;
             drop(light);
-            let quality = |shown: &ShownLight| -> Result<Quality, TaskError> {
-                all_finite(shown.quality(&plane.target, self.setup.region)?)
-            };
+            let quality = |shown: &ShownLight| -> Result<Quality, TaskError> { all_finite(shown.quality(wanted)?) };
             let mut shown = ShownLight::of_sets(&plane.engine, &[&phases, &displayed])?;
             let (quality, quantized_quality) = (quality(&shown[0])?, quality(&shown[1])?);
             let quantized = shown.remove(1);
             drop(shown);
-            let wanted = (&plane.target, self.setup.region);
             let opinion = SecondOpinion::of(
                 (&plane.model, display.carrier),
                 &displayed,
@@ -177,12 +177,12 @@ impl Finished<'_> {
                 quality,
                 quantized_quality,
                 propagation: plane.validity.clone(),
-                other_orders_psnr_db: other_orders_psnr_db(self.setup, plane, &displayed)?,
+                other_orders_psnr_db: other_orders_psnr_db(self.setup, plane, &displayed, wanted)?,
                 second_opinion: opinion.map(finite_opinion).transpose()?,
             });
         }
-        let (wavelength, loss) = (self.setup.wavelength, self.loss);
-        Ok(WavelengthResult { wavelength, frames, planes, intensity_scale, loss, largest_amplitude })
+        let (wavelength, loss, notes) = (self.setup.wavelength, self.loss, notes(spec, self.setup));
+        Ok(WavelengthResult { wavelength, frames, planes, intensity_scale, loss, largest_amplitude, notes })
     }
 }
 
@@ -205,10 +205,11 @@ fn other_orders_psnr_db(
     setup: &HologramSetup,
     plane: &PlaneSetup,
     phases: &[Plane<f32>],
+    wanted: Wanted<'_>,
 ) -> Result<Option<f64>, TaskError> {
     let model = plane.with_other_orders.as_ref().filter(|_| setup.display.carrier.is_none());
     let Some(model) = model else { return Ok(None) };
-    let psnr_db = pixel_psnr_db(model, phases, &plane.target, setup.region)?;
+    let psnr_db = pixel_psnr_db(model, phases, wanted)?;
     Ok(Some(finite("the quality with the other orders", psnr_db.min(DetectorQuality::PSNR_DB_MAX))?))
 }
 

@@ -192,7 +192,7 @@ impl<'a> Preparation<'a> {
                 format!("the photograph of the dots ({digest}) cannot be used: {error}"),
             )
         };
-        let photo = captures.camera(&Pair::default(), &file).map_err(refused)?;
+        let photo = captures.camera(&Pair::default(), &file).map_err(refused)?.light;
         let found = captures::from_dots(&captures, &photo).map_err(refused)?;
         let size = [photo.width_px() as u32, photo.height_px() as u32];
         self.store_alignment(AlignmentMethod::Dots, found, size, digest.to_owned())
@@ -218,7 +218,7 @@ impl<'a> Preparation<'a> {
             let phase = captures.phase(&self.context.read_artifact(&pair.phase)?);
             let photo = captures.camera(pair, &self.context.read_artifact(&pair.photo)?);
             let named = |error| unreadable(&pair.id, &error);
-            light.push((reconstructor.light(&phase.map_err(named)?)?, photo.map_err(named)?));
+            light.push((reconstructor.light(&phase.map_err(named)?)?, photo.map_err(named)?.light));
         }
         let found =
             captures::from_pairs(&captures, &light, correction, |done| self.step(ALIGN, done, ROUNDS_MAX * count))?;

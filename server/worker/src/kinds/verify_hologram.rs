@@ -7,7 +7,7 @@ use lightpath_domain::job::{
     VerifyHologram, VerifyResult, WavelengthResult,
 };
 use lightpath_domain::units::Distance;
-use lightpath_optics::hologram::ShownLight;
+use lightpath_optics::hologram::{ShownLight, Wanted};
 use lightpath_optics::second_opinion::{Effort, SecondOpinion};
 use lightpath_optics::{Detector, Plane};
 
@@ -51,11 +51,12 @@ impl Verification<'_> {
         };
         let phases: Vec<_> =
             hologram.frames.iter().map(|frame| displayed(&frame.phase)).collect::<Result<_, TaskError>>()?;
-        for plane in &setup.planes {
+        for (p, plane) in setup.planes.iter().enumerate() {
+            let belonging = setup.belonging(p);
+            let wanted = Wanted { target: &plane.target, region: setup.region, belonging: belonging.as_ref() };
             let shown = ShownLight::of_frames(&plane.engine, &phases)?;
             let mut opinions = Vec::with_capacity(Detector::ALL.len());
             for detector in Detector::ALL {
-                let wanted = (&plane.target, setup.region);
                 let opinion = SecondOpinion::of(
                     (&plane.model, setup.display.carrier),
                     &phases,

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from lightpath import names, v1, words
 from lightpath.address import address
 from lightpath.aio.connection import Connection
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Sequence
     from types import TracebackType
 
+    import numpy.typing as npt
     from typing_extensions import Self, Unpack
 
     from lightpath.progress import Progress
@@ -76,7 +79,7 @@ class Lab:
         pixel_pitch: Length,
         wavelength: Length | Sequence[Length],
         bit_depth: int = 0,
-        phase_response_rad: Sequence[float] | None = None,
+        phase_response_rad: Sequence[float] | npt.NDArray[Any] | None = None,
         carrier: words.Carrier | None = None,
         orders: v1.AllOrders | v1.OrderFilter | None = None,
         camera_fill_factor: float = 0.0,
@@ -88,7 +91,8 @@ class Lab:
         - `resolution`: columns and rows, such as `"1920x1080"`
         - `pixel_pitch`, `wavelength`: metres, or text such as `"8um"` and `"515nm"`; several wavelengths for colour
         - `bit_depth`: bits of a grey level. Default: 8
-        - `phase_response_rad`: phase of each grey level [rad]. Default: linear, one turn
+        - `phase_response_rad`: phase of each grey level [rad], such as `numpy.loadtxt("response.txt")`. Default:
+          linear, one turn
         - `carrier`: grating that moves the image away from the undiffracted light
         - `orders`: diffraction orders that reach the image. Default: the whole first order, and nothing else
         - `camera_fill_factor`: side of the part of a pixel in which the camera sees light, in pixel pitches, 0.1 to 1.
@@ -106,7 +110,7 @@ class Lab:
             bit_depth=bit_depth,
             carrier=words.number("carrier", v1.Carrier, carrier),
             notes=notes,
-            phase_response=v1.PhaseResponse(phase_rad=phase_response_rad) if phase_response_rad is not None else None,
+            phase_response=_response(phase_response_rad) if phase_response_rad is not None else None,
             all_orders=orders if isinstance(orders, v1.AllOrders) else None,
             order_filter=orders if isinstance(orders, v1.OrderFilter) else None,
             camera_fill_factor=camera_fill_factor,
@@ -216,6 +220,15 @@ class Lab:
             if not page.next_page_token or len(jobs) >= limit:
                 return jobs[:limit]
             request.page_token = page.next_page_token
+
+
+def _response(phase_rad: Sequence[float] | npt.NDArray[Any]) -> v1.PhaseResponse:
+    """Return the message of a measured response. The server checks that the numbers can be radians."""
+    phases = np.asarray(phase_rad, dtype=np.float64)
+    if phases.ndim != 1:
+        problem, fix = f"has the shape {phases.shape}", "give one phase for each grey level, such as table[:, 1]"
+        raise InvalidArgument("phase_response_rad", problem, fix)
+    return v1.PhaseResponse(phase_rad=phases.tolist())
 
 
 _READERS: dict[str, Callable[[Connection, v1.Job], Awaitable[Any]]] = {

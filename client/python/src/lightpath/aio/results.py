@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import warnings
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 
 async def read_hologram(connection: Connection, job: v1.Job) -> Hologram:
-    """Return the hologram that a job optimized, with its files."""
+    """Return the hologram that a job optimized, with its files. Warn about what its figures leave out."""
     phases, levels, pictures = [], [], []
     for each in job.result.hologram.wavelengths:
         arrays = [np.load(io.BytesIO(await connection.download(frame.phase_npy))) for frame in each.frames]
@@ -25,7 +26,10 @@ async def read_hologram(connection: Connection, job: v1.Job) -> Hologram:
         levels.append([await connection.download(frame.phase) for frame in each.frames])
         pictures.append([await connection.download(plane.reconstruction) for plane in each.planes])
     colours = [await connection.download(digest) for digest in job.result.hologram.colour_reconstructions]
-    return Hologram(job, np.stack(phases), levels, pictures, colours)
+    hologram = Hologram(job, np.stack(phases), levels, pictures, colours)
+    for note in hologram.notes:
+        warnings.warn(note, UserWarning, stacklevel=2)
+    return hologram
 
 
 async def read_photograph(connection: Connection, job: v1.Job) -> Photograph:

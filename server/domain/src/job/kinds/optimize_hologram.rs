@@ -108,6 +108,8 @@ pub struct WavelengthResult {
     pub loss: f64,
     /// Amplitude by which the double-phase method divided the field; `None` for other methods.
     pub largest_amplitude: Option<f64>,
+    /// Why the figures may say less than they seem to, as sentences.
+    pub notes: Vec<String>,
 }
 
 /// A phase of a hologram.
@@ -126,7 +128,7 @@ pub struct PlaneResult {
     pub distance: Distance,
     /// Artifact digest of the reconstruction that the kernel predicts (sRGB PNG).
     pub reconstruction: String,
-    /// Quality of the phases as optimized.
+    /// Quality of the phases as optimized. With a depth map, PSNR is that of the pixels that belong to the plane.
     pub quality: Quality,
     /// Quality of the phases as the display shows them, in its limited levels.
     pub quantized_quality: Quality,
@@ -190,7 +192,9 @@ fn one_wavelength(spec: &OptimizeHologram, kernels: &[KernelSize], decoding_byte
     let n = first.engine.pixels();
     let (phases, picture) = (size.phases_bytes(), REAL * n);
     let engines: u64 = kernels.iter().map(|kernel| kernel.engine.engine_bytes()).sum();
-    let setup = engines + size.pictures_bytes();
+    // The plane of each pixel, and while a plane is judged, which pixels belong to it: a byte each.
+    let depths = if spec.depth_map.is_some() { 2 * n } else { 0 };
+    let setup = engines + size.pictures_bytes() + depths;
     let reading = kernels.iter().map(KernelSize::reading_bytes).max().unwrap_or(0);
     let masks = if size.weighted { 2 * picture } else { 0 };
     let given = matches!(spec.initial_phase, InitialPhase::Given(_));

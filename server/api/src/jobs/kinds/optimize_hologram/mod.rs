@@ -199,6 +199,7 @@ fn wavelength_result(result: WavelengthResult) -> hologram_result::WavelengthRes
         intensity_scale: result.intensity_scale,
         loss: result.loss,
         largest_amplitude: result.largest_amplitude,
+        notes: result.notes,
     }
 }
 

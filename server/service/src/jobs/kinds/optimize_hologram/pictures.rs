@@ -7,9 +7,13 @@ use crate::jobs::Jobs;
 use crate::wrong_fields::collect_all;
 use lightpath_domain::dataset::Encoding;
 use lightpath_domain::display::Display;
-use lightpath_domain::job::OptimizeHologram;
+use lightpath_domain::job::{Fit, ImagePlane, OptimizeHologram, nearest_planes, pixels_of_planes};
 use lightpath_media::pictures;
 use lightpath_optics::{InitialPhase, Plane, RegionOfInterest};
+
+/// Largest ratio of the shapes, width by height, of a target and a depth map that belong together: a smaller map has its
+/// sides rounded to whole pixels.
+const SHAPE_RATIO_MAX: f64 = 1.02;
 
 /// The pictures of one request, and the settings for their checks.
 #[derive(Debug)]
@@ -71,13 +75,47 @@ impl PictureChecks<'_> {
         Err(field.invalid(problem))
     }
 
-    /// Refuses a depth map that is not a picture. Returns the memory for decoding it \[bytes\].
+    /// Refuses a depth map that is not a picture, that has another shape than a target, or that gives all pixels to one
+    /// plane. Returns the memory for decoding it \[bytes\].
     async fn check_depth_map(&self, field: &Field, digest: &str) -> Result<u64> {
         let ((height_px, width_px), fit) = (self.size_px(), self.spec.target_fit);
-        let decode =
-            move |bytes: &[u8]| pictures::target_intensity(bytes, Encoding::Linear, fit, height_px, width_px).map(drop);
-        let ((), decoding_bytes) = self.jobs.files.decoded(self.call, field, (digest, self.px()), decode).await?;
-        Ok(decoding_bytes)
+        let (planes, region) = (self.spec.planes.clone(), self.spec.region_of_interest);
+        let decode = move |bytes: &[u8]| {
+            let depth = pictures::target_intensity(bytes, Encoding::Linear, fit, height_px, width_px)?;
+            Ok((pictures::picture_size(bytes)?, one_plane(&depth, &planes, region)))
+        };
+        let ((size, problem), decoding_bytes) =
+            self.jobs.files.decoded(self.call, field, (digest, self.px()), decode).await?;
+        if matches!(fit, Fit::Contain | Fit::Cover) {
+            self.require_shape(field, digest, size).await?;
+        }
+        match problem {
+            Some(problem) => Err(field.invalid(format!("({digest}): {problem}"))),
+            None => Ok(decoding_bytes),
+        }
+    }
+
+    /// Refuses a depth map whose pixels would not lie on those of a target, because their shapes differ.
+    async fn require_shape(&self, field: &Field, digest: &str, (width_px, height_px): (u32, u32)) -> Result<()> {
+        let mut checked: Vec<&str> = Vec::new();
+        for plane in &self.spec.planes {
+            if checked.contains(&plane.target.as_str()) {
+                continue;
+            }
+            checked.push(&plane.target);
+            let decoded = self.jobs.files.decoded(self.call, field, (&plane.target, self.px()), pictures::picture_size);
+            let ((target_width_px, target_height_px), _) = decoded.await?;
+            let ratio = (f64::from(width_px) * f64::from(target_height_px))
+                / (f64::from(height_px) * f64::from(target_width_px));
+            if !(1.0 / SHAPE_RATIO_MAX..=SHAPE_RATIO_MAX).contains(&ratio) {
+                return Err(field.invalid(format!(
+                    "({digest}): the depth map has {width_px}×{height_px} px, but the target has \
+                     {target_width_px}×{target_height_px} px, so their pixels do not belong together; give a map of the \
+                     target's shape, or target_fit STRETCH if both show the same view"
+                )));
+            }
+        }
+        Ok(())
     }
 
     /// Refuses an initial phase that is not an array of the display's size, with one frame after the other.
@@ -99,8 +137,55 @@ impl PictureChecks<'_> {
     }
 }
 
+/// What is wrong with a depth map that gives all pixels of the region to one plane: it says nothing, or its depths are in
+/// another scale, such as millimetres.
+fn one_plane(depth: &Plane<f32>, planes: &[ImagePlane], region: RegionOfInterest) -> Option<String> {
+    let pixels = pixels_of_planes(&nearest_planes(depth, planes), planes.len(), region);
+    let (of_none, of_some): (Vec<_>, Vec<_>) = planes.iter().zip(pixels).partition(|(_, pixels)| *pixels == 0);
+    let [(only, _)] = of_some[..] else { return None };
+    let rows = (0..depth.height_px()).filter_map(|y| Some(&depth.row(y)[region.columns(y)?]));
+    let values = rows.flatten().copied().fold([1.0, 0.0], |[least, most]: [f32; 2], v| [least.min(v), most.max(v)]);
+    let empty: Vec<String> = of_none.iter().map(|(plane, _)| plane.distance.to_string()).collect();
+    let [least, most] = values.map(|value| 100.0 * value);
+    Some(format!(
+        "all pixels belong to {}, and none to {}: the map's values are {least:.2} to {most:.2} % of full scale, where white \
+         is the first distance and black the last; are they depths in another scale, such as millimetres in 16 bits? \
+         Then scale them to the whole range",
+        only.distance,
+        empty.join(", ")
+    ))
+}
+
 /// Whether a pixel in the region is not black.
 fn has_light(target: &Plane<f32>, region: RegionOfInterest) -> bool {
     let mut rows = 0..target.height_px();
     rows.any(|y| region.columns(y).is_some_and(|columns| target.row(y)[columns].iter().any(|&v| v > 0.0)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lightpath_domain::units::Distance;
+    use lightpath_optics::Grid;
+
+    #[test]
+    fn depth_maps_that_give_all_pixels_to_one_plane_are_questioned() {
+        let plane =
+            |mm: f64| ImagePlane { distance: Distance::from_m(mm * 1e-3).unwrap(), target: String::new(), weight: 1.0 };
+        let planes = [plane(20.0), plane(30.0), plane(40.0)];
+        let region = RegionOfInterest::middle(&Grid::try_new(20, 20, 8e-6).unwrap());
+        let questioned =
+            |value: &dyn Fn(usize) -> f32| one_plane(&Plane::from_fn(20, 20, |y, _| value(y)), &planes, region);
+        // 600 to 1500 mm in 16 bits; white outside the region does not help.
+        let millimetres = |y: usize| if y == 0 { 1.0 } else { (600.0 + 50.0 * y as f32) / 65535.0 };
+        let problem = questioned(&millimetres).unwrap();
+        assert!(
+            problem.starts_with("all pixels belong to 40mm, and none to 20mm, 30mm: the map's values are"),
+            "{problem}"
+        );
+        assert!(problem.contains("such as millimetres in 16 bits"), "{problem}");
+        assert!(questioned(&|_| 1.0).unwrap().starts_with("all pixels belong to 20mm, and none to 30mm, 40mm"));
+        assert_eq!(questioned(&|y| y as f32 / 19.0), None);
+        assert_eq!(questioned(&|y| if y < 10 { 0.5 } else { 0.0 }), None);
+    }
 }
