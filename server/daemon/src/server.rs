@@ -283,7 +283,7 @@ async fn token_loop(store: Store, ended_tokens: EndedTokens, stopping: Cancellat
     }
 }
 
-/// Counts the stored bytes, and removes old jobs and unused artifacts.
+/// Counts the stored bytes, and removes old uploads, old jobs and unused artifacts.
 async fn upkeep_loop(store: Store, artifacts: Artifacts, retention: Retention, stopping: CancellationToken) {
     let (mut count, mut collect) = (interval(COUNT_INTERVAL), interval(COLLECT_INTERVAL));
     loop {
@@ -291,7 +291,7 @@ async fn upkeep_loop(store: Store, artifacts: Artifacts, retention: Retention, s
             () = stopping.cancelled() => return,
             _ = count.tick() => {
                 metrics::summarize();
-                store.artifact_totals().await.map(|(_, bytes)| artifacts.space().set_stored_bytes(bytes)).map_err(Into::into)
+                count_stored(&store, &artifacts).await
             }
             _ = collect.tick() => async {
                 tend_keys(&store).await;
@@ -310,6 +310,13 @@ async fn upkeep_loop(store: Store, artifacts: Artifacts, retention: Retention, s
             );
         }
     }
+}
+
+/// Counts the stored bytes, and removes uploads that nobody has continued for long.
+async fn count_stored(store: &Store, artifacts: &Artifacts) -> Result<(), UpkeepError> {
+    artifacts.uploads().remove_old().await?;
+    artifacts.space().set_stored_bytes(store.artifact_totals().await?.1);
+    Ok(())
 }
 
 /// Reports the health: not serving while the disk is almost full or the database does not answer.

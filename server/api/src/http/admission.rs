@@ -151,7 +151,7 @@ impl Admission {
         let caller = self.caller(headers, visit.rule).await;
         let caller = caller.map_err(|(name, error)| (name, self.limited(visit, status::of(error))))?;
         let room = |()| match visit.rule {
-            Some(Rule { effect: Effect::Creates, .. }) => Ok(self.api.artifacts.space().admit(0)?),
+            Some(Rule { effect: Effect::Creates, .. }) => Ok(self.api.artifacts.space().room_for_new_work()?),
             _ => Ok(()),
         };
         let client = Client::of(&caller, visit.ip());
