@@ -155,6 +155,7 @@ fn artifact_answer(error: &ArtifactError) -> Option<Answer> {
         | ArtifactError::UnfitRemote { .. }
         | ArtifactError::OtherRemote { .. }
         | ArtifactError::Locked { .. }
+        | ArtifactError::Unfinished { .. }
         | ArtifactError::Io { .. } => return None,
     })
 }

@@ -47,6 +47,12 @@ pub enum ArtifactError {
         /// Path of the lock file.
         path: PathBuf,
     },
+    #[error(
+        "{} holds a part of a backup, because a restore into it did not end; run `lightpathd restore` with the same folder \
+         again, or choose another folder",
+        path.display()
+    )]
+    Unfinished { path: PathBuf },
     /// A setting of the remote is wrong.
     #[error("the remote for artifacts cannot be used: {problem}")]
     BadRemote { problem: String },
@@ -97,6 +103,7 @@ impl ArtifactError {
             | Self::BadRemote { .. }
             | Self::UnfitRemote { .. }
             | Self::OtherRemote { .. }
+            | Self::Unfinished { .. }
             | Self::Locked { .. } => false,
         }
     }

@@ -13,6 +13,7 @@
 //! DATA_DIR/conversions/ab/sha256-ab…  files that can be made again, such as converted kernels; emptied at start
 //! DATA_DIR/tmp/                        files being written; emptied at start
 //! DATA_DIR/identity                   name of this folder for a database on another machine
+//! DATA_DIR/restore.unfinished          a restore into this folder has begun and has not ended
 //! DATA_DIR/lock                        held by the one process that uses the folder: a server, a restore, a collection
 //! DATA_DIR/keep.lock                   held by a backup; while it is held, the server removes no artifact
 //! ```
@@ -61,7 +62,7 @@ pub use digest::{check_digest, digest_of};
 pub use error::{ArtifactError, Result};
 pub use interrupted::UPLOAD_AGE_MAX;
 pub use inventory::{BlobKind, Inventory, digest_of_file};
-pub use lock::{FolderLock, LOCK};
+pub use lock::{FolderLock, LOCK, RESTORING};
 pub use private::{create_private_folder, make_private, private_file};
 pub use publish::Content;
 pub use read::{ArtifactReader, CHUNK_BYTES};
@@ -114,7 +115,8 @@ impl Artifacts {
     ///
     /// # Errors
     ///
-    /// [`ArtifactError::Locked`] if another process uses this folder.
+    /// [`ArtifactError::Locked`] if another process uses this folder; [`ArtifactError::Unfinished`] if a restore into it
+    /// died.
     pub fn open(data_dir: &Path) -> Result<Self> {
         Self::open_within(data_dir, SpaceLimits::default())
     }
