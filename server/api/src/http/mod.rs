@@ -92,7 +92,8 @@ pub fn router(admission: Admission, budget: Arc<MemoryBudget>, grpc: tonic::serv
         .into_iter()
         .fold(Router::new(), |router, (path, methods)| router.route(path, methods))
         .fallback(move |request| transcode::call_method(methods.clone(), request))
-        .with_state(api.clone());
+        .with_state(api.clone())
+        .layer(middleware::from_fn(memory_use::with_uncompressed_counted));
     let app = compression::with_compression(http)
         .merge(grpc)
         .layer(middleware::from_fn_with_state(admission, admission::pass))
