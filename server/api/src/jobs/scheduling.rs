@@ -65,10 +65,7 @@ fn needs(given: &[String]) -> Result<Labels> {
 
 /// Checks a short text that the client chose; `None` if it is empty.
 pub(crate) fn label(field: &Field, given: String) -> Result<Option<String>> {
-    if given.chars().any(char::is_control) {
-        return Err(field.invalid("contains control characters, but must be plain text"));
-    }
-    let text = field.text(given, LABEL_BYTES_MAX)?;
+    let text = field.line(given, LABEL_BYTES_MAX)?;
     Ok((!text.is_empty()).then_some(text))
 }
 
