@@ -8,7 +8,7 @@ use crate::workers::Workers;
 use lightpath_api::Api;
 use lightpath_api::audit::Audit;
 use lightpath_api::connections;
-use lightpath_api::http::{self, Admission, EndedTokens, MemoryBudget, Rate};
+use lightpath_api::http::{self, Admission, EndedTokens, KnownTokens, MemoryBudget, Rate};
 use lightpath_api::tls::{self, Tls, TlsError};
 use lightpath_artifacts::Artifacts;
 use lightpath_metrics as metrics;
@@ -138,7 +138,8 @@ pub async fn run_and_announce(
     let ended_tokens = EndedTokens::default();
     loops.spawn(token_loop(api.store().clone(), ended_tokens.clone(), stopping.clone()));
     let rate = shared_rate(&config, life, &mut loops, &stopping);
-    let admission = Admission { api, tokens_required, hosts, audit: Arc::clone(&audit), rate, ended_tokens };
+    let (audit_of_calls, known_tokens) = (Arc::clone(&audit), KnownTokens::default());
+    let admission = Admission { api, tokens_required, hosts, audit: audit_of_calls, rate, ended_tokens, known_tokens };
     let budget = Arc::new(MemoryBudget::new(config.under_way_bytes_max()));
     let app = http::router(admission, budget, grpc);
     let connections = tokio::spawn(connections::serve(listener, tls, app, stopping.clone(), config.drain_deadline()));
