@@ -38,7 +38,7 @@ _OPTIONS: tuple[tuple[str, int], ...] = (
 class _NoRedirects(urllib.request.HTTPRedirectHandler):
     """No address of the server leads elsewhere, and the token must not go elsewhere."""
 
-    def redirect_request(self, *_args: object) -> None:
+    def redirect_request(self, *_args: object, **_named: object) -> None:
         """Follow nothing: the answer is an `HTTPError`, which is an `OSError`."""
 
 

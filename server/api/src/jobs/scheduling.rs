@@ -85,7 +85,7 @@ mod tests {
         for (request, start) in [
             (v1::SubmitJobRequest { timeout_s: f64::NAN, ..Default::default() }, "timeout_s is NaN"),
             (v1::SubmitJobRequest { timeout_s: -1.0, ..Default::default() }, "timeout_s is -1"),
-            (v1::SubmitJobRequest { owner: "a\nb".into(), ..Default::default() }, "owner contains control"),
+            (v1::SubmitJobRequest { owner: "a\nb".into(), ..Default::default() }, "owner has the control character"),
             (v1::SubmitJobRequest { batch: "x".repeat(129), ..Default::default() }, "batch has 129 bytes"),
             (
                 v1::SubmitJobRequest { needs: vec!["GPU".into()], ..Default::default() },
