@@ -19,14 +19,21 @@ pub struct Claim {
 }
 
 impl Claim {
-    pub(crate) fn new(
-        space: Arc<Space>,
-        owner: &str,
-        counted_bytes: u64,
-        unwritten_bytes: u64,
-        owner_claimed_bytes: u64,
-    ) -> Self {
-        Self { space, owner: owner.to_owned(), counted_bytes, unwritten_bytes, owner_claimed_bytes }
+    /// Claims room for bytes that are about to be written: `unwritten_bytes` on the disk, of which `counted_bytes` count
+    /// as stored by the owner.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError::DiskLow`] and [`ArtifactError::DiskFull`] if they would use the reserve, or what others have
+    /// claimed; [`ArtifactError::QuotaSpent`] if the size of all artifacts would exceed its limit.
+    ///
+    /// [`ArtifactError::DiskLow`]: crate::ArtifactError::DiskLow
+    /// [`ArtifactError::DiskFull`]: crate::ArtifactError::DiskFull
+    /// [`ArtifactError::QuotaSpent`]: crate::ArtifactError::QuotaSpent
+    pub fn take(space: &Arc<Space>, owner: &str, counted_bytes: u64, unwritten_bytes: u64) -> Result<Self> {
+        let owner_claimed_bytes = space.add_claim(owner, counted_bytes, unwritten_bytes)?;
+        let (space, owner) = (Arc::clone(space), owner.to_owned());
+        Ok(Self { space, owner, counted_bytes, unwritten_bytes, owner_claimed_bytes })
     }
 
     /// Bytes that must fit into what the owner may store: this claim, the claims that the owner had before, and the

@@ -359,7 +359,7 @@ impl Artifacts {
     ///
     /// [`ArtifactError::DiskLow`] if the file would use the reserve of the disk.
     pub fn put_conversion_blocking(&self, bytes: &[u8]) -> Result<String> {
-        let _claim = self.inner.space.claim("", 0, bytes.len() as u64)?;
+        let _claim = Claim::take(&self.inner.space, "", 0, bytes.len() as u64)?;
         self.inner.conversions.put(bytes, |_, _| Ok(()))
     }
 

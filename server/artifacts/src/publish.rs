@@ -11,7 +11,7 @@ pub enum Content {
     /// Bytes in memory.
     Bytes(Vec<u8>),
     /// The bytes of an upload.
-    Upload(UploadWriter),
+    Upload(Box<UploadWriter>),
 }
 
 impl From<Vec<u8>> for Content {
@@ -22,7 +22,7 @@ impl From<Vec<u8>> for Content {
 
 impl From<UploadWriter> for Content {
     fn from(upload: UploadWriter) -> Self {
-        Self::Upload(upload)
+        Self::Upload(Box::new(upload))
     }
 }
 

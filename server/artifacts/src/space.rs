@@ -1,17 +1,16 @@
 //! Limits on disk space: a reserve that only accepted work may use, and a limit on the size of all artifacts.
 //!
-//! New bytes are claimed before they are written ([`Space::claim`]). At any time the free space is at least the reserve
+//! New bytes are claimed before they are written (`claim`). At any time the free space is at least the reserve
 //! and all bytes that are claimed and not yet written, as far as nobody but claimants writes. If room is missing,
 //! interrupted uploads go first, the oldest before the others.
 
-use crate::claim::Claim;
 use crate::error::{ArtifactError, Result};
 use crate::interrupted::Interrupted;
 use rustix::fs::statvfs;
 use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Limits on the space that new uploads and jobs may use.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -115,20 +114,12 @@ impl Space {
         self.require_free(self.limits.reserve_bytes)
     }
 
-    /// Claims room for bytes that are about to be written: `unwritten_bytes` on the disk, of which `counted_bytes` count
-    /// as stored by the owner.
-    ///
-    /// # Errors
-    ///
-    /// [`ArtifactError::DiskLow`] and [`ArtifactError::DiskFull`] if they would use the reserve, or what others have
-    /// claimed; [`ArtifactError::QuotaSpent`] if the size of all artifacts would exceed its limit.
-    pub fn claim(self: &Arc<Self>, owner: &str, counted_bytes: u64, unwritten_bytes: u64) -> Result<Claim> {
+    /// Adds a claim if there is room for it, and returns the sum of the owner's claims \[bytes\].
+    pub(crate) fn add_claim(&self, owner: &str, counted_bytes: u64, unwritten_bytes: u64) -> Result<u64> {
         let mut claims = self.claims();
         self.require_beside(claims.unwritten_bytes.saturating_add(unwritten_bytes))?;
         self.require_within_limit(claims.counted_bytes, counted_bytes)?;
-        let of_owner = claims.add(owner, counted_bytes, unwritten_bytes);
-        drop(claims);
-        Ok(Claim::new(Arc::clone(self), owner, counted_bytes, unwritten_bytes, of_owner))
+        Ok(claims.add(owner, counted_bytes, unwritten_bytes))
     }
 
     /// Checks that all claimed bytes still fit beside the reserve.

@@ -124,7 +124,7 @@ impl Uploads {
     ///
     /// [`ArtifactError::UploadBusy`] while another call uploads the same artifact for the same owner;
     /// [`ArtifactError::WrongOffset`]; [`ArtifactError::WrongSize`] if more than `size_bytes` are stored; those of
-    /// [`Space::claim`].
+    /// [`Claim::take`].
     pub async fn turn(
         &self,
         digest: &str,
@@ -152,7 +152,7 @@ impl Uploads {
     ///
     /// # Errors
     ///
-    /// Those of [`Space::claim`].
+    /// Those of [`Claim::take`].
     pub async fn turn_unnamed(&self, owner: &str, size_bytes: u64) -> Result<UploadTurn> {
         let number = self.inner.unnamed.fetch_add(1, Ordering::Relaxed);
         let lock = self.lock(format!("unnamed-{number}.part"), None)?;
@@ -196,7 +196,7 @@ impl UploadTurn {
         if offset_bytes == 0 {
             lock.discard();
         }
-        lock.claim = Some(space.claim(owner, counted_bytes, size_bytes - offset_bytes)?);
+        lock.claim = Some(Claim::take(&space, owner, counted_bytes, size_bytes - offset_bytes)?);
         Ok(Self { lock, size_bytes, offset_bytes })
     }
 

@@ -135,13 +135,12 @@ pub async fn run_and_announce(
         true => None,
         false => Some(Workers::start(store, artifacts, &config, api.live_pictures(), stopping.clone()).await?),
     };
-    let ended_tokens = EndedTokens::default();
+    let (ended_tokens, known_tokens) = (EndedTokens::default(), KnownTokens::default());
     loops.spawn(token_loop(api.store().clone(), ended_tokens.clone(), stopping.clone()));
     let rate = shared_rate(&config, life, &mut loops, &stopping);
-    let (audit_of_calls, known_tokens) = (Arc::clone(&audit), KnownTokens::default());
-    let admission = Admission { api, tokens_required, hosts, audit: audit_of_calls, rate, ended_tokens, known_tokens };
-    let budget = Arc::new(MemoryBudget::new(config.under_way_bytes_max()));
-    let app = http::router(admission, budget, grpc);
+    let records = Arc::clone(&audit);
+    let admission = Admission { api, tokens_required, hosts, audit: records, rate, ended_tokens, known_tokens };
+    let app = http::router(admission, Arc::new(MemoryBudget::new(config.under_way_bytes_max())), grpc);
     let connections = tokio::spawn(connections::serve(listener, tls, app, stopping.clone(), config.drain_deadline()));
 
     let early = tokio::select! {

@@ -3,7 +3,7 @@
 use super::Files;
 use crate::call::Call;
 use crate::error::Result;
-use lightpath_artifacts::digest_of;
+use lightpath_artifacts::{Claim, digest_of};
 use lightpath_store::ArtifactRecord;
 
 impl Files {
@@ -18,7 +18,7 @@ impl Files {
             return Ok(stored.digest);
         }
         let size_bytes = bytes.len() as u64;
-        let claim = self.artifacts.space().claim(&call.caller.name, size_bytes, size_bytes)?;
+        let claim = Claim::take(self.artifacts.space(), &call.caller.name, size_bytes, size_bytes)?;
         self.require_owner_room(call, &claim).await?;
         let record = async |digest: String, seen| self.record(call, &digest, size_bytes, seen).await;
         let digest = self.artifacts.publish(bytes, record).await?.digest;

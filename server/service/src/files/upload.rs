@@ -56,7 +56,7 @@ impl Files {
         let size_bytes = Field::new("start.size_bytes").integer(size_bytes, 0..=ARTIFACT_BYTES_MAX)?;
         let mut upload = match self.turn(call, &digest, size_bytes, offset_bytes).await? {
             Turn::Stored(record) => return Ok(record),
-            Turn::Granted(turn) => self.admitted(call, turn).await?,
+            Turn::Granted(turn) => self.admitted(call, *turn).await?,
         };
         fill(&mut upload, size_bytes, chunks).await?;
         self.publish(call, upload, size_bytes).await
@@ -101,7 +101,7 @@ impl Files {
             let sizes = (size_bytes, if is_repair { 0 } else { size_bytes });
             match self.artifacts.uploads().turn(digest, &call.caller.name, sizes, offset_bytes).await {
                 Err(ArtifactError::UploadBusy { .. }) if Instant::now() < until => sleep(UPLOAD_TURN_POLL).await,
-                turn => return Ok(Turn::Granted(turn?)),
+                turn => return Ok(Turn::Granted(Box::new(turn?))),
             }
         }
     }
@@ -128,5 +128,5 @@ enum Turn {
     /// The artifact is already stored.
     Stored(ArtifactRecord),
     /// No other call of the caller uploads the artifact.
-    Granted(UploadTurn),
+    Granted(Box<UploadTurn>),
 }
