@@ -5,6 +5,7 @@ use crate::settings::{Pace, Settings};
 use lightpath_manifest::{DOCUMENT_BYTES_MAX, Manifest};
 use std::fs;
 use std::io::Read as _;
+use std::net::IpAddr;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
@@ -50,6 +51,7 @@ pub(crate) struct Http {
 
 impl Http {
     pub(crate) fn new(settings: &Settings) -> Result<Self, Problem> {
+        require_private(settings)?;
         let pace = settings.pace;
         let mut config = Agent::config_builder()
             .http_status_as_error(false)
@@ -251,9 +253,59 @@ pub(crate) fn one_line(text: &str, chars_max: usize) -> String {
     words.join(" ").chars().take(chars_max).collect()
 }
 
+/// Refuses to send a token where everybody on the way could read it.
+fn require_private(settings: &Settings) -> Result<(), Problem> {
+    let Some(rest) = settings.server.strip_prefix("http://") else { return Ok(()) };
+    let authority = rest.split('/').next().unwrap_or("");
+    let host = match authority.strip_prefix('[') {
+        Some(bracketed) => bracketed.split(']').next().unwrap_or(""),
+        None => authority.split(':').next().unwrap_or(""),
+    };
+    let is_local = host == "localhost" || host.parse::<IpAddr>().is_ok_and(|address| address.is_loopback());
+    match &settings.token_file {
+        Some(path) if !is_local => Err(Problem::Setting(format!(
+            "{} would send the token of {} unencrypted to {host}: use https://, or leave out --token-file",
+            settings.server,
+            path.display()
+        ))),
+        _ => Ok(()),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::arguments::{Cli, Task};
+
+    #[test]
+    fn a_token_goes_unencrypted_to_this_machine_only() {
+        let root = "3d4017c3e843895a92b70aa74d1b7ebc9c982ccf2ec4968cc0cd55f12af4660c";
+        for (server, token, is_accepted) in [
+            ("https://lab:7070", true, true),
+            ("http://lab:7070", false, true),
+            ("http://lab:7070", true, false),
+            ("http://127.0.0.1.example.org", true, false),
+            ("http://10.0.0.7/mirror", true, false),
+            ("http://localhost:7070", true, true),
+            ("http://127.0.0.5:7070/path", true, true),
+            ("http://[::1]:7070", true, true),
+            ("http://[2001:db8::1]:7070", true, false),
+        ] {
+            let mut line = format!(
+                "lightpath-agent --server {server} --display pluto --device bench-7 --kernel 515nm-150mm --root {root} \
+                 --directory /x"
+            );
+            if token {
+                line += " --token-file /etc/token";
+            }
+            let Ok(Task::Run(arguments)) = Cli::task(line.split_whitespace().map(Into::into)) else { panic!("{line}") };
+            let found = require_private(&arguments.settings());
+            assert_eq!(found.is_ok(), is_accepted, "{server}: {found:?}");
+            if let Err(problem) = found {
+                assert!(problem.to_string().contains("use https://"), "{problem}");
+            }
+        }
+    }
 
     #[test]
     fn messages_of_a_server_are_one_line() {

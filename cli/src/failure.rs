@@ -1,5 +1,6 @@
 //! Failures of commands: their exit codes and their text on stderr.
 
+use super::show;
 use std::io::{self, Write as _};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -78,7 +79,7 @@ pub(crate) fn report(failure: &Failure) -> ExitCode {
         _ => "",
     };
     // If stderr fails, the error cannot be reported anywhere.
-    let _ = writeln!(io::stderr().lock(), "lightpath: {text}{hint}");
+    let _ = writeln!(io::stderr().lock(), "lightpath: {}{hint}", show::plain_lines(&text));
     ExitCode::from(code)
 }
 

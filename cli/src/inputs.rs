@@ -4,12 +4,16 @@ use super::failure::Failure;
 use super::session::print_note;
 use super::show;
 use std::fs::File;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
 /// Extensions of pictures that the server reads.
 pub(crate) const PICTURES: &[&str] = &["png", "jpg", "jpeg", "tif", "tiff"];
 /// Extensions of holograms.
 pub(crate) const HOLOGRAMS: &[&str] = &["png"];
+
+/// How pictures and arrays begin: PNG, JPEG, TIFF and BigTIFF in both byte orders, `.npy`.
+const STARTS: [&[u8]; 7] = [b"\x89PNG", b"\xff\xd8\xff", b"II*\0", b"MM\0*", b"II+\0", b"MM\0+", b"\x93NUMPY"];
 
 /// The given files, with the files of each folder in its place: those with one of the extensions, sorted by name. Says
 /// on stderr how many each folder has.
@@ -37,6 +41,29 @@ pub(crate) fn check_readable<'a>(files: impl IntoIterator<Item = &'a PathBuf>) -
         File::open(path).map_err(|source| lightpath::Error::File { action: "read", path: path.clone(), source })?;
     }
     Ok(())
+}
+
+/// Checks that files are pictures or arrays by how they begin, before anything of them is sent: a list of files that
+/// somebody else wrote may name any file.
+pub(crate) fn require_pictures<'a>(files: impl IntoIterator<Item = &'a PathBuf>) -> Result<(), Failure> {
+    files.into_iter().try_for_each(|path| {
+        let failed = |source| lightpath::Error::File { action: "read", path: path.clone(), source };
+        // Opening a pipe would wait for somebody who writes to it.
+        let is_file = std::fs::metadata(path).map_err(failed)?.is_file();
+        let mut start = Vec::new();
+        if is_file {
+            File::open(path).and_then(|file| file.take(10).read_to_end(&mut start)).map_err(failed)?;
+        }
+        let is_bitmap = start.starts_with(b"BM") && start.get(6..10) == Some(&[0; 4]);
+        if is_bitmap || STARTS.iter().any(|known| start.starts_with(known)) {
+            return Ok(());
+        }
+        let path = path.display();
+        Err(Failure::Usage(format!(
+            "{path} is not a picture or array (PNG, JPEG, TIFF, BMP or .npy), so nothing was uploaded; correct the list of \
+             files"
+        )))
+    })
 }
 
 /// The text of a file, without the mark that editors of Windows write at the beginning.
@@ -99,6 +126,30 @@ mod tests {
         ] {
             let Err(Failure::Usage(problem)) = read(bytes) else { panic!("{bytes:?} was read") };
             assert!(problem.contains(sign) && problem.contains("save it as text in UTF-8"), "{problem}");
+        }
+    }
+
+    #[test]
+    fn only_pictures_and_arrays_pass_and_a_pipe_does_not_hang() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = |name: &str, content: &[u8]| {
+            std::fs::write(folder.path().join(name), content).unwrap();
+            folder.path().join(name)
+        };
+        let good = [file("a", b"\x89PNG\r\n\x1a\n"), file("b", b"\xff\xd8\xff\xe0"), file("c", b"II*\0\x08\0\0\0")];
+        require_pictures(&good).unwrap();
+        require_pictures(&[file("d", b"\x93NUMPY\x01"), file("e", b"BM\x36\0\0\0\0\0\0\0")]).unwrap();
+        let pipe = folder.path().join("pipe");
+        assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        let key = file("key.png", b"-----BEGIN OPENSSH PRIVATE KEY-----");
+        for bad in [key, file("empty.png", b""), file("BM.png", b"BM is a text"), pipe, folder.path().to_owned()] {
+            match require_pictures(good.iter().chain([&bad])) {
+                Err(Failure::Usage(text)) => assert!(
+                    text.starts_with(&format!("{} is not a picture", bad.display())) && !text.contains("BEGIN"),
+                    "{text}"
+                ),
+                other => panic!("{}: {other:?}", bad.display()),
+            }
         }
     }
 

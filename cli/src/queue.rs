@@ -68,7 +68,7 @@ fn text(queue: &v1::Queue) -> String {
     let mut lines = vec![turns.text_or("no queued or running jobs")];
     for pause in &queue.pauses {
         let part = if pause.display.is_empty() { "all jobs" } else { pause.display.as_str() };
-        let reason = if pause.reason.is_empty() { String::new() } else { format!(": {}", pause.reason) };
+        let reason = if pause.reason.is_empty() { String::new() } else { format!(": {}", show::plain(&pause.reason)) };
         lines.push(format!("paused: {part}, since {}{reason}", show::time_or_dash(pause.since.as_ref())));
     }
     if !queue.processes.is_empty() {

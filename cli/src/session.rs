@@ -1,6 +1,7 @@
 //! The connection to the server, and the forms of output.
 
 use super::failure::Failure;
+use super::show;
 use clap::ValueEnum;
 use lightpath::v1::Job;
 use lightpath::{Client, Credentials};
@@ -75,7 +76,7 @@ impl Session {
         match self.output {
             Output::Json => self.write(&json(serde_json::to_string_pretty(message))?),
             Output::Jsonl => self.print_compact(message),
-            Output::Table => self.write(text(message).trim_end()),
+            Output::Table => self.write(&show::plain_lines(text(message).trim_end())),
         }
     }
 
@@ -117,7 +118,7 @@ impl Session {
 
     /// Prints text for people. Prints nothing in the JSON forms.
     pub(crate) fn print_text(&self, text: &str) -> Result<(), Failure> {
-        if self.is_json() { Ok(()) } else { self.write(text.trim_end()) }
+        if self.is_json() { Ok(()) } else { self.write(&show::plain_lines(text.trim_end())) }
     }
 
     /// Prints that something was done: the answer in the JSON forms, or a note.
@@ -174,7 +175,7 @@ fn read(path: &Path) -> Result<Vec<u8>, Failure> {
 /// Prints a note for people on stderr, in all forms of output.
 pub(crate) fn print_note(text: &str) {
     // If stderr fails, the error cannot be reported anywhere.
-    let _ = writeln!(io::stderr().lock(), "{text}");
+    let _ = writeln!(io::stderr().lock(), "{}", show::plain_lines(text));
 }
 
 fn json(text: serde_json::Result<String>) -> Result<String, Failure> {

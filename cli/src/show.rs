@@ -33,9 +33,21 @@ pub(crate) fn counted(count: usize, word: &str) -> String {
     }
 }
 
-/// A text of somebody else without control characters, which could change what the terminal shows.
+/// A text of somebody else in one line, without characters that could change what the terminal shows.
 pub(crate) fn plain(text: &str) -> String {
-    text.replace(char::is_control, "\u{fffd}")
+    text.replace(is_unshown, "\u{fffd}")
+}
+
+/// The same for a text that may have several lines.
+pub(crate) fn plain_lines(text: &str) -> String {
+    text.replace(|character| character != '\n' && is_unshown(character), "\u{fffd}")
+}
+
+/// Whether a terminal obeys a character instead of showing it: control characters, line separators, and marks that turn
+/// the direction of writing.
+fn is_unshown(character: char) -> bool {
+    character.is_control()
+        || matches!(character, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
 /// The age of a time, for example `3 min ago`.
@@ -143,6 +155,15 @@ fn age_between(then_s: i64, now_s: i64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_terminal_obeys_nothing_that_somebody_else_wrote() {
+        let hostile = "red\u{1b}[31m\u{9b}2J\rover\u{202e}gnp.exe\u{2066}\u{200f}\u{2028}end\tä 😀";
+        let shown = "red\u{fffd}[31m\u{fffd}2J\u{fffd}over\u{fffd}gnp.exe\u{fffd}\u{fffd}\u{fffd}end\u{fffd}ä 😀";
+        assert_eq!(plain(hostile), shown);
+        assert_eq!(plain("two\nlines"), "two\u{fffd}lines");
+        assert_eq!(plain_lines(&format!("one\n{hostile}")), format!("one\n{shown}"));
+    }
 
     #[test]
     fn ages_have_one_unit() {

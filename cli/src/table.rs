@@ -1,6 +1,6 @@
 //! Text tables with aligned columns, and lists of facts. On a terminal both are fitted to its width.
 
-use super::terminal;
+use super::{show, terminal};
 
 /// Characters between two columns.
 const GAP: usize = 2;
@@ -65,8 +65,7 @@ impl Table {
     pub(crate) fn row<const COLUMNS: usize>(&mut self, cells: [String; COLUMNS]) {
         debug_assert_eq!(COLUMNS, self.columns.len(), "a row has a cell for each column");
         // A control character of somebody else's text must not reach the terminal.
-        let plain = |cell: String| cell.replace(char::is_control, "\u{fffd}");
-        self.rows.push(cells.map(plain).into());
+        self.rows.push(cells.map(|cell| show::plain(&cell)).into());
     }
 
     /// The lines of the table, or the line `empty` if the table has no rows.
@@ -172,7 +171,8 @@ pub(crate) fn indented(text: &str) -> String {
     lines.iter().enumerate().map(|(i, line)| format!("{}{line}\n", if i == 0 { "  " } else { "    " })).collect()
 }
 
-/// Lines with a name and a value each. The values are aligned.
+/// Lines with a name and a value each. The values are aligned, also the further lines of a value, so that none looks like
+/// another fact.
 #[derive(Debug, Default)]
 pub(crate) struct Facts {
     facts: Vec<(String, String)>,
@@ -200,7 +200,10 @@ impl Facts {
         let room = columns.saturating_sub(width + GAP).max(LEAST);
         let mut text = String::new();
         for (name, value) in &self.facts {
-            let lines = if value.chars().count() > room { wrapped(value, room) } else { vec![value.clone()] };
+            let lines: Vec<String> = show::plain_lines(value)
+                .split('\n')
+                .flat_map(|line| if line.chars().count() > room { wrapped(line, room) } else { vec![line.to_owned()] })
+                .collect();
             for (i, line) in lines.iter().enumerate() {
                 let name = if i == 0 { name.as_str() } else { "" };
                 text.push_str(format!("{name:<width$}  {line}").trim_end());
@@ -223,6 +226,16 @@ mod tests {
         let lines = ["DISPLAY    PITCH  NOTES", "lab-2       8 µm  by the window", "a        3.74 µm", ""];
         assert_eq!(table.text(), lines.join("\n"));
         assert_eq!(Table::new("display").text_or("no displays"), "no displays\n");
+    }
+
+    #[test]
+    fn texts_of_others_change_neither_terminal_nor_facts() {
+        let mut table = Table::new("display|notes");
+        table.row(["lab".into(), "a\u{1b}[2J\u{202e}b\nc".into()]);
+        assert_eq!(table.text(), "DISPLAY  NOTES\nlab      a\u{fffd}[2J\u{fffd}b\u{fffd}c\n");
+        let mut facts = Facts::default();
+        facts.add("notes", "first\nowner  ada\u{1b}[1A");
+        assert_eq!(facts.text(), "notes  first\n       owner  ada\u{fffd}[1A\n", "no line looks like another fact");
     }
 
     #[test]

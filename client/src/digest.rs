@@ -20,6 +20,12 @@ pub fn digest_of(bytes: &[u8]) -> String {
 /// Returns the digest and the size \[bytes\] of a file.
 pub(crate) fn digest_of_file(path: &Path) -> Result<(String, u64)> {
     let read_error = |source| Error::file("read", path, source);
+    // Opening a pipe would wait for somebody who writes to it, and its bytes could be read only once.
+    if !std::fs::metadata(path).map_err(read_error)?.is_file() {
+        return Err(read_error(std::io::Error::other(
+            "it is no file; a pipe, a device or a folder cannot be uploaded",
+        )));
+    }
     let mut file = std::fs::File::open(path).map_err(read_error)?;
     let (mut hasher, mut piece) = (Hasher::default(), vec![0; PIECE_BYTES]);
     loop {

@@ -1,7 +1,8 @@
 use crate::material::{assert_succeeded_once, declare, hologram, request, target};
 use crate::server::TestServer;
+use crate::uploads::{noise, send};
 use lightpath::v1::{self, SubmitJobRequest, job::State};
-use lightpath::{Client, Error};
+use lightpath::{Client, Error, digest_of};
 use lightpath_artifacts::SpaceLimits;
 use lightpath_server::upkeep::check;
 use std::fs::{self, File};
@@ -77,6 +78,11 @@ fn refused(error: &Error) -> (Code, String) {
         Error::Refused(refusal) => (refusal.status.code(), refusal.reason.clone()),
         other => panic!("{other:?}"),
     }
+}
+
+/// Free space of the server's disk \[bytes\].
+async fn free_bytes(client: &Client) -> u64 {
+    client.get_server(v1::GetServerRequest {}).await.unwrap().disk_free_bytes
 }
 
 /// Submits a short job.
@@ -172,6 +178,52 @@ async fn full_disk_loses_nothing_and_server_recovers_by_itself() {
         assert_eq!(client.wait(&job.name, |_| ()).await.unwrap().state(), State::Succeeded);
         assert_succeeded_once(client, &job.name).await;
     }
+    server.stop().await;
+    assert_eq!(check(&disk.data_dir()).await.unwrap().problems, []);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn uploads_never_use_the_reserve_and_interrupted_ones_make_room() {
+    let Some(disk) = TinyDisk::mount() else {
+        writeln!(std::io::stderr(), "NOT TESTED: a low disk; the test needs the right to mount one (root)").unwrap();
+        return;
+    };
+    let limits = SpaceLimits { reserve_bytes: 16 << 20, stored_bytes_max: 0 };
+    let server = serve(&disk.data_dir(), limits).await;
+    let client = &server.client;
+    declare(client, "lab", 64, 64).await;
+    let picture = client.upload_bytes(target(64, 64, 0)).await.unwrap();
+
+    // Each of fourteen callers sends 6 of 7 MiB, and then its connection breaks.
+    let cut = |seed: u64| {
+        let url = server.url().to_owned();
+        tokio::spawn(async move {
+            let bytes = noise(7 << 20, seed);
+            send(&url, &digest_of(&bytes), bytes.len() as u64, 0, &bytes[..6 << 20]).await.unwrap_err().code()
+        })
+    };
+    let uploads: Vec<_> = (0..14).map(cut).collect();
+    let mut least_free_bytes = u64::MAX;
+    while uploads.iter().any(|upload| !upload.is_finished()) {
+        least_free_bytes = least_free_bytes.min(free_bytes(client).await);
+    }
+    let mut codes = Vec::new();
+    for upload in uploads {
+        codes.push(upload.await.unwrap());
+    }
+    let count = |code: Code| codes.iter().filter(|&&found| found == code).count();
+    assert!(count(Code::InvalidArgument) >= 3, "some have room: {codes:?}");
+    assert_eq!(count(Code::InvalidArgument) + count(Code::ResourceExhausted), 14, "{codes:?}");
+    // The database writes a little meanwhile, for which the reserve is.
+    assert!(least_free_bytes + (1 << 20) >= limits.reserve_bytes, "{} MiB were free", least_free_bytes >> 20);
+
+    // The disk fills up: new work takes the room of interrupted uploads.
+    let filler = disk.fill(10);
+    let job = submit(client, &picture, "new").await.unwrap();
+    assert!(free_bytes(client).await >= limits.reserve_bytes - (1 << 20));
+    assert_eq!(client.wait(&job.name, |_| ()).await.unwrap().state(), State::Succeeded);
+    drop(filler);
+    client.upload_bytes(noise(7 << 20, 99)).await.unwrap();
     server.stop().await;
     assert_eq!(check(&disk.data_dir()).await.unwrap().problems, []);
 }

@@ -56,6 +56,15 @@ fn headers(stream: u32, path: &str) -> Vec<u8> {
     frame(HEADERS, END_HEADERS, stream, &block)
 }
 
+/// The HEADERS frame of a read over HTTP whose answer may be compressed.
+fn compressed_get(stream: u32, path: &str) -> Vec<u8> {
+    let path = [&[0x04, u8::try_from(path.len()).unwrap()], path.as_bytes()].concat();
+    let authority = [vec![0x01, 9], b"localhost".to_vec()].concat();
+    // GET, http, and accept-encoding: gzip, deflate
+    let block = [vec![0x82, 0x86], path, authority, vec![0x90]].concat();
+    frame(HEADERS, END_HEADERS | END_STREAM, stream, &block)
+}
+
 /// The prefix of a gRPC message of `length` bytes.
 fn prefix(length: u32) -> Vec<u8> {
     [&[0], &length.to_be_bytes()[..]].concat()
@@ -220,14 +229,7 @@ async fn unread_answers_take_little_memory_and_block_no_other_client() {
         }
         connections.push(connection);
     }
-    let mut open = 0;
-    for connection in &mut connections {
-        let all_begun = |received: &Received| {
-            received.closed || received.answered.union(&received.ended).count() == STREAMS as usize
-        };
-        tokio::time::timeout(ANSWER_TIMEOUT, connection.received.wait_for(all_begun)).await.unwrap().unwrap();
-        open += connection.open().len();
-    }
+    let open = all_begun(&mut connections).await;
     let load = format!("{CONNECTIONS} connections wait for {open} downloads");
     assert_server_works(&daemon, before_kib, &load).await;
     assert!(0 < open && open < CONNECTIONS * STREAMS as usize, "{load}");
@@ -237,4 +239,45 @@ async fn unread_answers_take_little_memory_and_block_no_other_client() {
     daemon.client.list_jobs(v1::ListJobsRequest::default()).await.unwrap();
     assert_eq!(daemon.client.download(&digest).await.unwrap().len(), 8 << 20);
     daemon.kill().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn unread_compressed_answers_take_little_memory_and_block_no_other_client() {
+    let data = TempDir::new().unwrap();
+    let daemon = start(&data).await;
+    declare(&daemon.client, "lab", 64, 48).await;
+    daemon.client.pause_queue(v1::PauseQueueRequest::default()).await.unwrap();
+    let picture = daemon.client.upload_bytes(target(64, 48, 1)).await.unwrap();
+    for seed in 0..200 {
+        daemon.client.submit(request(hologram("lab", &picture, 5, 1), &format!("waiting-{seed}"))).await.unwrap();
+    }
+    let before_kib = daemon.memory_peak_kib();
+
+    let mut connections = Vec::new();
+    for _ in 0..CONNECTIONS {
+        let mut connection = StalledConnection::connect(&daemon.url, 1).await;
+        for stream in connection.open() {
+            connection.send(&compressed_get(stream, "/v1/jobs?pageSize=200")).await;
+        }
+        connections.push(connection);
+    }
+    let open = all_begun(&mut connections).await;
+    daemon.client.resume_queue(v1::ResumeQueueRequest::default()).await.unwrap();
+    let load = format!("{CONNECTIONS} connections wait for {open} compressed answers");
+    assert_server_works(&daemon, before_kib, &load).await;
+    assert!(0 < open && open < CONNECTIONS * STREAMS as usize, "{load}");
+    daemon.kill().await;
+}
+
+/// Waits until an answer has begun or ended on each stream, and returns the number of those that have not ended.
+async fn all_begun(connections: &mut [StalledConnection]) -> usize {
+    let mut open = 0;
+    for connection in connections {
+        let all_begun = |received: &Received| {
+            received.closed || received.answered.union(&received.ended).count() == STREAMS as usize
+        };
+        tokio::time::timeout(ANSWER_TIMEOUT, connection.received.wait_for(all_begun)).await.unwrap().unwrap();
+        open += connection.open().len();
+    }
+    open
 }

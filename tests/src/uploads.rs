@@ -32,7 +32,7 @@ fn setting<T: std::str::FromStr>(name: &str, default: T) -> T {
 }
 
 /// Random bytes, different for each `seed`. They cannot be compressed.
-fn noise(size: usize, seed: u64) -> Vec<u8> {
+pub(crate) fn noise(size: usize, seed: u64) -> Vec<u8> {
     let mut bytes = vec![0; size];
     ChaCha8Rng::seed_from_u64(seed).fill(&mut bytes[..]);
     bytes
@@ -62,7 +62,13 @@ async fn parallel_uploads_take_little_memory() {
 }
 
 /// Uploads `bytes` as the rest of an artifact of `size_bytes`, starting at `offset_bytes`.
-async fn send(url: &str, digest: &str, size_bytes: u64, offset_bytes: u64, bytes: &[u8]) -> Result<(), Status> {
+pub(crate) async fn send(
+    url: &str,
+    digest: &str,
+    size_bytes: u64,
+    offset_bytes: u64,
+    bytes: &[u8],
+) -> Result<(), Status> {
     let channel = Channel::from_shared(url.to_owned()).unwrap().connect().await.unwrap();
     let start = WriteArtifactStart { digest: digest.to_owned(), size_bytes, offset_bytes };
     let chunks = bytes.chunks(CHUNK).map(|chunk| Part::Chunk(chunk.to_vec().into()));

@@ -4,7 +4,7 @@ use lightpath::v1;
 use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::Path;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 use tempfile::TempDir;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
 use tokio::net::{TcpListener, TcpStream};
@@ -122,6 +122,30 @@ async fn webhook_learns_of_jobs_although_server_and_receiver_fail() {
     assert_eq!((deliveries.len(), seen.contains(first_id.as_str())), (2, true), "{shown}");
     assert!(deliveries.iter().all(|delivery| delivery["delivered"] == true), "{shown}");
     daemon.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn receivers_that_hang_delay_no_other_webhook() {
+    let (data, prompt, hanging) = (TempDir::new().unwrap(), Receiver::start().await, Receiver::start().await);
+    let daemon = start(data.path(), &format!("{},{}", prompt.url, hanging.url)).await;
+    let events = ["job.cancelled"];
+    for n in 0..31 {
+        // The listener accepts no connection, so nothing ever answers.
+        create(&daemon, &format!("hanging-{n}"), &hanging.url, &events).await;
+    }
+    create(&daemon, "prompt", &prompt.url, &events).await;
+    declare(&daemon.client, "lab", 64, 48).await;
+    let digest = daemon.client.upload_bytes(target(64, 48, 1)).await.unwrap();
+    daemon.client.pause_queue(v1::PauseQueueRequest::default()).await.unwrap();
+    for seed in 1..=3 {
+        let name = format!("job-{seed}");
+        let job = daemon.client.submit(request(hologram("lab", &digest, 3, seed), &name)).await.unwrap();
+        let cancelled = Instant::now();
+        daemon.client.cancel_job(v1::CancelJobRequest { name: job.name }).await.unwrap();
+        prompt.next().await.answer("204 No Content").await;
+        assert!(cancelled.elapsed() < Duration::from_secs(5), "it took {:?}", cancelled.elapsed());
+    }
+    daemon.kill().await;
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -3,6 +3,7 @@
 use super::manifest::{self, Entry};
 use crate::destination::name_of;
 use crate::failure::Failure;
+use crate::inputs;
 use crate::session::{Output, Session, print_note};
 use crate::show;
 use crate::words::WordParser;
@@ -125,6 +126,7 @@ impl Add {
 
 /// Uploads the files of the pairs and adds the pairs to a dataset, one after the other.
 pub(super) async fn add_pairs(session: &Session, dataset: &str, entries: Vec<Entry>) -> Result<(), Failure> {
+    inputs::require_pictures(entries.iter().flat_map(|entry| [&entry.phase, &entry.photo]))?;
     let count = entries.len();
     let mut findings = Vec::new();
     let mut last = None;

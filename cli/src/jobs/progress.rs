@@ -79,7 +79,7 @@ impl Progress {
     fn print_note(&self, text: &str) {
         match &self.bars {
             // An error means that the terminal is gone. The bars are gone with it.
-            Some(bars) => drop(bars.println(text)),
+            Some(bars) => drop(bars.println(show::plain_lines(text))),
             None => print_note(text),
         }
     }
@@ -198,7 +198,7 @@ fn draw(bar: &ProgressBar, job: &Job, state_changed: bool) {
             State::Succeeded | State::Failed | State::Cancelled => {
                 bar.disable_steady_tick();
                 bar.set_style(style("{prefix}  {msg}"));
-                bar.finish_with_message(jobs::one_line(job));
+                bar.finish_with_message(show::plain(&jobs::one_line(job)));
                 return;
             }
         }
@@ -210,9 +210,9 @@ fn draw(bar: &ProgressBar, job: &Job, state_changed: bool) {
             let left = progress.eta_s.map(|eta_s| format!(", {} left", show::duration(eta_s)));
             let loss = if progress.loss > 0.0 { format!("loss {}", show::loss(progress.loss)) } else { String::new() };
             let details = format!("{loss}{}", left.unwrap_or_default());
-            bar.set_message(format!("{}  {}", progress.stage, details.trim_start_matches(", ")));
+            bar.set_message(format!("{}  {}", show::plain(&progress.stage), details.trim_start_matches(", ")));
         }
-        _ => bar.set_message(jobs::one_line(job)),
+        _ => bar.set_message(show::plain(&jobs::one_line(job))),
     }
 }
 

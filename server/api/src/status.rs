@@ -3,9 +3,10 @@
 //! Every status has an `ErrorInfo` with a stable reason for programs, the domain `lightpath`, and the subject of the
 //! error. Internal errors are logged with an id, and clients receive only the id.
 
+use crate::status_size::{Texts, fitting};
 use lightpath_artifacts::ArtifactError;
 use lightpath_domain::causes::with_causes;
-use lightpath_service::{ServiceError, WrongField};
+use lightpath_service::{ServiceError, WrongField, text_of_wrong};
 use lightpath_store::StoreError;
 use std::collections::HashMap;
 use std::time::Duration;
@@ -34,6 +35,8 @@ struct Answer {
     about: Option<(&'static str, String)>,
     /// The fields whose values are wrong.
     wrong: Vec<WrongField>,
+    /// Number of all wrong fields, if the message lists them.
+    wrong_count: usize,
     retry_after: Option<Duration>,
 }
 
@@ -66,11 +69,11 @@ fn answer(error: &ServiceError) -> Option<Answer> {
             let answer = Answer::new(Code::InvalidArgument, "INVALID_FIELD").about("field", field);
             Answer { wrong: vec![WrongField { field: field.clone(), problem: problem.clone() }], ..answer }
         }
-        ServiceError::SeveralInvalid { fields, are_missing, .. } => {
+        ServiceError::SeveralInvalid { fields, are_missing, count } => {
             let (code, reason) =
                 if *are_missing { (Code::NotFound, "NOT_FOUND") } else { (Code::InvalidArgument, "INVALID_FIELD") };
             let answer = Answer::new(code, reason).about("field", fields.first().map_or("", |first| &first.field));
-            Answer { wrong: fields.clone(), ..answer }
+            Answer { wrong: fields.clone(), wrong_count: *count, ..answer }
         }
         ServiceError::Missing { what, .. } => Answer::new(Code::NotFound, "NOT_FOUND").about("resource", what),
         ServiceError::Precondition { reason, .. } => Answer::new(Code::FailedPrecondition, reason.as_str()),
@@ -155,13 +158,14 @@ fn artifact_answer(error: &ArtifactError) -> Option<Answer> {
         | ArtifactError::UnfitRemote { .. }
         | ArtifactError::OtherRemote { .. }
         | ArtifactError::Locked { .. }
+        | ArtifactError::Unfinished { .. }
         | ArtifactError::Io { .. } => return None,
     })
 }
 
 impl Answer {
     fn new(code: Code, reason: &'static str) -> Self {
-        Self { code, reason, about: None, wrong: Vec::new(), retry_after: None }
+        Self { code, reason, about: None, wrong: Vec::new(), wrong_count: 0, retry_after: None }
     }
 
     fn about(mut self, kind: &'static str, what: &str) -> Self {
@@ -175,16 +179,22 @@ impl Answer {
     }
 
     fn status(self, message: String) -> Status {
-        let metadata: HashMap<_, _> = self.about.into_iter().map(|(kind, what)| (kind.to_owned(), what)).collect();
-        let mut details = ErrorDetails::new();
-        for WrongField { field, problem } in self.wrong {
-            details.add_bad_request_violation(field, problem);
-        }
-        details.set_error_info(self.reason, DOMAIN, metadata);
-        if self.retry_after.is_some() {
-            details.set_retry_info(self.retry_after);
-        }
-        Status::with_error_details(self.code, message, details)
+        let Self { code, reason, about, wrong, wrong_count, retry_after } = self;
+        let (kind, about) = about.unzip();
+        let texts = Texts { message, about: about.unwrap_or_default(), wrong };
+        fitting(texts, |Texts { message, about, wrong }| {
+            let message = if wrong_count > 0 { text_of_wrong(&wrong, wrong_count) } else { message };
+            let mut details = ErrorDetails::new();
+            for WrongField { field, problem } in wrong {
+                details.add_bad_request_violation(field, problem);
+            }
+            let metadata: HashMap<_, _> = kind.iter().map(|&kind| (kind.to_owned(), about.clone())).collect();
+            details.set_error_info(reason, DOMAIN, metadata);
+            if retry_after.is_some() {
+                details.set_retry_info(retry_after);
+            }
+            Status::with_error_details(code, message, details)
+        })
     }
 }
 

@@ -29,12 +29,14 @@ pub enum ArtifactError {
     #[error("no space is left on the disk of the artifacts")]
     DiskFull,
     #[error(
-        "the server's disk has {} MiB free, but {} MiB are reserved for accepted work; remove files from the disk",
+        "the server's disk has {} MiB free, but {} MiB are reserved for accepted work, and {} MiB are needed for bytes \
+         that callers send; remove files from the disk, or retry when other uploads have ended",
         free_bytes >> 20,
-        reserve_bytes >> 20
+        reserve_bytes >> 20,
+        claimed_bytes >> 20
     )]
-    DiskLow { free_bytes: u64, reserve_bytes: u64 },
-    #[error("all artifacts take {} MiB, and the limit is {} MiB; remove old jobs, or raise stored_mib_max", stored_bytes >> 20, stored_bytes_max >> 20)]
+    DiskLow { free_bytes: u64, reserve_bytes: u64, claimed_bytes: u64 },
+    #[error("all artifacts and the uploads under way take {} MiB, and the limit is {} MiB; remove old jobs, or raise stored_mib_max", stored_bytes >> 20, stored_bytes_max >> 20)]
     QuotaSpent { stored_bytes: u64, stored_bytes_max: u64 },
     #[error(
         "{} is locked by another process, such as a server or a restore; stop that process or wait for its end, or \
@@ -45,6 +47,12 @@ pub enum ArtifactError {
         /// Path of the lock file.
         path: PathBuf,
     },
+    #[error(
+        "{} holds a part of a backup, because a restore into it did not end; run `lightpathd restore` with the same folder \
+         again, or choose another folder",
+        path.display()
+    )]
+    Unfinished { path: PathBuf },
     /// A setting of the remote is wrong.
     #[error("the remote for artifacts cannot be used: {problem}")]
     BadRemote { problem: String },
@@ -95,6 +103,7 @@ impl ArtifactError {
             | Self::BadRemote { .. }
             | Self::UnfitRemote { .. }
             | Self::OtherRemote { .. }
+            | Self::Unfinished { .. }
             | Self::Locked { .. } => false,
         }
     }

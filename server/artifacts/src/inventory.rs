@@ -3,7 +3,7 @@
 
 use crate::digest::{check_digest, name};
 use crate::error::{ArtifactError, Result};
-use crate::folder::{Folder, flush_folder, hash_rest};
+use crate::folder::{Folder, empty, flush_folder, hash_rest};
 use crate::identity::kept_in;
 use crate::lock::lock_shared;
 use crate::private::create_private_folder;
@@ -112,6 +112,14 @@ impl Inventory {
         let folders = [self.data_dir.join("artifacts"), self.data_dir.join("checkpoints"), self.data_dir.clone()];
         let flushed = folders.iter().try_for_each(|folder| flush_folder(folder));
         flushed.map_err(|error| ArtifactError::io("flush a folder", error))
+    }
+
+    /// Removes all blobs and temporary files.
+    pub fn clear(&self) -> Result<()> {
+        for name in ["artifacts", "checkpoints", "tmp"] {
+            empty(&self.data_dir.join(name)).map_err(|error| ArtifactError::io("empty a folder", error))?;
+        }
+        Ok(())
     }
 
     fn folder(&self, kind: BlobKind) -> &Folder {

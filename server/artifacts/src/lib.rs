@@ -13,6 +13,7 @@
 //! DATA_DIR/conversions/ab/sha256-ab…  files that can be made again, such as converted kernels; emptied at start
 //! DATA_DIR/tmp/                        files being written; emptied at start
 //! DATA_DIR/identity                   name of this folder for a database on another machine
+//! DATA_DIR/restore.unfinished          a restore into this folder has begun and has not ended
 //! DATA_DIR/lock                        held by the one process that uses the folder: a server, a restore, a collection
 //! DATA_DIR/keep.lock                   held by a backup; while it is held, the server removes no artifact
 //! ```
@@ -29,17 +30,19 @@
 //!
 //! # Layout
 //!
-//! - `digest`: names of blobs. `folder`: blobs of one folder. `blobs`: such a folder, and the remote behind it. `remote`: blobs in a bucket. `publish`: storing and recording. `remote_calls`: what else processes that share a bucket do. `upload`: resumable uploads. `read`: streaming. `error`.
-//! - `examined`: files that were hashed recently. `identity`: the name of a data folder. `space`: free space on the disk. `lock`: locks on files. `private`: modes of files. `blocking`: threads for file access. `inventory`: read access for checks and backups while a server may be running.
+//! - `digest`: names of blobs. `folder`: blobs of one folder. `blobs`: such a folder, and the remote behind it. `remote`: blobs in a bucket. `publish`: storing and recording. `remote_calls`: what else processes that share a bucket do. `upload`: resumable uploads. `interrupted`: uploads that wait for a call that continues them. `read`: streaming. `error`.
+//! - `examined`: files that were hashed recently. `identity`: the name of a data folder. `space`: free space on the disk. `claim`: room that is claimed before bytes are written. `lock`: locks on files. `private`: modes of files. `blocking`: threads for file access. `inventory`: read access for checks and backups while a server may be running.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::print_stdout))]
 
 mod blobs;
 mod blocking;
+mod claim;
 mod digest;
 mod error;
 mod examined;
 mod folder;
 mod identity;
+mod interrupted;
 mod inventory;
 mod lock;
 mod private;
@@ -47,15 +50,19 @@ mod publish;
 mod read;
 mod remote;
 mod remote_calls;
+#[cfg(test)]
+mod room_tests;
 mod space;
 #[cfg(test)]
 mod tests;
 mod upload;
 
+pub use claim::Claim;
 pub use digest::{check_digest, digest_of};
 pub use error::{ArtifactError, Result};
+pub use interrupted::UPLOAD_AGE_MAX;
 pub use inventory::{BlobKind, Inventory, digest_of_file};
-pub use lock::{FolderLock, LOCK};
+pub use lock::{FolderLock, LOCK, RESTORING};
 pub use private::{create_private_folder, make_private, private_file};
 pub use publish::Content;
 pub use read::{ArtifactReader, CHUNK_BYTES};
@@ -63,12 +70,13 @@ pub use remote::RemoteObject;
 pub use remote::inventory::BucketInventory;
 pub use remote::options::RemoteOptions;
 pub use space::{Space, SpaceLimits};
-pub use upload::{UPLOAD_AGE_MAX, UploadWriter, Uploads};
+pub use upload::{UploadTurn, UploadWriter, Uploads};
 
 use blobs::Blobs;
 use blocking::blocking;
 use examined::Examined;
 use folder::Folder;
+use interrupted::Interrupted;
 use lock::try_lock;
 use remote::Remote;
 use remote::cache::Cache;
@@ -92,7 +100,7 @@ struct Inner {
     uploads: Uploads,
     remote: Option<Arc<Remote>>,
     data_dir: PathBuf,
-    space: Space,
+    space: Arc<Space>,
     /// A writer holds this lock shared from before a blob gets its name until the store has recorded the blob. A
     /// collection of artifacts holds it exclusively, so that it never removes a file that is about to be recorded
     /// again.
@@ -112,11 +120,12 @@ enum Held {
 
 impl Artifacts {
     /// Opens the folders below `data_dir` and creates those that are missing. Removes files that an earlier process
-    /// left half written, and uploads that have not grown for [`UPLOAD_AGE_MAX`].
+    /// left half written, and interrupted uploads that have not grown for [`UPLOAD_AGE_MAX`].
     ///
     /// # Errors
     ///
-    /// [`ArtifactError::Locked`] if another process uses this folder.
+    /// [`ArtifactError::Locked`] if another process uses this folder; [`ArtifactError::Unfinished`] if a restore into it
+    /// died.
     pub fn open(data_dir: &Path) -> Result<Self> {
         Self::open_within(data_dir, SpaceLimits::default())
     }
@@ -192,7 +201,8 @@ impl Artifacts {
         let blobs = |kind, root| Blobs::new(kind, Folder::new(root, temporary.clone()), behind.clone());
         let checkpoints = blobs(BlobKind::Checkpoint, checkpoints);
         let blobs = Arc::new(blobs(BlobKind::Artifact, artifacts));
-        let uploads = Uploads::open(received, Arc::clone(&blobs))?;
+        let space = Arc::new(Space::new(limits, data_dir.to_owned(), Interrupted::open(received.clone())?));
+        let uploads = Uploads::new(received, Arc::clone(&space), Arc::clone(&blobs));
         Ok(Self {
             inner: Arc::new(Inner {
                 blobs,
@@ -202,7 +212,7 @@ impl Artifacts {
                 uploads,
                 remote,
                 data_dir: data_dir.to_owned(),
-                space: Space::new(limits, data_dir.to_owned()),
+                space,
                 publishing: Arc::default(),
                 _lock: held,
             }),
@@ -236,7 +246,7 @@ impl Artifacts {
 
     /// The disk of the folder, and the limits on its use.
     #[must_use]
-    pub fn space(&self) -> &Space {
+    pub fn space(&self) -> &Arc<Space> {
         &self.inner.space
     }
 
@@ -376,7 +386,7 @@ impl Artifacts {
     ///
     /// [`ArtifactError::DiskLow`] if the file would use the reserve of the disk.
     pub fn put_conversion_blocking(&self, bytes: &[u8]) -> Result<String> {
-        self.inner.space.admit_temporary(bytes.len() as u64)?;
+        let _claim = Claim::take(&self.inner.space, "", 0, bytes.len() as u64)?;
         self.inner.conversions.put(bytes, |_, _| Ok(()))
     }
 

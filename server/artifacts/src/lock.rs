@@ -9,6 +9,9 @@ use std::path::Path;
 /// Name of the lock file in a data folder.
 pub const LOCK: &str = "lock";
 
+/// Name of the file that says that a restore into the folder has begun and has not ended.
+pub const RESTORING: &str = "restore.unfinished";
+
 /// The lock of a data folder. Only one process can hold it: a server, or a command that changes the folder as a whole.
 #[derive(Debug)]
 pub struct FolderLock {
@@ -20,8 +23,22 @@ impl FolderLock {
     ///
     /// # Errors
     ///
-    /// [`ArtifactError::Locked`] if another process holds the lock.
+    /// [`ArtifactError::Locked`] if another process holds the lock; [`ArtifactError::Unfinished`] if a restore into the
+    /// folder died.
     pub fn take(data_dir: &Path) -> Result<Self> {
+        let lock = Self::take_to_restore(data_dir)?;
+        match data_dir.join(RESTORING).exists() {
+            true => Err(ArtifactError::Unfinished { path: data_dir.to_owned() }),
+            false => Ok(lock),
+        }
+    }
+
+    /// Locks `data_dir` like [`Self::take`], also if a restore into it died.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError::Locked`] if another process holds the lock.
+    pub fn take_to_restore(data_dir: &Path) -> Result<Self> {
         create_private_folder(data_dir).map_err(|error| ArtifactError::io("create the data folder", error))?;
         let path = data_dir.join(LOCK);
         let file = try_lock(&path)?.ok_or(ArtifactError::Locked { path })?;

@@ -2,6 +2,7 @@
 
 use crate::error::ArtifactError;
 use crate::inventory::BlobKind;
+use crate::upload::UploadLock;
 use crate::{Artifacts, UploadWriter};
 
 /// What is to be published.
@@ -10,7 +11,7 @@ pub enum Content {
     /// Bytes in memory.
     Bytes(Vec<u8>),
     /// The bytes of an upload.
-    Upload(UploadWriter),
+    Upload(Box<UploadWriter>),
 }
 
 impl From<Vec<u8>> for Content {
@@ -21,7 +22,7 @@ impl From<Vec<u8>> for Content {
 
 impl From<UploadWriter> for Content {
     fn from(upload: UploadWriter) -> Self {
-        Self::Upload(upload)
+        Self::Upload(Box::new(upload))
     }
 }
 
@@ -45,14 +46,18 @@ impl Artifacts {
         R: Future<Output = Result<Result<T, String>, E>>,
     {
         let _publishing = self.publishing().await;
-        let digest = match content.into() {
-            Content::Bytes(bytes) => self.put_bytes(bytes).await?,
-            Content::Upload(upload) => upload.finish().await?,
+        let (digest, upload) = match content.into() {
+            Content::Bytes(bytes) => (self.put_bytes(bytes).await?, None),
+            // The lock holds the room of the upload until the store counts it.
+            Content::Upload(upload) => upload.finish_claimed().await.map(|(digest, lock)| (digest, Some(lock)))?,
         };
         let mut seen = None;
         loop {
             match record(digest.clone(), seen).await? {
                 Ok(recorded) => {
+                    if let Some(claim) = upload.as_ref().and_then(UploadLock::claim) {
+                        claim.recorded();
+                    }
                     self.ensure_stored(BlobKind::Artifact, &digest).await?;
                     return Ok(recorded);
                 }

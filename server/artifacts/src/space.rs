@@ -1,9 +1,16 @@
 //! Limits on disk space: a reserve that only accepted work may use, and a limit on the size of all artifacts.
+//!
+//! New bytes are claimed before they are written (`claim`). At any time the free space is at least the reserve
+//! and all bytes that are claimed and not yet written, as far as nobody but claimants writes. If room is missing,
+//! interrupted uploads go first, the oldest before the others.
 
 use crate::error::{ArtifactError, Result};
+use crate::interrupted::Interrupted;
 use rustix::fs::statvfs;
+use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Limits on the space that new uploads and jobs may use.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -20,11 +27,45 @@ pub struct Space {
     limits: SpaceLimits,
     stored_bytes: AtomicU64,
     data_dir: PathBuf,
+    claims: Mutex<Claims>,
+    interrupted: Interrupted,
+}
+
+/// Sums of all claims.
+#[derive(Debug, Default)]
+pub(crate) struct Claims {
+    /// Bytes that are not yet on the disk.
+    pub(crate) unwritten_bytes: u64,
+    /// Bytes that will count as stored.
+    counted_bytes: u64,
+    /// The same by owner, without owners who have none.
+    by_owner: HashMap<String, u64>,
+}
+
+impl Claims {
+    /// Adds a claim, and returns the sum of the owner's claims \[bytes\].
+    fn add(&mut self, owner: &str, counted_bytes: u64, unwritten_bytes: u64) -> u64 {
+        self.unwritten_bytes += unwritten_bytes;
+        self.counted_bytes += counted_bytes;
+        let of_owner = self.by_owner.entry(owner.to_owned()).or_default();
+        *of_owner += counted_bytes;
+        *of_owner
+    }
+
+    pub(crate) fn release(&mut self, owner: &str, counted_bytes: u64) {
+        self.counted_bytes -= counted_bytes;
+        if let Some(of_owner) = self.by_owner.get_mut(owner) {
+            *of_owner -= counted_bytes;
+            if *of_owner == 0 {
+                self.by_owner.remove(owner);
+            }
+        }
+    }
 }
 
 impl Space {
-    pub(crate) fn new(limits: SpaceLimits, data_dir: PathBuf) -> Self {
-        Self { limits, stored_bytes: AtomicU64::new(0), data_dir }
+    pub(crate) fn new(limits: SpaceLimits, data_dir: PathBuf, interrupted: Interrupted) -> Self {
+        Self { limits, stored_bytes: AtomicU64::new(0), data_dir, claims: Mutex::default(), interrupted }
     }
 
     /// Free space on the disk, without the space that the system keeps for its administrator \[bytes\].
@@ -51,14 +92,7 @@ impl Space {
     ///
     /// [`ArtifactError::DiskLow`].
     pub fn room_to_start(&self) -> Result<()> {
-        let reserve_bytes = self.limits.reserve_bytes;
-        if reserve_bytes == 0 {
-            return Ok(());
-        }
-        match self.free_bytes()? {
-            free_bytes if free_bytes < reserve_bytes / 2 => Err(ArtifactError::DiskLow { free_bytes, reserve_bytes }),
-            _ => Ok(()),
-        }
+        self.require_free(self.limits.reserve_bytes / 2)
     }
 
     /// Checks that a checkpoint of this size may be written. A part of the reserve must stay free: half of it is left
@@ -68,45 +102,98 @@ impl Space {
     ///
     /// [`ArtifactError::DiskLow`].
     pub fn room_for_checkpoint(&self, bytes: u64) -> Result<()> {
-        let reserve_bytes = self.limits.reserve_bytes;
-        if reserve_bytes == 0 {
-            return Ok(());
-        }
-        match self.free_bytes()? {
-            free_bytes if free_bytes < (reserve_bytes / 2).saturating_add(bytes) => {
-                Err(ArtifactError::DiskLow { free_bytes, reserve_bytes })
-            }
-            _ => Ok(()),
-        }
+        self.require_free((self.limits.reserve_bytes / 2).saturating_add(bytes))
     }
 
-    /// Checks that `more_bytes` of new work may be accepted.
+    /// Checks that new work may be accepted, which stores nothing yet: the reserve must be free.
     ///
     /// # Errors
     ///
-    /// [`ArtifactError::DiskLow`] if the work would use the reserve; [`ArtifactError::QuotaSpent`] if the size of all
-    /// artifacts would exceed its limit.
-    pub fn admit(&self, more_bytes: u64) -> Result<()> {
-        self.admit_temporary(more_bytes)?;
-        let stored_bytes_max = self.limits.stored_bytes_max;
-        let stored_bytes = self.stored_bytes.load(Ordering::Relaxed);
-        if stored_bytes_max > 0 && more_bytes > 0 && stored_bytes.saturating_add(more_bytes) > stored_bytes_max {
-            return Err(ArtifactError::QuotaSpent { stored_bytes, stored_bytes_max });
-        }
-        Ok(())
+    /// [`ArtifactError::DiskLow`].
+    pub fn room_for_new_work(&self) -> Result<()> {
+        self.require_free(self.limits.reserve_bytes)
     }
 
-    /// Checks that `more_bytes` fit beside the reserve. Temporary files do not count towards the size of all artifacts.
-    pub(crate) fn admit_temporary(&self, more_bytes: u64) -> Result<()> {
+    /// Adds a claim if there is room for it, and returns the sum of the owner's claims \[bytes\].
+    pub(crate) fn add_claim(&self, owner: &str, counted_bytes: u64, unwritten_bytes: u64) -> Result<u64> {
+        let mut claims = self.claims();
+        self.require_beside(claims.unwritten_bytes.saturating_add(unwritten_bytes))?;
+        self.require_within_limit(claims.counted_bytes, counted_bytes)?;
+        Ok(claims.add(owner, counted_bytes, unwritten_bytes))
+    }
+
+    /// Checks that all claimed bytes still fit beside the reserve.
+    pub(crate) fn require_claimed(&self) -> Result<()> {
+        let unwritten_bytes = self.claims().unwritten_bytes;
+        self.require_beside(unwritten_bytes)
+    }
+
+    pub(crate) fn change_claims(&self, change: impl FnOnce(&mut Claims)) {
+        change(&mut self.claims());
+    }
+
+    pub(crate) fn add_stored_bytes(&self, bytes: u64) {
+        self.stored_bytes.fetch_add(bytes, Ordering::Relaxed);
+    }
+
+    pub(crate) fn interrupted(&self) -> &Interrupted {
+        &self.interrupted
+    }
+
+    /// Checks the free space for accepted work, which may use the reserve.
+    fn require_free(&self, needed_bytes: u64) -> Result<()> {
         let reserve_bytes = self.limits.reserve_bytes;
         if reserve_bytes == 0 {
             return Ok(());
         }
-        match self.free_bytes()? {
-            free_bytes if free_bytes < reserve_bytes.saturating_add(more_bytes) => {
-                Err(ArtifactError::DiskLow { free_bytes, reserve_bytes })
+        match self.free_with_room_for(needed_bytes)? {
+            free_bytes if free_bytes < needed_bytes => {
+                Err(ArtifactError::DiskLow { free_bytes, reserve_bytes, claimed_bytes: 0 })
             }
             _ => Ok(()),
         }
+    }
+
+    /// Checks that `claimed_bytes` fit beside the reserve.
+    fn require_beside(&self, claimed_bytes: u64) -> Result<()> {
+        let reserve_bytes = self.limits.reserve_bytes;
+        let needed_bytes = reserve_bytes.saturating_add(claimed_bytes);
+        match self.free_with_room_for(needed_bytes)? {
+            free_bytes if free_bytes >= needed_bytes => Ok(()),
+            _ if reserve_bytes == 0 => Err(ArtifactError::DiskFull),
+            free_bytes => Err(ArtifactError::DiskLow { free_bytes, reserve_bytes, claimed_bytes }),
+        }
+    }
+
+    /// Checks that `more_bytes` beside `claimed_bytes` keep the limit on all artifacts. Interrupted uploads count, too.
+    fn require_within_limit(&self, claimed_bytes: u64, more_bytes: u64) -> Result<()> {
+        let stored_bytes_max = self.limits.stored_bytes_max;
+        if stored_bytes_max == 0 || more_bytes == 0 {
+            return Ok(());
+        }
+        let stored_bytes = self.stored_bytes.load(Ordering::Relaxed).saturating_add(claimed_bytes);
+        let left_bytes = stored_bytes_max.saturating_sub(stored_bytes);
+        if more_bytes > left_bytes {
+            return Err(ArtifactError::QuotaSpent { stored_bytes, stored_bytes_max });
+        }
+        while self.interrupted.bytes() > left_bytes - more_bytes && self.interrupted.remove_one() {}
+        Ok(())
+    }
+
+    /// Free space \[bytes\]. Before that, removes interrupted uploads if less than `needed_bytes` are free and their
+    /// room is enough.
+    fn free_with_room_for(&self, needed_bytes: u64) -> Result<u64> {
+        let mut free_bytes = self.free_bytes()?;
+        if free_bytes.saturating_add(self.interrupted.bytes()) >= needed_bytes {
+            while free_bytes < needed_bytes && self.interrupted.remove_one() {
+                free_bytes = self.free_bytes()?;
+            }
+        }
+        Ok(free_bytes)
+    }
+
+    fn claims(&self) -> MutexGuard<'_, Claims> {
+        // The sums are consistent even after a panic: each change of them only adds and subtracts.
+        self.claims.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -25,6 +25,11 @@ async fn read_to_end(mut reader: ArtifactReader) -> Vec<u8> {
     bytes
 }
 
+/// Begins an upload of "ada" without a digest.
+async fn unnamed(artifacts: &Artifacts, size_bytes: u64) -> Result<UploadWriter> {
+    artifacts.uploads().turn_unnamed("ada", size_bytes).await?.open().await
+}
+
 #[tokio::test]
 async fn stored_bytes_are_read_whole_and_in_ranges() {
     let data = tempfile::tempdir().unwrap();
@@ -157,18 +162,18 @@ async fn upload_with_wrong_digest_or_size_is_not_published() {
 async fn upload_without_a_digest_tells_it_and_leaves_nothing_if_it_is_cut() {
     let data = tempfile::tempdir().unwrap();
     let artifacts = Artifacts::open(data.path()).unwrap();
-    let mut writer = artifacts.uploads().begin_unnamed(5).await.unwrap();
-    let mut other = artifacts.uploads().begin_unnamed(5).await.unwrap();
+    let mut writer = unnamed(&artifacts, 5).await.unwrap();
+    let mut other = unnamed(&artifacts, 5).await.unwrap();
     writer.write(b"right".to_vec()).await.unwrap();
     other.write(b"oth".to_vec()).await.unwrap();
     let digest = writer.finish().await.unwrap();
     assert_eq!(digest, digest_of(b"right"));
     assert_eq!(artifacts.read_all(&digest).await.unwrap(), b"right");
     assert!(matches!(other.finish().await, Err(ArtifactError::WrongSize { received_bytes: 3, size_bytes: 5 })));
-    let mut long = artifacts.uploads().begin_unnamed(2).await.unwrap();
+    let mut long = unnamed(&artifacts, 2).await.unwrap();
     assert!(matches!(long.write(b"long".to_vec()).await, Err(ArtifactError::WrongSize { .. })));
     drop(long);
-    let mut cut = artifacts.uploads().begin_unnamed(5).await.unwrap();
+    let mut cut = unnamed(&artifacts, 5).await.unwrap();
     cut.write(b"cut".to_vec()).await.unwrap();
     drop(cut);
     assert!(files(&data.path().join("uploads")).is_empty());
@@ -181,15 +186,16 @@ async fn folder_is_locked_and_leftovers_are_removed_at_start() {
     assert!(matches!(Artifacts::open(data.path()), Err(ArtifactError::Locked { .. })));
     drop(artifacts);
     fs::write(data.path().join("tmp/half-written"), b"x").unwrap();
-    let old = data.path().join("uploads/old.part");
-    let new = data.path().join("uploads/new.part");
+    let part = |content: &[u8]| data.path().join("uploads").join(interrupted::file_name(&digest_of(content), "ada"));
+    let (old, new, unnamed) = (part(b"old"), part(b"new"), data.path().join("uploads/unnamed-7.part"));
+    fs::write(&unnamed, b"x").unwrap();
     fs::write(&new, b"x").unwrap();
     fs::write(&old, b"x").unwrap();
     let long_ago = std::time::SystemTime::now() - 2 * UPLOAD_AGE_MAX;
     File::options().write(true).open(&old).unwrap().set_modified(long_ago).unwrap();
     Artifacts::open(data.path()).unwrap();
     assert!(files(&data.path().join("tmp")).is_empty());
-    assert_eq!(files(&data.path().join("uploads")), ["new.part"]);
+    assert_eq!(files(&data.path().join("uploads")), [new.file_name().unwrap().to_str().unwrap()]);
 }
 
 /// Modes of everything in a folder that other users may read, write or enter.

@@ -3,22 +3,30 @@
 
 use crate::blobs::Blobs;
 use crate::blocking::blocking;
-use crate::digest::{check_digest, digest_of, name};
+use crate::claim::Claim;
+use crate::digest::{check_digest, name};
 use crate::error::{ArtifactError, Result};
 use crate::folder::hash_rest;
+use crate::interrupted::{Kept, file_name};
 use crate::private::private_file;
+use crate::space::Space;
 use lightpath_fail_points as fail;
 use sha2::{Digest, Sha256};
 use std::collections::HashSet;
 use std::fs::{self, File};
 use std::io::{self, Seek, SeekFrom, Write};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::time::SystemTime;
 
-/// Time after which an interrupted upload that has not grown is removed at the next start.
-pub const UPLOAD_AGE_MAX: Duration = Duration::from_secs(7 * 24 * 3600);
+/// An upload that may begin: no other call continues it, and its room is claimed.
+#[derive(Debug)]
+pub struct UploadTurn {
+    lock: UploadLock,
+    size_bytes: u64,
+    offset_bytes: u64,
+}
 
 /// An upload in progress. If it is dropped before [`UploadWriter::finish`], the received bytes are kept for a later
 /// call, if the upload has a digest.
@@ -33,8 +41,6 @@ pub struct UploadWriter {
 struct Part {
     file: File,
     path: PathBuf,
-    hasher: Sha256,
-    received_bytes: u64,
     size_bytes: u64,
     lock: UploadLock,
 }
@@ -48,6 +54,7 @@ pub struct Uploads {
 #[derive(Debug)]
 struct Inner {
     folder: PathBuf,
+    space: Arc<Space>,
     /// Where the blob of a complete upload goes.
     blobs: Arc<Blobs>,
     /// Names of the files of running uploads.
@@ -59,19 +66,41 @@ struct Inner {
 /// Lock on an owner's upload of the artifact with this digest: at most one call at a time continues it. Released on
 /// drop.
 #[derive(Debug)]
-struct UploadLock {
+pub(crate) struct UploadLock {
     uploads: Uploads,
     /// `None`: nobody knows the digest yet, so the file is removed with the lock.
     digest: Option<String>,
     file_name: String,
+    /// What of the file is hashed; `None` as long as that is unknown.
+    progress: Option<Progress>,
+    /// Size of the interrupted upload that is continued \[bytes\], and the time since which it has not grown.
+    taken: Option<(u64, SystemTime)>,
+    /// Room of the upload; `None` as long as it is not claimed.
+    claim: Option<Claim>,
+}
+
+/// The hash of the received bytes.
+#[derive(Debug)]
+struct Progress {
+    received_bytes: u64,
+    hasher: Sha256,
 }
 
 impl Uploads {
-    /// Uploads whose received parts are in `folder`, and whose blobs go to `blobs`. Removes uploads that have not grown
-    /// for [`UPLOAD_AGE_MAX`].
-    pub(crate) fn open(folder: PathBuf, blobs: Arc<Blobs>) -> Result<Self> {
-        remove_stale(&folder).map_err(|error| ArtifactError::io("remove old uploads", error))?;
-        Ok(Self { inner: Arc::new(Inner { folder, blobs, running: Mutex::default(), unnamed: AtomicU64::new(0) }) })
+    /// Uploads whose received parts are in `folder`, and whose blobs go to `blobs`.
+    pub(crate) fn new(folder: PathBuf, space: Arc<Space>, blobs: Arc<Blobs>) -> Self {
+        let (running, unnamed) = (Mutex::default(), AtomicU64::new(0));
+        Self { inner: Arc::new(Inner { folder, space, blobs, running, unnamed }) }
+    }
+
+    /// Removes interrupted uploads that have not grown for [`UPLOAD_AGE_MAX`](crate::UPLOAD_AGE_MAX).
+    pub async fn remove_old(&self) -> Result<()> {
+        let uploads = self.clone();
+        blocking(move || {
+            uploads.inner.space.interrupted().remove_old(SystemTime::now());
+            Ok(())
+        })
+        .await
     }
 
     /// Number of stored bytes of an owner's interrupted upload. The next call continues the upload at this offset. Each
@@ -87,33 +116,56 @@ impl Uploads {
         .await
     }
 
-    /// Starts an owner's upload of `size_bytes` in total (`offset_bytes` 0), or continues one (`offset_bytes` as
-    /// returned by [`Self::received_bytes`]).
+    /// Takes the turn of an owner's upload of `size_bytes` in total (`offset_bytes` 0), or of one that continues
+    /// (`offset_bytes` as returned by [`Self::received_bytes`]), and claims its room. `counted_bytes` count towards the
+    /// limits on what is stored.
     ///
     /// # Errors
     ///
     /// [`ArtifactError::UploadBusy`] while another call uploads the same artifact for the same owner;
-    /// [`ArtifactError::WrongOffset`]; [`ArtifactError::WrongSize`] if more than `size_bytes` are stored.
-    pub async fn begin(&self, digest: &str, owner: &str, size_bytes: u64, offset_bytes: u64) -> Result<UploadWriter> {
+    /// [`ArtifactError::WrongOffset`]; [`ArtifactError::WrongSize`] if more than `size_bytes` are stored; those of
+    /// [`Claim::take`].
+    pub async fn turn(
+        &self,
+        digest: &str,
+        owner: &str,
+        (size_bytes, counted_bytes): (u64, u64),
+        offset_bytes: u64,
+    ) -> Result<UploadTurn> {
         check_digest(digest)?;
-        let file_name = file_name(digest, owner);
-        if !self.running().insert(file_name.clone()) {
-            return Err(ArtifactError::UploadBusy { digest: digest.to_owned() });
-        }
-        let lock = UploadLock { uploads: self.clone(), digest: Some(digest.to_owned()), file_name };
-        let part = blocking(move || Part::open(lock, size_bytes, offset_bytes)).await?;
-        Ok(UploadWriter { received_bytes: part.received_bytes, part: Some(part) })
+        let lock = self.lock(file_name(digest, owner), Some(digest))?;
+        let owner = owner.to_owned();
+        blocking(move || UploadTurn::take(lock, &owner, (size_bytes, counted_bytes), offset_bytes)).await
     }
 
-    /// Starts an upload of `size_bytes` whose digest [`UploadWriter::finish`] tells. It cannot be continued: if it ends
-    /// early, what it received is removed.
-    pub async fn begin_unnamed(&self, size_bytes: u64) -> Result<UploadWriter> {
-        // The file of a server that died may have the same name; its content is discarded.
-        let file_name = format!("unnamed-{}.part", self.inner.unnamed.fetch_add(1, Ordering::Relaxed));
-        self.running().insert(file_name.clone());
-        let lock = UploadLock { uploads: self.clone(), digest: None, file_name };
-        let part = blocking(move || Part::open(lock, size_bytes, 0)).await?;
-        Ok(UploadWriter { received_bytes: 0, part: Some(part) })
+    /// Starts or continues an upload like [`Self::turn`], all of whose bytes count as stored.
+    ///
+    /// # Errors
+    ///
+    /// The errors of [`Self::turn`].
+    pub async fn begin(&self, digest: &str, owner: &str, size_bytes: u64, offset_bytes: u64) -> Result<UploadWriter> {
+        self.turn(digest, owner, (size_bytes, size_bytes), offset_bytes).await?.open().await
+    }
+
+    /// Takes the turn of an upload of `size_bytes` whose digest [`UploadWriter::finish`] tells, and claims its room. It
+    /// cannot be continued: if it ends early, what it received is removed.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Claim::take`].
+    pub async fn turn_unnamed(&self, owner: &str, size_bytes: u64) -> Result<UploadTurn> {
+        let number = self.inner.unnamed.fetch_add(1, Ordering::Relaxed);
+        let lock = self.lock(format!("unnamed-{number}.part"), None)?;
+        let owner = owner.to_owned();
+        blocking(move || UploadTurn::take(lock, &owner, (size_bytes, size_bytes), 0)).await
+    }
+
+    fn lock(&self, file_name: String, digest: Option<&str>) -> Result<UploadLock> {
+        if !self.running().insert(file_name.clone()) {
+            return Err(ArtifactError::UploadBusy { digest: digest.unwrap_or_default().to_owned() });
+        }
+        let (uploads, digest) = (self.clone(), digest.map(str::to_owned));
+        Ok(UploadLock { uploads, digest, file_name, progress: None, taken: None, claim: None })
     }
 
     fn running(&self) -> MutexGuard<'_, HashSet<String>> {
@@ -122,9 +174,47 @@ impl Uploads {
     }
 }
 
-/// Name of the file of an owner's upload. Names of owners may contain any characters, so their hash stands for them.
-fn file_name(digest: &str, owner: &str) -> String {
-    format!("{digest}-{}.part", digest_of(owner.as_bytes()))
+impl UploadTurn {
+    /// Checks the offset and claims the room.
+    fn take(
+        mut lock: UploadLock,
+        owner: &str,
+        (size_bytes, counted_bytes): (u64, u64),
+        offset_bytes: u64,
+    ) -> Result<Self> {
+        let space = Arc::clone(&lock.uploads.inner.space);
+        let kept = space.interrupted().take(&lock.file_name);
+        lock.taken = kept.as_ref().map(|kept| (kept.size_bytes, kept.since));
+        let received_bytes = lock.taken.map_or(0, |(size_bytes, _)| size_bytes);
+        lock.progress = kept.and_then(|Kept { hasher, .. }| Some(Progress { received_bytes, hasher: hasher? }));
+        if offset_bytes != 0 && offset_bytes != received_bytes {
+            return Err(ArtifactError::WrongOffset { offset_bytes, received_bytes });
+        }
+        if offset_bytes > size_bytes {
+            return Err(ArtifactError::WrongSize { received_bytes: offset_bytes, size_bytes });
+        }
+        if offset_bytes == 0 {
+            lock.discard();
+        }
+        lock.claim = Some(Claim::take(&space, owner, counted_bytes, size_bytes - offset_bytes)?);
+        Ok(Self { lock, size_bytes, offset_bytes })
+    }
+
+    /// The room of the upload.
+    ///
+    /// # Panics
+    ///
+    /// Never: a turn has a claim.
+    #[must_use]
+    pub fn claim(&self) -> &Claim {
+        self.lock.claim.as_ref().expect("a turn has a claim")
+    }
+
+    /// Begins to write.
+    pub async fn open(self) -> Result<UploadWriter> {
+        let part = blocking(move || Part::open(self)).await?;
+        Ok(UploadWriter { received_bytes: part.received_bytes(), part: Some(part) })
+    }
 }
 
 impl UploadWriter {
@@ -138,11 +228,12 @@ impl UploadWriter {
     ///
     /// # Errors
     ///
-    /// [`ArtifactError::WrongSize`] if more bytes arrive than were announced.
+    /// [`ArtifactError::WrongSize`] if more bytes arrive than were announced; [`ArtifactError::DiskLow`] if others have
+    /// filled the disk in the meantime.
     pub async fn write(&mut self, chunk: Vec<u8>) -> Result<()> {
         let mut part = self.take_part()?;
         let part = blocking(move || part.append(&chunk).map(|()| part)).await?;
-        self.received_bytes = part.received_bytes;
+        self.received_bytes = part.received_bytes();
         self.part = Some(part);
         Ok(())
     }
@@ -155,7 +246,12 @@ impl UploadWriter {
     /// [`ArtifactError::WrongSize`] if bytes are missing: a later call can send them. [`ArtifactError::WrongDigest`]:
     /// the upload is discarded. [`ArtifactError::Remote`]: a later call can continue at the end of an upload
     /// that has a digest.
-    pub async fn finish(mut self) -> Result<String> {
+    pub async fn finish(self) -> Result<String> {
+        Ok(self.finish_claimed().await?.0)
+    }
+
+    /// Does the same as [`Self::finish`], and returns also the lock, which holds the room until the blob is recorded.
+    pub(crate) async fn finish_claimed(mut self) -> Result<(String, UploadLock)> {
         let part = self.take_part()?;
         blocking(move || part.publish()).await
     }
@@ -167,74 +263,103 @@ impl UploadWriter {
 }
 
 impl Part {
-    fn open(lock: UploadLock, size_bytes: u64, offset_bytes: u64) -> Result<Self> {
-        let path = lock.uploads.inner.folder.join(&lock.file_name);
-        let open = || -> io::Result<(File, u64)> {
-            let file = private_file().read(true).write(true).create(true).truncate(false).open(&path)?;
-            let stored_bytes = file.metadata()?.len();
-            Ok((file, stored_bytes))
-        };
-        let (mut file, stored_bytes) = open().map_err(|error| ArtifactError::io("open an upload", error))?;
-        if offset_bytes != 0 && offset_bytes != stored_bytes {
-            return Err(ArtifactError::WrongOffset { offset_bytes, received_bytes: stored_bytes });
-        }
-        if offset_bytes > size_bytes {
-            return Err(ArtifactError::WrongSize { received_bytes: offset_bytes, size_bytes });
-        }
-        let mut hash_stored = || -> io::Result<Sha256> {
+    fn open(turn: UploadTurn) -> Result<Self> {
+        let UploadTurn { mut lock, size_bytes, offset_bytes } = turn;
+        let path = lock.path();
+        let known = lock.progress.take().filter(|progress| progress.received_bytes == offset_bytes);
+        let open = || -> io::Result<(File, Sha256)> {
+            let mut file = private_file().read(true).write(true).create(true).truncate(false).open(&path)?;
             file.set_len(offset_bytes)?;
-            file.seek(SeekFrom::Start(0))?;
-            hash_rest(&mut file)
+            let hasher = match known {
+                Some(progress) => progress.hasher,
+                None => hash_rest(&mut file)?,
+            };
+            file.seek(SeekFrom::Start(offset_bytes))?;
+            Ok((file, hasher))
         };
-        let hasher = hash_stored().map_err(|error| ArtifactError::io("continue an upload", error))?;
-        Ok(Self { file, path, hasher, received_bytes: offset_bytes, size_bytes, lock })
+        let (file, hasher) = open().map_err(|error| ArtifactError::io("continue an upload", error))?;
+        lock.progress = Some(Progress { received_bytes: offset_bytes, hasher });
+        Ok(Self { file, path, size_bytes, lock })
+    }
+
+    fn received_bytes(&self) -> u64 {
+        self.lock.progress.as_ref().map_or(0, |progress| progress.received_bytes)
     }
 
     fn append(&mut self, chunk: &[u8]) -> Result<()> {
-        let received_bytes = self.received_bytes + chunk.len() as u64;
+        let received_bytes = self.received_bytes() + chunk.len() as u64;
         if received_bytes > self.size_bytes {
             return Err(ArtifactError::WrongSize { received_bytes, size_bytes: self.size_bytes });
         }
+        let claim = self.lock.claim.as_mut();
+        claim.as_ref().map_or(Ok(()), |claim| claim.require_disk())?;
         self.file.write_all(chunk).map_err(|error| ArtifactError::io("write an upload", error))?;
-        self.hasher.update(chunk);
-        self.received_bytes = received_bytes;
+        if let Some(claim) = claim {
+            claim.wrote(chunk.len() as u64);
+        }
+        if let Some(progress) = &mut self.lock.progress {
+            progress.hasher.update(chunk);
+            progress.received_bytes = received_bytes;
+        }
         Ok(())
     }
 
-    fn publish(self) -> Result<String> {
-        let Self { file, path, hasher, received_bytes, size_bytes, lock } = self;
+    fn publish(self) -> Result<(String, UploadLock)> {
+        let (received_bytes, size_bytes) = (self.received_bytes(), self.size_bytes);
+        let Self { file, path, lock, .. } = self;
         if received_bytes != size_bytes {
             return Err(ArtifactError::WrongSize { received_bytes, size_bytes });
         }
-        let found = name(hasher);
+        let found = name(lock.progress.as_ref().map_or_else(Sha256::new, |progress| progress.hasher.clone()));
         if let Some(digest) = lock.digest.clone().filter(|digest| *digest != found) {
             let removed = fail::point("file.remove").and_then(|()| fs::remove_file(&path));
             removed.map_err(|error| ArtifactError::io("remove an upload with a wrong digest", error))?;
             return Err(ArtifactError::WrongDigest { digest, found });
         }
         lock.uploads.inner.blobs.publish(&file, &path, &found)?;
-        Ok(found)
+        Ok((found, lock))
+    }
+}
+
+impl UploadLock {
+    /// The room of the upload.
+    pub(crate) fn claim(&self) -> Option<&Claim> {
+        self.claim.as_ref()
+    }
+
+    fn path(&self) -> PathBuf {
+        self.uploads.inner.folder.join(&self.file_name)
+    }
+
+    /// Removes what was received.
+    fn discard(&mut self) {
+        self.progress = None;
+        // If the removal fails, the next call or the next start discards the file.
+        drop(fs::remove_file(self.path()));
+    }
+
+    /// Keeps what was received for a later call. A published file is no longer here.
+    fn keep(&mut self) {
+        let Ok(size_bytes) = fs::metadata(self.path()).map(|metadata| metadata.len()) else { return };
+        if size_bytes == 0 {
+            return self.discard();
+        }
+        // After a write that failed half way, the file has more bytes than were hashed.
+        let hashed = self.progress.take().filter(|progress| progress.received_bytes == size_bytes);
+        let unchanged = self.taken.filter(|&(taken_bytes, _)| taken_bytes == size_bytes);
+        let since = unchanged.map_or_else(SystemTime::now, |(_, since)| since);
+        let kept = Kept { size_bytes, since, hasher: hashed.map(|progress| progress.hasher) };
+        self.uploads.inner.space.interrupted().keep(&self.file_name, kept);
     }
 }
 
 impl Drop for UploadLock {
     fn drop(&mut self) {
-        if self.digest.is_none() {
-            // A published file is no longer here. If the removal fails, a later start removes the file.
-            drop(fs::remove_file(self.uploads.inner.folder.join(&self.file_name)));
+        // Before another call may take the turn.
+        match self.digest {
+            Some(_) => self.keep(),
+            None => self.discard(),
         }
         self.uploads.running().remove(&self.file_name);
     }
-}
-
-/// Removes uploads that have not grown for [`UPLOAD_AGE_MAX`].
-fn remove_stale(uploads: &Path) -> io::Result<()> {
-    for file in fs::read_dir(uploads)? {
-        let file = file?;
-        let age = file.metadata()?.modified()?.elapsed().unwrap_or(Duration::ZERO);
-        if age > UPLOAD_AGE_MAX {
-            fs::remove_file(file.path())?;
-        }
-    }
-    Ok(())
 }

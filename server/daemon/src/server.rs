@@ -8,7 +8,7 @@ use crate::workers::Workers;
 use lightpath_api::Api;
 use lightpath_api::audit::Audit;
 use lightpath_api::connections;
-use lightpath_api::http::{self, Admission, EndedTokens, MemoryBudget, Rate};
+use lightpath_api::http::{self, Admission, EndedTokens, KnownTokens, MemoryBudget, Rate};
 use lightpath_api::tls::{self, Tls, TlsError};
 use lightpath_artifacts::Artifacts;
 use lightpath_metrics as metrics;
@@ -140,12 +140,12 @@ pub async fn run_and_announce(
             Some(Workers::start(store, artifacts, &config, pictures, job_program, stopping.clone()).await?)
         }
     };
-    let ended_tokens = EndedTokens::default();
+    let (ended_tokens, known_tokens) = (EndedTokens::default(), KnownTokens::default());
     loops.spawn(token_loop(api.store().clone(), ended_tokens.clone(), stopping.clone()));
     let rate = shared_rate(&config, life, &mut loops, &stopping);
-    let admission = Admission { api, tokens_required, hosts, audit: Arc::clone(&audit), rate, ended_tokens };
-    let budget = Arc::new(MemoryBudget::new(config.under_way_bytes_max()));
-    let app = http::router(admission, budget, grpc);
+    let records = Arc::clone(&audit);
+    let admission = Admission { api, tokens_required, hosts, audit: records, rate, ended_tokens, known_tokens };
+    let app = http::router(admission, Arc::new(MemoryBudget::new(config.under_way_bytes_max())), grpc);
     let connections = tokio::spawn(connections::serve(listener, tls, app, stopping.clone(), config.drain_deadline()));
 
     let early = tokio::select! {
@@ -288,7 +288,7 @@ async fn token_loop(store: Store, ended_tokens: EndedTokens, stopping: Cancellat
     }
 }
 
-/// Counts the stored bytes, and removes old jobs and unused artifacts.
+/// Counts the stored bytes, and removes old uploads, old jobs and unused artifacts.
 async fn upkeep_loop(store: Store, artifacts: Artifacts, retention: Retention, stopping: CancellationToken) {
     let (mut count, mut collect) = (interval(COUNT_INTERVAL), interval(COLLECT_INTERVAL));
     loop {
@@ -296,7 +296,7 @@ async fn upkeep_loop(store: Store, artifacts: Artifacts, retention: Retention, s
             () = stopping.cancelled() => return,
             _ = count.tick() => {
                 metrics::summarize();
-                store.artifact_totals().await.map(|(_, bytes)| artifacts.space().set_stored_bytes(bytes)).map_err(Into::into)
+                count_stored(&store, &artifacts).await
             }
             _ = collect.tick() => async {
                 tend_keys(&store).await;
@@ -315,6 +315,13 @@ async fn upkeep_loop(store: Store, artifacts: Artifacts, retention: Retention, s
             );
         }
     }
+}
+
+/// Counts the stored bytes, and removes uploads that nobody has continued for long.
+async fn count_stored(store: &Store, artifacts: &Artifacts) -> Result<(), UpkeepError> {
+    artifacts.uploads().remove_old().await?;
+    artifacts.space().set_stored_bytes(store.artifact_totals().await?.1);
+    Ok(())
 }
 
 /// Reports the health: not serving while the disk is almost full or the database does not answer.

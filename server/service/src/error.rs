@@ -32,8 +32,9 @@ pub struct WrongField {
     pub problem: String,
 }
 
-/// A line that counts the wrong fields, and a line for each of them.
-fn text_of(fields: &[WrongField], count: usize) -> String {
+/// A line that counts all wrong fields, and a line for each of those that are named.
+#[must_use]
+pub fn text_of_wrong(fields: &[WrongField], count: usize) -> String {
     let mut text = format!("{count} fields of the request are wrong:");
     for WrongField { field, problem } in fields {
         text += &format!("\n  {field} {problem}");
@@ -55,7 +56,7 @@ pub enum ServiceError {
     /// The value of a field is not allowed.
     #[error("{field} {problem}")]
     Invalid { field: String, problem: String },
-    #[error("{}", text_of(fields, *count))]
+    #[error("{}", text_of_wrong(fields, *count))]
     SeveralInvalid {
         /// The fields, at most as many as one answer names.
         fields: Vec<WrongField>,

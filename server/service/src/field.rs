@@ -85,10 +85,21 @@ impl Field {
         Ok(value)
     }
 
-    /// Checks a text for people that stands in one line. Control characters could change what a terminal shows.
+    /// Checks a text for people that stands in one line, without characters that a terminal obeys.
     pub fn line(&self, value: String, bytes_max: usize) -> Result<String> {
-        if value.chars().any(char::is_control) {
-            return Err(self.invalid("has a line break or another control character; write one line"));
+        if let Some(found) = value.chars().find(|&character| is_unshown(character)) {
+            let problem = format!("has the control character {}; write one line of plain text", found.escape_unicode());
+            return Err(self.invalid(problem));
+        }
+        self.text(value, bytes_max)
+    }
+
+    /// Checks a text for people that may have several lines, without characters that a terminal obeys.
+    pub fn lines(&self, value: String, bytes_max: usize) -> Result<String> {
+        let is_allowed = |character| matches!(character, '\n' | '\t');
+        if let Some(found) = value.chars().find(|&character| is_unshown(character) && !is_allowed(character)) {
+            let problem = format!("has the control character {}; write plain text", found.escape_unicode());
+            return Err(self.invalid(problem));
         }
         self.text(value, bytes_max)
     }
@@ -155,9 +166,28 @@ pub fn shortened(text: &str) -> &str {
     text.char_indices().nth(CHARACTERS_MAX).map_or(text, |(end, _)| &text[..end])
 }
 
+/// Whether a terminal obeys a character instead of showing it: control characters, line separators, and marks that turn
+/// the direction of writing.
+fn is_unshown(character: char) -> bool {
+    character.is_control()
+        || matches!(character, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn texts_for_people_have_nothing_that_a_terminal_obeys() {
+        let field = Field::new("notes");
+        assert_eq!(field.lines("two\nlines, ä 😀".to_owned(), 99).unwrap(), "two\nlines, ä 😀");
+        let broken = field.line("two\nlines".to_owned(), 99).unwrap_err().to_string();
+        assert_eq!(broken, "notes has the control character \\u{a}; write one line of plain text");
+        for bad in ['\u{1b}', '\r', '\u{9b}', '\u{202e}', '\u{2067}', '\u{200f}', '\u{2028}', '\u{61c}'] {
+            let text = format!("a{bad}b");
+            assert!(field.line(text.clone(), 99).is_err() && field.lines(text, 99).is_err(), "{bad:?}");
+        }
+    }
 
     #[test]
     fn refusals_name_the_field_and_the_allowed_values() {

@@ -43,7 +43,7 @@ pub use computing::Computing;
 pub use datasets::{CalibrationTarget, Datasets};
 pub use devices::Devices;
 pub use displays::Displays;
-pub use error::{LimitReason, Result, ServiceError, WrongField};
+pub use error::{LimitReason, Result, ServiceError, WrongField, text_of_wrong};
 pub use field::{Field, shortened};
 pub use files::{Files, Minus, UploadState};
 pub use jobs::{JobLimits, Jobs, QueueState, Submission};

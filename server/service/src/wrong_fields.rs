@@ -2,8 +2,8 @@
 
 use crate::error::{Result, ServiceError, WrongField};
 
-/// Limit on the wrong fields that one refusal names. With more of them, the refusal might exceed the 16 KiB of headers
-/// that clients accept.
+/// Limit on the wrong fields that one refusal names: enough for a screen. Long ones are cut where the answer is made, because
+/// clients accept few headers.
 const WRONG_FIELDS_MAX: usize = 12;
 
 /// Evaluates every check, and binds the names to the values of all of them. Returns from the function with the errors

@@ -1,6 +1,7 @@
 //! One attempt over HTTP.
 
 use crate::message::Message;
+use lightpath_store::WEBHOOKS_MAX;
 use std::io::Read as _;
 use std::sync::Arc;
 use std::time::Duration;
@@ -12,8 +13,9 @@ use ureq::tls::{Certificate, RootCerts, TlsConfig};
 
 /// Time limit of an attempt. A receiver should answer first and work then.
 const TIMEOUT: Duration = Duration::from_secs(10);
-/// Attempts at the same time, each in a thread of its own.
-const ATTEMPTS_MAX: usize = 8;
+/// Attempts at the same time, each in a thread of its own: one for each webhook that there may be, so that receivers that
+/// hang make no other one wait.
+const ATTEMPTS_MAX: usize = WEBHOOKS_MAX as usize;
 /// Limit on the part of an answer that is kept \[bytes\].
 const ANSWER_BYTES_MAX: u64 = 200;
 /// Limit on the size of an answer's head \[bytes\].

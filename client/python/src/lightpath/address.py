@@ -35,6 +35,13 @@ _OPTIONS: tuple[tuple[str, int], ...] = (
 )
 
 
+class _NoRedirects(urllib.request.HTTPRedirectHandler):
+    """No address of the server leads elsewhere, and the token must not go elsewhere."""
+
+    def redirect_request(self, *_args: object, **_named: object) -> None:
+        """Follow nothing: the answer is an `HTTPError`, which is an `OSError`."""
+
+
 @dataclass(frozen=True)
 class Address:
     """A server's address with the credentials of the client. The token is not shown."""
@@ -51,7 +58,7 @@ class Address:
         request = urllib.request.Request(self.url.rstrip("/") + path, headers=dict(self.metadata))  # noqa: S310
         # A proxy for web pages does not know the way to a lab's server.
         opener = urllib.request.build_opener(
-            urllib.request.ProxyHandler({}), urllib.request.HTTPSHandler(context=self.tls)
+            urllib.request.ProxyHandler({}), urllib.request.HTTPSHandler(context=self.tls), _NoRedirects()
         )
         with opener.open(request, timeout=_PICTURE_TIMEOUT_S) as response:
             return bytes(response.read())

@@ -57,7 +57,7 @@ pub(crate) fn display(call: &Call, message: v1::Display, field: &Field) -> Resul
             Some(display::Orders::OrderFilter(filter)) => order_filter(&at("order_filter"), filter),
         };
         camera_fill_factor = at("camera_fill_factor").number_or(message.camera_fill_factor, 1.0, CAMERA_FILL_FACTOR);
-        notes = at("notes").text(message.notes, NOTES_BYTES_MAX);
+        notes = at("notes").lines(message.notes, NOTES_BYTES_MAX);
         simulated_bench = bench.map(|bench| simulated_bench::from_wire(bench, &at("simulated_bench"))).transpose();
     }
     Ok(Display {

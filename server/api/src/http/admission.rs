@@ -4,6 +4,7 @@
 //! A handler runs as a task of its own. When the client leaves, the call is cancelled: computations stop waiting, and a
 //! change that has begun runs to its end. So the audit log knows the outcome of every call.
 
+use super::known_tokens::KnownTokens;
 use super::origin::Hosts;
 use super::protocol::{is_grpc, require_grpc};
 use super::refusal::{RefusalCode, refuse};
@@ -49,6 +50,8 @@ pub struct Admission {
     pub rate: Arc<Rate>,
     /// Tokens that are no longer accepted.
     pub ended_tokens: EndedTokens,
+    /// Tokens that were accepted lately.
+    pub known_tokens: KnownTokens,
 }
 
 /// A request as admission sees it.
@@ -148,10 +151,11 @@ impl Admission {
         if visit.is_open() {
             return Ok(Caller::without_token());
         }
-        let caller = self.caller(headers, visit.rule).await;
-        let caller = caller.map_err(|(name, error)| (name, self.limited(visit, status::of(error))))?;
+        let caller = self.identified(headers, visit).await.map_err(|status| (String::new(), status))?;
+        let allowed = allowed(&caller, visit.rule);
+        allowed.map_err(|error| (caller.name.clone(), self.limited(visit, status::of(error))))?;
         let room = |()| match visit.rule {
-            Some(Rule { effect: Effect::Creates, .. }) => Ok(self.api.artifacts.space().admit(0)?),
+            Some(Rule { effect: Effect::Creates, .. }) => Ok(self.api.artifacts.space().room_for_new_work()?),
             _ => Ok(()),
         };
         let client = Client::of(&caller, visit.ip());
@@ -192,37 +196,47 @@ impl Admission {
         self.audit.refusal(Refusal { caller, address, call, outcome: code_name(code).to_owned() });
     }
 
-    /// Returns the caller if the role allows the call. Otherwise returns the error and the name of the token, or an
-    /// empty name.
-    async fn caller(&self, headers: &HeaderMap, rule: Option<Rule>) -> Result<Caller, (String, ServiceError)> {
-        let unnamed = |error: ServiceError| (String::new(), error);
-        let token = bearer(headers).map_err(unnamed)?;
-        let caller = match token {
-            Some(secret) => find(&self.api.store, &secret).await.map_err(unnamed)?,
-            None if !self.tokens_required => return Ok(Caller::without_token()),
-            None => {
-                let message = "this server requires a token: send `authorization: Bearer …`, or use --token-file FILE \
-                               of the command line";
-                return Err(unnamed(ServiceError::Unauthenticated(message.to_owned())));
+    /// The caller with the token of a request. A refusal counts towards the rate limit of the address.
+    async fn identified(&self, headers: &HeaderMap, visit: &Visit) -> Result<Caller, Status> {
+        let refused = |error| self.limited(visit, status::of(error));
+        let Some(secret) = bearer(headers).map_err(refused)? else {
+            if !self.tokens_required {
+                return Ok(Caller::without_token());
             }
+            let message = "this server requires a token: send `authorization: Bearer …`, or use --token-file FILE of the \
+                           command line";
+            return Err(refused(ServiceError::Unauthenticated(message.to_owned())));
         };
-        match rule.map(|rule| rule.access) {
-            Some(Access::Everyone) => Ok(caller),
-            Some(Access::Only(roles)) if roles.contains(&caller.role) => Ok(caller),
-            Some(Access::Only(roles)) => {
-                let roles: Vec<&str> = roles.iter().map(|role| role.as_str()).collect();
-                let (name, role) = (caller.name.clone(), caller.role.as_str());
-                let message = format!(
-                    "the token \"{name}\" has the role {role}, but the call requires one of: {}",
-                    roles.join(", ")
-                );
-                Err((caller.name, ServiceError::Denied(message)))
-            }
-            None => {
-                let message = "this path does not exist, or no role may call it".to_owned();
-                Err((caller.name, ServiceError::Denied(message)))
-            }
+        let hash = secret.hash();
+        let is_known = self.known_tokens.contains(&hash);
+        if !is_known {
+            // Before the search, which is what a limit shall spare the database.
+            self.limit_rate(&Client::at(visit.ip())).map_err(status::of)?;
         }
+        let found = find(&self.api.store, &hash).await;
+        self.known_tokens.note(&hash, found.is_ok());
+        found.map_err(|error| if is_known { refused(error) } else { status::of(error) })
+    }
+}
+
+/// Checks that the role of a caller allows a call.
+fn allowed(caller: &Caller, rule: Option<Rule>) -> Result<()> {
+    match rule.map(|rule| rule.access) {
+        Some(Access::Everyone) => Ok(()),
+        // Without tokens, the caller may do everything that exists; what does not exist is found missing later.
+        _ if caller.name.is_empty() => Ok(()),
+        Some(Access::Only(roles)) if roles.contains(&caller.role) => Ok(()),
+        Some(Access::Only(roles)) => {
+            let roles: Vec<&str> = roles.iter().map(|role| role.as_str()).collect();
+            let message = format!(
+                "the token \"{}\" has the role {}, but the call requires one of: {}",
+                caller.name,
+                caller.role.as_str(),
+                roles.join(", ")
+            );
+            Err(ServiceError::Denied(message))
+        }
+        None => Err(ServiceError::Denied("this path does not exist, or no role may call it".to_owned())),
     }
 }
 
@@ -238,9 +252,9 @@ fn bearer(headers: &HeaderMap) -> Result<Option<Secret>> {
     }
 }
 
-/// The caller with this token, if the token is accepted now. All refusals are equal, so that they reveal nothing.
-async fn find(store: &Store, secret: &Secret) -> Result<Caller> {
-    let record = store.token_by_hash(&secret.hash()).await?;
+/// The caller whose token has this hash, if the token is accepted now. All refusals are equal, so that they reveal nothing.
+async fn find(store: &Store, hash: &str) -> Result<Caller> {
+    let record = store.token_by_hash(hash).await?;
     let valid = record.filter(|record| record.is_valid(now_ms()));
     valid.map(|record| record.caller).ok_or_else(not_accepted)
 }

@@ -14,15 +14,18 @@ use crate::routes::MESSAGE_BYTES_MAX;
 use crate::status;
 use axum::Extension;
 use axum::extract::{Request, State};
+use axum::http::header;
 use axum::middleware::Next;
 use axum::response::Response;
 use http_body::Frame;
 use lightpath_service::{Client, Result, ServiceError};
 use prost::bytes::Bytes;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Memory of a call besides its messages \[bytes\]: headers (at most 16 KiB) and tasks.
 const CALL_BYTES: usize = 32 << 10;
+/// Memory that compresses one answer \[bytes\]: its window, tables and buffers take about 330 kB.
+const COMPRESSOR_BYTES: usize = 384 << 10;
 /// Path of the health check. It is not counted, so that a supervisor does not mistake a busy server for a dead one.
 const HEALTH: &str = "/healthz";
 /// Pieces of an answer that may wait for the client: one in the connection and one behind it.
@@ -48,23 +51,60 @@ pub(super) async fn with_memory_limit(
     };
     // The share is kept until the answer: the handler still uses a message after it was read.
     let message_share = message.clone();
-    let request = request.map(|body| checked(body, ReceivedBytes { message, counted_bytes: 0 }));
+    let mut request = request.map(|body| checked(body, ReceivedBytes { message, counted_bytes: 0 }));
+    request.extensions_mut().insert(call.clone());
     let response = next.run(request).await;
     drop(message_share);
-    response.map(|body| checked(body, AnswerBytes { call, piece_bytes: 0, is_grpc }))
+    if response.headers().contains_key(header::CONTENT_ENCODING)
+        && let Err(error) = call.grow(COMPRESSOR_BYTES)
+    {
+        return refuse(status::of(error), is_grpc);
+    }
+    response.map(|body| checked(body, AnswerBytes { call, is_grpc }))
+}
+
+/// Takes memory for the pieces of an answer before they are compressed: a whole piece waits until the client has
+/// received its compressed form, of which [`with_memory_limit`] sees small pieces only.
+pub(super) async fn with_uncompressed_counted(request: Request, next: Next) -> Response {
+    let call = request.extensions().get::<Holding>().cloned();
+    let response = next.run(request).await;
+    match call {
+        Some(call) => response.map(|body| checked(body, AnswerBytes { call, is_grpc: false })),
+        None => response,
+    }
 }
 
 /// A share of the budget with several holders. It is released when the last one is dropped.
 #[derive(Clone, Debug)]
-struct Holding(Arc<Mutex<Share>>);
+struct Holding(Arc<Mutex<Held>>);
+
+#[derive(Debug)]
+struct Held {
+    share: Share,
+    /// Size of the largest piece of the answer so far.
+    piece_bytes: usize,
+}
 
 impl Holding {
     fn new(share: Share) -> Self {
-        Self(Arc::new(Mutex::new(share)))
+        Self(Arc::new(Mutex::new(Held { share, piece_bytes: 0 })))
     }
 
     fn grow(&self, bytes: usize) -> Result<()> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).grow(bytes)
+        self.held().share.grow(bytes)
+    }
+
+    /// Takes memory for pieces of this size, unless there were larger ones.
+    fn grow_for_piece(&self, bytes: usize) -> Result<()> {
+        let mut held = self.held();
+        let more = bytes.saturating_sub(held.piece_bytes);
+        held.share.grow(PIECES * more)?;
+        held.piece_bytes += more;
+        Ok(())
+    }
+
+    fn held(&self) -> MutexGuard<'_, Held> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -91,7 +131,6 @@ impl FrameCheck for ReceivedBytes {
 /// same size are never refused.
 struct AnswerBytes {
     call: Holding,
-    piece_bytes: usize,
     is_grpc: bool,
 }
 
@@ -101,10 +140,8 @@ impl FrameCheck for AnswerBytes {
             Ok(piece) => piece,
             Err(trailers) => return Ok(trailers),
         };
-        let more = piece.len().saturating_sub(self.piece_bytes);
         let refused = |error: ServiceError| closing_frame(status::of(error), self.is_grpc);
-        self.call.grow(PIECES * more).map_err(refused)?;
-        self.piece_bytes += more;
+        self.call.grow_for_piece(piece.len()).map_err(refused)?;
         // The connection keeps the piece until the client receives it, which may be after this body is dropped.
         Ok(Frame::data(Bytes::from_owner(Piece { bytes: piece, _call: self.call.clone() })))
     }

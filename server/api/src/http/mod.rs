@@ -3,7 +3,7 @@
 //! # Layout
 //!
 //! - `admission`: identifies callers and checks their roles. `origin`: keeps out web pages of other sites. `protocol`: gRPC or
-//!   HTTP. `token_expiry`: ends calls of invalid tokens.
+//!   HTTP. `token_expiry`: ends calls of invalid tokens. `known_tokens`: tokens that were accepted lately.
 //! - `cors`: pages of other sites that may call the server. `grpc_web`: gRPC for web pages.
 //! - `page`: the files of the dashboard. `compression`: gzip.
 //! - `unread_body`: the rest of requests that are answered before it has arrived.
@@ -25,6 +25,7 @@ mod etags;
 mod file_answer;
 mod grpc_web;
 mod kernel_files;
+mod known_tokens;
 mod live_pictures;
 mod memory_use;
 mod origin;
@@ -47,6 +48,7 @@ use axum::middleware;
 use axum::response::{IntoResponse, Response};
 use axum::routing::{MethodRouter, get, post, put};
 use axum::{Extension, Router};
+pub use known_tokens::KnownTokens;
 use lightpath_metrics as metrics;
 use lightpath_service::{Call, ServiceError};
 pub use origin::Hosts;
@@ -92,7 +94,8 @@ pub fn router(admission: Admission, budget: Arc<MemoryBudget>, grpc: tonic::serv
         .into_iter()
         .fold(Router::new(), |router, (path, methods)| router.route(path, methods))
         .fallback(move |request| transcode::call_method(methods.clone(), request))
-        .with_state(api.clone());
+        .with_state(api.clone())
+        .layer(middleware::from_fn(memory_use::with_uncompressed_counted));
     let app = compression::with_compression(http)
         .merge(grpc)
         .layer(middleware::from_fn_with_state(admission, admission::pass))

@@ -65,10 +65,7 @@ fn needs(given: &[String]) -> Result<Labels> {
 
 /// Checks a short text that the client chose; `None` if it is empty.
 pub(crate) fn label(field: &Field, given: String) -> Result<Option<String>> {
-    if given.chars().any(char::is_control) {
-        return Err(field.invalid("contains control characters, but must be plain text"));
-    }
-    let text = field.text(given, LABEL_BYTES_MAX)?;
+    let text = field.line(given, LABEL_BYTES_MAX)?;
     Ok((!text.is_empty()).then_some(text))
 }
 
@@ -88,7 +85,7 @@ mod tests {
         for (request, start) in [
             (v1::SubmitJobRequest { timeout_s: f64::NAN, ..Default::default() }, "timeout_s is NaN"),
             (v1::SubmitJobRequest { timeout_s: -1.0, ..Default::default() }, "timeout_s is -1"),
-            (v1::SubmitJobRequest { owner: "a\nb".into(), ..Default::default() }, "owner contains control"),
+            (v1::SubmitJobRequest { owner: "a\nb".into(), ..Default::default() }, "owner has the control character"),
             (v1::SubmitJobRequest { batch: "x".repeat(129), ..Default::default() }, "batch has 129 bytes"),
             (
                 v1::SubmitJobRequest { needs: vec!["GPU".into()], ..Default::default() },

@@ -19,7 +19,7 @@ impl Api {
 
     pub(crate) async fn pause_queue(&self, call: &Call, request: v1::PauseQueueRequest) -> Result<v1::Queue> {
         let display = names::display_filter(call, &Field::new("display"), &request.display)?;
-        let reason = Field::new("reason").text(request.reason, REASON_BYTES_MAX)?;
+        let reason = Field::new("reason").line(request.reason, REASON_BYTES_MAX)?;
         note(call, display.as_deref());
         Ok(to_wire::queue(self.service.jobs.pause(call, display.as_deref(), &reason).await?))
     }

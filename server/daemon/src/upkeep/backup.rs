@@ -14,6 +14,7 @@ use lightpath_artifacts::{
 use lightpath_fail_points as fail;
 use lightpath_store::Inspection;
 use serde::{Deserialize, Serialize};
+use std::ffi::OsStr;
 use std::fs::{self, File};
 use std::io::Write as _;
 use std::path::Path;
@@ -157,8 +158,13 @@ pub(super) fn lock_empty(path: &Path) -> Result<FolderLock> {
 
 /// Refuses a folder with files other than the lock file, which an earlier command may have left.
 fn require_empty(path: &Path) -> Result<()> {
+    require_only(path, |name| name == LOCK)
+}
+
+/// Refuses a folder with files that have other names.
+pub(super) fn require_only(path: &Path, is_known: impl Fn(&OsStr) -> bool) -> Result<()> {
     for entry in fs::read_dir(path).map_err(UpkeepError::io("read the folder", path))? {
-        if entry.map_err(UpkeepError::io("read the folder", path))?.file_name() != LOCK {
+        if !is_known(&entry.map_err(UpkeepError::io("read the folder", path))?.file_name()) {
             return Err(UpkeepError::NotEmpty { path: path.to_owned() });
         }
     }

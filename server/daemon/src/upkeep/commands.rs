@@ -5,6 +5,7 @@ use super::{Collected, Finding, Report, Retention, UpkeepError, backup, check_wi
 use crate::config::{BucketFlags, Config, Effective, ServeFlags, Settings};
 use crate::database::Database;
 use anyhow::Context as _;
+use lightpath_store::Store;
 use serde::Serialize;
 use std::io::Write as _;
 use std::iter::once;
@@ -69,8 +70,11 @@ pub struct BackupArgs {
     folder: DataDir,
 }
 
-/// Create a data folder from a backup. The data folder must be empty or not exist. The backup does not change. Damaged
-/// files are listed, and everything else is restored.
+/// Create a data folder from a backup. The data folder must be empty or not exist, or hold what a restore left that did
+/// not end. The backup does not change. Damaged files are listed, and everything else is restored.
+///
+/// Tokens are accepted again as at the time of the backup, also those that were revoked since then: their names are listed,
+/// so that you can revoke them before the server starts.
 ///
 /// Exit code 0: no problems. 1: problems were found. 2: nothing was restored.
 #[derive(Debug, clap::Args)]
@@ -219,9 +223,13 @@ impl RestoreArgs {
 
     fn copy(&self) -> anyhow::Result<bool> {
         let data_dir = self.folder.whole()?;
-        let report = runtime()?.block_on(restore(&self.backup, &data_dir))?;
-        self.folder.print(&report, text)?;
-        Ok(report.problems.is_empty())
+        let restored = runtime()?.block_on(async {
+            let report = restore(&self.backup, &data_dir).await?;
+            let store = Database::InFolder(data_dir).open_shared().await?;
+            Restored::of(report, &store).await
+        })?;
+        self.folder.print(&restored, Restored::text)?;
+        Ok(restored.report.problems.is_empty())
     }
 }
 
@@ -235,17 +243,50 @@ impl RestoredArgs {
     fn raise(&self) -> anyhow::Result<bool> {
         let config = self.folder.config(&self.bucket)?;
         let database = config.database()?;
-        let report = runtime()?.block_on(async {
+        let restored = runtime()?.block_on(async {
             database.require().await?;
             // This fails while a server uses the folder.
             let artifacts = open_artifacts(&config)?;
             let store = database.open(&artifacts).await?;
             raise_after_restore(&store, store.now_ms()).await?;
-            store.close().await;
-            check_with(&config.data_dir, &database, config.bucket()?.as_ref()).await
+            let report = check_with(&config.data_dir, &database, config.bucket()?.as_ref()).await?;
+            Restored::of(report, &store).await
         })?;
-        self.folder.print(&report, text)?;
-        Ok(report.problems.is_empty())
+        self.folder.print(&restored, Restored::text)?;
+        Ok(restored.report.problems.is_empty())
+    }
+}
+
+/// What a restore made.
+#[derive(Debug, Serialize)]
+struct Restored {
+    #[serde(flatten)]
+    report: Report,
+    /// Names of the tokens that are accepted, as they were when the backup was made.
+    accepted_tokens: Vec<String>,
+}
+
+impl Restored {
+    /// Closes the store.
+    async fn of(report: Report, store: &Store) -> Result<Self, UpkeepError> {
+        let now_ms = store.now_ms();
+        let tokens = store.tokens().await?.into_iter().filter(|token| token.is_valid(now_ms));
+        let accepted_tokens = tokens.map(|token| token.caller.name).collect();
+        store.close().await;
+        Ok(Self { report, accepted_tokens })
+    }
+
+    fn text(&self) -> String {
+        let mut text = text(&self.report);
+        if !self.accepted_tokens.is_empty() {
+            text += &format!(
+                "\n{:<22}{}\n  Tokens that were revoked after the backup are accepted again: revoke them before the server \
+                 starts, with `lightpathd token revoke NAME`.",
+                "accepted tokens",
+                self.accepted_tokens.join(", ")
+            );
+        }
+        text
     }
 }
 

@@ -1,19 +1,25 @@
 //! Creates a data folder from a backup.
 
-use super::backup::{MANIFEST, Manifest, lock_empty, require_outside};
+use super::backup::{MANIFEST, Manifest, lock_empty, require_only, require_outside};
 use super::keys::raise_after_restore;
 use super::{Report, Result, UpkeepError, check};
 use crate::database::DATABASE;
-use lightpath_artifacts::{ArtifactError, BlobKind, Inventory, digest_of_file, private_file};
+use lightpath_artifacts::{
+    ArtifactError, BlobKind, FolderLock, Inventory, LOCK, RESTORING, digest_of_file, private_file,
+};
 use lightpath_fail_points as fail;
 use lightpath_store::{Inspection, Store};
+use std::ffi::OsStr;
 use std::fs::{self, File};
 use std::io;
 use std::path::Path;
 
-/// Copies a backup to `data_dir`, a folder that is empty or does not exist, and checks the copy. The backup does not
-/// change. Until this returns, no server can be started on the folder. Then the data is on disk and a server can use
-/// it.
+/// Name of the database until the copy is complete.
+const PARTIAL: &str = "lightpath.db.partial";
+
+/// Copies a backup to `data_dir`, and checks the copy. The folder is empty, does not exist, or holds what a restore left
+/// that did not end, which this one replaces. The backup does not change. Until this returns, no server can be started on
+/// the folder; if this process dies before, none can be started until another restore has ended.
 ///
 /// # Errors
 ///
@@ -21,15 +27,11 @@ use std::path::Path;
 /// process uses the folder. Missing and damaged files of the backup are in the report, and everything else is restored.
 pub async fn restore(backup: &Path, data_dir: &Path) -> Result<Report> {
     let manifest = read_manifest(backup)?;
-    let database = backup.join(DATABASE);
-    let found = digest_of_file(&database)?;
-    if found != manifest.database {
-        let problem = format!("{DATABASE} hashes to {found}, but {MANIFEST} says {}", manifest.database);
-        return Err(UpkeepError::NoBackup { path: backup.to_owned(), problem });
-    }
     require_outside(data_dir, backup)?;
-    let _lock = lock_empty(data_dir)?;
+    let _lock = begin(data_dir)?;
     let (from, to) = (Inventory::of(backup), Inventory::create(data_dir)?);
+    to.clear()?;
+    copy_database(backup, &data_dir.join(PARTIAL), &manifest)?;
     for kind in [BlobKind::Artifact, BlobKind::Checkpoint] {
         for digest in from.list(kind)? {
             match from.copy(kind, &digest, &to) {
@@ -39,15 +41,74 @@ pub async fn restore(backup: &Path, data_dir: &Path) -> Result<Report> {
             }
         }
     }
-    // The database is copied last, so that an incomplete folder has no database and is never taken for a complete one.
-    let (copy, partial) = (data_dir.join(DATABASE), data_dir.join("lightpath.db.partial"));
+    publish_database(data_dir).await?;
+    to.flush()?;
+    end(data_dir, &to)?;
+    check(data_dir).await
+}
+
+/// Locks the folder of a restore, and notes in it that the restore has begun. Removes the databases of an earlier restore
+/// that did not end.
+fn begin(data_dir: &Path) -> Result<FolderLock> {
+    let note = data_dir.join(RESTORING);
+    let lock = match note.exists() {
+        false => lock_empty(data_dir)?,
+        true => {
+            let lock = FolderLock::take_to_restore(data_dir)?;
+            require_only(data_dir, is_from_restore)?;
+            lock
+        }
+    };
+    // The note must be on disk before any file that a server could take for its own.
+    let noted = private_file().write(true).create(true).truncate(false).open(&note).and_then(|file| {
+        fail::point("restore.begin")?;
+        file.sync_all()?;
+        File::open(data_dir)?.sync_all()
+    });
+    noted.map_err(UpkeepError::io("write", &note))?;
+    for entry in fs::read_dir(data_dir).map_err(UpkeepError::io("read the folder", data_dir))? {
+        let path = entry.map_err(UpkeepError::io("read the folder", data_dir))?.path();
+        if path.is_file() && path != note && path != data_dir.join(LOCK) {
+            fs::remove_file(&path).map_err(UpkeepError::io("remove", &path))?;
+        }
+    }
+    Ok(lock)
+}
+
+/// Notes that a restore has ended. The flush makes the removal of the note durable.
+fn end(data_dir: &Path, to: &Inventory) -> Result<()> {
+    let note = data_dir.join(RESTORING);
+    let removed = fail::point("restore.end").and_then(|()| fs::remove_file(&note));
+    removed.map_err(UpkeepError::io("remove", &note))?;
+    Ok(to.flush()?)
+}
+
+/// Whether a restore makes a file or folder of this name.
+fn is_from_restore(name: &OsStr) -> bool {
+    let folders = [LOCK, RESTORING, "artifacts", "checkpoints", "tmp"];
+    folders.iter().any(|folder| name == *folder) || name.to_string_lossy().starts_with(DATABASE)
+}
+
+/// Copies the database of a backup, and compares the copy with the manifest.
+fn copy_database(backup: &Path, partial: &Path, manifest: &Manifest) -> Result<()> {
     let copied = private_file()
         .write(true)
         .create_new(true)
-        .open(&partial)
-        .and_then(|mut file| io::copy(&mut File::open(&database)?, &mut file))
-        .map(drop);
-    copied.map_err(UpkeepError::io("copy the database to", &copy))?;
+        .open(partial)
+        .and_then(|mut file| io::copy(&mut File::open(backup.join(DATABASE))?, &mut file));
+    copied.map_err(UpkeepError::io("copy the database to", partial))?;
+    match digest_of_file(partial)? {
+        found if found == manifest.database => Ok(()),
+        found => {
+            let problem = format!("{DATABASE} hashes to {found}, but {MANIFEST} says {}", manifest.database);
+            Err(UpkeepError::NoBackup { path: backup.to_owned(), problem })
+        }
+    }
+}
+
+/// Prepares the copied database for a server, and gives it its name.
+async fn publish_database(data_dir: &Path) -> Result<()> {
+    let (copy, partial) = (data_dir.join(DATABASE), data_dir.join(PARTIAL));
     // This refuses a database of a newer program now and not when the server starts.
     Inspection::open(&partial).await?.close().await?;
     let store = Store::open_shared(&partial).await?;
@@ -57,9 +118,7 @@ pub async fn restore(backup: &Path, data_dir: &Path) -> Result<Report> {
         .and_then(|()| File::open(&partial)?.sync_all())
         .and_then(|()| fail::point("restore.rename"))
         .and_then(|()| fs::rename(&partial, &copy));
-    renamed.map_err(UpkeepError::io("copy the database to", &copy))?;
-    to.flush()?;
-    check(data_dir).await
+    renamed.map_err(UpkeepError::io("copy the database to", &copy))
 }
 
 fn read_manifest(backup: &Path) -> Result<Manifest> {

@@ -211,7 +211,7 @@ async fn nothing_else_uses_the_folder_during_a_restore() {
     assert!(started.to_string().contains("is locked by another process, such as a server or a restore"), "{started}");
     assert_eq!(token_create(&restored), ExitCode::from(2));
     let second = restore(&copy, &restored).await;
-    assert!(matches!(second, Err(UpkeepError::NotEmpty { .. })), "{second:?}");
+    assert!(matches!(second, Err(UpkeepError::Artifacts(ArtifactError::Locked { .. }))), "{second:?}");
     assert!(!restored.join(DATABASE).exists());
     assert_eq!(halted.end(pipe, b"photo").unwrap().problems, []);
     let artifacts = Artifacts::open(&restored).unwrap();
@@ -375,6 +375,62 @@ async fn incomplete_backup_is_not_restored() {
     let refused = restore(&copy, &restored).await.unwrap_err().to_string();
     assert!(refused.contains("is not a complete backup: backup.json cannot be read"), "{refused}");
     assert!(!restored.join(DATABASE).exists(), "a server would not take the folder for a complete one");
+}
+
+/// A folder in the place of a file ends a restore early, like a death: nothing tidies up.
+#[tokio::test]
+async fn no_server_starts_on_a_restore_that_did_not_end_and_another_restore_replaces_it() {
+    let data = TestData::new().await;
+    let destination = tempfile::tempdir().unwrap();
+    let (copy, restored) = (destination.path().join("backup"), destination.path().join("data"));
+    backup(data.path(), &copy).await.unwrap();
+    let state = file(&copy, "checkpoints", &data.checkpoint);
+    let bytes = fs::read(&state).unwrap();
+    fs::remove_file(&state).unwrap();
+    fs::create_dir(&state).unwrap();
+    restore(&copy, &restored).await.unwrap_err();
+    assert!(file(&restored, "artifacts", &data.photo).exists(), "the restore had begun");
+
+    let refused = Artifacts::open(&restored).map(drop).unwrap_err().to_string();
+    assert!(refused.contains("run `lightpathd restore` with the same folder again"), "{refused}");
+    assert_eq!(token_create(&restored), ExitCode::from(2));
+    assert!(!restored.join(DATABASE).exists(), "nothing has made an empty database");
+    assert!(matches!(backup(data.path(), &restored).await, Err(UpkeepError::NotEmpty { .. })));
+
+    fs::remove_dir(&state).unwrap();
+    fs::write(&state, bytes).unwrap();
+    let notes = restored.join("notes.txt");
+    fs::write(&notes, "mine").unwrap();
+    assert!(matches!(restore(&copy, &restored).await, Err(UpkeepError::NotEmpty { .. })));
+    assert_eq!(fs::read_to_string(&notes).unwrap(), "mine", "a restore removes only what a restore made");
+    fs::remove_file(&notes).unwrap();
+    fs::write(file(&restored, "artifacts", &data.photo), b"pho").unwrap();
+    assert_eq!(restore(&copy, &restored).await.unwrap().problems, []);
+    let artifacts = Artifacts::open(&restored).unwrap();
+    assert_eq!(artifacts.read_all(&data.photo).await.unwrap(), b"photo");
+    assert!(matches!(restore(&copy, &restored).await, Err(UpkeepError::NotEmpty { .. })), "it is a server's now");
+}
+
+/// The database is compared with the manifest as it was copied, not as it was read another time.
+#[tokio::test]
+async fn a_backup_that_changes_while_it_is_copied_is_refused() {
+    let data = TestData::new().await;
+    let destination = tempfile::tempdir().unwrap();
+    let (copy, restored) = (destination.path().join("backup"), destination.path().join("data"));
+    backup(data.path(), &copy).await.unwrap();
+    // Who reads the pipe first gets the database, and who reads it again gets another one.
+    let database = copy.join(DATABASE);
+    let (first, second) = (fs::read(&database).unwrap(), b"another database".to_vec());
+    fs::remove_file(&database).unwrap();
+    assert!(std::process::Command::new("mkfifo").arg(&database).status().unwrap().success());
+    let feeder = std::thread::spawn(move || {
+        fs::write(&database, first).unwrap();
+        fs::remove_file(&database).unwrap();
+        fs::write(&database, second).unwrap();
+    });
+    let report = restore(&copy, &restored).await.unwrap();
+    feeder.join().unwrap();
+    assert_eq!(report.problems, [], "what was hashed was restored");
 }
 
 /// Devices refuse a lower generation and an older keyring than they have seen.

@@ -25,7 +25,7 @@ const WORK_FOLDER: &str = "LIGHTPATH_FAIL_PLACE";
 /// Number of workloads that run at a time.
 const RUNS_AT_ONCE: usize = 12;
 /// Names of all points. A new point must be added here.
-const POINTS: [&str; 12] = [
+const POINTS: [&str; 14] = [
     "audit.flush",
     "audit.rename",
     "backup.flush",
@@ -36,6 +36,8 @@ const POINTS: [&str; 12] = [
     "file.remove",
     "file.rename",
     "folder.flush",
+    "restore.begin",
+    "restore.end",
     "restore.flush",
     "restore.rename",
 ];

@@ -6,6 +6,7 @@ use lightpath_artifacts::digest_of;
 use lightpath_domain::access::Role;
 use lightpath_media::pictures;
 use lightpath_proto::v1::artifact_service_client::ArtifactServiceClient;
+use lightpath_proto::v1::dataset_service_client::DatasetServiceClient;
 use lightpath_proto::v1::display_service_client::DisplayServiceClient;
 use lightpath_proto::v1::job_service_client::JobServiceClient;
 use lightpath_proto::v1::write_artifact_request::Part;
@@ -164,6 +165,67 @@ async fn owner_at_the_storage_limit_cannot_store_more() {
     let curator = Bearer { guarded: &guarded, token: guarded.tokens["curator"].clone() };
     let job = curator.submit("lab", &target).await.unwrap();
     assert!(curator.can_read(&curator.phase(&job).await).await, "other callers are not affected");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn artifacts_that_the_server_makes_need_the_same_room_as_uploads() {
+    let guarded = Guarded::start_with(|config| config.owner_stored_mib_max = 1.0).await;
+    let bearer = |role: &str| Bearer { guarded: &guarded, token: guarded.tokens[role].clone() };
+    let (admin, submitter) = (bearer("admin"), bearer("submitter"));
+    let display = v1::Display { height_px: 300, width_px: 400, ..small_display("lab") };
+    let request = with_token(&admin.token, v1::CreateDisplayRequest { display: Some(display) });
+    DisplayServiceClient::new(admin.channel()).create_display(request).await.unwrap();
+    let target = async |bearer: &Bearer<'_>| {
+        let request = v1::CreateCalibrationTargetRequest { display: "displays/lab".to_owned() };
+        let request = with_token(&bearer.token, request);
+        DatasetServiceClient::new(bearer.channel()).create_calibration_target(request).await
+    };
+    submitter.upload(&vec![1; 1 << 20]).await.unwrap();
+    let refused = target(&submitter).await.unwrap_err();
+    assert_eq!(refused.get_error_details().error_info().unwrap().reason, "OWNER_STORED_BYTES", "{refused:?}");
+    let made = target(&admin).await.unwrap().into_inner();
+    assert_eq!(target(&submitter).await.unwrap().into_inner(), made, "what is stored already needs no room");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn uploads_under_way_count_towards_the_storage_limit_of_their_owner() {
+    let guarded = Guarded::start_with(|config| config.owner_stored_mib_max = 1.0).await;
+    let submitter = Bearer { guarded: &guarded, token: guarded.tokens["submitter"].clone() };
+    let file = |seed: u8| vec![seed; 400_000];
+    let begin = |seed: u8, sent_bytes: usize| {
+        let (sender, parts) = mpsc::channel(4);
+        let bytes = file(seed);
+        let start = v1::WriteArtifactStart { digest: digest_of(&bytes), size_bytes: 400_000, offset_bytes: 0 };
+        sender.try_send(v1::WriteArtifactRequest { part: Some(Part::Start(start)) }).unwrap();
+        sender
+            .try_send(v1::WriteArtifactRequest { part: Some(Part::Chunk(bytes[..sent_bytes].to_vec().into())) })
+            .unwrap();
+        let (mut client, request) =
+            (ArtifactServiceClient::new(submitter.channel()), with_token(&submitter.token, ReceiverStream::new(parts)));
+        (sender, tokio::spawn(async move { client.write_artifact(request).await.map(drop) }))
+    };
+    let received = async |seed: u8| {
+        let request = v1::GetUploadRequest { digest: digest_of(&file(seed)) };
+        let mut client = ArtifactServiceClient::new(submitter.channel());
+        client.get_upload(with_token(&submitter.token, request)).await.unwrap().into_inner().received_bytes
+    };
+    let (first, first_end) = begin(1, 100_000);
+    let (second, second_end) = begin(2, 100_000);
+    while received(1).await + received(2).await < 200_000 {
+        tokio::time::sleep(Duration::from_millis(5)).await;
+    }
+    let refused = submitter.upload(&file(3)).await.unwrap_err();
+    assert_eq!(refused.get_error_details().error_info().unwrap().reason, "OWNER_STORED_BYTES", "{refused:?}");
+
+    // Interrupted uploads make room for their owner, the oldest first.
+    drop(first);
+    first_end.await.unwrap().unwrap_err();
+    submitter.upload(&file(3)).await.unwrap();
+    assert_eq!(received(1).await, 100_000, "there was enough room");
+    drop(second);
+    second_end.await.unwrap().unwrap_err();
+    submitter.upload(&vec![4; 500_000]).await.unwrap();
+    assert_eq!((received(1).await, received(2).await), (0, 100_000));
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -4,11 +4,12 @@
 //!
 //! - `access`: which artifacts a caller may read. `read`: whole artifacts and ranges, compared with their digests.
 //! - `picture`: artifacts as pictures, with the memory that reading them takes. `view`: pictures for people.
-//! - `storing`: artifacts that the server made. `upload`: artifacts that callers send, in one call or several.
+//! - `storing`: artifacts that the server made. `upload`: artifacts that callers send, in one call or several. `room`: what one owner may store.
 
 mod access;
 mod picture;
 mod read;
+mod room;
 mod storing;
 mod upload;
 mod view;

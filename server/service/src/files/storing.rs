@@ -3,18 +3,27 @@
 use super::Files;
 use crate::call::Call;
 use crate::error::Result;
+use lightpath_artifacts::{Claim, digest_of};
 use lightpath_store::ArtifactRecord;
 
 impl Files {
     /// Stores bytes as an artifact owned by the caller, and returns its digest. Empty bytes are not stored; their
-    /// digest is an empty text.
+    /// digest is an empty text. They need the same room as an upload.
     pub async fn store(&self, call: &Call, bytes: Vec<u8>) -> Result<String> {
         if bytes.is_empty() {
             return Ok(String::new());
         }
+        if let Some(stored) = self.intact(call, &digest_of(&bytes)).await? {
+            call.concerns(&stored.digest);
+            return Ok(stored.digest);
+        }
         let size_bytes = bytes.len() as u64;
+        let claim = Claim::take(self.artifacts.space(), &call.caller.name, size_bytes, size_bytes)?;
+        self.require_owner_room(call, &claim).await?;
         let record = async |digest: String, seen| self.record(call, &digest, size_bytes, seen).await;
-        Ok(self.artifacts.publish(bytes, record).await?.digest)
+        let digest = self.artifacts.publish(bytes, record).await?.digest;
+        claim.recorded();
+        Ok(digest)
     }
 
     /// Records an artifact of the caller that is stored; the inner error is the mark of a removal.

@@ -5,7 +5,7 @@ use crate::call::Call;
 use crate::error::{Result, ServiceError};
 use crate::field::Field;
 use futures::{Stream, StreamExt as _};
-use lightpath_artifacts::{ArtifactError, UploadWriter};
+use lightpath_artifacts::{ArtifactError, UploadTurn, UploadWriter};
 use lightpath_store::ArtifactRecord;
 use std::time::Duration;
 use tokio::time::{Instant, sleep, timeout};
@@ -56,7 +56,7 @@ impl Files {
         let size_bytes = Field::new("start.size_bytes").integer(size_bytes, 0..=ARTIFACT_BYTES_MAX)?;
         let mut upload = match self.turn(call, &digest, size_bytes, offset_bytes).await? {
             Turn::Stored(record) => return Ok(record),
-            Turn::Granted(upload) => upload,
+            Turn::Granted(turn) => self.admitted(call, *turn).await?,
         };
         fill(&mut upload, size_bytes, chunks).await?;
         self.publish(call, upload, size_bytes).await
@@ -70,11 +70,16 @@ impl Files {
         chunks: impl Stream<Item = Result<impl Into<Vec<u8>>>> + Unpin,
     ) -> Result<ArtifactRecord> {
         let size_bytes = Field::new("content-length").integer(size_bytes, 0..=ARTIFACT_BYTES_MAX)?;
-        self.artifacts.space().admit(size_bytes)?;
-        self.store.require_owner_room(&call.caller.name, size_bytes, self.owner_bytes_max).await?;
-        let mut upload = self.artifacts.uploads().begin_unnamed(size_bytes).await?;
+        let turn = self.artifacts.uploads().turn_unnamed(&call.caller.name, size_bytes).await?;
+        let mut upload = self.admitted(call, turn).await?;
         fill(&mut upload, size_bytes, chunks).await?;
         self.publish(call, upload, size_bytes).await
+    }
+
+    /// Begins an upload if the caller may store its bytes.
+    async fn admitted(&self, call: &Call, turn: UploadTurn) -> Result<UploadWriter> {
+        self.require_owner_room(call, turn.claim()).await?;
+        Ok(turn.open().await?)
     }
 
     /// Ends an upload, and records the artifact.
@@ -93,12 +98,10 @@ impl Files {
             }
             // The bytes of a damaged artifact count already.
             let is_repair = self.readable(call, digest).await?.is_some();
-            let new_bytes = if is_repair { 0 } else { size_bytes };
-            self.artifacts.space().admit(new_bytes.saturating_sub(offset_bytes))?;
-            self.store.require_owner_room(&call.caller.name, new_bytes, self.owner_bytes_max).await?;
-            match self.artifacts.uploads().begin(digest, &call.caller.name, size_bytes, offset_bytes).await {
+            let sizes = (size_bytes, if is_repair { 0 } else { size_bytes });
+            match self.artifacts.uploads().turn(digest, &call.caller.name, sizes, offset_bytes).await {
                 Err(ArtifactError::UploadBusy { .. }) if Instant::now() < until => sleep(UPLOAD_TURN_POLL).await,
-                upload => return Ok(Turn::Granted(upload?)),
+                turn => return Ok(Turn::Granted(Box::new(turn?))),
             }
         }
     }
@@ -125,5 +128,5 @@ enum Turn {
     /// The artifact is already stored.
     Stored(ArtifactRecord),
     /// No other call of the caller uploads the artifact.
-    Granted(UploadWriter),
+    Granted(Box<UploadTurn>),
 }
