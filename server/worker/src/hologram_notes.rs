@@ -54,13 +54,14 @@ fn empty_planes(spec: &OptimizeHologram, setup: &HologramSetup) -> Option<String
     })
 }
 
-/// A note about double phase on a display that lets the light of its chequerboard through.
+/// A note about double phase on a display that lets the light of its chequerboard through, at half a cycle per pixel along
+/// both axes.
 fn double_phase(spec: &OptimizeHologram, setup: &HologramSetup) -> Option<String> {
-    let display = &setup.display.declared;
-    let is_filtered = display.carrier.is_some() && matches!(display.orders, Orders::Filtered(_));
+    let orders = setup.display.declared.orders;
+    let is_filtered = matches!(orders, Orders::Filtered(filter) if filter.width.min(filter.height) < 1.0);
     (spec.method == HologramMethod::DoublePhase && !is_filtered).then(|| {
-        "double phase needs optics that filter its chequerboard away, but this display was declared without a carrier or \
-         without a filter, so its picture is poor; declare them (display create --carrier, --filter), or use lbfgs"
+        "double phase needs optics that filter its chequerboard away, but this display was declared without such a filter, \
+         so its picture is poor; declare the filter (display create --filter), or use lbfgs"
             .to_owned()
     })
 }
