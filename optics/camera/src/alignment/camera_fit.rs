@@ -9,7 +9,7 @@
 //! F = ((S₀ − S₁) / (p₁ − p₀)) / (S₁ / (2 n − p₁))
 //! ```
 //!
-//! exceeds [`F_MIN`]. S₀ and S₁ are the sums of the squared distances before and after, p₀ and p₁ the numbers of fitted
+//! exceeds [`RADIAL_F_MIN`] in the first fit and [`OTHERS_F_MIN`] in the second. S₀ and S₁ are the sums of the squared distances before and after, p₀ and p₁ the numbers of fitted
 //! parameters, and n is the number of points. If the distances were nothing but noise, F would have Fisher's distribution
 //! with p₁ − p₀ and 2n − p₁ degrees of freedom.
 
@@ -31,9 +31,12 @@ pub struct CameraFit {
 
 /// Least number of points for a fit of the distortion: twice as many equations as unknowns.
 const DISTORTED_POINTS_MIN: usize = 12;
-/// Least F of terms that are kept. Noise alone exceeds it in less than one of 10 000 fits to 12 points. But displayed
-/// dots are not only displaced by noise: the display's own aberrations displace neighbours alike, a little as a lens does.
-const F_MIN: f64 = 25.0;
+/// Least F of the main radial term, if it is kept. Noise alone exceeds it in less than one of 10 000 fits to 12 points. But
+/// displayed dots are not only displaced by noise: the display's own aberrations displace neighbours alike, a little as a
+/// lens does.
+const RADIAL_F_MIN: f64 = 25.0;
+/// Least F of all other terms. Aberrations and bent modulators imitate them more: there F reached 37 with straight lenses.
+const OTHERS_F_MIN: f64 = 50.0;
 /// Largest distance whose square counts fully in F, in root mean square distances of the inliers without distortion.
 const WRONG: f64 = 4.0;
 const ITERATIONS_MAX: usize = 60;
@@ -76,12 +79,16 @@ fn with_distortion(straight: CameraMap, pairs: &[PointPair]) -> CameraMap {
         pairs.iter().map(square).sum()
     };
     let (mut kept, mut parameters) = (straight, STRAIGHT);
-    for (fitted, more) in [(fitted::<RADIAL>(kept, pairs), RADIAL), (fitted::<PARAMETERS>(kept, pairs), PARAMETERS)] {
+    let fits = [
+        (fitted::<RADIAL>(kept, pairs), RADIAL, RADIAL_F_MIN),
+        (fitted::<PARAMETERS>(kept, pairs), PARAMETERS, OTHERS_F_MIN),
+    ];
+    for (fitted, more, f_min) in fits {
         let Some(map) = fitted else { continue };
         // Distances of 1e-6 px are rounding errors.
         let left = (squares(&map) + 1e-12 * pairs.len() as f64) / (2 * pairs.len() - more) as f64;
         let lowered = (squares(&kept) - squares(&map)) / (more - parameters) as f64;
-        if lowered > F_MIN * left {
+        if lowered > f_min * left {
             (kept, parameters) = (map, more);
         }
     }

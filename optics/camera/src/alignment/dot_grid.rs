@@ -1,21 +1,20 @@
 //! A grid of dots that is displayed, photographed, and found in the photograph.
 //!
-//! The dots lie on the corners of squares in the middle of the image. Three of them are larger and form an L with legs
-//! of one and two squares. No turn and no mirror image of the L coincides with it, so it identifies every dot.
+//! The dots lie on the corners of squares in the middle of the image. Some of them are [larger](super::dot_pattern), so
+//! that the photograph tells how the camera stands.
 //!
-//! ```text
-//! · · · · · · ·
-//! · · A · B · ·      A → B two squares towards +x,
-//! · · C · · · ·      A → C one square towards +y
-//! · · · · · · ·
-//! ```
+//! Bright [spots](super::spots) are searched at several scales, since neither the camera's scale nor the blur is known. At
+//! each scale the spots that form a [lattice](super::lattice) give a grid, the light at each of its places is
+//! [measured](super::dot_cells), and the whole is [compared](super::dot_match) with the displayed pattern.
 
-use super::blobs::{self, Blob};
+use super::dot_cells::SeenGrid;
+use super::dot_match::{self, DotMatch, Seen};
+use super::dot_pattern::{LARGE, MARKS};
+use super::dot_sighting::DotSighting;
 use super::error::AlignmentError;
 use super::homography::{Homography, Point, PointFit, PointPair};
-use super::lattice;
+use super::{lattice, spots};
 use lightpath_optics::Plane;
-use std::collections::HashMap;
 
 /// The grid of dots for a display of a given size.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -41,13 +40,13 @@ pub struct DotGridMatch {
 const SQUARES: f64 = 12.0;
 /// Standard deviation of a dot's Gaussian profile, in squares.
 const DOT_WIDTH: f64 = 0.1;
-/// Size of a large dot relative to the other dots.
-const LARGE: f64 = 1.7;
-/// Least light of a large dot relative to the dots around it. The expected ratio is 1.7² = 2.9.
-const LARGE_FLUX_MIN: f64 = 1.6;
 /// Part of each side of the image that the dots cover: the part where holograms need to be accurate.
 const USED_PART: f64 = 0.8;
 const DOTS_MIN: usize = 16;
+/// Radii of spots that are searched, in pixels of the camera.
+const SPOT_RADII_PX: [usize; 8] = [1, 2, 3, 5, 8, 12, 18, 27];
+/// Largest radius of a spot, as a part of the photograph's shorter side: that of dots that fill the photograph.
+const SPOT_PART_MAX: f64 = 1.0 / 40.0;
 
 impl DotGrid {
     /// Shortest allowed side of a display \[px\].
@@ -80,8 +79,7 @@ impl DotGrid {
         let mut target = Plane::filled(self.height_px, self.width_px, 0.0_f32);
         for (column, row) in self.dots() {
             let [x, y] = self.dot(column, row);
-            let size_px =
-                DOT_WIDTH * self.spacing_px * if self.markers().contains(&(column, row)) { LARGE } else { 1.0 };
+            let size_px = DOT_WIDTH * self.spacing_px * if self.is_large(column, row) { LARGE } else { 1.0 };
             let reach = 4.0 * size_px;
             let range = |centre: f64, side: usize| {
                 (centre - reach).max(0.0) as usize..((centre + reach).ceil() as usize + 1).min(side)
@@ -102,38 +100,39 @@ impl DotGrid {
     ///
     /// # Errors
     ///
-    /// [`AlignmentError::DotsNotFound`] for too few dots, [`AlignmentError::MarkersNotFound`] without the three large
-    /// dots, and the errors of the fit of a homography to the dots.
+    /// [`AlignmentError::DotsNotFound`] for too few dots, [`AlignmentError::OrientationUnclear`] for dots that match the
+    /// displayed ones in no orientation clearly, and the errors of the fit of a homography to the dots.
     pub fn find(&self, photo: &Plane<f32>) -> Result<DotGridMatch, AlignmentError> {
-        let blobs = blobs::find(photo);
-        let points: Vec<Point> = blobs.iter().map(|blob| blob.centre).collect();
-        let positions = lattice::grow(&points);
-        let needed = DOTS_MIN.min(self.columns * self.rows / 2);
-        if positions.len() < needed {
-            let hint = match blobs.len() {
-                0 => "the photograph shows no bright spots; expose it longer",
-                _ => "photograph the whole calibration hologram, in focus and without stray light",
-            };
-            return Err(AlignmentError::DotsNotFound { found: positions.len(), needed, hint });
-        }
-        let frame =
-            find_markers(&blobs, &positions).ok_or(AlignmentError::MarkersNotFound { found: positions.len() })?;
-        let (marker_column, marker_row) = self.marker();
-        let mut dots = Vec::new();
-        for (&index, &position) in &positions {
-            let (along_x, along_y) = frame.coordinates(position);
-            let (column, row) = (marker_column as i32 + along_x, marker_row as i32 + along_y);
-            let inside = (0..self.columns as i32).contains(&column) && (0..self.rows as i32).contains(&row);
-            if inside {
-                dots.push(PointPair { display: self.dot(column as usize, row as usize), camera: points[index] });
+        let calm = spots::without_hot_pixels(photo);
+        let radius_max = SPOT_PART_MAX * calm.height_px().min(calm.width_px()) as f64;
+        let radii = SPOT_RADII_PX.into_iter().filter(|&radius| radius == 1 || radius as f64 <= radius_max);
+        let mut best: Option<Sight> = None;
+        for radius in radii {
+            let sight = self.look(&calm, radius);
+            if let Some(dots) = sight.dots(self) {
+                return Ok(DotGridMatch { fit: Homography::from_points(&dots)?, dots });
+            }
+            if best.as_ref().is_none_or(|best| sight.rank() > best.rank()) {
+                best = Some(sight);
             }
         }
-        if dots.len() < needed {
-            let hint = "most dots lie outside the displayed grid; photograph the calibration hologram of this display";
-            return Err(AlignmentError::DotsNotFound { found: dots.len(), needed, hint });
-        }
-        dots.sort_by(|a, b| a.display[1].total_cmp(&b.display[1]).then(a.display[0].total_cmp(&b.display[0])));
-        Ok(DotGridMatch { fit: Homography::from_points(&dots)?, dots })
+        Err(best.map_or(AlignmentError::Degenerate, |sight| sight.refusal(self, photo)))
+    }
+
+    /// Looks for spots of a size that form a grid.
+    fn look(&self, photo: &Plane<f32>, radius_px: usize) -> Sight {
+        let points = spots::find(photo, radius_px);
+        let mut positions: Vec<_> =
+            lattice::grow(&points).into_iter().map(|(index, place)| (place, points[index])).collect();
+        positions.sort_unstable_by_key(|(place, _)| *place);
+        let grid = SeenGrid::of(photo, &positions).filter(|_| positions.len() >= self.needed());
+        let compared = grid.as_ref().and_then(|grid| dot_match::compare(grid, self.columns, self.rows));
+        Sight { spots: points, in_grid: positions.len(), grid, compared }
+    }
+
+    /// Fewest dots of a grid.
+    fn needed(&self) -> usize {
+        DOTS_MIN.min(self.columns * self.rows / 2)
     }
 
     /// Column and row of each dot.
@@ -150,76 +149,52 @@ impl DotGrid {
         [along(column, self.columns, self.width_px), along(row, self.rows, self.height_px)]
     }
 
-    /// Column and row of the dot at the corner of the L.
-    fn marker(&self) -> (usize, usize) {
-        ((self.columns - 1) / 2 - 1, (self.rows - 1) / 2)
-    }
-
-    fn markers(&self) -> [(usize, usize); 3] {
-        let (column, row) = self.marker();
-        [(column, row), (column + 2, row), (column, row + 1)]
+    /// Whether a dot is large.
+    fn is_large(&self, column: usize, row: usize) -> bool {
+        let middle = ((self.columns as i32 - 1) / 2, (self.rows as i32 - 1) / 2);
+        MARKS.contains(&(column as i32 - middle.0, row as i32 - middle.1))
     }
 }
 
-/// Position and orientation of the L in the coordinates that were assigned to the spots.
-struct Frame {
-    corner: (i32, i32),
-    along_x: (i32, i32),
-    along_y: (i32, i32),
+/// What a search at one scale saw.
+struct Sight {
+    spots: Vec<Point>,
+    /// Number of spots that form a grid.
+    in_grid: usize,
+    grid: Option<SeenGrid>,
+    compared: Option<DotMatch>,
 }
 
-impl Frame {
-    /// Number of squares from the corner of the L towards the display's +x and +y.
-    fn coordinates(&self, position: (i32, i32)) -> (i32, i32) {
-        let step = (position.0 - self.corner.0, position.1 - self.corner.1);
-        let dot = |axis: (i32, i32)| axis.0 * step.0 + axis.1 * step.1;
-        (dot(self.along_x), dot(self.along_y))
+impl Sight {
+    /// The dots, if it is clear which is which.
+    fn dots(&self, displayed: &DotGrid) -> Option<Vec<PointPair>> {
+        let (grid, found) = (self.grid.as_ref()?, self.compared.filter(DotMatch::is_clear)?);
+        let dot = |(place, seen)| {
+            let Seen::Dot(_) = seen else { return None };
+            let (column, row) = dot_match::inside(found.pose.displayed(place), displayed.columns, displayed.rows)?;
+            Some(PointPair { display: displayed.dot(column, row), camera: grid.cells[&place].centre })
+        };
+        let mut dots: Vec<PointPair> = dot_match::seen_places(&grid.cells).into_iter().filter_map(dot).collect();
+        dots.sort_by(|a, b| a.display[1].total_cmp(&b.display[1]).then(a.display[0].total_cmp(&b.display[0])));
+        Some(dots)
     }
-}
 
-/// Finds the L whose faintest dot exceeds its surroundings most.
-fn find_markers(blobs: &[Blob], positions: &HashMap<usize, (i32, i32)>) -> Option<Frame> {
-    let by_position: HashMap<(i32, i32), usize> =
-        positions.iter().map(|(&index, &position)| (position, index)).collect();
-    let ratios: HashMap<(i32, i32), f64> = by_position
-        .iter()
-        .filter_map(|(&position, &index)| Some((position, relative_flux(blobs, &by_position, position, index)?)))
-        .collect();
-    let mut corners: Vec<_> = ratios.keys().copied().collect();
-    corners.sort_unstable();
-    let mut best: Option<(f64, Frame)> = None;
-    for corner in corners {
-        for (along_x, along_y) in
-            [(1, 0), (-1, 0), (0, 1), (0, -1)].into_iter().flat_map(|(a, b)| [((a, b), (b, a)), ((a, b), (-b, -a))])
-        {
-            let at = |steps: i32, axis: (i32, i32)| ratios.get(&(corner.0 + steps * axis.0, corner.1 + steps * axis.1));
-            let (Some(far), Some(near)) = (at(2, along_x), at(1, along_y)) else { continue };
-            let faintest = ratios[&corner].min(*far).min(*near);
-            if faintest >= LARGE_FLUX_MIN && best.as_ref().is_none_or(|(most, _)| faintest > *most) {
-                best = Some((faintest, Frame { corner, along_x, along_y }));
+    /// How near the search came to a result.
+    fn rank(&self) -> (f64, usize) {
+        (self.compared.map_or(0.0, |found| found.best), self.in_grid)
+    }
+
+    fn refusal(self, displayed: &DotGrid, photo: &Plane<f32>) -> AlignmentError {
+        let (found, needed) = (self.in_grid, displayed.needed());
+        let seen = DotSighting::of(photo, &self.spots, self.grid.as_ref());
+        match (self.grid, self.compared) {
+            (Some(_), Some(compared)) => {
+                let (best, second, lead) = (compared.best, compared.second, compared.lead());
+                AlignmentError::OrientationUnclear { found, best, second, lead, seen }
             }
+            _ => AlignmentError::DotsNotFound { found, needed, seen },
         }
     }
-    Some(best?.1)
-}
-
-/// Light of a spot relative to the median of the spots around it.
-fn relative_flux(
-    blobs: &[Blob],
-    by_position: &HashMap<(i32, i32), usize>,
-    position: (i32, i32),
-    index: usize,
-) -> Option<f64> {
-    const REACH: i32 = 2;
-    let mut around: Vec<f64> = (-REACH..=REACH)
-        .flat_map(|dy| (-REACH..=REACH).map(move |dx| (dx, dy)))
-        .filter(|step| *step != (0, 0))
-        .filter_map(|(dx, dy)| by_position.get(&(position.0 + dx, position.1 + dy)))
-        .map(|&i| blobs[i].flux)
-        .collect();
-    around.sort_by(f64::total_cmp);
-    let median = *around.get(around.len() / 2)?;
-    (around.len() >= 5).then(|| blobs[index].flux / median)
 }
 
 #[cfg(test)]
@@ -296,16 +271,43 @@ mod tests {
     }
 
     #[test]
-    fn grid_without_three_large_dots_is_refused() {
+    fn grid_with_two_orientations_alike_is_refused_with_what_was_seen() {
         let grid = DotGrid::of_display(360, 640).unwrap();
-        let mut target = grid.target();
-        let [x, y] = grid.dot(grid.marker().0 + 2, grid.marker().1);
-        for (py, px) in (0..360).flat_map(|y| (0..640).map(move |x| (y, x))) {
-            if distance([px as f64, py as f64], [x, y]) < 12.0 {
-                let squared = distance([px as f64, py as f64], [x, y]).powi(2) / 9.0;
-                target.values_mut()[py * 640 + px] = (-0.5 * squared).exp() as f32;
-            }
+        // Every dot is of the same size, and a spot outshines them.
+        let photo = Plane::from_fn(360, 640, |y, x| {
+            let dots = (0..grid.columns).flat_map(|c| (0..grid.rows).map(move |r| (c, r)));
+            let light = |[u, v]: Point, size: f64| {
+                (-0.5 * ((x as f64 - u).powi(2) + (y as f64 - v).powi(2)) / (size * size)).exp()
+            };
+            let all: f64 = dots.map(|(c, r)| light(grid.dot(c, r), 3.0)).sum();
+            (0.2 * all + 2.0 * light([320.0, 180.0], 4.0)).min(1.0) as f32
+        });
+        let error = grid.find(&photo).unwrap_err();
+        assert!(matches!(error, AlignmentError::OrientationUnclear { .. }), "{error}");
+        let text = error.to_string();
+        assert!(text.contains("dots form a grid") && text.contains("the best orientation matches by"), "{text}");
+        assert!(text.contains("a spot as bright as") && text.contains("dots at (320, 180) px"), "{text}");
+    }
+
+    #[test]
+    fn older_large_dots_are_recognized() {
+        let grid = DotGrid::of_display(360, 640).unwrap();
+        let middle = ((grid.columns as i32 - 1) / 2, (grid.rows as i32 - 1) / 2);
+        let older = [(-1, 0), (1, 0), (-1, 1)].map(|(c, r)| ((middle.0 + c) as usize, (middle.1 + r) as usize));
+        let camera = Homography::similarity([319.5, 179.5], 3.2, 1.0, [4.0, 3.0]);
+        let back = camera.inverse();
+        let photo = Plane::from_fn(360, 640, |y, x| {
+            let [u, v] = back.apply([x as f64, y as f64]);
+            let dots = (0..grid.columns).flat_map(|c| (0..grid.rows).map(move |r| (c, r)));
+            let light = |(c, r): (usize, usize)| {
+                let ([a, b], size) = (grid.dot(c, r), if older.contains(&(c, r)) { 5.1 } else { 3.0 });
+                (-0.5 * ((u - a).powi(2) + (v - b).powi(2)) / (size * size)).exp()
+            };
+            (0.6 * dots.map(light).sum::<f64>()).min(1.0) as f32
+        });
+        let found = grid.find(&photo).unwrap().fit.homography;
+        for point in [[40.0, 30.0], [600.0, 30.0], [40.0, 330.0]] {
+            assert!(distance(found.apply(point), camera.apply(point)) < 0.1, "{point:?}");
         }
-        assert!(matches!(grid.find(&target), Err(AlignmentError::MarkersNotFound { .. })));
     }
 }

@@ -1,5 +1,8 @@
 //! Reasons why a photograph cannot be aligned, and the limits that they name.
 
+use super::dot_match::{LEAD_MIN, MATCH_MIN};
+use super::dot_sighting::DotSighting;
+
 /// Shortest allowed side of a target and of a photograph \[px\].
 pub const TARGET_SIDE_MIN: usize = 32;
 /// Least correlation of the details of target and photograph. Photographs with speckle reach 0.7 and more, unrelated
@@ -20,13 +23,27 @@ pub enum AlignmentError {
     Impossible(String),
     #[error("a display of {width_px}×{height_px} px is too small for a grid of dots: both sides need {min_px} px")]
     DisplayTooSmall { width_px: usize, height_px: usize, min_px: usize },
-    #[error("{found} dots of the grid were found, but at least {needed} are needed: {hint}")]
-    DotsNotFound { found: usize, needed: usize, hint: &'static str },
     #[error(
-        "{found} dots form a grid, but the three large dots that mark its orientation were not found; take a \
-         photograph that is in focus and not saturated"
+        "{found} dots of the grid were found, but at least {needed} are needed; photograph the whole calibration hologram, \
+         in focus and without stray light; seen: {seen}"
     )]
-    MarkersNotFound { found: usize },
+    DotsNotFound { found: usize, needed: usize, seen: DotSighting },
+    #[error(
+        "{found} dots form a grid, but its large dots do not show how the camera stands: the best orientation matches by \
+         {best:.2} and the second-best by {second:.2}, a lead of {lead:.1}, but at least {MATCH_MIN} and a lead of {LEAD_MIN} \
+         are needed; \
+         photograph the calibration hologram of this display anew; seen: {seen}"
+    )]
+    OrientationUnclear {
+        found: usize,
+        /// Correlation of the dots' light with that of the displayed dots in the best orientation.
+        best: f64,
+        /// The same in the best other orientation.
+        second: f64,
+        /// What the second-best orientation leaves unexplained beyond the best one, in standard deviations.
+        lead: f64,
+        seen: DotSighting,
+    },
     #[error(
         "the {name} has {width_px}×{height_px} px, but both sides need at least {TARGET_SIDE_MIN} px to be found or \
          searched; send a larger picture"
