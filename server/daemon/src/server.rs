@@ -133,13 +133,9 @@ pub async fn run_and_announce(
     let (grpc, health) = api.clone().routes()?;
     set_health(&health, ServingStatus::Serving).await;
     let watching = tokio::spawn(health_loop(api.clone(), health.clone(), stopping.clone()));
-    let mut workers = match config.no_worker {
-        true => None,
-        false => {
-            let pictures = api.live_pictures();
-            Some(Workers::start(store, artifacts, &config, pictures, job_program, stopping.clone()).await?)
-        }
-    };
+    let pictures = api.live_pictures();
+    let starting = Workers::start(store, artifacts, &config, pictures, job_program, stopping.clone());
+    let mut workers = if config.no_worker { None } else { Some(starting.await?) };
     let (ended_tokens, known_tokens) = (EndedTokens::default(), KnownTokens::default());
     loops.spawn(token_loop(api.store().clone(), ended_tokens.clone(), stopping.clone()));
     let rate = shared_rate(&config, life, &mut loops, &stopping);

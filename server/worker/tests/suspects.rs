@@ -130,57 +130,21 @@ async fn bad_jobs_fail_and_others_succeed() {
     let folder = tempfile::tempdir().unwrap();
     let store = Store::open(&folder.path().join("lightpath.db")).await.unwrap();
     store.create_display(&display("lab"), 1).await.unwrap();
-    let submit = async |label: &str| store.submit(&job(label), store.now_ms(), 1_000_000).await.unwrap().0.id;
     let mut bad = Vec::new();
     for label in ["abort", "memory", "endless"] {
-        bad.push(submit(label).await);
+        bad.push(submit(&store, label).await);
     }
-    let (mut good, mut random) = (Vec::new(), ChaCha8Rng::seed_from_u64(7));
-    for kill in 0..kills {
-        for n in 0..GOOD_PER_KILL {
-            good.push(submit(&format!("good-{kill}-{n}")).await);
-        }
-        let mut worker = start(folder.path());
-        tokio::time::sleep(Duration::from_millis(random.random_range(0..LIFE_MS_MAX))).await;
-        worker.kill().unwrap();
-        worker.wait().unwrap();
-    }
-    let (quiet, mut worker) = (Instant::now(), start(folder.path()));
-    let (mut deaths, mut ended) = (0, Vec::new());
-    for id in bad.iter().chain(&good) {
-        ended.push(loop {
-            if worker.try_wait().unwrap().is_some() {
-                // A bad job has killed it, which it can do once.
-                deaths += 1;
-                worker = start(folder.path());
-            }
-            let job = store.job(id).await.unwrap();
-            if job.state.has_ended() {
-                break job;
-            }
-            assert!(quiet.elapsed() < BAD_MAX * 20, "{job:?}");
-            tokio::time::sleep(Duration::from_millis(20)).await;
-        });
-        if ended.len() == bad.len() {
-            assert!(quiet.elapsed() < BAD_MAX, "{:?}", quiet.elapsed());
-        }
-    }
+    let good = kill_again_and_again(&store, folder.path(), kills).await;
+    let (mut worker, mut deaths) = (start(folder.path()), 0);
+    let quiet = Instant::now();
+    let bad = ended(&store, &bad, folder.path(), &mut worker, &mut deaths).await;
+    assert!(quiet.elapsed() < BAD_MAX, "{:?}", quiet.elapsed());
+    let good = ended(&store, &good, folder.path(), &mut worker, &mut deaths).await;
     worker.kill().unwrap();
     worker.wait().unwrap();
     assert!(deaths <= bad.len(), "{deaths}");
-    let (bad, good) = ended.split_at(bad.len());
-    let failures: Vec<_> = bad.iter().map(|job| (job.state, job.error.clone().unwrap())).collect();
-    for (state, error) in &failures {
-        eprintln!("{}: {}", error.reason, error.message);
-        assert_eq!(*state, JobState::Failed);
-    }
-    let says = |at: usize, texts: &[&str]| texts.iter().all(|text| failures[at].1.message.contains(text));
-    assert_eq!(failures[0].1.reason, FailureReason::ProcessDied);
-    assert!(says(0, &["died 3 times", "signal 6 (SIGABRT"]));
-    assert_eq!(failures[1].1.reason, FailureReason::ProcessDied);
-    assert!(says(1, &["died 3 times", "MiB of memory", "memory allocation of"]));
-    assert_eq!(failures[2].1.reason, FailureReason::Timeout);
-    for job in good {
+    assert_reasons(&bad);
+    for job in &good {
         assert_eq!(job.state, JobState::Succeeded, "{job:?}");
     }
     eprintln!(
@@ -189,4 +153,55 @@ async fn bad_jobs_fail_and_others_succeed() {
         good.len(),
         good.iter().filter(|job| job.suspect).count(),
     );
+}
+
+async fn submit(store: &Store, label: &str) -> String {
+    store.submit(&job(label), store.now_ms(), 1_000_000).await.unwrap().0.id
+}
+
+/// Starts the worker `kills` times, kills it at random times, and returns the ids of jobs that do no harm.
+async fn kill_again_and_again(store: &Store, folder: &Path, kills: u32) -> Vec<String> {
+    let (mut good, mut random) = (Vec::new(), ChaCha8Rng::seed_from_u64(7));
+    for kill in 0..kills {
+        for n in 0..GOOD_PER_KILL {
+            good.push(submit(store, &format!("good-{kill}-{n}")).await);
+        }
+        let mut worker = start(folder);
+        tokio::time::sleep(Duration::from_millis(random.random_range(0..LIFE_MS_MAX))).await;
+        worker.kill().unwrap();
+        worker.wait().unwrap();
+    }
+    good
+}
+
+/// The jobs when they have ended. A worker that a bad job has killed, which it can do once, is started again.
+async fn ended(store: &Store, ids: &[String], folder: &Path, worker: &mut Child, deaths: &mut usize) -> Vec<Job> {
+    let (began, mut jobs) = (Instant::now(), Vec::new());
+    while let Some(id) = ids.get(jobs.len()) {
+        if worker.try_wait().unwrap().is_some() {
+            *deaths += 1;
+            *worker = start(folder);
+        }
+        let job = store.job(id).await.unwrap();
+        if job.state.has_ended() {
+            jobs.push(job);
+            continue;
+        }
+        assert!(began.elapsed() < BAD_MAX * 20, "{job:?}");
+        tokio::time::sleep(Duration::from_millis(20)).await;
+    }
+    jobs
+}
+
+fn assert_reasons(bad: &[Job]) {
+    let errors: Vec<_> = bad.iter().map(|job| job.error.clone().unwrap()).collect();
+    for (job, error) in bad.iter().zip(&errors) {
+        eprintln!("{}: {}", error.reason, error.message);
+        assert_eq!(job.state, JobState::Failed);
+    }
+    let says = |at: usize, texts: &[&str]| texts.iter().all(|text| errors[at].message.contains(text));
+    let reasons = [FailureReason::ProcessDied, FailureReason::ProcessDied, FailureReason::Timeout];
+    assert_eq!(errors.iter().map(|error| error.reason).collect::<Vec<_>>(), reasons);
+    assert!(says(0, &["died 3 times", "signal 6 (SIGABRT"]));
+    assert!(says(1, &["died 3 times", "MiB of memory", "memory allocation of"]));
 }
