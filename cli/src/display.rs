@@ -87,7 +87,7 @@ pub(crate) struct Create {
     /// with a level and its phase [default: level · 2π / 2^bit-depth]
     ///
     /// A heading may name another unit: deg, pi or waves. Numbers that look like degrees or levels are refused, unless
-    /// the heading names a unit. Empty lines and lines that start with # are skipped.
+    /// the heading names a unit. Empty lines are skipped, and so are lines that start with # behind the heading.
     #[arg(long, value_name = "FILE")]
     phase_response: Option<PathBuf>,
 

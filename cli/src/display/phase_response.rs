@@ -66,7 +66,7 @@ fn parse(text: &str) -> Result<Vec<f64>, String> {
     for (number, line) in lines.filter(|(_, line)| !line.is_empty()) {
         match numbers(line) {
             Some(numbers) => rows.push(Row { line: number, numbers }),
-            None if rows.is_empty() => heading = format!("{heading} {line}"),
+            None if rows.is_empty() => heading = format!("{heading}{line}\n"),
             None if line.starts_with('#') => {}
             None => {
                 return Err(format!(
@@ -121,26 +121,52 @@ fn require_levels(rows: &[Row]) -> Result<(), String> {
     }
 }
 
-/// The unit that a heading names: radians if it names none.
+/// What stands before a unit, as in "phase (rad)", "phase / pi", "phase in deg", "unit: waves".
+const BEFORE_A_UNIT: [&str; 9] = ["(", "[", "/", "in", "phase", ":", "=", "_", "-"];
+
+/// The unit that a heading names: radians if it names none. A word that may mean something else, such as the pi of another
+/// word, names a unit only where units stand.
 fn unit(heading: &str) -> Result<Unit, String> {
-    let text = heading.to_lowercase().replace('°', " ° ").replace("2pi", "2π");
-    let words: Vec<&str> = text.split(|c: char| !c.is_alphanumeric() && c != '°').filter(|w| !w.is_empty()).collect();
-    let unit_of = |word: &str| UNITS.iter().find(|(name, _)| *name == word).map(|(_, unit)| *unit);
-    let found: Vec<Option<Unit>> = words.iter().map(|word| unit_of(word)).collect();
-    let mut units: BTreeSet<Unit> = found.iter().flatten().copied().collect();
-    // "π rad" is one unit.
-    if found.windows(2).any(|pair| pair == [Some(Unit::Pi), Some(Unit::Radians)]) {
-        units.remove(&Unit::Radians);
+    let (mut placed, mut has_loose) = (BTreeSet::new(), false);
+    for line in heading.lines() {
+        let tokens = tokens(line);
+        let words = tokens.iter().filter(|token| token.chars().all(char::is_alphanumeric)).count();
+        let mut before: Option<&str> = None;
+        for token in &tokens {
+            let named = UNITS.iter().find(|(name, _)| *name == token.as_str()).map(|(_, unit)| *unit);
+            match named {
+                // "π rad" is one unit.
+                Some(Unit::Radians) if before.is_some_and(is_pi) => {}
+                Some(unit) if words <= 1 || before.is_some_and(|token| BEFORE_A_UNIT.contains(&token)) => {
+                    placed.insert(unit);
+                }
+                Some(_) => has_loose = true,
+                None => {}
+            }
+            before = Some(token.as_str());
+        }
     }
-    let named: Vec<Unit> = units.into_iter().collect();
-    match named[..] {
-        [] => Ok(Unit::Radians),
+    let placed: Vec<Unit> = placed.into_iter().collect();
+    match placed[..] {
         [unit] => Ok(unit),
+        [] if !has_loose => Ok(Unit::Radians),
         _ => Err(format!(
-            "the heading \"{}\" can be read as several units of the phases; name one: rad, deg, pi or waves",
+            "the unit of the phases is not clear from the heading \"{}\"; write it in brackets: phase (rad), phase (deg), \
+             phase (pi) or phase (waves)",
             heading.trim()
         )),
     }
+}
+
+fn is_pi(token: &str) -> bool {
+    UNITS.iter().any(|(name, unit)| *name == token && *unit == Unit::Pi)
+}
+
+/// The words of a line in small letters, and each other character by itself, without what marks a comment.
+fn tokens(line: &str) -> Vec<String> {
+    let text = line.trim_start_matches(['#', ' ']).to_lowercase().replace("2pi", "2π");
+    let apart = |c: char| if c.is_alphanumeric() { c.to_string() } else { format!(" {c} ") };
+    text.chars().map(apart).collect::<String>().split_whitespace().map(str::to_owned).collect()
 }
 
 #[cfg(test)]
@@ -185,12 +211,24 @@ mod tests {
             ("phase (waves)", "0.25"),
             ("phase/2π", "0.25"),
             ("φ", "1.5707963267948966"),
+            ("# radians", "1.5707963267948966"),
+            ("phase (rad), 0 to 2pi", "1.5707963267948966"),
+            ("# made from degrees by hand\n# radians", "1.5707963267948966"),
+            ("phase_deg", "90"),
+            ("unit: waves", "0.25"),
         ] {
             let phases = accepted(&format!("{heading}\n0\n{second}\n"));
             assert!((phases[1] - PI / 2.0).abs() < 1e-12, "{heading}: {phases:?}");
         }
-        for heading in ["# made from degrees\n# radians", "phase (rad), 0 to 2pi", "PI stage, rad"] {
-            assert!(refused(&format!("{heading}\n0\n1\n")).contains("several units"), "{heading}");
+        for heading in [
+            "# Raspberry Pi camera",
+            "# LUT, 2π at 515 nm",
+            "Phase, 0 to 2pi",
+            "# polarizer at 45 deg",
+            "PI stage, rad",
+            "phase (rad), phase (deg)",
+        ] {
+            assert!(refused(&format!("{heading}\n0\n1\n")).contains("is not clear"), "{heading}");
         }
     }
 

@@ -164,6 +164,7 @@ mod tests {
     #[test]
     fn light_in_the_middles_of_pixels_is_that_of_the_point_detector() {
         let setup = OpticalSetup::try_new(Grid::try_new(8, 12, 8e-6).unwrap(), 515e-9, 4e-3).unwrap();
+        let setup = setup.with_orders(Orders::SQUARE).unwrap();
         let wavy = SmoothField { order: 1, log_amplitude: vec![0.1, 0.0], phase: vec![0.3, -0.5] };
         let coherence = PartialCoherence::new(vec![FurtherMode { light: 0.5, errors: wavy.clone() }]);
         let kernel = KernelShape::Smooth(wavy);

@@ -15,7 +15,8 @@
 //! DATA_DIR/identity                   name of this folder for a database on another machine
 //! DATA_DIR/restore.unfinished          a restore into this folder has begun and has not ended
 //! DATA_DIR/lock                        held by the one process that uses the folder: a server, a restore, a collection
-//! DATA_DIR/keep.lock                   held by a backup; while it is held, the server removes no artifact
+//! DATA_DIR/keep.lock                   held by a backup, and by the process of a job while it stores a result; while it
+//!                                      is held, the server removes no artifact
 //! ```
 //!
 //! The crate writes plain files and does not use the local backend of the `object_store` crate: that backend does not
@@ -106,7 +107,7 @@ struct Inner {
     /// again.
     publishing: Arc<RwLock<()>>,
     /// The operating system releases it when the process ends, even after a crash.
-    _lock: Held,
+    held: Held,
 }
 
 /// What a process holds while it uses a data folder.
@@ -114,8 +115,16 @@ struct Inner {
 enum Held {
     /// The folder: no other process uses it.
     Folder { _lock: FolderLock },
-    /// The removal of artifacts, in a folder that the process holds which started this one.
-    Removal { _lock: Option<File> },
+    /// Nothing: the process holds the folder that started this one.
+    Beside,
+}
+
+/// While it lives, no process removes artifacts.
+#[derive(Debug)]
+struct Publishing {
+    _no_collection: OwnedRwLockReadGuard<()>,
+    /// The removal by the process that holds the folder, if that is another one.
+    _no_removal: Option<File>,
 }
 
 impl Artifacts {
@@ -150,16 +159,15 @@ impl Artifacts {
         Self::open_on(data_dir, limits, held, || remote.map(open).transpose())
     }
 
-    /// Opens a data folder that the process holds which started this one, to read and store blobs for it. Meanwhile that
-    /// process removes no artifact, because it cannot know which ones this process is about to record.
+    /// Opens a data folder that the process holds which started this one, to read and store blobs for it. That process
+    /// removes no artifact while this one publishes some.
     ///
     /// # Errors
     ///
     /// The errors of [`Self::open_with`], without [`ArtifactError::Locked`].
     pub fn open_beside(data_dir: &Path, limits: SpaceLimits, remote: Option<&RemoteOptions>) -> Result<Self> {
         let open = |options: &RemoteOptions| Ok((Remote::open(options, data_dir)?, options.cache_bytes_max));
-        let held = Held::Removal { _lock: lock::lock_shared(&data_dir.join(inventory::KEEP_LOCK))? };
-        Self::open_on(data_dir, limits, held, || remote.map(open).transpose())
+        Self::open_on(data_dir, limits, Held::Beside, || remote.map(open).transpose())
     }
 
     /// Does the same as [`Self::open_with`], with a function that connects to the remote and returns it and the bound of
@@ -183,7 +191,7 @@ impl Artifacts {
                 make("uploads")?
             }
             // The uploads are those of the other process.
-            Held::Removal { .. } => make("tmp/uploads")?,
+            Held::Beside => make("tmp/uploads")?,
         };
         let (artifacts, checkpoints) = (make("artifacts")?, make("checkpoints")?);
         let behind = match connect()? {
@@ -214,7 +222,7 @@ impl Artifacts {
                 data_dir: data_dir.to_owned(),
                 space,
                 publishing: Arc::default(),
-                _lock: held,
+                held,
             }),
         })
     }
@@ -264,11 +272,20 @@ impl Artifacts {
 
     /// Returns a lock that prevents a collection of artifacts by this process. It is taken before a blob is stored, and
     /// dropped after the store has recorded the blob.
-    async fn publishing(&self) -> OwnedRwLockReadGuard<()> {
-        Arc::clone(&self.inner.publishing).read_owned().await
+    async fn publishing(&self) -> Result<Publishing> {
+        let no_collection = Arc::clone(&self.inner.publishing).read_owned().await;
+        let no_removal = match self.inner.held {
+            Held::Folder { .. } => None,
+            Held::Beside => {
+                let path = self.inner.data_dir.join(inventory::KEEP_LOCK);
+                self.blocking(move |_| lock::lock_shared(&path)).await?
+            }
+        };
+        Ok(Publishing { _no_collection: no_collection, _no_removal: no_removal })
     }
 
-    /// Returns a lock to hold while unused artifacts are removed; `None` while a backup copies the folder.
+    /// Returns a lock to hold while unused artifacts are removed; `None` while a backup copies the folder, or the process of
+    /// a job stores a result.
     pub async fn collecting(&self) -> Result<Option<Collecting>> {
         let no_publishing = Arc::clone(&self.inner.publishing).write_owned().await;
         let path = self.inner.data_dir.join(inventory::KEEP_LOCK);

@@ -45,7 +45,7 @@ impl Artifacts {
         E: From<ArtifactError>,
         R: Future<Output = Result<Result<T, String>, E>>,
     {
-        let _publishing = self.publishing().await;
+        let _publishing = self.publishing().await?;
         let (digest, upload) = match content.into() {
             Content::Bytes(bytes) => (self.put_bytes(bytes).await?, None),
             // The lock holds the room of the upload until the store counts it.

@@ -117,8 +117,9 @@ impl Space {
     /// Adds a claim if there is room for it, and returns the sum of the owner's claims \[bytes\].
     pub(crate) fn add_claim(&self, owner: &str, counted_bytes: u64, unwritten_bytes: u64) -> Result<u64> {
         let mut claims = self.claims();
-        self.require_beside(claims.unwritten_bytes.saturating_add(unwritten_bytes))?;
+        // The disk comes last: a claim that is refused anyway makes no room there.
         self.require_within_limit(claims.counted_bytes, counted_bytes)?;
+        self.require_beside(claims.unwritten_bytes.saturating_add(unwritten_bytes))?;
         Ok(claims.add(owner, counted_bytes, unwritten_bytes))
     }
 

@@ -360,6 +360,7 @@ impl Drop for UploadLock {
             Some(_) => self.keep(),
             None => self.discard(),
         }
+        self.claim = None;
         self.uploads.running().remove(&self.file_name);
     }
 }

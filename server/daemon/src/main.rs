@@ -204,7 +204,11 @@ fn run_job() -> anyhow::Result<()> {
     let input = JobInput::read().context("this command is called by servers and workers, with a job to run")?;
     let config: Config = serde_json::from_str(&input.settings)?;
     start_log(&config)?;
-    run_to_end(async { Ok(job_process::run(input, config).await?) })
+    run_to_end(async {
+        // Whoever stops a server may send the signal to all of its processes. The server tells this one what to do.
+        let _ignored = stop_signal()?;
+        Ok(job_process::run(input, config).await?)
+    })
 }
 
 async fn work(config: Config) -> anyhow::Result<()> {

@@ -70,7 +70,7 @@ const HEADER_BYTES_MAX: usize = 1 << 20;
 /// Memory for headers and metadata within these limits \[bytes\].
 const OTHER_BYTES: u64 = 16 << 20;
 /// Files, arrays and models of a kernel that are in memory at once, in sizes of its file.
-const COPIES: u64 = 6;
+const COPIES: u64 = 8;
 
 /// Reason why a kernel file could not be read or written; the messages say what each means.
 #[derive(Debug, thiserror::Error)]

@@ -17,6 +17,11 @@ impl Store {
         self.inner.changes.passed_on.set(sender).is_ok().then_some(PassedOn(receiver))
     }
 
+    /// Announces that a job may have changed, and with it what waits for it, because the process that changes it has ended.
+    pub fn announce_job(&self, id: &str) {
+        self.inner.changes.publish(vec![Change::Job(id.to_owned()), Change::Claimable, Change::Deliverable]);
+    }
+
     /// Announces what a process said that this one started.
     ///
     /// # Errors

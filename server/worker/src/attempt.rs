@@ -5,7 +5,7 @@ use super::job_process::End;
 use super::live_picture::LivePicture;
 use super::stop::{StopFlag, StopReason};
 use super::{Clock, JobContext, PAUSE, Task, TaskError, TaskOutput, Worker};
-use lightpath_domain::job::{FailureReason, Job, JobError, JobState, Lease, Progress};
+use lightpath_domain::job::{FailureReason, Job, JobError, Lease, Progress};
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_metrics as metrics;
 use lightpath_store::{AbortReason, Store, StoreError};
@@ -57,7 +57,7 @@ impl Worker {
         if job.suspect
             && let Some(program) = &self.job_program
         {
-            let end = program.run(&self.store, &lease, &stop).await;
+            let end = program.run(&self.store, &lease, job.estimate.memory_bytes, &stop).await;
             drop(share);
             return self.end_alone(&lease, end, &stop).await;
         }
@@ -170,10 +170,10 @@ impl Worker {
         }
     }
 
-    /// The job, if it has succeeded with this lease: nobody else can have stored that.
+    /// The job, if it has ended with this lease: nobody else can have stored that.
     async fn stored_end(&self, lease: &Lease) -> Result<Option<Job>, StoreError> {
         let job = self.store.job(&lease.job).await?;
-        Ok(Some(job).filter(|job| job.state == JobState::Succeeded && job.attempt == lease.attempt))
+        Ok(Some(job).filter(|job| job.state.has_ended() && job.attempt == lease.attempt))
     }
 
     /// Logs and counts an end that is stored, and removes the job's last saved state.

@@ -65,7 +65,7 @@ pub(super) enum End {
     Stored,
     /// It was stopped because of the stop flag, and has stored nothing.
     Stopped,
-    /// The job did not begin, for this reason.
+    /// The job did not begin, or was killed for the needs of others, for this reason.
     NotStarted(String),
     /// It died: how, what it held, and the end of its log.
     Died(String),
@@ -73,17 +73,22 @@ pub(super) enum End {
 
 impl JobProgram {
     /// Runs the attempt with this lease in a process of its own, until it ends or the flag stops it.
-    pub(super) async fn run(&self, store: &Store, lease: &Lease, stop: &StopFlag) -> End {
-        match self.start(lease).await {
-            Ok((child, stdin)) => Running::of(child, stdin).watch(store, lease, stop).await,
+    /// `estimated_bytes` is the memory that the job may need; 0: nobody knows.
+    pub(super) async fn run(&self, store: &Store, lease: &Lease, estimated_bytes: u64, stop: &StopFlag) -> End {
+        let end = match self.start(lease).await {
+            Ok((child, stdin)) => Running::of(child, stdin, estimated_bytes).watch(store, lease, stop).await,
             Err(error) => End::NotStarted(format!("the process of the job could not be started: {error}")),
-        }
+        };
+        // It may have died between a change and its announcement.
+        store.announce_job(&lease.job);
+        end
     }
 
     async fn start(&self, lease: &Lease) -> io::Result<(Child, ChildStdin)> {
         let mut command = Command::new(&self.file);
         command.args(&self.arguments).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        let mut child = command.kill_on_drop(true).spawn()?;
+        // Signals of a terminal are for the server, which tells its processes when it stops.
+        let mut child = command.process_group(0).kill_on_drop(true).spawn()?;
         let mut stdin = child.stdin.take().ok_or_else(|| io::Error::other("it has no input"))?;
         let lease = serde_json::to_string(lease).map_err(io::Error::other)?;
         stdin.write_all(format!("{}\n{lease}\n", self.settings).as_bytes()).await?;
@@ -98,14 +103,23 @@ struct Running {
     began: Instant,
     has_started: bool,
     is_draining: bool,
+    estimated_bytes: u64,
     memory_bytes: Option<u64>,
     last_lines: VecDeque<String>,
 }
 
 impl Running {
-    fn of(child: Child, stdin: ChildStdin) -> Self {
-        let (began, last_lines) = (Instant::now(), VecDeque::new());
-        Self { child, stdin, began, has_started: false, is_draining: false, memory_bytes: None, last_lines }
+    fn of(child: Child, stdin: ChildStdin, estimated_bytes: u64) -> Self {
+        Self {
+            child,
+            stdin,
+            began: Instant::now(),
+            has_started: false,
+            is_draining: false,
+            estimated_bytes,
+            memory_bytes: None,
+            last_lines: VecDeque::new(),
+        }
     }
 
     async fn watch(mut self, store: &Store, lease: &Lease, stop: &StopFlag) -> End {
@@ -121,11 +135,8 @@ impl Running {
                     match stop.reason() {
                         None => {}
                         Some(StopReason::Drain) => self.drain().await,
-                        Some(_) => {
-                            // It may store the end of the attempt just before. Then the store tells so.
-                            drop(self.child.kill().await);
-                            return End::Stopped;
-                        }
+                        // It may store the end of the attempt just before. Then the store tells so.
+                        Some(_) => drop(self.child.start_kill()),
                     }
                 }
             }
@@ -141,10 +152,20 @@ impl Running {
         drop(timeout(LOG_WAIT_MAX, rest).await);
         match ended {
             Ok(status) if status.success() => End::Stored,
-            Ok(status) if self.has_started => End::Died(self.death(status)),
+            // Whoever stops the server may kill all of its processes.
+            _ if stop.reason().is_some() => End::Stopped,
+            Ok(status) if self.has_started && !self.is_victim(status) => End::Died(self.death(status)),
             Ok(status) => End::NotStarted(format!("the process of the job {}", self.death(status))),
             Err(error) => End::NotStarted(format!("the process of the job could not be watched: {error}")),
         }
+    }
+
+    /// Whether the process was killed although it took no more memory than was expected: by a person, or because others
+    /// took the memory of the machine.
+    fn is_victim(&self, status: ExitStatus) -> bool {
+        const SIGKILL: i32 = 9;
+        let is_modest = self.memory_bytes.is_some_and(|bytes| bytes <= self.estimated_bytes);
+        status.signal() == Some(SIGKILL) && is_modest
     }
 
     fn hear(&mut self, store: &Store, line: &str) {
@@ -160,7 +181,12 @@ impl Running {
 
     fn log(&mut self, lease: &Lease, line: &str) {
         let line: String = line.chars().take(LINE_MAX).collect();
-        tracing::info!(job = lease.job, "its process: {line}");
+        match line.split_whitespace().find(|word| ["ERROR", "WARN", "INFO"].contains(word)) {
+            Some("INFO") => tracing::info!(job = lease.job, "its process: {line}"),
+            Some("WARN") => tracing::warn!(job = lease.job, "its process: {line}"),
+            // Also what the program says without a level when it dies.
+            _ => tracing::error!(job = lease.job, "its process: {line}"),
+        }
         self.last_lines.push_back(line);
         if self.last_lines.len() > LINES_MAX {
             self.last_lines.pop_front();
@@ -262,11 +288,14 @@ impl JobInput {
     ///
     /// [`WorkerError`] if the job cannot begin.
     pub async fn run(self, worker: Worker) -> Result<(), WorkerError> {
-        stand_aside(worker.config.memory_bytes);
         let (drain, orphaned) = listen().map_err(WorkerError::Listening)?;
         // PostgreSQL tells the changes itself.
         let mut passed_on = if worker.store.is_shared() { None } else { worker.store.pass_on() };
         let job = worker.store.job(&self.lease.job).await?;
+        stand_aside(match job.estimate.memory_bytes {
+            0 => worker.config.memory_bytes,
+            estimated_bytes => estimated_bytes + estimated_bytes / 2,
+        });
         let pool = Arc::new(worker.pool()?);
         say(STARTED);
         let mut attempt = pin!(worker.attempt(job, self.lease, &pool, &drain));

@@ -163,7 +163,7 @@ class Hologram:
         rows: list[tuple[str, object]] = [
             ("display", f"{self.spec.display}, {self._optics()}"),
             ("PSNR", f"{seen.psnr_db:.1f} dB"),
-            ("SSIM", f"{seen.ssim:.3f}" if seen.HasField("ssim") else "too small to measure"),
+            ("SSIM", f"{seen.ssim:.3f}" if seen.HasField("ssim") else "not measured"),
             ("diffraction efficiency", f"{seen.diffraction_efficiency:.1%}"),
             *(("note", note) for note in self.notes),
             ("job", self.job.name),

@@ -76,7 +76,7 @@ def phase_bytes(field: str, phase: Phase) -> bytes:
     if isinstance(phase, Image.Image):
         if phase.mode in _PNG_MODES | _COLOUR_MODES:
             return _png(phase)
-        phase = _numbers(field, phase)
+        phase = _numbers(field, phase, is_of_levels=True)
     levels = _pixels(field, phase)
     if levels.ndim != _GREY_AXES:
         raise InvalidArgument(field, f"has the shape {levels.shape}", "give [height][width]")
@@ -104,8 +104,11 @@ def _png(image: Image.Image) -> bytes:
     return out.getvalue()
 
 
-def _numbers(field: str, image: Image.Image) -> npt.NDArray[Any]:
-    """Return the values of an image that no PNG holds: floats, or integers of 16 bits in one of 32 bits."""
+def _numbers(field: str, image: Image.Image, *, is_of_levels: bool = False) -> npt.NDArray[Any]:
+    """Return the values of an image that no PNG holds: floats, or integers of 16 bits in one of 32 bits.
+
+    Levels are never scaled, so that it does not matter of how many bits they are.
+    """
     values = np.asarray(image)
     if image.mode == "F":
         return values
@@ -115,7 +118,7 @@ def _numbers(field: str, image: Image.Image) -> npt.NDArray[Any]:
     if least < 0 or largest > _UINT16_MAX:
         fix = "give an array of uint8, uint16 or floats"
         raise InvalidArgument(field, f"has values from {least} to {largest}, but integers are 0 to 65535", fix)
-    if image.mode == "I" and largest <= _UINT8_MAX:
+    if image.mode == "I" and largest <= _UINT8_MAX and not is_of_levels:
         fix = 'convert it to "L" for 8 bits, or to "I;16" for 16 bits'
         raise InvalidArgument(field, f"is an image of mode I with values up to {largest}, of 8 or of 16 bits", fix)
     return values.astype(np.uint16)

@@ -96,7 +96,7 @@ async fn from_folder(store: &Store, artifacts: &Artifacts, before_ms: i64) -> Re
         let page = store.unreferenced_artifacts(before_ms, &after, STEP).await?;
         let Some(last) = page.last() else { return Ok(collected) };
         after.clone_from(&last.digest);
-        // A backup is copying the folder; the next collection removes the rest.
+        // A backup copies the folder, or the process of a job stores a result; the next collection removes the rest.
         let Some(_removal) = artifacts.collecting().await? else { return Ok(collected) };
         for record in page {
             if store.forget_artifact(&record.digest, before_ms).await? {

@@ -80,7 +80,8 @@ crate::reasons! {
         NotFound = "NOT_FOUND",
         /// The kernel's model does not say what holograms can tell about it.
         NoSuggestion = "NO_SUGGESTION",
-        /// The machine could not start the thread or the process of the computation.
+        /// The machine could not start the thread or the process of the computation, or killed the process although it
+        /// took no more memory than was estimated.
         NotStarted = "NOT_STARTED",
         /// The independent model cannot judge the hologram.
         NotVerifiable = "NOT_VERIFIABLE",

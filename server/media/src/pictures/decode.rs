@@ -214,6 +214,9 @@ fn open_tiff(bytes: &[u8]) -> Result<Decoding<'_>, PictureError> {
     let format = name(ImageFormat::Tiff);
     let picture = full_picture(bytes)?;
     let directory = Directory::read(bytes, picture.header()).ok_or(PictureError::Truncated { format })?;
+    if directory.is_cut() {
+        return Err(PictureError::Truncated { format });
+    }
     directory.check().map_err(|detail| PictureError::Unsupported { format, detail })?;
     let directory_bytes = directory.decoding_bytes();
     let opened = TiffDecoder::new(picture).map(|decoder| {

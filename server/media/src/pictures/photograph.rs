@@ -88,14 +88,16 @@ fn picture_largest(samples: &Samples<'_>, reading: &PhotoReading) -> Option<Larg
     largest(brightest, scales(samples, reading).1.into())
 }
 
-/// The largest of the values, and how many there are of it and close below.
+/// The largest of the values, and how many there are of it and close below: within a hundredth, and of whole numbers three
+/// at least.
 fn largest(values: impl Iterator<Item = f64> + Clone, full_scale: f64) -> Option<LargestValue> {
     let value = values.clone().reduce(f64::max)?;
+    let close = if full_scale > 1.0 { (0.99 * value).min(value - 3.0) } else { 0.99 * value };
     let (mut count, mut at, mut below) = (0_usize, 0_usize, 0_usize);
     for other in values {
         count += 1;
         at += usize::from(other == value);
-        below += usize::from(other < value && other >= 0.99 * value);
+        below += usize::from(other < value && other >= close);
     }
     let share = |of: usize| of as f64 / count as f64;
     Some(LargestValue { value, full_scale, share: share(at), share_below: share(below) })

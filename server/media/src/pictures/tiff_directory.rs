@@ -8,16 +8,17 @@ use super::{SIDE_PX_MAX, jpeg};
 
 /// Largest number of tags. Cameras write some dozens.
 const TAGS_MAX: u64 = 1000;
-/// Largest number of values of all tags that the decoder reads: place and length of 65 536 strips or tiles.
-const VALUES_MAX: u64 = 2 << 16;
+/// Largest number of values of all tags that the decoder reads: place and length of 65 536 strips or tiles, and others.
+const VALUES_MAX: u64 = (2 << 16) + 4096;
 /// Memory for a value while it is read \[bytes\]: as it is in the file, as a value of any type, and as a number.
 const VALUE_BYTES: u64 = 96;
 /// Largest number of samples of a pixel: colours, alpha, and some that are passed over.
 const SAMPLES_MAX: u64 = 8;
-/// First tag that belongs to a program, and not to pictures of all programs.
-const FIRST_PRIVATE: u16 = 32_768;
-/// XMP, a text, which is not read.
-const XMP: u16 = 700;
+/// The tags that the decoder reads. Texts, curves and those of programs are passed over.
+const READ: [u16; 23] =
+    [254, 256, 257, 258, 259, 262, 266, 273, 274, 277, 278, 279, 284, 317, 322, 323, 324, 325, 330, 338, 339, 347, 530];
+/// Largest side that is looked at \[px\]; the product of two of them and all bytes of a pixel is no overflow.
+const ANY_SIDE_PX_MAX: u64 = 1 << 20;
 const JPEG_COMPRESSION: u64 = 7;
 /// Bytes of a frame up to the size of the picture.
 const FRAME_BYTES: usize = 9;
@@ -53,11 +54,7 @@ impl<'a> Directory<'a> {
         let mut directory = Self { file, is_big_endian, is_big_tiff: false, tags: Vec::new() };
         directory.is_big_tiff = directory.number(2, 2)? == 43;
         let (place, word) = if directory.is_big_tiff { (8, 8) } else { (4, 4) };
-        let start = if directory.is_big_tiff {
-            directory.number(place, word)?
-        } else {
-            Directory { file: header, tags: Vec::new(), ..directory }.number(place, word)?
-        };
+        let start = Directory { file: header, tags: Vec::new(), ..directory }.number(place, word)?;
         let start = usize::try_from(start).ok()?;
         let count_bytes = if directory.is_big_tiff { 8 } else { 2 };
         let entry_bytes = 4 + 2 * word;
@@ -73,12 +70,21 @@ impl<'a> Directory<'a> {
         Some(directory)
     }
 
+    /// Whether a strip or tile ends behind the end of the file.
+    pub(super) fn is_cut(&self) -> bool {
+        self.chunks().any(|(start, bytes)| start.saturating_add(bytes) > self.file.len() as u64)
+    }
+
     /// Refuses a picture that would take much more memory or time than its size says.
     pub(super) fn check(&self) -> Result<(), String> {
         if self.tags.len() as u64 > TAGS_MAX {
             return Err(format!("it has more than {TAGS_MAX} tags"));
         }
-        for (i, tag) in self.tags.iter().enumerate() {
+        if let Some(side_px) = [256, 257].into_iter().find_map(|tag| self.first(tag).filter(|&px| px > ANY_SIDE_PX_MAX))
+        {
+            return Err(format!("a side of it has {side_px} px"));
+        }
+        for (i, tag) in self.tags.iter().enumerate().filter(|(_, tag)| tag.is_read()) {
             if self.tags[..i].iter().any(|other| other.number == tag.number) {
                 return Err(format!("its tag {} stands twice", tag.number));
             }
@@ -205,7 +211,7 @@ impl<'a> Directory<'a> {
 impl Tag {
     /// Whether the decoder reads the values.
     fn is_read(&self) -> bool {
-        self.number < FIRST_PRIVATE && self.number != XMP
+        READ.contains(&self.number)
     }
 }
 

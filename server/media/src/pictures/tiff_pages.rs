@@ -6,9 +6,8 @@
 
 use std::io::{self, BufRead, Read, Seek, SeekFrom};
 
-/// Length of the header, and of an offset in it and elsewhere \[bytes\].
-const HEADER_BYTES: usize = 8;
-const OFFSET_BYTES: usize = 4;
+/// Length of the header of BigTIFF, which is longer than that of TIFF \[bytes\].
+const HEADER_BYTES: usize = 16;
 /// Limit on the entries of all directories. A picture has some ten of them.
 const ENTRIES_MAX: u64 = 100_000;
 /// Tag of the marks of a picture.
@@ -43,11 +42,11 @@ pub(super) fn at_full_picture<R: BufRead + Seek>(mut source: R) -> io::Result<Re
     source.rewind()?;
     let mut header = Vec::with_capacity(HEADER_BYTES);
     source.by_ref().take(HEADER_BYTES as u64).read_to_end(&mut header)?;
-    if let Some(order) = ByteOrder::of(&header) {
+    if let Some(form) = Form::of(&header) {
         let mut pictures = Vec::new();
-        match order.read_pictures(&mut source, &header, &mut pictures) {
+        match form.read_pictures(&mut source, &header, &mut pictures) {
             Ok(()) => match full_picture(&pictures) {
-                Ok(offset) => order.point(&mut header, offset),
+                Ok(offset) => form.point(&mut header, offset),
                 Err(several) => return Ok(Err(several)),
             },
             Err(error) if pictures.first().is_some_and(|first| first.is_marked) => return Err(error),
@@ -91,14 +90,6 @@ struct Directory {
 }
 
 impl ByteOrder {
-    fn of(header: &[u8]) -> Option<Self> {
-        match header {
-            [b'I', b'I', 42, 0, _, _, _, _] => Some(Self::Little),
-            [b'M', b'M', 0, 42, _, _, _, _] => Some(Self::Big),
-            _ => None,
-        }
-    }
-
     /// The number in some bytes.
     fn number(self, bytes: &[u8]) -> u64 {
         let join = |number: u64, byte: &u8| number << 8 | u64::from(*byte);
@@ -107,12 +98,42 @@ impl ByteOrder {
             Self::Big => bytes.iter().fold(0, join),
         }
     }
+}
+
+/// TIFF, or BigTIFF with longer numbers.
+#[derive(Clone, Copy, Debug)]
+struct Form {
+    order: ByteOrder,
+    /// Length of an offset and of the number of a tag's values \[bytes\].
+    word: usize,
+    /// Length of the number of a directory's entries \[bytes\].
+    count_bytes: usize,
+}
+
+impl Form {
+    fn of(header: &[u8]) -> Option<Self> {
+        let (order, version) = match *header {
+            [b'I', b'I', low, high, ..] => (ByteOrder::Little, u16::from_le_bytes([low, high])),
+            [b'M', b'M', high, low, ..] => (ByteOrder::Big, u16::from_be_bytes([high, low])),
+            _ => return None,
+        };
+        match version {
+            42 if header.len() >= 8 => Some(Self { order, word: 4, count_bytes: 2 }),
+            43 if header.len() == HEADER_BYTES => Some(Self { order, word: 8, count_bytes: 8 }),
+            _ => None,
+        }
+    }
+
+    /// Place of the offset in the header: behind another number as long as it.
+    fn place(self) -> std::ops::Range<usize> {
+        self.word..2 * self.word
+    }
 
     /// Makes the header point to a directory.
     fn point(self, header: &mut [u8], offset: u64) {
-        let place = &mut header[OFFSET_BYTES..HEADER_BYTES];
-        place.copy_from_slice(&offset.to_le_bytes()[..OFFSET_BYTES]);
-        if self == Self::Big {
+        let place = &mut header[self.place()];
+        place.copy_from_slice(&offset.to_le_bytes()[..self.word]);
+        if self.order == ByteOrder::Big {
             place.reverse();
         }
     }
@@ -124,29 +145,34 @@ impl ByteOrder {
         header: &[u8],
         pictures: &mut Vec<Directory>,
     ) -> io::Result<()> {
-        let (mut offset, mut entries) = (self.number(&header[OFFSET_BYTES..HEADER_BYTES]), 0);
+        let (mut offset, mut entries) = (self.order.number(&header[self.place()]), 0_u64);
         while offset != 0 {
             source.seek(SeekFrom::Start(offset))?;
-            let count = self.read(source, 2)?;
-            entries += count + 1;
+            let count = self.read(source, self.count_bytes)?;
+            entries = entries.saturating_add(count).saturating_add(1);
             if entries > ENTRIES_MAX {
                 return Err(io::ErrorKind::InvalidData.into());
             }
             pictures.push(self.directory(source, offset, count)?);
-            offset = self.read(source, OFFSET_BYTES)?;
+            offset = self.read(source, self.word)?;
         }
         Ok(())
     }
 
     fn directory(self, source: &mut impl Read, offset: u64, count: u64) -> io::Result<Directory> {
         const SHORT: u64 = 3;
+        const LONG: u64 = 4;
         let mut directory = Directory { offset, is_marked: false, has_others: false };
         for _ in 0..count {
             let (tag, kind) = (self.read(source, 2)?, self.read(source, 2)?);
-            self.read(source, OFFSET_BYTES)?;
-            let mut value = [0; OFFSET_BYTES];
-            source.read_exact(&mut value)?;
-            let value = self.number(if kind == SHORT { &value[..2] } else { &value });
+            self.read(source, self.word)?;
+            let mut value = [0; 8];
+            source.read_exact(&mut value[..self.word])?;
+            let value = self.order.number(match kind {
+                SHORT => &value[..2],
+                LONG => &value[..4],
+                _ => &value[..self.word],
+            });
             match tag as u16 {
                 // Bits: 1 a reduced picture, 4 a mask.
                 NEW_SUBFILE_TYPE => directory.is_marked |= value & 5 != 0,
@@ -161,7 +187,7 @@ impl ByteOrder {
     fn read(self, source: &mut impl Read, length: usize) -> io::Result<u64> {
         let mut bytes = [0; 8];
         source.read_exact(&mut bytes[..length])?;
-        Ok(self.number(&bytes[..length]))
+        Ok(self.order.number(&bytes[..length]))
     }
 }
 
@@ -220,7 +246,8 @@ mod tests {
     use lightpath_domain::dataset::Encoding;
 
     /// A TIFF file of grey pictures of 8 bits, each with columns, rows, its only value, and its `NewSubfileType`.
-    fn tiff(order: ByteOrder, pictures: &[[u16; 4]]) -> Vec<u8> {
+    fn tiff(form: Form, pictures: &[[u16; 4]]) -> Vec<u8> {
+        let Form { order, word, count_bytes } = form;
         let number = |value: u64, bytes: usize| {
             let mut all = value.to_le_bytes()[..bytes].to_vec();
             if order == ByteOrder::Big {
@@ -229,27 +256,36 @@ mod tests {
             all
         };
         let mark = if order == ByteOrder::Big { b"MM" } else { b"II" };
-        let mut file = [&mark[..], &number(42, 2), &number(0, 4)].concat();
-        let mut link = 4;
+        let mut file = match word {
+            4 => [&mark[..], &number(42, 2), &number(0, 4)].concat(),
+            _ => [&mark[..], &number(43, 2), &number(8, 2), &number(0, 2), &number(0, 8)].concat(),
+        };
+        let mut link = word;
         for &[width, height, value, marks] in pictures {
             let [w, h] = [width, height].map(u64::from);
             let data = file.len() as u64;
             file.extend(vec![value as u8; (w * h) as usize]);
-            let at = number(file.len() as u64, 4);
-            file[link..link + 4].copy_from_slice(&at);
+            let at = number(file.len() as u64, word);
+            file[link..link + word].copy_from_slice(&at);
             let size = [(256, w), (257, h), (258, 8), (259, 1), (262, 1)];
             let strip = [(273, data), (277, 1), (278, h), (279, w * h)];
-            file.extend(number(10, 2));
+            file.extend(number(10, count_bytes));
             for (tag, value) in [(254, marks.into())].into_iter().chain(size).chain(strip) {
-                file.extend([number(tag, 2), number(4, 2), number(1, 4), number(value, 4)].concat());
+                file.extend([number(tag, 2), number(4, 2), number(1, word), number(value, 4)].concat());
+                file.extend(vec![0; word - 4]);
             }
             link = file.len();
-            file.extend(number(0, 4));
+            file.extend(number(0, word));
         }
         file
     }
 
-    const ORDERS: [ByteOrder; 2] = [ByteOrder::Little, ByteOrder::Big];
+    const FORMS: [Form; 4] = [
+        Form { order: ByteOrder::Little, word: 4, count_bytes: 2 },
+        Form { order: ByteOrder::Big, word: 4, count_bytes: 2 },
+        Form { order: ByteOrder::Little, word: 8, count_bytes: 8 },
+        Form { order: ByteOrder::Big, word: 8, count_bytes: 8 },
+    ];
 
     fn refused(file: &[u8]) -> usize {
         match photograph(file, Encoding::Linear) {
@@ -261,41 +297,41 @@ mod tests {
     #[test]
     fn picture_of_full_resolution_is_read_wherever_it_stands() {
         let [thumbnail, mask, picture] = [[8, 4, 10, 1], [80, 40, 255, 4], [80, 40, 51, 0]];
-        for order in ORDERS {
+        for form in FORMS {
             for pictures in [&[thumbnail, picture][..], &[picture, thumbnail], &[picture], &[thumbnail, mask, picture]]
             {
-                let file = tiff(order, pictures);
+                let file = tiff(form, pictures);
                 let light = photograph(&file, Encoding::Linear).unwrap();
-                assert_eq!((light.width_px(), light.height_px(), light.at(39, 79)), (80, 40, 0.2), "{order:?}");
+                assert_eq!((light.width_px(), light.height_px(), light.at(39, 79)), (80, 40, 0.2), "{form:?}");
                 assert_eq!(picture_size(&file).unwrap(), (80, 40));
-                let alone = tiff(order, &[picture]);
+                let alone = tiff(form, &[picture]);
                 let memory = |file: &[u8]| reading_bytes(file, 1) - 2 * file.len() as u64;
                 assert_eq!(memory(&file), memory(&alone), "the memory is that of the picture");
             }
             // A thumbnail alone is the only picture that there is.
-            assert_eq!(picture_size(&tiff(order, &[thumbnail])).unwrap(), (8, 4));
+            assert_eq!(picture_size(&tiff(form, &[thumbnail])).unwrap(), (8, 4));
         }
     }
 
     #[test]
     fn stacks_of_pictures_are_refused_with_their_number() {
         let [thumbnail, picture] = [[8, 4, 10, 1], [80, 40, 51, 0]];
-        for order in ORDERS {
-            assert_eq!(refused(&tiff(order, &[picture, picture, picture])), 3);
-            assert_eq!(refused(&tiff(order, &[thumbnail, picture, picture])), 3);
+        for form in FORMS {
+            assert_eq!(refused(&tiff(form, &[picture, picture, picture])), 3);
+            assert_eq!(refused(&tiff(form, &[thumbnail, picture, picture])), 3);
         }
     }
 
     #[test]
     fn cut_and_circular_files_are_refused() {
-        for order in ORDERS {
-            let file = tiff(order, &[[8, 4, 10, 1], [80, 40, 51, 0]]);
+        for form in FORMS {
+            let file = tiff(form, &[[8, 4, 10, 1], [80, 40, 51, 0]]);
             for kept in 0..file.len() {
                 assert!(photograph(&file[..kept], Encoding::Linear).is_err(), "cut to {kept} of {}", file.len());
             }
             let mut circle = file.clone();
             let end = circle.len();
-            circle.copy_within(4..8, end - 4);
+            circle.copy_within(form.place(), end - form.word);
             // The chain has no end. The decoder reads the first picture or refuses the file; it comes to an end.
             let _ = photograph(&circle, Encoding::Linear);
         }

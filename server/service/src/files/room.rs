@@ -20,4 +20,10 @@ impl Files {
             }
         }
     }
+
+    /// Checks, before room is claimed, that the caller may store so many more bytes: a claim may remove interrupted uploads
+    /// of others.
+    pub(super) async fn require_room_to_ask(&self, call: &Call, bytes: u64) -> Result<()> {
+        Ok(self.store.require_owner_room(&call.caller.name, bytes, self.owner_bytes_max).await?)
+    }
 }

@@ -18,6 +18,7 @@ impl Files {
             return Ok(stored.digest);
         }
         let size_bytes = bytes.len() as u64;
+        self.require_room_to_ask(call, size_bytes).await?;
         let claim = Claim::take(self.artifacts.space(), &call.caller.name, size_bytes, size_bytes)?;
         self.require_owner_room(call, &claim).await?;
         let record = async |digest: String, seen| self.record(call, &digest, size_bytes, seen).await;

@@ -70,6 +70,7 @@ impl Files {
         chunks: impl Stream<Item = Result<impl Into<Vec<u8>>>> + Unpin,
     ) -> Result<ArtifactRecord> {
         let size_bytes = Field::new("content-length").integer(size_bytes, 0..=ARTIFACT_BYTES_MAX)?;
+        self.require_room_to_ask(call, size_bytes).await?;
         let turn = self.artifacts.uploads().turn_unnamed(&call.caller.name, size_bytes).await?;
         let mut upload = self.admitted(call, turn).await?;
         fill(&mut upload, size_bytes, chunks).await?;
@@ -99,6 +100,7 @@ impl Files {
             // The bytes of a damaged artifact count already.
             let is_repair = self.readable(call, digest).await?.is_some();
             let sizes = (size_bytes, if is_repair { 0 } else { size_bytes });
+            self.require_room_to_ask(call, sizes.1).await?;
             match self.artifacts.uploads().turn(digest, &call.caller.name, sizes, offset_bytes).await {
                 Err(ArtifactError::UploadBusy { .. }) if Instant::now() < until => sleep(UPLOAD_TURN_POLL).await,
                 turn => return Ok(Turn::Granted(Box::new(turn?))),

@@ -53,7 +53,8 @@ pub fn need(verified: &OptimizeHologram, kernels: &[Vec<KernelSize>]) -> Need {
         let (engine, n) = (widest(kernels), kernels[0].engine.pixels());
         let engines: u64 = kernels.iter().map(|kernel| kernel.engine.engine_bytes()).sum();
         let reading = kernels.iter().map(KernelSize::reading_bytes).max().unwrap_or(0);
-        let pictures = (frames + kernels.len()) as u64 * REAL * n;
+        let depths = if verified.depth_map.is_some() { 2 * n } else { 0 };
+        let pictures = (frames + kernels.len()) as u64 * REAL * n + depths;
         let thorough = THOROUGH_BYTES_PER_VALUE_ALONG_Y
             * engine.opinion.map_or(0, |opinion| opinion.along_axis * opinion.rows_for_each);
         let memory = engines + pictures + reading.max(judging_bytes(&engine, frames) + thorough);
