@@ -158,7 +158,7 @@ fn judged(model: &DisplayModel, detector: Detector) -> Result<Option<SecondOpini
     let phases = [Plane::try_from_vec(height_px, width_px, optimization.phases().to_vec())?];
     let shown = ShownLight::of_frames(&engine, &phases)?;
     for effort in EFFORTS {
-        let opinion = SecondOpinion::of((model, None), &phases, &shown, detector, (&target, region), effort)?;
+        let opinion = SecondOpinion::of((model, None), &phases, &shown, detector, (&target, region).into(), effort)?;
         if opinion.is_some() {
             return Ok(opinion);
         }

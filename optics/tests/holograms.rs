@@ -65,7 +65,7 @@ fn holograms_are_optimized_for_what_the_camera_sees() {
         let options = HologramOptions::new(HologramMethod::Lbfgs, 40);
         let phase = finished(Optimization::start(problem, options, start).unwrap(), grid);
         let shown = ShownLight::of_frames(&engine(0.5), &[phase]).unwrap();
-        shown.quality((&target, region)).unwrap().pixel.psnr_db
+        shown.quality((&target, region).into()).unwrap().pixel.psnr_db
     };
     let (for_small, for_whole) = (seen_by_small_pixels(0.5), seen_by_small_pixels(1.0));
     assert!(for_small > for_whole + 3.0, "{for_small} {for_whole}");

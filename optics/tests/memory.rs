@@ -101,7 +101,7 @@ fn check_quality(pool: &ThreadPool, frames: usize, model: DisplayModel) {
         let phases = vec![initial_phase(height_px, width_px, 1.0, 1).unwrap(); frames];
         let region = RegionOfInterest::middle(&setup.grid());
         for shown in ShownLight::of_sets(&engine, &[&phases, &phases]).unwrap() {
-            shown.quality((&target(height_px, width_px), region)).unwrap();
+            shown.quality((&target(height_px, width_px), region).into()).unwrap();
         }
     };
     let n = size.pixels() * 4;
@@ -135,7 +135,9 @@ fn check_opinion(pool: &ThreadPool, orders: Orders, flaw: impl Fn(&mut DisplayMo
     let shown = ShownLight::of_frames(&engine, &phases).unwrap();
     let wanted = (&target(300, 400), RegionOfInterest::middle(&setup.grid()));
     let work = || {
-        SecondOpinion::of((&model, None), &phases, &shown, Detector::Pixel, wanted, Effort::CHEAP).unwrap().unwrap();
+        SecondOpinion::of((&model, None), &phases, &shown, Detector::Pixel, wanted.into(), Effort::CHEAP)
+            .unwrap()
+            .unwrap();
     };
     let estimate = EngineSize::of(&model, Detector::Pixel, 2).opinion_bytes();
     let (has_bins, varies) = (matches!(model.kernel, KernelShape::Bins(_)), !model.variation.is_none());
@@ -155,7 +157,7 @@ fn check_other_orders(pool: &ThreadPool, orders: Orders) {
     let work = || {
         let phases = [initial_phase(300, 400, 1.0, 1).unwrap()];
         let region = RegionOfInterest::middle(&other.setup.grid());
-        pixel_psnr_db(&other, &phases, (&target(300, 400), region)).unwrap();
+        pixel_psnr_db(&other, &phases, (&target(300, 400), region).into()).unwrap();
     };
     let estimate = 2 * engine.pixels() * 4 + engine.other_orders_bytes();
     check(&format!("other orders than {orders:?}"), estimate, peak_bytes(pool, work), 1.3);

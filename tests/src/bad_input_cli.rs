@@ -93,8 +93,12 @@ async fn invalid_numbers_and_unknown_names_are_refused() {
     }
     let all = optimize("lab", &["--distance", "0mm", "--iterations", "20000", "--frames", "99", "--batch", "a\tb"]);
     let all: Vec<&str> = all.iter().map(String::as_str).collect();
-    let signs =
-        ["4 fields of the request are wrong", "batch contains", "planes[0].distance_m is 0", "iterations is 20000"];
+    let signs = [
+        "4 fields of the request are wrong",
+        "batch has the control character",
+        "planes[0].distance_m is 0",
+        "iterations is 20000",
+    ];
     assert_refused(&cli, &all, 1, &[&signs[..], &["frames is 99, but must be 1 to 24"]].concat()).await;
     let create = ["dataset", "create", "B", "--display", "nowhere", "--distance", "11m", "--photo-bit-depth", "40"];
     let signs =

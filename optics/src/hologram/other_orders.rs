@@ -34,8 +34,7 @@ pub fn with_other_orders(model: &DisplayModel) -> Option<DisplayModel> {
 /// # Errors
 ///
 /// [`Error`](crate::Error) for phases or a target of another size than the display, or a region that leaves it.
-pub fn pixel_psnr_db<'a>(model: &DisplayModel, phases: &[Plane<f32>], wanted: impl Into<Wanted<'a>>) -> Result<f64> {
-    let wanted = wanted.into();
+pub fn pixel_psnr_db(model: &DisplayModel, phases: &[Plane<f32>], wanted: Wanted<'_>) -> Result<f64> {
     match model.setup.orders() {
         Orders::First | Orders::Filtered(_) => {
             let light = light_of_frames(&Engine::new(model, Detector::Pixel, None)?, phases)?;
@@ -94,7 +93,7 @@ mod tests {
         let [of_first, of_all] = [&first, &all].map(|model| {
             let phase = optimized(model, &target, region);
             let exact = quality(&engine, &phase, &target, region).unwrap().pixel.psnr_db;
-            let quick = pixel_psnr_db(&all, &[phase], (&target, region)).unwrap();
+            let quick = pixel_psnr_db(&all, &[phase], (&target, region).into()).unwrap();
             // Four sub-samples overrate a picture that was optimized for them.
             assert!((quick - exact).abs() < 0.5 || exact > 35.0, "{quick} dB, {exact} dB");
             exact

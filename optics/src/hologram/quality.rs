@@ -56,7 +56,7 @@ pub struct DetectorQuality {
 /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for a phase or a target of another size than the engine's;
 /// [`Error::OutOfRange`](crate::Error::OutOfRange) when the region leaves the image.
 pub fn quality(engine: &Engine, phase: &Plane<f32>, target: &Plane<f32>, region: RegionOfInterest) -> Result<Quality> {
-    ShownLight::of_frames(engine, std::slice::from_ref(phase))?.quality((target, region))
+    ShownLight::of_frames(engine, std::slice::from_ref(phase))?.quality((target, region).into())
 }
 
 impl ShownLight {
@@ -66,8 +66,7 @@ impl ShownLight {
     ///
     /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for a target of another size than the image;
     /// [`Error::OutOfRange`](crate::Error::OutOfRange) when the region leaves it.
-    pub fn quality<'a>(&self, wanted: impl Into<Wanted<'a>>) -> Result<Quality> {
-        let wanted = wanted.into();
+    pub fn quality(&self, wanted: Wanted<'_>) -> Result<Quality> {
         let Wanted { target, region, .. } = wanted;
         target.expect_size("target_intensity", self.at_points.height_px(), self.at_points.width_px())?;
         let efficiency = |light: &Plane<f32>| {
@@ -200,13 +199,13 @@ mod tests {
         let left = Plane::from_fn(60, 75, |_, x| x < 40);
         let region = RegionOfInterest::middle(&setup.grid());
         let of_left = shown.quality(Wanted { target: &target, region, belonging: Some(&left) }).unwrap();
-        let of_all = shown.quality((&target, region)).unwrap();
+        let of_all = shown.quality((&target, region).into()).unwrap();
         assert!(of_left.pixel.psnr_db > 100.0 && of_all.pixel.psnr_db < 0.0, "{of_left:?} {of_all:?}");
         assert_eq!((of_left.pixel.ssim, of_left.pixel.speckle_contrast), (None, None));
         assert_eq!(of_left.pixel.diffraction_efficiency, of_all.pixel.diffraction_efficiency);
         // Sub-samples count with their pixel.
         let columns = RegionOfInterest::try_new(&setup.grid(), 0, 0, 40, 60).unwrap();
-        let alone = shown.quality((&target, columns)).unwrap().supersampled;
+        let alone = shown.quality((&target, columns).into()).unwrap().supersampled;
         let full = RegionOfInterest::full(&setup.grid());
         let found = shown.quality(Wanted { target: &target, region: full, belonging: Some(&left) }).unwrap();
         assert!((found.supersampled.psnr_db - alone.psnr_db).abs() < 1e-9);
@@ -230,8 +229,9 @@ mod tests {
         let phase = Plane::try_from_vec(224, 240, adam.phases().to_vec()).unwrap();
         let wide = EngineCore::<f64>::new(&DisplayModel::ideal(setup), Detector::Point, None).unwrap();
         let narrow = quality(&narrow, &phase, &target, region).unwrap();
-        let wide =
-            ShownLight::of_core(&wide, &[&[phase.map(f64::from)]]).unwrap()[0].quality((&target, region)).unwrap();
+        let wide = ShownLight::of_core(&wide, &[&[phase.map(f64::from)]]).unwrap()[0]
+            .quality((&target, region).into())
+            .unwrap();
         for (a, b) in [(narrow.point, wide.point), (narrow.pixel, wide.pixel), (narrow.supersampled, wide.supersampled)]
         {
             // In f32 the relative error of the field is 1e-6, and every metric changes smoothly with the field.
@@ -270,7 +270,7 @@ mod tests {
         let region = RegionOfInterest::try_new(&setup.grid(), 26, 26, 12, 12).unwrap();
         let target = Plane::filled(side_px, side_px, 0.5_f32);
         let measured =
-            |phase| ShownLight::of_core(&engine, &[&[phase]]).unwrap()[0].quality((&target, region)).unwrap();
+            |phase| ShownLight::of_core(&engine, &[&[phase]]).unwrap()[0].quality((&target, region).into()).unwrap();
         let (focused, spread) = (measured(lens), measured(flat));
         // The spot is a sinc² whose main lobe ends at λz/L = 20 µm = 2.5 px to each side. ±6 px hold 96 % of the light
         // along one axis, and 0.96² in both axes.

@@ -72,15 +72,14 @@ impl SecondOpinion {
     /// # Errors
     ///
     /// [`Error::SizeMismatch`](crate::Error::SizeMismatch) for phases or a target of another size than the display.
-    pub fn of<'a>(
+    pub fn of(
         (model, carrier): (&DisplayModel, Option<Carrier>),
         phases: &[Plane<f32>],
         shown: &ShownLight,
         detector: Detector,
-        wanted: impl Into<Wanted<'a>>,
+        wanted: Wanted<'_>,
         effort: Effort,
     ) -> Result<Option<Self>> {
-        let wanted = wanted.into();
         let Wanted { target, region, .. } = wanted;
         let grid = model.setup.grid();
         for plane in phases.iter().chain([target]) {

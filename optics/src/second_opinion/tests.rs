@@ -190,14 +190,15 @@ fn judged(setup: OpticalSetup, detector: Detector, effort: Effort) -> SecondOpin
     while optimization.step().is_some() {}
     let phase = Plane::try_from_vec(grid.height_px(), grid.width_px(), optimization.phases().to_vec()).unwrap();
     let shown = ShownLight::of_frames(&engine, std::slice::from_ref(&phase)).unwrap();
-    let found =
-        SecondOpinion::of((&model, None), &[phase], &shown, detector, (&target, region), effort).unwrap().unwrap();
+    let found = SecondOpinion::of((&model, None), &[phase], &shown, detector, (&target, region).into(), effort)
+        .unwrap()
+        .unwrap();
     if effort == Effort::THOROUGH {
         // All rows of the region were compared, as in the reported quality.
         let reported = match detector {
-            Detector::Point => shown.quality((&target, region)).unwrap().point,
-            Detector::Pixel => shown.quality((&target, region)).unwrap().pixel,
-            Detector::Supersampled => shown.quality((&target, region)).unwrap().supersampled,
+            Detector::Point => shown.quality((&target, region).into()).unwrap().point,
+            Detector::Pixel => shown.quality((&target, region).into()).unwrap().pixel,
+            Detector::Supersampled => shown.quality((&target, region).into()).unwrap().supersampled,
         };
         assert_eq!(found.rows as usize, region.height_px());
         assert!((found.engine_psnr_db - reported.psnr_db).abs() < 1e-3, "{found:?} {reported:?}");
@@ -311,6 +312,6 @@ fn displays_beyond_the_effort_have_no_opinion() {
     let engine = Engine::new(&ideal, Detector::Pixel, None).unwrap();
     let shown = ShownLight::of_frames(&engine, std::slice::from_ref(&phase)).unwrap();
     let wanted = (&Plane::filled(24, 30, 0.5), region);
-    let refused = SecondOpinion::of((&ideal, None), &[phase], &shown, Detector::Pixel, wanted, Effort::CHEAP);
+    let refused = SecondOpinion::of((&ideal, None), &[phase], &shown, Detector::Pixel, wanted.into(), Effort::CHEAP);
     assert!(matches!(refused, Err(Error::SizeMismatch { .. })), "{refused:?}");
 }

@@ -142,8 +142,8 @@ impl DisplayModel {
             let region = optics::region(self.grid(), region)?;
             let shown = ShownLight::of_frames(&self.engine(Detector::Pixel)?, &phase)?;
             let (wanted, display) = ((&target, region), (&self.model, None));
-            let opinion = SecondOpinion::of(display, &phase, &shown, Detector::Pixel, wanted, Effort::CHEAP)?;
-            json(&object!({ "quality": shown.quality((&target, region))?, "second_opinion": opinion }))
+            let opinion = SecondOpinion::of(display, &phase, &shown, Detector::Pixel, wanted.into(), Effort::CHEAP)?;
+            json(&object!({ "quality": shown.quality((&target, region).into())?, "second_opinion": opinion }))
         };
         Ok(threads::compute(py, work)??)
     }

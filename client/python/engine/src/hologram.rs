@@ -144,14 +144,14 @@ impl Request<'_> {
         let region = compared.region(self.display)?;
         let shown = ShownLight::of_sets(&engine, &[std::slice::from_ref(&phase), &displayed])?;
         let facts = Facts {
-            quality: shown[0].quality((&self.target, region))?,
-            quantized_quality: shown[1].quality((&self.target, region))?,
+            quality: shown[0].quality((&self.target, region).into())?,
+            quantized_quality: shown[1].quality((&self.target, region).into())?,
             second_opinion: SecondOpinion::of(
                 (&self.display.model, None),
                 &displayed,
                 &shown[1],
                 compared.detector,
-                (&self.target, region),
+                (&self.target, region).into(),
                 Effort::CHEAP,
             )?,
             intensity_scale,

@@ -12,6 +12,7 @@
 
 use super::dot_cells::{Cell, SeenGrid};
 use super::dot_pattern::{Orientation, PATTERNS, Place};
+use super::error::{LEAD_MIN, MATCH_MIN};
 use std::collections::BTreeMap;
 
 /// The place of the seen grid in the displayed one.
@@ -33,10 +34,6 @@ pub(super) struct DotMatch {
     places: usize,
 }
 
-/// Least r of a pose that is taken for true.
-pub(super) const MATCH_MIN: f64 = 0.45;
-/// Least lead of a pose over all others, in standard deviations of what it leaves unexplained.
-pub(super) const LEAD_MIN: f64 = 4.5;
 /// Largest contrast that counts. Large dots reach half of it and more.
 const CONTRAST_MAX: f64 = 0.8;
 /// Least contrast that counts. Dots are not darker than others by what is displayed, only at the rim of the light.

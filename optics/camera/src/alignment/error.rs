@@ -1,6 +1,5 @@
 //! Reasons why a photograph cannot be aligned, and the limits that they name.
 
-use super::dot_match::{LEAD_MIN, MATCH_MIN};
 use super::dot_sighting::DotSighting;
 
 /// Shortest allowed side of a target and of a photograph \[px\].
@@ -8,6 +7,10 @@ pub const TARGET_SIDE_MIN: usize = 32;
 /// Least correlation of the details of target and photograph. Photographs with speckle reach 0.7 and more, unrelated
 /// small pictures sometimes 0.2.
 pub const CORRELATION_MIN: f64 = 0.35;
+/// Least correlation of the dots' light with that of the displayed dots in an orientation that is taken for true.
+pub(super) const MATCH_MIN: f64 = 0.45;
+/// Least lead of an orientation over all others, in standard deviations of what it leaves unexplained.
+pub(super) const LEAD_MIN: f64 = 4.5;
 
 /// Reasons why a photograph cannot be aligned with the display's grid; the messages say what each means.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

@@ -254,7 +254,11 @@ async fn a_rollout_goes_to_some_devices_and_halts_when_they_fail() {
     let future = v1::ReportDeviceRequest { generation: 3, ..good.clone() };
     refused(devices(&serving).report_device(future).await, Code::InvalidArgument, "generation is 3");
     let coloured = v1::ReportDeviceRequest { message: "\u{1b}[31m".into(), ..good };
-    refused(devices(&serving).report_device(coloured).await, Code::InvalidArgument, "message has a line break");
+    refused(
+        devices(&serving).report_device(coloured).await,
+        Code::InvalidArgument,
+        "message has the control character",
+    );
     report(&serving, "bench-2", 2, 3).await.unwrap();
     let get = v1::GetRolloutRequest { name: started.name.clone() };
     let halted = rollouts(&serving).get_rollout(get).await.unwrap().into_inner();
