@@ -259,7 +259,7 @@ fn jpeg_in_tiff_has_the_limits_of_both() {
         let hostile = jpeg(0xc0, [16_384, 16_384], &[0x11], 1);
         let beyond = tiff(is_big, &strips([16, 16], 7, 16, [vec![at], vec![at]]), &hostile);
         let [message, _] = read_within("a strip beyond the end", &beyond, DISPLAY_PX);
-        assert!(message.contains("larger than its strip"), "{message}");
+        assert!(message.contains("was cut off"), "{message}");
         for tables in [&hostile[..], &[0xff, 0xd8, 0, 0, 0, 0, 0xff, 0, 0]] {
             let mut tags = strips([16, 16], 7, 16, one(&good));
             tags.push((347, 4, vec![0; 2]));
@@ -306,7 +306,7 @@ fn directories_of_tiff_are_small() {
         many[entry + 4..entry + 8].copy_from_slice(&40_000_000_u32.to_le_bytes());
         many.resize(CONTENT_AT + (80 << 20), 1);
         let [message, _] = read_within("many values", &many, DISPLAY_PX);
-        assert!(message.contains("at most 131072 are read"), "{message}");
+        assert!(message.contains("at most 135168 are read"), "{message}");
         let rows = [vec![CONTENT_AT as u32; 65_000], vec![1; 65_000]];
         read_within("as many values as are read", &tiff(is_big, &strips([16, 9000], 1, 1, rows), &[0]), DISPLAY_PX);
         let mut twice = plain();
