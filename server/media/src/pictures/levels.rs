@@ -1,6 +1,6 @@
 //! Reading of holograms: grey PNGs whose values are levels of the display.
 
-use super::{PictureError, decode, reading_bytes};
+use super::{PictureError, decode, opening, reading_bytes};
 use crate::budget::Budget;
 use image::{ColorType, ImageFormat};
 use lightpath_optics::Plane;
@@ -14,7 +14,7 @@ use lightpath_optics::Plane;
 /// a level that the display does not have, or has 8 bits and not all levels of the display: a viewer may have scaled them.
 pub fn levels(bytes: &[u8], bit_depth: u32, height_px: usize, width_px: usize) -> Result<Plane<u16>, PictureError> {
     let budget = Budget::new(reading_bytes(bytes, (height_px * width_px) as u64));
-    let opened = decode::open(bytes)?;
+    let opened = opening::open(bytes)?;
     let (format, decoder) = (opened.format, &opened.decoder);
     if format != ImageFormat::Png {
         return Err(PictureError::NotLevels { actual: format!("a {format:?} file") });

@@ -1,6 +1,6 @@
 //! The memory that reading a picture needs, from the header of its file.
 
-use super::decode::{self, Opened};
+use super::opening::{self, Opened};
 use crate::npy;
 use image::ImageDecoder as _;
 use image::metadata::Orientation;
@@ -30,7 +30,7 @@ pub fn reading_bytes(file: &[u8], fitted_px: u64) -> u64 {
         let value_bytes = npy::value_bytes(file).max(1) as u64;
         return file_bytes + LIGHT_BYTES * (file.len() as u64 / value_bytes) + 2 * LIGHT_BYTES * fitted_px;
     }
-    let Ok(mut opened) = decode::open(file) else { return file_bytes };
+    let Ok(mut opened) = opening::open(file) else { return file_bytes };
     let (px, turned) = (pixels_of(&opened), opened.orientation() != Orientation::NoTransforms);
     let light_bytes = LIGHT_BYTES * px * (1 + u64::from(turned));
     let decoding = opened.decoder.total_bytes() + opened.decoding_bytes.max(light_bytes);
@@ -46,7 +46,7 @@ pub(super) fn further_planes_bytes(file: &[u8]) -> u64 {
 /// Number of pixels of a picture, from its header; 0 for a file that is no readable picture.
 #[must_use]
 pub fn pixels(file: &[u8]) -> u64 {
-    decode::open(file).map_or(0, |opened| pixels_of(&opened))
+    opening::open(file).map_or(0, |opened| pixels_of(&opened))
 }
 
 fn pixels_of(opened: &Opened<'_>) -> u64 {

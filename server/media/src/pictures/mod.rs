@@ -20,6 +20,7 @@ mod jpeg;
 mod jpeg_end;
 mod levels;
 mod memory;
+mod opening;
 mod photograph;
 mod picture_bytes;
 mod png_chunks;

@@ -9,6 +9,7 @@
 //! channel alone.
 
 use super::decode::{self, Samples};
+use super::opening;
 use super::{FILE_BYTES_MAX, PictureError, reading_bytes, srgb_to_linear};
 use crate::budget::Budget;
 use crate::npy;
@@ -53,7 +54,7 @@ pub fn photo(bytes: &[u8], reading: &PhotoReading) -> Result<Photo, PictureError
         return array_photo(bytes, reading);
     }
     let budget = Budget::new(reading_bytes(bytes, 0));
-    let mut opened = decode::open(bytes)?;
+    let mut opened = opening::open(bytes)?;
     let (width_px, height_px) = opened.decoder.dimensions();
     if width_px == 0 || height_px == 0 {
         return Err(PictureError::TooSmall { width_px, height_px, min_px: 1 });
