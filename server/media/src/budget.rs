@@ -3,7 +3,7 @@
 //! A file from outside may say of itself that it unpacks to any size. So each reader gets a [`Budget`], counts there what
 //! it is about to allocate, and refuses the file once that is more than the budget has left. Then the account of a call is
 //! an upper bound of its memory, whatever is in the file. Counting also looks at the
-//! [interrupt](lightpath_optics::interrupt) of the computation, so that a reader ends soon after its client left.
+//! [interrupt] of the computation, so that a reader ends soon after its client left.
 
 use lightpath_optics::interrupt;
 use std::cell::Cell;
