@@ -52,15 +52,14 @@ pub(crate) fn require_pictures<'a>(files: impl IntoIterator<Item = &'a PathBuf>)
         let is_file = std::fs::metadata(path).map_err(failed)?.is_file();
         let mut start = Vec::new();
         if is_file {
-            File::open(path).and_then(|file| file.take(10).read_to_end(&mut start)).map_err(failed)?;
+            File::open(path).and_then(|file| file.take(8).read_to_end(&mut start)).map_err(failed)?;
         }
-        let is_bitmap = start.starts_with(b"BM") && start.get(6..10) == Some(&[0; 4]);
-        if is_bitmap || STARTS.iter().any(|known| start.starts_with(known)) {
+        if STARTS.iter().any(|known| start.starts_with(known)) {
             return Ok(());
         }
         let path = path.display();
         Err(Failure::Usage(format!(
-            "{path} is not a picture or array (PNG, JPEG, TIFF, BMP or .npy), so nothing was uploaded; correct the list of \
+            "{path} is not a picture or array (PNG, JPEG, TIFF or .npy), so nothing was uploaded; correct the list of \
              files"
         )))
     })
@@ -138,11 +137,13 @@ mod tests {
         };
         let good = [file("a", b"\x89PNG\r\n\x1a\n"), file("b", b"\xff\xd8\xff\xe0"), file("c", b"II*\0\x08\0\0\0")];
         require_pictures(&good).unwrap();
-        require_pictures(&[file("d", b"\x93NUMPY\x01"), file("e", b"BM\x36\0\0\0\0\0\0\0")]).unwrap();
+        require_pictures(&[file("d", b"\x93NUMPY\x01")]).unwrap();
         let pipe = folder.path().join("pipe");
         assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
         let key = file("key.png", b"-----BEGIN OPENSSH PRIVATE KEY-----");
-        for bad in [key, file("empty.png", b""), file("BM.png", b"BM is a text"), pipe, folder.path().to_owned()] {
+        for bad in
+            [key, file("empty.png", b""), file("picture.bmp", b"BM\x36\0\0\0\0\0\0\0"), pipe, folder.path().to_owned()]
+        {
             match require_pictures(good.iter().chain([&bad])) {
                 Err(Failure::Usage(text)) => assert!(
                     text.starts_with(&format!("{} is not a picture", bad.display())) && !text.contains("BEGIN"),

@@ -258,6 +258,21 @@ impl Artifacts {
         &self.inner.space
     }
 
+    /// The digest of bytes that are about to be stored, and the bytes. They are hashed on a thread that may block.
+    pub async fn digest_of(&self, bytes: Vec<u8>) -> Result<(String, Vec<u8>)> {
+        self.blocking(move |_| Ok((digest_of(&bytes), bytes))).await
+    }
+
+    /// Claims room for an artifact of `size_bytes` that is about to be stored for an owner.
+    ///
+    /// # Errors
+    ///
+    /// The errors of [`Claim::take`].
+    pub async fn claim(&self, owner: &str, size_bytes: u64) -> Result<Claim> {
+        let owner = owner.to_owned();
+        self.blocking(move |inner| Claim::take(&inner.space, &owner, size_bytes, size_bytes)).await
+    }
+
     /// The uploads.
     #[must_use]
     pub fn uploads(&self) -> &Uploads {

@@ -7,7 +7,7 @@
 //! ```text
 //!  worker                                     process of the job
 //!  starts it, writes settings and lease ────> stdin    runs the attempt and stores its end itself
-//!  heartbeats                           ────> stdin    "drain"; its end means that the worker has died
+//!  writes "drain" when the server stops ────> stdin    saves its state; the end of the pipe: the worker has died
 //!  announces what the other one changes <──── stdout   "started", then changes of the store
 //!  logs; the last lines say why it died <──── stderr
 //!  looks at its memory and at how it ends

@@ -1,9 +1,8 @@
 //! The light at each place of a grid of dots in a photograph.
 
 use super::dot_pattern::Place;
-use super::dot_sighting::{DAZZLING, DotSighting};
 use super::homography::{Homography, Point, PointPair};
-use lightpath_optics::Plane;
+use lightpath_optics::{Plane, interrupt};
 use std::collections::BTreeMap;
 
 /// The light in the square around a place of the grid.
@@ -92,6 +91,7 @@ impl SeenGrid {
 
     /// The light of a dot that is near `centre`.
     fn measured(&self, photo: &Plane<f32>, place: Place, centre: Point) -> Option<Cell> {
+        interrupt::check();
         let pixels = self.square(photo, place, centre);
         if pixels.len() < PIXELS_MIN {
             return None;
@@ -206,30 +206,4 @@ fn places_around(spots: &[(Place, Point)]) -> impl Iterator<Item = Place> + use<
     };
     let (columns, rows) = (span(|place| place.0), span(|place| place.1));
     rows.flat_map(move |row| columns.clone().map(move |column| (column, row)))
-}
-
-/// Level from which a pixel is saturated.
-const SATURATED: f32 = 0.999;
-/// Width of a displayed dot, in squares.
-const DISPLAYED_WIDTH: f64 = 0.1;
-
-impl DotSighting {
-    /// What was seen in a photograph with these spots, and with this grid if one was found.
-    pub(super) fn of(photo: &Plane<f32>, spots: &[Point], grid: Option<&SeenGrid>) -> Self {
-        let values = photo.values();
-        let saturated = values.iter().filter(|&&level| level >= SATURATED).count() as f64 / values.len() as f64;
-        let brightest = values.iter().copied().fold(0.0, f32::max);
-        let cells = || grid.iter().flat_map(|grid| grid.cells.values()).filter(|cell| cell.light > 0.0);
-        let typical = |of: fn(&Cell) -> f64| {
-            let mut values: Vec<f64> = cells().map(of).collect();
-            values.sort_by(f64::total_cmp);
-            values.get(values.len() / 2).copied()
-        };
-        let dot = typical(|cell| cell.light);
-        let dazzling = cells().max_by(|a, b| a.light.total_cmp(&b.light)).zip(dot);
-        let dazzling =
-            dazzling.map(|(cell, dot)| (cell.centre, cell.light / dot)).filter(|(_, dots)| *dots >= DAZZLING);
-        let dot_width = typical(|cell| cell.width).map(|width| width / DISPLAYED_WIDTH);
-        Self { spots: spots.len(), saturated, brightest: f64::from(brightest), dazzling, dot_width }
-    }
 }

@@ -7,10 +7,10 @@
 //! each scale the spots that form a [lattice](super::lattice) give a grid, the light at each of its places is
 //! [measured](super::dot_cells), and the whole is [compared](super::dot_match) with the displayed pattern.
 
-use super::dot_cells::SeenGrid;
+use super::dot_cells::{Cell, SeenGrid};
 use super::dot_match::{self, DotMatch, Seen};
 use super::dot_pattern::{LARGE, MARKS};
-use super::dot_sighting::DotSighting;
+use super::dot_sighting::{DAZZLING, DotSighting};
 use super::error::AlignmentError;
 use super::homography::{Homography, Point, PointFit, PointPair};
 use super::{lattice, spots};
@@ -43,6 +43,8 @@ const DOT_WIDTH: f64 = 0.1;
 /// Part of each side of the image that the dots cover: the part where holograms need to be accurate.
 const USED_PART: f64 = 0.8;
 const DOTS_MIN: usize = 16;
+/// Level from which a pixel is saturated.
+const SATURATED: f32 = 0.999;
 /// Radii of spots that are searched, in pixels of the camera.
 const SPOT_RADII_PX: [usize; 8] = [1, 2, 3, 5, 8, 12, 18, 27];
 /// Largest radius of a spot, as a part of the photograph's shorter side: that of dots that fill the photograph.
@@ -186,7 +188,7 @@ impl Sight {
 
     fn refusal(self, displayed: &DotGrid, photo: &Plane<f32>) -> AlignmentError {
         let (found, needed) = (self.in_grid, displayed.needed());
-        let seen = DotSighting::of(photo, &self.spots, self.grid.as_ref());
+        let seen = sighting(photo, &self.spots, self.grid.as_ref());
         match (self.grid, self.compared) {
             (Some(_), Some(compared)) => {
                 let (best, second, lead) = (compared.best, compared.second, compared.lead());
@@ -195,6 +197,24 @@ impl Sight {
             _ => AlignmentError::DotsNotFound { found, needed, seen },
         }
     }
+}
+
+/// What was seen in a photograph with these spots, and with this grid if one was found.
+fn sighting(photo: &Plane<f32>, spots: &[Point], grid: Option<&SeenGrid>) -> DotSighting {
+    let values = photo.values();
+    let saturated = values.iter().filter(|&&level| level >= SATURATED).count() as f64 / values.len() as f64;
+    let brightest = values.iter().copied().fold(0.0, f32::max);
+    let cells = || grid.iter().flat_map(|grid| grid.cells.values()).filter(|cell| cell.light > 0.0);
+    let typical = |of: fn(&Cell) -> f64| {
+        let mut values: Vec<f64> = cells().map(of).collect();
+        values.sort_by(f64::total_cmp);
+        values.get(values.len() / 2).copied()
+    };
+    let dot = typical(|cell| cell.light);
+    let dazzling = cells().max_by(|a, b| a.light.total_cmp(&b.light)).zip(dot);
+    let dazzling = dazzling.map(|(cell, dot)| (cell.centre, cell.light / dot)).filter(|(_, dots)| *dots >= DAZZLING);
+    let dot_width = typical(|cell| cell.width).map(|width| width / DOT_WIDTH);
+    DotSighting { spots: spots.len(), saturated, brightest: f64::from(brightest), dazzling, dot_width }
 }
 
 #[cfg(test)]

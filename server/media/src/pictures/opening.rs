@@ -1,8 +1,7 @@
 //! Opening of picture files: the format, the header, and the memory that its decoder takes.
 
 use super::jpeg::JpegDecoder;
-use super::tiff_directory::Directory;
-use super::tiff_pages::{AtPicture, SeveralPictures, at_full_picture};
+use super::tiff_pages::{full_picture, pointing_to};
 use super::{FILE_BYTES_MAX, PIXELS_MAX, PictureBytes, PictureError, SIDE_PX_MAX, png_chunks};
 use crate::shortened::shortened;
 use image::codecs::{png::PngDecoder, tiff::TiffDecoder};
@@ -82,14 +81,13 @@ fn open_jpeg(bytes: &[u8]) -> Decoding<'_> {
 
 fn open_tiff(bytes: &[u8]) -> Result<Decoding<'_>, PictureError> {
     let format = name(ImageFormat::Tiff);
-    let picture = full_picture(bytes)?;
-    let directory = Directory::read(bytes, picture.header()).ok_or(PictureError::Truncated { format })?;
+    let directory = full_picture(bytes)?;
     if directory.is_cut() {
         return Err(PictureError::Truncated { format });
     }
     directory.check().map_err(|detail| PictureError::Unsupported { format, detail })?;
     let directory_bytes = directory.decoding_bytes();
-    let opened = TiffDecoder::new(picture).map(|decoder| {
+    let opened = TiffDecoder::new(PictureBytes::new(pointing_to(bytes, &directory))).map(|decoder| {
         // The decoder makes a copy of the pixels, which has a fourth sample for colours of ink.
         let pixel_bits = decoder.original_color_type().bits_per_pixel().max(decoder.color_type().bits_per_pixel());
         let (width_px, height_px) = decoder.dimensions();
@@ -97,14 +95,6 @@ fn open_tiff(bytes: &[u8]) -> Result<Decoding<'_>, PictureError> {
         (Box::new(decoder) as Box<dyn ImageDecoder + '_>, directory_bytes + copied_bytes)
     });
     Ok(opened)
-}
-
-fn full_picture(bytes: &[u8]) -> Result<AtPicture<PictureBytes<'_>>, PictureError> {
-    match at_full_picture(PictureBytes::new(bytes)) {
-        Ok(Ok(picture)) => Ok(picture),
-        Ok(Err(SeveralPictures { pictures })) => Err(PictureError::SeveralPictures { pictures }),
-        Err(error) => Err(refusal(ImageFormat::Tiff, &ImageError::IoError(error))),
-    }
 }
 
 fn limits(bytes_max: u64) -> Limits {

@@ -29,15 +29,52 @@ const SCANS_MAX: usize = 4;
 /// Side of the largest usual block of JPEG \[px\], in whole numbers of which a strip may be coded.
 const BLOCK_PX: u64 = 16;
 
-/// The directory of the picture that is read.
+/// TIFF, or BigTIFF with longer numbers.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Form {
+    pub(super) is_big_endian: bool,
+    /// Length of an offset and of the number of a tag's values \[bytes\].
+    pub(super) word: usize,
+    /// Length of the number of a directory's tags \[bytes\].
+    pub(super) count_bytes: usize,
+}
+
+impl Form {
+    /// The form of a file; `None` if it is no TIFF file.
+    pub(super) fn of(file: &[u8]) -> Option<Self> {
+        let is_big_endian = file.starts_with(b"MM");
+        match number(file.get(2..4)?, is_big_endian) {
+            42 => Some(Self { is_big_endian, word: 4, count_bytes: 2 }),
+            43 => Some(Self { is_big_endian, word: 8, count_bytes: 8 }),
+            _ => None,
+        }
+    }
+
+    /// The number in some bytes.
+    pub(super) fn number(self, digits: &[u8]) -> u64 {
+        number(digits, self.is_big_endian)
+    }
+
+    /// Place of the first directory's offset in the header: behind another number as long as it.
+    pub(super) fn place(self) -> std::ops::Range<usize> {
+        self.word..2 * self.word
+    }
+}
+
+/// The directory of a picture.
+#[derive(Clone)]
 pub(super) struct Directory<'a> {
     file: &'a [u8],
-    is_big_endian: bool,
-    is_big_tiff: bool,
+    form: Form,
+    /// Place of the directory in the file.
+    pub(super) start: u64,
     tags: Vec<Tag>,
+    /// Place of the next directory, 0 behind the last one; `None` if the file ends before.
+    pub(super) next: Option<u64>,
 }
 
 /// A tag, and where its values are.
+#[derive(Clone)]
 struct Tag {
     number: u16,
     kind: u16,
@@ -47,18 +84,13 @@ struct Tag {
 }
 
 impl<'a> Directory<'a> {
-    /// Reads the directory to which the header points, which may be another one than that of the file; `None` if there is
-    /// none. Then the decoder finds none, either.
-    pub(super) fn read(file: &'a [u8], header: &[u8]) -> Option<Self> {
-        let is_big_endian = file.starts_with(b"MM");
-        let mut directory = Self { file, is_big_endian, is_big_tiff: false, tags: Vec::new() };
-        directory.is_big_tiff = directory.number(2, 2)? == 43;
-        let (place, word) = if directory.is_big_tiff { (8, 8) } else { (4, 4) };
-        let start = Directory { file: header, tags: Vec::new(), ..directory }.number(place, word)?;
-        let start = usize::try_from(start).ok()?;
-        let count_bytes = if directory.is_big_tiff { 8 } else { 2 };
-        let entry_bytes = 4 + 2 * word;
-        for i in 0..directory.number(start, count_bytes)?.min(TAGS_MAX + 1) as usize {
+    /// Reads the directory at a place; `None` if the file ends in it. Then the decoder finds none, either.
+    pub(super) fn read(file: &'a [u8], form: Form, start: u64) -> Option<Self> {
+        let mut directory = Self { file, form, start, tags: Vec::new(), next: None };
+        let Form { word, count_bytes, .. } = form;
+        let (start, entry_bytes) = (usize::try_from(start).ok()?, 4 + 2 * word);
+        let count = directory.number(start, count_bytes)?;
+        for i in 0..count.min(TAGS_MAX + 1) as usize {
             let at = start.checked_add(count_bytes + i * entry_bytes)?;
             let (number, kind) = (directory.number(at, 2)? as u16, directory.number(at + 2, 2)? as u16);
             let count = directory.number(at + 4, word)?;
@@ -67,7 +99,20 @@ impl<'a> Directory<'a> {
             let at = if is_inside { place } else { usize::try_from(directory.number(place, word)?).ok()? };
             directory.tags.push(Tag { number, kind, count, at });
         }
+        let entries_bytes = usize::try_from(count).ok().and_then(|count| count.checked_mul(entry_bytes));
+        let end = entries_bytes.and_then(|bytes| bytes.checked_add(start.checked_add(count_bytes)?));
+        directory.next = end.and_then(|end| directory.number(end, word));
         Some(directory)
+    }
+
+    /// The form of its file.
+    pub(super) fn form(&self) -> Form {
+        self.form
+    }
+
+    /// Number of its tags.
+    pub(super) fn len(&self) -> usize {
+        self.tags.len()
     }
 
     /// Whether a strip or tile ends behind the end of the file.
@@ -185,11 +230,17 @@ impl<'a> Directory<'a> {
         [(273, 279), (324, 325)].into_iter().flat_map(|(places, lengths)| self.values(places).zip(self.values(lengths)))
     }
 
+    /// Whether the directory has a tag.
+    pub(super) fn has(&self, number: u16) -> bool {
+        self.tag(number).is_some()
+    }
+
     fn tag(&self, number: u16) -> Option<&Tag> {
         self.tags.iter().find(|tag| tag.number == number)
     }
 
-    fn first(&self, tag: u16) -> Option<u64> {
+    /// The first value of a tag.
+    pub(super) fn first(&self, tag: u16) -> Option<u64> {
         self.values(tag).next()
     }
 
@@ -202,10 +253,14 @@ impl<'a> Directory<'a> {
     }
 
     fn number(&self, at: usize, bytes: usize) -> Option<u64> {
-        let digits = self.file.get(at..at.checked_add(bytes)?)?;
-        let next = |number: u64, &digit: &u8| number << 8 | u64::from(digit);
-        Some(if self.is_big_endian { digits.iter().fold(0, next) } else { digits.iter().rev().fold(0, next) })
+        Some(self.form.number(self.file.get(at..at.checked_add(bytes)?)?))
     }
+}
+
+/// The number in some bytes.
+fn number(digits: &[u8], is_big_endian: bool) -> u64 {
+    let next = |number: u64, &digit: &u8| number << 8 | u64::from(digit);
+    if is_big_endian { digits.iter().fold(0, next) } else { digits.iter().rev().fold(0, next) }
 }
 
 impl Tag {

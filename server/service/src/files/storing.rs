@@ -3,7 +3,6 @@
 use super::Files;
 use crate::call::Call;
 use crate::error::Result;
-use lightpath_artifacts::{Claim, digest_of};
 use lightpath_store::ArtifactRecord;
 
 impl Files {
@@ -13,13 +12,14 @@ impl Files {
         if bytes.is_empty() {
             return Ok(String::new());
         }
-        if let Some(stored) = self.intact(call, &digest_of(&bytes)).await? {
+        let (digest, bytes) = self.artifacts.digest_of(bytes).await?;
+        if let Some(stored) = self.intact(call, &digest).await? {
             call.concerns(&stored.digest);
             return Ok(stored.digest);
         }
         let size_bytes = bytes.len() as u64;
         self.require_room_to_ask(call, size_bytes).await?;
-        let claim = Claim::take(self.artifacts.space(), &call.caller.name, size_bytes, size_bytes)?;
+        let claim = self.artifacts.claim(&call.caller.name, size_bytes).await?;
         self.require_owner_room(call, &claim).await?;
         let record = async |digest: String, seen| self.record(call, &digest, size_bytes, seen).await;
         let digest = self.artifacts.publish(bytes, record).await?.digest;
