@@ -26,6 +26,8 @@ mod migrate_tests;
 mod removal;
 mod restore;
 #[cfg(test)]
+mod restore_tests;
+#[cfg(test)]
 mod tests;
 mod tokens;
 

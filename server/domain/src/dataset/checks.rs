@@ -59,7 +59,7 @@ pub struct LargestValue {
     pub full_scale: f64,
     /// Fraction of the pixels that have exactly this value in one of their colours.
     pub share: f64,
-    /// Fraction of the pixels whose brightest colour is lower by up to a hundredth.
+    /// Fraction of the pixels whose brightest colour is lower by up to a hundredth, and of whole numbers by up to three.
     pub share_below: f64,
 }
 
