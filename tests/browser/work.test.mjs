@@ -70,6 +70,21 @@ test("a version is promoted with a reason and rolled back, and another open page
   assert.deepEqual([...page.problems, ...other.problems], []);
 });
 
+test("a click reaches a button whose table is drawn again while it is pressed", async () => {
+  const { kernels: [kernel] } = await server.get("displays/demo/kernels");
+  const page = await openPage(browser, server.url);
+  await page.goto(`${server.url}/#/${kernel.name}`);
+  const button = page.getByRole("button", { name: "Promote 2" });
+  await button.hover();
+  await page.mouse.down();
+  await server.post(`${kernel.name}:setAlias`, { alias: "pressed", version: 2 });
+  await page.getByText(/pressed: none → 2/).waitFor();
+  await page.mouse.up();
+  await page.getByRole("button", { name: "Cancel" }).click();
+  await page.getByRole("row").getByText("pressed", { exact: true }).waitFor();
+  assert.deepEqual(page.problems, []);
+});
+
 test("two versions are compared, and a report shows what was learned", async () => {
   const { kernels: [kernel] } = await server.get("displays/demo/kernels");
   const page = await openPage(browser, server.url);

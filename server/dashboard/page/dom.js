@@ -17,13 +17,41 @@ export function h(tag, attributes = {}, ...children) {
   return element;
 }
 
-/** Replaces the children of an element, and keeps the focus on the element with the same id or `data-key`. */
+/** The element that the pointer presses, and what is to be shown when it is released, by the element that shows it. */
+let pressed = null;
+const waiting = new Map();
+
+/**
+ * Replaces the children of an element, and keeps the focus on the element with the same id or `data-key`. What the
+ * pointer presses is replaced when it is released: a browser drops the click on an element that goes between the two.
+ */
 export function show(parent, ...children) {
+  const nodes = children.flat(Infinity).filter((child) => child !== null && child !== undefined && child !== false);
+  if (pressed && parent.contains(pressed)) waiting.set(parent, nodes);
+  else replace(parent, nodes);
+}
+
+function replace(parent, nodes) {
+  waiting.delete(parent);
   const focused = parent.contains(document.activeElement) ? document.activeElement : null;
   const key = focused?.id || focused?.dataset.key;
-  parent.replaceChildren(...children.flat(Infinity).filter((child) => child !== null && child !== undefined && child !== false));
+  parent.replaceChildren(...nodes);
   if (!key || focused.isConnected) return;
   for (const element of parent.querySelectorAll("[id], [data-key]")) {
     if (element.id === key || element.dataset.key === key) element.focus({ preventScroll: true });
   }
+}
+
+function release() {
+  pressed = null;
+  for (const [parent, nodes] of [...waiting]) replace(parent, nodes);
+}
+
+addEventListener("pointerdown", (event) => {
+  release();
+  if (event.button === 0) pressed = event.target;
+}, true);
+for (const end of ["pointerup", "pointercancel", "blur"]) {
+  // The click follows `pointerup` at once.
+  addEventListener(end, (event) => (event.type !== "blur" || event.target === window) && setTimeout(release), true);
 }
