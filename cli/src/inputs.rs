@@ -7,13 +7,13 @@ use std::fs::File;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
 
-/// Extensions of pictures that the server reads.
-pub(crate) const PICTURES: &[&str] = &["png", "jpg", "jpeg", "tif", "tiff"];
+/// Extensions of pictures and arrays that the server reads.
+pub(crate) const PICTURES: &[&str] = &["png", "jpg", "jpeg", "tif", "tiff", "bmp", "npy"];
 /// Extensions of holograms.
 pub(crate) const HOLOGRAMS: &[&str] = &["png"];
 
-/// How pictures and arrays begin: PNG, JPEG, TIFF and BigTIFF in both byte orders, `.npy`.
-const STARTS: [&[u8]; 7] = [b"\x89PNG", b"\xff\xd8\xff", b"II*\0", b"MM\0*", b"II+\0", b"MM\0+", b"\x93NUMPY"];
+/// How pictures and arrays begin: PNG, JPEG, TIFF and BigTIFF in both byte orders, BMP, `.npy`.
+const STARTS: [&[u8]; 8] = [b"\x89PNG", b"\xff\xd8\xff", b"II*\0", b"MM\0*", b"II+\0", b"MM\0+", b"BM", b"\x93NUMPY"];
 
 /// The given files, with the files of each folder in its place: those with one of the extensions, sorted by name. Says
 /// on stderr how many each folder has.
@@ -59,7 +59,7 @@ pub(crate) fn require_pictures<'a>(files: impl IntoIterator<Item = &'a PathBuf>)
         }
         let path = path.display();
         Err(Failure::Usage(format!(
-            "{path} is not a picture or array (PNG, JPEG, TIFF or .npy), so nothing was uploaded; correct the list of \
+            "{path} is not a picture or array (PNG, JPEG, TIFF, BMP or .npy), so nothing was uploaded; correct the list of \
              files"
         )))
     })
@@ -142,7 +142,7 @@ mod tests {
         assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
         let key = file("key.png", b"-----BEGIN OPENSSH PRIVATE KEY-----");
         for bad in
-            [key, file("empty.png", b""), file("picture.bmp", b"BM\x36\0\0\0\0\0\0\0"), pipe, folder.path().to_owned()]
+            [key, file("empty.png", b""), file("picture.gif", b"GIF89a\x01\0\x01\0"), pipe, folder.path().to_owned()]
         {
             match require_pictures(good.iter().chain([&bad])) {
                 Err(Failure::Usage(text)) => assert!(

@@ -49,12 +49,12 @@ Examples:
 Look at the pictures of --error before you trust a figure: coloured rims along
 the edges mean that the target was not found exactly.")]
 pub(crate) struct Score {
-    /// Score these photographs: PNG, JPEG or TIFF, grey or colour, at least 32x32 px; a folder stands for all pictures
+    /// Score these photographs: PNG, JPEG, TIFF, BMP or .npy, grey or colour, at least 32x32 px; a folder stands for all pictures
     /// in it
     #[arg(required = true, value_name = "PHOTO")]
     photos: Vec<PathBuf>,
 
-    /// Find and compare this target: PNG, JPEG or TIFF, grey or colour, at least 32x32 px
+    /// Find and compare this target: PNG, JPEG, TIFF, BMP or .npy, grey or colour, at least 32x32 px
     #[arg(long, value_name = "FILE")]
     target: PathBuf,
 

@@ -25,8 +25,8 @@ async fn invalid_targets_are_refused() {
     let phase = cli.path("phase.png");
     for (name, bytes, signs) in [
         ("cut.png", &whole[..whole.len() / 2], ["PNG", "cut off"]),
-        ("zero.png", &[], ["empty", "PNG, JPEG or TIFF"]),
-        ("letter.png", b"This is a letter, not a picture.", ["not a readable picture", "PNG, JPEG or TIFF"]),
+        ("zero.png", &[], ["empty", "PNG, JPEG, TIFF, BMP or .npy"]),
+        ("letter.png", b"This is a letter, not a picture.", ["not a readable picture", "PNG, JPEG, TIFF, BMP or .npy"]),
         ("huge.png", &png_header(60_000, 60_000), ["60000×60000", "at most"]),
         ("dot.png", &png(1, 1, |_, _| 255), ["1×1", "at least"]),
     ] {

@@ -51,8 +51,8 @@ async fn invalid_targets_are_refused() {
     for (bytes, signs) in [
         (whole[..whole.len() / 2].to_vec(), ["PNG", "cut off"]),
         (whole[..40].to_vec(), ["PNG", ""]),
-        (Vec::new(), ["empty", "PNG, JPEG or TIFF"]),
-        (b"This is a letter, not a picture.".to_vec(), ["not a readable picture", "PNG, JPEG or TIFF"]),
+        (Vec::new(), ["empty", "PNG, JPEG, TIFF, BMP or .npy"]),
+        (b"This is a letter, not a picture.".to_vec(), ["not a readable picture", "PNG, JPEG, TIFF, BMP or .npy"]),
         (png_header(60_000, 60_000), ["60000×60000", "at most"]),
         (png(1, 1, |_, _| 255), ["1×1", "at least"]),
         (png(64, 48, |_, _| 0), ["black", "must have light"]),

@@ -42,11 +42,11 @@ pub(crate) struct Add {
     /// Name of the dataset
     name: String,
 
-    /// Add this hologram as it was displayed: a grey PNG of levels, or a .npy file of the phase in radians (float32)
+    /// Add this hologram as it was displayed: a grey PNG or BMP of levels, or a .npy file of the phase in radians (float32)
     #[arg(long, value_name = "FILE", requires = "photo", required_unless_present_any = ["manifest", "phases"])]
     phase: Option<PathBuf>,
 
-    /// Add this photograph of the hologram of --phase: PNG, TIFF or JPEG, grey or colour, or .npy
+    /// Add this photograph of the hologram of --phase: PNG, JPEG, TIFF, BMP or .npy, grey or colour
     #[arg(long, value_name = "FILE", requires = "phase", required_unless_present_any = ["manifest", "phases"])]
     photo: Option<PathBuf>,
 

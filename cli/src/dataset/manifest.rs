@@ -2,15 +2,13 @@
 
 use crate::destination::name_of;
 use crate::failure::Failure;
-use crate::inputs::{self, has_extension, paths_in};
+use crate::inputs::{self, PICTURES, has_extension, paths_in};
 use lightpath::Words as _;
 use lightpath::v1::Split;
 use serde::{Deserialize, Deserializer, de};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Extensions of holograms and photographs. Other files of a folder are ignored.
-const PICTURES: &[&str] = &["png", "tif", "tiff", "jpg", "jpeg", "npy"];
 /// Most names that an error message lists.
 const SHOWN_MAX: usize = 5;
 

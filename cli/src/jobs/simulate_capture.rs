@@ -37,8 +37,9 @@ pub(crate) struct Simulate {
     #[command(flatten)]
     optics: Optics,
 
-    /// Photograph these holograms: grey PNGs of levels with the display's size; a folder stands for all PNGs in it
-    #[arg(long = "phase", value_name = "FILE.png", required = true, num_args = 1..)]
+    /// Photograph these holograms, which have the display's size: grey PNGs or BMPs of levels, or .npy files of the phase
+    /// in radians (float32); a folder stands for all PNGs in it
+    #[arg(long = "phase", value_name = "FILE", required = true, num_args = 1..)]
     phases: Vec<PathBuf>,
 
     /// Write the photographs here: 8-bit grey PNGs, linear light

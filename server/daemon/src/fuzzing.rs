@@ -26,9 +26,9 @@ const KERNEL_BYTES_MAX: u64 = 1536 << 20;
 /// A decoder of outside input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Decoder {
-    /// Decoder of targets: PNG, TIFF, JPEG.
+    /// Decoder of targets: PNG, JPEG, TIFF, BMP, `.npy`.
     Target,
-    /// Decoder of photographs: PNG, TIFF, JPEG, `.npy`.
+    /// Decoder of photographs: PNG, JPEG, TIFF, BMP, `.npy`.
     Photograph,
     /// Decoder of holograms as levels of the display.
     Levels,
@@ -56,6 +56,20 @@ impl Decoder {
         Self::Settings,
         Self::BackupManifest,
     ];
+
+    /// Memory that the server counts for decoding `bytes`, besides themselves \[bytes\]; `None`: it counts none, because they
+    /// come from the operator.
+    #[must_use]
+    pub fn counted_bytes(self, bytes: &[u8]) -> Option<u64> {
+        let counted = match self {
+            Self::Target | Self::Levels | Self::Phase => pictures::reading_bytes(bytes, (HEIGHT_PX * WIDTH_PX) as u64),
+            Self::Photograph => pictures::reading_bytes(bytes, 0),
+            Self::Kernel => kernel_formats::importing_bytes(bytes),
+            Self::StoredKernel => kernel_file::decoding_bytes(bytes.len() as u64),
+            Self::Settings | Self::BackupManifest => return None,
+        };
+        Some(counted.saturating_sub(bytes.len() as u64))
+    }
 
     /// Decodes `bytes`. Returns whether they are valid.
     #[must_use]

@@ -36,12 +36,17 @@ impl<'a> Array<'a> {
         Ok(Self { kind, shape: header.shape().to_vec(), is_c_order: header.order() == Order::C, data })
     }
 
+    /// Length of the values \[bytes\].
+    pub(crate) fn data_bytes(&self) -> usize {
+        self.data.len()
+    }
+
     /// The first `count` values; `None` if the file has fewer. Nothing is allocated before that is known.
-    pub(crate) fn values<const BYTES: usize>(
+    pub(crate) fn values<const BYTES: usize, T>(
         &self,
         count: usize,
-        of_value: impl Fn([u8; BYTES]) -> f32,
-    ) -> Option<Vec<f32>> {
+        of_value: impl Fn([u8; BYTES]) -> T,
+    ) -> Option<Vec<T>> {
         let values = self.data.as_chunks().0.get(..count)?;
         Some(values.iter().map(|&bytes| of_value(bytes)).collect())
     }
@@ -50,14 +55,6 @@ impl<'a> Array<'a> {
     pub(crate) fn described(&self) -> String {
         format!("{} of shape {}", self.kind, sides(&self.shape))
     }
-}
-
-/// Bytes of a value of the array; 0 for a file that is no plain array.
-pub(crate) fn value_bytes(bytes: &[u8]) -> usize {
-    let kind = Array::open(bytes).map(|array| array.kind);
-    kind.ok()
-        .and_then(|kind| kind.trim_start_matches(|letter: char| !letter.is_ascii_digit()).parse().ok())
-        .unwrap_or(0)
 }
 
 /// Checks that the file's header is short and has no nested brackets. Some hundred nested brackets would keep the

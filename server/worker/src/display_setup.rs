@@ -12,7 +12,7 @@ use lightpath_domain::slm;
 use lightpath_domain::units::{Distance, Wavelength};
 use lightpath_media::captures::CaptureError;
 use lightpath_media::kernel_file::KernelFileError;
-use lightpath_media::pictures::{self, PictureError};
+use lightpath_media::pictures::{self, Hologram, PictureError};
 use lightpath_optics::display::phase_response::PhaseResponse;
 use lightpath_optics::learning::BoxError;
 use lightpath_optics::{
@@ -104,9 +104,12 @@ impl DisplaySetup {
         Ok(self.response.quantize(steered.as_ref().unwrap_or(phase))?)
     }
 
-    /// The phase \[rad\], including the carrier, that the levels of a hologram file represent.
+    /// The phase \[rad\], including the carrier, that the display shows for a hologram file.
     pub(super) fn displayed_phase(&self, file: &[u8]) -> Result<Plane<f32>, TaskError> {
-        let levels = pictures::levels(file, self.declared.bit_depth, self.height_px(), self.width_px())?;
+        let levels = match pictures::hologram(file, self.declared.bit_depth, self.height_px(), self.width_px())? {
+            Hologram::Levels(levels) => levels,
+            Hologram::Phase(phase) => self.levels_of(&phase)?,
+        };
         Ok(self.response.dequantize(&levels)?)
     }
 

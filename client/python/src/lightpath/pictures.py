@@ -26,7 +26,7 @@ class Tensor(Protocol):
 
 
 Picture: TypeAlias = str | os.PathLike[str] | Image.Image | npt.NDArray[Any] | Tensor
-"""A picture: a file (PNG, JPEG or TIFF), a PIL image, or an array or tensor.
+"""A picture: a file (PNG, JPEG, TIFF, BMP or `.npy`), a PIL image, or an array or tensor.
 
 Arrays are [height][width] or [height][width][3]; tensors may also be [3][height][width], with leading axes of length 1.
 Values are uint8, uint16, bool, or floats from 0 to 1. What they mean is said by the encoding, as for a file.

@@ -8,8 +8,7 @@
 //! of the dataset. The factor makes photographs of different exposures comparable and keeps their light at or below 1.
 //! Pixels that are saturated or outside the photograph get the value 1, and learning ignores them.
 
-use crate::npy;
-use crate::pictures::{self, Photo, PhotoReading, PictureError, SATURATED, SATURATION};
+use crate::pictures::{self, Hologram, Photo, PhotoReading, PictureError, SATURATED, SATURATION};
 use lightpath_camera::alignment::{AlignmentError, CameraMap, Homography, warp};
 use lightpath_domain::dataset::{self, Dataset, Encoding, Pair};
 use lightpath_domain::display::Display;
@@ -137,17 +136,16 @@ impl Captures {
         self.alignment.map(|alignment| alignment.stored)
     }
 
-    /// Reads the phase \[rad\] of a hologram, without the carrier. The file is a grey PNG of levels, which include the
-    /// carrier as displayed, or a `.npy` file of radians without the carrier.
+    /// Reads the phase \[rad\] of a hologram, without the carrier.
     ///
     /// # Errors
     ///
     /// [`CaptureError`] for a file that is no hologram or has another size than the display.
     pub fn phase(&self, file: &[u8]) -> Result<Plane<f32>, CaptureError> {
-        if npy::is_npy(file) {
-            return Ok(pictures::phase_npy(file, self.height_px(), self.width_px())?);
-        }
-        let levels = pictures::levels(file, self.bit_depth, self.height_px(), self.width_px())?;
+        let levels = match pictures::hologram(file, self.bit_depth, self.height_px(), self.width_px())? {
+            Hologram::Phase(phase) => return Ok(phase),
+            Hologram::Levels(levels) => levels,
+        };
         let displayed = self.response.dequantize(&levels)?;
         Ok(match self.carrier {
             // The carrier is half a turn, so adding it a second time removes it.

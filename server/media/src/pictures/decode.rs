@@ -1,11 +1,13 @@
 //! Decoding of picture files to linear light.
 
 use super::memory::{self, reading_bytes};
-use super::opening::{Opened, name, open, refusal};
-use super::{PictureError, fit, jpeg_end, srgb_to_linear};
-use crate::budget::{Budget, Held};
+use super::opening::{name, open};
+use super::samples::Samples;
+use super::{PictureError, array, fit, jpeg_end};
+use crate::budget::Budget;
+use crate::npy;
 use image::metadata::Orientation;
-use image::{ColorType, ImageDecoder as _, ImageFormat};
+use image::{ImageDecoder as _, ImageFormat};
 use lightpath_domain::dataset::Encoding;
 use lightpath_domain::job::Fit;
 use lightpath_optics::Plane;
@@ -90,6 +92,9 @@ pub fn colour_planes(bytes: &[u8], encoding: Encoding, side_px_min: u32) -> Resu
 ///
 /// [`PictureError`] for a file that is no readable picture, and for a picture beyond the limits.
 pub fn picture_size(bytes: &[u8]) -> Result<(u32, u32), PictureError> {
+    if npy::is_npy(bytes) {
+        return Ok(array::ArrayPicture::open(bytes)?.size_px());
+    }
     let mut opened = open(bytes)?;
     let (width_px, height_px) = opened.decoder.dimensions();
     Ok(match opened.orientation() {
@@ -100,125 +105,56 @@ pub fn picture_size(bytes: &[u8]) -> Result<(u32, u32), PictureError> {
     })
 }
 
-/// A decoded picture, before its values are converted to light.
-struct Picture<'b> {
-    samples: Samples<'b>,
+/// A decoded picture or array, before its values are converted to light.
+pub(super) struct Picture<'b> {
+    pub(super) samples: Samples<'b>,
     budget: &'b Budget,
-    height_px: usize,
-    width_px: usize,
+    pub(super) height_px: usize,
+    pub(super) width_px: usize,
     orientation: Orientation,
 }
 
 impl<'b> Picture<'b> {
-    fn read(bytes: &[u8], side_px_min: u32, budget: &'b Budget) -> Result<Self, PictureError> {
-        let mut opened = open(bytes)?;
-        let (format, (width_px, height_px)) = (opened.format, opened.decoder.dimensions());
-        if width_px < side_px_min || height_px < side_px_min {
-            return Err(PictureError::TooSmall { width_px, height_px, min_px: side_px_min });
+    pub(super) fn read(bytes: &[u8], side_px_min: u32, budget: &'b Budget) -> Result<Self, PictureError> {
+        let require_size = |(width_px, height_px): (u32, u32)| match width_px.min(height_px) < side_px_min {
+            true => Err(PictureError::TooSmall { width_px, height_px, min_px: side_px_min }),
+            false => Ok((width_px as usize, height_px as usize)),
+        };
+        if npy::is_npy(bytes) {
+            let array = array::ArrayPicture::open(bytes)?;
+            let (width_px, height_px) = require_size(array.size_px())?;
+            let samples = Samples::of_array(&array, budget)?;
+            return Ok(Self { samples, budget, height_px, width_px, orientation: Orientation::NoTransforms });
         }
-        if format == ImageFormat::Jpeg && !jpeg_end::has_end_of_image(bytes) {
-            return Err(PictureError::Truncated { format: name(format) });
+        let mut opened = open(bytes)?;
+        let (width_px, height_px) = require_size(opened.decoder.dimensions())?;
+        if opened.format == ImageFormat::Jpeg && !jpeg_end::has_end_of_image(bytes) {
+            return Err(PictureError::Truncated { format: name(opened.format) });
         }
         let orientation = opened.orientation();
-        let samples = read_samples(opened, budget)?;
-        Ok(Self { samples, budget, height_px: height_px as usize, width_px: width_px as usize, orientation })
+        Ok(Self { samples: Samples::of_picture(opened, budget)?, budget, height_px, width_px, orientation })
     }
 
     fn light(&self, encoding: Encoding, channel: Channel) -> Result<Plane<f32>, PictureError> {
+        self.turned(|| self.samples.light(encoding, channel, self.height_px, self.width_px))
+    }
+
+    /// The light that `of_samples` makes, turned by the orientation that the camera recorded.
+    pub(super) fn turned(
+        &self,
+        of_samples: impl FnOnce() -> Result<Plane<f32>, PictureError>,
+    ) -> Result<Plane<f32>, PictureError> {
         let light_bytes = (size_of::<f32>() * self.height_px * self.width_px) as u64;
         self.budget.take(light_bytes)?;
-        let light = self.samples.light(encoding, channel, self.height_px, self.width_px);
+        let light = of_samples()?;
         let is_turned = self.orientation != Orientation::NoTransforms;
         let _turned = self.budget.hold(if is_turned { light_bytes } else { 0 })?;
         Ok(oriented(light, self.orientation))
     }
 }
 
-/// Interleaved samples from the decoder. 16-bit samples are in the machine's byte order.
-pub(super) struct Samples<'b> {
-    pub(super) bytes: Vec<u8>,
-    pub(super) colour: ColorType,
-    _held: Held<'b>,
-}
-
-pub(super) fn read_samples<'b>(opened: Opened<'_>, budget: &'b Budget) -> Result<Samples<'b>, PictureError> {
-    let Opened { format, decoder, decoding_bytes } = opened;
-    let colour = decoder.color_type();
-    match colour {
-        ColorType::L8 | ColorType::La8 | ColorType::Rgb8 | ColorType::Rgba8 => {}
-        ColorType::L16 | ColorType::La16 | ColorType::Rgb16 | ColorType::Rgba16 => {}
-        other => return Err(PictureError::Unsupported { format: name(format), detail: format!("{other:?}") }),
-    }
-    let held = budget.hold(decoder.total_bytes())?;
-    let _decoding = budget.hold(decoding_bytes)?;
-    let mut bytes = vec![0; decoder.total_bytes() as usize];
-    decoder.read_image_boxed(&mut bytes).map_err(|error| refusal(format, &error))?;
-    Ok(Samples { bytes, colour, _held: held })
-}
-
-impl Samples<'_> {
-    fn light(&self, encoding: Encoding, channel: Channel, height_px: usize, width_px: usize) -> Plane<f32> {
-        let wide = self.colour.bytes_per_pixel() / self.colour.channel_count() == 2;
-        let full_scale = if wide { f32::from(u16::MAX) } else { f32::from(u8::MAX) };
-        let decode: Vec<f32> = (0..=full_scale as u32)
-            .map(|value| value as f32 / full_scale)
-            .map(|value| if encoding == Encoding::Srgb { srgb_to_linear(value) } else { value })
-            .collect();
-        let channels = usize::from(self.colour.channel_count());
-        let colours = channels - usize::from(self.colour.has_alpha());
-        let sample = |i: usize| {
-            if wide { usize::from(self.sample_16(i)) } else { usize::from(self.bytes[i]) }
-        };
-        Plane::from_fn(height_px, width_px, |y, x| {
-            let first = (y * width_px + x) * channels;
-            let value = match channel {
-                Channel::Colour(colour) if colours == 3 => decode[sample(first + colour.min(2))],
-                Channel::Colour(_) | Channel::Mean => {
-                    (first..first + colours).map(|i| decode[sample(i)]).sum::<f32>() / colours as f32
-                }
-            };
-            let opaque = if colours < channels { sample(first + colours) as f32 / full_scale } else { 1.0 };
-            value * opaque
-        })
-    }
-
-    /// Whether all colours are equal at every pixel.
-    fn is_grey(&self) -> bool {
-        let channels = usize::from(self.colour.channel_count());
-        if channels - usize::from(self.colour.has_alpha()) < 3 {
-            return true;
-        }
-        let pixel_bytes = usize::from(self.colour.bytes_per_pixel());
-        let sample_bytes = pixel_bytes / channels;
-        self.bytes.chunks_exact(pixel_bytes).all(|pixel| {
-            let colours = &pixel[..3 * sample_bytes];
-            colours[..2 * sample_bytes] == colours[sample_bytes..]
-        })
-    }
-
-    /// Whether a sample has 16 bits, and not 8.
-    pub(super) fn is_wide(&self) -> bool {
-        self.colour.bytes_per_pixel() / self.colour.channel_count() == 2
-    }
-
-    /// Samples of a pixel, and how many of them are not alpha.
-    pub(super) fn channels_and_colours(&self) -> (usize, usize) {
-        let channels = usize::from(self.colour.channel_count());
-        (channels, channels - usize::from(self.colour.has_alpha()))
-    }
-
-    /// The `i`-th sample.
-    pub(super) fn value(&self, i: usize) -> u32 {
-        if self.is_wide() { self.sample_16(i).into() } else { self.bytes[i].into() }
-    }
-
-    pub(super) fn sample_16(&self, i: usize) -> u16 {
-        u16::from_ne_bytes([self.bytes[2 * i], self.bytes[2 * i + 1]])
-    }
-}
-
 /// The plane, turned by the orientation that the camera recorded.
-pub(super) fn oriented(plane: Plane<f32>, orientation: Orientation) -> Plane<f32> {
+fn oriented(plane: Plane<f32>, orientation: Orientation) -> Plane<f32> {
     let (h, w) = (plane.height_px(), plane.width_px());
     match orientation {
         Orientation::NoTransforms => plane,

@@ -7,9 +7,9 @@ use crate::budget::OverBudget;
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum PictureError {
-    #[error("the picture is empty (0 bytes), but must be a PNG, JPEG or TIFF file")]
+    #[error("the picture is empty (0 bytes), but must be a PNG, JPEG, TIFF, BMP or .npy file")]
     Empty,
-    #[error("the file is not a readable picture (it starts with {start}); send a PNG, JPEG or TIFF file")]
+    #[error("the file is not a readable picture (it starts with {start}); send a PNG, JPEG, TIFF, BMP or .npy file")]
     NotAPicture { start: String },
     #[error("the file has {bytes} bytes, but at most {FILE_BYTES_MAX} are accepted")]
     FileTooLarge { bytes: usize },
@@ -24,7 +24,9 @@ pub enum PictureError {
     Truncated { format: &'static str },
     #[error("the {format} file is damaged ({detail}); save it again")]
     Damaged { format: &'static str, detail: String },
-    #[error("the {format} file is of an unsupported kind ({detail}); save it as grey or RGB with 8 or 16 bits")]
+    #[error(
+        "the {format} file is of an unsupported kind ({detail}); save it as grey or RGB with 8 or 16 bits, or as .npy"
+    )]
     Unsupported { format: &'static str, detail: String },
     #[error(
         "the TIFF file has {pictures} pictures, and not exactly one of them is of full resolution; save the one that is \
@@ -35,14 +37,16 @@ pub enum PictureError {
     WrongSize { width_px: u32, height_px: u32, actual_width_px: u32, actual_height_px: u32 },
     #[error("the region must have at least one pixel and lie inside the picture, which has {width_px}×{height_px} px")]
     RegionOutside { width_px: u32, height_px: u32 },
-    #[error("a hologram's levels must be a grey PNG of 8 or 16 bits without alpha, but this is {actual}")]
+    #[error(
+        "a hologram's levels must be a grey PNG of 8 or 16 bits without alpha, or a grey BMP, but this is {actual}"
+    )]
     NotLevels { actual: String },
     #[error(
         "the hologram is a file of 8 bits, its largest level is {largest}, and the display has levels of {bit_depth} bits, 0 \
          to {level_max}; levels are never scaled: if a viewer scaled them to 8 bits, take the original; if they are meant \
          as they are, save them as a grey PNG of 16 bits"
     )]
-    NarrowLevels { largest: u8, bit_depth: u32, level_max: u16 },
+    NarrowLevels { largest: u16, bit_depth: u32, level_max: u16 },
     #[error(
         "level {level} at x = {x_px} px, y = {y_px} px is beyond the display's {bit_depth} bits (0 to {level_max}); \
          levels are stored as they are, not scaled to the PNG's range"
@@ -53,12 +57,17 @@ pub enum PictureError {
     )]
     NotAnArray { height_px: usize, width_px: usize, actual: String },
     #[error(
-        "a photograph in a .npy file must be float32, float64, uint8 or uint16 with shape [height, width], C order, \
-         but this is {actual}"
+        "a picture in a .npy file must be float32, float64, uint8 or uint16 with shape [height, width] or [height, width, \
+         3], C order, but this is {actual}"
     )]
-    NotAPhotoArray { actual: String },
-    #[error("the array holds a value that is not a finite number, at x = {x_px} px, y = {y_px} px")]
+    NotAPictureArray { actual: String },
+    #[error("the picture holds a value that is not a finite number, at x = {x_px} px, y = {y_px} px")]
     NotFinite { x_px: usize, y_px: usize },
+    #[error(
+        "the picture's floats are {least} to {largest}, but must be 0 (black) to 1 (white); divide them by the value of \
+         white, such as 255 or 65535"
+    )]
+    FloatRange { least: f32, largest: f32 },
     #[error(
         "the value {value} at x = {x_px} px, y = {y_px} px is above the largest value of {bit_depth} bits; if the \
          values are scaled to the range of the file, set photo_bit_depth to 0"

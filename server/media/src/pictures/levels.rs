@@ -1,42 +1,40 @@
-//! Reading of holograms: grey PNGs whose values are levels of the display.
+//! Reading of holograms: grey pictures whose values are levels of the display.
 
-use super::{PictureError, decode, opening, reading_bytes};
+use super::samples::{SampleKind, Samples};
+use super::{PictureError, opening, reading_bytes};
 use crate::budget::Budget;
-use image::{ColorType, ImageFormat};
+use image::{ImageDecoder as _, ImageFormat};
 use lightpath_optics::Plane;
 
-/// Reads the levels of a hologram, 0 to 2^`bit_depth` − 1, from a grey PNG of 16 bits, or of 8 bits if `bit_depth` is at
-/// most 8. Values are not scaled.
+/// Reads the levels of a hologram, 0 to 2^`bit_depth` − 1, from a grey PNG of 16 bits, or from a grey PNG or BMP of 8 bits
+/// if `bit_depth` is at most 8. Values are not scaled.
 ///
 /// # Errors
 ///
-/// [`PictureError`] for a file that is no readable PNG, is not grey, has another size than `height_px` × `width_px`, holds
+/// [`PictureError`] for a file that is no readable PNG or BMP, is not grey, has another size than `height_px` × `width_px`, holds
 /// a level that the display does not have, or has 8 bits and not all levels of the display: a viewer may have scaled them.
 pub fn levels(bytes: &[u8], bit_depth: u32, height_px: usize, width_px: usize) -> Result<Plane<u16>, PictureError> {
     let budget = Budget::new(reading_bytes(bytes, (height_px * width_px) as u64));
     let opened = opening::open(bytes)?;
-    let (format, decoder) = (opened.format, &opened.decoder);
-    if format != ImageFormat::Png {
-        return Err(PictureError::NotLevels { actual: format!("a {format:?} file") });
+    match opened.format {
+        ImageFormat::Png => require_plain_png(bytes)?,
+        ImageFormat::Bmp => {}
+        format => return Err(PictureError::NotLevels { actual: format!("a {} file", opening::name(format)) }),
     }
-    // The decoder scales values of fewer than 8 bits and replaces palettes by colours. Both would change the levels.
-    let (bits, png_colour) = (bytes[24], bytes[25]);
-    if png_colour != 0 || bits < 8 || !matches!(decoder.color_type(), ColorType::L8 | ColorType::L16) {
-        return Err(PictureError::NotLevels { actual: kind(bits, png_colour) });
-    }
-    let (actual_width_px, actual_height_px) = decoder.dimensions();
+    let (actual_width_px, actual_height_px) = opened.decoder.dimensions();
     if (actual_height_px as usize, actual_width_px as usize) != (height_px, width_px) {
         let (width_px, height_px) = (width_px as u32, height_px as u32);
         return Err(PictureError::WrongSize { width_px, height_px, actual_width_px, actual_height_px });
     }
-    let samples = decode::read_samples(opened, &budget)?;
-    let plane = Plane::from_fn(height_px, width_px, |y, x| {
-        let i = y * width_px + x;
-        if samples.colour == ColorType::L16 { samples.sample_16(i) } else { u16::from(samples.bytes[i]) }
-    });
+    let samples = Samples::of_picture(opened, &budget)?;
+    if !samples.is_grey() || samples.colours < samples.channels {
+        return Err(PictureError::NotLevels { actual: "a file of colours".to_owned() });
+    }
+    let level = |y: usize, x: usize| samples.integer((y * width_px + x) * samples.channels);
+    let plane = Plane::from_fn(height_px, width_px, level);
     require_levels(&plane, bit_depth)?;
-    if bit_depth > 8 && samples.colour == ColorType::L8 {
-        let largest = samples.bytes.iter().copied().max().unwrap_or(0);
+    if bit_depth > 8 && samples.kind == SampleKind::U8 {
+        let largest = plane.values().iter().copied().max().unwrap_or(0);
         return Err(PictureError::NarrowLevels { largest, bit_depth, level_max: level_max(bit_depth) });
     }
     Ok(plane)
@@ -54,6 +52,15 @@ fn require_levels(plane: &Plane<u16>, bit_depth: u32) -> Result<(), PictureError
             let (x_px, y_px) = (i % plane.width_px(), i / plane.width_px());
             Err(PictureError::LevelTooHigh { level: plane.values()[i], x_px, y_px, bit_depth, level_max })
         }
+    }
+}
+
+/// Refuses a PNG whose levels the decoder would change: it scales values of fewer than 8 bits, and replaces palettes by
+/// colours.
+fn require_plain_png(bytes: &[u8]) -> Result<(), PictureError> {
+    match (bytes[24], bytes[25]) {
+        (8 | 16, 0) => Ok(()),
+        (bits, png_colour) => Err(PictureError::NotLevels { actual: kind(bits, png_colour) }),
     }
 }
 

@@ -1,5 +1,6 @@
 //! The memory that reading a picture needs, from the header of its file.
 
+use super::array::ArrayPicture;
 use super::opening::{self, Opened};
 use crate::npy;
 use image::ImageDecoder as _;
@@ -21,21 +22,25 @@ const OTHER_BYTES: u64 = 4 << 20;
 /// f bytes of the file (some decoders copy it), n pixels of the picture, m pixels after fitting. First there are its
 /// samples, s bytes, and what the decoder has besides them, d bytes: coefficients of JPEG, a copy of TIFF. Afterwards there
 /// is the light beside the samples, and a turned copy (t = 2) if the file records an orientation (otherwise t = 1). Then
-/// fitting has the picture, an intermediate that is not larger than picture or result, and the result. The values of an
-/// array become float32.
+/// fitting has the picture, an intermediate that is not larger than picture or result, and the result. The samples of an
+/// array are its numbers, as float32 if they are floats.
 #[must_use]
 pub fn reading_bytes(file: &[u8], fitted_px: u64) -> u64 {
     let file_bytes = 2 * file.len() as u64 + OTHER_BYTES;
     if npy::is_npy(file) {
-        let value_bytes = npy::value_bytes(file).max(1) as u64;
-        return file_bytes + LIGHT_BYTES * (file.len() as u64 / value_bytes) + 2 * LIGHT_BYTES * fitted_px;
+        let Ok(array) = ArrayPicture::open(file) else { return file_bytes };
+        let (px, samples_bytes) = (array.pixels(), array.samples_bytes());
+        return file_bytes + (samples_bytes + LIGHT_BYTES * px).max(fitting_bytes(px, fitted_px));
     }
     let Ok(mut opened) = opening::open(file) else { return file_bytes };
     let (px, turned) = (pixels_of(&opened), opened.orientation() != Orientation::NoTransforms);
     let light_bytes = LIGHT_BYTES * px * (1 + u64::from(turned));
     let decoding = opened.decoder.total_bytes() + opened.decoding_bytes.max(light_bytes);
-    let fitting = LIGHT_BYTES * px + 2 * LIGHT_BYTES * px.max(fitted_px);
-    file_bytes + decoding.max(fitting)
+    file_bytes + decoding.max(fitting_bytes(px, fitted_px))
+}
+
+fn fitting_bytes(px: u64, fitted_px: u64) -> u64 {
+    LIGHT_BYTES * px + 2 * LIGHT_BYTES * px.max(fitted_px)
 }
 
 /// Memory for two more planes of light than [`reading_bytes`] counts: those of a picture with colours.
@@ -46,6 +51,9 @@ pub(super) fn further_planes_bytes(file: &[u8]) -> u64 {
 /// Number of pixels of a picture, from its header; 0 for a file that is no readable picture.
 #[must_use]
 pub fn pixels(file: &[u8]) -> u64 {
+    if npy::is_npy(file) {
+        return ArrayPicture::open(file).map_or(0, |array| array.pixels());
+    }
     opening::open(file).map_or(0, |opened| pixels_of(&opened))
 }
 
@@ -71,7 +79,7 @@ mod tests {
         // The header is enough.
         assert_eq!(bytes(&png[..100], 1) - OTHER_BYTES, small - file + 200);
         let array = npy_f32(&plane).unwrap();
-        assert_eq!(bytes(&array, px), (2 * array.len() + array.len() / 4 * 4) as u64 + 8 * px + OTHER_BYTES);
+        assert_eq!(bytes(&array, px), 2 * array.len() as u64 + 12 * px + OTHER_BYTES);
         assert_eq!(bytes(b"no picture", 1), 20 + OTHER_BYTES);
         assert_eq!(pixels(&png[..100]), px);
         assert_eq!(pixels(b"no picture"), 0);

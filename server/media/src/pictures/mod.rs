@@ -1,11 +1,12 @@
 //! Pictures: decoding of users' files, fitting to a display, and encoding of results.
 //!
-//! A picture is recognized by its content, never by a file name. Its header is read and its size is checked before
+//! A picture (PNG, JPEG, TIFF, BMP) or array (`.npy`) is recognized by its content, never by a file name. Its header is read and its size is checked before
 //! memory for its pixels is allocated. No file takes more memory than [`reading_bytes`] says of it from its header
 //! ([`crate::budget`]). The result of decoding is a plane of linear light in [0, 1]:
 //!
 //! - sRGB values are decoded to linear light *before* channels are averaged and pixels are resampled;
 //! - the light is the mean over the colour channels, unless the caller asks for one channel;
+//! - floats are 0 (black) to 1 (white), and others are refused;
 //! - transparent pixels are black: alpha multiplies the light;
 //! - of a TIFF file with thumbnails, the picture of full resolution is read; a stack of pictures is refused;
 //! - the orientation that a camera recorded in a picture is applied, as in every viewer;
@@ -16,6 +17,7 @@ mod decode;
 mod encode;
 mod error;
 mod fit;
+mod hologram;
 mod jpeg;
 mod jpeg_end;
 mod levels;
@@ -24,6 +26,7 @@ mod opening;
 mod photograph;
 mod picture_bytes;
 mod png_chunks;
+mod samples;
 mod srgb;
 #[cfg(test)]
 mod tests;
@@ -39,6 +42,7 @@ pub use decode::{
 pub use encode::{colour_png, grey_png_linear, grey_png_srgb, levels_png, npy_f32, rgb_png};
 pub use error::PictureError;
 pub use fit::{fit, resized};
+pub use hologram::{Hologram, hologram};
 pub use levels::levels;
 pub use memory::{pixels, reading_bytes};
 pub use photograph::{Photo, PhotoReading, SATURATED, SATURATION, photo};

@@ -4,7 +4,7 @@ use super::jpeg::JpegDecoder;
 use super::tiff_pages::{full_picture, pointing_to};
 use super::{FILE_BYTES_MAX, PIXELS_MAX, PictureBytes, PictureError, SIDE_PX_MAX, png_chunks};
 use crate::shortened::shortened;
-use image::codecs::{png::PngDecoder, tiff::TiffDecoder};
+use image::codecs::{bmp::BmpDecoder, png::PngDecoder, tiff::TiffDecoder};
 use image::metadata::Orientation;
 use image::{ImageDecoder, ImageError, ImageFormat, ImageResult, Limits};
 use std::io;
@@ -44,6 +44,7 @@ pub(super) fn open(bytes: &[u8]) -> Result<Opened<'_>, PictureError> {
         ImageFormat::Png => open_png(bytes),
         ImageFormat::Jpeg => open_jpeg(bytes),
         ImageFormat::Tiff => open_tiff(bytes)?,
+        ImageFormat::Bmp => open_bmp(bytes),
         _ => return Err(not_a_picture()),
     };
     let (mut decoder, decoding_bytes) = opened.map_err(|error| refusal(format, &error))?;
@@ -79,6 +80,12 @@ fn open_jpeg(bytes: &[u8]) -> Decoding<'_> {
     Ok((Box::new(decoder), decoding_bytes))
 }
 
+fn open_bmp(bytes: &[u8]) -> Decoding<'_> {
+    let decoder = BmpDecoder::new(PictureBytes::new(bytes))?;
+    let row_bytes = 8 * u64::from(decoder.dimensions().0);
+    Ok((Box::new(decoder), row_bytes))
+}
+
 fn open_tiff(bytes: &[u8]) -> Result<Decoding<'_>, PictureError> {
     let format = name(ImageFormat::Tiff);
     let directory = full_picture(bytes)?;
@@ -108,6 +115,7 @@ pub(super) fn name(format: ImageFormat) -> &'static str {
     match format {
         ImageFormat::Jpeg => "JPEG",
         ImageFormat::Tiff => "TIFF",
+        ImageFormat::Bmp => "BMP",
         _ => "PNG",
     }
 }

@@ -8,13 +8,10 @@
 //! scale. A saturated pixel has a light of exactly 1, whatever the mean of its colours: a laser may saturate one
 //! channel alone.
 
-use super::decode::{self, Samples};
-use super::opening;
-use super::{FILE_BYTES_MAX, PictureError, reading_bytes, srgb_to_linear};
+use super::decode::Picture;
+use super::samples::{SampleKind, Samples};
+use super::{PictureError, reading_bytes, srgb_to_linear};
 use crate::budget::Budget;
-use crate::npy;
-use crate::shortened::sides;
-use image::ImageFormat;
 use lightpath_domain::dataset::{Encoding, LargestValue};
 use lightpath_optics::Plane;
 
@@ -43,50 +40,32 @@ pub struct Photo {
     pub largest: Option<LargestValue>,
 }
 
-/// Reads a photograph. The file is PNG, TIFF, JPEG, or `.npy` of float32, float64, uint8 or uint16.
+/// Reads a photograph, a picture or an array.
 ///
 /// # Errors
 ///
 /// [`PictureError`] for a file that is no readable picture, and for a picture that is beyond the limits, holds a value
 /// that is not a finite number, or holds a value above the declared bits.
 pub fn photo(bytes: &[u8], reading: &PhotoReading) -> Result<Photo, PictureError> {
-    if npy::is_npy(bytes) {
-        return array_photo(bytes, reading);
-    }
     let budget = Budget::new(reading_bytes(bytes, 0));
-    let mut opened = opening::open(bytes)?;
-    let (width_px, height_px) = opened.decoder.dimensions();
-    if width_px == 0 || height_px == 0 {
-        return Err(PictureError::TooSmall { width_px, height_px, min_px: 1 });
-    }
-    if opened.format == ImageFormat::Jpeg && !super::jpeg_end::has_end_of_image(bytes) {
-        return Err(PictureError::Truncated { format: "JPEG" });
-    }
-    let orientation = opened.orientation();
-    let samples = decode::read_samples(opened, &budget)?;
-    let light = picture_light(&samples, reading, height_px as usize, width_px as usize)?;
-    let largest = picture_largest(&samples, reading);
-    Ok(Photo { light: decode::oriented(light, orientation), largest })
-}
-
-/// Largest value that a file's samples can have, and the camera's full scale.
-fn scales(samples: &Samples<'_>, reading: &PhotoReading) -> (u32, u32) {
-    let file_scale = if samples.is_wide() { u32::from(u16::MAX) } else { u32::from(u8::MAX) };
-    let full_scale = match reading.bit_depth {
-        0 => file_scale,
-        bits => ((1_u32 << bits.min(16)) - 1).min(file_scale),
-    };
-    (file_scale, full_scale)
-}
-
-fn picture_largest(samples: &Samples<'_>, reading: &PhotoReading) -> Option<LargestValue> {
-    let (channels, colours) = samples.channels_and_colours();
-    let pixels = samples.bytes.len() / usize::from(samples.colour.bytes_per_pixel());
-    let brightest = (0..pixels).map(|i| {
-        let values = (i * channels..i * channels + colours).map(|k| samples.value(k));
-        f64::from(values.max().unwrap_or(0))
+    let picture = Picture::read(bytes, 1, &budget)?;
+    let samples = &picture.samples;
+    let scale = full_scale(samples, reading);
+    let light = picture.turned(|| light(samples, reading, scale, [picture.height_px, picture.width_px]))?;
+    let brightest = (0..samples.len() / samples.channels).map(|i| {
+        let values = (i * samples.channels..).take(samples.colours).map(|k| samples.value(k));
+        f64::from(values.fold(f32::NEG_INFINITY, f32::max))
     });
-    largest(brightest, scales(samples, reading).1.into())
+    Ok(Photo { light, largest: largest(brightest, scale.into()) })
+}
+
+/// The camera's full scale in the numbers of the file.
+fn full_scale(samples: &Samples<'_>, reading: &PhotoReading) -> f32 {
+    let file_scale = samples.kind.full_scale();
+    match reading.bit_depth {
+        0 => file_scale,
+        bits => (((1_u32 << bits.min(16)) - 1) as f32).min(file_scale),
+    }
 }
 
 /// The largest of the values, and how many there are of it and close below: within a hundredth, and of whole numbers three
@@ -104,81 +83,33 @@ fn largest(values: impl Iterator<Item = f64> + Clone, full_scale: f64) -> Option
     Some(LargestValue { value, full_scale, share: share(at), share_below: share(below) })
 }
 
-fn picture_light(
+fn light(
     samples: &Samples<'_>,
     reading: &PhotoReading,
-    height_px: usize,
-    width_px: usize,
+    full_scale: f32,
+    [height_px, width_px]: [usize; 2],
 ) -> Result<Plane<f32>, PictureError> {
-    let (channels, colours) = samples.channels_and_colours();
-    let (file_scale, full_scale) = scales(samples, reading);
-    let table: Vec<f32> = (0..=file_scale).map(|value| light_of(value as f32 / full_scale as f32, reading)).collect();
-    let mut above = None;
+    let table: Vec<f32> = match samples.kind {
+        SampleKind::F32 => Vec::new(),
+        kind => (0..=kind.full_scale() as u32).map(|value| light_of(value as f32 / full_scale, reading)).collect(),
+    };
+    let of_sample = |i: usize| match samples.kind {
+        SampleKind::F32 => light_of(samples.value(i), reading),
+        _ => table[usize::from(samples.integer(i))],
+    };
+    if samples.kind != SampleKind::F32
+        && let Some(i) = (0..samples.len()).find(|&i| samples.value(i) > full_scale)
+    {
+        let ((x_px, y_px), value) = (samples.place(i), samples.integer(i).into());
+        return Err(PictureError::AboveBitDepth { value, x_px, y_px, bit_depth: reading.bit_depth });
+    }
     let mut light = Plane::filled(height_px, width_px, 0.0_f32);
     for (i, out) in light.values_mut().iter_mut().enumerate() {
-        let (mut sum, mut saturated) = (0.0, false);
-        for k in i * channels..i * channels + colours {
-            let value = samples.value(k);
-            if value > full_scale && above.is_none() {
-                above = Some((value, i));
-            }
-            saturated |= value as f32 >= SATURATION * full_scale as f32;
-            sum += table[value as usize];
-        }
-        *out = if saturated { SATURATED } else { sum / colours as f32 };
+        let colours = i * samples.channels..i * samples.channels + samples.colours;
+        let is_saturated = colours.clone().any(|k| samples.value(k) >= SATURATION * full_scale);
+        *out = if is_saturated { SATURATED } else { colours.map(of_sample).sum::<f32>() / samples.colours as f32 };
     }
-    match above {
-        None => Ok(light),
-        Some((value, i)) => Err(PictureError::AboveBitDepth {
-            value,
-            x_px: i % width_px,
-            y_px: i / width_px,
-            bit_depth: reading.bit_depth,
-        }),
-    }
-}
-
-fn array_photo(bytes: &[u8], reading: &PhotoReading) -> Result<Photo, PictureError> {
-    if bytes.len() > FILE_BYTES_MAX {
-        return Err(PictureError::FileTooLarge { bytes: bytes.len() });
-    }
-    let refused = |actual: String| PictureError::NotAPhotoArray { actual };
-    let array = npy::Array::open(bytes).map_err(refused)?;
-    let (kind, shape) = (&array.kind, sides(&array.shape));
-    let [height_px, width_px] = *array.shape else { return Err(refused(format!("{kind} of shape {shape}"))) };
-    let side_max = u64::from(super::SIDE_PX_MAX);
-    if !array.is_c_order || height_px == 0 || width_px == 0 || height_px > side_max || width_px > side_max {
-        let order = if array.is_c_order { "C" } else { "Fortran" };
-        return Err(refused(format!("{kind} of shape {shape}, {order} order")));
-    }
-    let pixels = height_px * width_px;
-    let refused_length = || refused(format!("{kind} of shape {shape} in a file of {} bytes", bytes.len()));
-    if pixels > super::PIXELS_MAX {
-        return Err(refused_length());
-    }
-    let pixels = pixels as usize;
-    let full_scale = match reading.bit_depth {
-        0 => f32::from(u16::MAX),
-        bits => ((1_u32 << bits.min(16)) - 1) as f32,
-    };
-    // The values, and the full scale of what the file has.
-    let (values, full_scale): (Option<Vec<f32>>, f32) = match kind.trim_start_matches(['<', '|', '=']) {
-        "f4" => (array.values(pixels, f32::from_le_bytes), 1.0),
-        "f8" => (array.values(pixels, |bytes| f64::from_le_bytes(bytes) as f32), 1.0),
-        "u1" => (array.values(pixels, |[value]| f32::from(value)), 255.0),
-        "u2" => (array.values(pixels, |bytes| f32::from(u16::from_le_bytes(bytes))), full_scale),
-        _ => return Err(refused(format!("{kind} of shape {shape}"))),
-    };
-    let values = values.ok_or_else(refused_length)?;
-    let width = width_px as usize;
-    if let Some(i) = values.iter().position(|value| !value.is_finite()) {
-        return Err(PictureError::NotFinite { x_px: i % width, y_px: i / width });
-    }
-    let largest = largest(values.iter().map(|&value| f64::from(value)), full_scale.into());
-    let light = |value: f32| if value >= SATURATION { SATURATED } else { light_of(value, reading) };
-    let values = values.into_iter().map(|value| light(value / full_scale)).collect();
-    let plane = Plane::try_from_vec(height_px as usize, width, values);
-    Ok(Photo { light: plane.map_err(|error| refused(error.to_string()))?, largest })
+    Ok(light)
 }
 
 fn light_of(value: f32, reading: &PhotoReading) -> f32 {

@@ -45,6 +45,33 @@ fn levels_are_read_back_unscaled() {
 }
 
 #[test]
+fn grey_bitmaps_are_pictures_and_holograms() {
+    let levels_of = |y: u32, x: u32| (31 * x + 57 * y) as u8;
+    let grey = file(image::GrayImage::from_fn(9, 8, |x, y| image::Luma([levels_of(y, x)])), ImageFormat::Bmp);
+    let rgb = file(image::RgbImage::from_fn(9, 8, |x, y| image::Rgb([levels_of(y, x); 3])), ImageFormat::Bmp);
+    let plane = Plane::from_fn(8, 9, |y, x| u16::from(levels_of(y as u32, x as u32)));
+    for bitmap in [grey, rgb] {
+        assert_eq!(levels(&bitmap, 8, 8, 9).unwrap(), plane);
+        assert!(matches!(levels(&bitmap, 10, 8, 9), Err(PictureError::NarrowLevels { .. })));
+        let light = photograph(&bitmap, Encoding::Linear).unwrap();
+        assert_eq!((light.at(7, 8), picture_size(&bitmap).unwrap()), (f32::from(plane.at(7, 8)) / 255.0, (9, 8)));
+    }
+    let mut colours = image::RgbImage::new(9, 8);
+    colours.put_pixel(3, 3, image::Rgb([1, 2, 3]));
+    let refused = levels(&file(colours, ImageFormat::Bmp), 8, 8, 9).unwrap_err().to_string();
+    assert!(refused.contains("a file of colours"), "{refused}");
+}
+
+#[test]
+fn holograms_are_levels_or_phases() {
+    let png = levels_png(&Plane::filled(4, 6, 200), 8).unwrap();
+    assert_eq!(hologram(&png, 8, 4, 6).unwrap(), Hologram::Levels(Plane::filled(4, 6, 200)));
+    let phase = npy_f32(&Plane::filled(4, 6, -0.5)).unwrap();
+    assert_eq!(hologram(&phase, 8, 4, 6).unwrap(), Hologram::Phase(Plane::filled(4, 6, -0.5)));
+    assert!(matches!(hologram(&phase, 8, 6, 4), Err(PictureError::NotAnArray { .. })));
+}
+
+#[test]
 fn files_without_valid_levels_are_refused() {
     let png = levels_png(&Plane::filled(4, 6, 200), 8).unwrap();
     assert!(matches!(levels(&png, 7, 4, 6), Err(PictureError::LevelTooHigh { level: 200, .. })));
@@ -104,7 +131,7 @@ fn damaged_and_foreign_files_are_refused_with_a_reason() {
     assert!(matches!(photograph(&[], Encoding::Linear), Err(PictureError::Empty)));
     assert!(message(b"Dear Sir, please find attached").contains("starts with Dear Sir"));
     let noise = image::GrayImage::from_fn(64, 64, |x, y| image::Luma([(x * 31 + y * 57 + x * y) as u8]));
-    for format in [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::Tiff] {
+    for format in [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::Tiff, ImageFormat::Bmp] {
         let whole = file(noise.clone(), format);
         assert!(target_intensity(&whole, Encoding::Srgb, Fit::Contain, 64, 64).is_ok());
         for kept in 0..whole.len() - 12 {

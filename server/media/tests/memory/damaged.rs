@@ -77,7 +77,7 @@ fn pictures() -> Vec<(String, Vec<u8>)> {
     let kinds = [grey.to_luma8().into(), grey.to_rgb8().into(), grey.to_luma16().into(), grey.to_rgba16().into()];
     let mut files = vec![("npy".to_owned(), pictures::npy_f32(&plane).unwrap())];
     for picture in kinds.iter().map(|kind: &DynamicImage| kind) {
-        for format in [ImageFormat::Png, ImageFormat::Tiff, ImageFormat::Jpeg] {
+        for format in [ImageFormat::Png, ImageFormat::Tiff, ImageFormat::Jpeg, ImageFormat::Bmp] {
             let mut bytes = Cursor::new(Vec::new());
             let written = match format {
                 ImageFormat::Tiff => picture.write_with_encoder(TiffEncoder::new(&mut bytes)),
@@ -108,8 +108,7 @@ fn pictures_take_what_is_counted_whatever_is_damaged() {
     let _alone = alone();
     let mut random = Random(11);
     for (name, file) in pictures() {
-        let [target, photo] = read_within(&name, &file, DISPLAY_PX);
-        assert!(photo.is_empty() && (target.is_empty() || name == "npy"), "{name}: {target} {photo}");
+        assert_eq!(read_within(&name, &file, DISPLAY_PX), ["", ""], "{name}");
         for i in 0..FILES {
             read_within(&format!("{name}, damaged {i}"), &damaged(&file, &mut random), DISPLAY_PX);
         }

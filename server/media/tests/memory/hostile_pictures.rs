@@ -329,7 +329,7 @@ fn arrays_take_what_is_counted() {
         assert_eq!(photo, "", "{descr}");
         for shape in ["(1099511627776, 1099511627776)", "(16384, 4096)", "(1000, 1500)"] {
             let [_, photo] = read_within(descr, &array(descr, shape, 1_000_000), DISPLAY_PX);
-            assert!(photo.contains("a photograph in a .npy file must be"), "{descr} {shape}: {photo}");
+            assert!(photo.contains("a picture in a .npy file must be"), "{descr} {shape}: {photo}");
         }
     }
 }

@@ -279,6 +279,9 @@ async fn learned_kernel_gives_better_holograms() {
     let target = lab.target(20).await;
     let ideal = lab.hologram("new ideal", optimize(target.clone(), None, 100)).await;
     let better = lab.hologram("new learned", optimize(target.clone(), Some(1), 100)).await;
+    let frame = &better.wavelengths[0].frames[0];
+    let photos = [lab.photograph("levels", &frame.phase).await, lab.photograph("phase", &frame.phase_npy).await];
+    assert_eq!(photos[0], photos[1], "response, carrier and quantization are applied to a phase");
     assert!(plane(&ideal).quality.pixel.psnr_db > 20.0, "{ideal:?}");
     let (before, after) = (
         lab.captured_error("see ideal", &ideal, &target).await,

@@ -23,8 +23,8 @@ impl Kind for SimulateCapture {
         let key = KernelKey { display: self.display.clone(), wavelength: self.wavelength, distance: self.distance };
         let engine = jobs.ideal_engine(&display, &key, Detector::Pixel, None, false)?;
         let bench = display.simulated_bench.unwrap_or_default();
-        // The levels of a hologram have at most two bytes.
-        Ok(simulate_capture::need(engine, &bench, 6 * engine.pixels()))
+        // A phase, the same with the carrier, and the levels have ten bytes a pixel.
+        Ok(simulate_capture::need(engine, &bench, 10 * engine.pixels()))
     }
 }
 
@@ -51,7 +51,7 @@ impl Jobs {
         check_distance(&field.at("distance_m"), display, spec.wavelength, spec.distance)?;
         let (height_px, width_px) = (display.height_px as usize, display.width_px as usize);
         let bit_depth = display.bit_depth;
-        let decode = move |bytes: &[u8]| pictures::levels(bytes, bit_depth, height_px, width_px).map(drop);
+        let decode = move |bytes: &[u8]| pictures::hologram(bytes, bit_depth, height_px, width_px).map(drop);
         let hologram = (spec.phase.as_str(), (height_px * width_px) as u64);
         self.files.decoded(call, &field.at("phase"), hologram, decode).await.map(drop)
     }
