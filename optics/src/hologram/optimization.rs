@@ -2,7 +2,7 @@
 
 use super::adam::AdamState;
 use super::double_phase::double_phase;
-use super::evaluate::{Evaluate, Evaluation};
+use super::evaluate::{Evaluate, Evaluation, ProblemSize};
 use super::options::{HologramMethod, HologramOptions};
 use super::problem::HologramProblem;
 use super::state::{OptimizationState, Run};
@@ -12,6 +12,9 @@ use crate::metrics::Gain;
 use crate::numerics::Plane;
 use crate::numerics::optimizer::limited_memory::{LimitedMemory, Workspace};
 use std::time::Duration;
+
+/// Smallest part of the loss that rounding must add for the last third of the steps to be spent on it.
+const ROUNDING_LOSS_MIN: f64 = 1.0;
 
 /// A running optimization of the phases of a [`HologramProblem`].
 #[derive(Debug)]
@@ -113,18 +116,35 @@ impl Optimization {
         if self.state.iteration >= iterations {
             return None;
         }
-        if self.state.iteration >= free_iterations {
+        if self.state.iteration == free_iterations && self.loses_by_rounding() {
             self.state.run.round();
         }
         let evaluation = self.advance();
         self.state.iteration += 1;
-        if let Run::Lbfgs { memory, .. } = &self.state.run
-            && memory.counts.converged
-        {
+        if self.has_converged() {
             // L-BFGS cannot find a better point, so the remaining steps without rounding are skipped.
-            self.state.iteration = self.state.iteration.max(free_iterations);
+            let end = if self.state.iteration <= free_iterations { free_iterations } else { iterations };
+            self.state.iteration = end;
         }
         Some(Step { iteration: self.state.iteration, iterations, evaluation })
+    }
+
+    fn has_converged(&self) -> bool {
+        matches!(&self.state.run, Run::Lbfgs { memory, .. } if memory.counts.converged)
+    }
+
+    /// Whether rounding the present phases to the levels costs more than further steps without rounding may gain.
+    fn loses_by_rounding(&mut self) -> bool {
+        let Some(levels) = &self.options.levels else { return false };
+        let ProblemSize { height_px, width_px, .. } = self.problem.body.size();
+        let phases = self.state.phases();
+        let mut shown = vec![0.0; phases.len()];
+        for (i, (shown, phase)) in shown.chunks_mut(width_px).zip(phases.chunks(width_px)).enumerate() {
+            levels.show_row(i % height_px, phase, shown);
+        }
+        let free_loss = self.problem.body.measure(phases, 1.0).best_loss;
+        let rounded_loss = self.problem.body.measure(&shown, 1.0).best_loss;
+        self.has_converged() || rounded_loss - free_loss > ROUNDING_LOSS_MIN * free_loss
     }
 
     /// Takes one step of the current method: the chosen one, or rounding to levels.

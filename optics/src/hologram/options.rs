@@ -45,7 +45,8 @@ pub struct HologramOptions {
     /// Total number of steps, at least 1; [`HologramMethod::DoublePhase`] always takes one.
     pub iterations: u32,
     /// Levels of the display. If given, the last third of the steps moves the phases to these levels, so that the
-    /// display can show them exactly. Allowed only if [`HologramMethod::follows_gradient`] is true.
+    /// display can show them exactly. Where rounding would cost little, as with many levels and few steps, these steps
+    /// are free like all others. Allowed only if [`HologramMethod::follows_gradient`] is true.
     pub levels: Option<Levels>,
 }
 
