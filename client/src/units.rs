@@ -27,13 +27,19 @@ pub enum ParseError {
     )]
     UnknownUnit { length: Length, text: String, unit: String, example: &'static str },
     /// The number has no unit. It would be in metres, and that is too large for this kind of length.
-    #[error("{length} {text} has no unit and would be {text} m: write {text}{unit}")]
+    #[error("{length} {text} has no unit and would be {metres} m: write {metres}{unit}")]
     NoUnit {
         length: Length,
         text: String,
+        metres: String,
         /// The unit that the user probably meant.
         unit: &'static str,
     },
+    /// `650e-6um` may be 650 µm of somebody who thought of metres.
+    #[error(
+        "{length} {text} has a power of ten and a unit, which make {shown}: write it without the power, such as {example}"
+    )]
+    PowerAndUnit { length: Length, text: String, shown: String, example: &'static str },
 }
 
 /// Units, each with its power of ten.
@@ -68,6 +74,10 @@ impl Length {
         };
         let metres = with_power(number, *power).and_then(|decimal| decimal.parse::<f64>().ok());
         match metres {
+            Some(metres) if metres.is_finite() && *power < 0 && number.contains(['e', 'E']) => {
+                let (text, shown) = (text.to_owned(), format!("{metres:e} m"));
+                Err(ParseError::PowerAndUnit { length: self, text, shown, example })
+            }
             Some(metres) if metres.is_finite() => Ok(metres),
             Some(_) => Err(ParseError::NotFinite { length: self, text: text.to_owned(), example }),
             None => Err(not_a_number()),
@@ -83,7 +93,7 @@ impl Length {
         if metres.abs() > plain_max_m {
             // For example, 0.515 was probably meant in micrometres.
             let unit = if self == Self::Wavelength && metres.abs() < 10.0 { "um" } else { unit };
-            return Err(ParseError::NoUnit { length: self, text: text.to_owned(), unit });
+            return Err(ParseError::NoUnit { length: self, text: text.to_owned(), metres: metres.to_string(), unit });
         }
         Ok(metres)
     }
@@ -167,7 +177,7 @@ mod tests {
             (Length::Distance, "0.15", 0.15),
             (Length::Distance, "15 cm", 0.15),
             (Length::Distance, "-12.5mm", -0.0125),
-            (Length::Distance, "1.5e2mm", 0.15),
+            (Length::Distance, "1.5e-1m", 0.15),
             (Length::Distance, "+.5m", 0.5),
             (Length::Distance, "5.", 5.0),
             (Length::Distance, "0mm", 0.0),
@@ -187,12 +197,24 @@ mod tests {
     }
 
     #[test]
+    fn powers_beside_units_are_questioned() {
+        let refused = |length: Length, text: &str| length.parse_m(text).unwrap_err().to_string();
+        assert_eq!(
+            refused(Length::Wavelength, "650e-6um"),
+            "wavelength 650e-6um has a power of ten and a unit, which make 6.5e-10 m: write it without the power, such as \
+             515nm"
+        );
+        assert!(refused(Length::Distance, "1.5E2 mm").contains("which make 1.5e-1 m"));
+    }
+
+    #[test]
     fn error_names_forgotten_unit() {
         for (length, text, message) in [
             (Length::Distance, "150", "distance 150 has no unit and would be 150 m: write 150mm"),
             (Length::PixelPitch, "8", "pixel pitch 8 has no unit and would be 8 m: write 8um"),
             (Length::Wavelength, "515", "wavelength 515 has no unit and would be 515 m: write 515nm"),
             (Length::Wavelength, "0.515", "wavelength 0.515 has no unit and would be 0.515 m: write 0.515um"),
+            (Length::Wavelength, "650e-3", "wavelength 650e-3 has no unit and would be 0.65 m: write 0.65um"),
         ] {
             assert_eq!(length.parse_m(text).unwrap_err().to_string(), message);
         }

@@ -18,7 +18,7 @@ from lightpath.units import metres, resolution_px, show_length
         ("distance", 0.15, 0.15),
         ("distance", "15 cm", 0.15),
         ("distance", "-12.5mm", -0.0125),
-        ("distance", "1.5e2mm", 0.15),
+        ("distance", "1.5e-1m", 0.15),
         ("distance", "+.5m", 0.5),
         ("pixel_pitch", "3.74µm", 3.74e-6),
         ("wavelength", "515nm", 515e-9),
@@ -39,6 +39,8 @@ def test_lengths_are_the_nearest_float(field: str, length: float | str, length_m
         ("distance", float("nan"), "distance is nan: give a finite number"),
         ("pixel_pitch", 8, 'write "8um"'),
         ("wavelength", "515", 'write "515nm"'),
+        ("wavelength", "650e-3", 'write "0.65um"'),
+        ("wavelength", "650e-6um", "a power of ten and a unit, which make 6.5e-10 m: write it without the power"),
     ],
 )
 def test_bad_lengths_are_refused_with_the_fix(field: str, length: float | str, problem: str) -> None:

@@ -17,6 +17,9 @@ _NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[eE]([+-]?\d+))?\s*(.*)", re
 # From this size on a number in metres probably lacks its unit: a distance of 150 is not 150 m.
 _PLAIN_MAX_M = {"distance": (10.0, "mm"), "pixel_pitch": (1e-2, "um"), "wavelength": (1e-4, "nm")}
 
+# A smaller wavelength without a unit, such as 0.515, was meant in micrometres.
+_MICROMETRES_MAX = 10.0
+
 
 def metres(field: str, length: Length) -> float:
     """Return a length in metres.
@@ -30,7 +33,9 @@ def metres(field: str, length: Length) -> float:
         raise InvalidArgument(field, f"is {length}", f"give a finite number with a unit, such as {_example(unit)}")
     is_plain = not isinstance(length, str) or length.strip()[-1:].isdigit()
     if is_plain and abs(value) > plain_max_m:
-        raise InvalidArgument(field, f"is {length} without a unit, which is {length} m", f'write "{length}{unit}"')
+        if field == "wavelength" and abs(value) < _MICROMETRES_MAX:
+            unit = "um"
+        raise InvalidArgument(field, f"is {length} without a unit, which is {value:.12g} m", f'write "{value:.12g}{unit}"')
     return value
 
 
@@ -42,7 +47,11 @@ def _parsed(field: str, text: str, unit: str) -> float:
     power = _POWERS.get(given or "m")
     if power is None:
         raise InvalidArgument(field, f'has the unknown unit "{given}"', "use m, cm, mm, um (or µm), nm or pm")
-    return float(f"{number}e{int(exponent or 0) + power}")
+    value = float(f"{number}e{int(exponent or 0) + power}")
+    if exponent and power < 0:
+        problem = f'is "{text}", a power of ten and a unit, which make {value:.12g} m'
+        raise InvalidArgument(field, problem, f"write it without the power, such as {_example(unit)}")
+    return value
 
 
 def _example(unit: str) -> str:
