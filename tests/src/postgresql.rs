@@ -1,8 +1,13 @@
+use crate::fault_proxy::{Fault, FaultProxy, Upstream};
 use crate::material::declare;
 use crate::process::{Daemon, lightpathd};
+use crate::processes::socket_and_name;
 use lightpath::v1;
 use lightpath_fixtures::postgres_database;
+use std::time::Duration;
 use tempfile::TempDir;
+use tokio::process::Command;
+use tokio::time::{sleep, timeout};
 
 /// The commands for operators use the database on the server, too.
 #[tokio::test(flavor = "multi_thread")]
@@ -70,9 +75,44 @@ async fn unusable_database_is_refused_without_its_password() {
     for (url, signs) in [
         ("mysql://lab@localhost/lightpath", ["database_url", "postgres://"]),
         ("postgres://lab:geheim@127.0.0.1:1/lightpath", ["database", "refused"]),
+        (
+            "postgres://lab:geheim@db.invalid/lightpath",
+            ["whether the connection to db.invalid is encrypted", "sslmode"],
+        ),
     ] {
         let refused = lightpathd(&[serve.as_slice(), &[url]].concat()).await;
         assert!(!refused.stderr.contains("geheim"), "{refused:?}");
         refused.assert_refused(1, &signs);
     }
+}
+
+/// Waits until the server's health has this text in its answer.
+async fn until_health_says(daemon: &Daemon, sign: &str) {
+    let asked = async {
+        loop {
+            let address = format!("{}/healthz", daemon.url);
+            let answer = Command::new("curl").args(["--silent", "--include", &address]).output().await.unwrap();
+            if String::from_utf8_lossy(&answer.stdout).contains(sign) {
+                return;
+            }
+            sleep(Duration::from_millis(100)).await;
+        }
+    };
+    timeout(Duration::from_secs(25), asked).await.expect(sign);
+}
+
+/// Nothing ends the connections to a frozen machine, so only a limit on time tells that it is frozen.
+#[tokio::test(flavor = "multi_thread")]
+async fn frozen_database_is_noticed_before_calls_fail() {
+    let (data, url) = (TempDir::new().unwrap(), postgres_database().await);
+    let (socket, name) = socket_and_name(&url);
+    let proxy = FaultProxy::start(Upstream::Socket(socket)).await;
+    let url = format!("postgres://lightpath@127.0.0.1:{}/{name}?sslmode=disable", proxy.port);
+    let daemon = Daemon::start(data.path(), &["--database-url", &url]).await;
+    until_health_says(&daemon, " 200 ").await;
+    proxy.set(Fault::Silence);
+    until_health_says(&daemon, "database does not answer").await;
+    proxy.set(Fault::None);
+    until_health_says(&daemon, " 200 ").await;
+    daemon.stop().await;
 }

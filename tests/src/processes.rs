@@ -1,5 +1,5 @@
 use crate::crash::import_two_versions;
-use crate::disk::{Filler, TinyDisk};
+use crate::disk::{DISK_MIB, Filler, TinyDisk};
 use crate::fault_proxy::{Fault, FaultProxy, Upstream};
 use crate::ledger::{Ledger, assert_same_bytes};
 use crate::material::{declare, events, hologram, request, target};
@@ -261,7 +261,7 @@ impl Cluster {
         let database = postgres_database().await;
         let (socket, name) = socket_and_name(&database);
         let bucket = format!("s3://lightpath-tests/processes-{name}");
-        let disk = TinyDisk::mount();
+        let disk = TinyDisk::mount(DISK_MIB);
         let (mut members, mut folders) = (Vec::new(), Vec::new());
         for index in 0..SERVERS + WORKERS {
             let folder = TempDir::new().unwrap();
@@ -396,7 +396,7 @@ pub(crate) fn place(database: &str, bucket: &str, endpoint: &str) -> Vec<String>
 }
 
 /// Socket of the database server, and name of the database at `url`.
-fn socket_and_name(url: &str) -> (PathBuf, String) {
+pub(crate) fn socket_and_name(url: &str) -> (PathBuf, String) {
     let folder = std::env::var("LIGHTPATH_POSTGRES").unwrap().split("host=").nth(1).expect("a socket").to_owned();
     let name = url.split('?').next().unwrap().rsplit('/').next().unwrap().to_owned();
     (Path::new(&folder).join(".s.PGSQL.5432"), name)

@@ -11,8 +11,8 @@ use tokio::sync::watch;
 use tokio::time::timeout;
 use tokio_util::sync::CancellationToken;
 
-/// A server that cannot write to its database within this time reports that it is not serving.
-const WRITE_TURN_MAX: Duration = Duration::from_secs(5);
+/// A server that cannot read its database within this time, or write to it, reports that it is not serving.
+const DATABASE_ANSWER_MAX: Duration = Duration::from_secs(5);
 
 /// State shared by all services; cheap to clone.
 #[derive(Clone, Debug)]
@@ -59,8 +59,9 @@ impl Api {
             return Err(ServiceError::Stopping);
         }
         self.artifacts.space().room_to_start()?;
-        self.store.queue_counts().await?;
-        timeout(WRITE_TURN_MAX, self.store.wait_for_writer()).await.map_err(|_| ServiceError::Locked)??;
+        let counts = timeout(DATABASE_ANSWER_MAX, self.store.queue_counts()).await;
+        counts.map_err(|_| ServiceError::DatabaseSilent)??;
+        timeout(DATABASE_ANSWER_MAX, self.store.wait_for_writer()).await.map_err(|_| ServiceError::Locked)??;
         Ok(())
     }
 

@@ -83,6 +83,7 @@ fn answer(error: &ServiceError) -> Option<Answer> {
         ServiceError::Unauthenticated(_) => Answer::new(Code::Unauthenticated, "UNAUTHENTICATED"),
         ServiceError::NoCaller => Answer::new(Code::Unauthenticated, "NO_CALLER"),
         ServiceError::Denied(_) => Answer::new(Code::PermissionDenied, "PERMISSION_DENIED"),
+        ServiceError::DatabaseSilent => Answer::new(Code::Unavailable, "DATABASE_SILENT").retry(QUEUE_RETRY),
         ServiceError::Locked => Answer::new(Code::Unavailable, "DATABASE_LOCKED").retry(QUEUE_RETRY),
         ServiceError::Stopping => Answer::new(Code::Unavailable, "STOPPING").retry(RESTART_RETRY),
         ServiceError::TooLarge { .. } => Answer::new(Code::FailedPrecondition, "TOO_LARGE"),
@@ -122,6 +123,7 @@ fn store_answer(error: &StoreError) -> Option<Answer> {
         | StoreError::Corrupt { .. }
         | StoreError::NewerDatabase { .. }
         | StoreError::OlderDatabase
+        | StoreError::OpenConnection { .. }
         | StoreError::Unfinished
         | StoreError::EmptyDatabase
         | StoreError::LogUnreadable

@@ -83,6 +83,8 @@ pub enum ServiceError {
     Denied(String),
     #[error("the database cannot be written; another program may hold its lock")]
     Locked,
+    #[error("the database does not answer; the server or the network may be frozen")]
+    DatabaseSilent,
     #[error("the server is stopping; retry in a moment")]
     Stopping,
     #[error(

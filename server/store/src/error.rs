@@ -65,6 +65,11 @@ pub enum StoreError {
     /// The linked version of SQLite has known bugs.
     #[error("SQLite {found} is too old, but must be at least {required}")]
     SqliteTooOld { found: String, required: &'static str },
+    #[error(
+        "the URL of the database does not say whether the connection to {host} is encrypted: add ?sslmode=verify-full (with \
+         &sslrootcert=FILE for an authority of your own), or ?sslmode=disable where nobody else is on the network"
+    )]
+    OpenConnection { host: String },
     #[error("the stored value of {column} cannot be parsed")]
     Corrupt { column: &'static str, source: serde_json::Error },
     /// `step` is the first migration that this version does not know.
@@ -135,6 +140,7 @@ impl StoreError {
             | Self::Corrupt { .. }
             | Self::NewerDatabase { .. }
             | Self::OlderDatabase
+            | Self::OpenConnection { .. }
             | Self::EmptyDatabase
             | Self::Unfinished
             | Self::Nul

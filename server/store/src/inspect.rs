@@ -1,6 +1,6 @@
 //! Read access to a database that a server may be using, for checks and backups.
 
-use super::connect::{connect_once, connect_options, create_private};
+use super::connect::{connect_once, connect_options, create_private, postgres_options};
 use super::datasets::with_pairs;
 use super::migrations::{MIGRATIONS, has_table, require_finished, require_suitable};
 use super::rows::{json, json_option, to_json};
@@ -8,13 +8,11 @@ use super::sql::{Connection, from_row, query, query_as, scalar};
 use super::{Result, Store, StoreError};
 use lightpath_domain::dataset::digest;
 use serde_json::Value;
-use sqlx::postgres::PgConnectOptions;
 use sqlx::sqlite::{SqliteConnectOptions, SqliteConnection};
 use sqlx::{ConnectOptions as _, Connection as _};
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
-use std::str::FromStr as _;
 
 /// Rows of one page of artifacts.
 const PAGE: i64 = 1000;
@@ -123,7 +121,7 @@ impl Inspection {
     }
 
     async fn connect_to_any(url: &str) -> Result<Self> {
-        let options = PgConnectOptions::from_str(url)?.options([("default_transaction_read_only", "on")]);
+        let options = postgres_options(url)?.options([("default_transaction_read_only", "on")]);
         Ok(Self { connection: Connection::PostgresServer(connect_once(&options).await?) })
     }
 

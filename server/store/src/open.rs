@@ -1,14 +1,15 @@
 //! Opening the database: its tables brought up to date, its connections pooled.
 
-use super::connect::{ACQUIRE_TIMEOUT, POSTGRES_WRITERS, connect_once, connect_options, create_private};
+use super::connect::{
+    ACQUIRE_TIMEOUT, POSTGRES_WRITERS, connect_once, connect_options, create_private, postgres_options,
+};
 use super::migrations::{bring_up_to_date, require_finished};
 use super::sql::Pool;
 use super::{Result, Store, StoreError};
 use sqlx::Connection as _;
-use sqlx::postgres::{PgConnectOptions, PgListener, PgPoolOptions};
+use sqlx::postgres::{PgListener, PgPoolOptions};
 use sqlx::sqlite::{SqlitePool, SqlitePoolOptions};
 use std::path::Path;
-use std::str::FromStr as _;
 
 /// Number of read connections to SQLite. Reads are short, and more connections would only wait for the same disk and cores.
 const READERS: u32 = 4;
@@ -60,7 +61,7 @@ impl Store {
     /// [`StoreError::Database`] if the server cannot be reached or refuses; [`StoreError::Migration`] and
     /// [`StoreError::NewerDatabase`] as [`Self::open`].
     pub async fn connect(url: &str) -> Result<Self> {
-        let options = PgConnectOptions::from_str(url)?.application_name("lightpath").options(POSTGRES_LIMITS);
+        let options = postgres_options(url)?.application_name("lightpath").options(POSTGRES_LIMITS);
         // A pool tries again until its time is up and then hides the cause.
         connect_once(&options).await?.close().await?;
         let pool = |connections| PgPoolOptions::new().max_connections(connections).acquire_timeout(ACQUIRE_TIMEOUT);

@@ -60,7 +60,7 @@ async fn metrics_text(State(worker): State<Worker>) -> Response {
 impl Worker {
     async fn can_work(&self) -> Result<()> {
         self.artifacts.space().room_to_start()?;
-        timeout(ANSWER_MAX, self.store.queue_counts()).await.map_err(|_| ServiceError::Locked)??;
+        timeout(ANSWER_MAX, self.store.queue_counts()).await.map_err(|_| ServiceError::DatabaseSilent)??;
         Ok(())
     }
 }

@@ -36,7 +36,7 @@ pub(super) fn agree(remote: &Remote, data_dir: &Path) -> Result<String> {
 
 /// The name that the remote has.
 pub(super) fn named(remote: &Remote) -> Result<String> {
-    let found = match remote.get_all(&remote.prefix.clone().join(OBJECT)) {
+    let found = match remote.get_small(&remote.prefix.clone().join(OBJECT)) {
         Ok(found) => found,
         Err(object_store::Error::NotFound { .. }) => return Err(unfit("no server has kept artifacts there")),
         Err(error) => return Err(ArtifactError::remote("read the installation's name", error)),
@@ -51,7 +51,7 @@ fn probe(remote: &Remote) -> Result<()> {
     let create = |bytes: &'static [u8]| remote.put(&path, PutPayload::from_static(bytes), PutMode::Create);
     create(b"first").map_err(|error| ArtifactError::remote("create an object", error))?;
     let again = create(b"second");
-    let read = remote.get_all(&path);
+    let read = remote.get_small(&path);
     let store = std::sync::Arc::clone(&remote.store);
     let removed = remote.thread.wait(async move { store.delete(&path).await });
     match again {

@@ -41,18 +41,23 @@ use crate::error::{ArtifactError, Result};
 use crate::inventory::BlobKind;
 use futures::TryStreamExt as _;
 use object_store::path::Path;
-use object_store::{MultipartUpload as _, ObjectMeta, ObjectStore, ObjectStoreExt as _, PutMode, PutPayload};
+use object_store::{
+    GetOptions, GetRange, MultipartUpload as _, ObjectMeta, ObjectStore, ObjectStoreExt as _, PutMode, PutPayload,
+};
 use options::RemoteOptions;
 use sha2::{Digest as _, Sha256};
 use std::collections::{BTreeSet, HashSet};
 use std::fs::File;
 use std::io::{Read as _, Seek as _, SeekFrom};
+use std::ops::Range;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use thread::RequestThreads;
 use uuid::Uuid;
 
 /// Size of the parts in which blobs are sent and received \[bytes\]: S3 wants at least 5 MiB.
 const PART_BYTES: usize = 8 << 20;
+/// Largest object that is read whole \[bytes\].
+const SMALL_BYTES_MAX: u64 = 4096;
 /// Limit on the remembered copies that were damaged, for their memory: about 2 MB.
 const DAMAGED_MAX: usize = 10_000;
 
@@ -201,8 +206,7 @@ impl Remote {
             let (mut hasher, mut offset) = (Sha256::new(), 0);
             while offset < object.size_bytes {
                 let end = object.size_bytes.min(offset + PART_BYTES as u64);
-                let (store, path) = (Arc::clone(&self.store), path.clone());
-                match self.thread.wait(async move { store.get_range(&path, offset..end).await }) {
+                match self.get(&path, Some(offset..end), end - offset) {
                     Ok(bytes) => {
                         hasher.update(&bytes);
                         each(sink, &bytes).map_err(written)?;
@@ -250,9 +254,27 @@ impl Remote {
         self.thread.wait(async move { store.put_opts(&path, payload, mode.into()).await.map(|_| ()) })
     }
 
-    fn get_all(&self, path: &Path) -> object_store::Result<Vec<u8>> {
+    /// Reads a small object, such as a name.
+    fn get_small(&self, path: &Path) -> object_store::Result<Vec<u8>> {
+        self.get(path, None, SMALL_BYTES_MAX)
+    }
+
+    /// Reads an object, or a part of it. Stops at more than `bytes_max`, whatever the server sends.
+    fn get(&self, path: &Path, range: Option<Range<u64>>, bytes_max: u64) -> object_store::Result<Vec<u8>> {
         let (store, path) = (Arc::clone(&self.store), path.clone());
-        self.thread.wait(async move { store.get(&path).await?.bytes().await.map(|bytes| bytes.to_vec()) })
+        self.thread.wait(async move {
+            let options = GetOptions::new().with_range(range.map(GetRange::Bounded));
+            let mut pieces = store.get_opts(&path, options).await?.into_stream();
+            let mut bytes = Vec::new();
+            while let Some(piece) = pieces.try_next().await? {
+                if (bytes.len() + piece.len()) as u64 > bytes_max {
+                    let source = format!("the server sent more than the {bytes_max} bytes of {path}").into();
+                    return Err(object_store::Error::Generic { store: "S3", source });
+                }
+                bytes.extend_from_slice(&piece);
+            }
+            Ok(bytes)
+        })
     }
 
     /// All objects below a path.

@@ -2,17 +2,15 @@
 
 use super::{Side, Table, TransferError};
 use crate::StoreError;
-use crate::connect::{connect_once, connect_options, create_private};
+use crate::connect::{connect_once, connect_options, create_private, postgres_options};
 use crate::inspect::Inspection;
 use crate::migrations::{MIGRATIONS, migration_error, migrator};
 use crate::rows::{from_json, to_json};
 use crate::sql::{Builder, Connection, query, run_all, scalar};
 use crate::write::turn;
-use sqlx::postgres::PgConnectOptions;
 use sqlx::{ConnectOptions as _, PgConnection, SqliteConnection};
 use std::cmp::Ordering;
 use std::path::Path;
-use std::str::FromStr as _;
 use std::time::Duration;
 
 /// Number of looks for connections of a server, and time between two.
@@ -67,7 +65,7 @@ async fn connect_file(path: &Path) -> Result<SqliteConnection, TransferError> {
 
 /// Connects to a database of PostgreSQL and takes the turn of its writers, which then wait until the connection ends.
 async fn connect_alone(url: &str) -> Result<PgConnection, TransferError> {
-    let options = PgConnectOptions::from_str(url)?.application_name("lightpath migrate");
+    let options = postgres_options(url)?.application_name("lightpath migrate");
     let mut connection = connect_once(&options).await?;
     let turn = concat!("select pg_try_advisory_lock(", turn!(), ")");
     let alone: bool = sqlx::query_scalar(turn).fetch_one(&mut connection).await?;
