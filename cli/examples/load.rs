@@ -61,7 +61,7 @@ async fn main() {
     let credentials = Credentials {
         token: options.token_file.as_ref().map(|path| std::fs::read_to_string(path).unwrap()),
         authority_pem: options.ca_file.as_ref().map(|path| std::fs::read(path).unwrap()),
-        certificate_and_key_pem: None,
+        ..Credentials::default()
     };
     let connect = || Client::connect_as(&options.server, &credentials).unwrap();
     let client = connect();

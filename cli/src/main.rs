@@ -111,6 +111,10 @@ struct Cli {
     )]
     client_key: Option<PathBuf>,
 
+    /// Send the token unencrypted, over http://, to a server on another machine: only if nobody else is on the network
+    #[arg(long, global = true, env = "LIGHTPATH_INSECURE", help_heading = "Global options")]
+    insecure: bool,
+
     /// Print tables for people, or the API's messages in protobuf's JSON form: one document, or one line each
     #[arg(long, global = true, default_value = "table", value_name = "FORM", help_heading = "Global options")]
     output: Output,
@@ -226,7 +230,14 @@ fn main() -> ExitCode {
 async fn run(cli: Cli) -> Result<(), Failure> {
     let session = || {
         let certificate = cli.client_cert.as_deref().zip(cli.client_key.as_deref());
-        Session::open(&cli.server, cli.token_file.as_deref(), cli.ca_file.as_deref(), certificate, cli.output)
+        Session::open(
+            &cli.server,
+            cli.token_file.as_deref(),
+            cli.ca_file.as_deref(),
+            certificate,
+            cli.insecure,
+            cli.output,
+        )
     };
     match cli.command {
         Command::Display(command) => command.run(&session()?).await,

@@ -13,6 +13,7 @@ use crate::v1::server_service_client::ServerServiceClient;
 use crate::v1::webhook_service_client::WebhookServiceClient;
 use crate::{Error, Result};
 use std::fmt;
+use std::net::IpAddr;
 use std::time::Duration;
 use tonic::metadata::{Ascii, MetadataValue};
 use tonic::service::Interceptor;
@@ -55,6 +56,8 @@ pub struct Credentials {
     pub authority_pem: Option<Vec<u8>>,
     /// Certificate and private key (PEM) of the client, for a server that requires a client certificate.
     pub certificate_and_key_pem: Option<(Vec<u8>, Vec<u8>)>,
+    /// Whether the token may go unencrypted to another machine, because nobody else is on the network.
+    pub insecure: bool,
 }
 
 /// Hides the token and the key.
@@ -87,7 +90,7 @@ impl Client {
     /// # Errors
     ///
     /// [`Error::Url`] when `url` is not an `http://` or `https://` address. [`Error::Token`] when the token is empty or
-    /// has characters other than printable ASCII.
+    /// has characters other than printable ASCII. [`Error::OpenToken`] for `http://` to another machine.
     pub fn connect_with_token(url: &str, token: &str) -> Result<Self> {
         Self::connect_as(url, &Credentials { token: Some(token.to_owned()), ..Credentials::default() })
     }
@@ -97,10 +100,16 @@ impl Client {
     /// # Errors
     ///
     /// [`Error::Url`] when `url` is malformed or a certificate cannot be used. [`Error::Token`] when the token is empty
-    /// or has characters other than printable ASCII.
+    /// or has characters other than printable ASCII. [`Error::OpenToken`] when it would go unencrypted to another
+    /// machine.
     pub fn connect_as(url: &str, credentials: &Credentials) -> Result<Self> {
         let authorization = credentials.token.as_deref().map(authorization).transpose()?;
-        let channel = endpoint(url, credentials)?.connect_lazy();
+        let endpoint = endpoint(url, credentials)?;
+        let is_encrypted = endpoint.uri().scheme_str() == Some("https");
+        if authorization.is_some() && !credentials.insecure && !is_encrypted && !is_local(endpoint.uri().host()) {
+            return Err(Error::OpenToken { url: url.to_owned() });
+        }
+        let channel = endpoint.connect_lazy();
         Ok(Self { url: url.to_owned(), transport: InterceptedService::new(channel, Bearer { authorization }) })
     }
 
@@ -179,6 +188,12 @@ fn endpoint(url: &str, credentials: &Credentials) -> Result<Endpoint> {
         .keep_alive_timeout(KEEP_ALIVE_TIMEOUT))
 }
 
+/// Whether a host is this machine.
+fn is_local(host: Option<&str>) -> bool {
+    let host = host.unwrap_or_default().trim_start_matches('[').trim_end_matches(']');
+    host == "localhost" || host.parse().is_ok_and(|address: IpAddr| address.is_loopback())
+}
+
 /// TLS settings: the authorities that the system trusts, plus the credentials.
 fn tls(credentials: &Credentials) -> ClientTlsConfig {
     let mut tls = ClientTlsConfig::new().with_enabled_roots();
@@ -232,6 +247,22 @@ mod tests {
         assert!(!format!("{client:?}").contains("secret"));
         for bad in ["", " \n", "two words", "ümlaut"] {
             assert!(matches!(Client::connect_with_token("http://127.0.0.1:7070", bad), Err(Error::Token)), "{bad:?}");
+        }
+    }
+    #[tokio::test]
+    async fn tokens_go_unencrypted_to_the_same_machine_only() {
+        for url in ["http://localhost:7070", "http://127.0.0.2:7070", "http://[::1]:7070", "https://lab:7070"] {
+            assert!(Client::connect_with_token(url, "secret").is_ok(), "{url}");
+        }
+        for url in ["http://lab:7070", "http://192.168.0.7:7070", "http://127.0.0.1.example:7070"] {
+            let refused = Client::connect_with_token(url, "secret").unwrap_err();
+            assert!(
+                matches!(&refused, Error::OpenToken { .. }) && !refused.to_string().contains("secret"),
+                "{refused}"
+            );
+            assert!(Client::connect(url).is_ok(), "no token is sent");
+            let allowed = Credentials { token: Some("secret".into()), insecure: true, ..Credentials::default() };
+            assert!(Client::connect_as(url, &allowed).is_ok());
         }
     }
 }

@@ -24,6 +24,12 @@ pub enum Error {
         "the access token is empty or has characters other than printable ASCII; use a token of `lightpathd token create`"
     )]
     Token,
+    /// The token would go unencrypted to another machine.
+    #[error(
+        "the access token would go unencrypted to {url}: use https://, or allow it (--insecure, LIGHTPATH_INSECURE=true) if \
+         nobody else is on the network"
+    )]
+    OpenToken { url: String },
     /// No server answered, the connection was lost, or the server is shutting down. The call may succeed later.
     #[error("server {url} could not be reached: {reason}")]
     Unreachable {
@@ -99,6 +105,7 @@ impl Error {
             Self::Refused(refusal) => Some(refusal.status.code()),
             Self::Url { .. }
             | Self::Token
+            | Self::OpenToken { .. }
             | Self::JobUnsuccessful { .. }
             | Self::Damaged { .. }
             | Self::Protocol { .. }

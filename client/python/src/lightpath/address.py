@@ -5,6 +5,7 @@ Arguments come first, then the variables of the environment that the program `li
 
 from __future__ import annotations
 
+import ipaddress
 import os
 import ssl
 import urllib.request
@@ -70,6 +71,7 @@ def address(
     token_file: str | os.PathLike[str] | None,
     ca_file: str | os.PathLike[str] | None,
     client_certificate: tuple[str | os.PathLike[str], str | os.PathLike[str]] | None,
+    insecure: bool | None,
 ) -> Address:
     """Return the address for the arguments of `connect`."""
     url = url or os.environ.get("LIGHTPATH_SERVER") or DEFAULT_URL
@@ -90,8 +92,21 @@ def address(
         if certificate:
             tls.load_cert_chain(certificate, key)
     found = _token(token, token_file)
+    is_open = parts.scheme == "http" and not _is_local(parts.hostname or "")
+    if insecure is None:
+        insecure = os.environ.get("LIGHTPATH_INSECURE") == "true"
+    if found is not None and is_open and not insecure:
+        fix = "use https://, or insecure=True if nobody else is on the network"
+        raise InvalidArgument("token", f"would go unencrypted to {url}", fix)
     metadata = (("authorization", f"Bearer {found}"),) if found is not None else ()
     return Address(url, parts.netloc + default_port, credentials, metadata, tls)
+
+
+def _is_local(host: str) -> bool:
+    try:
+        return host == "localhost" or ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
 
 
 def _token(token: str | None, token_file: str | os.PathLike[str] | None) -> str | None:
