@@ -1,7 +1,7 @@
 #![no_main]
 
+mod account;
+
 use lightpath_server::fuzzing::Decoder;
 
-libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
-    let _ = Decoder::StoredKernel.accepts(bytes);
-});
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| account::decode(Decoder::StoredKernel, bytes));

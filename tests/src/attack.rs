@@ -1,11 +1,17 @@
 //! Attackers of every kind at once, and an honest client beside them.
 //!
-//! The server's memory must stay within its documented limits, the honest client must get its answers, nothing that was
-//! acknowledged may be lost, and the audit log must name every job.
+//! The server's memory must stay within its documented limits, its disk must keep the reserve, the honest client must get
+//! its answers, nothing that was acknowledged may be lost, and the audit log must name every job.
 
+mod hostile_files;
+
+use crate::disk::TinyDisk;
 use crate::material::{DISTANCE_M, WAVELENGTH_M, declare, display, hologram, kernel_file, request, target};
 use crate::process::{Daemon, lightpathd};
-use image::{ExtendedColorType, ImageEncoder as _, codecs::png::PngEncoder};
+use crate::stalled_streams::StalledConnection;
+use crate::uploads::noise;
+use futures::StreamExt as _;
+use hostile_files::HostileFiles;
 use lightpath::v1::artifact_service_client::ArtifactServiceClient;
 use lightpath::v1::kernel_service_client::KernelServiceClient;
 use lightpath::v1::write_artifact_request::Part;
@@ -13,6 +19,7 @@ use lightpath::{Client, names, v1};
 use std::collections::BTreeSet;
 use std::io::Write as _;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 use tokio::io::{AsyncReadExt as _, AsyncWriteExt as _};
@@ -36,8 +43,17 @@ const HONEST_INTERVAL: Duration = Duration::from_millis(100);
 const PACE: Duration = Duration::from_millis(2);
 /// Batch of the waiting job.
 const BATCH: &str = "frames";
+/// Size of the server's disk \[MiB\].
+const DISK_MIB: u64 = 768;
+/// How much of it must stay free \[MiB\].
+const RESERVE_MIB: u64 = 256;
+/// Interval between looks at the disk.
+const LOOK: Duration = Duration::from_millis(20);
 /// Attackers, each with a token of its own.
-const ATTACKERS: [&str; 8] = ["bomber", "hoarder", "dripper", "follower", "painter", "chainer", "lister", "stranger"];
+const ATTACKERS: [&str; 13] = [
+    "bomber", "hoarder", "dripper", "follower", "painter", "chainer", "lister", "packer", "talker", "viewer", "leaver",
+    "squeezer", "stranger",
+];
 
 /// Sizes and limits of one run.
 struct Scale {
@@ -90,6 +106,7 @@ struct Field {
     bomb: String,
     /// A job that waits.
     job: String,
+    files: Arc<HostileFiles>,
     end: CancellationToken,
 }
 
@@ -223,6 +240,84 @@ async fn list(field: Field) {
     field.repeat(4, attack).await;
 }
 
+/// Imports a file that is no kernel, again and again.
+async fn import(field: Field, file: impl Fn(&HostileFiles) -> &Vec<u8>) {
+    let artifact = field.client().upload_bytes(file(&field.files).clone()).await.unwrap();
+    let attack = move |client: Client| {
+        let import = v1::ImportKernelRequest {
+            display: names::display("learned"),
+            wavelength_m: WAVELENGTH_M,
+            distance_m: DISTANCE_M,
+            artifact: artifact.clone(),
+            ..Default::default()
+        };
+        async move {
+            client.import_kernel(import).await.unwrap_err();
+        }
+    };
+    field.repeat(4, attack).await;
+}
+
+/// Looks at pictures that would take much if their profiles were unpacked, or if they were made as large as each other.
+async fn view(field: Field) {
+    let client = field.client();
+    let profile = client.upload_bytes(field.files.profile.clone()).await.unwrap();
+    let [row, column] = field.files.thin.clone().map(|file| client.upload_bytes(file));
+    let (row, column) = (row.await.unwrap(), column.await.unwrap());
+    let paths = [
+        format!("/v1/artifacts/{profile}/picture"),
+        format!("/v1/artifacts/{row}/picture?minus={column}&minus_fit=stretch"),
+    ];
+    let address = field.url.trim_start_matches("http://").to_owned();
+    let mut looking = JoinSet::new();
+    for path in paths.iter().cycle() {
+        if field.end.is_cancelled() {
+            return;
+        }
+        let (address, token) = (address.clone(), field.token.clone());
+        let request = format!(
+            "GET {path} HTTP/1.1\r\nhost: localhost\r\nauthorization: Bearer {token}\r\nconnection: close\r\n\r\n"
+        );
+        looking.spawn(async move {
+            let Ok(mut stream) = TcpStream::connect(&address).await else { return };
+            let _ = stream.write_all(request.as_bytes()).await;
+            let _ = timeout(Duration::from_secs(5), stream.read_to_end(&mut Vec::new())).await;
+        });
+        if looking.len() >= 8 {
+            looking.join_next().await;
+        }
+        sleep(PACE).await;
+    }
+}
+
+/// Begins uploads of 8 MiB, and leaves in the middle of each.
+async fn leave(field: Field) {
+    let mut number = 0_u64;
+    while !field.end.is_cancelled() {
+        number += 1;
+        let start =
+            v1::WriteArtifactStart { digest: format!("sha256-{:064x}", !number), size_bytes: 8 << 20, offset_bytes: 0 };
+        let chunk = noise(512 << 10, number).into();
+        let parts = [Part::Start(start), Part::Chunk(chunk)].map(|part| v1::WriteArtifactRequest { part: Some(part) });
+        let stream = futures::stream::iter(parts).chain(futures::stream::pending());
+        let mut artifacts = ArtifactServiceClient::new(field.channel());
+        let _ = timeout(Duration::from_millis(100), artifacts.write_artifact(field.with_token(stream))).await;
+    }
+}
+
+/// Asks for long lists that may be compressed, and reads nothing of them.
+async fn squeeze(field: Field) {
+    while !field.end.is_cancelled() {
+        let mut connections = Vec::new();
+        for _ in 0..2 {
+            let mut connection = StalledConnection::connect(&field.url, 1).await;
+            connection.ask_all("/v1/jobs?pageSize=1000", Some(&field.token)).await;
+            connections.push(connection);
+        }
+        sleep(Duration::from_secs(2)).await;
+    }
+}
+
 /// Sends refused requests with long paths, without a token.
 async fn knock(field: Field) {
     let address = field.url.trim_start_matches("http://").to_owned();
@@ -246,17 +341,13 @@ async fn attack(name: &'static str, field: Field) {
         "painter" => paint(field).await,
         "chainer" => chain(field).await,
         "lister" => list(field).await,
+        "packer" => import(field, |files| &files.archive).await,
+        "talker" => import(field, |files| &files.header).await,
+        "viewer" => view(field).await,
+        "leaver" => leave(field).await,
+        "squeezer" => squeeze(field).await,
         _ => knock(field).await,
     }
-}
-
-/// A small file of a picture with `side_px`² pixels of 16 bits.
-fn picture_bomb(side_px: u32) -> Vec<u8> {
-    let mut pixels = vec![0_u8; 2 * (side_px as usize).pow(2)];
-    pixels[1000..2000].fill(200);
-    let mut bytes = Vec::new();
-    PngEncoder::new(&mut bytes).write_image(&pixels, side_px, side_px, ExtendedColorType::L16).unwrap();
-    bytes
 }
 
 async fn token(data: &Path, name: &str, role: &str) -> String {
@@ -318,7 +409,7 @@ async fn prepare(admin: &Client, scale: &Scale) -> (String, String) {
         ..Default::default()
     };
     admin.import_kernel(import).await.unwrap();
-    let bomb = admin.upload_bytes(picture_bomb(scale.side_px)).await.unwrap();
+    let bomb = admin.upload_bytes(hostile_files::large_picture(scale.side_px)).await.unwrap();
     let small = admin.upload_bytes(target(64, 48, 0)).await.unwrap();
     let pause = v1::PauseQueueRequest { display: names::display("wide"), reason: "attack".into() };
     admin.pause_queue(pause).await.unwrap();
@@ -328,27 +419,47 @@ async fn prepare(admin: &Client, scale: &Scale) -> (String, String) {
     (bomb, admin.submit_job(waiting).await.unwrap().name)
 }
 
+/// The least free space of the disk during this time \[MiB\].
+async fn least_free_mib(disk: Option<&TinyDisk>, duration: Duration) -> Option<u64> {
+    let (begin, mut least_mib) = (Instant::now(), None);
+    while begin.elapsed() < duration {
+        least_mib = disk.map(|disk| disk.free_mib().min(least_mib.unwrap_or(u64::MAX)));
+        sleep(LOOK).await;
+    }
+    least_mib
+}
+
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn an_honest_client_is_served_while_others_attack() {
     let scale = Scale::from_environment();
-    let data = TempDir::new().unwrap();
-    let [admin, honest] = [token(data.path(), "admin", "admin").await, token(data.path(), "honest", "submitter").await];
+    // Only an administrator may mount a disk. Others attack without one.
+    let (disk, folder) = (TinyDisk::mount(DISK_MIB), TempDir::new().unwrap());
+    let data = disk.as_ref().map_or_else(|| folder.path().to_owned(), TinyDisk::data_dir);
+    let [admin, honest] = [token(&data, "admin", "admin").await, token(&data, "honest", "submitter").await];
     let mut tokens = Vec::new();
     for name in ATTACKERS {
-        tokens.push(token(data.path(), name, "submitter").await);
+        tokens.push(token(&data, name, "submitter").await);
     }
-    let (under_way, computing) = (scale.under_way_mib.to_string(), scale.computing_mib.to_string());
+    let [under_way, computing, reserve] =
+        [scale.under_way_mib, scale.computing_mib, RESERVE_MIB].map(|mib| mib.to_string());
     let settings = ["--require-tokens", "true", "--under-way-mib-max", &under_way, "--computing-mib-max", &computing];
-    let server = Daemon::start(data.path(), &settings).await;
+    let server = Daemon::start(&data, &[&settings[..], &["--disk-reserve-mib", &reserve]].concat()).await;
     let admin = Client::connect_with_token(&server.url, &admin).unwrap();
     let (bomb_digest, job) = prepare(&admin, &scale).await;
+    let files = Arc::new(HostileFiles::make());
     let idle_kib = server.memory_kib();
 
     let end = CancellationToken::new();
     let mut attacks = JoinSet::new();
     for (name, token) in ATTACKERS.into_iter().zip(tokens) {
-        let field =
-            Field { url: server.url.clone(), token, bomb: bomb_digest.clone(), job: job.clone(), end: end.clone() };
+        let field = Field {
+            url: server.url.clone(),
+            token,
+            bomb: bomb_digest.clone(),
+            job: job.clone(),
+            files: Arc::clone(&files),
+            end: end.clone(),
+        };
         attacks.spawn(attack(name, field));
     }
     let working = tokio::spawn(work_honestly(
@@ -356,7 +467,7 @@ async fn an_honest_client_is_served_while_others_attack() {
         server.url.clone(),
         end.clone(),
     ));
-    sleep(scale.duration).await;
+    let free_mib = least_free_mib(disk.as_ref(), scale.duration).await;
     end.cancel();
     let Honest { submits_s, health_s, jobs } = working.await.unwrap();
     attacks.shutdown().await;
@@ -364,6 +475,9 @@ async fn an_honest_client_is_served_while_others_attack() {
     let peak_kib = server.memory_peak_kib();
     let limit_kib = idle_kib + ((scale.under_way_mib + scale.computing_mib) << 10);
     let mut table = format!("| memory, limit | {} MiB, {} MiB |\n", peak_kib >> 10, limit_kib >> 10);
+    if let Some(free_mib) = free_mib {
+        table += &format!("| free on the disk, reserve | {free_mib} MiB, {RESERVE_MIB} MiB |\n");
+    }
     let mut late = Vec::new();
     for (name, times_s, p99_s_max) in
         [("submit", &submits_s, scale.p99_s_max[0]), ("health", &health_s, scale.p99_s_max[1])]
@@ -376,15 +490,16 @@ async fn an_honest_client_is_served_while_others_attack() {
         }
     }
     write!(std::io::stderr(), "{table}").unwrap();
+    assert!(free_mib.is_none_or(|free_mib| free_mib >= RESERVE_MIB), "{free_mib:?} MiB of the disk were free");
     assert!(peak_kib as f64 <= limit_kib as f64 * (1.0 + MEMORY_MARGIN), "{peak_kib} KiB of {limit_kib} KiB");
     assert_eq!(late, [""; 0], "answers that took too long");
     for name in &jobs {
         admin.get_job(v1::GetJobRequest { name: name.clone() }).await.unwrap();
     }
     server.kill().await;
-    let log = std::fs::read_to_string(data.path().join("audit.jsonl")).unwrap();
+    let log = std::fs::read_to_string(data.join("audit.jsonl")).unwrap();
     for name in &jobs {
         assert!(log.contains(name), "{name} is not in the audit log");
     }
-    lightpathd(&["check", "--data-dir", data.path().to_str().unwrap()]).await.ok();
+    lightpathd(&["check", "--data-dir", data.to_str().unwrap()]).await.ok();
 }

@@ -13,26 +13,32 @@ use tempfile::TempDir;
 use tonic::Code;
 
 /// Size of the test disk \[MiB\].
-const DISK_MIB: u64 = 48;
+pub(crate) const DISK_MIB: u64 = 48;
 /// Iterations of a job that the test cancels before its end.
 const ENDLESS: u32 = 10_000;
 
-/// A mounted disk of [`DISK_MIB`]. It is unmounted when dropped.
+/// A mounted disk. It is unmounted when dropped.
 pub(crate) struct TinyDisk {
     folder: TempDir,
 }
 
 impl TinyDisk {
     /// Mounts a disk. `None` if the user lacks the right to mount.
-    pub(crate) fn mount() -> Option<Self> {
+    pub(crate) fn mount(size_mib: u64) -> Option<Self> {
         let folder = TempDir::new().unwrap();
-        let size = format!("size={DISK_MIB}m");
+        let size = format!("size={size_mib}m");
         let mount = Command::new("mount").args(["-t", "tmpfs", "-o", &size, "tmpfs"]).arg(folder.path()).output();
         mount.is_ok_and(|output| output.status.success()).then_some(Self { folder })
     }
 
     pub(crate) fn data_dir(&self) -> PathBuf {
         self.folder.path().join("data")
+    }
+
+    /// Free space \[MiB\].
+    pub(crate) fn free_mib(&self) -> u64 {
+        let space = rustix::fs::statvfs(self.folder.path()).unwrap();
+        (space.f_bavail * space.f_frsize) >> 20
     }
 
     /// Fills the disk except for `leave_mib` \[MiB\]. Dropping the filler frees the space.
@@ -138,7 +144,7 @@ async fn low_disk_refuses_new_work_but_not_reads() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn full_disk_loses_nothing_and_server_recovers_by_itself() {
-    let Some(disk) = TinyDisk::mount() else {
+    let Some(disk) = TinyDisk::mount(DISK_MIB) else {
         writeln!(std::io::stderr(), "NOT TESTED: a full disk; the test needs the right to mount one (root)").unwrap();
         return;
     };
@@ -184,7 +190,7 @@ async fn full_disk_loses_nothing_and_server_recovers_by_itself() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn uploads_never_use_the_reserve_and_interrupted_ones_make_room() {
-    let Some(disk) = TinyDisk::mount() else {
+    let Some(disk) = TinyDisk::mount(DISK_MIB) else {
         writeln!(std::io::stderr(), "NOT TESTED: a low disk; the test needs the right to mount one (root)").unwrap();
         return;
     };
@@ -230,7 +236,7 @@ async fn uploads_never_use_the_reserve_and_interrupted_ones_make_room() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn queued_jobs_wait_for_space_and_running_jobs_finish_in_reserve() {
-    let Some(disk) = TinyDisk::mount() else {
+    let Some(disk) = TinyDisk::mount(DISK_MIB) else {
         writeln!(std::io::stderr(), "NOT TESTED: a low disk; the test needs the right to mount one (root)").unwrap();
         return;
     };

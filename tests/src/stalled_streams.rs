@@ -57,11 +57,12 @@ fn headers(stream: u32, path: &str) -> Vec<u8> {
 }
 
 /// The HEADERS frame of a read over HTTP whose answer may be compressed.
-fn compressed_get(stream: u32, path: &str) -> Vec<u8> {
-    let path = [&[0x04, u8::try_from(path.len()).unwrap()], path.as_bytes()].concat();
-    let authority = [vec![0x01, 9], b"localhost".to_vec()].concat();
+fn compressed_get(stream: u32, path: &str, token: Option<&str>) -> Vec<u8> {
+    let text = |text: &str| [&[u8::try_from(text.len()).unwrap()], text.as_bytes()].concat();
+    let (path, authority) = ([vec![0x04], text(path)].concat(), [vec![0x01], text("localhost")].concat());
+    let authorization = token.map(|token| [vec![0x0f, 0x08], text(&format!("Bearer {token}"))].concat());
     // GET, http, and accept-encoding: gzip, deflate
-    let block = [vec![0x82, 0x86], path, authority, vec![0x90]].concat();
+    let block = [vec![0x82, 0x86], path, authority, vec![0x90], authorization.unwrap_or_default()].concat();
     frame(HEADERS, END_HEADERS | END_STREAM, stream, &block)
 }
 
@@ -84,7 +85,7 @@ struct Received {
 }
 
 /// An HTTP/2 connection of a client that leaves its streams open.
-struct StalledConnection {
+pub(crate) struct StalledConnection {
     to: OwnedWriteHalf,
     received: watch::Receiver<Received>,
     pings: u32,
@@ -93,7 +94,7 @@ struct StalledConnection {
 
 impl StalledConnection {
     /// Connects from another address than the other clients. The server may send `window_bytes` on each stream.
-    async fn connect(url: &str, window_bytes: u32) -> Self {
+    pub(crate) async fn connect(url: &str, window_bytes: u32) -> Self {
         let address: SocketAddr = url.trim_start_matches("http://").parse().unwrap();
         let socket = TcpSocket::new_v4().unwrap();
         socket.bind((Ipv4Addr::new(127, 0, 1, 1), 0).into()).unwrap();
@@ -116,6 +117,13 @@ impl StalledConnection {
         if self.to.write_all(frames).await.is_err() {
             let closed = self.received.wait_for(|received| received.closed);
             tokio::time::timeout(ANSWER_TIMEOUT, closed).await.unwrap().unwrap();
+        }
+    }
+
+    /// Reads a path on each open stream; the answers may be compressed.
+    pub(crate) async fn ask_all(&mut self, path: &str, token: Option<&str>) {
+        for stream in self.open() {
+            self.send(&compressed_get(stream, path, token)).await;
         }
     }
 
@@ -256,9 +264,7 @@ async fn unread_compressed_answers_take_little_memory_and_block_no_other_client(
     let mut connections = Vec::new();
     for _ in 0..CONNECTIONS {
         let mut connection = StalledConnection::connect(&daemon.url, 1).await;
-        for stream in connection.open() {
-            connection.send(&compressed_get(stream, "/v1/jobs?pageSize=200")).await;
-        }
+        connection.ask_all("/v1/jobs?pageSize=200", None).await;
         connections.push(connection);
     }
     let open = all_begun(&mut connections).await;
