@@ -296,13 +296,6 @@ fn manifests_of_keys(set: &mut Set) {
     // The signature is right for the key that signed, but the line names another.
     let renamed = good.replace(&public(SIGNER).id(), &public(EARLY).id());
     add("names-another-key.manifest", &known, "2026-12-01T00:00:00Z", renamed.into_bytes(), "manifest_wrong_signature");
-    for (file, id) in [
-        ("upper-case-id.manifest", public(SIGNER).id().to_uppercase()),
-        ("no-id.manifest", "not hexadecimal!".to_owned()),
-    ] {
-        let body = good.replace(&public(SIGNER).id(), &id);
-        add(file, &known, NOW, malformed::signed_again(body.as_bytes(), SIGNER), "key_unknown");
-    }
 }
 
 /// Manifests and keyrings whose times decide.
