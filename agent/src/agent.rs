@@ -38,8 +38,8 @@ pub struct Agent {
     in_use: Option<(Slot, Manifest)>,
     /// When the keyring was fetched last; `None`: not since the start.
     keyring_at: Option<Instant>,
-    /// The last problem that the server should know of, and the version that caused it; 0: none did.
-    trouble: Option<(u32, String)>,
+    /// The last problem that the server should know of, and that is no version's fault.
+    trouble: Option<String>,
     reporter: Reporter,
     _lock: Lock,
 }
@@ -95,9 +95,8 @@ impl Agent {
         match &checked {
             // The state remembers a version that the self-test refused.
             Ok(_) | Err(Problem::SelfTest { .. }) => self.trouble = None,
-            Err(problem @ Problem::Body { version, .. }) => self.trouble = Some((*version, problem.to_string())),
-            // The device is at fault, and not the version: a rollout must not count it as a failure.
-            Err(problem) if problem.is_for_report() => self.trouble = Some((0, problem.to_string())),
+            // The network, the server or the device is at fault, and not the version: a rollout must not count it.
+            Err(problem) if problem.is_for_report() => self.trouble = Some(problem.to_string()),
             Err(_) => {}
         }
         checked
@@ -242,7 +241,8 @@ impl Agent {
 
     fn standing(&self) -> Standing {
         let rejected = self.state.state.rejected.as_ref().map(|rejected| (rejected.version, rejected.message.clone()));
-        let (tried_version, message) = self.trouble.clone().or(rejected).unwrap_or_default();
+        let trouble = self.trouble.clone().map(|message| (0, message));
+        let (tried_version, message) = trouble.or(rejected).unwrap_or_default();
         let (version, digest) = match &self.in_use {
             Some((_, manifest)) => (manifest.version, manifest.digest.clone()),
             None => (0, String::new()),
@@ -256,6 +256,11 @@ impl Agent {
 fn pinned_text(settings: &Settings) -> String {
     let roots: Vec<String> = settings.roots.iter().map(ToString::to_string).collect();
     roots.join(",")
+}
+
+/// Whether two manifests name the same bytes.
+fn have_same_bytes(one: &Manifest, other: &Manifest) -> bool {
+    (&one.digest, one.size_bytes) == (&other.digest, other.size_bytes)
 }
 
 /// Whether two manifests name the same file of the same version.

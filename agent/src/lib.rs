@@ -13,8 +13,8 @@
 //! # Invariants
 //!
 //! - `DIR/current/kernel` is a whole file whose manifest was accepted, or it does not exist.
-//! - The agent changes only the slot that is not in use. One rename of `current` changes the slot in use.
-//! - A kernel becomes a slot's `kernel` only after its digest is right and its self-test has passed.
+//! - The agent changes only the slot that is not in use, and writes and removes nothing through links in its directory. One rename of `current` changes the slot in use.
+//! - A kernel becomes a slot's `kernel` only after its self-test has passed and its digest is right, before and after.
 //! - The memory that a kernel takes does not depend on its size.
 //!
 //! # Layout

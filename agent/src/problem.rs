@@ -59,6 +59,15 @@ pub enum Problem {
         has_progress: bool,
         reason: String,
     },
+    /// A slot has something that the agent did not put there.
+    #[error("{} cannot be used: {found}; remove it, the directory belongs to the agent alone", path.display())]
+    Foreign { path: PathBuf, found: &'static str },
+    /// The bytes that passed the self-test are not those of the manifest.
+    #[error(
+        "the self-test {} has changed the file of version {version}, which it may only read: correct it",
+        program.display()
+    )]
+    Changed { version: u32, program: PathBuf },
     #[error("could not start the self-test {}: {source}; put a program there, or correct --self-test", program.display())]
     SelfTestStart { program: PathBuf, source: io::Error },
     #[error("the self-test refused version {version}: {reason}")]
@@ -99,6 +108,8 @@ impl Problem {
             | Self::OlderKeyring { .. }
             | Self::Manifest(_)
             | Self::Body { .. }
+            | Self::Foreign { .. }
+            | Self::Changed { .. }
             | Self::SelfTestStart { .. }
             | Self::SelfTest { .. } => true,
             Self::Refused { status, .. } => (400..500).contains(status) && *status != 429,
@@ -107,6 +118,15 @@ impl Problem {
             | Self::Unreachable { .. }
             | Self::Token { .. }
             | Self::Cut { .. } => false,
+        }
+    }
+
+    /// Whether something in a folder is at fault, while another place on the disk may do.
+    pub(crate) fn is_of_folder(&self, folder: &Path) -> bool {
+        match self {
+            Self::Foreign { path, .. } => path.starts_with(folder),
+            Self::Disk { path, source, .. } => path.starts_with(folder) && !Self::is_no_space(source),
+            _ => false,
         }
     }
 

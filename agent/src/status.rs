@@ -56,11 +56,10 @@ fn about(manifest: &Manifest) -> String {
 
 /// The manifest of a slot whose kernel is whole.
 fn verified(slots: &Slots, slot: Slot) -> Result<Option<Manifest>, String> {
-    if !slots.kernel(slot).exists() {
+    if !slots.has_kernel(slot)? {
         return Ok(None);
     }
-    let read = |name: &str| read_document(&slots.folder(slot).join(name)).map_err(|error| format!("{name}: {error}"));
-    let (manifest, keyring) = (read("manifest")?, read("keyring")?);
+    let (manifest, keyring) = slots.documents(slot)?;
     let said = SignedManifest::parse(&manifest).map_err(|error| error.to_string())?;
     let Manifest { display, wavelength_pm, distance_nm, form, .. } = said.unchecked().clone();
     let wanted = Wanted { display, wavelength_pm, distance_nm, form, generation: 0 };

@@ -4,7 +4,7 @@
 //!   for a test, and what must always be true of the directory.
 //! - `trust`: documents that the agent refuses. `bodies`: files that it refuses or continues. `start`: what it does with
 //!   what lies in its directory. `polling`: when it asks, and what it says. `reports`, `self_tests`. `disk`: full and
-//!   read-only ones. `kills`: death at every point and at any time. `memory`. `tls`.
+//!   read-only ones. `slots`: what stands in the way there. `kills`: death at every point and at any time. `memory`. `tls`.
 #![allow(clippy::unwrap_used)]
 
 mod bench;
@@ -19,6 +19,7 @@ mod polling;
 mod reports;
 mod self_tests;
 mod server;
+mod slots;
 mod start;
 mod tls;
 mod trust;

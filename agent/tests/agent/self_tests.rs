@@ -111,3 +111,39 @@ fn a_test_that_cannot_start_is_a_wrong_setting_and_no_bad_version() {
     bench.assert_uses(2);
     assert!(!bench.server.take_requests().iter().any(|request| request.is_for_file()), "it was fetched before");
 }
+
+#[test]
+fn a_test_that_changes_the_kernel_installs_nothing() {
+    for script in [
+        "echo more >> \"$1\"",
+        "printf x | dd of=\"$1\" conv=notrunc bs=1 seek=50 2>&1",
+        "rm \"$1\"; cp /bin/sh \"$1\"",
+        "mv \"$1\" \"$1.moved\"; ln -s \"$1.moved\" \"$1\"",
+        "rm \"$1\"",
+    ] {
+        let (bench, agent) = Bench::with_kernel();
+        drop(agent);
+        bench.server.offer(2, 8, &kernel(2, SIZE));
+        let mut agent = with_test(&bench, script);
+        let text = problem(&mut agent);
+        assert!(text.contains("has changed the file of version 2, which it may only read"), "{script}: {text}");
+        assert_eq!(agent.in_use().unwrap().1, 1, "{script}");
+        let said = last_report(&bench, &mut agent);
+        assert_eq!((&said["version"], &said["triedVersion"]), (&1.into(), &0.into()), "the version is not at fault");
+        drop(agent);
+        check(&mut with_test(&bench, "echo loss 0.5")).unwrap();
+        bench.assert_uses(2);
+    }
+}
+
+#[test]
+fn what_a_test_leaves_running_ends_with_it() {
+    let (bench, agent) = Bench::with_kernel();
+    drop(agent);
+    bench.server.offer(2, 8, &kernel(2, SIZE));
+    // It has the file open, so a later change would reach it under its next name, too.
+    let script = "( exec 3<>\"$1\"; sleep 0.3; echo changed >&3 ) >/dev/null 2>&1 & exit 0";
+    check(&mut with_test(&bench, script)).unwrap();
+    std::thread::sleep(std::time::Duration::from_millis(600));
+    bench.assert_uses(2);
+}
