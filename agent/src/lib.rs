@@ -22,7 +22,7 @@
 //! - `arguments`, `settings`, `kernel_id`: what the agent is told. `status`: what it prints about a directory.
 //! - `agent`: the order of all steps. `slots`: the directory. `durable`: changes that survive a power cut. `state`: what
 //!   the agent remembers. `vouching`: which keyrings and manifests it accepts.
-//! - `http`: calls of the server. `download`: a file in pieces. `self_test`: the device's own test. `report`: what the
+//! - `http`, `tls`: calls of the server. `download`: a file in pieces. `self_test`: the device's own test. `report`: what the
 //!   server is told. `schedule`: when. `problem`: what can go wrong. `log`: lines on stderr.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
@@ -42,6 +42,7 @@ mod settings;
 mod slots;
 mod state;
 mod status;
+mod tls;
 mod vouching;
 
 pub use agent::{Agent, Checked};

@@ -16,14 +16,16 @@ pub struct Settings {
     pub device: String,
     /// The kernel.
     pub kernel: KernelId,
-    /// Form of its file, such as `compact`.
-    pub form: String,
+    /// Format of its file, such as `compact`. In manifests and addresses it is called the form.
+    pub format: String,
     /// Root keys from the device's manufacture.
     pub roots: Vec<PublicKey>,
     /// File with the token of the device. It is read before each call, so that it can be replaced at any time.
     pub token_file: Option<PathBuf>,
     /// PEM file with the certificate authorities that may vouch for the server; without it, those of the system.
     pub ca_file: Option<PathBuf>,
+    /// PEM files with the certificate by which the server knows this device, and with its private key.
+    pub client: Option<(PathBuf, PathBuf)>,
     /// Directory that the agent keeps.
     pub directory: PathBuf,
     /// Program that tests a new kernel.
@@ -41,7 +43,7 @@ impl Settings {
             display: self.display.clone(),
             wavelength_pm: self.kernel.wavelength_pm,
             distance_nm: self.kernel.distance_nm,
-            form: self.form.clone(),
+            form: self.format.clone(),
             generation,
         }
     }
