@@ -8,10 +8,10 @@ use crate::problem::Problem;
 use crate::report::{Reporter, Standing};
 use crate::schedule::Backoff;
 use crate::slots::{Lock, Slot, Slots};
-use crate::state::{Proof, StateFile};
+use crate::state::{Confirmed, Proof, StateFile};
 use crate::vouching::Vouching;
 use crate::{Settings, log};
-use lightpath_manifest::{Distrust, Manifest};
+use lightpath_manifest::{Distrust, Manifest, Time};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -85,13 +85,14 @@ impl Agent {
     /// 4. The self-test runs. A version that it refuses is not tried again.
     /// 5. The slot becomes the one in use.
     ///
-    /// The server may hold its answer back for `wait`, until something changes.
+    /// The server may hold its answer back for `wait`, until something changes. An answer that nothing has changed counts
+    /// until the manifest that was accepted last expires: a server without keys can give it, too.
     ///
     /// # Errors
     ///
     /// [`Problem`]. The kernel in use stays as it was.
     pub fn check(&mut self, wait: Duration) -> Result<Checked, Problem> {
-        let checked = self.check_and_install(wait);
+        let checked = self.check_and_install(wait).map_err(|problem| self.unconfirmed(problem));
         match &checked {
             // The state remembers a version that the self-test refused.
             Ok(_) | Err(Problem::SelfTest { .. }) => self.trouble = None,
@@ -123,8 +124,7 @@ impl Agent {
                     if let Problem::Cut { has_progress: true, .. } = problem {
                         backoff.reset();
                     }
-                    let named = if let Problem::Refused { retry_after, .. } = &problem { *retry_after } else { None };
-                    let pause = backoff.next().max(named.unwrap_or_default());
+                    let pause = backoff.next().max(problem.retry_after().unwrap_or_default());
                     log::line(format_args!("{problem}; the agent tries again in {:.0} s", pause.as_secs_f64()));
                     pause
                 }
@@ -137,6 +137,14 @@ impl Agent {
     #[must_use]
     pub fn in_use(&self) -> Option<(Slot, u32)> {
         self.in_use.as_ref().map(|(slot, manifest)| (*slot, manifest.version))
+    }
+
+    /// Whether the application has a kernel whose bytes are those of an accepted manifest.
+    #[must_use]
+    pub fn has_whole_kernel(&self) -> bool {
+        self.in_use.as_ref().is_some_and(|(slot, manifest)| {
+            self.slots.current() == Some(*slot) && self.slots.check_kernel(*slot, manifest).is_ok()
+        })
     }
 
     /// Sleeps, and sends the reports that become due.
@@ -158,8 +166,10 @@ impl Agent {
             self.recover();
         }
         self.look_at_keyring()?;
-        // Without a kernel the manifest is needed, also the same one again.
-        let etag = if self.in_use.is_some() { self.state.state.etag.clone() } else { String::new() };
+        // Without a kernel the manifest is needed, also the same one again. After its end, too: everybody can answer that
+        // nothing has changed.
+        let counts = self.state.state.confirmed.is_some_and(|confirmed| self.now() < confirmed.expires);
+        let etag = if self.in_use.is_some() && counts { self.state.state.etag.clone() } else { String::new() };
         let answer = self.http.manifest(&etag, wait)?;
         let poll_after = answer.poll_after;
         let is_offered = match answer.document {
@@ -168,6 +178,20 @@ impl Agent {
         };
         let version = self.in_use.as_ref().map_or(0, |(_, manifest)| manifest.version);
         Ok(Checked { version, is_offered, poll_after })
+    }
+
+    fn now(&self) -> Time {
+        self.settings.clock.now()
+    }
+
+    /// A problem, with the fact that no manifest counts any more, if that is so.
+    fn unconfirmed(&self, problem: Problem) -> Problem {
+        match self.state.state.confirmed {
+            Some(Confirmed { issued, expires }) if self.now() >= expires => {
+                Problem::Unconfirmed { issued, expires, cause: Box::new(problem) }
+            }
+            _ => problem,
+        }
     }
 
     /// Does what a manifest says. Returns whether its version is in use now.
@@ -193,7 +217,8 @@ impl Agent {
     /// Checks a manifest, with a newer keyring if it needs one, and remembers its generation.
     fn accept(&mut self, document: &Document) -> Result<Manifest, Problem> {
         let wanted = self.settings.wanted(self.state.state.generation);
-        let accepted = |vouching: &Vouching| vouching.trust.manifest(&document.bytes, &wanted, log::now());
+        let now = self.now();
+        let accepted = |vouching: &Vouching| vouching.trust.manifest(&document.bytes, &wanted, now);
         let manifest = match accepted(&self.vouching) {
             Err(Distrust::UnknownKey { .. } | Distrust::KeyringTime { .. }) => {
                 self.fetch_keyring()?;
@@ -207,6 +232,7 @@ impl Agent {
             self.state.state.rejected = None;
         }
         self.state.state.generation = manifest.generation;
+        self.state.state.confirmed = Some(Confirmed { issued: manifest.issued, expires: manifest.expires });
         self.state.note(Proof::Manifest);
         self.state.save()?;
         Ok(manifest)
@@ -215,11 +241,11 @@ impl Agent {
     /// Fetches the keyring at the start, each day and before its end. An older one that still counts is enough to go on.
     fn look_at_keyring(&mut self) -> Result<(), Problem> {
         let is_due = self.keyring_at.is_none_or(|at| at.elapsed() >= self.settings.pace.keyring_interval);
-        if !is_due && !self.vouching.must_be_renewed(log::now()) {
+        if !is_due && !self.vouching.must_be_renewed(self.now()) {
             return Ok(());
         }
         match self.fetch_keyring() {
-            Err(problem) if self.vouching.keyring().is_some_and(|keyring| log::now() < keyring.expires) => {
+            Err(problem) if self.vouching.keyring().is_some_and(|keyring| self.now() < keyring.expires) => {
                 log::line(format_args!("{problem}; the agent goes on with the keyring that it has"));
                 Ok(())
             }
@@ -230,7 +256,7 @@ impl Agent {
     fn fetch_keyring(&mut self) -> Result<(), Problem> {
         let document = self.http.keyring()?;
         let known = self.state.state.keyring;
-        self.vouching.renew(document.bytes, known, log::now(), &self.slots.file("keyring"))?;
+        self.vouching.renew(document.bytes, known, self.now(), &self.slots.file("keyring"))?;
         self.keyring_at = Some(Instant::now());
         let version = self.vouching.keyring().map_or(0, |keyring| keyring.version);
         self.state.state.keyring = version.max(known);

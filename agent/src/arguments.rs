@@ -1,6 +1,6 @@
 //! The command line of the program `lightpath-agent`.
 
-use crate::{Agent, KernelId, Pace, Problem, Settings, log, status};
+use crate::{Agent, Clock, KernelId, Pace, Problem, Settings, log, status};
 use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 use lightpath_manifest::PublicKey;
 use std::ffi::OsString;
@@ -161,6 +161,7 @@ impl RunArguments {
             self_test: self.self_test,
             self_test_limit: Duration::from_secs(self.self_test_limit_s),
             pace: Pace::default(),
+            clock: Clock::system(),
         }
     }
 }
@@ -207,13 +208,19 @@ fn keep(arguments: RunArguments) -> ExitCode {
     let checked = agent.check(Duration::ZERO);
     agent.report();
     match checked {
-        Ok(checked) if checked.is_offered => ExitCode::SUCCESS,
-        Ok(_) => ExitCode::FAILURE,
-        Err(problem) => {
-            log::line(problem);
-            ExitCode::FAILURE
-        }
+        // Whatever was answered: only a kernel that the application can open is a success.
+        _ if !agent.has_whole_kernel() => log::line(match checked {
+            Ok(_) => "no kernel is in use: the version that the server offers was given up before".to_owned(),
+            Err(problem) => format!("no kernel is in use: {problem}"),
+        }),
+        Ok(checked) if checked.is_offered => return ExitCode::SUCCESS,
+        Ok(checked) => log::line(format_args!(
+            "version {} is in use: the version that the server offers was given up before",
+            checked.version
+        )),
+        Err(problem) => log::line(problem),
     }
+    ExitCode::FAILURE
 }
 
 fn print_status(arguments: &StatusArguments) -> ExitCode {

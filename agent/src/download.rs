@@ -11,6 +11,7 @@ use std::fs::File;
 use std::io::{self, Read, Seek as _, SeekFrom, Write as _};
 use std::path::Path;
 use std::thread;
+use std::time::{Duration, Instant};
 use ureq::Body;
 use ureq::http::{Response, header};
 
@@ -18,9 +19,11 @@ use ureq::http::{Response, header};
 const CUTS_MAX: u32 = 20;
 
 /// Fetches the file of a manifest to `path`, from the byte on at which an earlier try ended. Afterwards the file is
-/// whole, right and flushed. A corrupt one is removed and fetched once more, from the start.
+/// whole, right and flushed. A corrupt one is removed and fetched once more, from the start. After the time that
+/// [`Pace`] gives a file, what has arrived stays for the next try.
 pub(crate) fn fetch(http: &Http, pace: Pace, manifest: &Manifest, path: &Path) -> Result<(), Problem> {
-    let part = Part { http, pace, manifest, path };
+    let end = Instant::now() + pace.time_for_file(manifest.size_bytes);
+    let part = Part { http, pace, manifest, path, end };
     match part.fetch_once() {
         Err(Problem::Body { .. }) => {
             part.remove()?;
@@ -73,6 +76,8 @@ struct Part<'a> {
     pace: Pace,
     manifest: &'a Manifest,
     path: &'a Path,
+    /// When this try ends.
+    end: Instant,
 }
 
 /// The bytes of a part so far.
@@ -94,7 +99,7 @@ impl Part<'_> {
                 return Err(problem);
             }
             cuts += 1;
-            if received.bytes == begin || cuts == CUTS_MAX {
+            if received.bytes == begin || cuts == CUTS_MAX || self.left().is_zero() {
                 return Err(Problem::Cut {
                     version: self.manifest.version,
                     bytes: received.bytes,
@@ -122,10 +127,15 @@ impl Part<'_> {
         Ok(received)
     }
 
+    /// Time that is left for this try.
+    fn left(&self) -> Duration {
+        self.end.saturating_duration_since(Instant::now())
+    }
+
     /// Receives the rest of the file. An error without a problem is a cut.
     fn receive(&self, received: &mut Received) -> Result<(), (String, Option<Problem>)> {
         let is = |problem| (String::new(), Some(problem));
-        let response = match self.http.file(self.manifest, received.bytes) {
+        let response = match self.http.file(self.manifest, received.bytes, self.left()) {
             Err(Problem::Unreachable { reason, .. }) => return Err((reason, None)),
             answer => answer.map_err(is)?,
         };

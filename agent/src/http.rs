@@ -68,16 +68,20 @@ impl Http {
         Ok(Self { settings: settings.clone(), connections: RefCell::new(connections) })
     }
 
-    /// Asks for the manifest, unless it is still the one with this ETag. The server may wait for a change.
+    /// Asks for the manifest, unless it is still the one with this ETag; empty: in any case. The server may wait for a
+    /// change.
     pub(crate) fn manifest(&self, etag: &str, wait: Duration) -> Result<Answer, Problem> {
         let Settings { display, kernel, format, device, .. } = &self.settings;
         let wait_s = wait.as_secs();
         let path =
             format!("/v1/displays/{display}/kernels/{kernel}/manifest?form={format}&device={device}&wait_s={wait_s}");
         let headers: &[_] = if etag.is_empty() { &[] } else { &[(header::IF_NONE_MATCH, etag.to_owned())] };
-        let response = self.get(&path, headers, wait)?;
+        let response = self.get(&path, headers, wait, wait + self.settings.pace.answer)?;
         let poll_after = poll_after(response.headers());
         if response.status() == 304 {
+            if etag.is_empty() {
+                return Err(Problem::Unasked);
+            }
             return Ok(Answer { document: None, poll_after });
         }
         Ok(Answer { document: Some(self.document("the manifest", response)?), poll_after })
@@ -85,17 +89,17 @@ impl Http {
 
     /// Asks for the keyring.
     pub(crate) fn keyring(&self) -> Result<Document, Problem> {
-        let response = self.get("/v1/keyring", &[], Duration::ZERO)?;
+        let response = self.get("/v1/keyring", &[], Duration::ZERO, self.settings.pace.answer)?;
         self.document("the keyring", response)
     }
 
-    /// Asks for the bytes of a file from `first` on. The answer has status 200, 206 or 416.
-    pub(crate) fn file(&self, manifest: &Manifest, first: u64) -> Result<Response<Body>, Problem> {
+    /// Asks for the bytes of a file from `first` on. The answer has status 200, 206 or 416, and ends within `limit`.
+    pub(crate) fn file(&self, manifest: &Manifest, first: u64, limit: Duration) -> Result<Response<Body>, Problem> {
         let Manifest { version, form, digest, .. } = manifest;
         let Settings { display, kernel, .. } = &self.settings;
         let path = format!("/v1/displays/{display}/kernels/{kernel}/versions/{version}/{form}/{digest}");
         let range = [(header::RANGE, format!("bytes={first}-")), (header::IF_RANGE, format!("\"{digest}\""))];
-        let response = self.get(&path, if first == 0 { &[] } else { &range }, Duration::ZERO)?;
+        let response = self.get(&path, if first == 0 { &[] } else { &range }, Duration::ZERO, limit)?;
         match response.status().as_u16() {
             200 | 206 | 416 => Ok(response),
             _ => Err(self.refusal("the file", response)),
@@ -112,15 +116,19 @@ impl Http {
         if let Some(token) = self.token()? {
             request = request.header(header::AUTHORIZATION, token);
         }
+        let request = request.config().timeout_per_call(Some(self.settings.pace.answer)).build();
         let response = request.send(json).map_err(|error| self.unreachable(&error))?;
         if response.status().is_success() { Ok(()) } else { Err(self.refusal("the report", response)) }
     }
 
+    /// Asks for something. The answer begins within `wait` and the time in which nothing may arrive, and all of it is there
+    /// within `limit`, however slowly its bytes come.
     fn get(
         &self,
         path: &str,
         headers: &[(header::HeaderName, String)],
         wait: Duration,
+        limit: Duration,
     ) -> Result<Response<Body>, Problem> {
         let mut request = self.agent()?.get(format!("{}{path}", self.settings.server));
         for (name, value) in headers {
@@ -129,9 +137,9 @@ impl Http {
         if let Some(token) = self.token()? {
             request = request.header(header::AUTHORIZATION, token);
         }
-        let limit = Some(wait + self.settings.pace.stall);
-        let request = request.config().timeout_recv_response(limit).timeout_per_read(limit).build();
-        request.call().map_err(|error| self.unreachable(&error))
+        let silence = Some(wait + self.settings.pace.stall);
+        let config = request.config().timeout_recv_response(silence).timeout_per_read(silence);
+        config.timeout_per_call(Some(limit)).build().call().map_err(|error| self.unreachable(&error))
     }
 
     /// The connections, made anew if the files of certificates have changed.
@@ -218,10 +226,8 @@ impl Connections {
             .accept_encoding("")
             .timeout_connect(Some(pace.connect))
             .timeout_resolve(Some(pace.connect))
-            .timeout_send_request(Some(pace.stall))
             .timeout_per_read(Some(pace.stall))
             .timeout_per_write(Some(pace.stall))
-            .timeout_recv_body(Some(pace.piece))
             .max_response_header_size(HEAD_BYTES_MAX)
             .input_buffer_size(PIECE_BYTES)
             .output_buffer_size(4 << 10)

@@ -19,7 +19,7 @@
 //!
 //! # Layout
 //!
-//! - `arguments`, `settings`, `kernel_id`: what the agent is told. `status`: what it prints about a directory.
+//! - `arguments`, `settings`, `kernel_id`, `clock`: what the agent is told. `status`: what it prints about a directory.
 //! - `agent`: the order of all steps. `slots`: the directory. `durable`: changes that survive a power cut. `state`: what
 //!   the agent remembers. `vouching`: which keyrings and manifests it accepts.
 //! - `http`, `tls`: calls of the server. `download`: a file in pieces. `self_test`: the device's own test. `report`: what the
@@ -28,6 +28,7 @@
 
 mod agent;
 mod arguments;
+mod clock;
 mod download;
 mod durable;
 mod http;
@@ -47,6 +48,7 @@ mod vouching;
 
 pub use agent::{Agent, Checked};
 pub use arguments::{Cli, Command, RunArguments, StatusArguments, Task};
+pub use clock::Clock;
 pub use kernel_id::KernelId;
 pub use problem::{BodyProblem, Problem};
 pub use settings::{Pace, Settings};

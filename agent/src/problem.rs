@@ -1,6 +1,6 @@
 //! What can go wrong. Every problem leaves the kernel in use as it was.
 
-use lightpath_manifest::Distrust;
+use lightpath_manifest::{Distrust, Time};
 use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -62,6 +62,12 @@ pub enum Problem {
     /// A slot has something that the agent did not put there.
     #[error("{} cannot be used: {found}; remove it, the directory belongs to the agent alone", path.display())]
     Foreign { path: PathBuf, found: &'static str },
+    /// An answer that says nothing.
+    #[error("the server said that its manifest has not changed (304), but was asked for it in any case")]
+    Unasked,
+    /// Whatever the server answers: it has shown no manifest that counts for longer than a manifest's life.
+    #[error("the server has confirmed nothing since {issued}, the manifest expired at {expires}: {cause}")]
+    Unconfirmed { issued: Time, expires: Time, cause: Box<Problem> },
     /// The bytes that passed the self-test are not those of the manifest.
     #[error(
         "the self-test {} has changed the file of version {version}, which it may only read: correct it",
@@ -109,6 +115,8 @@ impl Problem {
             | Self::Manifest(_)
             | Self::Body { .. }
             | Self::Foreign { .. }
+            | Self::Unasked
+            | Self::Unconfirmed { .. }
             | Self::Changed { .. }
             | Self::SelfTestStart { .. }
             | Self::SelfTest { .. } => true,
@@ -118,6 +126,15 @@ impl Problem {
             | Self::Unreachable { .. }
             | Self::Token { .. }
             | Self::Cut { .. } => false,
+        }
+    }
+
+    /// Time after which to ask again, if the server named one.
+    pub(crate) fn retry_after(&self) -> Option<Duration> {
+        match self {
+            Self::Refused { retry_after, .. } => *retry_after,
+            Self::Unconfirmed { cause, .. } => cause.retry_after(),
+            _ => None,
         }
     }
 

@@ -97,8 +97,7 @@ impl Reporter {
             }
             Err(problem) => {
                 log::line(format_args!("the agent could not send its report: {problem}"));
-                let named = if let Problem::Refused { retry_after, .. } = &problem { *retry_after } else { None };
-                self.backoff.next().max(named.unwrap_or_default())
+                self.backoff.next().max(problem.retry_after().unwrap_or_default())
             }
         };
         self.due = Instant::now() + pause;

@@ -1,7 +1,7 @@
 //! What is installed in a directory, for people.
 
 use crate::slots::{Slot, Slots};
-use crate::state;
+use crate::state::{self, Confirmed};
 use crate::vouching::{installed_manifest, read_document};
 use lightpath_manifest::{Manifest, SignedKeyring, SignedManifest, Wanted};
 use std::path::Path;
@@ -34,6 +34,9 @@ pub fn status(directory: &Path) -> (String, bool) {
     }
     if let Ok(Some(state)) = state::read(&slots.file("state")) {
         lines.push(format!("highest generation: {}", state.generation));
+        if let Some(Confirmed { issued, expires }) = state.confirmed {
+            lines.push(format!("last manifest: from {issued} until {expires}"));
+        }
         if let Some(rejected) = state.rejected {
             let (version, generation) = (rejected.version, rejected.generation);
             lines.push(format!("given up: version {version}, generation {generation}: {}", rejected.message));

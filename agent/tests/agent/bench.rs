@@ -2,7 +2,7 @@
 
 use crate::material::{digest, kernel, root};
 use crate::server::Server;
-use lightpath_agent::{Agent, Checked, Pace, Problem, Settings};
+use lightpath_agent::{Agent, Checked, Clock, Pace, Problem, Settings};
 use std::collections::HashSet;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -104,6 +104,7 @@ pub(crate) fn settings(server: &str, directory: &Path) -> Settings {
             cut_pause: Duration::from_millis(5),
             ..Pace::default()
         },
+        clock: Clock::system(),
     }
 }
 

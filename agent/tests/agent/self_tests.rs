@@ -147,3 +147,34 @@ fn what_a_test_leaves_running_ends_with_it() {
     std::thread::sleep(std::time::Duration::from_millis(600));
     bench.assert_uses(2);
 }
+
+#[test]
+fn one_check_fails_and_says_why_whenever_another_version_or_none_is_in_use() {
+    let bench = Bench::new();
+    let test = bench.script(REFUSES_2);
+    let check_once = || {
+        let output = bench.program().arg("--self-test").arg(&test).output().unwrap();
+        (output.status.code(), String::from_utf8(output.stderr).unwrap())
+    };
+    bench.server.offer(2, 7, &kernel(2, SIZE));
+    for why in ["the self-test refused version 2", "the version that the server offers was given up before"] {
+        let (code, log) = check_once();
+        assert_eq!(code, Some(1), "{log}");
+        assert!(log.contains(&format!("no kernel is in use: {why}")), "{log}");
+    }
+    bench.server.offer(1, 8, &kernel(1, SIZE));
+    assert_eq!(check_once().0, Some(0));
+    bench.server.offer(2, 9, &kernel(2, SIZE));
+    for why in
+        ["the self-test refused version 2", "version 1 is in use: the version that the server offers was given up"]
+    {
+        let (code, log) = check_once();
+        assert_eq!((code, log.contains(why)), (Some(1), true), "{log}");
+    }
+    // A test that removes what it tests.
+    bench.server.offer(3, 10, &kernel(3, SIZE));
+    let removes = bench.script("rm \"$1\"");
+    let output = bench.program().arg("--self-test").arg(&removes).output().unwrap();
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    bench.assert_uses(1);
+}

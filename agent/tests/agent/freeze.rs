@@ -1,0 +1,147 @@
+//! Servers that hold an agent where it is: by answers without signatures, or by bytes that come one by one.
+
+use crate::bench::{Bench, SIZE, check, leftovers, problem};
+use crate::material::{SIGNER, in_hours, kernel, key, manifest};
+use crate::server::Sending;
+use lightpath_agent::{Agent, Clock, Problem, Settings};
+use lightpath_manifest::{Manifest, Time};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicI64, Ordering};
+use std::time::{Duration, Instant};
+
+/// Hours until the manifests of [`manifest`] expire, and one more.
+const AFTER_EXPIRY: i64 = 161;
+
+/// Settings with a clock that a test moves, in hours from now.
+fn with_clock(bench: &Bench) -> (Settings, Arc<AtomicI64>) {
+    let (hours, start) = (Arc::<AtomicI64>::default(), in_hours(0).unix_s());
+    let moved = Arc::clone(&hours);
+    let now = move || Time::from_unix_s(start + 3600 * moved.load(Ordering::SeqCst)).unwrap();
+    (Settings { clock: Clock::of(now), ..bench.settings() }, hours)
+}
+
+fn message(bench: &Bench, agent: &mut Agent) -> String {
+    bench.server.take_requests();
+    agent.report();
+    let requests = bench.server.take_requests();
+    let report = requests.iter().rev().find(|request| request.is_report()).unwrap();
+    let report: serde_json::Value = serde_json::from_str(&report.body).unwrap();
+    assert_eq!((&report["version"], &report["triedVersion"]), (&1.into(), &0.into()), "{report}");
+    report["message"].as_str().unwrap().to_owned()
+}
+
+#[test]
+fn server_without_keys_is_noticed_when_the_last_manifest_expires() {
+    let bench = Bench::new();
+    let (settings, hours) = with_clock(&bench);
+    let mut agent = Agent::start(settings.clone()).unwrap();
+    check(&mut agent).unwrap();
+    bench.server.change(|script| script.says_unchanged = true);
+    hours.store(AFTER_EXPIRY - 2, Ordering::SeqCst);
+    assert!(check(&mut agent).unwrap().is_offered, "it may say so while the manifest counts");
+    hours.store(AFTER_EXPIRY, Ordering::SeqCst);
+    for is_restarted in [false, true] {
+        if is_restarted {
+            drop(agent);
+            agent = Agent::start(settings.clone()).unwrap();
+        }
+        bench.server.take_requests();
+        let refused = check(&mut agent).unwrap_err();
+        assert!(matches!(refused, Problem::Unconfirmed { .. }), "{refused:?}");
+        let (text, issued, expires) = (refused.to_string(), in_hours(-1), in_hours(160));
+        let day = |time: Time| time.to_string()[..13].to_owned();
+        for part in ["the server has confirmed nothing since", &day(issued), "expired at", &day(expires), "(304)"] {
+            assert!(text.contains(part), "{part}: {text}");
+        }
+        let requests = bench.server.take_requests();
+        let asked = requests.iter().find(|request| request.is_for_manifest()).unwrap();
+        assert!(!asked.headers.contains_key("if-none-match"), "{asked:?}");
+        assert_eq!(message(&bench, &mut agent), text);
+        bench.assert_uses(1);
+    }
+    // Other answers confirm nothing either.
+    bench.server.change(|script| (script.says_unchanged, script.refusal) = (false, Some((503, "later"))));
+    let text = problem(&mut agent);
+    assert!(text.starts_with("the server has confirmed nothing since") && text.contains("503: later"), "{text}");
+    bench.server.change(|script| script.refusal = None);
+    let text = problem(&mut agent);
+    assert!(text.contains("confirmed nothing since") && text.contains("the manifest counts from"), "{text}");
+    bench.assert_uses(1);
+    // A manifest that counts is enough, also the same version.
+    let bytes = kernel(1, SIZE);
+    let renewed = Manifest { issued: in_hours(150), expires: in_hours(310), ..manifest(1, 7, &bytes) };
+    bench.server.change(|script| script.manifest = renewed.signed(&key(SIGNER)));
+    assert!(check(&mut agent).unwrap().is_offered);
+    assert_eq!(message(&bench, &mut agent), "");
+    check(&mut agent).unwrap();
+    let requests = bench.server.take_requests();
+    assert!(requests.iter().any(|request| request.headers.contains_key("if-none-match")));
+    assert!(requests.iter().all(|request| !request.is_for_file()), "the kernel is the same");
+}
+
+#[test]
+fn nothing_can_be_unchanged_for_a_device_without_a_kernel() {
+    let bench = Bench::new();
+    bench.server.change(|script| script.says_unchanged = true);
+    let text = problem(&mut bench.agent());
+    assert!(text.contains("(304)"), "{text}");
+    let output = bench.program().output().unwrap();
+    let log = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{log}");
+    assert!(log.contains("no kernel is in use: the server said that its manifest has not changed"), "{log}");
+}
+
+/// Settings of a device that waits two seconds for an answer, and half a second for a byte.
+fn impatient(bench: &Bench) -> Settings {
+    let mut settings = bench.settings();
+    (settings.pace.stall, settings.pace.answer) = (Duration::from_millis(500), Duration::from_secs(2));
+    settings
+}
+
+/// Checks, which must fail within a time.
+fn fails_within(agent: &mut Agent, limit: Duration) -> String {
+    let begin = Instant::now();
+    let text = problem(agent);
+    assert!(begin.elapsed() < limit, "{:?}: {text}", begin.elapsed());
+    text
+}
+
+#[test]
+fn documents_and_messages_that_drip_are_given_up() {
+    let (bench, agent) = Bench::with_kernel();
+    drop(agent);
+    let mut agent = Agent::start(impatient(&bench)).unwrap();
+    // At this pace a keyring needs minutes.
+    bench.server.change(|script| script.drip = Some(Duration::from_millis(200)));
+    bench.server.offer(2, 8, &kernel(2, SIZE));
+    let text = fails_within(&mut agent, Duration::from_secs(10));
+    assert!(text.contains("timeout"), "{text}");
+    bench.server.change(|script| script.refusal = Some((503, "a message that is long enough to take a while")));
+    let text = fails_within(&mut agent, Duration::from_secs(10));
+    assert!(text.contains("timeout") || text.contains("503"), "{text}");
+    bench.assert_uses(1);
+    bench.server.change(|script| (script.drip, script.refusal) = (None, None));
+    check(&mut agent).unwrap();
+    bench.assert_uses(2);
+}
+
+#[test]
+fn file_that_drips_is_cut_and_continued() {
+    let (bench, agent) = Bench::with_kernel();
+    drop(agent);
+    let mut settings = impatient(&bench);
+    settings.pace.file = Duration::from_secs(1);
+    let mut agent = Agent::start(settings).unwrap();
+    bench.server.offer(2, 8, &kernel(2, SIZE));
+    let drip = Sending::Slow { piece_bytes: 1, pause: Duration::from_millis(200) };
+    bench.server.change(|script| script.next = [Sending::CutAfter(40_000), drip].into());
+    let text = fails_within(&mut agent, Duration::from_secs(10));
+    assert!(text.starts_with("the download of version 2 was cut after 4000") && text.contains("timeout"), "{text}");
+    assert_eq!(leftovers(&bench.directory()).len(), 1);
+    bench.server.take_requests();
+    check(&mut agent).unwrap();
+    let requests = bench.server.take_requests();
+    let file = requests.iter().find(|request| request.is_for_file()).unwrap();
+    assert!(file.headers["range"].starts_with("bytes=4000"), "{file:?}");
+    bench.assert_uses(2);
+}
