@@ -11,7 +11,7 @@ use crate::slots::{Lock, Slot, Slots};
 use crate::state::{Confirmed, Proof, StateFile};
 use crate::vouching::Vouching;
 use crate::{Settings, log};
-use lightpath_manifest::{Distrust, Manifest, Time};
+use lightpath_manifest::{Distrust, Manifest, Now, Time};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -36,6 +36,8 @@ pub struct Agent {
     vouching: Vouching,
     /// The slot in use and what its manifest says.
     in_use: Option<(Slot, Manifest)>,
+    /// When the agent learned the earliest time of its state; not before its start.
+    earliest_at: Instant,
     /// When the keyring was fetched last; `None`: not since the start.
     keyring_at: Option<Instant>,
     /// The last problem that the server should know of, and that is no version's fault.
@@ -67,11 +69,15 @@ impl Agent {
             state,
             vouching,
             in_use: None,
+            earliest_at: Instant::now(),
             keyring_at: None,
             trouble: None,
             reporter,
             _lock: lock,
         };
+        if let Now::AtLeast(earliest) = agent.now() {
+            log::line(format_args!("the agent takes {earliest} or later for the time: no clock says a later one"));
+        }
         agent.recover();
         Ok(agent)
     }
@@ -168,7 +174,7 @@ impl Agent {
         self.look_at_keyring()?;
         // Without a kernel the manifest is needed, also the same one again. After its end, too: everybody can answer that
         // nothing has changed.
-        let counts = self.state.state.confirmed.is_some_and(|confirmed| self.now() < confirmed.expires);
+        let counts = self.state.state.confirmed.is_some_and(|confirmed| !self.now().has_reached(confirmed.expires));
         let etag = if self.in_use.is_some() && counts { self.state.state.etag.clone() } else { String::new() };
         let answer = self.http.manifest(&etag, wait)?;
         let poll_after = answer.poll_after;
@@ -180,14 +186,29 @@ impl Agent {
         Ok(Checked { version, is_offered, poll_after })
     }
 
-    fn now(&self) -> Time {
-        self.settings.clock.now()
+    /// The time: that of the clock, unless documents show that it is later, or there is none. Then it is at least the time
+    /// of the latest document, and what has passed since.
+    fn now(&self) -> Now {
+        let passed_s = i64::try_from(self.earliest_at.elapsed().as_secs()).unwrap_or(i64::MAX);
+        let later = |time: Time| Time::from_unix_s(time.unix_s().saturating_add(passed_s)).unwrap_or(time);
+        let earliest = self.state.state.earliest.map_or(Time::EPOCH, later);
+        match self.settings.clock.now() {
+            Some(now) if now >= earliest => Now::At(now),
+            _ => Now::AtLeast(earliest),
+        }
+    }
+
+    /// Notes when an accepted document was issued.
+    fn learn_time(&mut self, issued: Time) {
+        if self.state.state.earliest.is_none_or(|known| known < issued) {
+            (self.state.state.earliest, self.earliest_at) = (Some(issued), Instant::now());
+        }
     }
 
     /// A problem, with the fact that no manifest counts any more, if that is so.
     fn unconfirmed(&self, problem: Problem) -> Problem {
         match self.state.state.confirmed {
-            Some(Confirmed { issued, expires }) if self.now() >= expires => {
+            Some(Confirmed { issued, expires }) if self.now().has_reached(expires) => {
                 Problem::Unconfirmed { issued, expires, cause: Box::new(problem) }
             }
             _ => problem,
@@ -232,6 +253,7 @@ impl Agent {
             self.state.state.rejected = None;
         }
         self.state.state.generation = manifest.generation;
+        self.learn_time(manifest.issued);
         self.state.state.confirmed = Some(Confirmed { issued: manifest.issued, expires: manifest.expires });
         self.state.note(Proof::Manifest);
         self.state.save()?;
@@ -241,11 +263,11 @@ impl Agent {
     /// Fetches the keyring at the start, each day and before its end. An older one that still counts is enough to go on.
     fn look_at_keyring(&mut self) -> Result<(), Problem> {
         let is_due = self.keyring_at.is_none_or(|at| at.elapsed() >= self.settings.pace.keyring_interval);
-        if !is_due && !self.vouching.must_be_renewed(self.now()) {
+        if !is_due && !self.vouching.must_be_renewed(self.now().earliest()) {
             return Ok(());
         }
         match self.fetch_keyring() {
-            Err(problem) if self.vouching.keyring().is_some_and(|keyring| self.now() < keyring.expires) => {
+            Err(problem) if self.vouching.keyring().is_some_and(|keyring| !self.now().has_reached(keyring.expires)) => {
                 log::line(format_args!("{problem}; the agent goes on with the keyring that it has"));
                 Ok(())
             }
@@ -258,6 +280,9 @@ impl Agent {
         let known = self.state.state.keyring;
         self.vouching.renew(document.bytes, known, self.now(), &self.slots.file("keyring"))?;
         self.keyring_at = Some(Instant::now());
+        if let Some(issued) = self.vouching.keyring().map(|keyring| keyring.issued) {
+            self.learn_time(issued);
+        }
         let version = self.vouching.keyring().map_or(0, |keyring| keyring.version);
         self.state.state.keyring = version.max(known);
         self.state.state.roots = pinned_text(&self.settings);

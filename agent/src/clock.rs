@@ -7,7 +7,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 /// Where an agent takes the time from. Tests give one that they move.
 #[derive(Clone)]
-pub struct Clock(Arc<dyn Fn() -> Time + Send + Sync>);
+pub struct Clock(Option<Arc<dyn Fn() -> Time + Send + Sync>>);
 
 impl Clock {
     /// The device's clock.
@@ -19,17 +19,23 @@ impl Clock {
     /// A clock that says what a function returns.
     #[must_use]
     pub fn of(now: impl Fn() -> Time + Send + Sync + 'static) -> Self {
-        Self(Arc::new(now))
+        Self(Some(Arc::new(now)))
     }
 
-    pub(crate) fn now(&self) -> Time {
-        (self.0)()
+    /// No clock: the documents that the agent accepts say what time it is at least.
+    #[must_use]
+    pub fn none() -> Self {
+        Self(None)
+    }
+
+    pub(crate) fn now(&self) -> Option<Time> {
+        self.0.as_ref().map(|now| now())
     }
 }
 
 impl fmt::Debug for Clock {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "Clock({})", self.now())
+        write!(f, "Clock({:?})", self.now())
     }
 }
 

@@ -61,7 +61,7 @@ pub struct Pace {
     /// Longest time for a call that is not for a file, from the search of the address to the last byte.
     pub answer: Duration,
     /// Longest time for the file in one check. After it, the agent asks for the manifest again and continues the file. Small
-    /// files have less, see [`Self::time_for_file`].
+    /// files have less: the time of an answer, and one second for each kilobyte.
     pub file: Duration,
     /// Time for which the server may wait for a change before it answers.
     pub wait: Duration,

@@ -6,6 +6,7 @@
 //! roots 3d4017c3…                  root keys that were pinned when the keyring was accepted
 //! keyring 3
 //! generation 7
+//! earliest 2026-11-23T18:00:00Z
 //! confirmed 2026-11-23T18:00:00Z 2026-11-30T18:00:00Z
 //! etag "0f…"
 //! rejected 13 7 sha256-… the self-test refused version 13: …
@@ -65,6 +66,8 @@ pub(crate) struct State {
     pub(crate) keyring: u32,
     /// Highest generation of a manifest that was accepted.
     pub(crate) generation: u64,
+    /// The latest time at which an accepted document was issued: it is this time or later.
+    pub(crate) earliest: Option<Time>,
     /// Times of the manifest that was accepted last. Until its end the server may answer that nothing has changed.
     pub(crate) confirmed: Option<Confirmed>,
     /// ETag of the manifest that was dealt with last; empty: none.
@@ -79,6 +82,9 @@ impl State {
         let mut text = format!("{HEAD}\ndisplay {}\nroots {}\n", self.display, self.roots);
         // Writing to a string cannot fail.
         let _ = writeln!(text, "keyring {}\ngeneration {}", self.keyring, self.generation);
+        if let Some(earliest) = self.earliest {
+            let _ = writeln!(text, "earliest {earliest}");
+        }
         if let Some(Confirmed { issued, expires }) = self.confirmed {
             let _ = writeln!(text, "confirmed {issued} {expires}");
         }
@@ -112,6 +118,7 @@ impl State {
                 "roots" => state.roots = value.to_owned(),
                 "keyring" => state.keyring = value.parse().ok()?,
                 "generation" => state.generation = value.parse().ok()?,
+                "earliest" => state.earliest = Some(Time::parse(value)?),
                 "confirmed" => {
                     let (issued, expires) = value.split_once(' ')?;
                     state.confirmed = Some(Confirmed { issued: Time::parse(issued)?, expires: Time::parse(expires)? });
@@ -224,6 +231,7 @@ mod tests {
             roots: "00".repeat(32),
             keyring: 3,
             generation: 7,
+            earliest: Time::from_unix_s(3),
             confirmed: Time::from_unix_s(1)
                 .zip(Time::from_unix_s(2))
                 .map(|(issued, expires)| Confirmed { issued, expires }),

@@ -140,6 +140,7 @@ lightpath_verdict lightpath_manifest_check(lightpath_manifest *manifest, const l
     if (verdict != LIGHTPATH_TRUSTED) {
         return verdict;
     }
+    now_unix_s = lightpath_not_before(now_unix_s, manifest->issued_unix_s);
     if (keyring->is_pinned) {
         return LIGHTPATH_KEY_UNKNOWN;
     }

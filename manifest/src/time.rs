@@ -11,6 +11,9 @@ const FORMAT: &str = "%Y-%m-%dT%H:%M:%SZ";
 pub struct Time(DateTime<Utc>);
 
 impl Time {
+    /// The start of 1970, before which no document can have been issued.
+    pub const EPOCH: Self = Self(DateTime::UNIX_EPOCH);
+
     /// The time this many seconds after the start of 1970. `None` before the year 1970 and beyond the year 9999, whose
     /// texts would have other lengths.
     #[must_use]
@@ -57,6 +60,15 @@ impl Now {
     pub fn earliest(self) -> Time {
         match self {
             Self::At(time) | Self::AtLeast(time) => time,
+        }
+    }
+
+    /// The time for the check of a document that was issued at this time: without a clock, it is that time or later. So a
+    /// stolen key cannot name a time after its own end, or after that of the keyring which lists it.
+    pub(crate) fn not_before(self, issued: Time) -> Self {
+        match self {
+            Self::At(now) => Self::At(now),
+            Self::AtLeast(earliest) => Self::AtLeast(earliest.max(issued)),
         }
     }
 

@@ -84,7 +84,7 @@ impl Trust {
                 return Err(Distrust::OtherKeyring { version: known.version });
             }
         }
-        check_time(&keyring, now.into())?;
+        check_time(&keyring, now.into().not_before(keyring.issued))?;
         Ok(keyring)
     }
 
@@ -94,8 +94,8 @@ impl Trust {
     ///
     /// [`Distrust`].
     pub fn manifest(&self, bytes: &[u8], wanted: &Wanted, now: impl Into<Now>) -> Result<Manifest, Distrust> {
-        let now = now.into();
         let signed = SignedManifest::parse(bytes)?;
+        let now = now.into().not_before(signed.unchecked().issued);
         let unknown = || Distrust::UnknownKey { key: signed.key_id().to_owned() };
         let Self::Keyring(keyring) = self else { return Err(unknown()) };
         check_time(keyring, now)?;
@@ -233,6 +233,12 @@ mod tests {
         let refused = at("2026-11-30T18:00:00Z").unwrap_err().to_string();
         assert!(refused.ends_with("but it is 2026-11-30T18:00:00Z or later"), "{refused}");
         assert!(matches!(at("2026-12-01T00:00:00Z"), Err(Distrust::KeyringTime { .. })));
+        // No key can name a time after its keyring.
+        let late =
+            Manifest { issued: time("2026-12-01T00:00:00Z"), expires: time("2099-01-01T00:00:00Z"), ..manifest() };
+        let late = late.signed(&key(SIGNER));
+        let found = trust.manifest(late.as_bytes(), &wanted(), Now::AtLeast(Time::EPOCH));
+        assert!(matches!(found, Err(Distrust::KeyringTime { .. })), "{found:?}");
     }
 
     #[test]

@@ -1,10 +1,10 @@
 //! Servers that hold an agent where it is: by answers without signatures, or by bytes that come one by one.
 
 use crate::bench::{Bench, SIZE, check, leftovers, problem};
-use crate::material::{SIGNER, in_hours, kernel, key, manifest};
+use crate::material::{SIGNER, STRANGER, in_hours, kernel, key, keyring, manifest, signed};
 use crate::server::Sending;
 use lightpath_agent::{Agent, Clock, Problem, Settings};
-use lightpath_manifest::{Manifest, Time};
+use lightpath_manifest::{Keyring, ListedKey, Manifest, Time};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
 use std::time::{Duration, Instant};
@@ -77,6 +77,77 @@ fn server_without_keys_is_noticed_when_the_last_manifest_expires() {
     let requests = bench.server.take_requests();
     assert!(requests.iter().any(|request| request.headers.contains_key("if-none-match")));
     assert!(requests.iter().all(|request| !request.is_for_file()), "the kernel is the same");
+}
+
+#[test]
+fn device_without_a_clock_takes_the_time_of_documents_for_it() {
+    let bench = Bench::new();
+    let long_ago = Clock::of(|| in_hours(-9000));
+    // Without any document, a clock that is far behind is believed.
+    let text = problem(&mut Agent::start(Settings { clock: long_ago.clone(), ..bench.settings() }).unwrap());
+    assert!(text.contains("is the clock of this device right?"), "{text}");
+    for clock in [Clock::none(), long_ago] {
+        let settings = Settings { clock, ..bench.settings() };
+        let mut agent = Agent::start(settings.clone()).unwrap();
+        check(&mut agent).unwrap();
+        bench.assert_uses(1);
+        // Signed once, and ended before the manifest of version 1 was issued.
+        let old = Manifest { issued: in_hours(-20), expires: in_hours(-2), ..manifest(2, 7, &kernel(2, SIZE)) };
+        for is_restarted in [false, true] {
+            if is_restarted {
+                drop(agent);
+                agent = Agent::start(settings.clone()).unwrap();
+            }
+            bench.server.change(|script| script.manifest = old.signed(&key(SIGNER)));
+            let text = problem(&mut agent);
+            assert!(text.contains("the manifest counts from") && text.contains(" or later"), "{text}");
+            bench.assert_uses(1);
+        }
+        bench.server.offer(1, 7, &kernel(1, SIZE));
+        check(&mut agent).unwrap();
+        // The time that passes while the agent runs counts, too.
+        let now = in_hours(0);
+        let short = Manifest {
+            issued: now,
+            expires: Time::from_unix_s(now.unix_s() + 1).unwrap(),
+            ..manifest(1, 7, &kernel(1, SIZE))
+        };
+        bench.server.change(|script| (script.manifest, script.says_unchanged) = (short.signed(&key(SIGNER)), false));
+        check(&mut agent).unwrap();
+        std::thread::sleep(Duration::from_millis(1100));
+        bench.server.change(|script| script.says_unchanged = true);
+        assert!(matches!(check(&mut agent).unwrap_err(), Problem::Unconfirmed { .. }));
+        bench.server.change(|script| script.says_unchanged = false);
+        bench.server.offer(1, 7, &kernel(1, SIZE));
+    }
+}
+
+#[test]
+fn stolen_key_cannot_end_time_for_a_device_without_a_clock() {
+    let bench = Bench::new();
+    let mut agent = Agent::start(Settings { clock: Clock::none(), ..bench.settings() }).unwrap();
+    check(&mut agent).unwrap();
+    let bytes = kernel(2, SIZE);
+    bench.server.offer(2, 7, &bytes);
+    // The keyring ends in 2000 hours.
+    for (hours, is_refused) in [(500_000, true), (2000, true), (1999, false)] {
+        let far = Manifest { issued: in_hours(hours), expires: in_hours(600_000), ..manifest(2, 7, &bytes) };
+        bench.server.change(|script| script.manifest = far.signed(&key(SIGNER)));
+        match check(&mut agent) {
+            Ok(_) => assert!(!is_refused, "{hours}"),
+            Err(problem) => assert!(problem.to_string().contains("the keyring counts from"), "{hours}: {problem}"),
+        }
+    }
+    bench.assert_uses(2);
+    // The next keyring revokes the key, and lists another.
+    let listed = ListedKey { key: key(STRANGER).public(), from: in_hours(-1), until: in_hours(9000) };
+    let next =
+        Keyring { expires: in_hours(3000), keys: vec![listed], revoked: vec![key(SIGNER).public()], ..keyring(2) };
+    bench.server.offer(3, 8, &kernel(3, SIZE));
+    let manifest = Manifest { expires: in_hours(2900), ..manifest(3, 8, &kernel(3, SIZE)) };
+    bench.server.change(|script| (script.keyring, script.manifest) = (signed(&next), manifest.signed(&key(STRANGER))));
+    check(&mut agent).unwrap();
+    bench.assert_uses(3);
 }
 
 #[test]

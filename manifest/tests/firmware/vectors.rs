@@ -290,7 +290,8 @@ fn manifests_of_keys(set: &mut Set) {
     add("early-key.manifest", &known, NOW, by(EARLY), "key_not_yet");
     add("early-key.manifest", &known, "2026-11-30T23:59:59Z", by(EARLY), "key_not_yet");
     add("late-key.manifest", &known, NOW, by(LATE), "key_expired");
-    add("late-key.manifest", &known, "2026-11-19T23:59:59Z+", by(LATE), "trusted");
+    // It was issued after the end of its key.
+    add("late-key.manifest", &known, "none", by(LATE), "key_expired");
     add("late-key.manifest", &known, "2026-11-20T00:00:00Z+", by(LATE), "key_expired");
     add("early-key.manifest", &known, "2026-11-24T00:00:00Z+", by(EARLY), "trusted");
     let good = String::from_utf8(by(SIGNER)).unwrap();
@@ -330,6 +331,10 @@ fn manifests_in_time(set: &mut Set) {
     ] {
         set.add("good.manifest", good.clone(), of_manifest(&known, now, &wanted()), verdict, 0);
     }
+    // Without a clock, no key can name a time after the end of its keyring.
+    let far = Manifest { issued: time("2026-12-31T00:00:00Z"), expires: time("9999-12-31T23:59:59Z"), ..manifest() };
+    let far = far.signed(&key(SIGNER)).into_bytes();
+    set.add("issued-late.manifest", far, of_manifest(&known, "none", &wanted()), "keyring_expired", 0);
     // A clock that fails with -1 is no missing clock.
     for (now, verdict) in [(-1, "keyring_not_yet"), (i64::MAX, "keyring_expired")] {
         let question = Question::Manifest { known: known.clone(), now: Clock::At(now), wanted: wanted() };
