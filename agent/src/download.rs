@@ -1,6 +1,6 @@
 //! Fetches a file into a part on the disk, which continues after every interruption.
 
-use crate::http::{Http, PIECE_BYTES};
+use crate::http::{Http, PIECE_BYTES, reason_of};
 use crate::problem::{BodyProblem, Problem};
 use crate::regular_file;
 use crate::settings::Pace;
@@ -146,7 +146,7 @@ impl Part<'_> {
             match read(&mut body, &mut piece) {
                 Ok(0) => break,
                 Ok(length) => self.write(&piece[..length], received).map_err(is)?,
-                Err(error) => return Err((error.to_string(), None)),
+                Err(error) => return Err((reason_of(&error.into()), None)),
             }
         }
         if received.bytes < self.manifest.size_bytes {

@@ -177,7 +177,7 @@ impl Http {
     }
 
     fn unreachable(&self, error: &ureq::Error) -> Problem {
-        let reason = error.to_string();
+        let reason = reason_of(error);
         // TLS 1.3 and 1.2 name the refusal of a client without a certificate differently.
         let is_asked = reason.contains("CertificateRequired") || reason.contains("HandshakeFailure");
         let fix = match &self.settings.client {
@@ -236,6 +236,17 @@ impl Connections {
             config = config.tls_config(files.config(settings)?);
         }
         Ok(Self { files, agent: config.build().new_agent() })
+    }
+}
+
+/// Why a call failed, in words.
+pub(crate) fn reason_of(error: &ureq::Error) -> String {
+    match error {
+        ureq::Error::Timeout(ureq::Timeout::PerCall) => "timeout: the whole answer took too long".to_owned(),
+        ureq::Error::Timeout(ureq::Timeout::PerRead | ureq::Timeout::RecvResponse) => {
+            "timeout: nothing came for too long".to_owned()
+        }
+        _ => error.to_string(),
     }
 }
 

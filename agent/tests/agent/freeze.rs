@@ -5,8 +5,11 @@ use crate::material::{SIGNER, STRANGER, in_hours, kernel, key, keyring, manifest
 use crate::server::Sending;
 use lightpath_agent::{Agent, Clock, Problem, Settings};
 use lightpath_manifest::{Keyring, ListedKey, Manifest, Time};
+use std::io::Write as _;
+use std::net::TcpListener;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
+use std::thread;
 use std::time::{Duration, Instant};
 
 /// Hours until the manifests of [`manifest`] expire, and one more.
@@ -114,7 +117,7 @@ fn device_without_a_clock_takes_the_time_of_documents_for_it() {
         };
         bench.server.change(|script| (script.manifest, script.says_unchanged) = (short.signed(&key(SIGNER)), false));
         check(&mut agent).unwrap();
-        std::thread::sleep(Duration::from_millis(1100));
+        thread::sleep(Duration::from_millis(1100));
         bench.server.change(|script| script.says_unchanged = true);
         assert!(matches!(check(&mut agent).unwrap_err(), Problem::Unconfirmed { .. }));
         bench.server.change(|script| script.says_unchanged = false);
@@ -194,6 +197,31 @@ fn documents_and_messages_that_drip_are_given_up() {
     bench.server.change(|script| (script.drip, script.refusal) = (None, None));
     check(&mut agent).unwrap();
     bench.assert_uses(2);
+}
+
+#[test]
+fn head_that_drips_is_given_up() {
+    let (bench, agent) = Bench::with_kernel();
+    drop(agent);
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let mut settings = impatient(&bench);
+    settings.server = format!("http://{}", listener.local_addr().unwrap());
+    // It ends when the agent closes its connections.
+    thread::spawn(move || {
+        for stream in listener.incoming() {
+            thread::spawn(move || {
+                let mut stream = stream.unwrap();
+                let mut sent = stream.write_all(b"HTTP/1.1 200 OK\r\nx: ");
+                while sent.is_ok() {
+                    thread::sleep(Duration::from_millis(100));
+                    sent = stream.write_all(b"x");
+                }
+            });
+        }
+    });
+    let text = fails_within(&mut Agent::start(settings).unwrap(), Duration::from_secs(10));
+    assert!(text.contains("timeout"), "{text}");
+    bench.assert_uses(1);
 }
 
 #[test]
