@@ -135,7 +135,7 @@ impl Agent {
                     pause
                 }
             };
-            self.sleep(pause);
+            self.sleep(pause.min(self.until_expiry()));
         }
     }
 
@@ -203,6 +203,15 @@ impl Agent {
         if self.state.state.earliest.is_none_or(|known| known < issued) {
             (self.state.state.earliest, self.earliest_at) = (Some(issued), Instant::now());
         }
+    }
+
+    /// Time until the manifest that was accepted last has expired; without end, if there is none that counts. Then the agent
+    /// asks in any case, however long a pause the server named.
+    fn until_expiry(&self) -> Duration {
+        let now = self.now().earliest();
+        let left = self.state.state.confirmed.map(|confirmed| confirmed.expires.unix_s() - now.unix_s());
+        let left_s = left.and_then(|left_s| u64::try_from(left_s).ok()).filter(|left_s| *left_s > 0);
+        left_s.map_or(Duration::MAX, Duration::from_secs)
     }
 
     /// A problem, with the fact that no manifest counts any more, if that is so.

@@ -83,6 +83,20 @@ fn server_without_keys_is_noticed_when_the_last_manifest_expires() {
 }
 
 #[test]
+fn server_that_names_a_long_pause_is_asked_when_the_manifest_expires() {
+    let bench = Bench::new();
+    let soon = Time::from_unix_s(in_hours(0).unix_s() + 3).unwrap();
+    let short = Manifest { expires: soon, ..manifest(1, 7, &kernel(1, SIZE)) };
+    bench.server.change(|script| (script.manifest, script.poll_after_s) = (short.signed(&key(SIGNER)), 86_400));
+    let mut agent = bench.agent();
+    thread::spawn(move || agent.run());
+    let requests = bench.server.wait_for(|requests| requests.iter().filter(|one| one.is_for_manifest()).count() >= 2);
+    let last = requests.iter().rev().find(|request| request.is_for_manifest()).unwrap();
+    assert!(!last.headers.contains_key("if-none-match"), "{last:?}");
+    bench.assert_uses(1);
+}
+
+#[test]
 fn device_without_a_clock_takes_the_time_of_documents_for_it() {
     let bench = Bench::new();
     let long_ago = Clock::of(|| in_hours(-9000));
