@@ -8,10 +8,10 @@ use crate::problem::Problem;
 use crate::report::{Reporter, Standing};
 use crate::schedule::Backoff;
 use crate::slots::{Lock, Slot, Slots};
-use crate::state::{Proof, StateFile};
+use crate::state::{Confirmed, Proof, StateFile};
 use crate::vouching::Vouching;
 use crate::{Settings, log};
-use lightpath_manifest::{Distrust, Manifest};
+use lightpath_manifest::{Distrust, Manifest, Now, Time};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -36,10 +36,12 @@ pub struct Agent {
     vouching: Vouching,
     /// The slot in use and what its manifest says.
     in_use: Option<(Slot, Manifest)>,
+    /// When the agent learned the earliest time of its state; not before its start.
+    earliest_at: Instant,
     /// When the keyring was fetched last; `None`: not since the start.
     keyring_at: Option<Instant>,
-    /// The last problem that the server should know of, and the version that caused it; 0: none did.
-    trouble: Option<(u32, String)>,
+    /// The last problem that the server should know of, and that is no version's fault.
+    trouble: Option<String>,
     reporter: Reporter,
     _lock: Lock,
 }
@@ -67,11 +69,15 @@ impl Agent {
             state,
             vouching,
             in_use: None,
+            earliest_at: Instant::now(),
             keyring_at: None,
             trouble: None,
             reporter,
             _lock: lock,
         };
+        if let Now::AtLeast(earliest) = agent.now() {
+            log::line(format_args!("the agent takes {earliest} or later for the time: no clock says a later one"));
+        }
         agent.recover();
         Ok(agent)
     }
@@ -85,19 +91,19 @@ impl Agent {
     /// 4. The self-test runs. A version that it refuses is not tried again.
     /// 5. The slot becomes the one in use.
     ///
-    /// The server may hold its answer back for `wait`, until something changes.
+    /// The server may hold its answer back for `wait`, until something changes. An answer that nothing has changed counts
+    /// until the manifest that was accepted last expires: a server without keys can give it, too.
     ///
     /// # Errors
     ///
     /// [`Problem`]. The kernel in use stays as it was.
     pub fn check(&mut self, wait: Duration) -> Result<Checked, Problem> {
-        let checked = self.check_and_install(wait);
+        let checked = self.check_and_install(wait).map_err(|problem| self.unconfirmed(problem));
         match &checked {
             // The state remembers a version that the self-test refused.
             Ok(_) | Err(Problem::SelfTest { .. }) => self.trouble = None,
-            Err(problem @ Problem::Body { version, .. }) => self.trouble = Some((*version, problem.to_string())),
-            // The device is at fault, and not the version: a rollout must not count it as a failure.
-            Err(problem) if problem.is_for_report() => self.trouble = Some((0, problem.to_string())),
+            // The network, the server or the device is at fault, and not the version: a rollout must not count it.
+            Err(problem) if problem.is_for_report() => self.trouble = Some(problem.to_string()),
             Err(_) => {}
         }
         checked
@@ -124,13 +130,12 @@ impl Agent {
                     if let Problem::Cut { has_progress: true, .. } = problem {
                         backoff.reset();
                     }
-                    let named = if let Problem::Refused { retry_after, .. } = &problem { *retry_after } else { None };
-                    let pause = backoff.next().max(named.unwrap_or_default());
+                    let pause = backoff.next().max(problem.retry_after().unwrap_or_default());
                     log::line(format_args!("{problem}; the agent tries again in {:.0} s", pause.as_secs_f64()));
                     pause
                 }
             };
-            self.sleep(pause);
+            self.sleep(pause.min(self.until_expiry()));
         }
     }
 
@@ -138,6 +143,14 @@ impl Agent {
     #[must_use]
     pub fn in_use(&self) -> Option<(Slot, u32)> {
         self.in_use.as_ref().map(|(slot, manifest)| (*slot, manifest.version))
+    }
+
+    /// Whether the application has a kernel whose bytes are those of an accepted manifest.
+    #[must_use]
+    pub fn has_whole_kernel(&self) -> bool {
+        self.in_use.as_ref().is_some_and(|(slot, manifest)| {
+            self.slots.current() == Some(*slot) && self.slots.check_kernel(*slot, manifest).is_ok()
+        })
     }
 
     /// Sleeps, and sends the reports that become due.
@@ -159,8 +172,10 @@ impl Agent {
             self.recover();
         }
         self.look_at_keyring()?;
-        // Without a kernel the manifest is needed, also the same one again.
-        let etag = if self.in_use.is_some() { self.state.state.etag.clone() } else { String::new() };
+        // Without a kernel the manifest is needed, also the same one again. After its end, too: everybody can answer that
+        // nothing has changed.
+        let counts = self.state.state.confirmed.is_some_and(|confirmed| !self.now().has_reached(confirmed.expires));
+        let etag = if self.in_use.is_some() && counts { self.state.state.etag.clone() } else { String::new() };
         let answer = self.http.manifest(&etag, wait)?;
         let poll_after = answer.poll_after;
         let is_offered = match answer.document {
@@ -169,6 +184,44 @@ impl Agent {
         };
         let version = self.in_use.as_ref().map_or(0, |(_, manifest)| manifest.version);
         Ok(Checked { version, is_offered, poll_after })
+    }
+
+    /// The time: that of the clock, unless documents show that it is later, or there is none. Then it is at least the time
+    /// of the latest document, and what has passed since.
+    fn now(&self) -> Now {
+        let passed_s = i64::try_from(self.earliest_at.elapsed().as_secs()).unwrap_or(i64::MAX);
+        let later = |time: Time| Time::from_unix_s(time.unix_s().saturating_add(passed_s)).unwrap_or(time);
+        let earliest = self.state.state.earliest.map_or(Time::EPOCH, later);
+        match self.settings.clock.now() {
+            Some(now) if now >= earliest => Now::At(now),
+            _ => Now::AtLeast(earliest),
+        }
+    }
+
+    /// Notes when an accepted document was issued.
+    fn learn_time(&mut self, issued: Time) {
+        if self.state.state.earliest.is_none_or(|known| known < issued) {
+            (self.state.state.earliest, self.earliest_at) = (Some(issued), Instant::now());
+        }
+    }
+
+    /// Time until the manifest that was accepted last has expired; without end, if there is none that counts. Then the agent
+    /// asks in any case, however long a pause the server named.
+    fn until_expiry(&self) -> Duration {
+        let now = self.now().earliest();
+        let left = self.state.state.confirmed.map(|confirmed| confirmed.expires.unix_s() - now.unix_s());
+        let left_s = left.and_then(|left_s| u64::try_from(left_s).ok()).filter(|left_s| *left_s > 0);
+        left_s.map_or(Duration::MAX, Duration::from_secs)
+    }
+
+    /// A problem, with the fact that no manifest counts any more, if that is so.
+    fn unconfirmed(&self, problem: Problem) -> Problem {
+        match self.state.state.confirmed {
+            Some(Confirmed { issued, expires }) if self.now().has_reached(expires) => {
+                Problem::Unconfirmed { issued, expires, cause: Box::new(problem) }
+            }
+            _ => problem,
+        }
     }
 
     /// Does what a manifest says. Returns whether its version is in use now.
@@ -194,7 +247,8 @@ impl Agent {
     /// Checks a manifest, with a newer keyring if it needs one, and remembers its generation.
     fn accept(&mut self, document: &Document) -> Result<Manifest, Problem> {
         let wanted = self.settings.wanted(self.state.state.generation);
-        let accepted = |vouching: &Vouching| vouching.trust.manifest(&document.bytes, &wanted, log::now());
+        let now = self.now();
+        let accepted = |vouching: &Vouching| vouching.trust.manifest(&document.bytes, &wanted, now);
         let manifest = match accepted(&self.vouching) {
             Err(Distrust::UnknownKey { .. } | Distrust::KeyringTime { .. }) => {
                 self.fetch_keyring()?;
@@ -208,6 +262,8 @@ impl Agent {
             self.state.state.rejected = None;
         }
         self.state.state.generation = manifest.generation;
+        self.learn_time(manifest.issued);
+        self.state.state.confirmed = Some(Confirmed { issued: manifest.issued, expires: manifest.expires });
         self.state.note(Proof::Manifest);
         self.state.save()?;
         Ok(manifest)
@@ -216,11 +272,11 @@ impl Agent {
     /// Fetches the keyring at the start, each day and before its end. An older one that still counts is enough to go on.
     fn look_at_keyring(&mut self) -> Result<(), Problem> {
         let is_due = self.keyring_at.is_none_or(|at| at.elapsed() >= self.settings.pace.keyring_interval);
-        if !is_due && !self.vouching.must_be_renewed(log::now()) {
+        if !is_due && !self.vouching.must_be_renewed(self.now().earliest()) {
             return Ok(());
         }
         match self.fetch_keyring() {
-            Err(problem) if self.vouching.keyring().is_some_and(|keyring| log::now() < keyring.expires) => {
+            Err(problem) if self.vouching.keyring().is_some_and(|keyring| !self.now().has_reached(keyring.expires)) => {
                 log::line(format_args!("{problem}; the agent goes on with the keyring that it has"));
                 Ok(())
             }
@@ -231,8 +287,11 @@ impl Agent {
     fn fetch_keyring(&mut self) -> Result<(), Problem> {
         let document = self.http.keyring()?;
         let known = self.state.state.keyring;
-        self.vouching.renew(document.bytes, known, log::now(), &self.slots.file("keyring"))?;
+        self.vouching.renew(document.bytes, known, self.now(), &self.slots.file("keyring"))?;
         self.keyring_at = Some(Instant::now());
+        if let Some(issued) = self.vouching.keyring().map(|keyring| keyring.issued) {
+            self.learn_time(issued);
+        }
         let version = self.vouching.keyring().map_or(0, |keyring| keyring.version);
         self.state.state.keyring = version.max(known);
         self.state.state.roots = pinned_text(&self.settings);
@@ -242,7 +301,8 @@ impl Agent {
 
     fn standing(&self) -> Standing {
         let rejected = self.state.state.rejected.as_ref().map(|rejected| (rejected.version, rejected.message.clone()));
-        let (tried_version, message) = self.trouble.clone().or(rejected).unwrap_or_default();
+        let trouble = self.trouble.clone().map(|message| (0, message));
+        let (tried_version, message) = trouble.or(rejected).unwrap_or_default();
         let (version, digest) = match &self.in_use {
             Some((_, manifest)) => (manifest.version, manifest.digest.clone()),
             None => (0, String::new()),
@@ -256,6 +316,11 @@ impl Agent {
 fn pinned_text(settings: &Settings) -> String {
     let roots: Vec<String> = settings.roots.iter().map(ToString::to_string).collect();
     roots.join(",")
+}
+
+/// Whether two manifests name the same bytes.
+fn have_same_bytes(one: &Manifest, other: &Manifest) -> bool {
+    (&one.digest, one.size_bytes) == (&other.digest, other.size_bytes)
 }
 
 /// Whether two manifests name the same file of the same version.

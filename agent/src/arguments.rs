@@ -1,6 +1,6 @@
 //! The command line of the program `lightpath-agent`.
 
-use crate::{Agent, KernelId, Pace, Problem, Settings, log, status};
+use crate::{Agent, Clock, KernelId, Pace, Problem, Settings, log, status};
 use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 use lightpath_manifest::PublicKey;
 use std::ffi::OsString;
@@ -9,8 +9,8 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
-/// Forms of kernel files.
-const FORMS: [&str; 7] = ["compact", "safetensors", "f16", "complex64", "npz", "npy", "pt"];
+/// Formats of kernel files, which manifests and addresses call forms.
+const FORMATS: [&str; 7] = ["compact", "safetensors", "f16", "complex64", "npz", "npy", "pt"];
 const EXAMPLES: &str = "\
 A display that is always up to date:
   lightpath-agent --server https://lab:7070 --display pluto --device bench-7 \\
@@ -95,9 +95,9 @@ pub struct RunArguments {
     #[arg(long, env = "LIGHTPATH_KERNEL", value_name = "ID")]
     pub kernel: KernelId,
 
-    /// Fetch the kernel in this form
-    #[arg(long, env = "LIGHTPATH_FORM", value_name = "FORM", default_value = "compact", value_parser = FORMS)]
-    pub form: String,
+    /// Fetch the kernel in this format
+    #[arg(long, env = "LIGHTPATH_FORMAT", value_name = "FORMAT", default_value = "compact", value_parser = FORMATS)]
+    pub format: String,
 
     /// Trust keyrings that this root key signed: 64 hexadecimal digits; give the option once for each root key
     #[arg(long = "root", env = "LIGHTPATH_ROOT", value_name = "PUBLIC-KEY", value_delimiter = ',', required = true)]
@@ -110,6 +110,14 @@ pub struct RunArguments {
     /// Trust the certificate authorities in this PEM file instead of those of the system
     #[arg(long, env = "LIGHTPATH_CA_FILE", value_name = "FILE")]
     pub ca_file: Option<PathBuf>,
+
+    /// Send the client certificate in this PEM file, for a server that requires one; needs --client-key
+    #[arg(long, env = "LIGHTPATH_CLIENT_CERT", value_name = "FILE", requires = "client_key")]
+    pub client_cert: Option<PathBuf>,
+
+    /// Use the private key in this PEM file for --client-cert
+    #[arg(long, env = "LIGHTPATH_CLIENT_KEY", value_name = "FILE", requires = "client_cert")]
+    pub client_key: Option<PathBuf>,
 
     /// Keep the kernel in this directory, which belongs to the agent alone
     #[arg(long, env = "LIGHTPATH_DIRECTORY", value_name = "DIR")]
@@ -130,6 +138,10 @@ pub struct RunArguments {
     )]
     pub self_test_limit_s: u64,
 
+    /// Use no clock, on a device that has none: it is at least as late as its latest document says
+    #[arg(long, env = "LIGHTPATH_NO_CLOCK")]
+    pub no_clock: bool,
+
     /// Check once, and exit
     #[arg(long)]
     pub once: bool,
@@ -144,14 +156,16 @@ impl RunArguments {
             display: self.display,
             device: self.device,
             kernel: self.kernel,
-            form: self.form,
+            format: self.format,
             roots: self.roots,
             token_file: self.token_file,
             ca_file: self.ca_file,
+            client: self.client_cert.zip(self.client_key),
             directory: self.directory,
             self_test: self.self_test,
             self_test_limit: Duration::from_secs(self.self_test_limit_s),
             pace: Pace::default(),
+            clock: if self.no_clock { Clock::none() } else { Clock::system() },
         }
     }
 }
@@ -198,13 +212,19 @@ fn keep(arguments: RunArguments) -> ExitCode {
     let checked = agent.check(Duration::ZERO);
     agent.report();
     match checked {
-        Ok(checked) if checked.is_offered => ExitCode::SUCCESS,
-        Ok(_) => ExitCode::FAILURE,
-        Err(problem) => {
-            log::line(problem);
-            ExitCode::FAILURE
-        }
+        // Whatever was answered: only a kernel that the application can open is a success.
+        _ if !agent.has_whole_kernel() => log::line(match checked {
+            Ok(_) => "no kernel is in use: the version that the server offers was given up before".to_owned(),
+            Err(problem) => format!("no kernel is in use: {problem}"),
+        }),
+        Ok(checked) if checked.is_offered => return ExitCode::SUCCESS,
+        Ok(checked) => log::line(format_args!(
+            "version {} is in use: the version that the server offers was given up before",
+            checked.version
+        )),
+        Err(problem) => log::line(problem),
     }
+    ExitCode::FAILURE
 }
 
 fn print_status(arguments: &StatusArguments) -> ExitCode {
@@ -250,7 +270,7 @@ mod tests {
         Cli::command().debug_assert();
         let Task::Run(arguments) = parsed(GOOD).unwrap() else { panic!() };
         let settings = arguments.settings();
-        assert_eq!((&*settings.server, &*settings.form), ("https://lab:7070", "compact"));
+        assert_eq!((&*settings.server, &*settings.format), ("https://lab:7070", "compact"));
         assert_eq!(settings.self_test_limit, Duration::from_secs(60));
         assert!(matches!(parsed("lightpath-agent status --directory /x"), Ok(Task::Other(Command::Status(_)))));
     }
@@ -262,7 +282,8 @@ mod tests {
             ("--display pluto", "--display ../x", "1 to 63 characters"),
             ("515nm-150mm", "515.0nm-150mm", "632.8nm"),
             ("3d4017", "3D4017", "64 hexadecimal digits"),
-            ("--device bench-7", "--device bench-7 --form lpk", "safetensors"),
+            ("--device bench-7", "--device bench-7 --format lpk", "safetensors"),
+            ("--device bench-7", "--device bench-7 --client-cert x.pem", "--client-key"),
             ("--device bench-7", "", "--device"),
         ] {
             let line = GOOD.replacen(from, to, 1);

@@ -1,26 +1,29 @@
 //! Fetches a file into a part on the disk, which continues after every interruption.
 
-use crate::http::{Http, PIECE_BYTES};
+use crate::http::{Http, PIECE_BYTES, reason_of};
 use crate::problem::{BodyProblem, Problem};
 use crate::regular_file;
 use crate::settings::Pace;
 use lightpath_fail_points as fail;
 use lightpath_manifest::Manifest;
 use sha2::{Digest as _, Sha256};
-use std::fs::{File, OpenOptions};
+use std::fs::File;
 use std::io::{self, Read, Seek as _, SeekFrom, Write as _};
 use std::path::Path;
 use std::thread;
+use std::time::{Duration, Instant};
+use ureq::Body;
 use ureq::http::{Response, header};
-use ureq::{Body, BodyReader};
 
 /// Limit on the cuts of one poll. After it, the agent asks for the manifest again, and pauses.
 const CUTS_MAX: u32 = 20;
 
 /// Fetches the file of a manifest to `path`, from the byte on at which an earlier try ended. Afterwards the file is
-/// whole, right and flushed. A corrupt one is removed and fetched once more, from the start.
+/// whole, right and flushed. A corrupt one is removed and fetched once more, from the start. After the time that
+/// [`Pace`] gives a file, what has arrived stays for the next try.
 pub(crate) fn fetch(http: &Http, pace: Pace, manifest: &Manifest, path: &Path) -> Result<(), Problem> {
-    let part = Part { http, pace, manifest, path };
+    let end = Instant::now() + pace.time_for_file(manifest.size_bytes);
+    let part = Part { http, pace, manifest, path, end };
     match part.fetch_once() {
         Err(Problem::Body { .. }) => {
             part.remove()?;
@@ -33,6 +36,31 @@ pub(crate) fn fetch(http: &Http, pace: Pace, manifest: &Manifest, path: &Path) -
         }
         ended => ended,
     }
+}
+
+/// Takes the file of a manifest from the disk: copies `from` to `path`, and flushes it. Returns whether its bytes are those
+/// of the manifest.
+///
+/// It is no second link to `from`: a bad sector, or a self-test that writes, must not reach the kernel in use.
+pub(crate) fn copy(from: &Path, manifest: &Manifest, path: &Path) -> Result<bool, Problem> {
+    let mut source = regular_file::open(from).map_err(Problem::disk("read", from))?;
+    let written = Problem::disk("write", path);
+    let mut write = || -> io::Result<String> {
+        let mut received = Received::open(path)?;
+        received.restart()?;
+        let mut piece = vec![0; PIECE_BYTES];
+        loop {
+            let length = read(&mut source, &mut piece)?;
+            if length == 0 {
+                break;
+            }
+            received.write(&piece[..length])?;
+        }
+        fail::point("part.flush")?;
+        received.file.sync_all()?;
+        Ok(digest(received.hasher))
+    };
+    Ok(write().map_err(written)? == manifest.digest)
 }
 
 /// SHA-256 of a file, in the form of a manifest.
@@ -48,6 +76,8 @@ struct Part<'a> {
     pace: Pace,
     manifest: &'a Manifest,
     path: &'a Path,
+    /// When this try ends.
+    end: Instant,
 }
 
 /// The bytes of a part so far.
@@ -69,7 +99,7 @@ impl Part<'_> {
                 return Err(problem);
             }
             cuts += 1;
-            if received.bytes == begin || cuts == CUTS_MAX {
+            if received.bytes == begin || cuts == CUTS_MAX || self.left().is_zero() {
                 return Err(Problem::Cut {
                     version: self.manifest.version,
                     bytes: received.bytes,
@@ -89,19 +119,23 @@ impl Part<'_> {
 
     /// Opens the part, and hashes what an earlier try has left of it.
     fn open(&self) -> io::Result<Received> {
-        let mut file = OpenOptions::new().read(true).write(true).create(true).truncate(false).open(self.path)?;
-        let mut received = Received { hasher: Sha256::new(), bytes: file.metadata()?.len(), file: file.try_clone()? };
+        let mut received = Received::open(self.path)?;
         if received.bytes > self.manifest.size_bytes {
             received.restart()?;
         }
-        hash_rest(&mut file, &mut received.hasher)?;
+        hash_rest(&mut received.file, &mut received.hasher)?;
         Ok(received)
+    }
+
+    /// Time that is left for this try.
+    fn left(&self) -> Duration {
+        self.end.saturating_duration_since(Instant::now())
     }
 
     /// Receives the rest of the file. An error without a problem is a cut.
     fn receive(&self, received: &mut Received) -> Result<(), (String, Option<Problem>)> {
         let is = |problem| (String::new(), Some(problem));
-        let response = match self.http.file(self.manifest, received.bytes) {
+        let response = match self.http.file(self.manifest, received.bytes, self.left()) {
             Err(Problem::Unreachable { reason, .. }) => return Err((reason, None)),
             answer => answer.map_err(is)?,
         };
@@ -112,7 +146,7 @@ impl Part<'_> {
             match read(&mut body, &mut piece) {
                 Ok(0) => break,
                 Ok(length) => self.write(&piece[..length], received).map_err(is)?,
-                Err(error) => return Err((error.to_string(), None)),
+                Err(error) => return Err((reason_of(&error.into()), None)),
             }
         }
         if received.bytes < self.manifest.size_bytes {
@@ -157,16 +191,13 @@ impl Part<'_> {
         if bytes.len() as u64 > size_bytes - received.bytes {
             return Err(self.wrong(BodyProblem::Longer { size_bytes }));
         }
-        if let Err(error) = fail::point("part.write").and_then(|()| received.file.write_all(bytes)) {
+        received.write(bytes).map_err(|error| {
             if Problem::is_no_space(&error) {
                 // Other programs need the space more than an unfinished file.
                 let _ = self.remove();
             }
-            return Err(self.disk("write")(error));
-        }
-        received.hasher.update(bytes);
-        received.bytes += bytes.len() as u64;
-        Ok(())
+            self.disk("write")(error)
+        })
     }
 
     fn remove(&self) -> Result<(), Problem> {
@@ -183,6 +214,20 @@ impl Part<'_> {
 }
 
 impl Received {
+    /// Opens a part, or makes it.
+    fn open(path: &Path) -> io::Result<Self> {
+        let file = regular_file::open_for_writing(path)?;
+        Ok(Self { hasher: Sha256::new(), bytes: file.metadata()?.len(), file })
+    }
+
+    fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        fail::point("part.write")?;
+        self.file.write_all(bytes)?;
+        self.hasher.update(bytes);
+        self.bytes += bytes.len() as u64;
+        Ok(())
+    }
+
     fn restart(&mut self) -> io::Result<()> {
         fail::point("part.truncate")?;
         self.file.set_len(0)?;
@@ -192,10 +237,10 @@ impl Received {
     }
 }
 
-/// Reads the next bytes of a body.
-fn read(body: &mut BodyReader<'_>, piece: &mut [u8]) -> io::Result<usize> {
+/// Reads the next bytes.
+fn read(source: &mut impl Read, piece: &mut [u8]) -> io::Result<usize> {
     loop {
-        match body.read(piece) {
+        match source.read(piece) {
             Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
             ended => return ended,
         }
@@ -205,12 +250,11 @@ fn read(body: &mut BodyReader<'_>, piece: &mut [u8]) -> io::Result<usize> {
 fn hash_rest(file: &mut File, hasher: &mut Sha256) -> io::Result<()> {
     let mut piece = vec![0; PIECE_BYTES];
     loop {
-        match file.read(&mut piece) {
-            Ok(0) => return Ok(()),
-            Ok(length) => hasher.update(&piece[..length]),
-            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-            Err(error) => return Err(error),
+        let length = read(file, &mut piece)?;
+        if length == 0 {
+            return Ok(());
         }
+        hasher.update(&piece[..length]);
     }
 }
 

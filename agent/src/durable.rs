@@ -2,6 +2,7 @@
 //!
 //! A fail point stands before each flush, rename and removal, so that tests can end the process there.
 
+use crate::regular_file;
 use lightpath_fail_points as fail;
 use std::fs::{self, File};
 use std::io::{self, Write as _};
@@ -14,7 +15,7 @@ pub(crate) const TEMPORARY: &str = ".tmp";
 pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> io::Result<()> {
     let temporary = path.with_added_extension(&TEMPORARY[1..]);
     let write = || -> io::Result<()> {
-        let mut file = File::create(&temporary)?;
+        let mut file = regular_file::create_anew(&temporary)?;
         fail::point("file.write")?;
         file.write_all(bytes)?;
         fail::point("file.flush")?;

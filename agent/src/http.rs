@@ -1,16 +1,16 @@
 //! Calls of the server.
 
 use crate::problem::Problem;
-use crate::settings::{Pace, Settings};
+use crate::settings::Settings;
+use crate::tls;
 use lightpath_manifest::{DOCUMENT_BYTES_MAX, Manifest};
+use std::cell::RefCell;
+use std::fmt;
 use std::fs;
 use std::io::Read as _;
 use std::net::IpAddr;
-use std::path::Path;
-use std::sync::Arc;
 use std::time::Duration;
 use ureq::http::{HeaderMap, Response, header};
-use ureq::tls::{Certificate, PemItem, RootCerts, TlsConfig, parse_pem};
 use ureq::{Agent, Body};
 
 /// Size of the pieces in which bytes come from the network and go to the disk \[bytes\].
@@ -43,48 +43,45 @@ pub(crate) struct Answer {
 }
 
 /// The server.
-#[derive(Debug)]
 pub(crate) struct Http {
-    agent: Agent,
     settings: Settings,
+    connections: RefCell<Connections>,
+}
+
+/// Connections, and the files that they were made with.
+struct Connections {
+    files: tls::Files,
+    agent: Agent,
+}
+
+impl fmt::Debug for Http {
+    // Without the private key.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Http").field("settings", &self.settings).finish_non_exhaustive()
+    }
 }
 
 impl Http {
     pub(crate) fn new(settings: &Settings) -> Result<Self, Problem> {
         require_private(settings)?;
-        let pace = settings.pace;
-        let mut config = Agent::config_builder()
-            .http_status_as_error(false)
-            // No address of this server leads elsewhere, and the token must not go elsewhere.
-            .max_redirects(0)
-            .user_agent(user_agent())
-            .accept_encoding("")
-            .timeout_connect(Some(pace.connect))
-            .timeout_resolve(Some(pace.connect))
-            .timeout_send_request(Some(pace.stall))
-            .timeout_per_read(Some(pace.stall))
-            .timeout_per_write(Some(pace.stall))
-            .timeout_recv_body(Some(pace.piece))
-            .max_response_header_size(HEAD_BYTES_MAX)
-            .input_buffer_size(PIECE_BYTES)
-            .output_buffer_size(4 << 10)
-            .max_idle_connections(1);
-        if settings.server.starts_with("https:") {
-            config = config.tls_config(tls(settings.ca_file.as_deref())?);
-        }
-        Ok(Self { agent: config.build().new_agent(), settings: settings.clone() })
+        let connections = Connections::new(tls::Files::read(settings)?, settings)?;
+        Ok(Self { settings: settings.clone(), connections: RefCell::new(connections) })
     }
 
-    /// Asks for the manifest, unless it is still the one with this ETag. The server may wait for a change.
+    /// Asks for the manifest, unless it is still the one with this ETag; empty: in any case. The server may wait for a
+    /// change.
     pub(crate) fn manifest(&self, etag: &str, wait: Duration) -> Result<Answer, Problem> {
-        let Settings { display, kernel, form, device, .. } = &self.settings;
+        let Settings { display, kernel, format, device, .. } = &self.settings;
         let wait_s = wait.as_secs();
         let path =
-            format!("/v1/displays/{display}/kernels/{kernel}/manifest?form={form}&device={device}&wait_s={wait_s}");
+            format!("/v1/displays/{display}/kernels/{kernel}/manifest?form={format}&device={device}&wait_s={wait_s}");
         let headers: &[_] = if etag.is_empty() { &[] } else { &[(header::IF_NONE_MATCH, etag.to_owned())] };
-        let response = self.get(&path, headers, wait)?;
+        let response = self.get(&path, headers, wait, wait + self.settings.pace.answer)?;
         let poll_after = poll_after(response.headers());
         if response.status() == 304 {
+            if etag.is_empty() {
+                return Err(Problem::Unasked);
+            }
             return Ok(Answer { document: None, poll_after });
         }
         Ok(Answer { document: Some(self.document("the manifest", response)?), poll_after })
@@ -92,17 +89,17 @@ impl Http {
 
     /// Asks for the keyring.
     pub(crate) fn keyring(&self) -> Result<Document, Problem> {
-        let response = self.get("/v1/keyring", &[], Duration::ZERO)?;
+        let response = self.get("/v1/keyring", &[], Duration::ZERO, self.settings.pace.answer)?;
         self.document("the keyring", response)
     }
 
-    /// Asks for the bytes of a file from `first` on. The answer has status 200, 206 or 416.
-    pub(crate) fn file(&self, manifest: &Manifest, first: u64) -> Result<Response<Body>, Problem> {
+    /// Asks for the bytes of a file from `first` on. The answer has status 200, 206 or 416, and ends within `limit`.
+    pub(crate) fn file(&self, manifest: &Manifest, first: u64, limit: Duration) -> Result<Response<Body>, Problem> {
         let Manifest { version, form, digest, .. } = manifest;
         let Settings { display, kernel, .. } = &self.settings;
         let path = format!("/v1/displays/{display}/kernels/{kernel}/versions/{version}/{form}/{digest}");
         let range = [(header::RANGE, format!("bytes={first}-")), (header::IF_RANGE, format!("\"{digest}\""))];
-        let response = self.get(&path, if first == 0 { &[] } else { &range }, Duration::ZERO)?;
+        let response = self.get(&path, if first == 0 { &[] } else { &range }, Duration::ZERO, limit)?;
         match response.status().as_u16() {
             200 | 206 | 416 => Ok(response),
             _ => Err(self.refusal("the file", response)),
@@ -113,33 +110,46 @@ impl Http {
     pub(crate) fn report(&self, json: &str) -> Result<(), Problem> {
         let Settings { server, display, device, .. } = &self.settings;
         let mut request = self
-            .agent
+            .agent()?
             .post(format!("{server}/v1/displays/{display}/devices/{device}:report"))
             .header(header::CONTENT_TYPE, "application/json");
         if let Some(token) = self.token()? {
             request = request.header(header::AUTHORIZATION, token);
         }
+        let request = request.config().timeout_per_call(Some(self.settings.pace.answer)).build();
         let response = request.send(json).map_err(|error| self.unreachable(&error))?;
         if response.status().is_success() { Ok(()) } else { Err(self.refusal("the report", response)) }
     }
 
+    /// Asks for something. The answer begins within `wait` and the time in which nothing may arrive, and all of it is there
+    /// within `limit`, however slowly its bytes come.
     fn get(
         &self,
         path: &str,
         headers: &[(header::HeaderName, String)],
         wait: Duration,
+        limit: Duration,
     ) -> Result<Response<Body>, Problem> {
-        let Pace { stall, .. } = self.settings.pace;
-        let mut request = self.agent.get(format!("{}{path}", self.settings.server));
+        let mut request = self.agent()?.get(format!("{}{path}", self.settings.server));
         for (name, value) in headers {
             request = request.header(name, value);
         }
         if let Some(token) = self.token()? {
             request = request.header(header::AUTHORIZATION, token);
         }
-        let limit = Some(wait + stall);
-        let request = request.config().timeout_recv_response(limit).timeout_per_read(limit).build();
-        request.call().map_err(|error| self.unreachable(&error))
+        let silence = Some(wait + self.settings.pace.stall);
+        let config = request.config().timeout_recv_response(silence).timeout_per_read(silence);
+        config.timeout_per_call(Some(limit)).build().call().map_err(|error| self.unreachable(&error))
+    }
+
+    /// The connections, made anew if the files of certificates have changed.
+    fn agent(&self) -> Result<Agent, Problem> {
+        let files = tls::Files::read(&self.settings)?;
+        let mut connections = self.connections.borrow_mut();
+        if connections.files != files {
+            *connections = Connections::new(files, &self.settings)?;
+        }
+        Ok(connections.agent.clone())
     }
 
     fn document(&self, what: &'static str, mut response: Response<Body>) -> Result<Document, Problem> {
@@ -167,7 +177,14 @@ impl Http {
     }
 
     fn unreachable(&self, error: &ureq::Error) -> Problem {
-        Problem::Unreachable { server: self.settings.server.clone(), reason: error.to_string() }
+        let reason = reason_of(error);
+        // TLS 1.3 and 1.2 name the refusal of a client without a certificate differently.
+        let is_asked = reason.contains("CertificateRequired") || reason.contains("HandshakeFailure");
+        let fix = match &self.settings.client {
+            None if is_asked => "; it may ask for a client certificate: give --client-cert and --client-key",
+            _ => "",
+        };
+        Problem::Unreachable { server: self.settings.server.clone(), reason: reason + fix }
     }
 
     fn refusal(&self, what: &'static str, mut response: Response<Body>) -> Problem {
@@ -198,39 +215,44 @@ impl Http {
     }
 }
 
+impl Connections {
+    fn new(files: tls::Files, settings: &Settings) -> Result<Self, Problem> {
+        let pace = settings.pace;
+        let mut config = Agent::config_builder()
+            .http_status_as_error(false)
+            // No address of this server leads elsewhere, and the token must not go elsewhere.
+            .max_redirects(0)
+            .user_agent(user_agent())
+            .accept_encoding("")
+            .timeout_connect(Some(pace.connect))
+            .timeout_resolve(Some(pace.connect))
+            .timeout_per_read(Some(pace.stall))
+            .timeout_per_write(Some(pace.stall))
+            .max_response_header_size(HEAD_BYTES_MAX)
+            .input_buffer_size(PIECE_BYTES)
+            .output_buffer_size(4 << 10)
+            .max_idle_connections(1);
+        if settings.server.starts_with("https:") {
+            config = config.tls_config(files.config(settings)?);
+        }
+        Ok(Self { files, agent: config.build().new_agent() })
+    }
+}
+
+/// Why a call failed, in words.
+pub(crate) fn reason_of(error: &ureq::Error) -> String {
+    match error {
+        ureq::Error::Timeout(ureq::Timeout::PerCall) => "timeout: the whole answer took too long".to_owned(),
+        ureq::Error::Timeout(ureq::Timeout::PerRead | ureq::Timeout::RecvResponse) => {
+            "timeout: nothing came for too long".to_owned()
+        }
+        _ => error.to_string(),
+    }
+}
+
 /// Name and version of the agent.
 pub(crate) fn user_agent() -> &'static str {
     concat!("lightpath-agent ", env!("CARGO_PKG_VERSION"))
-}
-
-/// Whom to trust as a server.
-fn tls(ca_file: Option<&Path>) -> Result<TlsConfig, Problem> {
-    let certificates = match ca_file {
-        Some(path) => certificates_of(path)?,
-        None => {
-            let found = rustls_native_certs::load_native_certs();
-            found.certs.iter().map(|certificate| Certificate::from_der(certificate).to_owned()).collect()
-        }
-    };
-    if certificates.is_empty() {
-        let file = ca_file.map_or("this system".to_owned(), |path| path.display().to_string());
-        let text = format!("{file} has no certificate authorities: name a PEM file with --ca-file");
-        return Err(Problem::Setting(text));
-    }
-    let provider = Arc::new(rustls::crypto::ring::default_provider());
-    let roots = RootCerts::new_with_certs(&certificates);
-    Ok(TlsConfig::builder().root_certs(roots).unversioned_rustls_crypto_provider(provider).build())
-}
-
-fn certificates_of(path: &Path) -> Result<Vec<Certificate<'static>>, Problem> {
-    let wrong = |reason: String| Problem::Setting(format!("the file {} {reason}", path.display()));
-    let pem = fs::read(path).map_err(|error| wrong(format!("cannot be read: {error}")))?;
-    let items = parse_pem(&pem).filter_map(|item| match item {
-        Ok(PemItem::Certificate(certificate)) => Some(Ok(certificate)),
-        Ok(_) => None,
-        Err(error) => Some(Err(wrong(format!("is not in PEM form: {error}")))),
-    });
-    items.collect()
 }
 
 fn poll_after(headers: &HeaderMap) -> Duration {
@@ -253,9 +275,15 @@ pub(crate) fn one_line(text: &str, chars_max: usize) -> String {
     words.join(" ").chars().take(chars_max).collect()
 }
 
-/// Refuses to send a token where everybody on the way could read it.
+/// Refuses to send a token where everybody on the way could read it, and a certificate where nobody asks for it.
 fn require_private(settings: &Settings) -> Result<(), Problem> {
     let Some(rest) = settings.server.strip_prefix("http://") else { return Ok(()) };
+    if settings.client.is_some() {
+        return Err(Problem::Setting(format!(
+            "{} has no TLS, which the certificate of --client-cert is for: use https://, or leave it out",
+            settings.server
+        )));
+    }
     let authority = rest.split('/').next().unwrap_or("");
     let host = match authority.strip_prefix('[') {
         Some(bracketed) => bracketed.split(']').next().unwrap_or(""),

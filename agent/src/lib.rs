@@ -13,21 +13,22 @@
 //! # Invariants
 //!
 //! - `DIR/current/kernel` is a whole file whose manifest was accepted, or it does not exist.
-//! - The agent changes only the slot that is not in use. One rename of `current` changes the slot in use.
-//! - A kernel becomes a slot's `kernel` only after its digest is right and its self-test has passed.
+//! - The agent changes only the slot that is not in use, and writes and removes nothing through links in its directory. One rename of `current` changes the slot in use.
+//! - A kernel becomes a slot's `kernel` only after its self-test has passed and its digest is right, before and after.
 //! - The memory that a kernel takes does not depend on its size.
 //!
 //! # Layout
 //!
-//! - `arguments`, `settings`, `kernel_id`: what the agent is told. `status`: what it prints about a directory.
+//! - `arguments`, `settings`, `kernel_id`, `clock`: what the agent is told. `status`: what it prints about a directory.
 //! - `agent`: the order of all steps. `slots`: the directory. `durable`: changes that survive a power cut. `state`: what
 //!   the agent remembers. `vouching`: which keyrings and manifests it accepts.
-//! - `http`: calls of the server. `download`: a file in pieces. `self_test`: the device's own test. `report`: what the
+//! - `http`, `tls`: calls of the server. `download`: a file in pieces. `self_test`: the device's own test. `report`: what the
 //!   server is told. `schedule`: when. `problem`: what can go wrong. `log`: lines on stderr.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod agent;
 mod arguments;
+mod clock;
 mod download;
 mod durable;
 mod http;
@@ -42,10 +43,12 @@ mod settings;
 mod slots;
 mod state;
 mod status;
+mod tls;
 mod vouching;
 
 pub use agent::{Agent, Checked};
 pub use arguments::{Cli, Command, RunArguments, StatusArguments, Task};
+pub use clock::Clock;
 pub use kernel_id::KernelId;
 pub use problem::{BodyProblem, Problem};
 pub use settings::{Pace, Settings};

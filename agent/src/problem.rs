@@ -1,6 +1,6 @@
 //! What can go wrong. Every problem leaves the kernel in use as it was.
 
-use lightpath_manifest::Distrust;
+use lightpath_manifest::{Distrust, Time};
 use std::io;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -59,6 +59,21 @@ pub enum Problem {
         has_progress: bool,
         reason: String,
     },
+    /// A slot has something that the agent did not put there.
+    #[error("{} cannot be used: {found}; remove it, the directory belongs to the agent alone", path.display())]
+    Foreign { path: PathBuf, found: &'static str },
+    /// An answer that says nothing.
+    #[error("the server said that its manifest has not changed (304), but was asked for it in any case")]
+    Unasked,
+    /// Whatever the server answers: it has shown no manifest that counts for longer than a manifest's life.
+    #[error("the server has confirmed nothing since {issued}, the manifest expired at {expires}: {cause}")]
+    Unconfirmed { issued: Time, expires: Time, cause: Box<Problem> },
+    /// The bytes that passed the self-test are not those of the manifest.
+    #[error(
+        "the self-test {} has changed the file of version {version}, which it may only read: correct it",
+        program.display()
+    )]
+    Changed { version: u32, program: PathBuf },
     #[error("could not start the self-test {}: {source}; put a program there, or correct --self-test", program.display())]
     SelfTestStart { program: PathBuf, source: io::Error },
     #[error("the self-test refused version {version}: {reason}")]
@@ -99,6 +114,10 @@ impl Problem {
             | Self::OlderKeyring { .. }
             | Self::Manifest(_)
             | Self::Body { .. }
+            | Self::Foreign { .. }
+            | Self::Unasked
+            | Self::Unconfirmed { .. }
+            | Self::Changed { .. }
             | Self::SelfTestStart { .. }
             | Self::SelfTest { .. } => true,
             Self::Refused { status, .. } => (400..500).contains(status) && *status != 429,
@@ -107,6 +126,24 @@ impl Problem {
             | Self::Unreachable { .. }
             | Self::Token { .. }
             | Self::Cut { .. } => false,
+        }
+    }
+
+    /// Time after which to ask again, if the server named one.
+    pub(crate) fn retry_after(&self) -> Option<Duration> {
+        match self {
+            Self::Refused { retry_after, .. } => *retry_after,
+            Self::Unconfirmed { cause, .. } => cause.retry_after(),
+            _ => None,
+        }
+    }
+
+    /// Whether something in a folder is at fault, while another place on the disk may do.
+    pub(crate) fn is_of_folder(&self, folder: &Path) -> bool {
+        match self {
+            Self::Foreign { path, .. } => path.starts_with(folder),
+            Self::Disk { path, source, .. } => path.starts_with(folder) && !Self::is_no_space(source),
+            _ => false,
         }
     }
 

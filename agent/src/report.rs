@@ -34,7 +34,7 @@ impl Standing {
         let mut json = json!({
             "kernel": settings.kernel.to_string(),
             "version": self.version,
-            "form": if self.version == 0 { "" } else { settings.form.as_str() },
+            "form": if self.version == 0 { "" } else { settings.format.as_str() },
             "digest": self.digest,
             "generation": self.generation.to_string(),
             "triedVersion": self.tried_version,
@@ -97,8 +97,7 @@ impl Reporter {
             }
             Err(problem) => {
                 log::line(format_args!("the agent could not send its report: {problem}"));
-                let named = if let Problem::Refused { retry_after, .. } = &problem { *retry_after } else { None };
-                self.backoff.next().max(named.unwrap_or_default())
+                self.backoff.next().max(problem.retry_after().unwrap_or_default())
             }
         };
         self.due = Instant::now() + pause;

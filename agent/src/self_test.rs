@@ -1,11 +1,11 @@
 //! The device's own test of a kernel, before it is used.
 
 use crate::http::one_line;
-use rustix::process::{Pid, Signal, kill_process_group};
+use rustix::process::{Pid, Signal, WaitId, WaitIdOptions, kill_process_group, waitid};
 use std::io::{self, Read as _};
 use std::os::unix::process::CommandExt as _;
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc;
 use std::thread;
 use std::time::{Duration, Instant};
@@ -65,20 +65,28 @@ fn collect(child: &mut Child) -> mpsc::Receiver<String> {
     receiver
 }
 
-/// Waits for the end of the program. `None`: it ran past its limit and was killed.
-fn wait(child: &mut Child, limit: Duration) -> io::Result<Option<std::process::ExitStatus>> {
+/// Waits for the end of the program, and ends what it started: nothing may change the kernel afterwards. `None`: it ran
+/// past its limit and was killed.
+fn wait(child: &mut Child, limit: Duration) -> io::Result<Option<ExitStatus>> {
+    let pid = i32::try_from(child.id()).ok().and_then(Pid::from_raw);
+    let pid = pid.ok_or_else(|| io::Error::other("the system gave the program no id"))?;
+    let has_ended = wait_for_end(pid, limit)?;
+    // Until the program is waited for, no other gets the number of its group.
+    let _ = kill_process_group(pid, Signal::KILL);
+    let status = child.wait()?;
+    Ok(has_ended.then_some(status))
+}
+
+/// Waits until a program has ended, which keeps its number. False: it ran past its limit.
+fn wait_for_end(pid: Pid, limit: Duration) -> io::Result<bool> {
     let begin = Instant::now();
+    let look = WaitIdOptions::EXITED | WaitIdOptions::NOHANG | WaitIdOptions::NOWAIT;
     loop {
-        if let Some(status) = child.try_wait()? {
-            return Ok(Some(status));
+        if waitid(WaitId::Pid(pid), look)?.is_some() {
+            return Ok(true);
         }
         if begin.elapsed() >= limit {
-            if let Some(group) = i32::try_from(child.id()).ok().and_then(Pid::from_raw) {
-                let _ = kill_process_group(group, Signal::KILL);
-            }
-            child.kill()?;
-            child.wait()?;
-            return Ok(None);
+            return Ok(false);
         }
         thread::sleep(LOOK);
     }

@@ -1,6 +1,6 @@
 //! What the agent is told.
 
-use crate::KernelId;
+use crate::{Clock, KernelId};
 use lightpath_manifest::{PublicKey, Wanted};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -16,14 +16,16 @@ pub struct Settings {
     pub device: String,
     /// The kernel.
     pub kernel: KernelId,
-    /// Form of its file, such as `compact`.
-    pub form: String,
+    /// Format of its file, such as `compact`. In manifests and addresses it is called the form.
+    pub format: String,
     /// Root keys from the device's manufacture.
     pub roots: Vec<PublicKey>,
     /// File with the token of the device. It is read before each call, so that it can be replaced at any time.
     pub token_file: Option<PathBuf>,
     /// PEM file with the certificate authorities that may vouch for the server; without it, those of the system.
     pub ca_file: Option<PathBuf>,
+    /// PEM files with the certificate by which the server knows this device, and with its private key.
+    pub client: Option<(PathBuf, PathBuf)>,
     /// Directory that the agent keeps.
     pub directory: PathBuf,
     /// Program that tests a new kernel.
@@ -32,6 +34,8 @@ pub struct Settings {
     pub self_test_limit: Duration,
     /// Times and limits.
     pub pace: Pace,
+    /// The clock by which manifests and keyrings count.
+    pub clock: Clock,
 }
 
 impl Settings {
@@ -41,7 +45,7 @@ impl Settings {
             display: self.display.clone(),
             wavelength_pm: self.kernel.wavelength_pm,
             distance_nm: self.kernel.distance_nm,
-            form: self.form.clone(),
+            form: self.format.clone(),
             generation,
         }
     }
@@ -54,8 +58,11 @@ pub struct Pace {
     pub connect: Duration,
     /// Longest time in which nothing arrives.
     pub stall: Duration,
-    /// Longest time for one piece of a file. After it, the agent asks for the manifest again and continues the file.
-    pub piece: Duration,
+    /// Longest time for a call that is not for a file, from the search of the address to the last byte.
+    pub answer: Duration,
+    /// Longest time for the file in one check. After it, the agent asks for the manifest again and continues the file. Small
+    /// files have less: the time of an answer, and one second for each kilobyte.
+    pub file: Duration,
     /// Time for which the server may wait for a change before it answers.
     pub wait: Duration,
     /// First pause after an error. It doubles with each further one.
@@ -70,12 +77,25 @@ pub struct Pace {
     pub keyring_interval: Duration,
 }
 
+impl Pace {
+    /// Speed below which a small file counts as cut \[bytes/s\]: less than that of the slowest modems.
+    const FILE_BYTES_PER_S_MIN: u64 = 1000;
+
+    /// Time for a file of this size in one check: the time of an answer, and that of its bytes at the least speed, but not
+    /// more than the limit.
+    pub(crate) fn time_for_file(&self, size_bytes: u64) -> Duration {
+        let bytes = Duration::from_secs(size_bytes / Self::FILE_BYTES_PER_S_MIN);
+        self.file.min(self.answer.saturating_add(bytes))
+    }
+}
+
 impl Default for Pace {
     fn default() -> Self {
         Self {
             connect: Duration::from_secs(15),
             stall: Duration::from_secs(30),
-            piece: Duration::from_secs(1800),
+            answer: Duration::from_secs(60),
+            file: Duration::from_secs(600),
             // The server's own limit: gateways commonly end requests after a minute.
             wait: Duration::from_secs(50),
             error_pause_min: Duration::from_secs(5),

@@ -5,6 +5,7 @@ use crate::problem::{BodyProblem, Problem};
 use crate::vouching::{installed_manifest, read_document};
 use crate::{Settings, download, log};
 use lightpath_manifest::Manifest;
+use rustix::fs::Access;
 use std::fs::{self, File, TryLockError};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -134,14 +135,31 @@ impl Slots {
 
     /// The manifest of a slot, whose kernel was not checked yet.
     pub(crate) fn vouched(&self, slot: Slot, settings: &Settings) -> Result<Option<Manifest>, String> {
-        let folder = self.folder(slot);
-        let read = |name: &str| read_document(&folder.join(name)).map_err(|error| format!("{name}: {error}"));
-        if !self.kernel(slot).exists() {
+        if !self.has_kernel(slot)? {
             return Ok(None);
         }
-        let (manifest, keyring) = (read("manifest")?, read("keyring")?);
+        let (manifest, keyring) = self.documents(slot)?;
         let manifest = installed_manifest(&manifest, &keyring, &settings.wanted(0));
         manifest.map(Some).map_err(|distrust| distrust.to_string())
+    }
+
+    /// Whether something stands where the kernel of a slot is, and the reason why the slot cannot have one.
+    pub(crate) fn has_kernel(&self, slot: Slot) -> Result<bool, String> {
+        if !self.is_own(slot).map_err(|problem| problem.to_string())? {
+            return Ok(false);
+        }
+        match fs::symlink_metadata(self.kernel(slot)) {
+            Ok(_) => Ok(true),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(false),
+            Err(error) => Err(format!("kernel: {error}")),
+        }
+    }
+
+    /// The manifest and the keyring of a slot.
+    pub(crate) fn documents(&self, slot: Slot) -> Result<(Vec<u8>, Vec<u8>), String> {
+        let read =
+            |name: &str| read_document(&self.folder(slot).join(name)).map_err(|error| format!("{name}: {error}"));
+        Ok((read("manifest")?, read("keyring")?))
     }
 
     /// Checks a slot's kernel against a manifest.
@@ -169,19 +187,42 @@ impl Slots {
         durable::rename(&part, &kernel).map_err(Problem::disk("replace", &kernel))
     }
 
-    /// Makes the folder of a slot, if it is missing.
-    pub(crate) fn create(&self, slot: Slot) -> Result<(), Problem> {
+    /// Makes the folder of a slot, if it is missing, and checks that the agent can put a kernel there.
+    pub(crate) fn prepare(&self, slot: Slot, digest: &str) -> Result<(), Problem> {
         let folder = self.folder(slot);
-        if folder.is_dir() {
-            return Ok(());
+        if !self.is_own(slot)? {
+            fs::create_dir(&folder)
+                .and_then(|()| durable::flush_folder_of(&folder))
+                .map_err(Problem::disk("create", &folder))?;
         }
-        fs::create_dir(&folder)
-            .and_then(|()| durable::flush_folder_of(&folder))
-            .map_err(Problem::disk("create", &folder))
+        rustix::fs::access(&folder, Access::READ_OK | Access::WRITE_OK | Access::EXEC_OK)
+            .map_err(|error| Problem::disk("write", &folder)(error.into()))?;
+        let files = ["kernel", "manifest", "keyring"].map(|name| folder.join(name));
+        for path in files.into_iter().chain([self.part(slot, digest)]) {
+            if fs::symlink_metadata(&path).is_ok_and(|metadata| metadata.is_dir()) {
+                return Err(Problem::Foreign { path, found: "a folder stands in the place of a file" });
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether the folder of a slot is there. Anything else in its place is an error, links too: what the agent wrote or
+    /// removed there would be another's.
+    fn is_own(&self, slot: Slot) -> Result<bool, Problem> {
+        let path = self.folder(slot);
+        match fs::symlink_metadata(&path) {
+            Ok(metadata) if metadata.is_dir() => Ok(true),
+            Ok(_) => Err(Problem::Foreign { path, found: "it is not a folder" }),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(false),
+            Err(error) => Err(Problem::disk("read", &path)(error)),
+        }
     }
 
     /// Removes the kernel of a slot that is not in use. Parts stay.
     pub(crate) fn empty(&self, slot: Slot) -> Result<(), Problem> {
+        if !self.is_own(slot)? {
+            return Ok(());
+        }
         for name in ["kernel", "manifest", "keyring"] {
             let path = self.folder(slot).join(name);
             durable::remove(&path).map_err(Problem::disk("remove", &path))?;
@@ -192,30 +233,42 @@ impl Slots {
     /// Removes the parts of all other files than the one with this digest.
     pub(crate) fn remove_other_parts(&self, slot: Slot, digest: Option<&str>) -> Result<(), Problem> {
         let kept = digest.map(|digest| format!("{PART}{digest}"));
-        self.remove_if(&self.folder(slot), |name| name.starts_with(PART) && kept.as_deref() != Some(name))
-    }
-
-    /// Removes files that a kill left half written.
-    pub(crate) fn remove_temporary(&self) -> Result<(), Problem> {
-        for folder in [self.root.clone(), self.folder(Slot::A), self.folder(Slot::B)] {
-            self.remove_if(&folder, |name| name.ends_with(TEMPORARY))?;
+        match self.is_own(slot) {
+            Ok(true) => remove_if(&self.folder(slot), |name| name.starts_with(PART) && kept.as_deref() != Some(name)),
+            // Nothing of the agent's is there. What is in the way is named when the slot is needed.
+            _ => Ok(()),
         }
-        Ok(())
     }
 
-    fn remove_if(&self, folder: &Path, is_unwanted: impl Fn(&str) -> bool) -> Result<(), Problem> {
-        let entries = match fs::read_dir(folder) {
-            Ok(entries) => entries,
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
-            Err(error) => return Err(Problem::disk("read", folder)(error)),
-        };
-        for entry in entries {
-            let entry = entry.map_err(Problem::disk("read", folder))?;
-            if entry.file_name().to_str().is_some_and(&is_unwanted) {
-                durable::remove(&entry.path()).map_err(Problem::disk("remove", &entry.path()))?;
-                log::line(format_args!("the agent removed {}, which was left behind", entry.path().display()));
+    /// Removes files that a kill left half written. Problems are logged.
+    pub(crate) fn remove_temporary(&self) {
+        let own = Slot::BOTH.into_iter().filter(|slot| matches!(self.is_own(*slot), Ok(true)));
+        let folders = own.map(|slot| self.folder(slot));
+        for folder in [self.root.clone()].into_iter().chain(folders) {
+            if let Err(problem) = remove_if(&folder, |name| name.ends_with(TEMPORARY)) {
+                log::line(problem);
             }
         }
-        Ok(())
     }
+}
+
+/// Removes files. Folders stay: the agent makes none with such names.
+fn remove_if(folder: &Path, is_unwanted: impl Fn(&str) -> bool) -> Result<(), Problem> {
+    let entries = match fs::read_dir(folder) {
+        Ok(entries) => entries,
+        // A slot that the agent may not read has none of its parts.
+        Err(error) if matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::PermissionDenied) => {
+            return Ok(());
+        }
+        Err(error) => return Err(Problem::disk("read", folder)(error)),
+    };
+    for entry in entries {
+        let entry = entry.map_err(Problem::disk("read", folder))?;
+        let is_folder = entry.file_type().is_ok_and(|kind| kind.is_dir());
+        if !is_folder && entry.file_name().to_str().is_some_and(&is_unwanted) {
+            durable::remove(&entry.path()).map_err(Problem::disk("remove", &entry.path()))?;
+            log::line(format_args!("the agent removed {}, which was left behind", entry.path().display()));
+        }
+    }
+    Ok(())
 }

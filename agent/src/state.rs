@@ -6,6 +6,8 @@
 //! roots 3d4017c3…                  root keys that were pinned when the keyring was accepted
 //! keyring 3
 //! generation 7
+//! earliest 2026-11-23T18:00:00Z
+//! confirmed 2026-11-23T18:00:00Z 2026-11-30T18:00:00Z
 //! etag "0f…"
 //! rejected 13 7 sha256-… the self-test refused version 13: …
 //! loss sha256-… 0.0123
@@ -17,7 +19,7 @@
 
 use crate::problem::Problem;
 use crate::{durable, log, regular_file};
-use lightpath_manifest::Manifest;
+use lightpath_manifest::{Manifest, Time};
 use sha2::{Digest as _, Sha256};
 use std::fmt::Write as _;
 use std::io::{self, Read as _};
@@ -46,6 +48,13 @@ impl Rejected {
     }
 }
 
+/// The times of a manifest that was accepted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Confirmed {
+    pub(crate) issued: Time,
+    pub(crate) expires: Time,
+}
+
 /// What the agent remembers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct State {
@@ -57,6 +66,10 @@ pub(crate) struct State {
     pub(crate) keyring: u32,
     /// Highest generation of a manifest that was accepted.
     pub(crate) generation: u64,
+    /// The latest time at which an accepted document was issued: it is this time or later.
+    pub(crate) earliest: Option<Time>,
+    /// Times of the manifest that was accepted last. Until its end the server may answer that nothing has changed.
+    pub(crate) confirmed: Option<Confirmed>,
     /// ETag of the manifest that was dealt with last; empty: none.
     pub(crate) etag: String,
     pub(crate) rejected: Option<Rejected>,
@@ -69,6 +82,12 @@ impl State {
         let mut text = format!("{HEAD}\ndisplay {}\nroots {}\n", self.display, self.roots);
         // Writing to a string cannot fail.
         let _ = writeln!(text, "keyring {}\ngeneration {}", self.keyring, self.generation);
+        if let Some(earliest) = self.earliest {
+            let _ = writeln!(text, "earliest {earliest}");
+        }
+        if let Some(Confirmed { issued, expires }) = self.confirmed {
+            let _ = writeln!(text, "confirmed {issued} {expires}");
+        }
         if !self.etag.is_empty() {
             let _ = writeln!(text, "etag {}", self.etag);
         }
@@ -99,6 +118,11 @@ impl State {
                 "roots" => state.roots = value.to_owned(),
                 "keyring" => state.keyring = value.parse().ok()?,
                 "generation" => state.generation = value.parse().ok()?,
+                "earliest" => state.earliest = Some(Time::parse(value)?),
+                "confirmed" => {
+                    let (issued, expires) = value.split_once(' ')?;
+                    state.confirmed = Some(Confirmed { issued: Time::parse(issued)?, expires: Time::parse(expires)? });
+                }
                 "etag" => state.etag = value.to_owned(),
                 "rejected" => {
                     let mut words = value.splitn(4, ' ');
@@ -207,6 +231,10 @@ mod tests {
             roots: "00".repeat(32),
             keyring: 3,
             generation: 7,
+            earliest: Time::from_unix_s(3),
+            confirmed: Time::from_unix_s(1)
+                .zip(Time::from_unix_s(2))
+                .map(|(issued, expires)| Confirmed { issued, expires }),
             etag: "\"0f\"".to_owned(),
             rejected: Some(Rejected {
                 version: 13,

@@ -1,7 +1,7 @@
 //! What is installed in a directory, for people.
 
 use crate::slots::{Slot, Slots};
-use crate::state;
+use crate::state::{self, Confirmed};
 use crate::vouching::{installed_manifest, read_document};
 use lightpath_manifest::{Manifest, SignedKeyring, SignedManifest, Wanted};
 use std::path::Path;
@@ -34,6 +34,9 @@ pub fn status(directory: &Path) -> (String, bool) {
     }
     if let Ok(Some(state)) = state::read(&slots.file("state")) {
         lines.push(format!("highest generation: {}", state.generation));
+        if let Some(Confirmed { issued, expires }) = state.confirmed {
+            lines.push(format!("last manifest: from {issued} until {expires}"));
+        }
         if let Some(rejected) = state.rejected {
             let (version, generation) = (rejected.version, rejected.generation);
             lines.push(format!("given up: version {version}, generation {generation}: {}", rejected.message));
@@ -56,11 +59,10 @@ fn about(manifest: &Manifest) -> String {
 
 /// The manifest of a slot whose kernel is whole.
 fn verified(slots: &Slots, slot: Slot) -> Result<Option<Manifest>, String> {
-    if !slots.kernel(slot).exists() {
+    if !slots.has_kernel(slot)? {
         return Ok(None);
     }
-    let read = |name: &str| read_document(&slots.folder(slot).join(name)).map_err(|error| format!("{name}: {error}"));
-    let (manifest, keyring) = (read("manifest")?, read("keyring")?);
+    let (manifest, keyring) = slots.documents(slot)?;
     let said = SignedManifest::parse(&manifest).map_err(|error| error.to_string())?;
     let Manifest { display, wavelength_pm, distance_nm, form, .. } = said.unchecked().clone();
     let wanted = Wanted { display, wavelength_pm, distance_nm, form, generation: 0 };

@@ -3,7 +3,7 @@
 use crate::problem::Problem;
 use crate::{Settings, durable, log, regular_file};
 use lightpath_manifest::{
-    DOCUMENT_BYTES_MAX, Distrust, Keyring, Manifest, PublicKey, SignedKeyring, SignedManifest, Time, Trust, Wanted,
+    DOCUMENT_BYTES_MAX, Distrust, Keyring, Manifest, Now, PublicKey, SignedKeyring, SignedManifest, Time, Trust, Wanted,
 };
 use std::io::{self, Read as _};
 use std::path::Path;
@@ -69,7 +69,7 @@ impl Vouching {
     }
 
     /// Accepts a keyring of the server and keeps it. `known` is the highest version that was accepted before.
-    pub(crate) fn renew(&mut self, document: Vec<u8>, known: u32, now: Time, path: &Path) -> Result<(), Problem> {
+    pub(crate) fn renew(&mut self, document: Vec<u8>, known: u32, now: Now, path: &Path) -> Result<(), Problem> {
         let keyring = self.trust.renew(&document, now).map_err(Problem::Keyring)?;
         if keyring.version < known {
             return Err(Problem::OlderKeyring { found: keyring.version, known });

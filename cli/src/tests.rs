@@ -88,7 +88,7 @@ const COMMANDS: &[&str] = &[
     "lightpath kernel versions --display lab-2 --distance 150mm",
     "lightpath kernel history --display lab-2 --distance 150mm --wavelength 515nm",
     "lightpath kernel promote --display lab-2 --distance 150mm --version 3 --reason better",
-    "lightpath kernel gate lab-2 --better-than-active 5 --test-pairs 4 --form compact --allow-worse-than-ideal \
+    "lightpath kernel gate lab-2 --better-than-active 5 --test-pairs 4 --format compact --allow-worse-than-ideal \
      --reason firmware",
     "lightpath kernel gate lab-2 --default",
     "lightpath kernel check --display lab-2 --distance 150mm --version 4",

@@ -24,10 +24,14 @@
 extern "C" {
 #endif
 
-/* A reader of one array. rows, columns, row and row_ready are for reading; the other members are private. */
+/*
+ * A reader of one array. rows, columns, row and row_ready are for reading; the other members are private. rows and
+ * columns count once a row is ready. Before, while the header arrives, and after a refusal they may be those of half a
+ * header.
+ */
 typedef struct lightpath_f16 {
-    uint32_t rows;    /* of the padded grid, once the header was read; 0 before */
-    uint32_t columns;
+    uint32_t rows;    /* of the padded grid: 2 * height_px */
+    uint32_t columns; /* of the padded grid: 2 * width_px */
     uint32_t row;     /* the row of H in `values`, if row_ready. Zero frequency is at row 0, column 0 */
     bool row_ready;   /* whether the last lightpath_f16_feed completed a row */
     lightpath_complex *values;
@@ -50,8 +54,9 @@ void lightpath_f16_begin(lightpath_f16 *reader, lightpath_complex *values, size_
  * the file: height_px, height_px + 1, ... 2 * height_px - 1, 0, 1, ... height_px - 1. Each row begins with zero
  * frequency, as that of lightpath_transfer_row does.
  *
- * LIGHTPATH_OK, or the reason why the file is refused. After a refusal every call repeats it. Compare reader->rows and
- * reader->columns with your display's: the header decides them.
+ * LIGHTPATH_OK, or the reason why the file is refused. After a refusal every call repeats it. The header decides the
+ * sides: when the first row is ready, compare reader->rows with twice your display's rows, and reader->columns with twice
+ * its columns.
  */
 lightpath_status lightpath_f16_feed(lightpath_f16 *reader, const uint8_t *bytes, size_t length, size_t *used);
 

@@ -159,6 +159,6 @@ lightpath_verdict lightpath_keyring_renew(lightpath_keyring *next, const lightpa
     if (!known->is_pinned && next->version == known->version && !is_same(next, known)) {
         return LIGHTPATH_KEYRING_DIFFERENT;
     }
-    return lightpath_check_time(next->issued_unix_s, next->expires_unix_s, now_unix_s, LIGHTPATH_KEYRING_NOT_YET,
-        LIGHTPATH_KEYRING_EXPIRED);
+    return lightpath_check_time(next->issued_unix_s, next->expires_unix_s,
+        lightpath_not_before(now_unix_s, next->issued_unix_s), LIGHTPATH_KEYRING_NOT_YET, LIGHTPATH_KEYRING_EXPIRED);
 }

@@ -5,6 +5,9 @@
  */
 #include "lightpath_lines.h"
 
+/* The last second that a document can name: that of the year 9999. */
+#define LAST_UNIX_S 253402300799
+
 #define WORD_LENGTH_MAX 63u
 /* Instead of a length, where a text does not begin as it must. */
 #define NOT_THERE SIZE_MAX
@@ -198,11 +201,23 @@ int64_t lightpath_lines_time(lightpath_lines *lines, const char *name)
     return unix_s;
 }
 
+/* Whether a time is a lower bound, which no clock says. */
+static bool is_bound(int64_t now_unix_s)
+{
+    return now_unix_s <= LIGHTPATH_AT_LEAST(LAST_UNIX_S);
+}
+
+int64_t lightpath_not_before(int64_t now_unix_s, int64_t issued_unix_s)
+{
+    const int64_t bound = LIGHTPATH_AT_LEAST(issued_unix_s);
+    return is_bound(now_unix_s) && now_unix_s < bound ? bound : now_unix_s;
+}
+
 lightpath_verdict lightpath_check_time(int64_t from_unix_s, int64_t until_unix_s, int64_t now_unix_s,
     lightpath_verdict not_yet, lightpath_verdict expired)
 {
-    if (now_unix_s == LIGHTPATH_NO_CLOCK) {
-        return LIGHTPATH_TRUSTED;
+    if (is_bound(now_unix_s)) {
+        return now_unix_s - INT64_MIN < until_unix_s ? LIGHTPATH_TRUSTED : expired;
     }
     if (now_unix_s < from_unix_s) {
         return not_yet;

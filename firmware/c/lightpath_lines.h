@@ -62,6 +62,12 @@ bool lightpath_read_time(lightpath_text text, int64_t *unix_s);
 bool lightpath_is(lightpath_text text, const char *string);
 bool lightpath_same(const uint8_t *a, const uint8_t *b, size_t length);
 
+/*
+ * The time for the check of a document that was issued then: without a clock, it is that time or later. So a stolen key
+ * cannot name a time after its own end, or after that of the keyring which lists it.
+ */
+int64_t lightpath_not_before(int64_t now_unix_s, int64_t issued_unix_s);
+
 /* The verdict about something that counts from the first time to before the second. */
 lightpath_verdict lightpath_check_time(int64_t from_unix_s, int64_t until_unix_s, int64_t now_unix_s,
     lightpath_verdict not_yet, lightpath_verdict expired);

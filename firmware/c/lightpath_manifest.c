@@ -6,15 +6,14 @@
 #include "lightpath_lines.h"
 
 #define DIGEST_NAME_LENGTH 7u /* sha256- */
-#define KEY_ID_LENGTH 16u
 #define KEY_ID_BYTES 8u
 
 /* What a manifest has besides the members of lightpath_manifest. */
 typedef struct document {
     lightpath_text display;
     lightpath_text form;
-    lightpath_text key_id;
     size_t signed_bytes;
+    uint8_t key_id[KEY_ID_BYTES];
     uint8_t signature[64];
 } document;
 
@@ -70,8 +69,7 @@ static lightpath_verdict read_document(
     manifest->interpolated = read_yes_or_no(&lines, "interpolated");
     manifest->issued_unix_s = lightpath_lines_time(&lines, "issued");
     manifest->expires_unix_s = lightpath_lines_time(&lines, "expires");
-    rest->key_id = lightpath_lines_text(&lines, "key");
-    if (rest->key_id.length != KEY_ID_LENGTH) {
+    if (!lightpath_read_hex(lightpath_lines_text(&lines, "key"), rest->key_id, sizeof rest->key_id)) {
         lightpath_lines_wrong_value(&lines);
     }
     rest->signed_bytes = lines.place;
@@ -95,14 +93,9 @@ static bool is_id_of(const uint8_t id[KEY_ID_BYTES], const uint8_t key[32], cons
 
 /* The first listed key with the id that the document names, if it may sign now; `listed` is NULL otherwise. */
 static lightpath_verdict find_key(const lightpath_listed_key **listed, const lightpath_keyring *keyring,
-    lightpath_text name, int64_t now_unix_s, const lightpath_crypto *crypto)
+    const uint8_t id[KEY_ID_BYTES], int64_t now_unix_s, const lightpath_crypto *crypto)
 {
-    uint8_t id[KEY_ID_BYTES];
     *listed = NULL;
-    /* Any text of 16 characters is in the right form. One that is no hexadecimal number is the id of no key. */
-    if (!lightpath_read_hex(name, id, sizeof id)) {
-        return LIGHTPATH_KEY_UNKNOWN;
-    }
     for (size_t i = 0; i < keyring->revoked_count; i++) {
         if (is_id_of(id, keyring->revoked[i], crypto)) {
             return LIGHTPATH_KEY_REVOKED;
@@ -147,6 +140,7 @@ lightpath_verdict lightpath_manifest_check(lightpath_manifest *manifest, const l
     if (verdict != LIGHTPATH_TRUSTED) {
         return verdict;
     }
+    now_unix_s = lightpath_not_before(now_unix_s, manifest->issued_unix_s);
     if (keyring->is_pinned) {
         return LIGHTPATH_KEY_UNKNOWN;
     }

@@ -78,10 +78,19 @@ const char *lightpath_verdict_text(lightpath_verdict verdict);
  *   - the end of a stolen key: a key counts until the device has the keyring that revokes it. Who holds the key, and
  *     the network between, can keep that keyring away for ever.
  *
- * Any other negative number is a time before all documents, which are then refused: a clock that fails with -1 does
+ * Any other negative number but those of LIGHTPATH_AT_LEAST is a time before all documents, which are then refused: a clock that fails with -1 does
  * not become a missing clock.
  */
 #define LIGHTPATH_NO_CLOCK INT64_MIN
+
+/*
+ * The present time of a device without a clock that keeps a lower bound: it is this second or a later one, from 0 to the
+ * last second of the year 9999. Nothing is too new, and what ended by then is too old. The latest issued_unix_s of all
+ * keyrings and manifests that the device accepted is such a bound; add the time that has passed since, as long as the
+ * device counts it. Then a mirror cannot offer documents that ended before another was signed, and a key that ended stays
+ * ended. LIGHTPATH_AT_LEAST(0) is LIGHTPATH_NO_CLOCK.
+ */
+#define LIGHTPATH_AT_LEAST(unix_s) (INT64_MIN + (int64_t)(unix_s))
 
 /*
  * Ed25519 and SHA-256, from a library or from the chip. README.md has an example with Monocypher.

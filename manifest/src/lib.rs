@@ -22,7 +22,7 @@
 //! |---|---|
 //! | arbitrary software | the manifest's signature, and the file's digest in it |
 //! | rollback | the generation rises with every move of `active`, rollbacks too; a device refuses a lower one |
-//! | indefinite freeze | manifest and keyring expire |
+//! | indefinite freeze | manifest and keyring expire; an answer that nothing has changed is no signature, and counts only until then |
 //! | endless data | manifest and keyring have a largest size; the manifest has the file's size |
 //! | extraneous dependencies | a kernel depends on no other file |
 //! | mix and match | one manifest names one file; kernels of a display have one common generation, so that a device sees whether those it combines belong together |
@@ -47,7 +47,7 @@ pub use keyring::{Keyring, ListedKey, SignedKeyring};
 pub use keys::{KeyError, PublicKey, Signature, SigningKey};
 pub use lines::DocumentError;
 pub use manifest::{Manifest, SignedManifest};
-pub use time::Time;
+pub use time::{Now, Time};
 pub use trust::{Distrust, Trust, Wanted};
 
 /// Limit on the size of a manifest and of a keyring \[bytes\]: a device can provide for it once and for all.

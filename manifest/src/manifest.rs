@@ -115,8 +115,7 @@ impl SignedManifest {
             issued: reader.time("issued")?,
             expires: reader.time("expires")?,
         };
-        let key_id =
-            reader.value("key", "16 hexadecimal digits", |text| (text.len() == 16).then(|| text.to_owned()))?;
+        let key_id = reader.value("key", "16 hexadecimal digits", |text| is_hex(text, 16).then(|| text.to_owned()))?;
         let body = reader.before().to_owned();
         let signature = reader.value("signature", "128 hexadecimal digits", Signature::parse)?;
         reader.end()?;
@@ -150,8 +149,11 @@ fn is_word(text: &str) -> bool {
 
 fn digest(text: &str) -> Option<String> {
     let hex = text.strip_prefix("sha256-")?;
-    let is_hex = hex.len() == 64 && hex.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'));
-    is_hex.then(|| text.to_owned())
+    is_hex(hex, 64).then(|| text.to_owned())
+}
+
+fn is_hex(text: &str, digits: usize) -> bool {
+    text.len() == digits && text.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'))
 }
 
 #[cfg(test)]

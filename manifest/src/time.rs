@@ -11,6 +11,9 @@ const FORMAT: &str = "%Y-%m-%dT%H:%M:%SZ";
 pub struct Time(DateTime<Utc>);
 
 impl Time {
+    /// The start of 1970, before which no document can have been issued.
+    pub const EPOCH: Self = Self(DateTime::UNIX_EPOCH);
+
     /// The time this many seconds after the start of 1970. `None` before the year 1970 and beyond the year 9999, whose
     /// texts would have other lengths.
     #[must_use]
@@ -38,6 +41,67 @@ impl Time {
 impl fmt::Display for Time {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}", self.0.format(FORMAT))
+    }
+}
+
+/// What a device knows of the present time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Now {
+    /// It is this time.
+    At(Time),
+    /// It is this time or later, as for a device without a clock, which keeps the latest time that a document of its server
+    /// was issued. Nothing is too new, and what ended by this time is too old.
+    AtLeast(Time),
+}
+
+impl Now {
+    /// The earliest time that it can be.
+    #[must_use]
+    pub fn earliest(self) -> Time {
+        match self {
+            Self::At(time) | Self::AtLeast(time) => time,
+        }
+    }
+
+    /// The time for the check of a document that was issued at this time: without a clock, it is that time or later. So a
+    /// stolen key cannot name a time after its own end, or after that of the keyring which lists it.
+    pub(crate) fn not_before(self, issued: Time) -> Self {
+        match self {
+            Self::At(now) => Self::At(now),
+            Self::AtLeast(earliest) => Self::AtLeast(earliest.max(issued)),
+        }
+    }
+
+    /// Whether a time has certainly come.
+    #[must_use]
+    pub fn has_reached(self, time: Time) -> bool {
+        self.earliest() >= time
+    }
+
+    /// Whether a time has certainly not come yet.
+    #[must_use]
+    pub fn is_before(self, time: Time) -> bool {
+        matches!(self, Self::At(now) if now < time)
+    }
+
+    /// Whether something counts that counts from the first time to before the second.
+    pub(crate) fn is_within(self, from: Time, until: Time) -> bool {
+        !self.is_before(from) && !self.has_reached(until)
+    }
+}
+
+impl From<Time> for Now {
+    fn from(time: Time) -> Self {
+        Self::At(time)
+    }
+}
+
+impl fmt::Display for Now {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::At(time) => write!(f, "{time}"),
+            Self::AtLeast(time) => write!(f, "{time} or later"),
+        }
     }
 }
 

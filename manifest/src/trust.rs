@@ -1,7 +1,7 @@
 //! What a device accepts.
 
 use crate::keyring::SignedKeyring;
-use crate::{DocumentError, Keyring, Manifest, PublicKey, SignedManifest, Time};
+use crate::{DocumentError, Keyring, Manifest, Now, PublicKey, SignedManifest, Time};
 
 /// What a device asks for.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -31,17 +31,17 @@ pub enum Distrust {
     #[error("the keyring has version {version} like the known one, but other keys")]
     OtherKeyring { version: u32 },
     #[error("the keyring counts from {from} until {until}, but it is {now}")]
-    KeyringTime { from: Time, until: Time, now: Time },
+    KeyringTime { from: Time, until: Time, now: Now },
     #[error("the manifest is signed with the key {key}, which the keyring does not list")]
     UnknownKey { key: String },
     #[error("the manifest is signed with the key {key}, which is revoked")]
     RevokedKey { key: String },
     #[error("the manifest's key counts from {from} until {until}, but it is {now}")]
-    KeyTime { from: Time, until: Time, now: Time },
+    KeyTime { from: Time, until: Time, now: Now },
     #[error("the manifest's signature is wrong")]
     Signature,
     #[error("the manifest counts from {from} until {until}, but it is {now}")]
-    Time { from: Time, until: Time, now: Time },
+    Time { from: Time, until: Time, now: Now },
     #[error("the manifest has {name} {found}, but {wanted} was asked for")]
     Other { name: &'static str, found: String, wanted: String },
     #[error("the manifest has generation {found}, but generation {known} was accepted before")]
@@ -73,7 +73,7 @@ impl Trust {
     /// # Errors
     ///
     /// [`Distrust`].
-    pub fn renew(&self, bytes: &[u8], now: Time) -> Result<Keyring, Distrust> {
+    pub fn renew(&self, bytes: &[u8], now: impl Into<Now>) -> Result<Keyring, Distrust> {
         let signed = SignedKeyring::parse(bytes)?;
         let keyring = signed.verified_by(self.roots()).ok_or(Distrust::KeyringSignature)?;
         if let Self::Keyring(known) = self {
@@ -84,7 +84,7 @@ impl Trust {
                 return Err(Distrust::OtherKeyring { version: known.version });
             }
         }
-        check_time(&keyring, now)?;
+        check_time(&keyring, now.into().not_before(keyring.issued))?;
         Ok(keyring)
     }
 
@@ -93,8 +93,9 @@ impl Trust {
     /// # Errors
     ///
     /// [`Distrust`].
-    pub fn manifest(&self, bytes: &[u8], wanted: &Wanted, now: Time) -> Result<Manifest, Distrust> {
+    pub fn manifest(&self, bytes: &[u8], wanted: &Wanted, now: impl Into<Now>) -> Result<Manifest, Distrust> {
         let signed = SignedManifest::parse(bytes)?;
+        let now = now.into().not_before(signed.unchecked().issued);
         let unknown = || Distrust::UnknownKey { key: signed.key_id().to_owned() };
         let Self::Keyring(keyring) = self else { return Err(unknown()) };
         check_time(keyring, now)?;
@@ -102,11 +103,11 @@ impl Trust {
             return Err(Distrust::RevokedKey { key: signed.key_id().to_owned() });
         }
         let listed = *keyring.key(signed.key_id()).ok_or_else(unknown)?;
-        if now < listed.from || now >= listed.until {
+        if !now.is_within(listed.from, listed.until) {
             return Err(Distrust::KeyTime { from: listed.from, until: listed.until, now });
         }
         let manifest = signed.verified_by(&listed.key).ok_or(Distrust::Signature)?;
-        if now < manifest.issued || now >= manifest.expires {
+        if !now.is_within(manifest.issued, manifest.expires) {
             return Err(Distrust::Time { from: manifest.issued, until: manifest.expires, now });
         }
         wanted.check(&manifest)?;
@@ -133,8 +134,8 @@ impl Wanted {
     }
 }
 
-fn check_time(keyring: &Keyring, now: Time) -> Result<(), Distrust> {
-    if now < keyring.issued || now >= keyring.expires {
+fn check_time(keyring: &Keyring, now: Now) -> Result<(), Distrust> {
+    if !now.is_within(keyring.issued, keyring.expires) {
         return Err(Distrust::KeyringTime { from: keyring.issued, until: keyring.expires, now });
     }
     Ok(())
@@ -219,6 +220,25 @@ mod tests {
         assert!(refused(&trust, &good, &wanted(), now()).starts_with("the manifest's key counts"));
         let trust = Trust::Keyring(Keyring { expires: time("2026-11-23T00:00:00Z"), ..keyring(1) });
         assert!(refused(&trust, &good, &wanted(), now()).starts_with("the keyring counts"));
+    }
+
+    #[test]
+    fn device_without_a_clock_refuses_what_ended_before_the_latest_document() {
+        let trust = Trust::Keyring(keyring(1));
+        let good = manifest().signed(&key(SIGNER));
+        let at = |text: &str| trust.manifest(good.as_bytes(), &wanted(), Now::AtLeast(time(text)));
+        for early in ["1970-01-01T00:00:00Z", "2026-11-23T18:00:00Z", "2026-11-30T17:59:59Z"] {
+            assert_eq!(at(early), Ok(manifest()), "{early}");
+        }
+        let refused = at("2026-11-30T18:00:00Z").unwrap_err().to_string();
+        assert!(refused.ends_with("but it is 2026-11-30T18:00:00Z or later"), "{refused}");
+        assert!(matches!(at("2026-12-01T00:00:00Z"), Err(Distrust::KeyringTime { .. })));
+        // No key can name a time after its keyring.
+        let late =
+            Manifest { issued: time("2026-12-01T00:00:00Z"), expires: time("2099-01-01T00:00:00Z"), ..manifest() };
+        let late = late.signed(&key(SIGNER));
+        let found = trust.manifest(late.as_bytes(), &wanted(), Now::AtLeast(Time::EPOCH));
+        assert!(matches!(found, Err(Distrust::KeyringTime { .. })), "{found:?}");
     }
 
     #[test]

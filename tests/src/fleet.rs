@@ -82,7 +82,7 @@ async fn until_all_have(cli: &CommandLine, version: u64) {
 #[tokio::test(flavor = "multi_thread")]
 async fn twenty_devices_follow_promotions_rollouts_and_rollbacks() {
     let cli = server().await;
-    cli.text("kernel gate lab --form compact --reason firmware").await;
+    cli.text("kernel gate lab --format compact --reason firmware").await;
     let checked = cli.run(&format!("kernel check {KERNEL} --version 4")).await;
     assert!(
         checked.code == Some(1) && checked.stdout.contains("FAILED  it is not available as compact"),

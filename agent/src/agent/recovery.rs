@@ -11,9 +11,7 @@ impl Agent {
     /// Checks both slots, removes what is damaged, and lets the application use a kernel that is whole. Problems are
     /// logged: a disk that became read-only must not keep the agent from starting.
     pub(super) fn recover(&mut self) {
-        if let Err(problem) = self.slots.remove_temporary() {
-            log::line(problem);
-        }
+        self.slots.remove_temporary();
         let linked = self.slots.current();
         let (mut whole, mut damaged) = (Vec::new(), Vec::new());
         for slot in Slot::BOTH {
@@ -70,7 +68,8 @@ impl Agent {
             None => self.slots.use_none()?,
         }
         for slot in damaged {
-            self.slots.empty(*slot)?;
+            // The other slot is good, or free.
+            self.slots.empty(*slot).unwrap_or_else(log::line);
         }
         self.state.save()
     }

@@ -2,7 +2,7 @@
 
 use crate::material::{digest, kernel, root};
 use crate::server::Server;
-use lightpath_agent::{Agent, Checked, Pace, Problem, Settings};
+use lightpath_agent::{Agent, Checked, Clock, Pace, Problem, Settings};
 use std::collections::HashSet;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -89,10 +89,11 @@ pub(crate) fn settings(server: &str, directory: &Path) -> Settings {
         display: "pluto".to_owned(),
         device: "bench-7".to_owned(),
         kernel: "515nm-150mm".parse().unwrap(),
-        form: "compact".to_owned(),
+        format: "compact".to_owned(),
         roots: vec![root()],
         token_file: None,
         ca_file: None,
+        client: None,
         directory: directory.to_owned(),
         self_test: None,
         self_test_limit: Duration::from_secs(20),
@@ -103,6 +104,7 @@ pub(crate) fn settings(server: &str, directory: &Path) -> Settings {
             cut_pause: Duration::from_millis(5),
             ..Pace::default()
         },
+        clock: Clock::system(),
     }
 }
 

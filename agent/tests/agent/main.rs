@@ -2,14 +2,15 @@
 //!
 //! - `material`: keys, keyrings, manifests and kernels. `server`: the server. `bench`: a server, a directory and an agent
 //!   for a test, and what must always be true of the directory.
-//! - `trust`: documents that the agent refuses. `bodies`: files that it refuses or continues. `start`: what it does with
+//! - `trust`: documents that the agent refuses. `freeze`: servers that confirm nothing, or drip. `bodies`: files that it refuses or continues. `start`: what it does with
 //!   what lies in its directory. `polling`: when it asks, and what it says. `reports`, `self_tests`. `disk`: full and
-//!   read-only ones. `kills`: death at every point and at any time. `memory`. `tls`.
+//!   read-only ones. `slots`: what stands in the way there. `kills`: death at every point and at any time. `memory`. `tls`.
 #![allow(clippy::unwrap_used)]
 
 mod bench;
 mod bodies;
 mod disk;
+mod freeze;
 mod kills;
 mod material;
 // It reads the memory of a process from /proc.
@@ -19,6 +20,7 @@ mod polling;
 mod reports;
 mod self_tests;
 mod server;
+mod slots;
 mod start;
 mod tls;
 mod trust;

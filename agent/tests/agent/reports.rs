@@ -64,7 +64,8 @@ fn reports_say_what_is_in_use_and_what_was_given_up() {
     bench.server.change(|script| script.sending = Sending::Instead(b"x".to_vec()));
     let text = problem(&mut agent);
     let said = report(&bench, &mut agent);
-    assert_eq!((&said["version"], &said["triedVersion"], &said["generation"]), (&1.into(), &2.into(), &"8".into()));
+    // The network, a mirror or the server has changed the bytes, so they say nothing about the version.
+    assert_eq!((&said["version"], &said["triedVersion"], &said["generation"]), (&1.into(), &0.into(), &"8".into()));
     assert_eq!(said["message"], text);
     // A problem of the network says nothing about the version.
     bench.server.change(|script| script.refusal = Some((503, "later")));

@@ -111,3 +111,70 @@ fn a_test_that_cannot_start_is_a_wrong_setting_and_no_bad_version() {
     bench.assert_uses(2);
     assert!(!bench.server.take_requests().iter().any(|request| request.is_for_file()), "it was fetched before");
 }
+
+#[test]
+fn a_test_that_changes_the_kernel_installs_nothing() {
+    for script in [
+        "echo more >> \"$1\"",
+        "printf x | dd of=\"$1\" conv=notrunc bs=1 seek=50 2>&1",
+        "rm \"$1\"; cp /bin/sh \"$1\"",
+        "mv \"$1\" \"$1.moved\"; ln -s \"$1.moved\" \"$1\"",
+        "rm \"$1\"",
+    ] {
+        let (bench, agent) = Bench::with_kernel();
+        drop(agent);
+        bench.server.offer(2, 8, &kernel(2, SIZE));
+        let mut agent = with_test(&bench, script);
+        let text = problem(&mut agent);
+        assert!(text.contains("has changed the file of version 2, which it may only read"), "{script}: {text}");
+        assert_eq!(agent.in_use().unwrap().1, 1, "{script}");
+        let said = last_report(&bench, &mut agent);
+        assert_eq!((&said["version"], &said["triedVersion"]), (&1.into(), &0.into()), "the version is not at fault");
+        drop(agent);
+        check(&mut with_test(&bench, "echo loss 0.5")).unwrap();
+        bench.assert_uses(2);
+    }
+}
+
+#[test]
+fn what_a_test_leaves_running_ends_with_it() {
+    let (bench, agent) = Bench::with_kernel();
+    drop(agent);
+    bench.server.offer(2, 8, &kernel(2, SIZE));
+    // It has the file open, so a later change would reach it under its next name, too.
+    let script = "( exec 3<>\"$1\"; sleep 0.3; echo changed >&3 ) >/dev/null 2>&1 & exit 0";
+    check(&mut with_test(&bench, script)).unwrap();
+    std::thread::sleep(std::time::Duration::from_millis(600));
+    bench.assert_uses(2);
+}
+
+#[test]
+fn one_check_fails_and_says_why_whenever_another_version_or_none_is_in_use() {
+    let bench = Bench::new();
+    let test = bench.script(REFUSES_2);
+    let check_once = || {
+        let output = bench.program().arg("--self-test").arg(&test).output().unwrap();
+        (output.status.code(), String::from_utf8(output.stderr).unwrap())
+    };
+    bench.server.offer(2, 7, &kernel(2, SIZE));
+    for why in ["the self-test refused version 2", "the version that the server offers was given up before"] {
+        let (code, log) = check_once();
+        assert_eq!(code, Some(1), "{log}");
+        assert!(log.contains(&format!("no kernel is in use: {why}")), "{log}");
+    }
+    bench.server.offer(1, 8, &kernel(1, SIZE));
+    assert_eq!(check_once().0, Some(0));
+    bench.server.offer(2, 9, &kernel(2, SIZE));
+    for why in
+        ["the self-test refused version 2", "version 1 is in use: the version that the server offers was given up"]
+    {
+        let (code, log) = check_once();
+        assert_eq!((code, log.contains(why)), (Some(1), true), "{log}");
+    }
+    // A test that removes what it tests.
+    bench.server.offer(3, 10, &kernel(3, SIZE));
+    let removes = bench.script("rm \"$1\"");
+    let output = bench.program().arg("--self-test").arg(&removes).output().unwrap();
+    assert_eq!(output.status.code(), Some(1), "{output:?}");
+    bench.assert_uses(1);
+}

@@ -46,6 +46,10 @@ pub(crate) struct Script {
     pub(crate) sending: Sending,
     /// Status instead of a manifest.
     pub(crate) refusal: Option<(u16, &'static str)>,
+    /// Whether every question for a manifest is answered with 304: a server without keys can do this.
+    pub(crate) says_unchanged: bool,
+    /// Pause after each byte of documents and messages.
+    pub(crate) drip: Option<Duration>,
     pub(crate) report_status: u16,
     pub(crate) poll_after_s: u64,
 }
@@ -85,6 +89,8 @@ impl Server {
             next: VecDeque::new(),
             sending: Sending::Whole,
             refusal: None,
+            says_unchanged: false,
+            drip: None,
             report_status: 200,
             poll_after_s: 60,
         };
@@ -233,16 +239,24 @@ fn send_document(script: &Script, request: &Request, stream: &mut impl Write) ->
     if let Some((status, message)) = script.refusal.filter(|_| request.is_for_manifest()) {
         let body = format!("{{\"error\": {{\"message\": \"{message}\"}}}}");
         head(stream, status, &format!("content-length: {}\r\n", body.len()))?;
-        return stream.write_all(body.as_bytes());
+        return send_text(script, &body, stream);
     }
     let text = if request.is_for_manifest() { &script.manifest } else { &script.keyring };
     let etag = format!("\"{}\"", &digest(text.as_bytes())[7..39]);
     let fields = format!("etag: {etag}\r\nlightpath-poll-after-s: {}\r\n", script.poll_after_s);
-    if request.headers.get("if-none-match") == Some(&etag) {
+    let is_unchanged = script.says_unchanged && request.is_for_manifest();
+    if is_unchanged || request.headers.get("if-none-match") == Some(&etag) {
         return head(stream, 304, &fields);
     }
     head(stream, 200, &format!("{fields}content-length: {}\r\n", text.len()))?;
-    stream.write_all(text.as_bytes())
+    send_text(script, text, stream)
+}
+
+fn send_text(script: &Script, text: &str, stream: &mut impl Write) -> std::io::Result<()> {
+    match script.drip {
+        Some(pause) => send_body(text.as_bytes(), &Sending::Slow { piece_bytes: 1, pause }, stream),
+        None => stream.write_all(text.as_bytes()),
+    }
 }
 
 fn send_file(script: &Script, sending: &Sending, request: &Request, stream: &mut impl Write) -> std::io::Result<()> {
@@ -295,6 +309,7 @@ fn send_body(body: &[u8], sending: &Sending, stream: &mut impl Write) -> std::io
         Sending::Slow { piece_bytes, pause } => {
             for piece in body.chunks(piece_bytes) {
                 stream.write_all(piece)?;
+                stream.flush()?;
                 thread::sleep(pause);
             }
             Ok(())

@@ -17,7 +17,7 @@ use lightpath::{names, v1};
 Examples:
   lightpath kernel gate lab-2
   lightpath kernel gate lab-2 --better-than-active 5 --test-pairs 4 \\
-      --form compact --reason \"firmware 3 reads only the compact form\"")]
+      --format compact --reason \"firmware 3 reads only the compact form\"")]
 pub(crate) struct Gate {
     /// Id of the display
     #[arg(value_name = "DISPLAY")]
@@ -33,7 +33,7 @@ pub(crate) struct Gate {
     test_pairs: Option<u32>,
 
     /// Require this format, such as compact; may be given several times
-    #[arg(long = "form", value_name = "FORM")]
+    #[arg(long = "format", value_name = "FORMAT")]
     forms: Vec<String>,
 
     /// Accept versions that were measured to be no better than the ideal kernel

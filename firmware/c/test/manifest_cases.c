@@ -119,7 +119,11 @@ static int64_t signed_word(const char *word)
 
 static int64_t time_word(const char *word)
 {
-    return strcmp(word, "none") == 0 ? LIGHTPATH_NO_CLOCK : signed_word(word);
+    if (strcmp(word, "none") == 0) {
+        return LIGHTPATH_NO_CLOCK;
+    }
+    const bool is_bound = word[strlen(word) - 1u] == '+';
+    return is_bound ? LIGHTPATH_AT_LEAST(signed_word(word)) : signed_word(word);
 }
 
 /* The file in pieces of one length. */

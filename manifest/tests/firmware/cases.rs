@@ -2,8 +2,7 @@
 
 use crate::documents::{digest, pinned_roots};
 use lightpath_manifest::{
-    Distrust, DocumentError, Keyring, Manifest, PublicKey, Signature, SignedKeyring, SignedManifest, Time, Trust,
-    Wanted,
+    Distrust, DocumentError, Keyring, Manifest, Now, PublicKey, Signature, SignedKeyring, Time, Trust, Wanted,
 };
 use sha2::{Digest as _, Sha256};
 use std::fmt;
@@ -20,15 +19,23 @@ pub(crate) struct Known {
     pub(crate) document: Vec<u8>,
 }
 
+/// What a device knows of the present time, in seconds since 1970.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Clock {
+    At(i64),
+    AtLeast(i64),
+    None,
+}
+
 /// What is asked.
 #[derive(Clone, Debug)]
 pub(crate) enum Question {
-    Keyring { known: Known, now: Option<i64> },
-    Manifest { known: Known, now: Option<i64>, wanted: Wanted },
+    Keyring { known: Known, now: Clock },
+    Manifest { known: Known, now: Clock, wanted: Wanted },
     Body { size_bytes: u64, digest: String },
 }
 
-/// A document and a question about it. A time of `None` is that of a device without a clock.
+/// A document and a question about it.
 #[derive(Clone, Debug)]
 pub(crate) struct Case {
     pub(crate) file: String,
@@ -70,51 +77,26 @@ impl Case {
     /// The case in a line of `cases.txt`, without its verdict.
     pub(crate) fn line(&self) -> String {
         let file = &self.file;
-        let time = |now: Option<i64>| now.map_or("none".to_owned(), |now| now.to_string());
         match &self.question {
-            Question::Keyring { known, now } => format!("keyring {file} {} {}", known.name, time(*now)),
+            Question::Keyring { known, now } => format!("keyring {file} {} {now}", known.name),
             Question::Manifest { known, now, wanted } => {
                 let Wanted { display, wavelength_pm, distance_nm, form, generation } = wanted;
                 let wanted = format!("{display} {wavelength_pm} {distance_nm} {form} {generation}");
-                format!("manifest {file} {} {} {wanted}", known.name, time(*now))
+                format!("manifest {file} {} {now} {wanted}", known.name)
             }
             Question::Body { size_bytes, digest } => format!("body {file} {size_bytes} {digest}"),
         }
     }
 
-    /// The answer of `Trust`. Its devices have clocks: without one, the answer is that at a time at which everything
-    /// counts, and `None` if there is no such time.
-    pub(crate) fn verdict(&self) -> Option<Verdict> {
-        // The nearest time that a document can have.
-        let time = |now: i64| Time::from_unix_s(now.clamp(0, TIME_MAX)).unwrap();
-        let verdict = match &self.question {
-            Question::Body { size_bytes, digest } => return Some(of_body(&self.document, *size_bytes, digest)),
-            Question::Keyring { known, now } => {
-                let now = now.map_or_else(|| self.first_time(known), time);
-                of_result(known.trust().renew(&self.document, now), keyring_says)
-            }
+    /// The answer of `Trust`.
+    pub(crate) fn verdict(&self) -> Verdict {
+        match &self.question {
+            Question::Body { size_bytes, digest } => of_body(&self.document, *size_bytes, digest),
+            Question::Keyring { known, now } => of_result(known.trust().renew(&self.document, now.now()), keyring_says),
             Question::Manifest { known, now, wanted } => {
-                let now = now.map_or_else(|| self.first_time(known), time);
-                of_result(known.trust().manifest(&self.document, wanted, now), manifest_says)
+                of_result(known.trust().manifest(&self.document, wanted, now.now()), manifest_says)
             }
-        };
-        let has_clock =
-            !matches!(self.question, Question::Keyring { now: None, .. } | Question::Manifest { now: None, .. });
-        let is_about_time = verdict.name.ends_with("_not_yet") || verdict.name.ends_with("_expired");
-        (has_clock || !is_about_time).then_some(verdict)
-    }
-
-    /// The first time at which the document, its key and the device's keyring count, if there is one.
-    fn first_time(&self, known: &Known) -> Time {
-        let mut times = vec![Time::from_unix_s(0).unwrap()];
-        if let Ok(signed) = SignedKeyring::parse(&self.document) {
-            return signed.unchecked().issued;
         }
-        if let (Ok(signed), Trust::Keyring(keyring)) = (SignedManifest::parse(&self.document), known.trust()) {
-            times.extend([signed.unchecked().issued, keyring.issued]);
-            times.extend(keyring.key(signed.key_id()).map(|listed| listed.from));
-        }
-        times.into_iter().max().unwrap()
     }
 
     /// Each right signature of the document: the key, the SHA-256 of what it signed, the signature.
@@ -137,6 +119,28 @@ impl Case {
             })
         });
         signatures.collect()
+    }
+}
+
+impl Clock {
+    fn now(self) -> Now {
+        // The nearest time that a document can have.
+        let time = |unix_s: i64| Time::from_unix_s(unix_s.clamp(0, TIME_MAX)).unwrap();
+        match self {
+            Self::At(unix_s) => Now::At(time(unix_s)),
+            Self::AtLeast(unix_s) => Now::AtLeast(time(unix_s)),
+            Self::None => Now::AtLeast(time(0)),
+        }
+    }
+}
+
+impl fmt::Display for Clock {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::At(unix_s) => write!(f, "{unix_s}"),
+            Self::AtLeast(unix_s) => write!(f, "{unix_s}+"),
+            Self::None => f.write_str("none"),
+        }
     }
 }
 
@@ -165,7 +169,7 @@ pub(crate) fn pack(cases: &[Case]) -> Vec<u8> {
         part(&case.document);
         let known_case = Case {
             document: known.to_vec(),
-            question: Question::Keyring { known: Known::pinned(), now: None },
+            question: Question::Keyring { known: Known::pinned(), now: Clock::None },
             ..case.clone()
         };
         part(&[known_case.signatures(), case.signatures()].concat());
@@ -190,7 +194,7 @@ fn of_result<T>(result: Result<T, Distrust>, says: impl FnOnce(&T) -> String) ->
 
 /// The C code has a verdict for each reason, and two for each time: not yet, and no more.
 fn of_distrust(distrust: &Distrust) -> Verdict {
-    let either = |from: &Time, now: &Time, not_yet, expired| if now < from { not_yet } else { expired };
+    let either = |from: &Time, now: &Now, not_yet, expired| if now.is_before(*from) { not_yet } else { expired };
     let name = match distrust {
         Distrust::Document(error) => return of_document(error),
         Distrust::KeyringSignature => "keyring_wrong_signature",

@@ -13,7 +13,7 @@ const NOT_TEXT: &str = "document_not_text";
 const TOO_LONG: &str = "document_too_long";
 
 /// Values of a manifest that are not possible: the number of the line, a name for the file, the line.
-const MANIFEST_VALUES: [(usize, &str, &str); 60] = [
+const MANIFEST_VALUES: [(usize, &str, &str); 62] = [
     (1, "next-version", "lightpath manifest 2"),
     (1, "leading-zero", "lightpath manifest 01"),
     (1, "no-version", "lightpath manifest "),
@@ -74,6 +74,8 @@ const MANIFEST_VALUES: [(usize, &str, &str); 60] = [
     (16, "31st-of-november", "expires 2026-11-31T18:00:00Z"),
     (17, "15-digits", "key 0123456789abcde"),
     (17, "17-digits", "key 0123456789abcdef0"),
+    (17, "upper-case", "key 0123456789ABCDEF"),
+    (17, "no-digits", "key not hexadecimal!"),
 ];
 
 /// The manifest with a new, right signature, if a line for it is there.

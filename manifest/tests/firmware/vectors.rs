@@ -1,6 +1,6 @@
 //! All vectors, each with the verdict that a person wrote down.
 
-use crate::cases::{Case, Known, Question, Verdict};
+use crate::cases::{Case, Clock, Known, Question, Verdict};
 use crate::documents::{
     EARLY, GONE, LATE, NEW_ROOT, NOW, REVOKED, ROOT, SIGNER, STRANGER, body, digest, extreme_manifest, key, keyring,
     listed, manifest, manifest_of, pinned_roots, public, signed_keyring, time, unix_s, wanted_of,
@@ -12,7 +12,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 const CASES_HEAD: &str = "\
-# What a device must say about each document. Times are seconds since 1970, or none: the device has no clock.
+# What a device must say about each document. Times are seconds since 1970; with a + it is that time or later, and none:
+# the device has no clock, which is 0+.
 # keyring FILE KNOWN NOW VERDICT LINE          KNOWN: the device's keyring, or pinned: it has only roots.txt
 # manifest FILE KNOWN NOW DISPLAY WAVELENGTH DISTANCE FORM GENERATION VERDICT LINE
 # body FILE SIZE DIGEST VERDICT
@@ -140,8 +141,13 @@ pub(crate) fn of_manifest(known: &Known, now: &str, wanted: &Wanted) -> Question
     Question::Manifest { known: known.clone(), now: clock(now), wanted: wanted.clone() }
 }
 
-fn clock(now: &str) -> Option<i64> {
-    (now != "none").then(|| unix_s(now))
+/// A time, a time with a + behind it, or `none`.
+fn clock(now: &str) -> Clock {
+    match now.strip_suffix('+') {
+        Some(bound) => Clock::AtLeast(unix_s(bound)),
+        None if now == "none" => Clock::None,
+        None => Clock::At(unix_s(now)),
+    }
 }
 
 pub(crate) fn wanted() -> Wanted {
@@ -167,6 +173,9 @@ fn first_keyrings(set: &mut Set) {
         ("2026-12-30T23:59:59Z", "trusted"),
         ("2026-12-31T00:00:00Z", "keyring_expired"),
         ("none", "trusted"),
+        ("2026-10-31T23:59:59Z+", "trusted"),
+        ("2026-12-30T23:59:59Z+", "trusted"),
+        ("2026-12-31T00:00:00Z+", "keyring_expired"),
     ] {
         set.add("first.keyring", first.clone(), of_keyring(&pinned, now), verdict, 0);
     }
@@ -281,6 +290,10 @@ fn manifests_of_keys(set: &mut Set) {
     add("early-key.manifest", &known, NOW, by(EARLY), "key_not_yet");
     add("early-key.manifest", &known, "2026-11-30T23:59:59Z", by(EARLY), "key_not_yet");
     add("late-key.manifest", &known, NOW, by(LATE), "key_expired");
+    // It was issued after the end of its key.
+    add("late-key.manifest", &known, "none", by(LATE), "key_expired");
+    add("late-key.manifest", &known, "2026-11-20T00:00:00Z+", by(LATE), "key_expired");
+    add("early-key.manifest", &known, "2026-11-24T00:00:00Z+", by(EARLY), "trusted");
     let good = String::from_utf8(by(SIGNER)).unwrap();
     add("flipped.manifest", &known, NOW, flipped(&good), "manifest_wrong_signature");
     let zeros = good.split("signature").next().unwrap().to_owned() + "signature " + &"0".repeat(128) + "\n";
@@ -296,13 +309,6 @@ fn manifests_of_keys(set: &mut Set) {
     // The signature is right for the key that signed, but the line names another.
     let renamed = good.replace(&public(SIGNER).id(), &public(EARLY).id());
     add("names-another-key.manifest", &known, "2026-12-01T00:00:00Z", renamed.into_bytes(), "manifest_wrong_signature");
-    for (file, id) in [
-        ("upper-case-id.manifest", public(SIGNER).id().to_uppercase()),
-        ("no-id.manifest", "not hexadecimal!".to_owned()),
-    ] {
-        let body = good.replace(&public(SIGNER).id(), &id);
-        add(file, &known, NOW, malformed::signed_again(body.as_bytes(), SIGNER), "key_unknown");
-    }
 }
 
 /// Manifests and keyrings whose times decide.
@@ -317,12 +323,21 @@ fn manifests_in_time(set: &mut Set) {
         ("2026-12-31T00:00:00Z", "keyring_expired"),
         ("2026-10-31T23:59:59Z", "keyring_not_yet"),
         ("1970-01-01T00:00:00Z", "keyring_not_yet"),
+        ("1970-01-01T00:00:00Z+", "trusted"),
+        ("2026-11-30T17:59:59Z+", "trusted"),
+        ("2026-11-30T18:00:00Z+", "manifest_expired"),
+        ("2026-12-31T00:00:00Z+", "keyring_expired"),
+        ("9999-12-31T23:59:59Z+", "keyring_expired"),
     ] {
         set.add("good.manifest", good.clone(), of_manifest(&known, now, &wanted()), verdict, 0);
     }
+    // Without a clock, no key can name a time after the end of its keyring.
+    let far = Manifest { issued: time("2026-12-31T00:00:00Z"), expires: time("9999-12-31T23:59:59Z"), ..manifest() };
+    let far = far.signed(&key(SIGNER)).into_bytes();
+    set.add("issued-late.manifest", far, of_manifest(&known, "none", &wanted()), "keyring_expired", 0);
     // A clock that fails with -1 is no missing clock.
     for (now, verdict) in [(-1, "keyring_not_yet"), (i64::MAX, "keyring_expired")] {
-        let question = Question::Manifest { known: known.clone(), now: Some(now), wanted: wanted() };
+        let question = Question::Manifest { known: known.clone(), now: Clock::At(now), wanted: wanted() };
         set.add("good.manifest", good.clone(), question, verdict, 0);
     }
 }
