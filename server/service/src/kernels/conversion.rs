@@ -91,7 +91,7 @@ impl Kernels {
     /// Converts the file of a version. The other file is written before the memory for the conversion is given back.
     async fn export(&self, call: &Call, version: &KernelVersion, format: KernelFormat) -> Result<Converted> {
         let (display, _) = self.store.display(&version.key.display).await?;
-        let need_bytes = model_file::exporting_bytes(version.content.size_bytes, &display, &version.key);
+        let need_bytes = model_file::exporting_bytes(format, version.content.size_bytes, &display, &version.key);
         let (artifacts, artifact) = (self.artifacts.clone(), version.content.artifact.clone());
         let record = bundle::record(version);
         let export = move || -> Result<_, ArtifactError> {
