@@ -53,6 +53,8 @@ mod imports;
 mod jobs;
 /// `lightpath kernel watch` and `kernel fetch --dry-run`.
 mod kernel_watch;
+/// A large kernel in every form, until agents use it.
+mod large_kernels;
 /// A server that moves to PostgreSQL and a bucket.
 mod moving;
 /// Photographs and how well they show a target.

@@ -43,7 +43,7 @@ impl Manifest {
     pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
         let kernel = self.kernel.name(session).await?;
         let request = v1::GetKernelManifestRequest { kernel, format: self.format.into(), device: self.device };
-        let manifest = session.client.get_kernel_manifest(request).await?;
+        let manifest = session.client.kernel_manifest(request).await?;
         if let Some(root) = self.root {
             let keyring = session.client.get_keyring(v1::GetKeyringRequest {}).await?;
             check(&manifest.document, &keyring.document, root).map_err(Failure::Refused)?;

@@ -88,7 +88,9 @@ impl Rollouts {
 
     /// Ends a rollout; all devices get the active version again.
     pub async fn halt(&self, call: &Call, key: &KernelKey, number: u32, reason: String) -> Result<Rollout> {
-        Ok(self.store.halt_rollout(key, number, &cause(call, reason), self.store.now_ms()).await?)
+        let rollout = self.store.halt_rollout(key, number, &cause(call, reason), self.store.now_ms()).await?;
+        self.promotions.make_active_ready(call, key);
+        Ok(rollout)
     }
 
     /// Refuses to go on with a version that fails the gate now, other than by what was overridden at the start.
