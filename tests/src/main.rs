@@ -55,6 +55,8 @@ mod jobs;
 mod kernel_watch;
 /// A large kernel in every form, until agents use it.
 mod large_kernels;
+/// `lightpath kernel mirror`, and an agent that uses what it writes.
+mod mirror;
 /// A server that moves to PostgreSQL and a bucket.
 mod moving;
 /// Photographs and how well they show a target.

@@ -53,7 +53,7 @@ impl Manifest {
 }
 
 /// Checks the signatures, the times, and that the document is about what was asked for.
-fn check(document: &str, keyring: &str, root: PublicKey) -> Result<(), String> {
+pub(super) fn check(document: &str, keyring: &str, root: PublicKey) -> Result<(), String> {
     let refused = |error: lightpath_manifest::Distrust| format!("a device would refuse this: {error}");
     let keyring = Trust::Roots(vec![root]).renew(keyring.as_bytes(), now()).map_err(refused)?;
     let said = SignedManifest::parse(document.as_bytes()).map_err(|error| refused(error.into()))?;
