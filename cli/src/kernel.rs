@@ -5,6 +5,7 @@ mod compare;
 mod gate;
 mod interpolate;
 mod manifest;
+mod mirror;
 mod moves;
 mod nearest;
 mod show;
@@ -37,6 +38,7 @@ commands! {
         Fetch(transfer::Fetch),
         Export(transfer::Export),
         Manifest(manifest::Manifest),
+        Mirror(mirror::Mirror),
         Import(transfer::Import),
         Report(report_kernel::Report),
     }

@@ -4,7 +4,7 @@ use super::arguments::{Limit, Passage};
 use super::failure::Failure;
 use super::kernel_choice::KernelChoice;
 use super::pages::pages;
-use super::session::Session;
+use super::session::{Session, print_note};
 use super::show;
 use super::table::{Facts, Table};
 use clap::{Args, Subcommand};
@@ -42,7 +42,8 @@ pub(crate) enum RolloutCommand {
 /// Give a version to a share of the devices, or to a group, before it becomes active.
 ///
 /// Devices report whether they use it and what their self-tests measured. If too many fail, the rollout halts by itself
-/// and all devices go back to the active version. The version must pass the display's promotion gate.
+/// and all devices go back to the active version; the answer says at how many. The version must pass the display's
+/// promotion gate, and the files that devices need are made before the rollout starts.
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Example:
@@ -76,7 +77,8 @@ pub(crate) struct Start {
     #[arg(long, value_name = "PERCENT", default_value_t = 10.0)]
     failed_max: f64,
 
-    /// Compute the share for --failed-max as if at least this many devices had reported
+    /// Compute the share for --failed-max as if at least this many devices had reported, or all that get the version if
+    /// they are fewer
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..))]
     devices_min: u32,
 
@@ -132,7 +134,11 @@ impl RolloutCommand {
             Self::Show(rollout) => rollout.find(session).await?.0,
             Self::List(list) => return list.run(session).await,
         };
-        session.print(&client.get_rollout(v1::GetRolloutRequest { name }).await?, text)
+        let rollout = client.get_rollout(v1::GetRolloutRequest { name }).await?;
+        if let Some(warning) = warning(&rollout) {
+            print_note(&warning);
+        }
+        session.print(&rollout, text)
     }
 }
 
@@ -214,6 +220,9 @@ fn text(rollout: &v1::Rollout) -> String {
     let loss = rollout.self_test_loss_max.map(|loss| format!(", self-test loss at most {}", show::loss(loss)));
     let limit = format!("{} % of at least {} devices", rollout.failed_percent_max, rollout.devices_min);
     facts.add("halts above", limit + &loss.unwrap_or_default());
+    if let Some(halting) = &rollout.halting {
+        facts.add("halts at", halts_at(halting));
+    }
     facts.add("reports", format!("{} passed, {} failed", rollout.devices_passed, rollout.devices_failed));
     let mut table = Table::new("time???|age|caller~?|>generation??|event_");
     for event in &rollout.events {
@@ -228,9 +237,66 @@ fn text(rollout: &v1::Rollout) -> String {
     format!("{}\n{}", facts.text(), table.text())
 }
 
+/// At how many failures a running rollout halts.
+fn halts_at(halting: &v1::rollout::Halting) -> String {
+    let &v1::rollout::Halting { devices_known, failures_first, failures_of_all } = halting;
+    let failed = |count: u32| if count == 1 { "1 failed device".to_owned() } else { format!("{count} failed devices") };
+    match (devices_known, failures_of_all) {
+        (0, _) => "no device that gets the version has reported yet".to_owned(),
+        (_, 0) => format!("no number of failures among the {devices_known} devices that get the version"),
+        (_, all) if all == failures_first => format!("{} of {devices_known}", failed(all)),
+        (_, all) => format!("{} of the first that report, {all} of all {devices_known}", failed(failures_first)),
+    }
+}
+
+/// A warning about a running rollout that cannot halt by itself.
+fn warning(rollout: &v1::Rollout) -> Option<String> {
+    let halting = rollout.halting.as_ref()?;
+    let name = &rollout.name;
+    match (halting.devices_known, halting.failures_of_all) {
+        (0, _) => Some(format!(
+            "warning: no device that has reported about this kernel gets the version of {name}; lightpath device list \
+             shows the devices"
+        )),
+        (_, 0) => Some(format!(
+            "warning: {name} does not halt by itself, even if all {} devices fail: --failed-max is {} %",
+            halting.devices_known, rollout.failed_percent_max
+        )),
+        _ => None,
+    }
+}
+
 fn devices(rollout: &v1::Rollout) -> String {
     match rollout.group.as_str() {
         "" => format!("{} %", rollout.share_percent),
         group => format!("{} % and the group {group}", rollout.share_percent),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_running_rollout_says_at_how_many_failures_it_halts() {
+        let halting = |devices_known, failures_first, failures_of_all| v1::rollout::Halting {
+            devices_known,
+            failures_first,
+            failures_of_all,
+        };
+        for (halting, said, warns) in [
+            (halting(5, 1, 1), "1 failed device of 5", None),
+            (halting(1000, 2, 101), "2 failed devices of the first that report, 101 of all 1000", None),
+            (halting(5, 0, 0), "no number of failures among the 5", Some("even if all 5 devices fail")),
+            (halting(0, 0, 0), "no device that gets the version has reported", Some("no device that has reported")),
+        ] {
+            assert!(halts_at(&halting).starts_with(said), "{}", halts_at(&halting));
+            let rollout = v1::Rollout { halting: Some(halting), ..Default::default() };
+            match (warning(&rollout), warns) {
+                (Some(warning), Some(words)) => assert!(warning.contains(words), "{warning}"),
+                (warning, words) => assert_eq!(warning, words.map(str::to_owned)),
+            }
+        }
+        assert_eq!(warning(&v1::Rollout::default()), None, "an ended rollout");
     }
 }

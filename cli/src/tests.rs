@@ -95,6 +95,7 @@ const COMMANDS: &[&str] = &[
     "lightpath kernel alias candidate --display lab-2 --distance 150mm --version 4 --reason try --expected 0",
     "lightpath kernel alias candidate --display lab-2 --distance 150mm --remove",
     "lightpath kernel deprecate --display lab-2 --distance 150mm --version 2 --reason old --undo",
+    "lightpath kernel mirror --display lab-2 --distance 150mm --format compact -o mirror/",
     "lightpath kernel nearest --display lab-2 --distance 151mm --wavelength 515nm",
     "lightpath rollout start --display lab-2 --distance 150mm --version 4 --share 5 --group first --failed-max 20 \
      --devices-min 5 --self-test-loss-max 0.01 --reason try --force --expected-active 3",

@@ -1,11 +1,11 @@
 //! One method for each call of the API. Requests and answers are the messages of [`crate::v1`], which documents them.
 
-use crate::client::with_timeout;
+use crate::client::{CALL_TIMEOUT, PREPARING_TIMEOUT, with_timeout};
 use crate::{Client, Result, v1};
 use tonic::Streaming;
 
 macro_rules! calls {
-    ($($(#[$doc:meta])* $service:ident.$call:ident($request:ident) -> $response:ident;)*) => {
+    ($limit:ident; $($(#[$doc:meta])* $service:ident.$call:ident($request:ident) -> $response:ident;)*) => {
         impl Client {
             $(
                 $(#[$doc])*
@@ -15,7 +15,7 @@ macro_rules! calls {
                 /// [`crate::Error::Refused`] when the server refuses the call, [`crate::Error::Unreachable`] when no
                 /// server answers.
                 pub async fn $call(&self, request: v1::$request) -> Result<v1::$response> {
-                    let answer = self.$service().$call(with_timeout(request)).await;
+                    let answer = self.$service().$call(with_timeout(request, $limit)).await;
                     Ok(answer.map_err(|status| self.error(status))?.into_inner())
                 }
             )*
@@ -24,6 +24,8 @@ macro_rules! calls {
 }
 
 calls! {
+    CALL_TIMEOUT;
+
     /// Declares a display and returns it.
     displays.create_display(CreateDisplayRequest) -> Display;
     /// Returns a display.
@@ -77,10 +79,6 @@ calls! {
     kernels.get_kernel_version(GetKernelVersionRequest) -> KernelVersion;
     /// Returns a page of a kernel's versions, newest first.
     kernels.list_kernel_versions(ListKernelVersionsRequest) -> ListKernelVersionsResponse;
-    /// Makes a version the active one.
-    kernels.promote_kernel(PromoteKernelRequest) -> Kernel;
-    /// Checks a version with the display's promotion gate, and changes nothing.
-    kernels.check_promotion(CheckPromotionRequest) -> PromotionVerdict;
     /// Sets what versions must show before they become active on a display.
     kernels.set_promotion_gate(SetPromotionGateRequest) -> DisplayGate;
     /// Returns the promotion gate of a display with its history.
@@ -107,12 +105,6 @@ calls! {
     /// Interpolates a kernel at a distance between photographed distances, and stores it as the next version there.
     kernels.interpolate_kernel(InterpolateKernelRequest) -> KernelVersion;
 
-    /// Starts a staged rollout of a version.
-    rollouts.start_rollout(StartRolloutRequest) -> Rollout;
-    /// Gives the version of a rollout to a larger share of the devices.
-    rollouts.widen_rollout(WidenRolloutRequest) -> Rollout;
-    /// Ends a rollout by making its version active.
-    rollouts.complete_rollout(CompleteRolloutRequest) -> Rollout;
     /// Ends a rollout: all devices go back to the active version.
     rollouts.halt_rollout(HaltRolloutRequest) -> Rollout;
     /// Returns a rollout with its events.
@@ -152,6 +144,21 @@ calls! {
     artifacts.get_artifact(GetArtifactRequest) -> Artifact;
     /// Returns how many bytes of an upload the server has received.
     artifacts.get_upload(GetUploadRequest) -> Upload;
+}
+
+calls! {
+    PREPARING_TIMEOUT;
+
+    /// Makes a version the active one.
+    kernels.promote_kernel(PromoteKernelRequest) -> Kernel;
+    /// Checks a version with the display's promotion gate, and changes nothing.
+    kernels.check_promotion(CheckPromotionRequest) -> PromotionVerdict;
+    /// Starts a staged rollout of a version.
+    rollouts.start_rollout(StartRolloutRequest) -> Rollout;
+    /// Gives the version of a rollout to a larger share of the devices.
+    rollouts.widen_rollout(WidenRolloutRequest) -> Rollout;
+    /// Ends a rollout by making its version active.
+    rollouts.complete_rollout(CompleteRolloutRequest) -> Rollout;
 }
 
 /// Calls whose answers are streams.

@@ -30,7 +30,10 @@ const KEEP_ALIVE_INTERVAL: Duration = Duration::from_secs(20);
 const KEEP_ALIVE_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// Time limit for the answer to a call that does not stream.
-const CALL_TIMEOUT: Duration = Duration::from_secs(60);
+pub(crate) const CALL_TIMEOUT: Duration = Duration::from_secs(60);
+
+/// Longest wait for the answer of a call that first makes all files that devices will need.
+pub(crate) const PREPARING_TIMEOUT: Duration = Duration::from_secs(600);
 
 /// Largest accepted answer. A page of 1000 jobs with their loss histories fits; the limit bounds the client's memory.
 const MESSAGE_BYTES_MAX: usize = 64 << 20;
@@ -160,10 +163,10 @@ fn authorization(token: &str) -> Result<MetadataValue<Ascii>> {
     Ok(authorization)
 }
 
-/// Wraps a message in a request with the time limit [`CALL_TIMEOUT`].
-pub(crate) fn with_timeout<T>(message: T) -> tonic::Request<T> {
+/// Wraps a message in a request with a time limit.
+pub(crate) fn with_timeout<T>(message: T, limit: Duration) -> tonic::Request<T> {
     let mut request = tonic::Request::new(message);
-    request.set_timeout(CALL_TIMEOUT);
+    request.set_timeout(limit);
     request
 }
 

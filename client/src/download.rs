@@ -70,6 +70,17 @@ impl Client {
     }
 }
 
+/// Writes a file, or replaces it in one step, so that no other program reads an incomplete one.
+///
+/// # Errors
+///
+/// [`Error::File`] when the file cannot be written.
+pub fn replace_file(path: &Path, bytes: &[u8]) -> Result<()> {
+    let mut file = PartialFile::create(path)?;
+    file.write(bytes)?;
+    file.finish()
+}
+
 /// A file under a temporary name in the folder of `path`. It gets its own name when it is complete, so that no other
 /// program reads an incomplete file.
 pub(crate) struct PartialFile<'a> {

@@ -120,6 +120,15 @@ impl Error {
     }
 }
 
+impl Error {
+    /// Time after which to ask again for a file that the server is making; `None` for other errors.
+    pub(crate) fn converting(&self) -> Option<Duration> {
+        let Self::Unreachable { status, .. } = self else { return None };
+        let refusal = Refusal::from(status.clone());
+        refusal.retry_delay.filter(|_| refusal.reason == "CONVERTING")
+    }
+}
+
 impl From<Status> for Refusal {
     fn from(status: Status) -> Self {
         let details = status.get_error_details();

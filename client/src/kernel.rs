@@ -6,7 +6,8 @@ use crate::job::WAIT_TRIES_MAX;
 use crate::retry::Backoff;
 use crate::v1::fetch_kernel_response::Part;
 use crate::v1::{
-    FetchKernelRequest, FetchKernelResponse, Kernel, KernelFile, KernelFormat, KernelVersion, WatchKernelRequest,
+    FetchKernelRequest, FetchKernelResponse, GetKernelManifestRequest, Kernel, KernelFile, KernelFormat,
+    KernelManifest, KernelVersion, WatchKernelRequest,
 };
 use crate::{Client, Error, Result};
 use std::ops::ControlFlow;
@@ -115,6 +116,23 @@ impl Client {
         match stream.message().await.map_err(call_error)?.and_then(|second| second.part) {
             Some(Part::File(file)) => Ok((version, Some(file))),
             _ => Err(Error::Protocol { what: "the second message of a converted kernel does not describe its file" }),
+        }
+    }
+
+    /// Returns the signed manifest of a kernel's active version. Waits until the server has made the file that it names.
+    ///
+    /// # Errors
+    ///
+    /// The errors of [`Self::get_kernel_manifest`].
+    pub async fn kernel_manifest(&self, request: GetKernelManifestRequest) -> Result<KernelManifest> {
+        loop {
+            match self.get_kernel_manifest(request.clone()).await {
+                Err(error) => match error.converting() {
+                    Some(delay) => tokio::time::sleep(delay).await,
+                    None => return Err(error),
+                },
+                manifest => return manifest,
+            }
         }
     }
 

@@ -48,6 +48,7 @@ mod upload;
 
 pub use client::{Client, Credentials};
 pub use digest::digest_of;
+pub use download::replace_file;
 pub use error::{Error, FieldViolation, Refusal, Result};
 pub use job::{
     JobChange, capture_result, evaluate_result, has_ended, hologram_result, job_spec, learn_result, prepare_result,

@@ -5,6 +5,10 @@ use protox::prost_reflect::{DescriptorPool, FieldDescriptor, Kind, MessageDescri
 use std::error::Error;
 use std::fmt::Write as _;
 
+/// Methods that ignore fields which they do not know. A device in the field may be newer than its server, and its report
+/// must count all the same. For all other callers an unknown field is a typing error, which must not pass.
+const IGNORES_UNKNOWN: [&str; 1] = ["ReportDevice"];
+
 /// Returns Rust code with the routes of all annotated methods of `lightpath.v1`.
 pub(crate) fn routes_code(pool: &DescriptorPool) -> Result<String, Box<dyn Error>> {
     let mut code = String::from("/// The methods over HTTP.\npub const ROUTES: &[Route] = &[\n");
@@ -28,6 +32,10 @@ fn write_route(code: &mut String, binding: &Binding) -> Result<(), Box<dyn Error
     writeln!(code, "        segments: &{:?}, action: {:?},", template.segments, template.action)?;
     writeln!(code, "        variable: {:?}, body: {body},", template.variable)?;
     writeln!(code, "        query: &[{from_query}], is_stream: {},", method.is_server_streaming())?;
+    let fields: Vec<[String; 2]> =
+        method.input().fields().map(|field| [field.name().to_owned(), field.json_name().to_owned()]).collect();
+    let counts = IGNORES_UNKNOWN.contains(&method.name()).then_some(fields);
+    writeln!(code, "        counts: {},", counts.map_or("None".to_owned(), |fields| format!("Some(&{fields:?})")))?;
     let (request, answer) = (rust_type(&method.input()), rust_type(&method.output()));
     writeln!(code, "        encode: encode::<{request}>, to_json: to_json::<{answer}> }},")?;
     Ok(())

@@ -25,6 +25,8 @@ pub struct Route {
     pub body: Body,
     /// Fields that the query may have.
     pub query: &'static [Parameter],
+    /// Names of all fields in the `.proto` file and in JSON, if the method ignores others.
+    counts: Option<&'static [[&'static str; 2]]>,
     segments: &'static [Option<&'static str>],
     action: &'static str,
     variable: Option<(&'static str, usize, usize)>,
@@ -100,6 +102,15 @@ impl RequestError {
     }
 }
 
+/// A request of a method.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EncodedRequest {
+    /// The encoded message.
+    pub message: Vec<u8>,
+    /// Names of fields in the body that the method does not know and ignores.
+    pub ignored: Vec<String>,
+}
+
 /// A route that a path matches.
 #[derive(Clone, Debug)]
 pub struct Match {
@@ -165,9 +176,10 @@ impl Match {
     ///
     /// # Errors
     ///
-    /// [`RequestError`] if a field is unknown, stands twice or has a wrong value.
-    pub fn request(&self, query: Vec<(String, String)>, body: &[u8]) -> Result<Vec<u8>, RequestError> {
+    /// [`RequestError`] if a field is unknown, stands twice or has a wrong value. Device reports may have unknown fields.
+    pub fn request(&self, query: Vec<(String, String)>, body: &[u8]) -> Result<EncodedRequest, RequestError> {
         let mut request = self.body(body)?;
+        let ignored = self.remove_unknown(&mut request);
         for (name, text) in query {
             self.add_parameter(&mut request, &name, text)?;
         }
@@ -178,7 +190,16 @@ impl Match {
             }
             request.insert(field.to_owned(), value);
         }
-        (self.route.encode)(Value::Object(request))
+        Ok(EncodedRequest { message: (self.route.encode)(Value::Object(request))?, ignored })
+    }
+
+    /// Removes fields that the method ignores, and returns their names.
+    fn remove_unknown(&self, request: &mut Map<String, Value>) -> Vec<String> {
+        let Some(known) = self.route.counts else { return Vec::new() };
+        let is_unknown = |name: &&String| !known.as_flattened().contains(&name.as_str());
+        let unknown: Vec<String> = request.keys().filter(is_unknown).cloned().collect();
+        unknown.iter().for_each(|name| drop(request.remove(name)));
+        unknown
     }
 
     /// The fields in the body.
@@ -286,7 +307,7 @@ mod tests {
     #[test]
     fn paths_queries_and_bodies_make_requests() {
         let encoded = |verb, path, pairs: &[(&str, &str)], body: &str| {
-            find(verb, path).unwrap().request(query(pairs), body.as_bytes()).unwrap()
+            find(verb, path).unwrap().request(query(pairs), body.as_bytes()).unwrap().message
         };
         let list = encoded("GET", "/v1/displays/lab/kernels", &[("pageSize", "7")], "");
         let wanted = v1::ListKernelsRequest { display: "displays/lab".into(), page_size: 7, ..Default::default() };
@@ -303,6 +324,29 @@ mod tests {
         assert_eq!(pause, wanted.encode_to_vec());
         let batch = encoded("GET", "/v1/batches/night%2F3%3Ared", &[], "");
         assert_eq!(batch, v1::GetBatchRequest { batch: "night/3:red".into() }.encode_to_vec());
+    }
+
+    #[test]
+    fn reports_of_newer_devices_count_and_say_what_was_ignored() {
+        let report = find("POST", "/v1/displays/lab/devices/bench-7:report").unwrap();
+        let body =
+            br#"{"kernel": "515nm-50mm", "triedVersion": 3, "self_test_loss": 0.5, "temperatureK": {"slm": 300}}"#;
+        let request = report.request(query(&[]), body).unwrap();
+        let wanted = v1::ReportDeviceRequest {
+            name: "displays/lab/devices/bench-7".into(),
+            kernel: "515nm-50mm".into(),
+            tried_version: 3,
+            self_test_loss: Some(0.5),
+            ..Default::default()
+        };
+        assert_eq!(
+            request,
+            EncodedRequest { message: wanted.encode_to_vec(), ignored: vec!["temperatureK".to_owned()] }
+        );
+        let wrong = report.request(query(&[]), br#"{"triedVersion": "three"}"#).unwrap_err();
+        assert!(wrong.to_string().starts_with("triedVersion is wrong"), "{wrong}");
+        let group = find("POST", "/v1/displays/lab/devices/bench-7:setGroup").unwrap();
+        assert!(group.request(query(&[]), br#"{"groop": "first"}"#).unwrap_err().to_string().contains("groop"));
     }
 
     #[test]

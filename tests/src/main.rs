@@ -53,6 +53,10 @@ mod imports;
 mod jobs;
 /// `lightpath kernel watch` and `kernel fetch --dry-run`.
 mod kernel_watch;
+/// A large kernel in every form, until agents use it.
+mod large_kernels;
+/// `lightpath kernel mirror`, and an agent that uses what it writes.
+mod mirror;
 /// A server that moves to PostgreSQL and a bucket.
 mod moving;
 /// Photographs and how well they show a target.

@@ -43,7 +43,7 @@ impl Manifest {
     pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
         let kernel = self.kernel.name(session).await?;
         let request = v1::GetKernelManifestRequest { kernel, format: self.format.into(), device: self.device };
-        let manifest = session.client.get_kernel_manifest(request).await?;
+        let manifest = session.client.kernel_manifest(request).await?;
         if let Some(root) = self.root {
             let keyring = session.client.get_keyring(v1::GetKeyringRequest {}).await?;
             check(&manifest.document, &keyring.document, root).map_err(Failure::Refused)?;
@@ -53,7 +53,7 @@ impl Manifest {
 }
 
 /// Checks the signatures, the times, and that the document is about what was asked for.
-fn check(document: &str, keyring: &str, root: PublicKey) -> Result<(), String> {
+pub(super) fn check(document: &str, keyring: &str, root: PublicKey) -> Result<(), String> {
     let refused = |error: lightpath_manifest::Distrust| format!("a device would refuse this: {error}");
     let keyring = Trust::Roots(vec![root]).renew(keyring.as_bytes(), now()).map_err(refused)?;
     let said = SignedManifest::parse(document.as_bytes()).map_err(|error| refused(error.into()))?;

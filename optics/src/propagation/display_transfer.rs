@@ -12,10 +12,12 @@ impl DisplayModel {
         self.beside_ideal(fx, fy, |fx, fy| self.setup.transfer(fx, fy))
     }
 
-    /// Returns a function that computes [`Self::transfer`] at padded bins from tables, for many bins.
+    /// Returns a function that computes [`Self::transfer`] at padded bins from tables, for many bins. A kernel with a value
+    /// for each bin needs no tables.
     pub fn sampled(&self) -> impl Fn(f64, f64) -> Complex64 + Sync + '_ {
-        let ideal = self.setup.sampled();
-        move |fx, fy| self.beside_ideal(fx, fy, |fx, fy| ideal.at(fx, fy))
+        let ideal = (!matches!(self.kernel, KernelShape::Bins(_))).then(|| self.setup.sampled());
+        let ideal_at = move |fx, fy| ideal.as_ref().map_or(Complex64::ONE, |ideal| ideal.at(fx, fy));
+        move |fx, fy| self.beside_ideal(fx, fy, &ideal_at)
     }
 
     fn beside_ideal(&self, fx: f64, fy: f64, ideal: impl Fn(f64, f64) -> Complex64) -> Complex64 {

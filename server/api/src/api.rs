@@ -107,8 +107,9 @@ pub(crate) mod tests {
             computing_bytes: 1 << 30,
             manifests: ManifestRules::default(),
         };
-        let service = Service::new(&store, &artifacts, &limits, Origins::default());
-        Api::new(service, store, artifacts, CancellationToken::new())
+        let stopping = CancellationToken::new();
+        let service = Service::new(&store, &artifacts, &limits, Origins::default(), stopping.clone());
+        Api::new(service, store, artifacts, stopping)
     }
 
     #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -42,7 +42,7 @@ struct Answer {
 
 /// The status of an error.
 pub(crate) fn of(error: ServiceError) -> Status {
-    if let ServiceError::Artifact(ArtifactError::DataLoss { digest }) = &error {
+    if let ServiceError::Artifact(ArtifactError::DataLoss { digest }) = error.itself() {
         tracing::error!(digest, "a stored artifact no longer matches its digest");
     }
     match error {
@@ -87,6 +87,8 @@ fn answer(error: &ServiceError) -> Option<Answer> {
         ServiceError::Locked => Answer::new(Code::Unavailable, "DATABASE_LOCKED").retry(QUEUE_RETRY),
         ServiceError::Stopping => Answer::new(Code::Unavailable, "STOPPING").retry(RESTART_RETRY),
         ServiceError::TooLarge { .. } => Answer::new(Code::FailedPrecondition, "TOO_LARGE"),
+        ServiceError::Converting { retry_after } => Answer::new(Code::Unavailable, "CONVERTING").retry(*retry_after),
+        ServiceError::Shared(error) => return answer(error),
         ServiceError::Cancelled => Answer::new(Code::Cancelled, "CLIENT_LEFT"),
         ServiceError::Idle(_) => Answer::new(Code::DeadlineExceeded, "IDLE"),
         ServiceError::Stream(_) | ServiceError::Task(_) | ServiceError::Panicked | ServiceError::NoRandomness => {
@@ -211,6 +213,7 @@ fn internal(error: &ServiceError) -> Status {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::sync::Arc;
 
     #[test]
     fn statuses_name_the_reason_the_field_and_when_to_retry() {
@@ -227,7 +230,8 @@ mod tests {
         let status = of(ServiceError::from(StoreError::QueueFull { limit: 3 }));
         assert_eq!(status.code(), Code::ResourceExhausted);
         assert_eq!(status.get_error_details().retry_info().unwrap().retry_delay, Some(QUEUE_RETRY));
-        for later in [ServiceError::Stopping, StoreError::Busy.into()] {
+        let converting = ServiceError::Shared(Arc::new(ServiceError::Converting { retry_after: QUEUE_RETRY }));
+        for later in [ServiceError::Stopping, StoreError::Busy.into(), converting] {
             let status = of(later);
             assert_eq!(status.code(), Code::Unavailable);
             assert!(status.get_error_details().retry_info().is_some());

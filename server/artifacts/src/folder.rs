@@ -15,6 +15,9 @@ use uuid::Uuid;
 /// Size of a file \[bytes\] and time of its last change. A tool that changes the file changes them.
 pub(super) type Stamp = (u64, SystemTime);
 
+/// File with notes about the blobs of a folder.
+const NOTES: &str = "notes";
+
 #[derive(Debug)]
 pub(super) struct Folder {
     root: PathBuf,
@@ -174,6 +177,24 @@ impl Folder {
             Ok(()) => Ok(()),
             Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
             Err(error) => Err(ArtifactError::io("delete a file", error)),
+        }
+    }
+
+    /// Writes a text about the blobs beside them, in the place of an earlier one. It may be lost with the power.
+    pub(super) fn write_notes(&self, notes: &[u8]) -> Result<()> {
+        let temporary = self.temporary.join(Uuid::now_v7().to_string());
+        let write = || -> io::Result<()> {
+            private_file().write(true).create_new(true).open(&temporary)?.write_all(notes)?;
+            fs::rename(&temporary, self.root.join(NOTES))
+        };
+        write().map_err(|error| ArtifactError::io("write notes", error))
+    }
+
+    pub(super) fn notes(&self) -> Result<Option<Vec<u8>>> {
+        match fs::read(self.root.join(NOTES)) {
+            Ok(notes) => Ok(Some(notes)),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+            Err(error) => Err(ArtifactError::io("read notes", error)),
         }
     }
 

@@ -10,7 +10,8 @@
 //! DATA_DIR/checkpoints/ab/sha256-ab…   resumable states of running jobs; clients cannot download them
 //! DATA_DIR/uploads/sha256-….part       stored parts of interrupted uploads, by artifact and owner
 //! DATA_DIR/uploads/unnamed-….part      running uploads whose digest nobody knows yet
-//! DATA_DIR/conversions/ab/sha256-ab…  files that can be made again, such as converted kernels; emptied at start
+//! DATA_DIR/conversions/ab/sha256-ab…  files that can be made again, such as converted kernels
+//! DATA_DIR/conversions/notes          what these files are, by the program that made them
 //! DATA_DIR/tmp/                        files being written; emptied at start
 //! DATA_DIR/identity                   name of this folder for a database on another machine
 //! DATA_DIR/restore.unfinished          a restore into this folder has begun and has not ended
@@ -98,6 +99,8 @@ struct Inner {
     examined: Examined,
     checkpoints: Blobs,
     conversions: Folder,
+    /// What was found out about conversions: many devices fetch the same one at the same time.
+    examined_conversions: Examined,
     uploads: Uploads,
     remote: Option<Arc<Remote>>,
     data_dir: PathBuf,
@@ -187,7 +190,6 @@ impl Artifacts {
         let received = match held {
             Held::Folder { .. } => {
                 folder::empty(&temporary).map_err(|error| ArtifactError::io("empty tmp", error))?;
-                folder::empty(&conversions).map_err(|error| ArtifactError::io("empty conversions", error))?;
                 make("uploads")?
             }
             // The uploads are those of the other process.
@@ -217,6 +219,7 @@ impl Artifacts {
                 examined: Examined::default(),
                 checkpoints,
                 conversions: Folder::new(conversions, temporary),
+                examined_conversions: Examined::default(),
                 uploads,
                 remote,
                 data_dir: data_dir.to_owned(),
@@ -419,11 +422,15 @@ impl Artifacts {
     /// [`ArtifactError::DiskLow`] if the file would use the reserve of the disk.
     pub fn put_conversion_blocking(&self, bytes: &[u8]) -> Result<String> {
         let _claim = Claim::take(&self.inner.space, "", 0, bytes.len() as u64)?;
-        self.inner.conversions.put(bytes, |_, _| Ok(()))
+        let digest = self.inner.conversions.put(bytes, |_, _| Ok(()))?;
+        if let Some(stamp) = self.inner.conversions.stamp(&digest)? {
+            self.inner.examined_conversions.record(&digest, stamp, true);
+        }
+        Ok(digest)
     }
 
-    /// Checks a stored conversion against its digest, then returns a reader of at most `limit_bytes` (0: all) of its
-    /// bytes from `offset_bytes` on. Blocks.
+    /// Checks a stored conversion against its digest, if it was not checked in the last minutes or has changed since, then
+    /// returns a reader of at most `limit_bytes` (0: all) of its bytes from `offset_bytes` on. Blocks.
     ///
     /// # Errors
     ///
@@ -434,14 +441,38 @@ impl Artifacts {
         offset_bytes: u64,
         limit_bytes: u64,
     ) -> Result<ArtifactReader> {
-        let (file, size_bytes) = self.inner.conversions.open_verified(digest)?;
+        let Inner { conversions, examined_conversions, .. } = &*self.inner;
+        let stamp = conversions.stamp(digest)?;
+        let is_intact = stamp.is_some_and(|stamp| examined_conversions.finding(digest, stamp) == Some(true));
+        let (file, size_bytes) =
+            if is_intact { conversions.open(digest)? } else { conversions.open_verified(digest)? };
+        if let (false, Some(stamp)) = (is_intact, stamp) {
+            examined_conversions.record(digest, stamp, true);
+        }
         ArtifactReader::new(file, size_bytes, offset_bytes, limit_bytes)
     }
 
-    /// Removes a conversion. A missing one is no error.
-    pub async fn delete_conversion(&self, digest: &str) -> Result<()> {
-        let digest = digest.to_owned();
-        self.blocking(move |inner| inner.conversions.delete(&digest)).await
+    /// Digests and sizes \[bytes\] of all conversions. Blocks.
+    pub fn conversions_blocking(&self) -> Result<Vec<(String, u64)>> {
+        let conversions = &self.inner.conversions;
+        let sizes = conversions.list()?.into_iter().map(|digest| Ok((conversions.size(&digest)?, digest)));
+        let sizes: Vec<(Option<u64>, String)> = sizes.collect::<Result<_>>()?;
+        Ok(sizes.into_iter().filter_map(|(size_bytes, digest)| Some((digest, size_bytes?))).collect())
+    }
+
+    /// Keeps notes about the conversions for the next start, in the place of earlier ones. Blocks.
+    pub fn write_conversion_notes_blocking(&self, notes: &[u8]) -> Result<()> {
+        self.inner.conversions.write_notes(notes)
+    }
+
+    /// The notes about the conversions; `None`: there are none. Blocks.
+    pub fn conversion_notes_blocking(&self) -> Result<Option<Vec<u8>>> {
+        self.inner.conversions.notes()
+    }
+
+    /// Removes a conversion. A missing one is no error. Blocks.
+    pub fn delete_conversion_blocking(&self, digest: &str) -> Result<()> {
+        self.inner.conversions.delete(digest)
     }
 
     /// Digests of all checkpoints on disk. With a remote, these are the cached ones.

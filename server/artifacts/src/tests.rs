@@ -254,13 +254,34 @@ async fn checkpoints_are_separate_from_artifacts() {
 }
 
 #[tokio::test]
-async fn folder_with_conversions_is_opened_again_without_them() {
+async fn conversions_are_checked_when_they_may_have_changed() {
     let data = tempfile::tempdir().unwrap();
     let artifacts = Artifacts::open(data.path()).unwrap();
     let digest = artifacts.put_conversion_blocking(b"converted").unwrap();
-    assert_eq!(read_to_end(artifacts.read_conversion_blocking(&digest, 0, 0).unwrap()).await, b"converted");
+    for _ in 0..2 {
+        assert_eq!(read_to_end(artifacts.read_conversion_blocking(&digest, 0, 0).unwrap()).await, b"converted");
+    }
+    let file = data.path().join("conversions").join(&digest[7..9]).join(&digest);
+    fs::write(file, b"convErted").unwrap();
+    for _ in 0..2 {
+        let damaged = artifacts.read_conversion_blocking(&digest, 0, 0);
+        assert!(matches!(damaged, Err(ArtifactError::DataLoss { .. })), "{damaged:?}");
+    }
+}
+
+#[tokio::test]
+async fn conversions_and_their_notes_survive_a_restart() {
+    let data = tempfile::tempdir().unwrap();
+    let artifacts = Artifacts::open(data.path()).unwrap();
+    assert_eq!(artifacts.conversion_notes_blocking().unwrap(), None);
+    let digest = artifacts.put_conversion_blocking(b"converted").unwrap();
+    artifacts.write_conversion_notes_blocking(b"notes").unwrap();
+    artifacts.write_conversion_notes_blocking(b"newer notes").unwrap();
     drop(artifacts);
     let artifacts = Artifacts::open(data.path()).unwrap();
-    assert!(matches!(artifacts.read_conversion_blocking(&digest, 0, 0), Err(ArtifactError::NotFound { .. })));
-    assert!(files(&data.path().join("conversions")).is_empty());
+    assert_eq!(artifacts.conversion_notes_blocking().unwrap().unwrap(), b"newer notes");
+    assert_eq!(artifacts.conversions_blocking().unwrap(), [(digest.clone(), 9)]);
+    assert_eq!(read_to_end(artifacts.read_conversion_blocking(&digest, 0, 0).unwrap()).await, b"converted");
+    artifacts.delete_conversion_blocking(&digest).unwrap();
+    assert!(artifacts.conversions_blocking().unwrap().is_empty());
 }

@@ -127,7 +127,8 @@ pub async fn run_and_announce(
     // They end when the server stops.
     let mut loops = JoinSet::new();
     loops.spawn(lightpath_webhooks::run(store.clone(), webhook_origins.clone(), stopping.clone()));
-    let service = Service::new(&store, &artifacts, &service_limits(&config).await?, webhook_origins);
+    let limits = service_limits(&config).await?;
+    let service = Service::new(&store, &artifacts, &limits, webhook_origins, stopping.clone());
     let api = Api::new(service, store.clone(), artifacts.clone(), stopping.clone());
     loops.spawn(flush_loop(Arc::clone(&audit), tls.clone(), stopping.clone()));
     let (grpc, health) = api.clone().routes()?;

@@ -15,7 +15,7 @@ pub struct RolloutPlan {
     pub group: String,
     /// Limit on the share of failed devices \[%\]. Above it the rollout halts.
     pub failed_percent_max: f64,
-    /// Least number of devices of which that share is computed.
+    /// Least number of devices of which that share is computed, if so many get the version.
     pub devices_min: u32,
     /// Limit on the loss of self-tests.
     pub self_test_loss_max: Option<f64>,
@@ -75,12 +75,51 @@ pub struct RolloutEvent {
     pub generation: u64,
 }
 
+/// When a rollout halts by itself.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Halting {
+    /// Devices that the server knows and that get the version.
+    pub devices_known: u32,
+    /// Number of failed devices at which it halts while few have reported; `None`: it goes on even if all of these failed.
+    pub failures_first: Option<u32>,
+    /// The same when all these devices have reported.
+    pub failures_of_all: Option<u32>,
+}
+
 impl Rollout {
-    /// Whether so many devices failed that the rollout must halt.
+    /// Whether so many devices failed that the rollout must halt. `devices_known`: devices that the server knows and that
+    /// get the version. The share of failures is that of the devices that reported, but of as many as the plan says at
+    /// least: the first reports do not decide for a large fleet. If fewer devices get the version at all, it is the share
+    /// of these, so that one failure counts in a small fleet.
     #[must_use]
-    pub fn has_failed(&self) -> bool {
-        let reported = (self.devices_passed + self.devices_failed).max(self.plan.devices_min);
-        f64::from(self.devices_failed) * 100.0 > self.plan.failed_percent_max * f64::from(reported)
+    pub fn has_failed(&self, devices_known: u32) -> bool {
+        let reported = self.devices_passed + self.devices_failed;
+        self.plan.is_above(self.devices_failed, reported.max(self.plan.devices_min.min(devices_known)))
+    }
+
+    /// At which numbers of failed devices the rollout halts.
+    #[must_use]
+    pub fn halting(&self, devices_known: u32) -> Halting {
+        let failures_of = |devices: u32| (1..=devices).find(|&failed| self.plan.is_above(failed, devices));
+        Halting {
+            devices_known,
+            failures_first: failures_of(self.plan.devices_min.min(devices_known)),
+            failures_of_all: failures_of(devices_known),
+        }
+    }
+}
+
+impl RolloutPlan {
+    /// Whether a device in a group (empty: none) gets the version of the rollout with this number.
+    #[must_use]
+    pub fn includes(&self, kernel: &KernelKey, rollout: u32, device: &str, group: &str) -> bool {
+        let is_in_group = !self.group.is_empty() && self.group == group;
+        is_in_group || is_in_share(kernel, rollout, device, self.share_percent)
+    }
+
+    /// Whether so many failures among some devices are too many.
+    fn is_above(&self, failed: u32, devices: u32) -> bool {
+        f64::from(failed) * 100.0 > self.failed_percent_max * f64::from(devices)
     }
 }
 
@@ -117,32 +156,70 @@ mod tests {
         assert_eq!((in_share(1, 0.0).len(), in_share(1, 100.0).len()), (0, 2000));
     }
 
-    #[test]
-    fn failures_above_the_limit_halt_a_rollout() {
+    /// A rollout of which no device has reported.
+    fn with_plan(failed_percent_max: f64, devices_min: u32) -> Rollout {
         let plan = RolloutPlan {
             version: 2,
             share_percent: 10.0,
             group: String::new(),
-            failed_percent_max: 10.0,
-            devices_min: 10,
+            failed_percent_max,
+            devices_min,
             self_test_loss_max: None,
             cause: Cause { caller: String::new(), reason: String::new() },
             overridden: Vec::new(),
         };
-        let with = |devices_passed: u32, devices_failed: u32| Rollout {
+        Rollout {
             key: key(),
             number: 1,
-            plan: plan.clone(),
+            plan,
             from_version: Some(1),
             state: RolloutState::Running,
-            devices_passed,
-            devices_failed,
+            devices_passed: 0,
+            devices_failed: 0,
             start_time_ms: 0,
             end_time_ms: None,
             revision: 1,
-        };
+        }
+    }
+
+    #[test]
+    fn failures_above_the_limit_halt_a_rollout() {
+        let with = |devices_passed, devices_failed| Rollout { devices_passed, devices_failed, ..with_plan(10.0, 10) };
         for (passed, failed, halts) in [(0, 0, false), (0, 1, false), (0, 2, true), (18, 2, false), (17, 2, true)] {
-            assert_eq!(with(passed, failed).has_failed(), halts, "{passed} {failed}");
+            assert_eq!(with(passed, failed).has_failed(1000), halts, "{passed} {failed}");
+        }
+        let halting =
+            |devices, first, all| Halting { devices_known: devices, failures_first: first, failures_of_all: all };
+        for (devices, first, all) in [
+            (0, None, None),
+            (5, Some(1), Some(1)),
+            (10, Some(2), Some(2)),
+            (25, Some(2), Some(3)),
+            (1000, Some(2), Some(101)),
+        ] {
+            assert_eq!(with(0, 0).halting(devices), halting(devices, first, all));
+        }
+        assert!(with(4, 1).has_failed(5) && !with(0, 1).has_failed(10), "one of five is more than 10 %");
+        let mut never = with(0, 5);
+        never.plan.failed_percent_max = 100.0;
+        assert!(!never.has_failed(5));
+        assert_eq!(never.halting(5), halting(5, None, None));
+    }
+
+    #[test]
+    fn the_said_number_of_failures_is_the_one_that_halts() {
+        let mut rollout = with_plan(7.0, 12);
+        for devices in 1..60 {
+            let said = rollout.halting(devices);
+            let first = (1..=devices).find(|&failed| {
+                (rollout.devices_passed, rollout.devices_failed) = (0, failed);
+                rollout.has_failed(devices)
+            });
+            let of_all = (1..=devices).find(|&failed| {
+                (rollout.devices_passed, rollout.devices_failed) = (devices - failed, failed);
+                rollout.has_failed(devices)
+            });
+            assert_eq!((said.failures_first, said.failures_of_all), (first, of_all), "{devices}");
         }
     }
 }

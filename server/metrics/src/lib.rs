@@ -23,6 +23,7 @@ const LEASES_LOST: &str = "lightpath_leases_lost_total";
 const ITERATION: &str = "lightpath_hologram_iteration_seconds";
 const TRANSFORM: &str = "lightpath_hologram_transform_seconds";
 const FETCHES: &str = "lightpath_kernel_fetches_total";
+const CONVERSIONS: &str = "lightpath_kernel_conversions_total";
 const REQUESTS: &str = "lightpath_requests_total";
 const REQUEST: &str = "lightpath_request_seconds";
 const ARTIFACTS: &str = "lightpath_artifacts";
@@ -90,6 +91,12 @@ pub fn lease_lost(cause: LeaseLoss, job: &Job) {
 /// Records a request for a kernel file of an existing display. A stream counts as OK once it has started.
 pub fn kernel_fetch(display: &str, code: String) {
     counter!(FETCHES, "display" => display.to_owned(), "code" => code).increment(1);
+}
+
+/// Records the end of a conversion of a kernel file of a display to another form.
+pub fn kernel_conversion(display: &str, succeeded: bool) {
+    let outcome = if succeeded { "succeeded" } else { "failed" };
+    counter!(CONVERSIONS, "display" => display.to_owned(), "outcome" => outcome).increment(1);
 }
 
 /// Records one iteration of a hologram optimization, with `transforming`: the part of its time for Fourier transforms.
@@ -179,7 +186,8 @@ pub async fn render(store: &Store, files: &Artifacts, now_ms: i64) -> Result<Str
     gauge!(DISK_RESERVE).set(files.space().limits().reserve_bytes as f64);
     gauge!(BUILD_INFO, "version" => env!("CARGO_PKG_VERSION")).set(1.0);
     for (display, _) in store.displays(None, LIMIT_MAX).await? {
-        counter!(FETCHES, "display" => display.id, "code" => "Ok").increment(0);
+        counter!(FETCHES, "display" => display.id.clone(), "code" => "Ok").increment(0);
+        counter!(CONVERSIONS, "display" => display.id, "outcome" => "succeeded").increment(0);
     }
     handle.run_upkeep();
     Ok(handle.render())
@@ -239,6 +247,7 @@ fn describe() {
         "Jobs that lost their lease because a worker was silent or the server died, by cause"
     );
     describe_counter!(FETCHES, "Requests for kernel files, by display and status code");
+    describe_counter!(CONVERSIONS, "Conversions of kernel files to other forms, by display and outcome");
     describe_histogram!(ITERATION, Unit::Seconds, "Time of one iteration of a hologram optimization");
     describe_histogram!(
         TRANSFORM,
@@ -294,12 +303,15 @@ mod tests {
         let text = super::handle().unwrap().render();
         let source = include_str!("lib.rs");
         let counters: Vec<&str> = source.lines().filter_map(|line| line.strip_suffix("_total\";")).collect();
-        assert_eq!(counters.len(), 8, "{counters:?}");
+        assert_eq!(counters.len(), 9, "{counters:?}");
         for counter in counters {
             let name = format!("{}_total", counter.split_once('"').unwrap().1);
             // Only the store knows the displays.
             let zero = |line: &str| line.starts_with(&name) && line.ends_with(" 0");
-            assert!(name == super::FETCHES || text.lines().any(zero), "{name} is not in\n{text}");
+            assert!(
+                [super::FETCHES, super::CONVERSIONS].contains(&&*name) || text.lines().any(zero),
+                "{name} is not in\n{text}"
+            );
         }
         assert!(text.contains(r#"lightpath_jobs_ended_total{kind="report_kernel",state="cancelled"} 0"#), "{text}");
         assert!(text.contains(r#"lightpath_leases_lost_total{cause="server_died"} 0"#), "{text}");

@@ -33,6 +33,11 @@ impl Call {
         Self::new(Caller::without_token(), None)
     }
 
+    /// The same call for work that goes on when its client leaves, until the server stops.
+    pub(crate) fn on_its_own(&self, stopping: &CancellationToken) -> Self {
+        Self { cancelled: stopping.child_token(), ..self.clone() }
+    }
+
     /// Notes the resource that the call changes. The first note counts.
     pub fn concerns(&self, object: impl Into<String>) {
         // A second note is about a part of the first.

@@ -3,7 +3,7 @@
 use crate::call::Call;
 use crate::error::Result;
 use crate::field::Field;
-use crate::kernels::Kernels;
+use crate::kernels::{Kernels, for_device};
 use lightpath_domain::device::{Device, InstalledFile, Report};
 use lightpath_domain::kernel::KernelKey;
 use lightpath_store::Store;
@@ -29,7 +29,7 @@ impl Devices {
     /// Refuses a file that the server does not have: a device with other bytes has another kernel.
     pub async fn require_file(&self, call: &Call, key: &KernelKey, file: &InstalledFile) -> Result<()> {
         let version = self.store.kernel_version(key, file.version).await?;
-        let digest = self.kernels.file(call, version, file.form).await?.digest;
+        let digest = for_device(self.kernels.file(call, version, file.form)).await?.digest;
         if digest == file.digest {
             return Ok(());
         }

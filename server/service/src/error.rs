@@ -3,6 +3,7 @@
 use lightpath_artifacts::ArtifactError;
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_store::StoreError;
+use std::sync::Arc;
 use std::time::Duration;
 
 lightpath_domain::reasons! {
@@ -94,6 +95,12 @@ pub enum ServiceError {
         bytes_max >> 20
     )]
     TooLarge { bytes: u64, bytes_max: u64 },
+    /// A file is being made, which takes longer than the caller can wait.
+    #[error("the file is being made ready, which takes longer than a device waits; ask again in a moment")]
+    Converting { retry_after: Duration },
+    /// The error of work for which several calls waited.
+    #[error(transparent)]
+    Shared(Arc<ServiceError>),
     /// The client left before the call changed anything.
     #[error("the client left before the answer")]
     Cancelled,
@@ -113,4 +120,15 @@ pub enum ServiceError {
     Store(#[from] StoreError),
     #[error(transparent)]
     Artifact(#[from] ArtifactError),
+}
+
+impl ServiceError {
+    /// The error, also if several calls waited for the work that failed.
+    #[must_use]
+    pub fn itself(&self) -> &Self {
+        match self {
+            Self::Shared(error) => error.itself(),
+            error => error,
+        }
+    }
 }

@@ -47,7 +47,7 @@ pub use error::{LimitReason, Result, ServiceError, WrongField, text_of_wrong};
 pub use field::{Field, shortened};
 pub use files::{Files, Minus, UploadState};
 pub use jobs::{JobLimits, Jobs, QueueState, Submission};
-pub use kernels::{Converted, KernelImport, Kernels, VersionFile};
+pub use kernels::{Converted, KernelImport, Kernels, VersionFile, for_device};
 pub use manifests::{Issued, ManifestRules, Manifests};
 pub use photos::{PhotoScore, Photos, ScoreRequest};
 pub use promotions::{Passage, Promotions, Verdict};
@@ -59,6 +59,7 @@ pub use wrong_fields::{all_of, collect_all, is_about_fields};
 use lightpath_artifacts::Artifacts;
 use lightpath_domain::origin::Origins;
 use lightpath_store::{QueueLimits, Store};
+use tokio_util::sync::CancellationToken;
 
 /// Limits on what clients may use.
 #[derive(Clone, Copy, Debug)]
@@ -101,15 +102,22 @@ pub struct Service {
 }
 
 impl Service {
-    /// The service on a store and its artifacts. Webhooks may go to `webhook_origins`.
+    /// The service on a store and its artifacts. Webhooks may go to `webhook_origins`. Cancelling `stopping` ends what no
+    /// call waits for.
     #[must_use]
-    pub fn new(store: &Store, artifacts: &Artifacts, limits: &ServiceLimits, webhook_origins: Origins) -> Self {
+    pub fn new(
+        store: &Store,
+        artifacts: &Artifacts,
+        limits: &ServiceLimits,
+        webhook_origins: Origins,
+        stopping: CancellationToken,
+    ) -> Self {
         let store = || store.clone();
         let artifacts = || artifacts.clone();
         let computing = Computing::new(limits.computing_bytes);
         let files = Files::new(store(), artifacts(), computing.clone(), limits.queue.stored_bytes_per_owner);
         let datasets = Datasets::new(store(), artifacts(), computing.clone(), files.clone());
-        let kernels = Kernels::new(store(), artifacts(), computing.clone(), files.clone());
+        let kernels = Kernels::new(store(), artifacts(), computing.clone(), files.clone(), stopping);
         let promotions = Promotions::new(store(), kernels.clone());
         let used = (files.clone(), datasets.clone(), kernels.clone());
         Self {

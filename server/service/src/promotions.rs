@@ -75,7 +75,25 @@ impl Promotions {
         expected: Option<u32>,
         reason: String,
     ) -> Result<Kernel> {
-        Ok(self.store.rollback(key, expected, &cause(call, reason), self.store.now_ms()).await?)
+        let kernel = self.store.rollback(key, expected, &cause(call, reason), self.store.now_ms()).await?;
+        self.make_active_ready(call, key);
+        Ok(kernel)
+    }
+
+    /// Begins to make the files of the active version that devices use. Nobody waits for them: to go back must be quick,
+    /// and most devices still have the version.
+    pub(crate) fn make_active_ready(&self, call: &Call, key: &KernelKey) {
+        let (promotions, call, key) = (self.clone(), call.clone(), key.clone());
+        // A device that needs a file which cannot be made asks for it and gets the error.
+        tokio::spawn(async move { promotions.active_files(&call, &key).await });
+    }
+
+    async fn active_files(&self, call: &Call, key: &KernelKey) -> Result<()> {
+        let version = self.kernels.version_or_active(key, None).await?;
+        for form in self.store.forms_in_use(key).await? {
+            self.kernels.file(call, version.clone(), form).await?;
+        }
+        Ok(())
     }
 
     /// Sets the gate of a display. Returns it as [`Self::gates`].
@@ -147,7 +165,8 @@ impl Promotions {
         Ok(Passed { expected_active, overridden })
     }
 
-    /// How a version does at the gate of its display.
+    /// How a version does at the gate of its display. Its files in the forms that devices use are made before this
+    /// returns, which may take a minute: a version that becomes active is ready to be fetched.
     pub async fn verdict(&self, call: &Call, candidate: &KernelVersion) -> Result<Verdict> {
         let key = &candidate.key;
         let gate = self.gate_of(&key.display).await?;
@@ -179,10 +198,12 @@ impl Promotions {
             Ok(converted) => {
                 Ok(GateCheck::new(true, format!("it is available as {name}, {} bytes", converted.size_bytes)))
             }
-            Err(ServiceError::Precondition { reason: PreconditionReason::NoSuchForm, message }) => {
-                Ok(GateCheck::new(false, format!("it is not available as {name}: {message}")))
-            }
-            Err(error) => Err(error),
+            Err(error) => match error.itself() {
+                ServiceError::Precondition { reason: PreconditionReason::NoSuchForm, message } => {
+                    Ok(GateCheck::new(false, format!("it is not available as {name}: {message}")))
+                }
+                _ => Err(error),
+            },
         }
     }
 }

@@ -2,10 +2,11 @@
 
 use crate::call::Call;
 use crate::error::{Result, ServiceError};
+use crate::field::{Field, shortened};
 use crate::promotions::{Passage, Passed, Promotions, cause};
 use lightpath_domain::kernel::KernelKey;
 use lightpath_domain::reason::PreconditionReason;
-use lightpath_domain::rollout::{Rollout, RolloutPlan, RolloutState};
+use lightpath_domain::rollout::{Halting, Rollout, RolloutPlan, RolloutState};
 use lightpath_store::{Store, Widening};
 
 /// Rollouts.
@@ -28,10 +29,35 @@ impl Rollouts {
         mut plan: RolloutPlan,
         passage: Passage,
     ) -> Result<Rollout> {
+        self.require_group(&key.display, &plan.group).await?;
         let Passed { expected_active, overridden } = self.promotions.pass_gate(call, key, &passage).await?;
         plan.overridden = overridden;
         plan.cause = cause(call, passage.reason);
         Ok(self.store.start_rollout(key, plan, expected_active, self.store.now_ms()).await?)
+    }
+
+    /// At which numbers of failed devices a rollout halts by itself; `None`: it has ended.
+    pub async fn halting(&self, rollout: &Rollout) -> Result<Option<Halting>> {
+        if rollout.state != RolloutState::Running {
+            return Ok(None);
+        }
+        Ok(Some(rollout.halting(self.store.rollout_devices(rollout).await?)))
+    }
+
+    /// Refuses a group that no device is in: nobody would get the version, and a typing error would go unnoticed.
+    async fn require_group(&self, display: &str, group: &str) -> Result<()> {
+        let groups = self.store.device_groups(display).await?;
+        if group.is_empty() || groups.iter().any(|known| known == group) {
+            return Ok(());
+        }
+        let known = match groups.len() {
+            0 => "it has no groups".to_owned(),
+            _ => format!("its groups are {}", shortened(&groups.join(", "))),
+        };
+        Err(Field::new("group").invalid(format!(
+            "is {group:?}, but no device of displays/{display} is in it: {known}; put devices into a group with `lightpath \
+             device group`"
+        )))
     }
 
     /// Gives a rollout a larger share of the devices.
@@ -62,7 +88,9 @@ impl Rollouts {
 
     /// Ends a rollout; all devices get the active version again.
     pub async fn halt(&self, call: &Call, key: &KernelKey, number: u32, reason: String) -> Result<Rollout> {
-        Ok(self.store.halt_rollout(key, number, &cause(call, reason), self.store.now_ms()).await?)
+        let rollout = self.store.halt_rollout(key, number, &cause(call, reason), self.store.now_ms()).await?;
+        self.promotions.make_active_ready(call, key);
+        Ok(rollout)
     }
 
     /// Refuses to go on with a version that fails the gate now, other than by what was overridden at the start.

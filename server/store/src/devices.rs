@@ -82,6 +82,14 @@ impl Store {
         .await
     }
 
+    /// The groups that devices of a display are in, in the order of their names.
+    pub async fn device_groups(&self, display: &str) -> Result<Vec<String>> {
+        let mut read = self.readers().begin().await?;
+        let groups =
+            "select distinct group_name from device where display = $1 and group_name <> '' order by group_name";
+        Ok(scalar(groups).bind(display).fetch_all(&mut read).await?)
+    }
+
     /// The forms of a kernel that devices use.
     ///
     /// # Errors

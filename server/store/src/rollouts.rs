@@ -4,13 +4,13 @@ use super::changes::Changed;
 use super::kernels::find;
 use super::moves::{Promotion, promote, raise_generation, require_active, require_no_rollout, require_version};
 use super::rows::{cause_of, json, key_of, to_json, to_word, word};
-use super::sql::{Builder, Connection, Row, from_row, query, scalar};
+use super::sql::{Builder, Connection, Row, from_row, query, query_as, scalar};
 use super::write::Write;
 use super::{AbortReason, Result, Store, StoreError, page};
 use lightpath_domain::device::Report;
 use lightpath_domain::kernel::{Cause, Kernel, KernelKey};
 use lightpath_domain::reason::PreconditionReason;
-use lightpath_domain::rollout::{Rollout, RolloutEvent, RolloutPlan, RolloutState, is_in_share};
+use lightpath_domain::rollout::{Rollout, RolloutEvent, RolloutPlan, RolloutState};
 
 /// Selects rollouts with the numbers of their reports.
 const ROLLOUTS: &str = "select r.*, k.display, k.wavelength_pm, k.distance_nm, \
@@ -177,6 +177,12 @@ impl Store {
         Ok((rollout, events.collect::<Result<_>>()?))
     }
 
+    /// Number of devices that have reported about the kernel of a rollout and get its version.
+    pub async fn rollout_devices(&self, rollout: &Rollout) -> Result<u32> {
+        let mut read = self.readers().begin().await?;
+        members(&mut read, rollout).await
+    }
+
     /// At most `limit` rollouts of a kernel, newest first and older than the rollout `before`.
     ///
     /// # Errors
@@ -288,13 +294,20 @@ pub(super) async fn note_report(write: &mut Write, kernel_id: i64, kernel: &Kern
     .execute(write.sql())
     .await?;
     let rollout = find_rollout(write.sql(), key, number).await?;
-    if !rollout.has_failed() {
+    // The devices are counted only if their number decides.
+    if !rollout.has_failed(0) {
+        return Ok(());
+    }
+    let known = members(write.sql(), &rollout).await?;
+    if !rollout.has_failed(known) {
         return Ok(());
     }
     let (failed, reported) = (rollout.devices_failed, rollout.devices_failed + rollout.devices_passed);
     let message = format!(
         "halted: {failed} of {reported} devices failed, the last one {}; above {} % of at least {} devices",
-        report.device, plan.failed_percent_max, plan.devices_min
+        report.device,
+        plan.failed_percent_max,
+        plan.devices_min.min(known)
     );
     let ending = Ending { state: RolloutState::Halted, caller: String::new(), message };
     end(write, key, number, ending, installed.report_time_ms).await?;
@@ -322,14 +335,23 @@ async fn is_member(
     plan: &RolloutPlan,
     device: &str,
 ) -> Result<bool> {
-    if is_in_share(key, number, device, plan.share_percent) {
-        return Ok(true);
-    }
     let group: Option<String> = scalar("select group_name from device where display = $1 and id = $2")
         .bind((&key.display, device))
         .fetch_optional(sql)
         .await?;
-    Ok(!plan.group.is_empty() && group.as_deref() == Some(&plan.group))
+    Ok(plan.includes(key, number, device, &group.unwrap_or_default()))
+}
+
+/// Number of devices that have reported about the kernel of a rollout and get its version.
+async fn members(sql: &mut Connection, Rollout { key, number, plan, .. }: &Rollout) -> Result<u32> {
+    let rows: Vec<(String, String)> = query_as(
+        "select d.id, d.group_name from device_kernel u join device d on d.display = u.display and d.id = u.device \
+         where u.kernel = (select id from kernel where name = $1)",
+    )
+    .bind(key.to_string())
+    .fetch_all(sql)
+    .await?;
+    Ok(rows.iter().filter(|(device, group)| plan.includes(key, *number, device, group)).count() as u32)
 }
 
 /// Notes why a device failed, as long as the rollout has few events.

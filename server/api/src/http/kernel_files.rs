@@ -17,7 +17,7 @@ use axum::http::{HeaderMap, HeaderValue, header};
 use axum::response::{IntoResponse, Response};
 use lightpath_domain::kernel::{KernelKey, KernelVersion};
 use lightpath_media::kernel_formats::KernelFormat;
-use lightpath_service::{Call, Field, Issued, Result, ServiceError, VersionFile, permissions};
+use lightpath_service::{Call, Field, Issued, Result, ServiceError, VersionFile, for_device, permissions};
 use serde::Deserialize;
 use std::sync::Arc;
 use std::time::Duration;
@@ -158,7 +158,8 @@ pub(super) async fn get_file(
     let open = api.streams.open(StreamKind::Download, &call.client)?;
     let whole = file_of(&api, &call, version, form, &path.digest).await?;
     let file = ServedFile { etag, size_bytes: whole.size_bytes, content_type: "application/octet-stream" };
-    file.answer(&headers, open, async |range| api.service.kernels.reader(&call, &whole, range).await).await
+    let kernels = &api.service.kernels;
+    file.answer(&headers, open, async |range| for_device(kernels.reader(&call, &whole, range)).await).await
 }
 
 /// The file of a version in a form. Refuses a digest of anything else.
@@ -170,7 +171,7 @@ async fn file_of(
     digest: &str,
 ) -> Result<VersionFile, Refusal> {
     let name = format!("{}/versions/{}", version.key, version.version);
-    let file = api.service.kernels.file(call, version, form).await?;
+    let file = for_device(api.service.kernels.file(call, version, form)).await?;
     if file.digest != digest {
         let form = form.as_str();
         let message = format!("{name} in the form {form} has the digest {}; read the manifest again", file.digest);

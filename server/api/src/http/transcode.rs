@@ -13,7 +13,7 @@ use axum::http::request::Parts;
 use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
-use lightpath_proto::routes::{self, Match};
+use lightpath_proto::routes::{self, EncodedRequest, Match};
 use lightpath_service::Field;
 use prost::bytes::{Buf as _, BufMut as _, Bytes};
 use tonic::Status;
@@ -24,6 +24,11 @@ use tonic::metadata::MetadataMap;
 /// Limit on the body of a request \[bytes\]. The parsed JSON takes up to sixteen times as much memory, which is the
 /// memory that a message over gRPC may take.
 const JSON_BYTES_MAX: usize = 256 << 10;
+
+/// Header that names the fields of a body which the method does not know and ignores.
+const IGNORED_FIELDS: &str = "lightpath-ignored-fields";
+/// Limit on the ignored fields that a header names.
+const IGNORED_NAMED_MAX: usize = 10;
 
 /// The method that a request calls over HTTP; for a known path with another verb, the verbs that it has.
 #[derive(Clone, Debug)]
@@ -79,7 +84,8 @@ async fn call(grpc: Router, found: Match, parts: Parts, body: Body) -> Result<Re
         .map_err(|rejection| Status::invalid_argument(rejection.body_text()))?;
     add_last_event_id(route, &parts.headers, &mut query);
     let body = json_body(&parts, body).await?;
-    let message = found.request(query, &body).map_err(|error| Field::new(&error.field).invalid(error.problem))?;
+    let request = found.request(query, &body).map_err(|error| Field::new(&error.field).invalid(error.problem))?;
+    let EncodedRequest { message, ignored } = request;
     let request = tonic::Request::from_parts(MetadataMap::new(), parts.extensions, Bytes::from(message));
     let path = PathAndQuery::from_static(route.method);
     // Nothing waits until this client is ready: a router always is.
@@ -91,9 +97,18 @@ async fn call(grpc: Router, found: Match, parts: Parts, body: Body) -> Result<Re
     let answer = client.unary(request, path, Messages).await?.into_inner();
     let json = route.json(answer).map_err(|error| Status::internal(error.to_string()))?;
     if parts.method != Method::GET && parts.method != Method::HEAD {
-        return Ok(([(header::CONTENT_TYPE, JSON)], json).into_response());
+        return Ok((ignored_fields(&ignored), [(header::CONTENT_TYPE, JSON)], json).into_response());
     }
     Ok(json_answer(&parts.headers, json))
+}
+
+/// A header that names fields which the method ignored, so that a typing error does not go unnoticed.
+fn ignored_fields(names: &[String]) -> Option<[(&'static str, HeaderValue); 1]> {
+    // Other names are not those of fields, and need not fit into a header.
+    let is_name =
+        |name: &&str| name.len() <= 63 && name.bytes().all(|byte| byte.is_ascii_alphanumeric() || byte == b'_');
+    let named: Vec<&str> = names.iter().map(String::as_str).filter(is_name).take(IGNORED_NAMED_MAX).collect();
+    (!names.is_empty()).then(|| [(IGNORED_FIELDS, text_value(&named.join(", ")))])
 }
 
 /// JSON, or 304 if the client has it.

@@ -6,7 +6,7 @@ use crate::call::answers;
 use crate::kernels::REASON_BYTES_MAX;
 use crate::names;
 use crate::pages::Page;
-use lightpath_domain::rollout::RolloutPlan;
+use lightpath_domain::rollout::{Rollout, RolloutEvent, RolloutPlan};
 use lightpath_proto::v1;
 use lightpath_proto::v1::rollout_service_server::RolloutService;
 use lightpath_service::{Call, Field, Passage, Result};
@@ -37,7 +37,7 @@ impl Api {
         let (expected_active, force) = (request.expected_active_version, request.force);
         let passage = Passage { version, expected_active, force, reason };
         let rollout = self.service.rollouts.start(call, &key, plan, passage).await?;
-        Ok(to_wire::rollout(rollout, Vec::new()))
+        self.rollout_message(rollout, Vec::new()).await
     }
 
     async fn widen_rollout(&self, call: &Call, request: v1::WidenRolloutRequest) -> Result<v1::Rollout> {
@@ -46,14 +46,14 @@ impl Api {
         let share_percent = Field::new("share_percent").number(request.share_percent, 0.0..=100.0)?;
         let widened = (share_percent, request.expected_revision);
         let rollout = self.service.rollouts.widen(call, &key, number, widened).await?;
-        Ok(to_wire::rollout(rollout, Vec::new()))
+        self.rollout_message(rollout, Vec::new()).await
     }
 
     async fn complete_rollout(&self, call: &Call, request: v1::CompleteRolloutRequest) -> Result<v1::Rollout> {
         let (key, number) = names::rollout(call, &Field::new("name"), &request.name)?;
         call.concerns(&request.name);
         let rollout = self.service.rollouts.complete(call, &key, number, request.expected_revision).await?;
-        Ok(to_wire::rollout(rollout, Vec::new()))
+        self.rollout_message(rollout, Vec::new()).await
     }
 
     async fn halt_rollout(&self, call: &Call, request: v1::HaltRolloutRequest) -> Result<v1::Rollout> {
@@ -61,20 +61,25 @@ impl Api {
         call.concerns(&request.name);
         let reason = Field::new("reason").line(request.reason, REASON_BYTES_MAX)?;
         let rollout = self.service.rollouts.halt(call, &key, number, reason).await?;
-        Ok(to_wire::rollout(rollout, Vec::new()))
+        self.rollout_message(rollout, Vec::new()).await
     }
 
     async fn get_rollout(&self, call: &Call, request: v1::GetRolloutRequest) -> Result<v1::Rollout> {
         let (key, number) = names::rollout(call, &Field::new("name"), &request.name)?;
         let (rollout, events) = self.store.rollout(&key, number).await?;
-        Ok(to_wire::rollout(rollout, events))
+        self.rollout_message(rollout, events).await
+    }
+
+    async fn rollout_message(&self, rollout: Rollout, events: Vec<RolloutEvent>) -> Result<v1::Rollout> {
+        let halting = self.service.rollouts.halting(&rollout).await?;
+        Ok(to_wire::rollout(rollout, halting, events))
     }
 
     async fn list_rollouts(&self, call: &Call, request: v1::ListRolloutsRequest) -> Result<v1::ListRolloutsResponse> {
         let key = names::kernel_key(call, &Field::new("kernel"), &request.kernel)?;
         let page = Page::new(&["rollouts", &request.kernel], request.page_size, &request.page_token)?;
         let rollouts = self.store.rollouts(&key, page.after_number()?, page.limit()).await?;
-        let to_wire = |rollout| to_wire::rollout(rollout, Vec::new());
+        let to_wire = |rollout| to_wire::rollout(rollout, None, Vec::new());
         let (rollouts, next_page_token) = page.fill(rollouts, |rollout| rollout.number.to_string(), to_wire);
         Ok(v1::ListRolloutsResponse { rollouts, next_page_token })
     }

@@ -2,11 +2,11 @@
 
 use crate::enumerations::OnWire as _;
 use crate::time::timestamp;
-use lightpath_domain::rollout::{Rollout, RolloutEvent};
+use lightpath_domain::rollout::{Halting, Rollout, RolloutEvent};
 use lightpath_proto::v1;
 
 /// Converts a rollout into its message.
-pub(super) fn rollout(rollout: Rollout, events: Vec<RolloutEvent>) -> v1::Rollout {
+pub(super) fn rollout(rollout: Rollout, halting: Option<Halting>, events: Vec<RolloutEvent>) -> v1::Rollout {
     let plan = rollout.plan;
     v1::Rollout {
         name: format!("{}/rollouts/{}", rollout.key, rollout.number),
@@ -24,6 +24,11 @@ pub(super) fn rollout(rollout: Rollout, events: Vec<RolloutEvent>) -> v1::Rollou
         end_time: rollout.end_time_ms.map(timestamp),
         revision: rollout.revision,
         events: events.into_iter().map(event).collect(),
+        halting: halting.map(|halting| v1::rollout::Halting {
+            devices_known: halting.devices_known,
+            failures_first: halting.failures_first.unwrap_or(0),
+            failures_of_all: halting.failures_of_all.unwrap_or(0),
+        }),
     }
 }
 

@@ -8,6 +8,7 @@ mod artifacts;
 mod audit;
 mod bucket;
 mod captures;
+mod conversions;
 mod decoders;
 mod displays;
 mod events;

@@ -8,28 +8,57 @@ use crate::budget::Budget;
 use lightpath_optics::numerics::grid::frequency;
 use lightpath_optics::{DisplayModel, KernelModel, KernelShape, OpticalSetup, Plane};
 use num_complex::Complex32;
+use num_complex::Complex64;
 use rayon::prelude::*;
+use std::cell::OnceCell;
+use std::fmt;
 
-/// H at every bin of the padded spectrum, zero frequency in the middle.
-pub(super) fn padded(model: &DisplayModel) -> Plane<Complex32> {
-    sampled(model, model.setup.padded_height_px(), model.setup.padded_width_px())
+/// H at a frequency \[1/m\].
+pub(super) type Sampled<'a> = Box<dyn Fn(f64, f64) -> Complex64 + Sync + 'a>;
+
+/// H of a model. Its tables, whose computation takes longest, are made when they are needed first, and once.
+pub(super) struct Transfer<'a> {
+    pub(super) model: &'a DisplayModel,
+    sampled: OnceCell<Sampled<'a>>,
 }
 
-/// H at the middle `rows` × `columns` bins of the padded spectrum, zero frequency in the middle.
-pub(super) fn sampled(model: &DisplayModel, rows: usize, columns: usize) -> Plane<Complex32> {
-    let bins = [model.setup.padded_height_px(), model.setup.padded_width_px()];
-    let transfer = model.sampled();
-    let pitch_m = model.setup.grid().pixel_pitch_m();
-    let at = |i: usize, side: usize, bins: usize| frequency((i + bins - side / 2) % bins, bins, pitch_m);
-    let mut out = Plane::filled(rows, columns, Complex32::ZERO);
-    out.values_mut().par_chunks_mut(columns).enumerate().for_each(|(y, row)| {
-        let fy = at(y, rows, bins[0]);
-        for (x, value) in row.iter_mut().enumerate() {
-            let h = transfer(at(x, columns, bins[1]), fy);
-            *value = Complex32::new(h.re as f32, h.im as f32);
-        }
-    });
-    out
+impl fmt::Debug for Transfer<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Transfer").field("model", self.model).finish_non_exhaustive()
+    }
+}
+
+impl<'a> Transfer<'a> {
+    pub(super) fn of(model: &'a DisplayModel) -> Self {
+        Self { model, sampled: OnceCell::new() }
+    }
+
+    /// H at padded bins.
+    pub(super) fn sampled(&self) -> &Sampled<'a> {
+        self.sampled.get_or_init(|| Box::new(self.model.sampled()))
+    }
+
+    /// H at every bin of the padded spectrum, zero frequency in the middle.
+    pub(super) fn padded(&self) -> Plane<Complex32> {
+        self.middle(self.model.setup.padded_height_px(), self.model.setup.padded_width_px())
+    }
+
+    /// H at the middle `rows` × `columns` bins of the padded spectrum, zero frequency in the middle.
+    pub(super) fn middle(&self, rows: usize, columns: usize) -> Plane<Complex32> {
+        let setup = &self.model.setup;
+        let bins = [setup.padded_height_px(), setup.padded_width_px()];
+        let (h, pitch_m) = (self.sampled(), setup.grid().pixel_pitch_m());
+        let at = |i: usize, side: usize, bins: usize| frequency((i + bins - side / 2) % bins, bins, pitch_m);
+        let mut out = Plane::filled(rows, columns, Complex32::ZERO);
+        out.values_mut().par_chunks_mut(columns).enumerate().for_each(|(y, row)| {
+            let fy = at(y, rows, bins[0]);
+            for (x, value) in row.iter_mut().enumerate() {
+                let h = h(at(x, columns, bins[1]), fy);
+                *value = Complex32::new(h.re as f32, h.im as f32);
+            }
+        });
+        out
+    }
 }
 
 pub(super) fn parts(plane: &Plane<Complex32>) -> Vec<f32> {

@@ -1,6 +1,6 @@
 //! Export of a model to any form, with the error that the form causes.
 
-use super::dense::{f32_bytes, padded, parts, sampled};
+use super::dense::{Sampled, Transfer, f32_bytes, parts};
 use super::error::KernelFormatError;
 use super::import::{import, importing_bytes};
 use super::losses::{Loss, losses};
@@ -10,8 +10,9 @@ use crate::kernel_file::{self, Origin};
 use lightpath_domain::kernel_format::KernelFormat;
 use lightpath_optics::KernelModel;
 use lightpath_optics::display::parts::spatial_variation::local_kernels;
+use lightpath_optics::memory::sampling_bytes;
 use lightpath_optics::numerics::grid::frequency;
-use lightpath_optics::{DisplayModel, KernelShape};
+use lightpath_optics::{ConvolutionMethod, DisplayModel, KernelShape, OpticalSetup};
 use rayon::prelude::*;
 use std::borrow::Cow;
 
@@ -26,6 +27,26 @@ pub struct Exported {
     pub relative_error: f64,
     /// What the form does not hold of the model, in the order of [`Loss`].
     pub losses: Vec<Loss>,
+}
+
+/// Bytes of a transfer function for each pixel of its display: a complex64 for each of four frequencies.
+const TRANSFER_BYTES_PER_PX: u64 = 32;
+
+/// Memory for converting a kernel file of `file_bytes` in the native form to another form \[bytes\].
+///
+/// A form with the numbers of the model alone takes what reading and writing the file takes. The others also take the
+/// transfer function at all frequencies, its numbers, the other file, the model read back from it, and the sampling of
+/// free space. A dense kernel of 1080p was measured to need 128 bytes a pixel besides its file.
+#[must_use]
+pub fn exporting_bytes(format: KernelFormat, file_bytes: u64, setup: &OpticalSetup) -> u64 {
+    let reading_bytes = kernel_file::decoding_bytes(file_bytes);
+    if matches!(format, KernelFormat::Safetensors | KernelFormat::Bundle | KernelFormat::Compact) {
+        return reading_bytes;
+    }
+    // The file names the method. These need most.
+    let most = if setup.orders().are_all() { ConvolutionMethod::AllOrders } else { ConvolutionMethod::BandResponse };
+    let px = setup.grid().height_px() as u64 * setup.grid().width_px() as u64;
+    reading_bytes + 4 * TRANSFER_BYTES_PER_PX * px + sampling_bytes(&setup.with_method_regardless(most))
 }
 
 /// Number of frequencies along each axis at which the error is measured. It suffices for smooth and for rough kernels.
@@ -62,32 +83,33 @@ pub fn export_with(
         _ => Cow::Owned(model.in_one_mode()),
     };
     let (whole, model) = (model, &*held);
+    let transfer = Transfer::of(model);
     let bytes = match format {
         KernelFormat::Bundle => kernel_file::encode_with(model, kind, origin)?,
         KernelFormat::Safetensors => kernel_file::encode_with(model, kind, &Origin { record: None, ..origin.clone() })?,
         KernelFormat::Compact => compact::encode(model, kind)?,
         KernelFormat::Pt => {
-            let (shape, numbers) = as_published(model);
+            let (shape, numbers) = as_published(&transfer);
             torch::write(&shape, &numbers)?
         }
         KernelFormat::Npy => {
-            let (shape, numbers) = as_published(model);
+            let (shape, numbers) = as_published(&transfer);
             array::npy("<f4", &shape, &f32_bytes(&numbers))
         }
         KernelFormat::Complex64 => {
-            let transfer = padded(model);
-            array::npy("<c8", &[transfer.height_px(), transfer.width_px()], &f32_bytes(&parts(&transfer)))
+            let padded = transfer.padded();
+            array::npy("<c8", &[padded.height_px(), padded.width_px()], &f32_bytes(&parts(&padded)))
         }
         KernelFormat::F16 => {
-            let transfer = padded(model);
-            let numbers = parts(&transfer);
+            let padded = transfer.padded();
+            let numbers = parts(&padded);
             let bytes: Vec<u8> = numbers.iter().flat_map(|&number| half::from_f32(number).to_le_bytes()).collect();
-            array::npy("<f2", &[transfer.height_px(), transfer.width_px(), 2], &bytes)
+            array::npy("<f2", &[padded.height_px(), padded.width_px(), 2], &bytes)
         }
-        KernelFormat::Npz => npz::write(model, kind, &Origin { record: None, ..origin.clone() })?,
+        KernelFormat::Npz => npz::write(&transfer, kind, &Origin { record: None, ..origin.clone() })?,
     };
     let back = import(&bytes, &model.setup, &Budget::new(importing_bytes(&bytes)))?;
-    let relative_error = difference(model, &back.model);
+    let relative_error = difference(&transfer, &back.model);
     let mut losses = losses(whole, &back.model, relative_error);
     if origin.interpolated_from_m != back.origin.interpolated_from_m {
         losses.push(Loss::Interpolation);
@@ -97,16 +119,17 @@ pub fn export_with(
 }
 
 /// Amplitude and phase of the inner half of the spectrum, in the shape of the paper's code: \[1, 2, rows, columns\].
-fn as_published(model: &DisplayModel) -> (Vec<usize>, Vec<f32>) {
-    let grid = model.setup.grid();
-    let inner = sampled(model, grid.height_px(), grid.width_px());
+fn as_published(transfer: &Transfer<'_>) -> (Vec<usize>, Vec<f32>) {
+    let grid = transfer.model.setup.grid();
+    let inner = transfer.middle(grid.height_px(), grid.width_px());
     let amplitude = inner.values().iter().map(|h| h.norm());
     let phase = inner.values().iter().map(|h| h.arg());
     (vec![1, 2, grid.height_px(), grid.width_px()], amplitude.chain(phase).collect())
 }
 
 /// ‖H' − H‖/‖H‖ over frequencies spread evenly over the band, on bins of the padded spectrum.
-fn difference(model: &DisplayModel, back: &DisplayModel) -> f64 {
+fn difference(transfer: &Transfer<'_>, back: &DisplayModel) -> f64 {
+    let model = transfer.model;
     if let (KernelShape::Smooth(a), KernelShape::Smooth(b)) = (&model.kernel, &back.kernel)
         && a == b
         && model.variation == back.variation
@@ -114,6 +137,17 @@ fn difference(model: &DisplayModel, back: &DisplayModel) -> f64 {
     {
         return 0.0;
     }
+    match share_ideal(model, back) {
+        true => relative_error([model, back], [&errors(model), &errors(back)]),
+        false => {
+            let other: Sampled<'_> = Box::new(back.sampled());
+            relative_error([model, back], [transfer.sampled(), &other])
+        }
+    }
+}
+
+/// ‖H' − H‖/‖H‖ of two models, with H on the axis of each.
+fn relative_error([model, back]: [&DisplayModel; 2], [h, other]: [&Sampled<'_>; 2]) -> f64 {
     // If one of the models varies over the SLM, a few positions represent all others.
     let positions = match model.variation.is_none() && back.variation.is_none() {
         true => vec![(0.0, 0.0)],
@@ -121,7 +155,6 @@ fn difference(model: &DisplayModel, back: &DisplayModel) -> f64 {
     };
     let bins = [model.setup.padded_height_px(), model.setup.padded_width_px()];
     let pitch_m = model.setup.grid().pixel_pitch_m();
-    let (h, other) = (model.sampled(), back.sampled());
     let (count_y, count_x) = (FREQUENCIES.min(bins[0]), FREQUENCIES.min(bins[1]));
     let rows = (0..count_y).into_par_iter().map(|j| {
         let fy = frequency(j * bins[0] / count_y, bins[0], pitch_m);
@@ -140,6 +173,24 @@ fn difference(model: &DisplayModel, back: &DisplayModel) -> f64 {
     let rows: Vec<(f64, f64)> = rows.collect();
     let (off, all) = rows.iter().fold((0.0, 0.0), |sum, row| (sum.0 + row.0, sum.1 + row.1));
     if all > 0.0 { (off / all).sqrt() } else { 0.0 }
+}
+
+/// Whether H of both models has the same factor H_ideal.
+fn share_ideal(model: &DisplayModel, back: &DisplayModel) -> bool {
+    let has_ideal = |model: &DisplayModel| !matches!(model.kernel, KernelShape::Bins(_));
+    has_ideal(model) && has_ideal(back) && model.setup == back.setup
+}
+
+/// H with the angular spectrum for H_ideal, which needs no tables. Two models that share H_ideal differ by the same ratio
+/// whatever it is: its amplitude, 1 within the band, is only a weight. A filter takes away what it does not pass.
+fn errors(model: &DisplayModel) -> Sampled<'static> {
+    let (setup, pitch_m) = (model.setup, model.setup.grid().pixel_pitch_m());
+    let ideal = DisplayModel::ideal(setup.with_method_regardless(ConvolutionMethod::AngularSpectrum));
+    let model = DisplayModel { kernel: model.kernel.clone(), ghost: model.ghost, ..ideal };
+    Box::new(move |fx, fy| {
+        let passed = setup.orders().filter().map_or(1.0, |filter| filter.passed(pitch_m * fx, pitch_m * fy));
+        model.transfer(fx, fy) * passed
+    })
 }
 
 #[cfg(test)]
@@ -210,7 +261,7 @@ mod tests {
     #[test]
     fn published_forms_keep_the_inner_half() {
         let model = model();
-        let inner = |dense: &DisplayModel| sampled(dense, 32, 48);
+        let inner = |dense: &DisplayModel| Transfer::of(dense).middle(32, 48);
         for format in [KernelFormat::Pt, KernelFormat::Npy] {
             let exported = export(&model, KernelModel::Smooth, format).unwrap();
             let back = import(&exported.bytes, &model.setup).unwrap();

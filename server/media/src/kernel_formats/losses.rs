@@ -28,6 +28,14 @@ pub enum Loss {
 }
 
 impl Loss {
+    /// The loss with this [name](Self::name).
+    #[must_use]
+    pub fn parse(name: &str) -> Option<Self> {
+        let others = [Self::GainAndOffset, Self::OuterSpectrum, Self::Parameters, Self::Interpolation, Self::Precision];
+        let parts = ModelPart::ALL.iter().copied().map(Self::Part);
+        parts.chain(others).find(|loss| loss.name() == name)
+    }
+
     /// Name in messages.
     #[must_use]
     pub fn name(self) -> &'static str {

@@ -38,7 +38,7 @@ mod pickle;
 mod torch;
 
 pub use error::KernelFormatError;
-pub use export::{Exported, export, export_with};
+pub use export::{Exported, export, export_with, exporting_bytes};
 pub use import::{import, importing_bytes};
 pub use imported::Imported;
 pub use lightpath_domain::kernel_format::KernelFormat;

@@ -26,7 +26,7 @@
 
 use super::archive::{self, Archive, Content};
 use super::array::{self, Array, NpyFile};
-use super::dense::{f32_bytes, of_array, padded, parts};
+use super::dense::{Transfer, f32_bytes, of_array, parts};
 use super::error::KernelFormatError;
 use super::imported::Imported;
 use super::losses::Loss;
@@ -45,8 +45,9 @@ const TRANSFER: &str = "transfer";
 const SOURCE: &str = "source";
 const BINS_SHAPE: &str = "kernel.bins_shape";
 
-/// Writes the model.
-pub(super) fn write(model: &DisplayModel, kind: KernelModel, origin: &Origin) -> Result<Vec<u8>, KernelFormatError> {
+/// Writes the model of `transfer`.
+pub(super) fn write(transfer: &Transfer<'_>, kind: KernelModel, origin: &Origin) -> Result<Vec<u8>, KernelFormatError> {
+    let model = transfer.model;
     let grid = model.setup.grid();
     let mut files: Vec<(String, Vec<u8>)> = Vec::new();
     let mut add = |name: &str, file: Vec<u8>| files.push((format!("{name}.npy"), file));
@@ -55,7 +56,7 @@ pub(super) fn write(model: &DisplayModel, kind: KernelModel, origin: &Origin) ->
         add(&format!("{name}.digest"), array::npy_text(&digest_of(&bytes)));
         add(name, array::npy("<c8", &[plane.height_px(), plane.width_px()], &bytes));
     };
-    add_plane(TRANSFER, &padded(model));
+    add_plane(TRANSFER, &transfer.padded());
     add_plane(SOURCE, &sampled_source(model));
     let mut add_f64 = |name: &str, shape: &[usize], numbers: &[f64]| {
         let bytes: Vec<u8> = numbers.iter().flat_map(|number| number.to_le_bytes()).collect();
@@ -354,7 +355,7 @@ mod tests {
 
     /// The archive of a model after `change` changed the contents of an array.
     fn changed(model: &DisplayModel, kind: KernelModel, array: &str, change: impl Fn(&[u8]) -> Vec<u8>) -> Vec<u8> {
-        let mut files = archive::files(&write(model, kind, &Origin::default()).unwrap()).unwrap();
+        let mut files = archive::files(&write(&Transfer::of(model), kind, &Origin::default()).unwrap()).unwrap();
         let file = files.iter_mut().find(|(name, _)| name.strip_suffix(".npy") == Some(array)).unwrap();
         file.1 = change(&file.1);
         let files: Vec<(&str, &[u8])> = files.iter().map(|(name, file)| (name.as_str(), &file[..])).collect();
@@ -385,7 +386,7 @@ mod tests {
         for (model, kind) in models() {
             let back = import(&changed(&model, kind, TRANSFER, last_number_changed), &model.setup).unwrap();
             let KernelShape::Bins(bins) = &back.model.kernel else { panic!("{kind:?}: the parameters were used") };
-            let (written, read) = (padded(&model), bins.at(23, 31));
+            let (written, read) = (Transfer::of(&model).padded(), bins.at(23, 31));
             assert_eq!((bins.height_px(), bins.width_px()), (24, 32));
             assert_eq!((read.re, read.im), (written.at(23, 31).re, written.at(23, 31).im + 0.5), "{kind:?}");
             assert_eq!((&back.model.source, back.kind), (&model.source, KernelModel::Dense));
@@ -424,7 +425,7 @@ mod tests {
     #[test]
     fn incomplete_archives_are_refused_by_name_and_foreign_ones_are_read() {
         let (model, kind) = models().remove(1);
-        let files = archive::files(&write(&model, kind, &Origin::default()).unwrap()).unwrap();
+        let files = archive::files(&write(&Transfer::of(&model), kind, &Origin::default()).unwrap()).unwrap();
         let without = |left_out: &str| {
             let kept = files.iter().filter(|(name, _)| name != left_out);
             let kept: Vec<(&str, &[u8])> = kept.map(|(name, file)| (name.as_str(), &file[..])).collect();

@@ -1,12 +1,16 @@
-//! Reading a file allocates no more memory than is counted for it, whatever is in the file.
+//! Reading a file allocates no more memory than is counted for it, whatever is in the file, and neither does the conversion
+//! of a kernel to another form.
 //!
 //! This test is a program of its own, because it counts the allocations of the whole process. What it compares them with
-//! is what servers count: [`importing_bytes`] of a kernel, [`reading_bytes`] of a picture. Both include the file itself,
+//! is what servers count: [`importing_bytes`] of a kernel, [`reading_bytes`] of a picture, and
+//! [`exporting_bytes`](lightpath_media::kernel_formats::exporting_bytes) of a conversion. All include the file itself,
 //! which is in memory before the count starts.
 #![allow(clippy::unwrap_used)]
 
 /// Valid files, and files that are damaged in many ways.
 mod damaged;
+/// Conversions of kernels to other forms.
+mod exports;
 /// Kernel files that were made to take much.
 mod hostile_kernels;
 /// Picture files that were made to take much.

@@ -7,6 +7,7 @@ use crate::error::{Result, ServiceError};
 use crate::field::Field;
 use lightpath_domain::kernel::{KernelKey, KernelVersion};
 use lightpath_domain::reason::PreconditionReason;
+use lightpath_media::kernel_formats::KernelFormat;
 use lightpath_media::report::{Comparison, comparison};
 
 impl Kernels {
@@ -25,7 +26,9 @@ impl Kernels {
         let second = self.store.kernel_version(&second_key, second).await?;
         let models = [self.model_of(call, &first).await?, self.model_of(call, &second).await?];
         let (display, _) = self.store.display(&first.key.display).await?;
-        let need_bytes = exporting_bytes(first.content.size_bytes + second.content.size_bytes, &display, &first.key);
+        let file_bytes = first.content.size_bytes + second.content.size_bytes;
+        // A comparison samples both transfer functions, as a form does that has them as numbers.
+        let need_bytes = exporting_bytes(KernelFormat::Complex64, file_bytes, &display, &first.key);
         let names = [&first, &second].map(|version| format!("version {}", version.version));
         let compare = move || comparison([&models[0], &models[1]], [&names[0], &names[1]]);
         let found = self.computing.run(call, need_bytes, compare).await?;

@@ -1,15 +1,31 @@
 //! Files of versions, in the requested format.
+//!
+//! ```text
+//! who asks ──┬─ kept: the file
+//!            └─ not kept ── one conversion for all who ask ── put on disk ── noted ── the file
+//! ```
+//!
+//! A conversion is counted for the client that asked first, whose turn it takes. Only the end of the server ends it early.
 
-use super::conversions::{ConversionKey, Converted};
+use super::conversions::Conversions;
+use super::converted::{ConversionKey, Converted};
 use super::{Kernels, bundle, model_file};
 use crate::call::Call;
 use crate::error::{Result, ServiceError};
-use lightpath_artifacts::{ArtifactError, ArtifactReader, CHUNK_BYTES};
+use lightpath_artifacts::{ArtifactError, ArtifactReader, Artifacts, CHUNK_BYTES};
 use lightpath_domain::kernel::KernelVersion;
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_media::kernel_file::{self, Origin};
 use lightpath_media::kernel_formats::{self, Exported, KernelFormat, KernelFormatError};
+use lightpath_metrics as metrics;
 use serde_json::Value;
+use std::time::Duration;
+use tokio::time::timeout;
+
+/// Time that a device waits for a conversion. The agent takes 30 s without a byte for a lost connection.
+const DEVICE_PATIENCE: Duration = Duration::from_secs(20);
+/// Time after which a device asks again.
+const DEVICE_RETRY: Duration = Duration::from_secs(10);
 
 /// The file of a version in a format.
 #[derive(Clone, Debug)]
@@ -53,12 +69,26 @@ impl Kernels {
         format: KernelFormat,
     ) -> Result<Converted> {
         let key = ConversionKey::new(version, format);
-        if let Some(converted) = self.conversions.find(&key) {
-            return Ok(converted);
-        }
-        let converted = self.export(call, version, format).await?;
-        for removed in self.conversions.insert(key, converted.clone()) {
-            self.artifacts.delete_conversion(&removed).await?;
+        let convert = || self.clone().convert(call.on_its_own(&self.stopping), key.clone(), version.clone());
+        self.conversions.get(&key, &call.client, convert)?.await.map_err(ServiceError::Shared)
+    }
+
+    /// Makes the file of a version and keeps it.
+    async fn convert(self, call: Call, key: ConversionKey, version: KernelVersion) -> Result<Converted> {
+        let exported = self.export(&call, &version, key.format).await;
+        metrics::kernel_conversion(&version.key.display, exported.is_ok());
+        let converted = exported.map_err(|error| match error {
+            ServiceError::Cancelled => ServiceError::Stopping,
+            other => other,
+        })?;
+        let (removed, artifacts) = (self.conversions.insert(key, converted.clone()), self.artifacts.clone());
+        let notes = self.conversions.notes();
+        let tidy = move || {
+            removed.iter().try_for_each(|digest| artifacts.delete_conversion_blocking(digest))?;
+            artifacts.write_conversion_notes_blocking(&notes)
+        };
+        if let Ok(Err(error)) = tokio::task::spawn_blocking(tidy).await {
+            tracing::warn!(%error, "the converted kernel files could not be tidied up");
         }
         Ok(converted)
     }
@@ -91,16 +121,16 @@ impl Kernels {
     /// Converts the file of a version. The other file is written before the memory for the conversion is given back.
     async fn export(&self, call: &Call, version: &KernelVersion, format: KernelFormat) -> Result<Converted> {
         let (display, _) = self.store.display(&version.key.display).await?;
-        let need_bytes = model_file::exporting_bytes(version.content.size_bytes, &display, &version.key);
+        let need_bytes = model_file::exporting_bytes(format, version.content.size_bytes, &display, &version.key);
         let (artifacts, artifact) = (self.artifacts.clone(), version.content.artifact.clone());
-        let record = bundle::record(version);
+        let (conversions, record) = (self.conversions.clone(), bundle::record(version));
         let export = move || -> Result<_, ArtifactError> {
             let file = artifacts.read_blocking(&artifact)?;
             let Exported { bytes, relative_error, losses } = match exported(&file, record, format) {
                 Ok(exported) => exported,
                 Err(error) => return Ok(Err(error)),
             };
-            let digest = artifacts.put_conversion_blocking(&bytes)?;
+            let digest = put(&artifacts, &conversions, &bytes)?;
             Ok(Ok(Converted { digest, size_bytes: bytes.len() as u64, relative_error, losses }))
         };
         let exported = self.computing.run(call, need_bytes, export).await??;
@@ -111,9 +141,51 @@ impl Kernels {
     }
 }
 
+/// What `work` gives for a device, which has little patience. It goes on with its conversion, if that takes longer.
+///
+/// # Errors
+///
+/// The errors of `work`; [`ServiceError::Converting`] after 20 seconds.
+pub async fn for_device<T>(work: impl Future<Output = Result<T>>) -> Result<T> {
+    within(DEVICE_PATIENCE, work).await
+}
+
+async fn within<T>(patience: Duration, work: impl Future<Output = Result<T>>) -> Result<T> {
+    let late = |_| Err(ServiceError::Converting { retry_after: DEVICE_RETRY });
+    timeout(patience, work).await.unwrap_or_else(late)
+}
+
+/// Stores a converted file. Older ones make room on a disk that is nearly full: they can be made again.
+fn put(artifacts: &Artifacts, conversions: &Conversions, bytes: &[u8]) -> Result<String, ArtifactError> {
+    loop {
+        match artifacts.put_conversion_blocking(bytes) {
+            Err(low @ ArtifactError::DiskLow { .. }) => {
+                let Some(oldest) = conversions.forget_oldest() else { return Err(low) };
+                artifacts.delete_conversion_blocking(&oldest)?;
+            }
+            stored => return stored,
+        }
+    }
+}
+
 /// Converts a file in the native format.
 fn exported(file: &[u8], record: Value, format: KernelFormat) -> Result<Exported, KernelFormatError> {
     let (model, kind) = kernel_file::decode(file)?;
     let origin = Origin { record: Some(record), ..kernel_file::origin(file)? };
     kernel_formats::export_with(&model, kind, &origin, format)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn a_device_is_answered_before_its_patience_ends() {
+        let soon = Duration::from_millis(10);
+        assert_eq!(within(soon, async { Ok(7) }).await.unwrap(), 7);
+        let late = within(soon, std::future::pending::<Result<()>>()).await;
+        assert!(matches!(late, Err(ServiceError::Converting { retry_after: DEVICE_RETRY })), "{late:?}");
+        // The agent gives up after 30 s, and the network takes its time, too.
+        assert!(DEVICE_PATIENCE <= Duration::from_secs(25));
+    }
 }

@@ -9,24 +9,16 @@ use lightpath_domain::kernel::{KernelKey, KernelVersion};
 use lightpath_domain::planning;
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_media::kernel_file;
-use lightpath_optics::memory::sampling_bytes;
-use lightpath_optics::{ConvolutionMethod, DisplayModel};
+use lightpath_media::kernel_formats::{self, KernelFormat};
+use lightpath_optics::DisplayModel;
 
-/// Bytes of a transfer function for each pixel of its display: a complex64 for each of four frequencies.
-const TRANSFER_BYTES_PER_PX: u64 = 32;
-/// Memory besides the kernel \[bytes\].
-const OTHER_BYTES: u64 = 16 << 20;
-
-/// Memory for converting a kernel file of `file_bytes` to any format \[bytes\]: the file and its model, the transfer
-/// function at all frequencies, its numbers, the other file, the model read back from it, and the sampling of free
-/// space. A dense kernel of 1080p was measured to need 128 bytes a pixel besides its file.
-pub(super) fn exporting_bytes(file_bytes: u64, display: &Display, key: &KernelKey) -> u64 {
-    let px = u64::from(display.height_px) * u64::from(display.width_px);
-    // The file names the method. These need most.
-    let most = if display.orders.are_all() { ConvolutionMethod::AllOrders } else { ConvolutionMethod::BandResponse };
+/// Memory for converting a kernel file of `file_bytes` of a display \[bytes\].
+pub(super) fn exporting_bytes(format: KernelFormat, file_bytes: u64, display: &Display, key: &KernelKey) -> u64 {
+    // A file whose setup is not possible is refused when its model is read.
     let setup = planning::setup(display, key.wavelength, key.distance);
-    let sampling = setup.map_or(0, |setup| sampling_bytes(&setup.with_method_regardless(most)));
-    file_bytes + 4 * TRANSFER_BYTES_PER_PX * px + sampling + OTHER_BYTES
+    setup.map_or(kernel_file::decoding_bytes(file_bytes), |setup| {
+        kernel_formats::exporting_bytes(format, file_bytes, &setup)
+    })
 }
 
 impl Kernels {

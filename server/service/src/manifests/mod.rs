@@ -9,7 +9,7 @@ mod signer;
 
 use crate::call::Call;
 use crate::error::{Result, ServiceError};
-use crate::kernels::Kernels;
+use crate::kernels::{Kernels, for_device};
 pub use issued::{Issued, ManifestRules};
 
 use issued::{IssuedKey, Kept};
@@ -79,7 +79,7 @@ impl Manifests {
         format: KernelFormat,
         now_s: i64,
     ) -> Result<Manifest> {
-        let file = self.kernels.file(call, version.clone(), format).await?;
+        let file = for_device(self.kernels.file(call, version.clone(), format)).await?;
         let (display, _) = self.store.display(&version.key.display).await?;
         let (issued_s, expires_s) = self.kept.rules().times_s(now_s);
         let clock = || ServiceError::Precondition {

@@ -183,6 +183,10 @@ async fn a_rollout_reaches_its_share_and_its_group_and_then_all() {
 #[tokio::test]
 async fn failing_devices_halt_a_rollout_and_all_go_back() {
     let (store, _folder) = with_versions().await;
+    // The share of failures is that of at least ten devices.
+    for n in 0..10 {
+        store.report_device(report(&format!("quiet-{n}"), 1, None, None)).await.unwrap();
+    }
     store.start_rollout(&key(), plan(2, 1e-9), Some(1), 20).await.unwrap();
     // Devices that do not get the version have no say.
     store.report_device(report("elsewhere", 1, Some(2), None)).await.unwrap();
@@ -224,6 +228,29 @@ async fn failing_devices_halt_a_rollout_and_all_go_back() {
 }
 
 #[tokio::test]
+async fn one_failed_device_of_five_halts_a_rollout_of_which_a_tenth_may_fail() {
+    let (store, _folder) = with_versions().await;
+    for device in ["a", "b", "c", "d", "e"] {
+        store.report_device(report(device, 1, None, None)).await.unwrap();
+    }
+    store.set_device_group("lab", "e", "first", 19).await.unwrap();
+    store.set_device_group("lab", "silent", "first", 19).await.unwrap();
+    assert_eq!(store.device_groups("lab").await.unwrap(), ["first"]);
+    let of_group = RolloutPlan { group: "first".to_owned(), ..plan(2, 0.0) };
+    let rollout = store.start_rollout(&key(), of_group, Some(1), 20).await.unwrap();
+    assert_eq!(store.rollout_devices(&rollout).await.unwrap(), 1, "a device that never reported is not known");
+    let rollout = store.widen_rollout(&key(), 1, widening(100.0, None), 20).await.unwrap();
+    let known = store.rollout_devices(&rollout).await.unwrap();
+    assert_eq!((known, rollout.halting(known).failures_first), (5, Some(1)));
+    store.report_device(report("a", 2, None, Some(0.05))).await.unwrap();
+    store.report_device(report("b", 1, Some(2), None)).await.unwrap();
+    let (rollout, events) = store.rollout(&key(), 1).await.unwrap();
+    let last = &events.last().unwrap().message;
+    assert_eq!(rollout.state, RolloutState::Halted);
+    assert!(last.ends_with("1 of 2 devices failed, the last one b; above 10 % of at least 5 devices"), "{last}");
+}
+
+#[tokio::test]
 async fn reports_say_who_runs_what() {
     let (store, _folder) = with_versions().await;
     assert!(store.report_device(report("a", 9, None, None)).await.is_err(), "no such version");
@@ -252,7 +279,8 @@ async fn reports_say_who_runs_what() {
 #[tokio::test]
 async fn a_deleted_device_counts_no_more_in_a_running_rollout() {
     let (store, _folder) = with_versions().await;
-    store.start_rollout(&key(), RolloutPlan { devices_min: 100, ..plan(2, 100.0) }, Some(1), 30).await.unwrap();
+    let plan = RolloutPlan { failed_percent_max: 100.0, ..plan(2, 100.0) };
+    store.start_rollout(&key(), plan, Some(1), 30).await.unwrap();
     for device in ["a", "b"] {
         store.report_device(report(device, 1, Some(2), None)).await.unwrap();
     }

@@ -31,6 +31,9 @@ Response = TypeVar("Response")
 CALL_TIMEOUT_S = 60.0
 """Time limit for the answer to a call that does not stream."""
 
+PREPARING_TIMEOUT_S = 600.0
+"""Time limit for the answer to a call that first makes all files that devices will need."""
+
 CHUNK_BYTES = 1 << 20
 """Size of a chunk. The server accepts up to 2 MiB. Smaller chunks lose less when the connection is lost."""
 
@@ -75,12 +78,13 @@ class Connection:
         request: Request,
         *,
         repeatable: bool = True,
+        timeout_s: float = CALL_TIMEOUT_S,
     ) -> Response:
         """Make a call, and make it again after a lost connection if it is `repeatable`."""
         backoff = Backoff(1) if not repeatable else Backoff()
         while True:
             try:
-                response = await method(request, timeout=CALL_TIMEOUT_S, metadata=self.address.metadata)
+                response = await method(request, timeout=timeout_s, metadata=self.address.metadata)
             except grpc.RpcError as error:
                 failure = self.failure(error)
             else:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lightpath import html, v1, words
-from lightpath.aio.connection import checked
+from lightpath.aio.connection import PREPARING_TIMEOUT_S, checked
 from lightpath.aio.jobs import submit
 from lightpath.aio.results import read_report
 from lightpath.errors import ProtocolError, Unreachable
@@ -79,7 +79,9 @@ class Kernel:
         that.
         """
         request = v1.PromoteKernelRequest(kernel=self.name, version=version, reason=reason, force=force)
-        self.message = await self._connection.call(self._connection.kernels.PromoteKernel, request, repeatable=False)
+        self.message = await self._connection.call(
+            self._connection.kernels.PromoteKernel, request, repeatable=False, timeout_s=PREPARING_TIMEOUT_S
+        )
         return self
 
     async def rollback(self, *, reason: str = "") -> Kernel:
