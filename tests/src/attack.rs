@@ -419,6 +419,29 @@ async fn prepare(admin: &Client, scale: &Scale) -> (String, String) {
     (bomb, admin.submit_job(waiting).await.unwrap().name)
 }
 
+/// Adds the times of submits and health checks \[s\] to a table, and returns those that were too long.
+fn late(scale: &Scale, times_s: [&[f64]; 2], table: &mut String) -> Vec<String> {
+    let mut late = Vec::new();
+    for ((name, times_s), p99_s_max) in ["submit", "health"].into_iter().zip(times_s).zip(scale.p99_s_max) {
+        let [median_s, p99_s] = [0.5, 0.99].map(|part| quantile(times_s, part));
+        let line = format!("{name}, {} times | median {median_s:.3} s, p99 {p99_s:.3} s", times_s.len());
+        *table += &format!("| {line} |\n");
+        if p99_s > p99_s_max {
+            late.push(line);
+        }
+    }
+    late
+}
+
+/// All attacks, each with a token of its own.
+fn begun(field: &Field, tokens: Vec<String>) -> JoinSet<()> {
+    let mut attacks = JoinSet::new();
+    for (name, token) in ATTACKERS.into_iter().zip(tokens) {
+        attacks.spawn(attack(name, Field { token, ..field.clone() }));
+    }
+    attacks
+}
+
 /// The least free space of the disk during this time \[MiB\].
 async fn least_free_mib(disk: Option<&TinyDisk>, duration: Duration) -> Option<u64> {
     let (begin, mut least_mib) = (Instant::now(), None);
@@ -445,23 +468,14 @@ async fn an_honest_client_is_served_while_others_attack() {
     let settings = ["--require-tokens", "true", "--under-way-mib-max", &under_way, "--computing-mib-max", &computing];
     let server = Daemon::start(&data, &[&settings[..], &["--disk-reserve-mib", &reserve]].concat()).await;
     let admin = Client::connect_with_token(&server.url, &admin).unwrap();
-    let (bomb_digest, job) = prepare(&admin, &scale).await;
+    let (bomb, job) = prepare(&admin, &scale).await;
     let files = Arc::new(HostileFiles::make());
     let idle_kib = server.memory_kib();
 
     let end = CancellationToken::new();
-    let mut attacks = JoinSet::new();
-    for (name, token) in ATTACKERS.into_iter().zip(tokens) {
-        let field = Field {
-            url: server.url.clone(),
-            token,
-            bomb: bomb_digest.clone(),
-            job: job.clone(),
-            files: Arc::clone(&files),
-            end: end.clone(),
-        };
-        attacks.spawn(attack(name, field));
-    }
+    let (url, token) = (server.url.clone(), String::new());
+    let field = Field { url, token, bomb, job, files, end: end.clone() };
+    let mut attacks = begun(&field, tokens);
     let working = tokio::spawn(work_honestly(
         Client::connect_with_token(&server.url, &honest).unwrap(),
         server.url.clone(),
@@ -478,17 +492,7 @@ async fn an_honest_client_is_served_while_others_attack() {
     if let Some(free_mib) = free_mib {
         table += &format!("| free on the disk, reserve | {free_mib} MiB, {RESERVE_MIB} MiB |\n");
     }
-    let mut late = Vec::new();
-    for (name, times_s, p99_s_max) in
-        [("submit", &submits_s, scale.p99_s_max[0]), ("health", &health_s, scale.p99_s_max[1])]
-    {
-        let [median_s, p99_s] = [0.5, 0.99].map(|part| quantile(times_s, part));
-        let line = format!("{name}, {} times | median {median_s:.3} s, p99 {p99_s:.3} s", times_s.len());
-        table += &format!("| {line} |\n");
-        if p99_s > p99_s_max {
-            late.push(line);
-        }
-    }
+    let late = late(&scale, [&submits_s, &health_s], &mut table);
     write!(std::io::stderr(), "{table}").unwrap();
     assert!(free_mib.is_none_or(|free_mib| free_mib >= RESERVE_MIB), "{free_mib:?} MiB of the disk were free");
     assert!(peak_kib as f64 <= limit_kib as f64 * (1.0 + MEMORY_MARGIN), "{peak_kib} KiB of {limit_kib} KiB");
