@@ -202,6 +202,10 @@ impl Promotions {
                 ServiceError::Precondition { reason: PreconditionReason::NoSuchForm, message } => {
                     Ok(GateCheck::new(false, format!("it is not available as {name}: {message}")))
                 }
+                // The limit may have been larger when devices got this form. Who forces a promotion decides.
+                too_large @ ServiceError::TooLarge { .. } => {
+                    Ok(GateCheck::new(false, format!("it is not available as {name}: {too_large}")))
+                }
                 _ => Err(error),
             },
         }

@@ -7,6 +7,7 @@ use lightpath_optics::{DisplayModel, Grid, KernelModel, KernelShape, OpticalSetu
 use lightpath_proto::v1;
 use lightpath_proto::v1::device_service_client::DeviceServiceClient;
 use lightpath_proto::v1::kernel_service_client::KernelServiceClient;
+use lightpath_server::config::Config;
 use std::time::{Duration, Instant};
 use tonic::transport::Channel;
 use tonic::{Request, Status};
@@ -18,7 +19,11 @@ const PATIENCE: Duration = Duration::from_secs(120);
 
 /// A server with a display of its own name, of which metrics are counted, and versions of its kernel.
 async fn serving(display: &str, versions: u32) -> Serving {
-    let serving = Serving::start().await;
+    serving_with(display, versions, |_| {}).await
+}
+
+async fn serving_with(display: &str, versions: u32, change: impl FnOnce(&mut Config)) -> Serving {
+    let serving = Serving::start_with(change).await;
     let display = v1::Display { width_px: WIDTH_PX, height_px: HEIGHT_PX, ..small_display(display) };
     let name = display.name.clone();
     let create = v1::CreateDisplayRequest { display: Some(display) };
@@ -138,5 +143,19 @@ async fn the_files_that_devices_use_are_ready_before_a_version_is_active() {
         v1::RollbackKernelRequest { kernel: name("ready"), expected_active_version: Some(2), ..Default::default() };
     kernels(&serving).rollback_kernel(back).await.unwrap();
     until_converted(&serving, "ready", 5).await;
+    serving.stop().await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_form_that_takes_too_much_memory_fails_the_gate_and_can_be_forced() {
+    let serving = serving_with("large", 1, |config| config.computing_mib_max = 64.0).await;
+    let gate = v1::PromotionGate { forms: vec!["complex64".into()], ..Default::default() };
+    let gate = v1::SetPromotionGateRequest { display: "displays/large".into(), gate: Some(gate), reason: "why".into() };
+    kernels(&serving).set_promotion_gate(gate).await.unwrap();
+    let request = v1::PromoteKernelRequest { kernel: name("large"), version: 1, ..Default::default() };
+    let refused = kernels(&serving).promote_kernel(request.clone()).await.unwrap_err();
+    assert!(refused.message().contains("it is not available as complex64: the call needs"), "{refused:?}");
+    let forced = v1::PromoteKernelRequest { force: true, reason: "compact devices alone".into(), ..request };
+    kernels(&serving).promote_kernel(forced).await.unwrap();
     serving.stop().await.unwrap();
 }
