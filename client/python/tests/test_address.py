@@ -31,7 +31,7 @@ def test_the_token_does_not_follow_a_redirect() -> None:
     redirecting = http.server.HTTPServer(("127.0.0.1", 0), Redirecting)
     for server in (elsewhere, redirecting):
         threading.Thread(target=server.serve_forever, daemon=True).start()
-    found = address(f"http://127.0.0.1:{redirecting.server_port}", "lp_secret", None, None, None, None)
+    found = address(f"http://127.0.0.1:{redirecting.server_port}", "lp_secret", None, None, None)
     try:
         with pytest.raises(OSError, match="302"):
             found.picture("/v1/jobs/1/picture")
@@ -44,10 +44,10 @@ def test_the_token_does_not_follow_a_redirect() -> None:
 
 def test_the_token_goes_unencrypted_to_the_same_machine_only(monkeypatch: pytest.MonkeyPatch) -> None:
     for url in ("http://localhost:7070", "http://[::1]:7070", "https://lab:7070"):
-        assert address(url, "lp_secret", None, None, None, None).metadata
+        assert address(url, "lp_secret", None, None, None).metadata
     with pytest.raises(InvalidArgument, match="would go unencrypted to http://lab:7070: use https://"):
-        address("http://lab:7070", "lp_secret", None, None, None, None)
-    assert not address("http://lab:7070", None, None, None, None, None).metadata
-    assert address("http://lab:7070", "lp_secret", None, None, None, True).metadata  # noqa: FBT003
+        address("http://lab:7070", "lp_secret", None, None, None)
+    assert not address("http://lab:7070", None, None, None, None).metadata
+    assert address("http://lab:7070", "lp_secret", None, None, None, insecure=True).metadata
     monkeypatch.setenv("LIGHTPATH_INSECURE", "true")
-    assert address("http://lab:7070", "lp_secret", None, None, None, None).metadata
+    assert address("http://lab:7070", "lp_secret", None, None, None).metadata

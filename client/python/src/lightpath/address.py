@@ -71,7 +71,8 @@ def address(
     token_file: str | os.PathLike[str] | None,
     ca_file: str | os.PathLike[str] | None,
     client_certificate: tuple[str | os.PathLike[str], str | os.PathLike[str]] | None,
-    insecure: bool | None,
+    *,
+    insecure: bool | None = None,
 ) -> Address:
     """Return the address for the arguments of `connect`."""
     url = url or os.environ.get("LIGHTPATH_SERVER") or DEFAULT_URL

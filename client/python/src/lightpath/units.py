@@ -35,7 +35,9 @@ def metres(field: str, length: Length) -> float:
     if is_plain and abs(value) > plain_max_m:
         if field == "wavelength" and abs(value) < _MICROMETRES_MAX:
             unit = "um"
-        raise InvalidArgument(field, f"is {length} without a unit, which is {value:.12g} m", f'write "{value:.12g}{unit}"')
+        raise InvalidArgument(
+            field, f"is {length} without a unit, which is {value:.12g} m", f'write "{value:.12g}{unit}"'
+        )
     return value
 
 

@@ -50,7 +50,7 @@ def connect(
     - `insecure`: send the token unencrypted, over http://, to another machine, if nobody else is on the network.
       Default: whether `LIGHTPATH_INSECURE` is `true`
     """
-    return Lab(Connection(address(url, token, token_file, ca_file, client_certificate, insecure)))
+    return Lab(Connection(address(url, token, token_file, ca_file, client_certificate, insecure=insecure)))
 
 
 class Lab:
