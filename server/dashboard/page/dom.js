@@ -17,8 +17,12 @@ export function h(tag, attributes = {}, ...children) {
   return element;
 }
 
+/** Longest time for which a press delays what is to be shown [ms]. Not every press ends with an event: lists of choices take it. */
+const PRESS_MAX = 3000;
+
 /** The element that the pointer presses, and what is to be shown when it is released, by the element that shows it. */
 let pressed = null;
+let pressTimer = 0;
 const waiting = new Map();
 
 /**
@@ -43,13 +47,16 @@ function replace(parent, nodes) {
 }
 
 function release() {
+  clearTimeout(pressTimer);
   pressed = null;
   for (const [parent, nodes] of [...waiting]) replace(parent, nodes);
 }
 
 addEventListener("pointerdown", (event) => {
   release();
-  if (event.button === 0) pressed = event.target;
+  if (event.button !== 0) return;
+  pressed = event.target;
+  pressTimer = setTimeout(release, PRESS_MAX);
 }, true);
 for (const end of ["pointerup", "pointercancel", "blur"]) {
   // The click follows `pointerup` at once.
