@@ -80,7 +80,7 @@ async fn every_form_of_a_large_kernel_arrives_at_agents_with_their_default_waits
             ("--display", "lab"),
             ("--device", &device),
             ("--kernel", "515nm-50mm"),
-            ("--form", form),
+            ("--format", form),
             ("--root", root),
             ("--directory", directory.to_str().unwrap()),
         ];

@@ -265,7 +265,7 @@ fn send_file(script: &Script, sending: &Sending, request: &Request, stream: &mut
     let size = file.len();
     let mut first = match request.headers.get("range") {
         Some(range) => {
-            assert_eq!(request.headers["if-range"], format!("\"{digest}\""));
+            assert!(!request.headers.contains_key("if-range"), "web servers for files have other ETags");
             range.strip_prefix("bytes=").and_then(|range| range.strip_suffix('-')).unwrap().parse().unwrap()
         }
         None => 0,

@@ -19,7 +19,7 @@ use std::path::{Path, PathBuf};
 /// are written to the paths at which a Lightpath server has them, so that lightpath-agent works with the mirror as its
 /// --server. The mirror needs no key: devices check the signatures of the server.
 ///
-/// A web server for files ignores what follows the ? of an address. So a mirror has one format of each kernel, gives all
+/// The web server must support ranges, with which devices continue a download. It ignores what follows the ? of an address. So a mirror has one format of each kernel, gives all
 /// devices the active version, also during a staged rollout, and learns from no report which version they use.
 ///
 /// A manifest counts for about a week. Run the command again after each promotion, and at least once a day, for example by
@@ -31,7 +31,7 @@ Example:
   lightpath kernel mirror --display lab-2 --distance 150mm --format compact \\
       -o /srv/mirror
   lightpath-agent --server https://mirror.example --display lab-2 \\
-      --kernel 515nm-150mm --form compact --device bench-7 --root PUBLIC-KEY \\
+      --kernel 515nm-150mm --format compact --device bench-7 --root PUBLIC-KEY \\
       --directory /var/lib/lightpath
 
 Several kernels can be mirrored into one folder.")]
@@ -39,7 +39,7 @@ pub(crate) struct Mirror {
     #[command(flatten)]
     kernel: KernelChoice,
 
-    /// Choose the format of the kernel's file: the --form of the agents
+    /// Choose the format of the kernel's file: the --format of the agents
     #[arg(long, default_value = "safetensors", value_parser = WordParser::<v1::KernelFormat>::new())]
     format: v1::KernelFormat,
 
@@ -60,6 +60,14 @@ impl Mirror {
         let device = String::new();
         let request = v1::GetKernelManifestRequest { kernel: kernel.clone(), format: self.format.into(), device };
         let message = client.kernel_manifest(request).await?;
+        let active = client.get_kernel(v1::GetKernelRequest { name: kernel.clone() }).await?.active_version;
+        if message.version != active {
+            return Err(Failure::Refused(format!(
+                "a rollout gives this token version {}, but a mirror has the active version, {active}, for all devices; use \
+                 a token whose name the rollout does not choose, or wait for the rollout's end",
+                message.version
+            )));
+        }
         let keyring = client.get_keyring(v1::GetKeyringRequest {}).await?;
         if let Some(root) = self.root {
             manifest::check(&message.document, &keyring.document, root).map_err(Failure::Refused)?;
