@@ -187,7 +187,11 @@ impl Folder {
             private_file().write(true).create_new(true).open(&temporary)?.write_all(notes)?;
             fs::rename(&temporary, self.root.join(NOTES))
         };
-        write().map_err(|error| ArtifactError::io("write notes", error))
+        write().map_err(|error| {
+            // The first error is reported. The next start removes a temporary file that remains.
+            let _ = fs::remove_file(&temporary);
+            ArtifactError::io("write notes", error)
+        })
     }
 
     pub(super) fn notes(&self) -> Result<Option<Vec<u8>>> {

@@ -55,6 +55,7 @@ mod remote_calls;
 #[cfg(test)]
 mod room_tests;
 mod space;
+mod spare;
 #[cfg(test)]
 mod tests;
 mod upload;
@@ -82,6 +83,7 @@ use interrupted::Interrupted;
 use lock::try_lock;
 use remote::Remote;
 use remote::cache::Cache;
+use spare::Spare;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -211,7 +213,8 @@ impl Artifacts {
         let blobs = |kind, root| Blobs::new(kind, Folder::new(root, temporary.clone()), behind.clone());
         let checkpoints = blobs(BlobKind::Checkpoint, checkpoints);
         let blobs = Arc::new(blobs(BlobKind::Artifact, artifacts));
-        let space = Arc::new(Space::new(limits, data_dir.to_owned(), Interrupted::open(received.clone())?));
+        let (interrupted, spare) = (Interrupted::open(received.clone())?, Spare::new(conversions.clone()));
+        let space = Arc::new(Space::new(limits, data_dir.to_owned(), interrupted, spare));
         let uploads = Uploads::new(received, Arc::clone(&space), Arc::clone(&blobs));
         Ok(Self {
             inner: Arc::new(Inner {

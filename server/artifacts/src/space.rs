@@ -1,11 +1,12 @@
 //! Limits on disk space: a reserve that only accepted work may use, and a limit on the size of all artifacts.
 //!
 //! New bytes are claimed before they are written (`claim`). At any time the free space is at least the reserve
-//! and all bytes that are claimed and not yet written, as far as nobody but claimants writes. If room is missing,
-//! interrupted uploads go first, the oldest before the others.
+//! and all bytes that are claimed and not yet written, as far as nobody but claimants writes. If room is missing, files
+//! that can be made again go first, and then interrupted uploads, the oldest before the others.
 
 use crate::error::{ArtifactError, Result};
 use crate::interrupted::Interrupted;
+use crate::spare::Spare;
 use rustix::fs::statvfs;
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -29,6 +30,7 @@ pub struct Space {
     data_dir: PathBuf,
     claims: Mutex<Claims>,
     interrupted: Interrupted,
+    spare: Spare,
 }
 
 /// Sums of all claims.
@@ -64,8 +66,8 @@ impl Claims {
 }
 
 impl Space {
-    pub(crate) fn new(limits: SpaceLimits, data_dir: PathBuf, interrupted: Interrupted) -> Self {
-        Self { limits, stored_bytes: AtomicU64::new(0), data_dir, claims: Mutex::default(), interrupted }
+    pub(crate) fn new(limits: SpaceLimits, data_dir: PathBuf, interrupted: Interrupted, spare: Spare) -> Self {
+        Self { limits, stored_bytes: AtomicU64::new(0), data_dir, claims: Mutex::default(), interrupted, spare }
     }
 
     /// Free space on the disk, without the space that the system keeps for its administrator \[bytes\].
@@ -181,11 +183,17 @@ impl Space {
         Ok(())
     }
 
-    /// Free space \[bytes\]. Before that, removes interrupted uploads if less than `needed_bytes` are free and their
-    /// room is enough.
+    /// Free space \[bytes\]. Before that, if less than `needed_bytes` are free, removes files that can be made again and
+    /// interrupted uploads, if their room is enough.
     fn free_with_room_for(&self, needed_bytes: u64) -> Result<u64> {
         let mut free_bytes = self.free_bytes()?;
-        if free_bytes.saturating_add(self.interrupted.bytes()) >= needed_bytes {
+        if free_bytes >= needed_bytes {
+            return Ok(free_bytes);
+        }
+        let removable_bytes = self.spare.bytes().saturating_add(self.interrupted.bytes());
+        if free_bytes.saturating_add(removable_bytes) >= needed_bytes {
+            self.spare.make_room(needed_bytes - free_bytes);
+            free_bytes = self.free_bytes()?;
             while free_bytes < needed_bytes && self.interrupted.remove_one() {
                 free_bytes = self.free_bytes()?;
             }

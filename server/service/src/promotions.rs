@@ -64,7 +64,7 @@ impl Promotions {
 
     /// How a version would do at the gate of its display now.
     pub async fn check(&self, call: &Call, key: &KernelKey, version: u32) -> Result<Verdict> {
-        self.verdict(call, &self.store.kernel_version(key, version).await?).await
+        Ok(self.verdict(call, key, version).await?.1)
     }
 
     /// Makes the version active that was active before `expected`.
@@ -85,13 +85,19 @@ impl Promotions {
     pub(crate) fn make_active_ready(&self, call: &Call, key: &KernelKey) {
         let (promotions, call, key) = (self.clone(), call.clone(), key.clone());
         // A device that needs a file which cannot be made asks for it and gets the error.
-        tokio::spawn(async move { promotions.active_files(&call, &key).await });
+        tokio::spawn(async move {
+            if let Err(error) = promotions.active_files(&call, &key).await {
+                tracing::warn!(%error, kernel = %key, "the files of the active version were not made");
+            }
+        });
     }
 
     async fn active_files(&self, call: &Call, key: &KernelKey) -> Result<()> {
         let version = self.kernels.version_or_active(key, None).await?;
         for form in self.store.forms_in_use(key).await? {
-            self.kernels.file(call, version.clone(), form).await?;
+            if let Err(error) = self.kernels.file(call, version.clone(), form).await {
+                tracing::warn!(%error, form = form.as_str(), "a file of the active version was not made");
+            }
         }
         Ok(())
     }
@@ -143,9 +149,7 @@ impl Promotions {
     /// Checks a version with the gate. Refuses one that fails, unless the caller forces it and gives a reason.
     pub(crate) async fn pass_gate(&self, call: &Call, key: &KernelKey, passage: &Passage) -> Result<Passed> {
         let &Passage { version, expected_active, force, ref reason } = passage;
-        // Versions never change. If another one becomes active meanwhile, the store refuses the move.
-        let candidate = self.store.kernel_version(key, version).await?;
-        let verdict = self.verdict(call, &candidate).await?;
+        let (candidate, verdict) = self.verdict(call, key, version).await?;
         let expected_active = match expected_active {
             Some(number) => (number > 0).then_some(number),
             None => verdict.active,
@@ -165,23 +169,30 @@ impl Promotions {
         Ok(Passed { expected_active, overridden })
     }
 
-    /// How a version does at the gate of its display. Its files in the forms that devices use are made before this
-    /// returns, which may take a minute: a version that becomes active is ready to be fetched.
-    pub async fn verdict(&self, call: &Call, candidate: &KernelVersion) -> Result<Verdict> {
-        let key = &candidate.key;
+    /// A version, and how it does at the gate of its display. Its files in the forms that devices use are made first, which
+    /// may take a minute: a version that becomes active is ready to be fetched. What may change meanwhile is read afterwards.
+    pub(crate) async fn verdict(&self, call: &Call, key: &KernelKey, version: u32) -> Result<(KernelVersion, Verdict)> {
+        let candidate = self.store.kernel_version(key, version).await?;
+        let mut forms = self.store.forms_in_use(key).await?;
+        forms.extend(self.gate_of(&key.display).await?.forms);
+        for form in forms {
+            self.check_form(call, &candidate, form).await?;
+        }
+        let candidate = self.store.kernel_version(key, version).await?;
         let gate = self.gate_of(&key.display).await?;
+        // If another one becomes active from now on, the store refuses the move.
         let active = self.store.kernel(key).await?.active_version;
-        let rival = match active.filter(|active| *active != candidate.version) {
+        let rival = match active.filter(|active| *active != version) {
             Some(active) => Some(self.store.kernel_version(key, active).await?),
             None => None,
         };
-        let mut checks = gate.check(candidate, rival.as_ref());
+        let mut checks = gate.check(&candidate, rival.as_ref());
         let mut forms = self.store.forms_in_use(key).await?;
         forms.extend(gate.forms);
         for form in KernelFormat::ALL.into_iter().filter(|form| forms.contains(form)) {
-            checks.push(self.check_form(call, candidate, form).await?);
+            checks.push(self.check_form(call, &candidate, form).await?);
         }
-        Ok(Verdict { checks, active })
+        Ok((candidate, Verdict { checks, active }))
     }
 
     /// The gate of a display.

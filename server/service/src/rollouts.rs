@@ -96,8 +96,7 @@ impl Rollouts {
     /// Refuses to go on with a version that fails the gate now, other than by what was overridden at the start.
     async fn require_still_passes(&self, call: &Call, key: &KernelKey, number: u32) -> Result<()> {
         let (rollout, _) = self.store.rollout(key, number).await?;
-        let candidate = self.store.kernel_version(key, rollout.plan.version).await?;
-        let verdict = self.promotions.verdict(call, &candidate).await?;
+        let (_, verdict) = self.promotions.verdict(call, key, rollout.plan.version).await?;
         let failures = verdict.checks.into_iter().filter(|check| !check.passed).map(|check| check.finding);
         let new: Vec<String> = failures.filter(|finding| !rollout.plan.overridden.contains(finding)).collect();
         if new.is_empty() || rollout.state != RolloutState::Running {

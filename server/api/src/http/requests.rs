@@ -24,6 +24,16 @@ use uuid::Uuid;
 /// Time limit for the answer (of a stream: for its start). The slowest answer is the check of a picture of 64 Mpx that
 /// waits for other checks.
 const ANSWER_DEADLINE: Duration = Duration::from_secs(120);
+/// Time limit for calls that make kernel files before they answer.
+const PREPARING_DEADLINE: Duration = Duration::from_secs(600);
+/// Methods whose calls do so.
+const PREPARING: [&str; 5] = [
+    "/lightpath.v1.KernelService/PromoteKernel",
+    "/lightpath.v1.KernelService/CheckPromotion",
+    "/lightpath.v1.RolloutService/StartRollout",
+    "/lightpath.v1.RolloutService/WidenRollout",
+    "/lightpath.v1.RolloutService/CompleteRollout",
+];
 /// Time limit for an upload, whose answer follows its last byte. Each chunk has another time limit.
 const UPLOAD_DEADLINE: Duration = Duration::from_secs(24 * 3600);
 const UPLOADS: [&str; 3] = ["/lightpath.v1.ArtifactService/WriteArtifact", ARTIFACT_UPLOAD, UNNAMED_UPLOAD];
@@ -37,7 +47,11 @@ pub(super) async fn with_deadline(State(api): State<Api>, request: Request, next
     let begin = Instant::now();
     let is_grpc = is_grpc(request.uri().path());
     let method = method(&request);
-    let limit = if UPLOADS.contains(&method.as_str()) { UPLOAD_DEADLINE } else { ANSWER_DEADLINE };
+    let limit = match method.as_str() {
+        upload if UPLOADS.contains(&upload) => UPLOAD_DEADLINE,
+        preparing if PREPARING.contains(&preparing) => PREPARING_DEADLINE,
+        _ => ANSWER_DEADLINE,
+    };
     let limit = client_limit(request.headers()).map_or(limit, |client| client.min(limit));
     let id = Uuid::now_v7().to_string();
     let span = tracing::info_span!("request", id, method);

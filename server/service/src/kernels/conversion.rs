@@ -7,12 +7,11 @@
 //!
 //! A conversion is counted for the client that asked first, whose turn it takes. Only the end of the server ends it early.
 
-use super::conversions::Conversions;
 use super::converted::{ConversionKey, Converted};
 use super::{Kernels, bundle, model_file};
 use crate::call::Call;
 use crate::error::{Result, ServiceError};
-use lightpath_artifacts::{ArtifactError, ArtifactReader, Artifacts, CHUNK_BYTES};
+use lightpath_artifacts::{ArtifactError, ArtifactReader, CHUNK_BYTES};
 use lightpath_domain::kernel::KernelVersion;
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_media::kernel_file::{self, Origin};
@@ -82,10 +81,10 @@ impl Kernels {
             other => other,
         })?;
         let (removed, artifacts) = (self.conversions.insert(key, converted.clone()), self.artifacts.clone());
-        let notes = self.conversions.notes();
+        let conversions = self.conversions.clone();
         let tidy = move || {
             removed.iter().try_for_each(|digest| artifacts.delete_conversion_blocking(digest))?;
-            artifacts.write_conversion_notes_blocking(&notes)
+            conversions.write_notes(|notes| artifacts.write_conversion_notes_blocking(notes))
         };
         if let Ok(Err(error)) = tokio::task::spawn_blocking(tidy).await {
             tracing::warn!(%error, "the converted kernel files could not be tidied up");
@@ -123,14 +122,14 @@ impl Kernels {
         let (display, _) = self.store.display(&version.key.display).await?;
         let need_bytes = model_file::exporting_bytes(format, version.content.size_bytes, &display, &version.key);
         let (artifacts, artifact) = (self.artifacts.clone(), version.content.artifact.clone());
-        let (conversions, record) = (self.conversions.clone(), bundle::record(version));
+        let record = bundle::record(version);
         let export = move || -> Result<_, ArtifactError> {
             let file = artifacts.read_blocking(&artifact)?;
             let Exported { bytes, relative_error, losses } = match exported(&file, record, format) {
                 Ok(exported) => exported,
                 Err(error) => return Ok(Err(error)),
             };
-            let digest = put(&artifacts, &conversions, &bytes)?;
+            let digest = artifacts.put_conversion_blocking(&bytes)?;
             Ok(Ok(Converted { digest, size_bytes: bytes.len() as u64, relative_error, losses }))
         };
         let exported = self.computing.run(call, need_bytes, export).await??;
@@ -153,19 +152,6 @@ pub async fn for_device<T>(work: impl Future<Output = Result<T>>) -> Result<T> {
 async fn within<T>(patience: Duration, work: impl Future<Output = Result<T>>) -> Result<T> {
     let late = |_| Err(ServiceError::Converting { retry_after: DEVICE_RETRY });
     timeout(patience, work).await.unwrap_or_else(late)
-}
-
-/// Stores a converted file. Older ones make room on a disk that is nearly full: they can be made again.
-fn put(artifacts: &Artifacts, conversions: &Conversions, bytes: &[u8]) -> Result<String, ArtifactError> {
-    loop {
-        match artifacts.put_conversion_blocking(bytes) {
-            Err(low @ ArtifactError::DiskLow { .. }) => {
-                let Some(oldest) = conversions.forget_oldest() else { return Err(low) };
-                artifacts.delete_conversion_blocking(&oldest)?;
-            }
-            stored => return stored,
-        }
-    }
 }
 
 /// Converts a file in the native format.

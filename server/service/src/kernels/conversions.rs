@@ -29,7 +29,14 @@ pub(super) type Conversion = Shared<BoxFuture<'static, Result<Converted, Arc<Ser
 
 /// The converted files on disk, and the conversions under way. Clones share them.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Conversions(Arc<Mutex<State>>);
+pub(super) struct Conversions(Arc<Shelf>);
+
+#[derive(Debug, Default)]
+struct Shelf {
+    state: Mutex<State>,
+    /// Whoever writes notes holds it.
+    notes_turn: Mutex<()>,
+}
 
 #[derive(Debug, Default)]
 struct State {
@@ -45,12 +52,16 @@ impl Conversions {
             tracing::warn!(%error, "the converted kernel files of an earlier start cannot be used");
             VecDeque::new()
         });
-        Self(Arc::new(Mutex::new(State { kept, under_way: HashMap::new() })))
+        let state = Mutex::new(State { kept, under_way: HashMap::new() });
+        Self(Arc::new(Shelf { state, notes_turn: Mutex::default() }))
     }
 
-    /// Notes about the files on disk, for [`Self::open`].
-    pub(super) fn notes(&self) -> Vec<u8> {
-        conversion_notes::notes(self.lock().kept.iter())
+    /// Writes notes about the files on disk, for [`Self::open`]. Calls take turns, so that the latest notes are written
+    /// last.
+    pub(super) fn write_notes<T>(&self, write: impl FnOnce(&[u8]) -> T) -> T {
+        let _turn = self.0.notes_turn.lock().unwrap_or_else(PoisonError::into_inner);
+        let notes = conversion_notes::notes(self.lock().kept.iter());
+        write(&notes)
     }
 
     /// The file for a key: the one on disk, or that of the conversion under way. If there is none, `convert` begins for
@@ -77,9 +88,10 @@ impl Conversions {
             );
             return Err(ServiceError::Exhausted { reason: LimitReason::TooMuchUnderWay, message, retry_after: RETRY });
         }
-        let (entry, convert) = (Entry { conversions: self.clone(), key: key.clone() }, convert());
+        let (conversions, own_key, convert) = (self.clone(), key.clone(), convert());
         let task = tokio::spawn(async move {
-            let _entry = entry;
+            // Made here, and not before: a runtime that shuts down drops the task under the lock of this function.
+            let _entry = Entry { conversions, key: own_key };
             convert.await.map_err(Arc::new)
         });
         let conversion = task.map(|ended| ended.unwrap_or_else(|error| Err(Arc::new(ServiceError::Task(error)))));
@@ -101,11 +113,6 @@ impl Conversions {
         removed
     }
 
-    /// Forgets the file that was not used for longest, to make room, and returns its digest.
-    pub(super) fn forget_oldest(&self) -> Option<String> {
-        self.lock().kept.pop_front().map(|(_, file)| file.digest)
-    }
-
     /// Forgets a file that is no longer on disk.
     pub(super) fn forget(&self, key: &ConversionKey) {
         self.lock().kept.retain(|(other, _)| other != key);
@@ -113,7 +120,7 @@ impl Conversions {
 
     fn lock(&self) -> MutexGuard<'_, State> {
         // The state is consistent even after a panic: nothing between its changes can panic.
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.0.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -286,10 +293,9 @@ mod tests {
         assert_eq!((find(&conversions, &b), find(&conversions, &a)), (None, Some(file_a.clone())));
         conversions.forget(&a);
         assert_eq!(find(&conversions, &a), None);
-        assert_eq!(conversions.forget_oldest(), Some(file_c.digest));
         // A file beyond the limit is kept until the next one.
         let (huge, huge_file) = file("huge", BYTES_MAX * 2);
-        assert_eq!(conversions.insert(huge.clone(), huge_file.clone()).len(), 1);
+        assert_eq!(conversions.insert(huge.clone(), huge_file.clone()).len(), 2);
         assert_eq!(find(&conversions, &huge), Some(huge_file));
     }
 
