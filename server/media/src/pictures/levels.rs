@@ -18,7 +18,7 @@ pub fn levels(bytes: &[u8], bit_depth: u32, height_px: usize, width_px: usize) -
     let opened = opening::open(bytes)?;
     match opened.format {
         ImageFormat::Png => require_plain_png(bytes)?,
-        ImageFormat::Bmp => {}
+        ImageFormat::Bmp => require_plain_bmp(bytes)?,
         format => return Err(PictureError::NotLevels { actual: format!("a {} file", opening::name(format)) }),
     }
     let (actual_width_px, actual_height_px) = opened.decoder.dimensions();
@@ -61,6 +61,17 @@ fn require_plain_png(bytes: &[u8]) -> Result<(), PictureError> {
     match (bytes[24], bytes[25]) {
         (8 | 16, 0) => Ok(()),
         (bits, png_colour) => Err(PictureError::NotLevels { actual: kind(bits, png_colour) }),
+    }
+}
+
+/// Refuses a BMP whose levels the decoder would change: it scales values of fewer or more than 8 bits.
+fn require_plain_bmp(bytes: &[u8]) -> Result<(), PictureError> {
+    // The number of bits of a pixel, and how they are coded, in all headers but the oldest: none or run lengths.
+    let number = |at: usize| bytes.get(at..at + 4).map(|digits| u32::from_le_bytes(std::array::from_fn(|i| digits[i])));
+    let bits = number(28).map(|number| number & 0xffff);
+    match (number(14), bits, number(30)) {
+        (Some(40..), Some(8 | 24 | 32), Some(0 | 1)) => Ok(()),
+        _ => Err(PictureError::NotLevels { actual: "a BMP that has not 8 bits a colour".to_owned() }),
     }
 }
 

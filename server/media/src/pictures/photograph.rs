@@ -98,7 +98,7 @@ fn light(
         _ => table[usize::from(samples.integer(i))],
     };
     if samples.kind != SampleKind::F32
-        && let Some(i) = (0..samples.len()).find(|&i| samples.value(i) > full_scale)
+        && let Some(i) = (0..samples.len()).find(|&i| samples.is_colour(i) && samples.value(i) > full_scale)
     {
         let ((x_px, y_px), value) = (samples.place(i), samples.integer(i).into());
         return Err(PictureError::AboveBitDepth { value, x_px, y_px, bit_depth: reading.bit_depth });

@@ -98,6 +98,11 @@ impl<'b> Samples<'b> {
         self.bytes.len() / self.kind.bytes()
     }
 
+    /// Whether the `i`-th sample is not alpha.
+    pub(super) fn is_colour(&self, i: usize) -> bool {
+        i % self.channels < self.colours
+    }
+
     /// Column and row of the `i`-th sample \[px\].
     pub(super) fn place(&self, i: usize) -> (usize, usize) {
         let pixel = i / self.channels;

@@ -20,6 +20,8 @@ const READ: [u16; 23] =
 /// Largest side that is looked at \[px\]; the product of two of them and all bytes of a pixel is no overflow.
 const ANY_SIDE_PX_MAX: u64 = 1 << 20;
 const JPEG_COMPRESSION: u64 = 7;
+/// Format of samples that are floats.
+const FLOATS: u64 = 3;
 /// Bytes of a frame up to the size of the picture.
 const FRAME_BYTES: usize = 9;
 /// Marker before the pixels of a component or of all.
@@ -139,6 +141,10 @@ impl<'a> Directory<'a> {
             return Err(format!("its tags have {values} values, but at most {VALUES_MAX} are read"));
         }
         let samples = self.first(277).unwrap_or(1);
+        // The decoder would take whole numbers for floats.
+        if self.values(258).any(|bits| bits == 32) && self.first(339) != Some(FLOATS) {
+            return Err("its samples are whole numbers of 32 bits".to_owned());
+        }
         if samples > SAMPLES_MAX {
             return Err(format!("a pixel of it has {samples} samples, but at most {SAMPLES_MAX} are read"));
         }

@@ -26,34 +26,58 @@ const SUB_DIRECTORIES: u16 = 330;
 pub(super) fn full_picture(file: &[u8]) -> Result<Directory<'_>, PictureError> {
     let cut = || PictureError::Truncated { format: "TIFF" };
     let form = Form::of(file).ok_or_else(cut)?;
-    let (directories, is_whole) = chain(file, form);
-    let first = directories.first().ok_or_else(cut)?;
+    let Chain { first, full, full_pictures, pictures, is_whole } = Chain::of(file, form);
+    let first = first.ok_or_else(cut)?;
     if !is_whole {
         // Some writers leave chance bytes behind the only picture.
-        return if is_marked(first) { Err(cut()) } else { Ok(first.clone()) };
+        return if is_marked(&first) { Err(cut()) } else { Ok(first) };
     }
-    let mut full = directories.iter().filter(|directory| !is_marked(directory));
-    match (full.next(), full.next(), &directories[..]) {
-        (Some(one), None, _) => Ok(one.clone()),
-        (None, _, [alone]) if !alone.has(SUB_DIRECTORIES) => Ok(alone.clone()),
-        _ => Err(PictureError::SeveralPictures { pictures: directories.len() }),
+    match (full, full_pictures, pictures) {
+        (Some(one), 1, _) => Ok(one),
+        (None, _, 1) if !first.has(SUB_DIRECTORIES) => Ok(first),
+        _ => Err(PictureError::SeveralPictures { pictures }),
     }
 }
 
-/// The directories of a file in their order, and whether the chain has an end.
-fn chain(file: &[u8], form: Form) -> (Vec<Directory<'_>>, bool) {
-    let (mut directories, mut tags) = (Vec::new(), 0);
-    let mut next = first_place(file, form);
-    while let Some(start) = next.filter(|&start| start != 0) {
-        let Some(directory) = Directory::read(file, form, start) else { return (directories, false) };
-        tags += directory.len() + 1;
-        if tags > TAGS_MAX {
-            return (directories, false);
+/// What the directories of a file are. A file may have very many, so only two of them are kept.
+#[derive(Default)]
+struct Chain<'a> {
+    first: Option<Directory<'a>>,
+    /// The first one that is not marked.
+    full: Option<Directory<'a>>,
+    /// Number of those that are not marked.
+    full_pictures: usize,
+    /// Number of all.
+    pictures: usize,
+    /// Whether the chain has an end.
+    is_whole: bool,
+}
+
+impl<'a> Chain<'a> {
+    fn of(file: &'a [u8], form: Form) -> Self {
+        let (mut chain, mut tags) = (Self::default(), 0);
+        let mut next = first_place(file, form);
+        while let Some(start) = next.filter(|&start| start != 0) {
+            let Some(directory) = Directory::read(file, form, start) else { return chain };
+            tags += directory.len() + 1;
+            if tags > TAGS_MAX {
+                return chain;
+            }
+            next = directory.next;
+            chain.add(directory);
         }
-        next = directory.next;
-        directories.push(directory);
+        chain.is_whole = next.is_some();
+        chain
     }
-    (directories, next.is_some())
+
+    fn add(&mut self, directory: Directory<'a>) {
+        self.pictures += 1;
+        if !is_marked(&directory) {
+            self.full_pictures += 1;
+            self.full.get_or_insert_with(|| directory.clone());
+        }
+        self.first.get_or_insert(directory);
+    }
 }
 
 /// Place of the directory to which the header points.
