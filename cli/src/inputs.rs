@@ -12,8 +12,10 @@ pub(crate) const PICTURES: &[&str] = &["png", "jpg", "jpeg", "tif", "tiff", "bmp
 /// Extensions of holograms.
 pub(crate) const HOLOGRAMS: &[&str] = &["png"];
 
-/// How pictures and arrays begin: PNG, JPEG, TIFF and BigTIFF in both byte orders, BMP, `.npy`.
-const STARTS: [&[u8]; 8] = [b"\x89PNG", b"\xff\xd8\xff", b"II*\0", b"MM\0*", b"II+\0", b"MM\0+", b"BM", b"\x93NUMPY"];
+/// How pictures and arrays begin: PNG, JPEG, TIFF and BigTIFF in both byte orders, `.npy`.
+const STARTS: [&[u8]; 7] = [b"\x89PNG", b"\xff\xd8\xff", b"II*\0", b"MM\0*", b"II+\0", b"MM\0+", b"\x93NUMPY"];
+/// Lengths of the second header of a BMP, at its fifteenth byte. Its two letters alone begin many texts.
+const BMP_HEADERS: [u32; 6] = [12, 40, 52, 56, 108, 124];
 
 /// The given files, with the files of each folder in its place: those with one of the extensions, sorted by name. Says
 /// on stderr how many each folder has.
@@ -52,9 +54,9 @@ pub(crate) fn require_pictures<'a>(files: impl IntoIterator<Item = &'a PathBuf>)
         let is_file = std::fs::metadata(path).map_err(failed)?.is_file();
         let mut start = Vec::new();
         if is_file {
-            File::open(path).and_then(|file| file.take(8).read_to_end(&mut start)).map_err(failed)?;
+            File::open(path).and_then(|file| file.take(18).read_to_end(&mut start)).map_err(failed)?;
         }
-        if STARTS.iter().any(|known| start.starts_with(known)) {
+        if STARTS.iter().any(|known| start.starts_with(known)) || is_bmp(&start) {
             return Ok(());
         }
         let path = path.display();
@@ -63,6 +65,11 @@ pub(crate) fn require_pictures<'a>(files: impl IntoIterator<Item = &'a PathBuf>)
              files"
         )))
     })
+}
+
+fn is_bmp(start: &[u8]) -> bool {
+    let header = start.get(14..18).map(|digits| u32::from_le_bytes(std::array::from_fn(|i| digits[i])));
+    start.starts_with(b"BM") && header.is_some_and(|bytes| BMP_HEADERS.contains(&bytes))
 }
 
 /// The text of a file, without the mark that editors of Windows write at the beginning.
@@ -138,6 +145,8 @@ mod tests {
         let good = [file("a", b"\x89PNG\r\n\x1a\n"), file("b", b"\xff\xd8\xff\xe0"), file("c", b"II*\0\x08\0\0\0")];
         require_pictures(&good).unwrap();
         require_pictures(&[file("d", b"\x93NUMPY\x01")]).unwrap();
+        require_pictures(&[file("e", b"BM\x36\x03\0\0\0\0\0\0\x36\0\0\0\x28\0\0\0")]).unwrap();
+        require_pictures(&[file("f.bmp", b"BMW is a maker of cars.")]).unwrap_err();
         let pipe = folder.path().join("pipe");
         assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
         let key = file("key.png", b"-----BEGIN OPENSSH PRIVATE KEY-----");

@@ -112,8 +112,8 @@ struct Cli {
     client_key: Option<PathBuf>,
 
     /// Send the token unencrypted, over http://, to a server on another machine: only if nobody else is on the network
-    #[arg(long, global = true, env = "LIGHTPATH_INSECURE", help_heading = "Global options")]
-    insecure: bool,
+    #[arg(long, global = true, env = "LIGHTPATH_TOKEN_OVER_HTTP", help_heading = "Global options")]
+    token_over_http: bool,
 
     /// Print tables for people, or the API's messages in protobuf's JSON form: one document, or one line each
     #[arg(long, global = true, default_value = "table", value_name = "FORM", help_heading = "Global options")]
@@ -235,7 +235,7 @@ async fn run(cli: Cli) -> Result<(), Failure> {
             cli.token_file.as_deref(),
             cli.ca_file.as_deref(),
             certificate,
-            cli.insecure,
+            cli.token_over_http,
             cli.output,
         )
     };

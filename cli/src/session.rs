@@ -48,7 +48,7 @@ impl Session {
         token_file: Option<&Path>,
         authority: Option<&Path>,
         certificate_and_key: Option<(&Path, &Path)>,
-        insecure: bool,
+        token_over_http: bool,
         output: Output,
     ) -> Result<Self, Failure> {
         let token = token_file
@@ -62,7 +62,7 @@ impl Session {
                 None => None,
                 Some((certificate, key)) => Some((read(certificate)?, read(key)?)),
             },
-            insecure,
+            token_over_http,
         };
         let stdout = Stdout { holds_file: Cell::new(false), is_json: output != Output::Table };
         Ok(Self { client: Client::connect_as(url, &credentials)?, output, stdout })

@@ -60,7 +60,7 @@ pub struct Credentials {
     /// Certificate and private key (PEM) of the client, for a server that requires a client certificate.
     pub certificate_and_key_pem: Option<(Vec<u8>, Vec<u8>)>,
     /// Whether the token may go unencrypted to another machine, because nobody else is on the network.
-    pub insecure: bool,
+    pub token_over_http: bool,
 }
 
 /// Hides the token and the key.
@@ -109,7 +109,8 @@ impl Client {
         let authorization = credentials.token.as_deref().map(authorization).transpose()?;
         let endpoint = endpoint(url, credentials)?;
         let is_encrypted = endpoint.uri().scheme_str() == Some("https");
-        if authorization.is_some() && !credentials.insecure && !is_encrypted && !is_local(endpoint.uri().host()) {
+        if authorization.is_some() && !credentials.token_over_http && !is_encrypted && !is_local(endpoint.uri().host())
+        {
             return Err(Error::OpenToken { url: url.to_owned() });
         }
         let channel = endpoint.connect_lazy();
@@ -194,7 +195,7 @@ fn endpoint(url: &str, credentials: &Credentials) -> Result<Endpoint> {
 /// Whether a host is this machine.
 fn is_local(host: Option<&str>) -> bool {
     let host = host.unwrap_or_default().trim_start_matches('[').trim_end_matches(']');
-    host == "localhost" || host.parse().is_ok_and(|address: IpAddr| address.is_loopback())
+    host.eq_ignore_ascii_case("localhost") || host.parse().is_ok_and(|address: IpAddr| address.is_loopback())
 }
 
 /// TLS settings: the authorities that the system trusts, plus the credentials.
@@ -264,7 +265,7 @@ mod tests {
                 "{refused}"
             );
             assert!(Client::connect(url).is_ok(), "no token is sent");
-            let allowed = Credentials { token: Some("secret".into()), insecure: true, ..Credentials::default() };
+            let allowed = Credentials { token: Some("secret".into()), token_over_http: true, ..Credentials::default() };
             assert!(Client::connect_as(url, &allowed).is_ok());
         }
     }

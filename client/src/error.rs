@@ -26,7 +26,7 @@ pub enum Error {
     Token,
     /// The token would go unencrypted to another machine.
     #[error(
-        "the access token would go unencrypted to {url}: use https://, or allow it (--insecure, LIGHTPATH_INSECURE=true) if \
+        "the access token would go unencrypted to {url}: use https://, or allow it (--token-over-http, LIGHTPATH_TOKEN_OVER_HTTP=true) if \
          nobody else is on the network"
     )]
     OpenToken { url: String },

@@ -48,6 +48,6 @@ def test_the_token_goes_unencrypted_to_the_same_machine_only(monkeypatch: pytest
     with pytest.raises(InvalidArgument, match="would go unencrypted to http://lab:7070: use https://"):
         address("http://lab:7070", "lp_secret", None, None, None)
     assert not address("http://lab:7070", None, None, None, None).metadata
-    assert address("http://lab:7070", "lp_secret", None, None, None, insecure=True).metadata
-    monkeypatch.setenv("LIGHTPATH_INSECURE", "true")
+    assert address("http://lab:7070", "lp_secret", None, None, None, token_over_http=True).metadata
+    monkeypatch.setenv("LIGHTPATH_TOKEN_OVER_HTTP", "true")
     assert address("http://lab:7070", "lp_secret", None, None, None).metadata

@@ -20,6 +20,9 @@ export function h(tag, attributes = {}, ...children) {
 /** Longest time for which a press delays what is to be shown [ms]. Not every press ends with an event: lists of choices take it. */
 const PRESS_MAX = 3000;
 
+/** Longest time from the end of a touch to its click [ms]. */
+const CLICK_MAX = 400;
+
 /** The element that the pointer presses, and what is to be shown when it is released, by the element that shows it. */
 let pressed = null;
 let pressTimer = 0;
@@ -58,7 +61,7 @@ addEventListener("pointerdown", (event) => {
   pressed = event.target;
   pressTimer = setTimeout(release, PRESS_MAX);
 }, true);
-for (const end of ["pointerup", "pointercancel", "blur"]) {
-  // The click follows `pointerup` at once.
-  addEventListener(end, (event) => (event.type !== "blur" || event.target === window) && setTimeout(release), true);
-}
+// The click follows `pointerup`: that of a mouse at once, that of a finger a little later.
+addEventListener("pointerup", (event) => setTimeout(release, event.pointerType === "mouse" ? 0 : CLICK_MAX), true);
+for (const end of ["click", "pointercancel"]) addEventListener(end, () => setTimeout(release), true);
+addEventListener("blur", release);

@@ -37,9 +37,9 @@ pub(super) fn postgres_options(url: &str) -> Result<PgConnectOptions> {
 
 /// Whether the server is on this machine.
 fn is_local(options: &PgConnectOptions) -> bool {
-    let host = options.get_host();
+    let host = options.get_host().trim_start_matches('[').trim_end_matches(']');
     let is_loopback = host.parse().is_ok_and(|address: IpAddr| address.is_loopback());
-    options.get_socket().is_some() || host.starts_with('/') || host == "localhost" || is_loopback
+    options.get_socket().is_some() || host.starts_with('/') || host.eq_ignore_ascii_case("localhost") || is_loopback
 }
 
 /// Connects to PostgreSQL, or says why that is impossible.
@@ -80,6 +80,7 @@ mod tests {
             "postgres://ada@db.example/lightpath?sslmode=disable",
             "postgres://ada@localhost/lightpath",
             "postgres://ada@127.0.0.1:5433/lightpath",
+            "postgres://ada@[::1]/lightpath",
             "postgres://ada@%2Frun%2Fpostgresql/lightpath",
             "postgres:///lightpath?host=/run/postgresql",
         ] {

@@ -72,7 +72,7 @@ def address(
     ca_file: str | os.PathLike[str] | None,
     client_certificate: tuple[str | os.PathLike[str], str | os.PathLike[str]] | None,
     *,
-    insecure: bool | None = None,
+    token_over_http: bool | None = None,
 ) -> Address:
     """Return the address for the arguments of `connect`."""
     url = url or os.environ.get("LIGHTPATH_SERVER") or DEFAULT_URL
@@ -94,10 +94,10 @@ def address(
             tls.load_cert_chain(certificate, key)
     found = _token(token, token_file)
     is_open = parts.scheme == "http" and not _is_local(parts.hostname or "")
-    if insecure is None:
-        insecure = os.environ.get("LIGHTPATH_INSECURE") == "true"
-    if found is not None and is_open and not insecure:
-        fix = "use https://, or insecure=True if nobody else is on the network"
+    if token_over_http is None:
+        token_over_http = os.environ.get("LIGHTPATH_TOKEN_OVER_HTTP") == "true"
+    if found is not None and is_open and not token_over_http:
+        fix = "use https://, or token_over_http=True if nobody else is on the network"
         raise InvalidArgument("token", f"would go unencrypted to {url}", fix)
     metadata = (("authorization", f"Bearer {found}"),) if found is not None else ()
     return Address(url, parts.netloc + default_port, credentials, metadata, tls)

@@ -23,7 +23,7 @@ export function acceptDrops(open) {
 export function newPage(root) {
   const notice = h("div", { role: "status" });
   const preview = h("img", { class: "preview", alt: "The chosen picture", hidden: true });
-  const file = h("input", { id: "picture", type: "file", accept: "image/png,image/jpeg,image/tiff", required: true, onchange: () => choose(file.files[0]) });
+  const file = h("input", { id: "picture", type: "file", accept: "image/png,image/jpeg,image/tiff,image/bmp,.npy", required: true, onchange: () => choose(file.files[0]) });
   const display = h("select", { id: "display", required: true, onchange: fillDistances });
   const distances = h("datalist", { id: "distances" });
   const distance = h("input", { id: "distance", type: "number", min: 0.001, step: "any", required: true, list: "distances", value: 150 });
@@ -32,7 +32,7 @@ export function newPage(root) {
   const submit = h("button", { type: "submit", class: "main" }, "Make the hologram");
   const field = (label, input, unit) => h("label", { for: input.id }, label, h("span", { class: "field" }, input, unit && h("span", {}, unit)));
   const form = h("form", { class: "new", onsubmit: send },
-    field("Picture (PNG, JPEG or TIFF), or drop one anywhere on this page", file), preview,
+    field("Picture (PNG, JPEG, TIFF, BMP or .npy), or drop one anywhere on this page", file), preview,
     field("Display", display), field("Distance from the display to the picture", distance, "mm"), distances,
     field("Kernel", kernel), field("Iterations", iterations), h("p", { class: "actions" }, submit), notice);
   const body = h("div", {});

@@ -38,7 +38,7 @@ def connect(
     token_file: str | os.PathLike[str] | None = None,
     ca_file: str | os.PathLike[str] | None = None,
     client_certificate: tuple[str | os.PathLike[str], str | os.PathLike[str]] | None = None,
-    insecure: bool | None = None,
+    token_over_http: bool | None = None,
 ) -> Lab:
     """Return the server at `url`, by default `LIGHTPATH_SERVER` or http://127.0.0.1:7070. The first call connects.
 
@@ -47,10 +47,10 @@ def connect(
     - `ca_file`: PEM file of the authority that signed the server's certificate, if the system does not trust it.
       Default: `LIGHTPATH_CA_FILE`
     - `client_certificate`: PEM files of certificate and key. Default: `LIGHTPATH_CLIENT_CERT`, `LIGHTPATH_CLIENT_KEY`
-    - `insecure`: send the token unencrypted, over http://, to another machine, if nobody else is on the network.
-      Default: whether `LIGHTPATH_INSECURE` is `true`
+    - `token_over_http`: send the token unencrypted, over http://, to another machine, if nobody else is on the network.
+      Default: whether `LIGHTPATH_TOKEN_OVER_HTTP` is `true`
     """
-    return Lab(Connection(address(url, token, token_file, ca_file, client_certificate, insecure=insecure)))
+    return Lab(Connection(address(url, token, token_file, ca_file, client_certificate, token_over_http=token_over_http)))
 
 
 class Lab:
