@@ -1,6 +1,6 @@
 //! Pictures and phases in NumPy's array files.
 
-use super::samples::SampleKind;
+use super::sample_kind::SampleKind;
 use super::{FILE_BYTES_MAX, PIXELS_MAX, PictureError, SIDE_PX_MAX};
 use crate::npy;
 use lightpath_optics::Plane;

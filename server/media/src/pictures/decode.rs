@@ -2,7 +2,7 @@
 
 use super::memory::{self, reading_bytes};
 use super::opening::{name, open};
-use super::samples::Samples;
+use super::samples::{Channel, Samples};
 use super::{PictureError, array, fit, jpeg_end};
 use crate::budget::Budget;
 use crate::npy;
@@ -14,15 +14,6 @@ use lightpath_optics::Plane;
 
 /// Smallest side of a target \[px\]. Smaller pictures show nothing useful.
 pub const SIDE_PX_MIN: u32 = 8;
-
-/// The colour channel that gives a picture's light.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Channel {
-    /// The mean of all colours.
-    Mean,
-    /// One colour: 0 red, 1 green, 2 blue. In a grey picture all three equal the grey value.
-    Colour(usize),
-}
 
 /// Decodes a target picture to linear light in [0, 1], fitted to a display of `height_px` × `width_px`.
 ///

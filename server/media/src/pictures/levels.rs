@@ -1,6 +1,7 @@
 //! Reading of holograms: grey pictures whose values are levels of the display.
 
-use super::samples::{SampleKind, Samples};
+use super::sample_kind::SampleKind;
+use super::samples::Samples;
 use super::{PictureError, opening, reading_bytes};
 use crate::budget::Budget;
 use image::{ImageDecoder as _, ImageFormat};

@@ -26,6 +26,7 @@ mod opening;
 mod photograph;
 mod picture_bytes;
 mod png_chunks;
+mod sample_kind;
 mod samples;
 mod srgb;
 #[cfg(test)]
@@ -37,7 +38,7 @@ use picture_bytes::PictureBytes;
 
 pub use array::phase_npy;
 pub use decode::{
-    Channel, SIDE_PX_MIN, colour_planes, photograph, photograph_channel, picture_size, target_channel, target_intensity,
+    SIDE_PX_MIN, colour_planes, photograph, photograph_channel, picture_size, target_channel, target_intensity,
 };
 pub use encode::{colour_png, grey_png_linear, grey_png_srgb, levels_png, npy_f32, rgb_png};
 pub use error::PictureError;
@@ -46,6 +47,7 @@ pub use hologram::{Hologram, hologram};
 pub use levels::levels;
 pub use memory::{pixels, reading_bytes};
 pub use photograph::{Photo, PhotoReading, SATURATED, SATURATION, photo};
+pub use samples::Channel;
 pub use srgb::{linear_to_srgb, srgb_to_linear};
 
 /// Longest accepted side of a picture \[px\]: longer than that of any SLM or camera.

@@ -9,7 +9,8 @@
 //! channel alone.
 
 use super::decode::Picture;
-use super::samples::{SampleKind, Samples};
+use super::sample_kind::SampleKind;
+use super::samples::Samples;
 use super::{PictureError, reading_bytes, srgb_to_linear};
 use crate::budget::Budget;
 use lightpath_domain::dataset::{Encoding, LargestValue};
@@ -143,6 +144,13 @@ mod tests {
 
     fn wide(values: [u16; 2]) -> Vec<u8> {
         values.iter().flat_map(|value| value.to_ne_bytes()).collect()
+    }
+
+    #[test]
+    fn alpha_is_no_value_of_the_camera() {
+        let twelve = PhotoReading { bit_depth: 12, ..LINEAR };
+        let opaque = [819_u16, u16::MAX, 4095, u16::MAX].map(u16::to_ne_bytes).concat();
+        assert_eq!(values(&png(&opaque, ExtendedColorType::La16), &twelve), [0.2, 1.0]);
     }
 
     #[test]

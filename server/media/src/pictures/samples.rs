@@ -1,8 +1,8 @@
 //! The samples of a decoded picture or array, in the numbers of its file.
 
 use super::array::ArrayPicture;
-use super::decode::Channel;
 use super::opening::{Opened, name, refusal};
+use super::sample_kind::SampleKind;
 use super::{PictureError, srgb_to_linear};
 use crate::budget::{Budget, Held};
 use image::{ColorType, ImageDecoder as _};
@@ -12,33 +12,13 @@ use lightpath_optics::Plane;
 /// How far floats may lie outside of 0 to 1 by rounding.
 const ROUNDING: f32 = 1e-6;
 
-/// The type of a sample.
+/// The colour channel that gives a picture's light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum SampleKind {
-    U8,
-    U16,
-    /// float32.
-    F32,
-}
-
-impl SampleKind {
-    /// Length of a sample \[bytes\].
-    pub(super) fn bytes(self) -> usize {
-        match self {
-            Self::U8 => 1,
-            Self::U16 => 2,
-            Self::F32 => 4,
-        }
-    }
-
-    /// The value of white.
-    pub(super) fn full_scale(self) -> f32 {
-        match self {
-            Self::U8 => u8::MAX.into(),
-            Self::U16 => u16::MAX.into(),
-            Self::F32 => 1.0,
-        }
-    }
+pub enum Channel {
+    /// The mean of all colours.
+    Mean,
+    /// One colour: 0 red, 1 green, 2 blue. In a grey picture all three equal the grey value.
+    Colour(usize),
 }
 
 /// Interleaved samples in the machine's byte order.

@@ -63,6 +63,27 @@ fn grey_bitmaps_are_pictures_and_holograms() {
 }
 
 #[test]
+fn bitmaps_whose_levels_would_be_scaled_are_no_holograms() {
+    let mut bitmap = file(image::RgbImage::new(9, 8), ImageFormat::Bmp);
+    // 5 bits a colour, without run lengths.
+    bitmap[28] = 16;
+    let refused = levels(&bitmap, 8, 8, 9).unwrap_err().to_string();
+    assert!(refused.contains("has not 8 bits a colour"), "{refused}");
+}
+
+#[test]
+fn tiff_files_of_32_bits_must_be_floats() {
+    let light = image::Rgb32FImage::from_pixel(9, 8, image::Rgb([0.25, 0.25, 0.25]));
+    let mut floats = file(image::DynamicImage::from(light), ImageFormat::Tiff);
+    assert_eq!(photograph(&floats, Encoding::Linear).unwrap().at(7, 8), 0.25);
+    // Without the tag SampleFormat the samples are whole numbers.
+    let at = floats.windows(4).position(|bytes| bytes == [0x53, 0x01, 3, 0]).unwrap();
+    floats[at] = 0xff;
+    let refused = photograph(&floats, Encoding::Linear).unwrap_err().to_string();
+    assert!(refused.contains("whole numbers of 32 bits"), "{refused}");
+}
+
+#[test]
 fn holograms_are_levels_or_phases() {
     let png = levels_png(&Plane::filled(4, 6, 200), 8).unwrap();
     assert_eq!(hologram(&png, 8, 4, 6).unwrap(), Hologram::Levels(Plane::filled(4, 6, 200)));
