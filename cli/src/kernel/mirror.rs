@@ -19,8 +19,9 @@ use std::path::{Path, PathBuf};
 /// are written to the paths at which a Lightpath server has them, so that lightpath-agent works with the mirror as its
 /// --server. The mirror needs no key: devices check the signatures of the server.
 ///
-/// The web server must support ranges, with which devices continue a download. It ignores what follows the ? of an address. So a mirror has one format of each kernel, gives all
-/// devices the active version, also during a staged rollout, and learns from no report which version they use.
+/// The web server must support ranges, with which devices continue a download. It ignores what follows the ? of an
+/// address. So a mirror has one format of each kernel, gives all devices the active version, also during a staged rollout,
+/// and learns from no report which version they use.
 ///
 /// A manifest counts for about a week. Run the command again after each promotion, and at least once a day, for example by
 /// cron. It fetches the kernel only if the folder does not have it, replaces each file in one step, and the manifest last.

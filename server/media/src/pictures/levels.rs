@@ -12,8 +12,9 @@ use lightpath_optics::Plane;
 ///
 /// # Errors
 ///
-/// [`PictureError`] for a file that is no readable PNG or BMP, is not grey, has another size than `height_px` × `width_px`, holds
-/// a level that the display does not have, or has 8 bits and not all levels of the display: a viewer may have scaled them.
+/// [`PictureError`] for a file that is no readable PNG or BMP, is not grey, has another size than `height_px` ×
+/// `width_px`, holds a level that the display does not have, or has 8 bits and not all levels of the display: a viewer may
+/// have scaled them.
 pub fn levels(bytes: &[u8], bit_depth: u32, height_px: usize, width_px: usize) -> Result<Plane<u16>, PictureError> {
     let budget = Budget::new(reading_bytes(bytes, (height_px * width_px) as u64));
     let opened = opening::open(bytes)?;

@@ -1,8 +1,9 @@
 //! Pictures: decoding of users' files, fitting to a display, and encoding of results.
 //!
-//! A picture (PNG, JPEG, TIFF, BMP) or array (`.npy`) is recognized by its content, never by a file name. Its header is read and its size is checked before
-//! memory for its pixels is allocated. No file takes more memory than [`reading_bytes`] says of it from its header
-//! ([`crate::budget`]). The result of decoding is a plane of linear light in [0, 1]:
+//! A picture (PNG, JPEG, TIFF, BMP) or array (`.npy`) is recognized by its content, never by a file name. Its header is
+//! read and its size is checked before memory for its pixels is allocated. No file takes more memory than
+//! [`reading_bytes`] says of it from its header ([`crate::budget`]). The result of decoding is a plane of linear light in
+//! [0, 1]:
 //!
 //! - sRGB values are decoded to linear light *before* channels are averaged and pixels are resampled;
 //! - the light is the mean over the colour channels, unless the caller asks for one channel;
