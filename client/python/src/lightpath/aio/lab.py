@@ -50,7 +50,9 @@ def connect(
     - `token_over_http`: send the token unencrypted, over http://, to another machine, if nobody else is on the network.
       Default: whether `LIGHTPATH_TOKEN_OVER_HTTP` is `true`
     """
-    return Lab(Connection(address(url, token, token_file, ca_file, client_certificate, token_over_http=token_over_http)))
+    return Lab(
+        Connection(address(url, token, token_file, ca_file, client_certificate, token_over_http=token_over_http))
+    )
 
 
 class Lab:
