@@ -68,7 +68,22 @@ fn all() -> Vec<Shape> {
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn memory_of_jobs_stays_below_its_estimate() {
+async fn memory_of_jobs_for_holograms_stays_below_its_estimate() {
+    stays_below(|spec| matches!(spec, Spec::Hologram(_) | Spec::Verify)).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn memory_of_jobs_for_datasets_stays_below_its_estimate() {
+    stays_below(|spec| matches!(spec, Spec::Dataset(_) | Spec::Capture)).await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn memory_of_jobs_for_reports_stays_below_its_estimate() {
+    stays_below(|spec| matches!(spec, Spec::DenseReport(_))).await;
+}
+
+/// Measures the jobs of the shapes of some kinds.
+async fn stays_below(is_meant: impl Fn(&Spec) -> bool) {
     // `all`, or a part of the names of some shapes.
     let shapes = match std::env::var("LIGHTPATH_ESTIMATE_SHAPES") {
         Err(_) => few(),
@@ -76,7 +91,7 @@ async fn memory_of_jobs_stays_below_its_estimate() {
         Ok(which) => all().into_iter().filter(|shape| shape.name.contains(&which)).collect(),
     };
     let mut wrong = Vec::new();
-    for shape in shapes {
+    for shape in shapes.into_iter().filter(|shape| is_meant(&shape.spec)) {
         for (name, job) in measure(&shape).await {
             let (ratio, time_ratio) = (job.estimate_mib / job.memory_mib, job.estimate_s / job.took_s);
             let small = job.estimate_mib < SMALL_MIB;
