@@ -99,7 +99,8 @@ async fn stays_below(is_meant: impl Fn(&Spec) -> bool) {
             let Measured { estimate_mib, memory_mib, estimate_s, took_s } = job;
             let memory = format!("{estimate_mib:.0} MiB | {memory_mib:.0} MiB | {ratio:.2}");
             let line = format!("| {name} | {memory} | {estimate_s:.1} s | {took_s:.1} s | {time_ratio:.2} |{verdict}");
-            writeln!(std::io::stderr(), "{line}").unwrap();
+            let mut stderr = std::io::stderr();
+            writeln!(stderr, "{line}").unwrap();
             if !verdict.is_empty() {
                 wrong.push(line);
             }
