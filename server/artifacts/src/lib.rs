@@ -32,13 +32,15 @@
 //!
 //! # Layout
 //!
-//! - `digest`: names of blobs. `folder`: blobs of one folder. `blobs`: such a folder, and the remote behind it. `remote`: blobs in a bucket. `publish`: storing and recording. `remote_calls`: what else processes that share a bucket do. `upload`: resumable uploads. `interrupted`: uploads that wait for a call that continues them. `read`: streaming. `error`.
+//! - `digest`: names of blobs. `folder`: blobs of one folder. `blobs`: such a folder, and the remote behind it. `remote`: blobs in a bucket. `publish`: storing and recording. `remote_calls`: what else processes that share a bucket do. `upload`: resumable uploads. `interrupted`: uploads that wait for a call that continues them. `conversions`: files that can be made again; `conversion_calls`: storing and reading them. `read`: streaming. `error`.
 //! - `examined`: files that were hashed recently. `identity`: the name of a data folder. `space`: free space on the disk. `claim`: room that is claimed before bytes are written. `lock`: locks on files. `private`: modes of files. `blocking`: threads for file access. `inventory`: read access for checks and backups while a server may be running.
 #![cfg_attr(test, allow(clippy::unwrap_used, clippy::print_stdout))]
 
 mod blobs;
 mod blocking;
 mod claim;
+mod conversion_calls;
+mod conversions;
 mod digest;
 mod error;
 mod examined;
@@ -55,7 +57,6 @@ mod remote_calls;
 #[cfg(test)]
 mod room_tests;
 mod space;
-mod spare;
 #[cfg(test)]
 mod tests;
 mod upload;
@@ -77,13 +78,13 @@ pub use upload::{UploadTurn, UploadWriter, Uploads};
 
 use blobs::Blobs;
 use blocking::blocking;
+use conversions::Conversions;
 use examined::Examined;
 use folder::Folder;
 use interrupted::Interrupted;
 use lock::try_lock;
 use remote::Remote;
 use remote::cache::Cache;
-use spare::Spare;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -100,9 +101,7 @@ struct Inner {
     blobs: Arc<Blobs>,
     examined: Examined,
     checkpoints: Blobs,
-    conversions: Folder,
-    /// What was found out about conversions: many devices fetch the same one at the same time.
-    examined_conversions: Examined,
+    conversions: Arc<Conversions>,
     uploads: Uploads,
     remote: Option<Arc<Remote>>,
     data_dir: PathBuf,
@@ -213,16 +212,16 @@ impl Artifacts {
         let blobs = |kind, root| Blobs::new(kind, Folder::new(root, temporary.clone()), behind.clone());
         let checkpoints = blobs(BlobKind::Checkpoint, checkpoints);
         let blobs = Arc::new(blobs(BlobKind::Artifact, artifacts));
-        let (interrupted, spare) = (Interrupted::open(received.clone())?, Spare::new(conversions.clone()));
-        let space = Arc::new(Space::new(limits, data_dir.to_owned(), interrupted, spare));
+        let conversions = Arc::new(Conversions::new(Folder::new(conversions, temporary)));
+        let interrupted = Interrupted::open(received.clone())?;
+        let space = Arc::new(Space::new(limits, data_dir.to_owned(), interrupted, Arc::clone(&conversions)));
         let uploads = Uploads::new(received, Arc::clone(&space), Arc::clone(&blobs));
         Ok(Self {
             inner: Arc::new(Inner {
                 blobs,
                 examined: Examined::default(),
                 checkpoints,
-                conversions: Folder::new(conversions, temporary),
-                examined_conversions: Examined::default(),
+                conversions,
                 uploads,
                 remote,
                 data_dir: data_dir.to_owned(),
@@ -416,66 +415,6 @@ impl Artifacts {
     pub async fn delete_checkpoint(&self, digest: &str) -> Result<()> {
         let digest = digest.to_owned();
         self.blocking(move |inner| inner.checkpoints.delete(&digest)).await
-    }
-
-    /// Stores a file that can be made again, and returns its digest. Blocks.
-    ///
-    /// # Errors
-    ///
-    /// [`ArtifactError::DiskLow`] if the file would use the reserve of the disk.
-    pub fn put_conversion_blocking(&self, bytes: &[u8]) -> Result<String> {
-        let _claim = Claim::take(&self.inner.space, "", 0, bytes.len() as u64)?;
-        let digest = self.inner.conversions.put(bytes, |_, _| Ok(()))?;
-        if let Some(stamp) = self.inner.conversions.stamp(&digest)? {
-            self.inner.examined_conversions.record(&digest, stamp, true);
-        }
-        Ok(digest)
-    }
-
-    /// Checks a stored conversion against its digest, if it was not checked in the last minutes or has changed since, then
-    /// returns a reader of at most `limit_bytes` (0: all) of its bytes from `offset_bytes` on. Blocks.
-    ///
-    /// # Errors
-    ///
-    /// The errors of [`Self::read_range_blocking`].
-    pub fn read_conversion_blocking(
-        &self,
-        digest: &str,
-        offset_bytes: u64,
-        limit_bytes: u64,
-    ) -> Result<ArtifactReader> {
-        let Inner { conversions, examined_conversions, .. } = &*self.inner;
-        let stamp = conversions.stamp(digest)?;
-        let is_intact = stamp.is_some_and(|stamp| examined_conversions.finding(digest, stamp) == Some(true));
-        let (file, size_bytes) =
-            if is_intact { conversions.open(digest)? } else { conversions.open_verified(digest)? };
-        if let (false, Some(stamp)) = (is_intact, stamp) {
-            examined_conversions.record(digest, stamp, true);
-        }
-        ArtifactReader::new(file, size_bytes, offset_bytes, limit_bytes)
-    }
-
-    /// Digests and sizes \[bytes\] of all conversions. Blocks.
-    pub fn conversions_blocking(&self) -> Result<Vec<(String, u64)>> {
-        let conversions = &self.inner.conversions;
-        let sizes = conversions.list()?.into_iter().map(|digest| Ok((conversions.size(&digest)?, digest)));
-        let sizes: Vec<(Option<u64>, String)> = sizes.collect::<Result<_>>()?;
-        Ok(sizes.into_iter().filter_map(|(size_bytes, digest)| Some((digest, size_bytes?))).collect())
-    }
-
-    /// Keeps notes about the conversions for the next start, in the place of earlier ones. Blocks.
-    pub fn write_conversion_notes_blocking(&self, notes: &[u8]) -> Result<()> {
-        self.inner.conversions.write_notes(notes)
-    }
-
-    /// The notes about the conversions; `None`: there are none. Blocks.
-    pub fn conversion_notes_blocking(&self) -> Result<Option<Vec<u8>>> {
-        self.inner.conversions.notes()
-    }
-
-    /// Removes a conversion. A missing one is no error. Blocks.
-    pub fn delete_conversion_blocking(&self, digest: &str) -> Result<()> {
-        self.inner.conversions.delete(digest)
     }
 
     /// Digests of all checkpoints on disk. With a remote, these are the cached ones.

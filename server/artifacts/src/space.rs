@@ -4,14 +4,14 @@
 //! and all bytes that are claimed and not yet written, as far as nobody but claimants writes. If room is missing, files
 //! that can be made again go first, and then interrupted uploads, the oldest before the others.
 
+use crate::conversions::Conversions;
 use crate::error::{ArtifactError, Result};
 use crate::interrupted::Interrupted;
-use crate::spare::Spare;
 use rustix::fs::statvfs;
 use std::collections::HashMap;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Limits on the space that new uploads and jobs may use.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -30,7 +30,7 @@ pub struct Space {
     data_dir: PathBuf,
     claims: Mutex<Claims>,
     interrupted: Interrupted,
-    spare: Spare,
+    conversions: Arc<Conversions>,
 }
 
 /// Sums of all claims.
@@ -66,8 +66,13 @@ impl Claims {
 }
 
 impl Space {
-    pub(crate) fn new(limits: SpaceLimits, data_dir: PathBuf, interrupted: Interrupted, spare: Spare) -> Self {
-        Self { limits, stored_bytes: AtomicU64::new(0), data_dir, claims: Mutex::default(), interrupted, spare }
+    pub(crate) fn new(
+        limits: SpaceLimits,
+        data_dir: PathBuf,
+        interrupted: Interrupted,
+        conversions: Arc<Conversions>,
+    ) -> Self {
+        Self { limits, stored_bytes: AtomicU64::new(0), data_dir, claims: Mutex::default(), interrupted, conversions }
     }
 
     /// Free space on the disk, without the space that the system keeps for its administrator \[bytes\].
@@ -190,9 +195,9 @@ impl Space {
         if free_bytes >= needed_bytes {
             return Ok(free_bytes);
         }
-        let removable_bytes = self.spare.bytes().saturating_add(self.interrupted.bytes());
+        let removable_bytes = self.conversions.bytes().saturating_add(self.interrupted.bytes());
         if free_bytes.saturating_add(removable_bytes) >= needed_bytes {
-            self.spare.make_room(needed_bytes - free_bytes);
+            self.conversions.make_room(needed_bytes - free_bytes);
             free_bytes = self.free_bytes()?;
             while free_bytes < needed_bytes && self.interrupted.remove_one() {
                 free_bytes = self.free_bytes()?;

@@ -173,9 +173,7 @@ impl Promotions {
     /// may take a minute: a version that becomes active is ready to be fetched. What may change meanwhile is read afterwards.
     pub(crate) async fn verdict(&self, call: &Call, key: &KernelKey, version: u32) -> Result<(KernelVersion, Verdict)> {
         let candidate = self.store.kernel_version(key, version).await?;
-        let mut forms = self.store.forms_in_use(key).await?;
-        forms.extend(self.gate_of(&key.display).await?.forms);
-        for form in forms {
+        for form in self.forms_needed(key, &self.gate_of(&key.display).await?).await? {
             self.check_form(call, &candidate, form).await?;
         }
         let candidate = self.store.kernel_version(key, version).await?;
@@ -187,12 +185,17 @@ impl Promotions {
             None => None,
         };
         let mut checks = gate.check(&candidate, rival.as_ref());
-        let mut forms = self.store.forms_in_use(key).await?;
-        forms.extend(gate.forms);
-        for form in KernelFormat::ALL.into_iter().filter(|form| forms.contains(form)) {
+        for form in self.forms_needed(key, &gate).await? {
             checks.push(self.check_form(call, &candidate, form).await?);
         }
         Ok((candidate, Verdict { checks, active }))
+    }
+
+    /// The forms in which a version must be available: those that devices use, and those that the gate names.
+    async fn forms_needed(&self, key: &KernelKey, gate: &PromotionGate) -> Result<Vec<KernelFormat>> {
+        let used = self.store.forms_in_use(key).await?;
+        let is_needed = |form: &KernelFormat| used.contains(form) || gate.forms.contains(form);
+        Ok(KernelFormat::ALL.into_iter().filter(is_needed).collect())
     }
 
     /// The gate of a display.

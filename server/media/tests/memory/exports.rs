@@ -28,10 +28,10 @@ fn export_within(model: &DisplayModel, format: KernelFormat) -> u64 {
 fn every_form_takes_what_is_counted() {
     let _alone = alone();
     for format in KernelFormat::ALL {
-        export_within(&smooth([136, 240]), format);
+        export_within(&smooth([72, 128]), format);
     }
     // The form that takes most.
-    export_within(&smooth([270, 480]), KernelFormat::Npz);
+    export_within(&smooth([200, 356]), KernelFormat::Npz);
 }
 
 #[test]

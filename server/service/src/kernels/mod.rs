@@ -4,7 +4,8 @@
 //!
 //! - `versions`: versions that somebody names. `choice`: which version a job uses.
 //! - `model_file`: the models in files, and the memory that reading and writing them takes. `conversion`: files in other
-//!   formats, each of which (`converted`) `conversions` lets one task make, and keeps. `conversion_notes`: what is kept, for the next start. `bundle`: files with all of a version.
+//!   formats, each of which (`converted`) `conversions` lets one task make, and keeps. `conversion_notes`: what is kept,
+//!   for the next start. `bundle`: files with all of a version.
 //! - `import`, `interpolate`: new versions. `compare`: two of them.
 
 mod bundle;
