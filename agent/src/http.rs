@@ -264,7 +264,7 @@ fn poll_after(headers: &HeaderMap) -> Duration {
 /// The message of an error, in one line of printable characters.
 fn message_of(body: &[u8]) -> String {
     let json: Option<serde_json::Value> = serde_json::from_slice(body).ok();
-    let message = json.as_ref().and_then(|json| json["error"]["message"].as_str()).map(str::to_owned);
+    let message = json.as_ref().and_then(|json| json["detail"].as_str()).map(str::to_owned);
     let message = message.unwrap_or_else(|| String::from_utf8_lossy(body).into_owned());
     one_line(&message, MESSAGE_CHARS_MAX)
 }

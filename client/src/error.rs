@@ -61,8 +61,7 @@ pub enum Error {
     },
 }
 
-/// A refusal by the server. Its text is the code and the message, then a line for each wrong field and for the retry
-/// delay.
+/// A refusal by the server. Its text is the code and the message, which names all wrong fields, then the retry delay.
 #[derive(Debug)]
 pub struct Refusal {
     /// The gRPC status with all details.
@@ -80,8 +79,10 @@ pub struct Refusal {
 pub struct FieldViolation {
     /// Path of the field, for example `display.pixel_pitch_m`.
     pub field: String,
-    /// What is wrong, and which values are allowed.
-    pub description: String,
+    /// What is wrong, such as the value that was given.
+    pub problem: String,
+    /// What to do, such as the values that are allowed.
+    pub fix: String,
 }
 
 impl Error {
@@ -129,13 +130,23 @@ impl Error {
     }
 }
 
+impl Refusal {
+    /// What to do, for people. Empty if the wrong fields have their own fixes, or the server gave none.
+    #[must_use]
+    pub fn fix(&self) -> String {
+        let details = self.status.get_error_details();
+        details.localized_message().map_or_else(String::new, |fix| fix.message.clone())
+    }
+}
+
 impl From<Status> for Refusal {
     fn from(status: Status) -> Self {
         let details = status.get_error_details();
         let fields = details.bad_request().map_or_else(Vec::new, |bad| {
             let field = |v: &tonic_types::FieldViolation| FieldViolation {
                 field: v.field.clone(),
-                description: v.description.clone(),
+                problem: v.description.clone(),
+                fix: v.localized_message.as_ref().map_or_else(String::new, |fix| fix.message.clone()),
             };
             bad.field_violations.iter().map(field).collect()
         });
@@ -149,9 +160,9 @@ impl fmt::Display for Refusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{}: {}", code_name(self.status.code()), self.status.message())?;
         for field in &self.fields {
-            // If the message contains the violation already, do not repeat it.
-            if !self.status.message().contains(&field.description) || !self.status.message().contains(&field.field) {
-                write!(f, "\n  {}: {}", field.field, field.description)?;
+            // If the message has the field already, do not repeat it.
+            if !self.status.message().contains(&field.field) {
+                write!(f, "\n  {}: {}", field.field, field.problem)?;
             }
         }
         if let Some(delay) = self.retry_delay {
@@ -208,9 +219,10 @@ mod tests {
         let mut details = ErrorDetails::with_bad_request_violation("job.seed", "must be a number");
         details.set_retry_info(Some(Duration::from_millis(1500)));
         details.set_error_info("BAD_FIELD", "lightpath", std::collections::HashMap::new());
+        details.set_localized_message("en", "give a number");
         let status = Status::with_error_details(Code::InvalidArgument, "the request is wrong", details);
         let Error::Refused(refusal) = Error::from_status("http://lab", status) else { panic!("not refused") };
-        assert_eq!(refusal.reason, "BAD_FIELD");
+        assert_eq!((refusal.reason.as_str(), refusal.fix().as_str()), ("BAD_FIELD", "give a number"));
         assert_eq!(
             refusal.to_string(),
             "INVALID_ARGUMENT: the request is wrong\n  job.seed: must be a number\n  try again in 2 s"

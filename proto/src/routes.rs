@@ -86,19 +86,21 @@ pub enum JsonError {
     Encode(#[from] serde_json::Error),
 }
 
-/// What is wrong with a request: `{field} {problem}`.
+/// What is wrong with a request: `{field} {problem}; {fix}`.
 #[derive(Debug, thiserror::Error)]
-#[error("{field} {problem}")]
+#[error("{field} {problem}; {fix}")]
 pub struct RequestError {
     /// The field in the body or the query, or what else is wrong, such as `the body`.
     pub field: String,
-    /// What is wrong with it, and the fix.
+    /// What is wrong with it.
     pub problem: String,
+    /// What to do about it.
+    pub fix: String,
 }
 
 impl RequestError {
-    fn new(field: &str, problem: impl Into<String>) -> Self {
-        Self { field: field.to_owned(), problem: problem.into() }
+    fn new(field: &str, problem: impl Into<String>, fix: impl Into<String>) -> Self {
+        Self { field: field.to_owned(), problem: problem.into(), fix: fix.into() }
     }
 }
 
@@ -186,7 +188,7 @@ impl Match {
         if let (Some((field, ..)), Some(value)) = (self.route.variable, &self.value) {
             let value = Value::from(value.clone());
             if request.get(field).is_some_and(|other| *other != value) {
-                return Err(RequestError::new(field, "differs from the path; leave it out of the body"));
+                return Err(RequestError::new(field, "differs from the path", "leave it out of the body"));
             }
             request.insert(field.to_owned(), value);
         }
@@ -209,14 +211,18 @@ impl Match {
         }
         let parsed = |()| {
             serde_json::from_slice(body)
-                .map_err(|error| RequestError::new("the body", format!("is no valid JSON: {error}")))
+                .map_err(|error| RequestError::new("the body", format!("is no valid JSON: {error}"), "send JSON"))
         };
         match self.route.body {
-            Body::Nothing => Err(RequestError::new("the body", "must be empty: the fields belong in the query")),
+            Body::Nothing => Err(RequestError::new("the body", "is not empty", "send the fields in the query")),
             Body::Field(field) => Ok(Map::from_iter([(field.to_owned(), parsed(())?)])),
             Body::Request => match parsed(())? {
                 Value::Object(fields) => Ok(fields),
-                _ => Err(RequestError::new("the body", "must be a JSON object with the fields of the request")),
+                _ => Err(RequestError::new(
+                    "the body",
+                    "is no JSON object",
+                    "send an object with the fields of the request",
+                )),
             },
         }
     }
@@ -226,9 +232,9 @@ impl Match {
         let Some(parameter) = found else {
             let known: Vec<&str> = self.route.query.iter().map(|known| known.json_name).collect();
             let known = if known.is_empty() { "none".to_owned() } else { known.join(", ") };
-            return Err(RequestError::new(name, format!("is unknown in the query; known are: {known}")));
+            return Err(RequestError::new(name, "is unknown in the query", format!("known are: {known}")));
         };
-        let must_be = |what: &str| RequestError::new(name, format!("is {text:?}, but must be {what}"));
+        let must_be = |what: &str| RequestError::new(name, format!("is {text:?}"), format!("it must be {what}"));
         let value = match parameter.kind {
             ParameterKind::Count if text.parse::<u64>().is_err() => return Err(must_be("a whole number, 0 or more")),
             ParameterKind::Number if text.parse::<f64>().is_err() => return Err(must_be("a number")),
@@ -254,7 +260,7 @@ impl Match {
         match others {
             Value::Array(values) if parameter.is_list => values.push(value),
             Value::Array(values) if values.is_empty() => *others = value,
-            _ => return Err(RequestError::new(name, "stands twice in the query")),
+            _ => return Err(RequestError::new(name, "stands twice in the query", "give it once")),
         }
         Ok(())
     }
@@ -272,7 +278,7 @@ fn encode<M: Message + DeserializeOwned>(request: Value) -> Result<Vec<u8>, Requ
         let inner =
             if inner.contains("untagged enum") { "a number that the field cannot hold".to_owned() } else { inner };
         let path = if path == "." { "the body" } else { &path };
-        RequestError::new(path, format!("is wrong: {inner}"))
+        RequestError::new(path, format!("is wrong: {inner}"), "give what /openapi.json says about it")
     })
 }
 
@@ -360,17 +366,18 @@ mod tests {
         let state = error("GET", "/v1/jobs", &[("state", "lost")], "");
         assert!(state.starts_with("state is wrong: ") && state.contains("STATE_LOST"), "{state}");
         let size = error("GET", "/v1/jobs", &[("pageSize", "-1")], "");
-        assert_eq!(size, "pageSize is \"-1\", but must be a whole number, 0 or more");
+        assert_eq!(size, "pageSize is \"-1\"; it must be a whole number, 0 or more");
         let far = error("GET", "/v1/displays/lab/kernels:nearest", &[("distanceM", "far")], "");
-        assert_eq!(far, "distanceM is \"far\", but must be a number");
+        assert_eq!(far, "distanceM is \"far\"; it must be a number");
         let since = error("GET", "/v1/jobs", &[("since", "2h")], "");
-        assert_eq!(since, "since is \"2h\", but must be a time such as 2026-11-24T09:30:00Z");
+        assert_eq!(since, "since is \"2h\"; it must be a time such as 2026-11-24T09:30:00Z");
         let iterations = error("POST", "/v1/jobs", &[], r#"{"spec": {"optimizeHologram": {"iterations": 1e99}}}"#);
-        assert_eq!(iterations, "spec.optimizeHologram.iterations is wrong: a number that the field cannot hold");
+        let wrong = "spec.optimizeHologram.iterations is wrong: a number that the field cannot hold; ";
+        assert!(iterations.starts_with(wrong), "{iterations}");
         assert!(error("POST", "/v1/jobs", &[], "[]").contains("JSON object"));
         assert!(error("POST", "/v1/jobs", &[], r#"{"specc": {}}"#).contains("specc"));
         assert!(error("POST", "/v1/jobs/a:cancel", &[], r#"{"name": "jobs/b"}"#).contains("name differs"));
-        assert!(error("GET", "/v1/jobs", &[], "{}").contains("belong in the query"));
+        assert!(error("GET", "/v1/jobs", &[], "{}").contains("in the query"));
     }
 
     #[test]

@@ -237,7 +237,7 @@ fn head(stream: &mut impl Write, status: u16, fields: &str) -> std::io::Result<(
 
 fn send_document(script: &Script, request: &Request, stream: &mut impl Write) -> std::io::Result<()> {
     if let Some((status, message)) = script.refusal.filter(|_| request.is_for_manifest()) {
-        let body = format!("{{\"error\": {{\"message\": \"{message}\"}}}}");
+        let body = format!("{{\"detail\": \"{message}\"}}");
         head(stream, status, &format!("content-length: {}\r\n", body.len()))?;
         return send_text(script, &body, stream);
     }

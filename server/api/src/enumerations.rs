@@ -39,7 +39,7 @@ impl WireField for Field {
 }
 
 fn unknown_value(field: &Field, number: i32) -> ServiceError {
-    field.invalid(format!("is {number}, but must be a value of the enumeration"))
+    field.but(format!("is {number}"), "must be a value of the enumeration")
 }
 
 /// Implements [`OnWire`] for enumerations whose values have the same names in messages.

@@ -13,7 +13,8 @@
 //! - `server_facts`: facts about the server and the caller's token.
 //! - `event_log`: the latest changes. `events`: the stream of all changes, for dashboards.
 //! - `accounts`: what each client uses: calls, memory for messages, streams. `watch`: streams that follow changes.
-//! - `status`: conversion of errors into gRPC statuses. `status_size`: statuses that fit into what clients accept.
+//! - `status`: conversion of errors into gRPC statuses. `fixes`: what to do about them. `status_size`: statuses that fit
+//!   into what clients accept.
 //! - [`http`]: health, metrics, JSON, and the admission of every request.
 //! - [`connections`]: gRPC and HTTP on one port. [`tls`]: certificates. [`audit`]: log of changes and refusals.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
@@ -30,6 +31,7 @@ mod displays;
 mod enumerations;
 mod event_log;
 mod events;
+mod fixes;
 pub mod http;
 mod jobs;
 mod kernels;

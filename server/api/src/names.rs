@@ -29,7 +29,7 @@ pub(crate) fn webhook_id(field: &Field, name: &str) -> Result<String> {
 pub(crate) fn job_id(field: &Field, name: &str) -> Result<String> {
     match name.strip_prefix("jobs/") {
         Some(id) if !id.is_empty() && id.len() <= ID_BYTES_MAX && !id.contains('/') => Ok(id.to_owned()),
-        _ => Err(field.invalid(format!("is {:?}, but must have the form jobs/{{id}}", shortened(name)))),
+        _ => Err(field.but(format!("is {:?}", shortened(name)), "must have the form jobs/{id}")),
     }
 }
 
@@ -47,7 +47,7 @@ pub(crate) fn display_filter(call: &Call, field: &Field, name: &str) -> Result<O
 pub(crate) fn kernel_key(call: &Call, field: &Field, name: &str) -> Result<KernelKey> {
     let refusal = || {
         let form = "displays/{id}/kernels/{wavelength}-{distance}, for example displays/lab-2/kernels/515nm-150mm";
-        field.invalid(format!("is {:?}, but must have the form {form}", shortened(name)))
+        field.but(format!("is {:?}", shortened(name)), format!("must have the form {form}"))
     };
     let (display, kernel) = name.split_once("/kernels/").ok_or_else(refusal)?;
     let (wavelength, distance) = kernel.split_once('-').ok_or_else(refusal)?;
@@ -76,7 +76,7 @@ fn numbered(call: &Call, field: &Field, name: &str, collection: &str) -> Result<
     let numbered = parts.and_then(|(kernel, number)| Some((kernel, number.parse().ok()?)));
     let (kernel, number) = numbered.ok_or_else(|| {
         let form = format!("displays/{{id}}/kernels/{{k}}/{collection}/{{n}}");
-        field.invalid(format!("is {:?}, but must have the form {form}", shortened(name)))
+        field.but(format!("is {:?}", shortened(name)), format!("must have the form {form}"))
     })?;
     Ok((kernel_key(call, field, kernel)?, number))
 }
@@ -84,7 +84,7 @@ fn numbered(call: &Call, field: &Field, name: &str, collection: &str) -> Result<
 /// The display and the device in `displays/{id}/devices/{d}`.
 pub(crate) fn device(call: &Call, field: &Field, name: &str) -> Result<(String, String)> {
     let (display, device) = name.split_once("/devices/").ok_or_else(|| {
-        field.invalid(format!("is {:?}, but must have the form displays/{{id}}/devices/{{d}}", shortened(name)))
+        field.but(format!("is {:?}", shortened(name)), "must have the form displays/{id}/devices/{d}")
     })?;
     Ok((display_id(call, field, display)?, device_id(field, device)?))
 }
@@ -92,9 +92,7 @@ pub(crate) fn device(call: &Call, field: &Field, name: &str) -> Result<(String, 
 /// Checks the id of a device. Ids are like the names of tokens, because a device is named after its token.
 pub(crate) fn device_id(field: &Field, id: &str) -> Result<String> {
     if id.starts_with(['.', '-']) {
-        return Err(
-            field.invalid(format!("is {:?}, but an id must start with a letter, a digit or '_'", shortened(id)))
-        );
+        return Err(field.but(format!("is {:?}", shortened(id)), "an id must start with a letter, a digit or '_'"));
     }
     pair_id(field, id)
 }
@@ -105,7 +103,7 @@ pub(crate) fn label<'a>(field: &Field, text: &'a str) -> Result<&'a str> {
         return Ok(text);
     }
     let rule = "1 to 63 characters of a-z, 0-9 and '-', starting with a letter";
-    Err(field.invalid(format!("is {:?}, but must be {rule}", shortened(text))))
+    Err(field.but(format!("is {:?}", shortened(text)), format!("must be {rule}")))
 }
 
 fn is_label(text: &str) -> bool {
@@ -120,14 +118,14 @@ pub(crate) fn pair_id(field: &Field, id: &str) -> Result<String> {
         return Ok(id.to_owned());
     }
     let rule = "1 to 63 characters of a-z, A-Z, 0-9, '.', '_' and '-'";
-    Err(field.invalid(format!("is {:?}, but must be {rule}", shortened(id))))
+    Err(field.but(format!("is {:?}", shortened(id)), format!("must be {rule}")))
 }
 
 fn checked_id(field: &Field, name: &str, collection: &str) -> Result<String> {
     let id = name.strip_prefix(collection).and_then(|rest| rest.strip_prefix('/'));
     id.filter(|id| is_label(id)).map(ToOwned::to_owned).ok_or_else(|| {
         let rule = "with an id of 1 to 63 characters of a-z, 0-9 and '-', starting with a letter";
-        field.invalid(format!("is {:?}, but must be {collection}/{{id}} {rule}", shortened(name)))
+        field.but(format!("is {:?}", shortened(name)), format!("must be {collection}/{{id}} {rule}"))
     })
 }
 

@@ -32,8 +32,8 @@ impl Page {
         let after = match page_token {
             "" => None,
             token => Some(key_of(token, &list).ok_or_else(|| {
-                let rule = "but must be a next_page_token of the same list, or empty for the first page";
-                Field::new("page_token").invalid(format!("is unknown, {rule}"))
+                let rule = "must be a next_page_token of the same list, or empty for the first page";
+                Field::new("page_token").but("is unknown", rule)
             })?),
         };
         Ok(Self { list, after, size })
@@ -69,7 +69,7 @@ impl Page {
     /// The key [`Self::after`] as a number.
     pub(crate) fn after_number<T: std::str::FromStr>(&self) -> Result<Option<T>> {
         let number = self.after.as_deref().map(str::parse).transpose();
-        number.map_err(|_| Field::new("page_token").invalid("is damaged, but must be a next_page_token"))
+        number.map_err(|_| Field::new("page_token").but("is damaged", "must be a next_page_token"))
     }
 }
 

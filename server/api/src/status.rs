@@ -1,21 +1,25 @@
 //! Conversion of errors into gRPC statuses.
 //!
 //! Every status has an `ErrorInfo` with a stable reason for programs, the domain `lightpath`, and the subject of the
-//! error. Internal errors are logged with an id, and clients receive only the id.
+//! error. Wrong fields are in `BadRequest`. The message for users (`LocalizedMessage`) of each wrong field, and of the
+//! status if there is none, is the fix. Internal errors are logged with an id, and clients receive only the id.
 
+use crate::fixes;
 use crate::status_size::{Texts, fitting};
 use lightpath_artifacts::ArtifactError;
 use lightpath_domain::causes::with_causes;
-use lightpath_service::{ServiceError, WrongField, text_of_wrong};
+use lightpath_service::{ServiceError, WrongField, missing, text_of_wrong};
 use lightpath_store::StoreError;
 use std::collections::HashMap;
 use std::time::Duration;
 use tonic::{Code, Status};
-use tonic_types::{ErrorDetails, StatusExt as _};
+use tonic_types::{ErrorDetails, FieldViolation, LocalizedMessage, StatusExt as _};
 use uuid::Uuid;
 
 /// Domain of all reasons.
 const DOMAIN: &str = "lightpath";
+/// Language of all texts.
+const LOCALE: &str = "en";
 /// Time after which a client may submit to a full queue again.
 const QUEUE_RETRY: Duration = Duration::from_secs(5);
 /// Time after which a client may retry on a full disk: an operator must make room first.
@@ -38,6 +42,8 @@ struct Answer {
     /// Number of all wrong fields, if the message lists them.
     wrong_count: usize,
     retry_after: Option<Duration>,
+    /// What to do, unless the wrong fields have their own fixes or the client need only retry.
+    fix: &'static str,
 }
 
 /// The status of an error.
@@ -65,9 +71,9 @@ pub(crate) fn code(error: &ServiceError) -> Code {
 /// The answer that clients receive for an error; `None` for internal errors.
 fn answer(error: &ServiceError) -> Option<Answer> {
     Some(match error {
-        ServiceError::Invalid { field, problem } => {
-            let answer = Answer::new(Code::InvalidArgument, "INVALID_FIELD").about("field", field);
-            Answer { wrong: vec![WrongField { field: field.clone(), problem: problem.clone() }], ..answer }
+        ServiceError::Invalid(wrong) => {
+            let answer = Answer::new(Code::InvalidArgument, "INVALID_FIELD").about("field", &wrong.field);
+            Answer { wrong: vec![wrong.clone()], ..answer }
         }
         ServiceError::SeveralInvalid { fields, are_missing, count } => {
             let (code, reason) =
@@ -75,22 +81,27 @@ fn answer(error: &ServiceError) -> Option<Answer> {
             let answer = Answer::new(code, reason).about("field", fields.first().map_or("", |first| &first.field));
             Answer { wrong: fields.clone(), wrong_count: *count, ..answer }
         }
-        ServiceError::Missing { what, .. } => Answer::new(Code::NotFound, "NOT_FOUND").about("resource", what),
-        ServiceError::Precondition { reason, .. } => Answer::new(Code::FailedPrecondition, reason.as_str()),
-        ServiceError::Exhausted { reason, retry_after, .. } => {
-            Answer::new(Code::ResourceExhausted, reason.as_str()).retry(*retry_after)
+        ServiceError::Missing { field, what, fix } => {
+            let answer = Answer::new(Code::NotFound, "NOT_FOUND").about("resource", what);
+            Answer { wrong: vec![missing(field.clone(), what, fix)], ..answer }
         }
-        ServiceError::Unauthenticated(_) => Answer::new(Code::Unauthenticated, "UNAUTHENTICATED"),
-        ServiceError::NoCaller => Answer::new(Code::Unauthenticated, "NO_CALLER"),
-        ServiceError::Denied(_) => Answer::new(Code::PermissionDenied, "PERMISSION_DENIED"),
+        ServiceError::Precondition { reason, .. } => {
+            Answer::new(Code::FailedPrecondition, reason.as_str()).fix(fixes::of_precondition(*reason))
+        }
+        ServiceError::Exhausted { reason, retry_after, .. } => {
+            Answer::new(Code::ResourceExhausted, reason.as_str()).retry(*retry_after).fix(fixes::of_limit(*reason))
+        }
+        ServiceError::Unauthenticated(_) => Answer::new(Code::Unauthenticated, "UNAUTHENTICATED").fix(fixes::TOKEN),
+        ServiceError::NoCaller => Answer::new(Code::Unauthenticated, "NO_CALLER").fix(fixes::TOKEN),
+        ServiceError::Denied(_) => Answer::new(Code::PermissionDenied, "PERMISSION_DENIED").fix(fixes::ROLE),
         ServiceError::DatabaseSilent => Answer::new(Code::Unavailable, "DATABASE_SILENT").retry(QUEUE_RETRY),
         ServiceError::Locked => Answer::new(Code::Unavailable, "DATABASE_LOCKED").retry(QUEUE_RETRY),
         ServiceError::Stopping => Answer::new(Code::Unavailable, "STOPPING").retry(RESTART_RETRY),
-        ServiceError::TooLarge { .. } => Answer::new(Code::FailedPrecondition, "TOO_LARGE"),
+        ServiceError::TooLarge { .. } => Answer::new(Code::FailedPrecondition, "TOO_LARGE").fix(fixes::MEMORY),
         ServiceError::Converting { retry_after } => Answer::new(Code::Unavailable, "CONVERTING").retry(*retry_after),
         ServiceError::Shared(error) => return answer(error),
-        ServiceError::Cancelled => Answer::new(Code::Cancelled, "CLIENT_LEFT"),
-        ServiceError::Idle(_) => Answer::new(Code::DeadlineExceeded, "IDLE"),
+        ServiceError::Cancelled => Answer::new(Code::Cancelled, "CLIENT_LEFT").fix(fixes::AGAIN),
+        ServiceError::Idle(_) => Answer::new(Code::DeadlineExceeded, "IDLE").fix(fixes::CONTINUE),
         ServiceError::Stream(_) | ServiceError::Task(_) | ServiceError::Panicked | ServiceError::NoRandomness => {
             return None;
         }
@@ -101,13 +112,19 @@ fn answer(error: &ServiceError) -> Option<Answer> {
 
 fn store_answer(error: &StoreError) -> Option<Answer> {
     Some(match error {
-        StoreError::NotFound { resource } => Answer::new(Code::NotFound, "NOT_FOUND").about("resource", resource),
-        StoreError::AlreadyExists { resource, .. } => {
-            Answer::new(Code::AlreadyExists, "ALREADY_EXISTS").about("resource", resource)
+        StoreError::NotFound { resource } => {
+            Answer::new(Code::NotFound, "NOT_FOUND").about("resource", resource).fix(fixes::NAME)
         }
-        StoreError::Precondition { reason, .. } => Answer::new(Code::FailedPrecondition, reason.as_str()),
-        StoreError::Aborted { reason, .. } => Answer::new(Code::Aborted, reason.as_str()),
-        StoreError::LeaseLost => Answer::new(Code::Aborted, "LEASE_LOST"),
+        StoreError::AlreadyExists { resource, .. } => {
+            Answer::new(Code::AlreadyExists, "ALREADY_EXISTS").about("resource", resource).fix(fixes::OTHER_NAME)
+        }
+        StoreError::Precondition { reason, .. } => {
+            Answer::new(Code::FailedPrecondition, reason.as_str()).fix(fixes::of_precondition(*reason))
+        }
+        StoreError::Aborted { reason, .. } => {
+            Answer::new(Code::Aborted, reason.as_str()).fix(fixes::of_change(*reason))
+        }
+        StoreError::LeaseLost => Answer::new(Code::Aborted, "LEASE_LOST").fix(fixes::AGAIN),
         StoreError::QueueFull { .. } => Answer::new(Code::ResourceExhausted, "QUEUE_FULL").retry(QUEUE_RETRY),
         StoreError::OwnerQueueFull { .. } => {
             Answer::new(Code::ResourceExhausted, "OWNER_QUEUE_FULL").retry(QUEUE_RETRY)
@@ -116,7 +133,7 @@ fn store_answer(error: &StoreError) -> Option<Answer> {
             Answer::new(Code::ResourceExhausted, "DEPENDENCIES_FULL").retry(QUEUE_RETRY)
         }
         StoreError::OwnerBytes { .. } => Answer::new(Code::ResourceExhausted, "OWNER_STORED_BYTES").retry(DISK_RETRY),
-        StoreError::Nul => Answer::new(Code::InvalidArgument, "INVALID_FIELD"),
+        StoreError::Nul => Answer::new(Code::InvalidArgument, "INVALID_FIELD").fix(fixes::PLAIN_TEXT),
         StoreError::DiskFull => Answer::new(Code::ResourceExhausted, "DISK_FULL").retry(DISK_RETRY),
         StoreError::Busy => Answer::new(Code::Unavailable, "DATABASE_BUSY").retry(QUEUE_RETRY),
         StoreError::Unreachable(_) => Answer::new(Code::Unavailable, "DATABASE_UNREACHABLE").retry(QUEUE_RETRY),
@@ -136,23 +153,29 @@ fn store_answer(error: &StoreError) -> Option<Answer> {
 
 fn artifact_answer(error: &ArtifactError) -> Option<Answer> {
     Some(match error {
-        ArtifactError::BadDigest { .. } => Answer::new(Code::InvalidArgument, "INVALID_FIELD").about("field", "digest"),
-        ArtifactError::NotFound { digest } => Answer::new(Code::NotFound, "NOT_FOUND").about("resource", digest),
-        ArtifactError::DataLoss { digest } => Answer::new(Code::DataLoss, "DATA_LOSS").about("resource", digest),
+        ArtifactError::BadDigest { .. } => {
+            Answer::new(Code::InvalidArgument, "INVALID_FIELD").about("field", "digest").fix(fixes::DIGEST)
+        }
+        ArtifactError::NotFound { digest } => {
+            Answer::new(Code::NotFound, "NOT_FOUND").about("resource", digest).fix(fixes::NAME)
+        }
+        ArtifactError::DataLoss { digest } => {
+            Answer::new(Code::DataLoss, "DATA_LOSS").about("resource", digest).fix(fixes::REPAIR)
+        }
         ArtifactError::OutOfRange { .. } => {
-            Answer::new(Code::OutOfRange, "OUT_OF_RANGE").about("field", "offset_bytes")
+            Answer::new(Code::OutOfRange, "OUT_OF_RANGE").about("field", "offset_bytes").fix(fixes::OFFSET)
         }
         ArtifactError::WrongOffset { .. } => {
-            Answer::new(Code::Aborted, "WRONG_OFFSET").about("field", "start.offset_bytes")
+            Answer::new(Code::Aborted, "WRONG_OFFSET").about("field", "start.offset_bytes").fix(fixes::CONTINUE)
         }
         ArtifactError::UploadBusy { digest } => {
             Answer::new(Code::Aborted, "UPLOAD_BUSY").about("resource", digest).retry(UPLOAD_RETRY)
         }
         ArtifactError::WrongSize { .. } => {
-            Answer::new(Code::InvalidArgument, "WRONG_SIZE").about("field", "start.size_bytes")
+            Answer::new(Code::InvalidArgument, "WRONG_SIZE").about("field", "start.size_bytes").fix(fixes::WHOLE_FILE)
         }
         ArtifactError::WrongDigest { .. } => {
-            Answer::new(Code::InvalidArgument, "WRONG_DIGEST").about("field", "start.digest")
+            Answer::new(Code::InvalidArgument, "WRONG_DIGEST").about("field", "start.digest").fix(fixes::WHOLE_FILE)
         }
         ArtifactError::DiskFull => Answer::new(Code::ResourceExhausted, "DISK_FULL").retry(DISK_RETRY),
         ArtifactError::DiskLow { .. } => Answer::new(Code::ResourceExhausted, "DISK_LOW").retry(DISK_RETRY),
@@ -169,7 +192,7 @@ fn artifact_answer(error: &ArtifactError) -> Option<Answer> {
 
 impl Answer {
     fn new(code: Code, reason: &'static str) -> Self {
-        Self { code, reason, about: None, wrong: Vec::new(), wrong_count: 0, retry_after: None }
+        Self { code, reason, about: None, wrong: Vec::new(), wrong_count: 0, retry_after: None, fix: "" }
     }
 
     fn about(mut self, kind: &'static str, what: &str) -> Self {
@@ -179,20 +202,29 @@ impl Answer {
 
     fn retry(mut self, after: Duration) -> Self {
         self.retry_after = Some(after);
+        self.fix = fixes::RETRY;
+        self
+    }
+
+    fn fix(mut self, fix: &'static str) -> Self {
+        self.fix = fix;
         self
     }
 
     fn status(self, message: String) -> Status {
-        let Self { code, reason, about, wrong, wrong_count, retry_after } = self;
+        let Self { code, reason, about, wrong, wrong_count, retry_after, fix } = self;
         let (kind, about) = about.unzip();
         let texts = Texts { message, about: about.unwrap_or_default(), wrong };
         fitting(texts, |Texts { message, about, wrong }| {
             let message = if wrong_count > 0 { text_of_wrong(&wrong, wrong_count) } else { message };
             let mut details = ErrorDetails::new();
-            for WrongField { field, problem } in wrong {
-                details.add_bad_request_violation(field, problem);
+            if !wrong.is_empty() {
+                details.set_bad_request(wrong.into_iter().map(violation).collect::<Vec<_>>());
             }
             let metadata: HashMap<_, _> = kind.iter().map(|&kind| (kind.to_owned(), about.clone())).collect();
+            if !fix.is_empty() {
+                details.set_localized_message(LOCALE, fix);
+            }
             details.set_error_info(reason, DOMAIN, metadata);
             if retry_after.is_some() {
                 details.set_retry_info(retry_after);
@@ -202,12 +234,23 @@ impl Answer {
     }
 }
 
+/// The status of an error that only HTTP knows.
+pub(crate) fn plain(code: Code, reason: &'static str, message: String, fix: &'static str) -> Status {
+    Answer::new(code, reason).fix(fix).status(message)
+}
+
+/// A wrong field as gRPC writes it: the description is the problem, and the message for users is the fix.
+fn violation(wrong: WrongField) -> FieldViolation {
+    let fix = LocalizedMessage::new(LOCALE, wrong.fix.text());
+    FieldViolation { localized_message: Some(fix), ..FieldViolation::new(wrong.field, wrong.problem) }
+}
+
 /// Logs the error with its causes, and sends the client the id of the log entry.
 fn internal(error: &ServiceError) -> Status {
     let id = Uuid::now_v7().to_string();
     tracing::error!(id, causes = with_causes(error), "internal error");
     let message = format!("internal error {id}; the cause is in the server's log");
-    Answer::new(Code::Internal, "INTERNAL").about("error_id", &id).status(message)
+    Answer::new(Code::Internal, "INTERNAL").about("error_id", &id).fix(fixes::REPORT).status(message)
 }
 
 #[cfg(test)]
@@ -217,12 +260,12 @@ mod tests {
 
     #[test]
     fn statuses_name_the_reason_the_field_and_when_to_retry() {
-        let refused =
-            ServiceError::Invalid { field: "spec.distance_m".into(), problem: "is NaN, but must be …".into() };
-        let status = of(refused);
+        let status = of(lightpath_service::Field::new("spec").at("distance_m").but("is NaN", "must be …"));
         assert_eq!((status.code(), status.message()), (Code::InvalidArgument, "spec.distance_m is NaN, but must be …"));
         let details = status.get_error_details();
-        assert_eq!(details.bad_request().unwrap().field_violations[0].field, "spec.distance_m");
+        let violation = &details.bad_request().unwrap().field_violations[0];
+        assert_eq!((violation.field.as_str(), violation.description.as_str()), ("spec.distance_m", "is NaN"));
+        assert_eq!(violation.localized_message.as_ref().unwrap().message, "must be …");
         let info = details.error_info().unwrap();
         assert_eq!((info.reason.as_str(), info.domain.as_str()), ("INVALID_FIELD", "lightpath"));
         assert_eq!(info.metadata["field"], "spec.distance_m");
@@ -241,7 +284,7 @@ mod tests {
     #[test]
     fn status_lists_every_wrong_field() {
         let field = lightpath_service::Field::new("display");
-        let wrong = [field.at("width_px").invalid("is 0"), field.at("height_px").invalid("is 1")];
+        let wrong = [field.at("width_px").but("is 0", "must be 8"), field.at("height_px").invalid("is 1", "add 7")];
         let status = of(lightpath_service::all_of(wrong));
         assert_eq!(status.code(), Code::InvalidArgument);
         let bad = status.get_error_details().bad_request().unwrap().field_violations.clone();

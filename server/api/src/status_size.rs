@@ -51,7 +51,8 @@ fn size_bytes(status: &Status) -> usize {
 fn shortened(texts: &Texts, limit_bytes: usize) -> Texts {
     let wrong = texts.wrong.iter().map(|wrong| WrongField {
         field: cut(&wrong.field, limit_bytes / 2),
-        problem: cut(&wrong.problem, limit_bytes),
+        problem: cut(&wrong.problem, limit_bytes / 2),
+        fix: wrong.fix.map(|fix| cut(fix, limit_bytes / 2)),
     });
     Texts {
         message: cut(&texts.message, limit_bytes),
@@ -82,9 +83,9 @@ mod tests {
         for text in ["a", "\u{202e}", "%", "\n", "ä 😀"] {
             for length in [1, 100, 1000, 10_000, 100_000] {
                 let long = text.repeat(length);
-                let wrong = |count: usize| (0..count).map(|_| Field::new(&long).invalid(long.clone()));
+                let wrong = |count: usize| (0..count).map(|_| Field::new(&long).invalid(long.clone(), long.clone()));
                 let field = Field::new("a").at(&"b".repeat(length.min(50)));
-                let fields = (0..40).map(|index| field.index(index).invalid(long.clone()));
+                let fields = (0..40).map(|index| field.index(index).invalid(long.clone(), "no"));
                 let denied = ServiceError::Denied(long.clone());
                 for error in
                     [all_of(wrong(1)), all_of(wrong(2)), all_of(fields), denied, field.missing(long.clone(), "no")]
@@ -102,7 +103,7 @@ mod tests {
     #[test]
     fn cut_refusals_say_how_much_there_was() {
         let field = Field::new("x");
-        let status = status::of(all_of((0..40).map(|index| field.index(index).invalid("y".repeat(700)))));
+        let status = status::of(all_of((0..40).map(|index| field.index(index).invalid("y".repeat(700), "no"))));
         let named = status.get_error_details().bad_request().unwrap().field_violations.len();
         assert!((2..12).contains(&named), "{named}");
         assert!(
@@ -111,9 +112,9 @@ mod tests {
             status.message()
         );
         assert!(status.message().ends_with(&format!("and {} more", 40 - named)), "{}", status.message());
-        let one = status::of(field.invalid("z".repeat(100_000)));
+        let one = status::of(field.invalid("no", "z".repeat(100_000)));
         assert!(one.message().ends_with("more bytes)"), "{}", one.message());
-        let short = status::of(field.invalid("is 3"));
-        assert_eq!(short.message(), "x is 3");
+        let short = status::of(field.but("is 3", "must be 4"));
+        assert_eq!(short.message(), "x is 3, but must be 4");
     }
 }

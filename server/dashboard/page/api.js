@@ -3,12 +3,14 @@
 let token = "";
 const signInListeners = new Set();
 
-/** A refusal of the server, or a server that does not answer (status 0). */
+/** A refusal of the server (RFC 9457) with its reason and fix, or a server that does not answer (status 0). */
 export class ApiError extends Error {
-  constructor(status, message, reason = "") {
+  constructor(status, message, { reason = "", fix = "", fields = [] } = {}) {
     super(message);
     this.status = status;
     this.reason = reason;
+    this.fix = fix;
+    this.fields = fields;
   }
 }
 
@@ -38,9 +40,9 @@ export async function request(path, { method = "GET", body, headers = {}, signal
     throw new ApiError(0, "The server does not answer.");
   }
   if (response.ok) return response;
-  const refusal = await response.json().then((answer) => answer.error, () => null);
+  const problem = await response.json().catch(() => null);
   if (response.status === 401) for (const listener of signInListeners) listener();
-  throw new ApiError(response.status, refusal?.message ?? `The server answered ${response.status}.`, refusal?.reason);
+  throw new ApiError(response.status, problem?.detail ?? `The server answered ${response.status}.`, problem ?? {});
 }
 
 export async function get(path, parameters = {}, options = {}) {

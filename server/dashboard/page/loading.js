@@ -6,7 +6,7 @@ import { h, show } from "./dom.js";
 export function errorNote(error, retries = false) {
   const advice =
     error.status === 403 ? "Sign in with a token whose role allows this, or ask an admin for one." :
-    error.status !== 0 ? null :
+    error.status !== 0 ? error.fix || null :
     retries ? "The page tries again by itself." : "Try again when the server can be reached.";
   return h("div", { class: "note bad", role: "alert" }, h("p", {}, error.message), advice && h("p", {}, advice));
 }

@@ -34,7 +34,7 @@ impl Devices {
             return Ok(());
         }
         let name = format!("{key}/versions/{} in the form {}", file.version, file.form.as_str());
-        Err(Field::new("digest").invalid(format!("is {}, but {name} has {digest}", file.digest)))
+        Err(Field::new("digest").but(format!("is {}", file.digest), format!("{name} has {digest}")))
     }
 
     /// Stores what a device reports.

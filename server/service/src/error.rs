@@ -3,6 +3,7 @@
 use lightpath_artifacts::ArtifactError;
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_store::StoreError;
+use std::fmt::{self, Display};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -24,21 +25,61 @@ lightpath_domain::reasons! {
     }
 }
 
-/// A field whose value is not allowed.
+/// A field whose value is not allowed. Its text is `{field} {problem}` and the fix.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct WrongField {
     /// Path of the field.
     pub field: String,
-    /// The value that was given, and the values that are allowed.
+    /// What is wrong, such as the value that was given.
     pub problem: String,
+    /// What to do about it.
+    pub fix: Fix,
+}
+
+/// What to do about a wrong field.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Fix {
+    /// Give what is allowed, such as `must be 1 to 8`.
+    Allowed(String),
+    /// Do this, such as `upload it first`.
+    Action(String),
+}
+
+impl Fix {
+    /// The fix as a text of its own.
+    #[must_use]
+    pub fn text(&self) -> &str {
+        match self {
+            Self::Allowed(text) | Self::Action(text) => text,
+        }
+    }
+
+    /// The fix with another text.
+    #[must_use]
+    pub fn map(&self, change: impl FnOnce(&str) -> String) -> Self {
+        match self {
+            Self::Allowed(text) => Self::Allowed(change(text)),
+            Self::Action(text) => Self::Action(change(text)),
+        }
+    }
+}
+
+impl Display for WrongField {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { field, problem, fix } = self;
+        match fix {
+            Fix::Allowed(allowed) => write!(f, "{field} {problem}, but {allowed}"),
+            Fix::Action(action) => write!(f, "{field} {problem}; {action}"),
+        }
+    }
 }
 
 /// A line that counts all wrong fields, and a line for each of those that are named.
 #[must_use]
 pub fn text_of_wrong(fields: &[WrongField], count: usize) -> String {
     let mut text = format!("{count} fields of the request are wrong:");
-    for WrongField { field, problem } in fields {
-        text += &format!("\n  {field} {problem}");
+    for wrong in fields {
+        text += &format!("\n  {wrong}");
     }
     if count > fields.len() {
         text += &format!("\n  and {} more", count - fields.len());
@@ -55,8 +96,8 @@ pub type Result<T, E = ServiceError> = std::result::Result<T, E>;
 #[allow(missing_docs)]
 pub enum ServiceError {
     /// The value of a field is not allowed.
-    #[error("{field} {problem}")]
-    Invalid { field: String, problem: String },
+    #[error("{0}")]
+    Invalid(WrongField),
     #[error("{}", text_of_wrong(fields, *count))]
     SeveralInvalid {
         /// The fields, at most as many as one answer names.

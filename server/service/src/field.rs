@@ -1,6 +1,6 @@
 //! Checks of requests, field by field. Every refusal names the path of the field and the allowed values.
 
-use crate::error::{Result, ServiceError};
+use crate::error::{Fix, Result, ServiceError, WrongField};
 use lightpath_domain::kernel_format::KernelFormat;
 use lightpath_domain::units::{Distance, Wavelength};
 use std::fmt::{self, Display};
@@ -35,10 +35,19 @@ impl Field {
         Self(format!("{}[{i}]", self.0))
     }
 
-    /// The error for a value that is not allowed. `problem` continues after the name of the field: "`distance_m` is
-    /// NaN, but must be …".
-    pub fn invalid(&self, problem: impl Display) -> ServiceError {
-        ServiceError::Invalid { field: self.0.clone(), problem: problem.to_string() }
+    /// The error for a value that is not allowed, and what is: "`distance_m` is NaN, but must be …". `problem` continues
+    /// after the name of the field.
+    pub fn but(&self, problem: impl Display, allowed: impl Display) -> ServiceError {
+        self.wrong(problem, Fix::Allowed(allowed.to_string()))
+    }
+
+    /// The error for a value that is not allowed, and what to do: "`phase` has no light; photograph it again".
+    pub fn invalid(&self, problem: impl Display, action: impl Display) -> ServiceError {
+        self.wrong(problem, Fix::Action(action.to_string()))
+    }
+
+    fn wrong(&self, problem: impl Display, fix: Fix) -> ServiceError {
+        ServiceError::Invalid(WrongField { field: self.0.clone(), problem: problem.to_string(), fix })
     }
 
     /// The error for a field that names a missing resource; `fix` advises the client.
@@ -48,7 +57,7 @@ impl Field {
 
     /// The value of a required field.
     pub fn required<T>(&self, value: Option<T>) -> Result<T> {
-        value.ok_or_else(|| self.invalid("is not set, but is required"))
+        value.ok_or_else(|| self.but("is not set", "is required"))
     }
 
     /// Checks a number, which must lie in the allowed range.
@@ -56,7 +65,7 @@ impl Field {
         if allowed.contains(&value) {
             return Ok(value);
         }
-        Err(self.invalid(format!("is {value}, but must be {} to {}", allowed.start(), allowed.end())))
+        Err(self.but(format!("is {value}"), format!("must be {} to {}", allowed.start(), allowed.end())))
     }
 
     /// Checks a number. The value 0 stands for `default`.
@@ -69,7 +78,7 @@ impl Field {
         if allowed.contains(&value) {
             return Ok(value);
         }
-        Err(self.invalid(format!("is {value}, but must be {} to {}", allowed.start(), allowed.end())))
+        Err(self.but(format!("is {value}"), format!("must be {} to {}", allowed.start(), allowed.end())))
     }
 
     /// Checks a whole number. The value 0 stands for `default`.
@@ -80,7 +89,7 @@ impl Field {
     /// Checks the length of a text.
     pub fn text(&self, value: String, bytes_max: usize) -> Result<String> {
         if value.len() > bytes_max {
-            return Err(self.invalid(format!("has {} bytes, but at most {bytes_max} are accepted", value.len())));
+            return Err(self.but(format!("has {} bytes", value.len()), format!("at most {bytes_max} are accepted")));
         }
         Ok(value)
     }
@@ -88,8 +97,8 @@ impl Field {
     /// Checks a text for people that stands in one line, without characters that a terminal obeys.
     pub fn line(&self, value: String, bytes_max: usize) -> Result<String> {
         if let Some(found) = value.chars().find(|&character| is_unshown(character)) {
-            let problem = format!("has the control character {}; write one line of plain text", found.escape_unicode());
-            return Err(self.invalid(problem));
+            let problem = format!("has the control character {}", found.escape_unicode());
+            return Err(self.invalid(problem, "write one line of plain text"));
         }
         self.text(value, bytes_max)
     }
@@ -98,8 +107,8 @@ impl Field {
     pub fn lines(&self, value: String, bytes_max: usize) -> Result<String> {
         let is_allowed = |character| matches!(character, '\n' | '\t');
         if let Some(found) = value.chars().find(|&character| is_unshown(character) && !is_allowed(character)) {
-            let problem = format!("has the control character {}; write plain text", found.escape_unicode());
-            return Err(self.invalid(problem));
+            let problem = format!("has the control character {}", found.escape_unicode());
+            return Err(self.invalid(problem, "write plain text"));
         }
         self.text(value, bytes_max)
     }
@@ -108,20 +117,20 @@ impl Field {
     pub fn form(&self, name: &str) -> Result<KernelFormat> {
         KernelFormat::parse(name).ok_or_else(|| {
             let forms: Vec<&str> = KernelFormat::ALL.iter().map(|form| form.as_str()).collect();
-            self.invalid(format!("is {:?}, but must be one of {}", shortened(name), forms.join(", ")))
+            self.but(format!("is {:?}", shortened(name)), format!("must be one of {}", forms.join(", ")))
         })
     }
 
     /// Checks a distance \[m\].
     pub fn distance(&self, value: f64) -> Result<Distance> {
         let allowed = format!("within ±{} m and not 0", Distance::MAX_M);
-        Distance::from_m(value).ok_or_else(|| self.invalid(format!("is {value}, but must be {allowed}")))
+        Distance::from_m(value).ok_or_else(|| self.but(format!("is {value}"), format!("must be {allowed}")))
     }
 
     /// Checks a wavelength \[m\].
     pub fn wavelength(&self, value: f64) -> Result<Wavelength> {
         let allowed = format!("{:e} to {:e} m", Wavelength::MIN_M, Wavelength::MAX_M);
-        Wavelength::from_m(value).ok_or_else(|| self.invalid(format!("is {value}, but must be {allowed}")))
+        Wavelength::from_m(value).ok_or_else(|| self.but(format!("is {value}"), format!("must be {allowed}")))
     }
 
     /// Checks a wavelength \[m\], which must be one of the display's. The value 0 stands for the only one.
@@ -130,16 +139,17 @@ impl Field {
         let name = format!("displays/{}", display.id);
         if value == 0.0 {
             let [only] = display.wavelengths[..] else {
-                return Err(
-                    self.invalid(format!("is not given, but {name} has several wavelengths; give one of {}", list()))
-                );
+                return Err(self.invalid(
+                    format!("is not given, but {name} has several wavelengths"),
+                    format!("give one of {}", list()),
+                ));
             };
             return Ok(only);
         }
         let wavelength = self.wavelength(value)?;
         if !display.wavelengths.contains(&wavelength) {
-            let problem = format!("is {wavelength}, but must be one of {}, the wavelengths of {name}", list());
-            return Err(self.invalid(problem));
+            let rule = format!("must be one of {}, the wavelengths of {name}", list());
+            return Err(self.but(format!("is {wavelength}"), rule));
         }
         Ok(wavelength)
     }
@@ -153,9 +163,8 @@ impl Field {
             return Ok(value.to_owned());
         }
         let shown = if value.is_empty() { "empty".to_owned() } else { format!("{:?}", shortened(value)) };
-        Err(self.invalid(format!(
-            "is {shown}, but must be an artifact's digest: sha256- and 64 lower-case hexadecimal digits"
-        )))
+        Err(self
+            .but(format!("is {shown}"), "must be an artifact's digest: sha256- and 64 lower-case hexadecimal digits"))
     }
 }
 

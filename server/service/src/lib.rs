@@ -43,7 +43,7 @@ pub use computing::Computing;
 pub use datasets::{CalibrationTarget, Datasets};
 pub use devices::Devices;
 pub use displays::Displays;
-pub use error::{LimitReason, Result, ServiceError, WrongField, text_of_wrong};
+pub use error::{Fix, LimitReason, Result, ServiceError, WrongField, text_of_wrong};
 pub use field::{Field, shortened};
 pub use files::{Files, Minus, UploadState};
 pub use jobs::{JobLimits, Jobs, QueueState, Submission};
@@ -54,7 +54,7 @@ pub use promotions::{Passage, Promotions, Verdict};
 pub use region::region_of;
 pub use rollouts::Rollouts;
 pub use webhooks::{NewWebhook, Webhooks};
-pub use wrong_fields::{all_of, collect_all, is_about_fields};
+pub use wrong_fields::{all_of, collect_all, is_about_fields, missing};
 
 use lightpath_artifacts::Artifacts;
 use lightpath_domain::origin::Origins;

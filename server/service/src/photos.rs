@@ -4,7 +4,7 @@ use crate::call::Call;
 use crate::computing::Computing;
 use crate::error::{Result, ServiceError};
 use crate::field::Field;
-use crate::files::Files;
+use crate::files::{Files, unreadable};
 use crate::region::region_inside;
 use lightpath_artifacts::Artifacts;
 use lightpath_camera::alignment::AlignmentError;
@@ -94,9 +94,9 @@ impl Photos {
     async fn limited_pixels(&self, call: &Call, field: &Field, digest: &str, pixels_max: u64) -> Result<u64> {
         let pixels = self.files.picture_pixels(call, field, digest).await?;
         if pixels > pixels_max {
-            return Err(field.invalid(format!(
-                "({digest}): the picture has {pixels} px, but at most {pixels_max} are accepted here; send a smaller one"
-            )));
+            let problem =
+                format!("({digest}): the picture has {pixels} px, but at most {pixels_max} are accepted here");
+            return Err(field.invalid(problem, "send a smaller one"));
         }
         Ok(pixels)
     }
@@ -106,12 +106,13 @@ impl Photos {
 fn scored(request: &ScoreRequest, photo: &[u8], target: &[u8]) -> Result<(ScoredPhoto, RegionOfInterest)> {
     let read = |name: &str, digest: &str, bytes: &[u8], encoding| {
         let picture = EncodedPicture::read(bytes, encoding);
-        picture.map_err(|error| Field::new(name).invalid(format!("({digest}): {error}")))
+        picture.map_err(|error| unreadable(&Field::new(name), digest, &error))
     };
     let target = read("target", &request.target, target, request.target_encoding)?;
     let field = Field::new("region_of_interest");
     let (height_px, width_px) = target.size_px();
-    let grid = Grid::try_new(height_px, width_px, PITCH_M).map_err(|error| Field::new("target").invalid(error))?;
+    let grid = Grid::try_new(height_px, width_px, PITCH_M)
+        .map_err(|error| Field::new("target").invalid(error, "send a larger picture"))?;
     let region = region_inside(&field, request.region_px, &grid, "the target")?;
     let photo = read("photo", &request.photo, photo, request.photo_encoding)?;
     let scored = photo_scores::score(&photo, &target, region).map_err(|error| refusal(&request.photo, error))?;
@@ -129,5 +130,10 @@ fn refusal(photo: &str, error: PhotoScoreError) -> ServiceError {
         }
         _ => ("photo", format!("({photo}): {error}")),
     };
-    Field::new(name).invalid(problem)
+    let fix = match name {
+        "region_of_interest" => "give another region",
+        "target" => "send a larger picture",
+        _ => "photograph the target again: in focus, whole, and neither dark nor overexposed",
+    };
+    Field::new(name).invalid(problem, fix)
 }

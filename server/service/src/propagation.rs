@@ -28,12 +28,12 @@ pub fn check_method(
 
 /// The error for a method or window that is not possible.
 pub fn method_refusal(field: &Field, error: &Error) -> ServiceError {
-    field.invalid(format!("cannot be used: {error}"))
+    field.invalid(format!("cannot be used: {error}"), "leave it out, and the planner chooses one that can")
 }
 
 /// The error for a distance at which no method is valid.
 pub fn distance_refusal(field: &Field, distance: Distance, error: &Error) -> ServiceError {
-    field.invalid(format!("is {}: {error}", distance.m()))
+    field.invalid(format!("is {}: {error}", distance.m()), "give another distance")
 }
 
 /// Converts a method into one with which holograms can be optimized; `None` if that is not possible. The shifted

@@ -9,7 +9,7 @@ use lightpath_optics::{Grid, RegionOfInterest};
 /// each axis.
 pub fn region_of(field: &Field, region_px: Option<[u32; 4]>, display: &Display) -> Result<RegionOfInterest> {
     let grid = Grid::try_new(display.height_px as usize, display.width_px as usize, display.pixel_pitch_m);
-    let grid = grid.map_err(|error| field.invalid(error))?;
+    let grid = grid.map_err(|error| field.invalid(error, "name a larger display"))?;
     region_inside(field, region_px, &grid, &format!("displays/{}", display.id))
 }
 
@@ -25,6 +25,6 @@ pub(crate) fn region_inside(
     RegionOfInterest::try_new(grid, x, y, width, height).map_err(|_| {
         let given = format!("is {width_px}×{height_px} px at ({x_px}, {y_px})");
         let (columns, rows) = (grid.width_px(), grid.height_px());
-        field.invalid(format!("{given}, but must be at least 1×1 px and inside {name}, {columns}×{rows} px"))
+        field.but(given, format!("must be at least 1×1 px and inside {name}, {columns}×{rows} px"))
     })
 }

@@ -54,10 +54,8 @@ impl Rollouts {
             0 => "it has no groups".to_owned(),
             _ => format!("its groups are {}", shortened(&groups.join(", "))),
         };
-        Err(Field::new("group").invalid(format!(
-            "is {group:?}, but no device of displays/{display} is in it: {known}; put devices into a group with `lightpath \
-             device group`"
-        )))
+        let problem = format!("is {group:?}, but no device of displays/{display} is in it: {known}");
+        Err(Field::new("group").invalid(problem, "put devices into a group with `lightpath device group`"))
     }
 
     /// Gives a rollout a larger share of the devices.

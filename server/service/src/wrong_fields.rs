@@ -1,6 +1,6 @@
 //! Checks that go on after a wrong field, so that a refusal names every wrong field of a request at once.
 
-use crate::error::{Result, ServiceError, WrongField};
+use crate::error::{Fix, Result, ServiceError, WrongField};
 
 /// Limit on the wrong fields that one refusal names: enough for a screen. Long ones are cut where the answer is made, because
 /// clients accept few headers.
@@ -78,13 +78,17 @@ pub fn is_about_fields(error: &ServiceError) -> bool {
 
 fn wrong_fields(error: ServiceError) -> Vec<WrongField> {
     match error {
-        ServiceError::Invalid { field, problem } => vec![WrongField { field, problem }],
-        ServiceError::Missing { field, what, fix } => {
-            vec![WrongField { field, problem: format!("names {what}, which does not exist; {fix}") }]
-        }
+        ServiceError::Invalid(wrong) => vec![wrong],
+        ServiceError::Missing { field, what, fix } => vec![missing(field, &what, fix)],
         ServiceError::SeveralInvalid { fields, .. } => fields,
         _ => Vec::new(),
     }
+}
+
+/// A field that names a missing resource.
+#[must_use]
+pub fn missing(field: String, what: &str, fix: &str) -> WrongField {
+    WrongField { field, problem: format!("names {what}, which does not exist"), fix: Fix::Action(fix.to_owned()) }
 }
 
 #[cfg(test)]
@@ -129,8 +133,8 @@ mod tests {
             reason: lightpath_domain::reason::PreconditionReason::DatasetOpen,
             message: "is open".into(),
         };
-        let wrong = all_of([state(), Field::new("epochs").invalid("is 5000")]);
-        assert_eq!(wrong.to_string(), "epochs is 5000");
+        let wrong = all_of([state(), Field::new("epochs").but("is 5000", "must be 9")]);
+        assert_eq!(wrong.to_string(), "epochs is 5000, but must be 9");
         assert_eq!(all_of([state(), state()]).to_string(), "is open");
     }
 

@@ -56,10 +56,11 @@ class Unreachable(LightpathError, ConnectionError):
 
 @dataclass(frozen=True)
 class FieldViolation:
-    """A wrong field of a request."""
+    """A wrong field of a request: its path, what is wrong with it, and what to do."""
 
     field: str
-    description: str
+    problem: str
+    fix: str
 
 
 class Refused(LightpathError):
@@ -67,7 +68,7 @@ class Refused(LightpathError):
 
     - `code`: the code of gRPC, such as `INVALID_ARGUMENT`
     - `message`: the server's text
-    - `fields`: all wrong fields, with their allowed values
+    - `fields`: all wrong fields, each with its problem and its fix
     - `retry_after_s`: time after which the call may succeed [s], if the server gave one
     """
 
@@ -83,12 +84,9 @@ class Refused(LightpathError):
         first, *others = self.message.split("\n")
         lines = [f"{first} ({self.reason or self.code})", *(each.strip() for each in others)]
         # What the message has already is not repeated.
-        lines += [
-            f"{wrong.field}: {wrong.description}"
-            for wrong in self.fields
-            if wrong.description not in self.message or wrong.field not in self.message
-        ]
-        if len(self.fields) <= 1 and self.fix not in self.message:
+        lines += [f"{wrong.field}: {wrong.problem}" for wrong in self.fields if wrong.field not in self.message]
+        # The messages of Lightpath say what to do. Those of a proxy between do not.
+        if not self.reason:
             lines.append(self.fix)
         return "\n  ".join(lines)
 
@@ -167,6 +165,7 @@ class ServerStatus:
     subject: str = ""
     fields: tuple[FieldViolation, ...] = ()
     retry_after_s: float | None = None
+    fix: str = ""
 
 
 _CLASSES: dict[str, type[Refused]] = {
@@ -206,20 +205,24 @@ def _status(error: grpc.RpcError) -> ServerStatus:
     for key, value in _metadata(error):
         if key == "grpc-status-details-bin":
             details.ParseFromString(value)
-    info, wrong, retry = (
+    info, wrong, retry, fix = (
         error_details_pb2.ErrorInfo(),
         error_details_pb2.BadRequest(),
         error_details_pb2.RetryInfo(),
+        error_details_pb2.LocalizedMessage(),
     )
     retry_after_s = None
     for detail in details.details:
         detail.Unpack(info)
         detail.Unpack(wrong)
+        detail.Unpack(fix)
         if detail.Unpack(retry):
             retry_after_s = retry.retry_delay.seconds + retry.retry_delay.nanos * 1e-9
-    fields = tuple(FieldViolation(each.field, each.description) for each in wrong.field_violations)
+    fields = tuple(
+        FieldViolation(each.field, each.description, each.localized_message.message) for each in wrong.field_violations
+    )
     subject = info.metadata.get("field", "") or info.metadata.get("resource", "")
-    return ServerStatus(code, message, info.reason, subject, fields, retry_after_s)
+    return ServerStatus(code, message, info.reason, subject, fields, retry_after_s, fix.message)
 
 
 def _metadata(error: grpc.RpcError) -> Iterable[tuple[str, bytes]]:
@@ -234,21 +237,12 @@ def _is_unreachable(status: ServerStatus) -> bool:
 
 
 def _fix(status: ServerStatus) -> str:
-    """Return what to do. The server's messages end with it: "… is 9, but must be 1 to 8" or "…; finalize it first"."""
+    """Return what to do: what the server says, or what helps against errors that others report with the same code."""
     if len(status.fields) > 1:
-        return "; ".join(f"{wrong.field}: {_end(wrong.description)}" for wrong in status.fields)
-    text = status.fields[0].description if status.fields else status.message
-    end = _end(text)
-    if end != text:
-        return end
+        return "\n".join(f"{wrong.field}: {wrong.fix}" for wrong in status.fields)
+    fix = status.fields[0].fix if status.fields else status.fix
+    if fix:
+        return fix
     if status.retry_after_s is not None:
         return f"try again in {status.retry_after_s:.0f} s"
-    return _FIXES.get(status.code, text)
-
-
-def _end(text: str) -> str:
-    """Return the end of a text, which says what to do; the whole text if no part of it does."""
-    for mark in ("; ", ", but "):
-        if mark in text:
-            return text.rpartition(mark)[2]
-    return text
+    return _FIXES.get(status.code, "ask the operator of the server")

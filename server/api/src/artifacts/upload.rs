@@ -34,7 +34,7 @@ impl Api {
         let start = match next_part(&mut parts).await? {
             Some(Part::Start(start)) => start,
             Some(Part::Chunk(_)) | None => {
-                return Err(Field::new("start").invalid("is missing, but must be in the first message"));
+                return Err(Field::new("start").but("is missing", "must be in the first message"));
             }
         };
         let chunks = pin!(stream::try_unfold(parts, async |mut parts| {
@@ -53,11 +53,11 @@ async fn next_chunk(parts: &mut Streaming<v1::WriteArtifactRequest>) -> Result<O
         None => Ok(None),
         Some(Part::Chunk(chunk)) if chunk.len() <= CHUNK_BYTES_MAX => Ok(Some(chunk)),
         Some(Part::Chunk(chunk)) => {
-            let problem = format!("has {} bytes, but at most {CHUNK_BYTES_MAX} are accepted", chunk.len());
-            Err(Field::new("chunk").invalid(problem))
+            let allowed = format!("at most {CHUNK_BYTES_MAX} are accepted");
+            Err(Field::new("chunk").but(format!("has {} bytes", chunk.len()), allowed))
         }
         Some(Part::Start(_)) => {
-            Err(Field::new("start").invalid("is in a later message, but must be in the first message only"))
+            Err(Field::new("start").but("is in a later message", "must be in the first message only"))
         }
     }
 }

@@ -78,7 +78,7 @@ pub(crate) fn display(call: &Call, message: v1::Display, field: &Field) -> Resul
 
 fn all_orders(field: &Field, message: v1::AllOrders, has_carrier: bool) -> Result<Orders> {
     if has_carrier {
-        return Err(field.invalid("is given, but a carrier needs optics that let only one half of the orders through"));
+        return Err(field.but("is given", "a carrier needs optics that let only one half of the orders through"));
     }
     let fill = |name, value: f64| {
         let field = field.at(name);
@@ -107,9 +107,8 @@ fn order_filter(field: &Field, message: v1::OrderFilter) -> Result<Orders> {
         }
         let farthest = OrderFilter::centre_max(side);
         let within = if farthest == 0.0 { "0".to_owned() } else { format!("{:.3} to {farthest:.3}", -farthest) };
-        let reason =
-            format!("is {value}, but must be {within}, so that the opening of {side} lies within the first order");
-        Err(field.at(name).invalid(reason))
+        let rule = format!("must be {within}, so that the opening of {side} lies within the first order");
+        Err(field.at(name).but(format!("is {value}"), rule))
     };
     check_all! {
         centre_x = centre("centre_x", message.centre_x, width);
@@ -123,21 +122,23 @@ fn pixel_pitch(field: &Field, value: f64) -> Result<f64> {
     if PIXEL_PITCH_M.contains(&value) {
         return Ok(value);
     }
-    Err(field.invalid(format!("is {value}, but must be 1e-7 to 1e-3 m (8e-6 is 8 µm)")))
+    Err(field.but(format!("is {value}"), "must be 1e-7 to 1e-3 m (8e-6 is 8 µm)"))
 }
 
 fn wavelengths(field: &Field, values: &[f64]) -> Result<Vec<Wavelength>> {
     if values.is_empty() {
-        return Err(field.invalid("is empty, but a display needs at least one wavelength"));
+        return Err(field.but("is empty", "a display needs at least one wavelength"));
     }
     if values.len() > WAVELENGTHS_MAX {
-        return Err(field.invalid(format!("has {} entries, but at most {WAVELENGTHS_MAX} are accepted", values.len())));
+        return Err(
+            field.but(format!("has {} entries", values.len()), format!("at most {WAVELENGTHS_MAX} are accepted"))
+        );
     }
     let checked = |(i, &value)| field.index(i).wavelength(value);
     let mut wavelengths = collect_all(values.iter().enumerate().map(checked))?;
     wavelengths.sort_unstable();
     match wavelengths.windows(2).find(|pair| pair[0] == pair[1]) {
-        Some(pair) => Err(field.invalid(format!("names {} twice, but no two may be equal", pair[0]))),
+        Some(pair) => Err(field.but(format!("names {} twice", pair[0]), "no two may be equal")),
         None => Ok(wavelengths),
     }
 }
@@ -147,7 +148,7 @@ fn phases(field: &Field, phase_rad: Vec<f64>, bit_depth: u32) -> Result<Vec<f64>
     let levels = 1_usize << bit_depth;
     if phase_rad.len() != levels {
         let count = phase_rad.len();
-        return Err(field.invalid(format!("has {count} entries, but must have {levels}, one for each level")));
+        return Err(field.but(format!("has {count} entries"), format!("must have {levels}, one for each level")));
     }
     let is_outside = |phase: &f64| !(-PHASE_RAD_MAX..=PHASE_RAD_MAX).contains(phase);
     if let Some(i) = phase_rad.iter().position(is_outside) {
@@ -163,23 +164,20 @@ fn require_radians(field: &Field, phase_rad: &[f64]) -> Result<()> {
     let most = phase_rad.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     let span = most - least;
     if phase_rad.len() >= WHOLE_NUMBERS_MIN && phase_rad.iter().all(|phase| phase.fract() == 0.0) {
-        return Err(field.invalid(format!(
-            "has whole numbers only, from {least} to {most}, but must have radians as measured; are they grey levels, \
-             such as a driver's table? Then give the phase that each level makes. Are they degrees? Then multiply them \
-             by π/180"
-        )));
+        let problem = format!("has whole numbers only, from {least} to {most}, but must have radians as measured");
+        let question = "are they grey levels, such as a driver's table? Then give the phase that each level makes. Are \
+                        they degrees? Then multiply them by π/180";
+        return Err(field.invalid(problem, question));
     }
     if span > PHASE_SPAN_RAD_MAX {
-        return Err(field.invalid(format!(
-            "spans {span} rad, {:.0} turns, but a modulator makes a few; are these degrees? Then multiply them by π/180. \
-             Are they grey levels? Then give the phase that each level makes",
-            span / TAU
-        )));
+        let problem = format!("spans {span} rad, {:.0} turns, but a modulator makes a few", span / TAU);
+        let question = "are these degrees? Then multiply them by π/180. Are they grey levels? Then give the phase that \
+                        each level makes";
+        return Err(field.invalid(problem, question));
     }
     if span < PI {
-        return Err(field.invalid(format!(
-            "spans {span} rad, but must span at least π; are these turns or multiples of π? Then multiply them by 2π or π"
-        )));
+        let question = "are these turns or multiples of π? Then multiply them by 2π or π";
+        return Err(field.invalid(format!("spans {span} rad, but must span at least π"), question));
     }
     Ok(())
 }

@@ -21,12 +21,13 @@ impl Api {
         let wavelength = Field::new("wavelength_m").wavelength_of(request.wavelength_m, &display)?;
         let field = Field::new("distance_m");
         let distance = field.distance(request.distance_m)?;
-        let setup = planning::setup(&display, wavelength, distance).map_err(|error| field.invalid(error))?;
+        let setup = planning::setup(&display, wavelength, distance)
+            .map_err(|error| field.invalid(error, "give another distance"))?;
         let method = Field::new("method").enum_value::<PropagationMethod>(request.method)?;
         let report = match (request.window, method) {
             (Some(_), Some(_)) => {
                 return Err(Field::new("method")
-                    .invalid("is given together with a window, but the planner chooses the method for a window"));
+                    .but("is given together with a window", "the planner chooses the method for a window"));
             }
             (Some(window), None) => {
                 let window = image_window(window, &Field::new("window"))?;
@@ -60,9 +61,11 @@ fn alternative(setup: &OpticalSetup, method: PropagationMethod) -> v1::Propagati
 fn image_window(window: v1::ImageWindow, field: &Field) -> Result<propagation::ImageWindow> {
     let v1::ImageWindow { width_px, height_px, pitch_x_m, pitch_y_m, centre_x_m, centre_y_m } = window;
     if pitch_y_m != 0.0 && pitch_y_m != pitch_x_m {
-        return Err(field.at("pitch_y_m").invalid(format!("is {pitch_y_m}, but must be pitch_x_m, {pitch_x_m}, or 0")));
+        return Err(field
+            .at("pitch_y_m")
+            .but(format!("is {pitch_y_m}"), format!("must be pitch_x_m, {pitch_x_m}, or 0")));
     }
     let size = propagation::ImageWindow::try_new(height_px as usize, width_px as usize, pitch_x_m);
     let placed = size.and_then(|window| window.centred_at(centre_x_m, centre_y_m));
-    placed.map_err(|error| field.invalid(format!("is not possible: {error}")))
+    placed.map_err(|error| field.invalid(format!("is not possible: {error}"), "give another window"))
 }

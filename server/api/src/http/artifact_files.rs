@@ -2,7 +2,7 @@
 
 use super::checked_body::status_of;
 use super::file_answer::ServedFile;
-use super::refusal::Refusal;
+use super::refusal::{Refusal, wrong_content_type};
 use crate::accounts::StreamKind;
 use crate::api::Api;
 use crate::artifacts::to_wire;
@@ -13,7 +13,7 @@ use axum::response::Response;
 use axum::{Extension, Json};
 use futures::{Stream, StreamExt as _};
 use lightpath_proto::v1;
-use lightpath_service::{Call, Field, Result, ServiceError};
+use lightpath_service::{Call, Field, Result, ServiceError, shortened};
 use std::pin::pin;
 use tonic::Status;
 
@@ -61,12 +61,12 @@ pub(super) async fn upload_unnamed(
     let content_type = headers.get(header::CONTENT_TYPE).and_then(|value| value.to_str().ok()).unwrap_or("");
     // A web page of another site can send some types without asking, but not this one.
     if !content_type.eq_ignore_ascii_case(OCTETS) {
-        let status = Status::invalid_argument(format!("the header content-type must be {OCTETS}"));
-        return Err(Refusal::from(status).with_status(StatusCode::UNSUPPORTED_MEDIA_TYPE));
+        return Err(wrong_content_type(content_type, &format!("must be {OCTETS}")));
     }
+    let range = Field::new("the header content-range");
     if headers.contains_key(header::CONTENT_RANGE) {
-        let message = "the header content-range needs the digest: use PUT /v1/artifacts/{digest}/upload";
-        return Err(Status::invalid_argument(message).into());
+        let problem = "is given, but a part of an artifact needs its digest";
+        return Err(range.invalid(problem, "use PUT /v1/artifacts/{digest}/upload").into());
     }
     let (_, size_bytes) = extent(&headers)?;
     let _open = api.streams.open(StreamKind::Upload, &call.client)?;
@@ -91,8 +91,8 @@ fn extent(headers: &HeaderMap) -> Result<(u64, u64), Refusal> {
     let Some(range) = text(header::CONTENT_RANGE) else {
         let length = text(header::CONTENT_LENGTH).and_then(|length| length.parse().ok());
         return length.map(|size_bytes| (0, size_bytes)).ok_or_else(|| {
-            let message = "the header content-length is missing: it tells the size of the artifact";
-            Refusal::from(Status::invalid_argument(message)).with_status(StatusCode::LENGTH_REQUIRED)
+            let error = Field::new("the header content-length").but("is missing", "must be the size of the artifact");
+            Refusal::from(error).with_status(StatusCode::LENGTH_REQUIRED)
         });
     };
     let parsed = || {
@@ -102,10 +102,7 @@ fn extent(headers: &HeaderMap) -> Result<(u64, u64), Refusal> {
         (first <= last && last.checked_add(1) == Some(size)).then_some((first, size))
     };
     parsed().ok_or_else(|| {
-        let message = format!(
-            "the header content-range is {range:?}, but must reach to the end of the artifact, such as \
-             \"bytes 1000-1999/2000\""
-        );
-        Status::invalid_argument(message).into()
+        let rule = "must reach to the end of the artifact, such as \"bytes 1000-1999/2000\"";
+        Field::new("the header content-range").but(format!("is {:?}", shortened(range)), rule).into()
     })
 }

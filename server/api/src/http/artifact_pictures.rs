@@ -1,12 +1,12 @@
 //! Artifacts as pictures for people, and the colours of their bars.
 
 use super::etags::{IMMUTABLE, etag, has, unless_known};
-use super::refusal::Refusal;
+use super::refusal::{Refusal, checked};
 use crate::api::Api;
 use axum::Extension;
 use axum::extract::rejection::{PathRejection, QueryRejection};
 use axum::extract::{Path, Query, State};
-use axum::http::{HeaderMap, header};
+use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use lightpath_domain::dataset::Encoding;
 use lightpath_domain::job::Fit;
@@ -15,7 +15,7 @@ use lightpath_media::pictures::{Channel, SIDE_PX_MAX, rgb_png};
 use lightpath_optics::Plane;
 use lightpath_service::{Call, Field, Minus, Result, ServiceError};
 use serde::Deserialize;
-use tonic::Status;
+use tonic::{Code, Status};
 
 /// Number of colours of a map that clients get.
 const COLOURS: usize = 256;
@@ -73,7 +73,7 @@ pub(super) async fn get_picture(
     query: Result<Query<Wish>, QueryRejection>,
     headers: HeaderMap,
 ) -> Result<Response, Refusal> {
-    let Query(wish) = query.map_err(|error| Status::invalid_argument(error.body_text()))?;
+    let Query(wish) = checked(query)?;
     let (field, minus_field) = (Field::new("digest"), Field::new("minus"));
     let digest = field.digest(&digest)?;
     let minus = wish.minus.as_deref().map(|minus| minus_field.digest(minus)).transpose()?;
@@ -94,7 +94,10 @@ pub(super) async fn get_picture(
 
 /// Handles `GET /v1/colormaps/{colormap}`: the colours of a map from its start to its end, 256 in a row.
 pub(super) async fn get_colormap(colours: Result<Path<Colours>, PathRejection>) -> Result<Response, Refusal> {
-    let Path(colours) = colours.map_err(|error| Status::not_found(error.body_text()))?;
+    let Path(colours) = colours.map_err(|error| {
+        let fix = "use grey, sequential, diverging or cyclic";
+        Refusal::new(StatusCode::NOT_FOUND, Code::NotFound, "NO_SUCH_PATH", error.body_text(), fix)
+    })?;
     let row = Plane::from_fn(1, COLOURS, |_, x| match ViewColours::from(colours) {
         ViewColours::Map(map) => map.colour(x as f32 / (COLOURS - 1) as f32),
         ViewColours::Own | ViewColours::Grey => [x as u8; 3],
@@ -126,8 +129,9 @@ fn region(text: &str) -> Result<ViewRegion> {
     let numbers = text.split(',').map(str::parse).collect::<Result<Vec<usize>, _>>();
     match numbers.as_deref() {
         Ok(&[x_px, y_px, width_px, height_px]) => Ok(ViewRegion { x_px, y_px, width_px, height_px }),
-        _ => Err(Field::new("region")
-            .invalid(format!("is {text:?}, but must be x,y,width,height in px, such as 0,0,640,480"))),
+        _ => {
+            Err(Field::new("region").but(format!("is {text:?}"), "must be x,y,width,height in px, such as 0,0,640,480"))
+        }
     }
 }
 

@@ -6,14 +6,14 @@
 
 use super::etags::{ASKED_AGAIN, etag, has, unless_known};
 use super::file_answer::ServedFile;
-use super::refusal::Refusal;
+use super::refusal::{Refusal, checked};
 use crate::accounts::StreamKind;
 use crate::api::Api;
 use crate::names;
 use axum::Extension;
 use axum::extract::rejection::QueryRejection;
 use axum::extract::{Path, Query, State};
-use axum::http::{HeaderMap, HeaderValue, header};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use lightpath_domain::kernel::{KernelKey, KernelVersion};
 use lightpath_media::kernel_formats::KernelFormat;
@@ -23,7 +23,7 @@ use std::sync::Arc;
 use std::time::Duration;
 use tokio::sync::broadcast::error::RecvError;
 use tokio::time::timeout;
-use tonic::Status;
+use tonic::Code;
 
 /// Longest time for which a request for a manifest waits for a change \[s\]. Gateways commonly end requests after a
 /// minute.
@@ -81,9 +81,7 @@ pub(super) async fn get_manifest(
         "" => KernelFormat::Safetensors,
         name => parsed_form(name)?,
     };
-    if wait_s > WAIT_S_MAX {
-        return Err(Status::invalid_argument(format!("wait_s is {wait_s}, but must be 0 to {WAIT_S_MAX}")).into());
-    }
+    let wait_s = Field::new("wait_s").integer(wait_s, 0..=WAIT_S_MAX)?;
     let device = permissions::device_of(&call, &device)?;
     let asked = Asked { key, form, device };
     let issued = if wait_s > 0 {
@@ -175,7 +173,8 @@ async fn file_of(
     if file.digest != digest {
         let form = form.as_str();
         let message = format!("{name} in the form {form} has the digest {}; read the manifest again", file.digest);
-        return Err(Status::not_found(message).into());
+        let (http, fix) = (StatusCode::NOT_FOUND, "read the manifest again");
+        return Err(Refusal::new(http, Code::NotFound, "OTHER_DIGEST", message, fix));
     }
     Ok(file)
 }
@@ -190,9 +189,4 @@ fn document(api: &Api, headers: &HeaderMap, text: String) -> Response {
 
 fn parsed_form(name: &str) -> Result<KernelFormat, Refusal> {
     Ok(Field::new("form").form(name)?)
-}
-
-/// The parameters of a request, or a refusal that names what is wrong.
-fn checked<T>(query: Result<Query<T>, QueryRejection>) -> Result<Query<T>, Refusal> {
-    query.map_err(|rejection| Status::invalid_argument(rejection.body_text()).into())
 }

@@ -8,12 +8,13 @@
 //!   server that requires no tokens answers only to its own names: IP addresses, `localhost`, and the setting `host_names`.
 //!   A server with tokens needs no such check, because such a page has no token.
 
+use crate::{fixes, status};
 use axum::extract::Request;
 use axum::http::header;
 use axum::http::uri::Authority;
 use lightpath_domain::origin::Origins;
 use std::net::{Ipv4Addr, Ipv6Addr};
-use tonic::Status;
+use tonic::{Code, Status};
 
 /// The names to which a server answers, and the pages that may call it.
 #[derive(Clone, Debug)]
@@ -57,24 +58,25 @@ impl Hosts {
     pub(super) fn check(&self, request: &Request) -> Result<(), Status> {
         let given = host(request);
         let Some(host) = given.as_ref().and_then(|host| host.parse::<Authority>().ok()) else {
-            return Err(Status::permission_denied("the request has no valid Host header, so its server is unknown"));
+            let message = "the request has no valid Host header, so its server is unknown".to_owned();
+            return Err(status::plain(Code::PermissionDenied, "WRONG_HOST", message, "send the header Host"));
         };
         if !self.contains(host.host()) {
-            return Err(Status::permission_denied(format!(
-                "this server requires no tokens, so it does not answer to the name {:?}, which another site may own; call \
-                 it by its IP address or localhost, or add the name to its setting host_names",
-                host.host()
-            )));
+            let message = format!(
+                "this server requires no tokens, so it does not answer to the name {:?}, which another site may own; {}",
+                host.host(),
+                fixes::HOST
+            );
+            return Err(status::plain(Code::PermissionDenied, "WRONG_HOST", message, fixes::HOST));
         }
         let origins = request.headers().get_all(header::ORIGIN);
         let may_call = |origin: &str| is_same_site(origin, &host) || self.pages.contains(origin);
         if origins.iter().all(|origin| may_call(origin.to_str().unwrap_or_default())) {
             return Ok(());
         }
-        Err(Status::permission_denied(
-            "the request comes from a web page of another site, whose Origin is not this server; if that page may call \
-             it, add its origin to the setting cors_origins",
-        ))
+        let message = "the request comes from a web page of another site, whose Origin is not this server";
+        let message = format!("{message}; {}", fixes::ORIGIN);
+        Err(status::plain(Code::PermissionDenied, "WRONG_ORIGIN", message, fixes::ORIGIN))
     }
 
     fn contains(&self, host: &str) -> bool {

@@ -1,13 +1,15 @@
 //! The dashboard: its files, which hold no secrets. The page asks for data with the caller's token.
 
 use super::etags::{etag, unless_known};
+use super::refusal::refuse;
+use crate::status;
 use axum::extract::Path;
 use axum::http::{HeaderMap, HeaderName, HeaderValue, header};
 use axum::response::{IntoResponse, Response};
 use lightpath_dashboard::{INDEX, file, names};
 use std::collections::HashMap;
 use std::sync::LazyLock;
-use tonic::Status;
+use tonic::Code;
 
 /// The page runs only scripts of this server, asks only this server, and no other site can show it in a frame.
 const POLICY: &str = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; connect-src 'self'; \
@@ -26,8 +28,8 @@ pub(super) async fn get_file(Path(name): Path<String>, headers: HeaderMap) -> Re
 
 fn answer(name: &str, headers: &HeaderMap) -> Response {
     let (Some(file), Some(etag)) = (file(name), ETAGS.get(name)) else {
-        let status = Status::not_found(format!("the page has no file {name:?}"));
-        return super::refusal::Refusal::from(status).into_response();
+        let message = format!("the page has no file {name:?}");
+        return refuse(status::plain(Code::NotFound, "NO_SUCH_PATH", message, "load the page again"), false);
     };
     let fields = [
         (header::CONTENT_TYPE, HeaderValue::from_static(file.content_type)),

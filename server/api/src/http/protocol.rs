@@ -1,8 +1,9 @@
 //! The protocol of a request. Its path decides, never a header that the client chooses freely.
 
+use crate::status;
 use axum::extract::Request;
 use axum::http::{Method, header};
-use tonic::Status;
+use tonic::{Code, Status};
 
 /// Whether a path is that of a gRPC method, `/package.Service/Method`. No other path of the server has this form.
 pub(super) fn is_grpc(path: &str) -> bool {
@@ -25,9 +26,9 @@ pub(super) fn require_grpc(request: &Request) -> Result<(), Status> {
     if request.method() == Method::POST && is_content_type {
         return Ok(());
     }
-    Err(Status::invalid_argument(
-        "the path is a gRPC method, so the request must be a POST with the content type application/grpc",
-    ))
+    let message = "the path is a gRPC method, so the request must be a POST with the content type application/grpc";
+    let fix = "use a client of gRPC, or a path of /openapi.json";
+    Err(status::plain(Code::InvalidArgument, "NOT_GRPC", message.to_owned(), fix))
 }
 
 #[cfg(test)]

@@ -2,15 +2,19 @@
 
 use crate::status;
 use axum::Extension;
-use axum::http::{HeaderMap, StatusCode, header};
+use axum::body::Body;
+use axum::extract::Query;
+use axum::extract::rejection::QueryRejection;
+use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use http_body::Frame;
 use lightpath_proto::code_name;
-use lightpath_service::ServiceError;
+use lightpath_service::{Field, ServiceError, shortened};
 use prost::bytes::Bytes;
 use serde_json::{Value, json};
+use std::time::Duration;
 use tonic::{Code, Status};
-use tonic_types::StatusExt as _;
+use tonic_types::{FieldViolation, StatusExt as _};
 
 /// The answer to a refused call.
 pub(super) fn refuse(status: Status, is_grpc: bool) -> Response {
@@ -27,8 +31,9 @@ pub(super) fn closing_frame(status: Status, is_grpc: bool) -> Result<Frame<Bytes
     Ok(Frame::trailers(trailers))
 }
 
-/// An error in the form `{"error": {"code", "status", "message", "reason", "metadata"}}`.
-#[derive(Debug)]
+/// A refused call as an answer: problem details of RFC 9457, `application/problem+json`. The body is written where the
+/// id of the request is known ([`with_problem`]).
+#[derive(Clone, Debug)]
 pub(super) struct Refusal {
     status: Status,
     http: StatusCode,
@@ -48,21 +53,56 @@ impl From<ServiceError> for Refusal {
 }
 
 impl Refusal {
+    /// A refusal that only HTTP knows. `fix` says what to do.
+    pub(super) fn new(http: StatusCode, code: Code, reason: &'static str, message: String, fix: &'static str) -> Self {
+        Self { status: status::plain(code, reason, message, fix), http }
+    }
+
     /// The refusal with an HTTP status that says more than the gRPC code.
     pub(super) fn with_status(self, http: StatusCode) -> Self {
         Self { http, ..self }
     }
 
-    /// The body of the answer.
-    pub(super) fn json(&self) -> Vec<u8> {
-        let name = code_name(self.status.code());
-        let mut error = json!({ "code": self.http.as_u16(), "status": name, "message": self.status.message() });
-        if let Some(info) = self.status.get_error_details().error_info() {
-            error["reason"] = Value::from(info.reason.clone());
-            error["metadata"] = json!(info.metadata);
+    /// The body of the answer to a request with this id.
+    pub(super) fn json(&self, request_id: &str) -> Vec<u8> {
+        let (code, details) = (self.status.code(), self.status.get_error_details());
+        let mut problem = json!({
+            "title": title(code),
+            "status": self.http.as_u16(),
+            "detail": self.status.message(),
+            "grpc_code": code_name(code),
+            "request_id": request_id,
+            "fields": details.bad_request().map_or_else(Vec::new, |bad| bad.field_violations.iter().map(field).collect()),
+        });
+        if let Some(info) = details.error_info() {
+            problem["type"] = json!(format!("urn:lightpath:error:{}", info.reason));
+            problem["reason"] = json!(info.reason);
+            for (name, value) in &info.metadata {
+                problem[name] = json!(value);
+            }
         }
-        json!({ "error": error }).to_string().into_bytes()
+        if let Some(fix) = details.localized_message() {
+            problem["fix"] = json!(fix.message);
+        }
+        if let (Some(_), Some(problem)) = (details.bad_request(), problem.as_object_mut()) {
+            // The first field is among the fields, with its problem and its fix.
+            problem.remove("field");
+        }
+        if let Some(delay) = self.retry_after() {
+            problem["retry_after_s"] = json!(delay.as_secs_f64());
+        }
+        problem.to_string().into_bytes()
     }
+
+    fn retry_after(&self) -> Option<Duration> {
+        self.status.get_error_details().retry_info().and_then(|info| info.retry_delay)
+    }
+}
+
+/// A wrong field with what is wrong and what to do.
+fn field(wrong: &FieldViolation) -> Value {
+    let fix = wrong.localized_message.as_ref().map_or("", |fix| &fix.message);
+    json!({ "field": wrong.field, "problem": wrong.description, "fix": fix })
 }
 
 /// The gRPC code of a refusal, kept with its answer for the audit log.
@@ -72,10 +112,61 @@ pub(super) struct RefusalCode(pub(super) Code);
 impl IntoResponse for Refusal {
     fn into_response(self) -> Response {
         let code = RefusalCode(self.status.code());
-        let delay = self.status.get_error_details().retry_info().and_then(|info| info.retry_delay);
-        let retry = delay.map(|delay| [(header::RETRY_AFTER, delay.as_secs().max(1).to_string())]);
-        let json = [(header::CONTENT_TYPE, "application/json")];
-        (self.http, Extension(code), retry, json, self.json()).into_response()
+        let retry = self.retry_after().map(|delay| [(header::RETRY_AFTER, delay.as_secs().max(1).to_string())]);
+        (self.http, Extension(code), retry, Extension(self)).into_response()
+    }
+}
+
+/// The answer to the request with this id: a refusal gets its body.
+pub(super) fn with_problem(mut response: Response, request_id: &str) -> Response {
+    let refusal = match response.extensions_mut().remove::<Refusal>() {
+        Some(refusal) => refusal,
+        // The router of the paths with handlers of their own refuses a wrong verb without a body.
+        None if response.status() == StatusCode::METHOD_NOT_ALLOWED => {
+            wrong_verb("the path has other verbs".to_owned())
+        }
+        None => return response,
+    };
+    response.headers_mut().insert(header::CONTENT_TYPE, PROBLEM);
+    response.headers_mut().remove(header::CONTENT_LENGTH);
+    response.map(|_| Body::from(refusal.json(request_id)))
+}
+
+/// The refusal of a verb that a path does not have.
+pub(super) fn wrong_verb(message: String) -> Refusal {
+    let fix = "use a verb that the header Allow lists";
+    Refusal::new(StatusCode::METHOD_NOT_ALLOWED, Code::Unimplemented, "WRONG_VERB", message, fix)
+}
+
+/// The refusal of a body of another type.
+pub(super) fn wrong_content_type(given: &str, rule: &str) -> Refusal {
+    let error = Field::new("the header content-type").but(format!("is {:?}", shortened(given)), rule);
+    Refusal::from(error).with_status(StatusCode::UNSUPPORTED_MEDIA_TYPE)
+}
+
+/// The parameters of a request, or a refusal that names what is wrong.
+pub(super) fn checked<T>(query: Result<Query<T>, QueryRejection>) -> Result<Query<T>, Refusal> {
+    let fix = "give the parameters of the path as in /openapi.json";
+    query.map_err(|rejection| Field::new("the query").invalid(rejection.body_text(), fix).into())
+}
+
+const PROBLEM: HeaderValue = HeaderValue::from_static("application/problem+json");
+
+/// What all errors of a code have in common.
+fn title(code: Code) -> &'static str {
+    match code {
+        Code::InvalidArgument | Code::OutOfRange => "The request is wrong",
+        Code::NotFound => "Something that the request names does not exist",
+        Code::AlreadyExists => "Something else has this name already",
+        Code::FailedPrecondition => "The present state does not allow the request",
+        Code::Aborted => "Somebody else changed the same thing",
+        Code::Unauthenticated => "The request has no valid token",
+        Code::PermissionDenied => "The caller may not do this",
+        Code::ResourceExhausted => "A limit is reached",
+        Code::Unavailable => "The server cannot answer now",
+        Code::Unimplemented => "The path does not have this verb",
+        Code::Cancelled | Code::DeadlineExceeded => "The call ended before its answer",
+        Code::Ok | Code::Unknown | Code::Internal | Code::DataLoss => "The server failed",
     }
 }
 

@@ -1,11 +1,11 @@
 //! Deadlines and metrics of all requests, gRPC and HTTP.
 
 use super::protocol::is_grpc;
-use super::refusal::refuse;
+use super::refusal::{refuse, with_problem};
 use super::transcode::Called;
 use super::{ARTIFACT_UPLOAD, UNNAMED_UPLOAD};
 use crate::api::Api;
-use crate::status;
+use crate::{fixes, status};
 use axum::extract::{MatchedPath, Request, State};
 use axum::http::{HeaderMap, HeaderValue};
 use axum::middleware::Next;
@@ -17,7 +17,7 @@ use std::collections::HashSet;
 use std::sync::LazyLock;
 use std::time::{Duration, Instant};
 use tokio::time::timeout;
-use tonic::{Code, Status};
+use tonic::Code;
 use tracing::Instrument as _;
 use uuid::Uuid;
 
@@ -41,9 +41,13 @@ const UPLOADS: [&str; 3] = ["/lightpath.v1.ArtifactService/WriteArtifact", ARTIF
 /// Paths that are answered even while the server stops, so that operators can watch it.
 const ALWAYS: [&str; 3] = ["/healthz", "/metrics", "/grpc.health.v1.Health/"];
 
+/// Id of a request, in its extensions.
+#[derive(Clone, Debug, Default)]
+pub(super) struct RequestId(pub(super) String);
+
 /// Runs a request within its deadline, or within that of the client (`grpc-timeout`) if it is earlier, and counts it. A
 /// stopping server refuses new requests.
-pub(super) async fn with_deadline(State(api): State<Api>, request: Request, next: Next) -> Response {
+pub(super) async fn with_deadline(State(api): State<Api>, mut request: Request, next: Next) -> Response {
     let begin = Instant::now();
     let is_grpc = is_grpc(request.uri().path());
     let method = method(&request);
@@ -54,21 +58,23 @@ pub(super) async fn with_deadline(State(api): State<Api>, request: Request, next
     };
     let limit = client_limit(request.headers()).map_or(limit, |client| client.min(limit));
     let id = Uuid::now_v7().to_string();
+    request.extensions_mut().insert(RequestId(id.clone()));
     let span = tracing::info_span!("request", id, method);
-    let mut response = if api.is_stopping() && !ALWAYS.iter().any(|path| request.uri().path().starts_with(path)) {
+    let response = if api.is_stopping() && !ALWAYS.iter().any(|path| request.uri().path().starts_with(path)) {
         refuse(status::of(ServiceError::Stopping), is_grpc)
     } else {
         match timeout(limit, next.run(request).instrument(span)).await {
             Ok(response) => response,
             Err(_) => {
                 let message = format!("no answer within {} s", limit.as_secs_f64());
-                refuse(Status::deadline_exceeded(message), is_grpc)
+                refuse(status::plain(Code::DeadlineExceeded, "NO_ANSWER", message, fixes::AGAIN), is_grpc)
             }
         }
     };
     let (code, took) = (code(&response, is_grpc), begin.elapsed());
     tracing::debug!(id, method, code, took_ms = took.as_secs_f64() * 1e3, "answered");
     metrics::request(method, code, took);
+    let mut response = with_problem(response, &id);
     // Users can refer to a request by its id.
     if let Ok(id) = HeaderValue::from_str(&id) {
         response.headers_mut().insert("x-request-id", id);

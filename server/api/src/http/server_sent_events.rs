@@ -1,6 +1,7 @@
 //! Streams of answers as server-sent events.
 
 use super::refusal::Refusal;
+use super::requests::RequestId;
 use axum::http::HeaderMap;
 use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};
@@ -34,10 +35,10 @@ pub(super) fn add_last_event_id(route: &Route, headers: &HeaderMap, query: &mut 
 ///
 /// An answer that is an [`v1::Event`] is an event with its id and the name of the change, such as `job`. All other
 /// answers are events `message`.
-pub(super) fn events(answers: Streaming<Bytes>, route: &'static Route) -> Response {
+pub(super) fn events(answers: Streaming<Bytes>, route: &'static Route, RequestId(request_id): RequestId) -> Response {
     let events = answers.map(move |answer| {
         let event = answer.and_then(|answer| event(route, answer));
-        Ok::<_, Infallible>(event.unwrap_or_else(|status| named("error", &Refusal::from(status).json())))
+        Ok::<_, Infallible>(event.unwrap_or_else(|status| named("error", &Refusal::from(status).json(&request_id))))
     });
     Sse::new(events).keep_alive(KeepAlive::default()).into_response()
 }

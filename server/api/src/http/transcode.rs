@@ -4,8 +4,10 @@
 use super::checked_body::status_of;
 use super::etags::{ASKED_AGAIN, etag, text_value, unless_known};
 use super::protocol::is_grpc;
-use super::refusal::{Refusal, refuse};
+use super::refusal::{Refusal, refuse, wrong_content_type, wrong_verb};
+use super::requests::RequestId;
 use super::server_sent_events::{add_last_event_id, events};
+use crate::{fixes, status};
 use axum::Router;
 use axum::body::{Body, to_bytes};
 use axum::extract::{Query, Request};
@@ -16,10 +18,10 @@ use axum::response::{IntoResponse, Response};
 use lightpath_proto::routes::{self, EncodedRequest, Match};
 use lightpath_service::Field;
 use prost::bytes::{Buf as _, BufMut as _, Bytes};
-use tonic::Status;
 use tonic::codec::{Codec, DecodeBuf, Decoder, EncodeBuf, Encoder};
 use tonic::codegen::http::uri::PathAndQuery;
 use tonic::metadata::MetadataMap;
+use tonic::{Code, Status};
 
 /// Limit on the body of a request \[bytes\]. The parsed JSON takes up to sixteen times as much memory, which is the
 /// memory that a message over gRPC may take.
@@ -57,15 +59,15 @@ pub(super) async fn call_method(grpc: Router, request: Request) -> Response {
     let (mut parts, body) = request.into_parts();
     match parts.extensions.remove::<Called>() {
         Some(Called(Ok(found))) => call(grpc, found, parts, body).await.unwrap_or_else(IntoResponse::into_response),
-        Some(Called(Err(verbs))) => wrong_verb(&parts, &verbs),
+        Some(Called(Err(verbs))) => verb_refusal(&parts, &verbs),
         None => unknown(parts.uri.path()),
     }
 }
 
-fn wrong_verb(parts: &Parts, verbs: &[&str]) -> Response {
+fn verb_refusal(parts: &Parts, verbs: &[&str]) -> Response {
     let (path, allowed) = (parts.uri.path(), verbs.join(", "));
-    let status = Status::unimplemented(format!("{} is not possible at {path}, only {allowed}", parts.method));
-    let mut response = Refusal::from(status).with_status(StatusCode::METHOD_NOT_ALLOWED).into_response();
+    let message = format!("{} is not possible at {path}, only {allowed}", parts.method);
+    let mut response = wrong_verb(message).into_response();
     response.headers_mut().insert(header::ALLOW, text_value(&allowed));
     response
 }
@@ -73,26 +75,30 @@ fn wrong_verb(parts: &Parts, verbs: &[&str]) -> Response {
 /// Answers an unknown path in its protocol.
 fn unknown(path: &str) -> Response {
     if is_grpc(path) {
-        return refuse(Status::unimplemented(format!("the method {path} does not exist")), true);
+        let message = format!("the method {path} does not exist");
+        return refuse(status::plain(Code::Unimplemented, "NO_SUCH_METHOD", message, fixes::VERSIONS), true);
     }
-    refuse(Status::not_found(format!("the path {path} does not exist")), false)
+    let message = format!("the path {path} does not exist");
+    refuse(status::plain(Code::NotFound, "NO_SUCH_PATH", message, "look into /openapi.json for the paths"), false)
 }
 
 async fn call(grpc: Router, found: Match, parts: Parts, body: Body) -> Result<Response, Refusal> {
     let route = found.route;
     let Query(mut query) = Query::<Vec<(String, String)>>::try_from_uri(&parts.uri)
-        .map_err(|rejection| Status::invalid_argument(rejection.body_text()))?;
+        .map_err(|rejection| Field::new("the query").invalid(rejection.body_text(), "send name=value pairs"))?;
     add_last_event_id(route, &parts.headers, &mut query);
     let body = json_body(&parts, body).await?;
-    let request = found.request(query, &body).map_err(|error| Field::new(&error.field).invalid(error.problem))?;
+    let request =
+        found.request(query, &body).map_err(|error| Field::new(&error.field).invalid(error.problem, error.fix))?;
     let EncodedRequest { message, ignored } = request;
+    let request_id = parts.extensions.get::<RequestId>().cloned().unwrap_or_default();
     let request = tonic::Request::from_parts(MetadataMap::new(), parts.extensions, Bytes::from(message));
     let path = PathAndQuery::from_static(route.method);
     // Nothing waits until this client is ready: a router always is.
     let mut client = tonic::client::Grpc::new(grpc);
     if route.is_stream {
         let answers = client.server_streaming(request, path, Messages).await?.into_inner();
-        return Ok(events(answers, route));
+        return Ok(events(answers, route, request_id));
     }
     let answer = client.unary(request, path, Messages).await?.into_inner();
     let json = route.json(answer).map_err(|error| Status::internal(error.to_string()))?;
@@ -125,8 +131,7 @@ async fn json_body(parts: &Parts, body: Body) -> Result<Bytes, Refusal> {
     let media_type = content_type.split(';').next().unwrap_or("").trim();
     // A web page of another site can send other types without asking.
     if !bytes.is_empty() && !media_type.eq_ignore_ascii_case("application/json") {
-        let status = Status::invalid_argument("the header content-type must be application/json");
-        return Err(Refusal::from(status).with_status(StatusCode::UNSUPPORTED_MEDIA_TYPE));
+        return Err(wrong_content_type(content_type, "must be application/json"));
     }
     Ok(bytes)
 }
@@ -136,8 +141,9 @@ fn body_refusal(error: &axum::Error) -> Refusal {
     if let Some(status) = status_of(error) {
         return status.into();
     }
-    let message = format!("the body did not arrive, or has more than {JSON_BYTES_MAX} bytes");
-    Refusal::from(Status::invalid_argument(message)).with_status(StatusCode::PAYLOAD_TOO_LARGE)
+    let problem = "did not arrive, or is too long";
+    let error = Field::new("the body").but(problem, format!("at most {JSON_BYTES_MAX} bytes are accepted"));
+    Refusal::from(error).with_status(StatusCode::PAYLOAD_TOO_LARGE)
 }
 
 /// Messages as they are, for calls whose messages are encoded already.

@@ -35,7 +35,7 @@ pub(crate) fn scheduling(call: &Call, request: &v1::SubmitJobRequest) -> Result<
 
 fn not_before_ms(time: &lightpath_proto::Timestamp) -> Result<i64> {
     ms(time).filter(|ms| *ms <= now_ms() + DELAY_MS_MAX).ok_or_else(|| {
-        Field::new("not_before").invalid("is not a valid time, or more than a year ahead, but must be within a year")
+        Field::new("not_before").but("is not a valid time, or more than a year ahead", "must be within a year")
     })
 }
 
@@ -51,7 +51,7 @@ fn timeout_ms(seconds: f64) -> Result<Option<i64>> {
 fn after(names: &[String]) -> Result<Vec<String>> {
     let field = Field::new("after");
     if names.len() > AFTER_MAX {
-        return Err(field.invalid(format!("has {} entries, but at most {AFTER_MAX} are accepted", names.len())));
+        return Err(field.but(format!("has {} entries", names.len()), format!("at most {AFTER_MAX} are accepted")));
     }
     let mut ids = collect_all(names.iter().enumerate().map(|(i, name)| crate::names::job_id(&field.index(i), name)))?;
     ids.sort();
@@ -60,7 +60,8 @@ fn after(names: &[String]) -> Result<Vec<String>> {
 }
 
 fn needs(given: &[String]) -> Result<Labels> {
-    Labels::new(given, NEEDS_MAX).map_err(|error| Field::new("needs").invalid(error.to_string()))
+    Labels::new(given, NEEDS_MAX)
+        .map_err(|error| Field::new("needs").invalid(error, "write labels such as `gpu` or `room-3`"))
 }
 
 /// Checks a short text that the client chose; `None` if it is empty.

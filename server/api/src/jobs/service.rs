@@ -86,7 +86,7 @@ impl Api {
 
     async fn get_batch(&self, call: &Call, request: v1::GetBatchRequest) -> Result<v1::Batch> {
         let batch = label(&Field::new("batch"), request.batch)?;
-        let batch = batch.ok_or_else(|| Field::new("batch").invalid("is empty, but must name a batch"))?;
+        let batch = batch.ok_or_else(|| Field::new("batch").but("is empty", "must name a batch"))?;
         let BatchProgress { jobs, done } = self.service.jobs.batch(call, &batch).await?;
         let QueueCounts { queued, running, succeeded, failed, cancelled } = jobs;
         Ok(v1::Batch { batch, queued, running, succeeded, failed, cancelled, done })
@@ -96,7 +96,10 @@ impl Api {
 /// Checks the filters of a list.
 fn filter_of(call: &Call, request: &v1::ListJobsRequest) -> Result<JobFilter> {
     let since = Field::new("since");
-    let since_ms = request.since.as_ref().map(|time| ms(time).ok_or_else(|| since.invalid("is not a valid time")));
+    let since_ms = request
+        .since
+        .as_ref()
+        .map(|time| ms(time).ok_or_else(|| since.invalid("is not a valid time", "give one after 1970")));
     Ok(JobFilter {
         state: Field::new("state").enum_value(request.state)?,
         display: names::display_filter(call, &Field::new("display"), &request.display)?,
@@ -114,8 +117,8 @@ fn filter_of(call: &Call, request: &v1::ListJobsRequest) -> Result<JobFilter> {
 fn id_prefix(field: &Field, given: &str) -> Result<Option<String>> {
     const LENGTH_MAX: usize = 36;
     if given.len() > LENGTH_MAX || !given.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f' | b'-')) {
-        let problem = "but must be the beginning of a job's id: at most 36 characters of 0-9, a-f and '-'";
-        return Err(field.invalid(format!("is {:?}, {problem}", shortened(given))));
+        let rule = "must be the beginning of a job's id: at most 36 characters of 0-9, a-f and '-'";
+        return Err(field.but(format!("is {:?}", shortened(given)), rule));
     }
     Ok((!given.is_empty()).then(|| given.to_owned()))
 }

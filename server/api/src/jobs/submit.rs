@@ -55,7 +55,7 @@ fn request_id(given: String) -> Result<String> {
         return Ok(Uuid::now_v7().to_string());
     }
     if given.chars().any(char::is_control) {
-        return Err(field.invalid("contains control characters, but must be plain text"));
+        return Err(field.but("contains control characters", "must be plain text"));
     }
     field.text(given, REQUEST_ID_BYTES_MAX)
 }

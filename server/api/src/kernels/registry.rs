@@ -56,7 +56,7 @@ impl Api {
         let field = Field::new("reason");
         let reason = field.line(request.reason, REASON_BYTES_MAX)?;
         if reason.trim().is_empty() {
-            return Err(field.invalid("is empty, but must say why"));
+            return Err(field.but("is empty", "must say why"));
         }
         let deprecated = !request.undo;
         let version = self.service.promotions.deprecate(call, &key, version, deprecated, reason).await?;
@@ -104,7 +104,7 @@ fn gate_from_wire(field: &Field, gate: v1::PromotionGate) -> Result<PromotionGat
 fn alias<'a>(field: &Field, text: &'a str) -> Result<&'a str> {
     let alias = names::label(field, text)?;
     if RESERVED.contains(&alias) {
-        return Err(field.invalid(format!("is {alias:?}, which has another meaning; choose another name")));
+        return Err(field.invalid(format!("is {alias:?}, which has another meaning"), "choose another name"));
     }
     Ok(alias)
 }

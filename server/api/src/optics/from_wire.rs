@@ -11,9 +11,9 @@ use lightpath_service::{Field, Result, region_of};
 pub(crate) fn convolution_method(field: &Field, number: i32) -> Result<Option<ConvolutionMethod>> {
     let Some(method) = field.enum_value::<PropagationMethod>(number)? else { return Ok(None) };
     let refusal = || {
-        let rest = "but holograms are only optimized with the angular spectrum (band-limited or not), impulse responses \
-                    and the Fresnel transfer function";
-        field.invalid(format!("is the {method}, {rest}"))
+        let rule = "holograms are only optimized with the angular spectrum (band-limited or not), impulse responses and \
+                    the Fresnel transfer function";
+        field.but(format!("is the {method}"), rule)
     };
     optimizable(method).map(Some).ok_or_else(refusal)
 }

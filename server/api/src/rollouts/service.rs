@@ -90,8 +90,8 @@ fn plan(request: &v1::StartRolloutRequest, version: u32) -> Result<RolloutPlan> 
     let percent = |name: &'static str, value| Field::new(name).number(value, 0.0..=100.0);
     let share_percent = percent("share_percent", request.share_percent)?;
     if request.group.is_empty() && share_percent == 0.0 {
-        let problem = "is 0 and no group is given, so no device would get the version; give one of them";
-        return Err(Field::new("share_percent").invalid(problem));
+        let problem = "is 0 and no group is given, so no device would get the version";
+        return Err(Field::new("share_percent").invalid(problem, "give one of them"));
     }
     let group = match request.group.as_str() {
         "" => "",

@@ -26,7 +26,8 @@ impl Api {
         let id = names::label(&Field::new("id"), &request.id)?.to_owned();
         call.concerns(format!("webhooks/{id}"));
         let field = Field::new("url");
-        let url = WebhookUrl::parse(&request.url).map_err(|error| field.invalid(error))?;
+        let url = WebhookUrl::parse(&request.url)
+            .map_err(|error| field.invalid(error, "give an address such as https://ci.example/lightpath"))?;
         let events = request.events.iter().enumerate().map(|(i, code)| event(&Field::new("events").index(i), code));
         let new = NewWebhook {
             id,
@@ -86,6 +87,6 @@ impl Api {
 fn event(field: &Field, code: &str) -> Result<WebhookEvent> {
     WebhookEvent::parse(code).ok_or_else(|| {
         let codes = WebhookEvent::CHOICES.map(WebhookEvent::as_str).join(", ");
-        field.invalid(format!("is {:?}, but must be one of {codes}", shortened(code)))
+        field.but(format!("is {:?}", shortened(code)), format!("must be one of {codes}"))
     })
 }

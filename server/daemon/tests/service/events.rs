@@ -139,7 +139,7 @@ async fn lists_have_summaries_that_are_filtered() {
         ("order=upwards", "order is wrong"),
     ] {
         let (status, page) = list(query).await;
-        let message = page["error"]["message"].as_str().unwrap();
+        let message = page["detail"].as_str().unwrap();
         assert!(status == 400 && message.starts_with(refusal), "{query}: {message}");
     }
 }

@@ -1,6 +1,6 @@
 //! Tests of HTTP/1.1 on the port that also serves gRPC.
 
-use crate::manifests::curl;
+use crate::manifests::{Answer, curl};
 use crate::serving::Serving;
 use lightpath_proto::v1::kernel_service_client::KernelServiceClient;
 use serde_json::Value;
@@ -110,12 +110,62 @@ async fn refusals_are_json() {
     ] {
         let (actual, body) = get(&serving, path).await;
         let body: Value = serde_json::from_str(&body).unwrap();
-        assert_eq!((actual, &body["error"]["status"]), (code, &Value::from(status)), "{path}: {body}");
+        assert_eq!((actual, &body["grpc_code"]), (code, &Value::from(status)), "{path}: {body}");
+        assert_eq!(body["type"], format!("urn:lightpath:error:{}", body["reason"].as_str().unwrap()));
     }
 }
 
+#[tokio::test]
+async fn problems_name_every_wrong_field_with_its_fix() {
+    let serving = Serving::start().await;
+    let body = r#"{"batch": "\u0007", "spec": {"optimizeHologram": {"display": "x", "iterations": 20000}}}"#;
+    let (answer, problem) = problem(&serving, "/v1/jobs", &json(body)).await;
+    assert_eq!((answer.status, &problem["status"], &problem["reason"]), (400, &400.into(), &"INVALID_FIELD".into()));
+    assert_eq!(problem["request_id"], answer.field("x-request-id").unwrap());
+    let fields = problem["fields"].as_array().unwrap();
+    let named: Vec<&str> = fields.iter().map(|wrong| wrong["field"].as_str().unwrap()).collect();
+    let spec = ["display", "planes", "iterations"].map(|name| format!("spec.optimize_hologram.{name}"));
+    assert_eq!((named[0], &named[1..]), ("batch", &spec.each_ref().map(String::as_str)[..]), "{problem}");
+    let detail = problem["detail"].as_str().unwrap();
+    for wrong in fields {
+        let [what, fix] = ["problem", "fix"].map(|name| wrong[name].as_str().unwrap());
+        assert!(!fix.is_empty() && !what.contains(fix), "{wrong}");
+        assert!(detail.contains(what) && detail.contains(fix), "{detail}");
+    }
+}
+
+#[tokio::test]
+async fn every_refusal_is_a_problem_with_a_fix() {
+    let serving = Serving::start().await;
+    for (path, arguments, status, reason) in [
+        ("/v1/jobs/none:cancel", &["--request", "POST"][..], 404, "NOT_FOUND"),
+        ("/healthz", &["--request", "POST"], 405, "WRONG_VERB"),
+        ("/v1/queue", &["--request", "PUT"], 405, "WRONG_VERB"),
+        ("/nothing", &[], 404, "NO_SUCH_PATH"),
+        ("/page/nothing", &[], 404, "NO_SUCH_PATH"),
+        ("/v1/colormaps/blue", &[], 404, "NO_SUCH_PATH"),
+        ("/v1/jobs", &["--data", "{}"], 415, "INVALID_FIELD"),
+        ("/v1/jobs", &["--header", "origin: http://other.example"], 403, "WRONG_ORIGIN"),
+        ("/v1/queue:resume", &["--request", "POST"], 400, "NOT_PAUSED"),
+        ("/v1/jobs?page=1", &[], 400, "INVALID_FIELD"),
+    ] {
+        let (answer, problem) = problem(&serving, path, arguments).await;
+        assert_eq!((answer.status, &problem["reason"]), (status, &Value::from(reason)), "{path}: {problem}");
+        let fix = if problem["fields"][0].is_null() { &problem["fix"] } else { &problem["fields"][0]["fix"] };
+        assert!(fix.as_str().is_some_and(|fix| !fix.is_empty()), "{path}: {problem}");
+    }
+}
+
+/// The problem that a refused call answers.
+async fn problem(serving: &Serving, path: &str, more: &[&str]) -> (Answer, Value) {
+    let answer = curl(serving, path, more).await;
+    assert_eq!(answer.field("content-type"), Some("application/problem+json"), "{answer:?}");
+    let problem = serde_json::from_slice(&answer.body).unwrap();
+    (answer, problem)
+}
+
 /// Arguments of curl for a request with a JSON body. It is sent without asking first (`Expect: 100-continue`).
-fn json(body: &str) -> [&str; 6] {
+pub(crate) fn json(body: &str) -> [&str; 6] {
     ["--header", "content-type: application/json", "--header", "expect:", "--data", body]
 }
 
@@ -168,8 +218,8 @@ async fn requests_in_a_wrong_form_are_refused_with_the_fix() {
     std::fs::write(&long, format!("{{\"reason\": \"{}\"}}", "x".repeat(5 << 20))).unwrap();
     let long = format!("@{}", long.display());
     for (path, more, status, fix) in [
-        ("/v1/queue:pause", &["--data", "{}"][..], 415, "content-type must be application/json"),
-        ("/v1/queue:pause", &json(&long)[..], 413, "more than 262144 bytes"),
+        ("/v1/queue:pause", &["--data", "{}"][..], 415, "must be application/json"),
+        ("/v1/queue:pause", &json(&long)[..], 413, "at most 262144 bytes"),
         ("/v1/queue:pause", &json("{\"reason\": 3}")[..], 400, "expected a string"),
         ("/v1/queue:pause", &["--request", "DELETE"][..], 405, "only POST"),
         ("/v1/queue:pause?reason=x", &json("{}")[..], 400, "reason is unknown"),
@@ -204,7 +254,7 @@ async fn early_answer_reaches_a_client_that_still_sends() {
     connection.write_all(b"GET /healthz HTTP/1.1\r\nhost: localhost\r\nconnection: close\r\n\r\n").await.unwrap();
     let mut answers = String::new();
     connection.read_to_string(&mut answers).await.unwrap();
-    assert!(answers.starts_with("HTTP/1.1 413 ") && answers.contains("more than 262144 bytes"), "{answers}");
+    assert!(answers.starts_with("HTTP/1.1 413 ") && answers.contains("at most 262144 bytes"), "{answers}");
     assert!(answers.ends_with("serving\n"), "{answers}");
 }
 

@@ -28,11 +28,12 @@ impl Datasets {
         let field = Field::new("display");
         let (height_px, width_px) = (display.height_px as usize, display.width_px as usize);
         let grid = DotGrid::of_display(height_px, width_px);
-        let grid = grid.map_err(|error| field.invalid(format!("({}): {error}", display.id)))?;
+        let grid =
+            grid.map_err(|error| field.invalid(format!("({}): {error}", display.id), "name a larger display"))?;
         let (columns, rows) = grid.size();
         let need_bytes = TARGET_BYTES_PER_PX * (height_px * width_px) as u64;
         let file = self.computing.run(call, need_bytes, move || pictures::grey_png_srgb(&grid.target())).await?;
-        let file = file.map_err(|error| field.invalid(error))?;
+        let file = file.map_err(|error| field.invalid(error, "name a smaller display"))?;
         let target = self.files.store(call, file).await?;
         Ok(CalibrationTarget { target, columns, rows })
     }

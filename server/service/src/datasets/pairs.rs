@@ -61,7 +61,7 @@ impl Datasets {
         let measured = self.computing.run(call, need_bytes, measure).await??;
         measured.map_err(|(name, error)| {
             let digest = if name == "phase" { &pair.phase } else { &pair.photo };
-            field.at(name).invalid(format!("({digest}): {error}"))
+            field.at(name).invalid(format!("({digest}): {error}"), "add a pair of files that belong together")
         })
     }
 }

@@ -14,6 +14,7 @@ mod storing;
 mod upload;
 mod view;
 
+pub(crate) use picture::unreadable;
 pub use upload::UploadState;
 pub use view::Minus;
 

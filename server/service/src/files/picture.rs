@@ -2,13 +2,19 @@
 
 use super::Files;
 use crate::call::Call;
-use crate::error::Result;
+use crate::error::{Result, ServiceError};
 use crate::field::Field;
 use lightpath_artifacts::ArtifactError;
 use lightpath_media::pictures::{self, PictureError};
+use std::fmt::Display;
 
 /// Memory for reading a header \[bytes\], besides the file and what is copied of it: the tags of TIFF files take most.
 const HEADER_BYTES: u64 = 16 << 20;
+
+/// The error for an artifact that is no picture as it must be.
+pub(crate) fn unreadable(field: &Field, digest: &str, error: &impl Display) -> ServiceError {
+    field.invalid(format!("({digest}): {error}"), "give another picture: PNG, JPEG, TIFF, BMP or .npy")
+}
 
 impl Files {
     /// Refuses an artifact that does not exist or is larger than a picture may be, and returns its size \[bytes\].
@@ -18,7 +24,7 @@ impl Files {
         };
         if record.size_bytes > pictures::FILE_BYTES_MAX as u64 {
             let error = PictureError::FileTooLarge { bytes: record.size_bytes as usize };
-            return Err(field.invalid(format!("({digest}): {error}")));
+            return Err(unreadable(field, digest, &error));
         }
         Ok(record.size_bytes)
     }
@@ -60,7 +66,7 @@ impl Files {
         // The file is read only when its turn has come, so that waiting calls hold no memory.
         let compute = move || artifacts.read_blocking(&name).map(|file| decode(&file));
         let decoded = self.computing.run(call, bytes, compute).await??;
-        let decoded = decoded.map_err(|error| field.invalid(format!("({digest}): {error}")))?;
+        let decoded = decoded.map_err(|error| unreadable(field, digest, &error))?;
         Ok((decoded, bytes))
     }
 }

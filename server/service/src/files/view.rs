@@ -1,6 +1,6 @@
 //! Pictures of artifacts for people.
 
-use super::Files;
+use super::{Files, unreadable};
 use crate::call::Call;
 use crate::error::Result;
 use crate::field::Field;
@@ -63,6 +63,6 @@ impl Files {
             Ok(view(&picture, subtracted, &wanted))
         };
         let drawn = self.computing.run(call, need_bytes, draw).await??;
-        drawn.map_err(|error| field.invalid(format!("({digest}): {error}")))
+        drawn.map_err(|error| unreadable(field, digest, &error))
     }
 }

@@ -46,8 +46,8 @@ impl Kernels {
             Err(error) => return Err(error.into()),
         };
         aliases.get(alias).copied().ok_or_else(|| {
-            let form = "but must be `ideal`, `active`, a version number from 1, or an alias of";
-            field.invalid(format!("is {:?}, {form} {key}", shortened(alias)))
+            let rule = format!("must be `ideal`, `active`, a version number from 1, or an alias of {key}");
+            field.but(format!("is {:?}", shortened(alias)), rule)
         })
     }
 

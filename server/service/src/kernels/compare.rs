@@ -20,7 +20,7 @@ impl Kernels {
         if (&key.display, key.wavelength) != (&second_key.display, second_key.wavelength) {
             let name = format!("{second_key}/versions/{second}");
             let rule = "must be of the same display and wavelength as the first one";
-            return Err(Field::new("second").invalid(format!("is {name:?}, but {rule}")));
+            return Err(Field::new("second").but(format!("is {name:?}"), rule));
         }
         let first = self.store.kernel_version(&key, version).await?;
         let second = self.store.kernel_version(&second_key, second).await?;

@@ -45,8 +45,9 @@ impl Kernels {
             return Err(field.missing(format!("artifact {digest}"), "upload it first"));
         };
         call.concerns(key.to_string());
-        let setup = planning::setup(&display, wavelength, distance)
-            .map_err(|error| Field::new("distance_m").invalid(format!("is not possible: {error}")))?;
+        let setup = planning::setup(&display, wavelength, distance).map_err(|error| {
+            Field::new("distance_m").invalid(format!("is not possible: {error}"), "give another distance")
+        })?;
         // A kernel is accepted even if no propagation method is valid for it.
         let setup = planning::planned(setup, None).map_or(setup, |(planned, _)| planned);
         let need_bytes = self.importing_bytes(call, &digest, record.size_bytes).await?;
@@ -59,7 +60,9 @@ impl Kernels {
         };
         let Import { kind, form, native_file, origin, note } =
             self.computing.run(call, need_bytes, read).await??.map_err(|error| match error {
-                ImportError::Format(error) => field.invalid(format!("({digest}): {error}")),
+                ImportError::Format(error) => {
+                    field.invalid(format!("({digest}): {error}"), "upload a kernel file in a form that is imported")
+                }
                 ImportError::Refused(error) => error,
             })?;
         let mut parameters = serde_json::json!({});
@@ -79,13 +82,14 @@ impl Kernels {
         };
         let (metrics, lineage) = match origin.record {
             Some(record) => {
-                let record: Record = serde_json::from_value(record)
-                    .map_err(|error| field.invalid(format!("is a bundle with a damaged record: {error}")))?;
+                let record: Record = serde_json::from_value(record).map_err(|error| {
+                    field.invalid(format!("is a bundle with a damaged record: {error}"), "export it again")
+                })?;
                 // Photographs of another display say nothing about this one.
                 let is_own = record.is_of(&key.display);
                 if !is_own && !from_another_display {
-                    let problem = format!("is a bundle of {}; set from_another_display if it fits", record.version);
-                    return Err(field.invalid(problem));
+                    let problem = format!("is a bundle of {}", record.version);
+                    return Err(field.invalid(problem, "set from_another_display if it fits"));
                 }
                 let metrics = if is_own { record.metrics.clone() } else { KernelMetrics::default() };
                 (metrics, record.imported_lineage())
@@ -172,11 +176,10 @@ fn imported(
 fn require_display(destination: &Destination, origin: &Origin) -> Result<()> {
     let Destination { field, key, any_display, .. } = destination;
     match &origin.display {
-        Some(other) if *other != key.display && !any_display => Err(field.invalid(format!(
-            "is a kernel of displays/{other}, but must be one of displays/{}; set from_another_display if it fits this \
-             display as well",
-            key.display
-        ))),
+        Some(other) if *other != key.display && !any_display => Err(field.invalid(
+            format!("is a kernel of displays/{other}, but must be one of displays/{}", key.display),
+            "set from_another_display if it fits this display as well",
+        )),
         _ => Ok(()),
     }
 }
@@ -199,24 +202,16 @@ fn require_setup(field: &Field, setup: &OpticalSetup, display: &Display, key: &K
             return Ok(());
         }
         let (learned, shown) = (setup.orders(), display.orders);
-        return Err(field.invalid(format!(
-            "is a kernel of a display that shows {learned}, but displays/{} shows {shown}",
-            display.id
-        )));
+        let problem = format!("is a kernel of a display that shows {learned}");
+        return Err(field.but(problem, format!("displays/{} shows {shown}", display.id)));
     }
     // A file may contain lengths that a key cannot represent.
     let wavelength = wavelength.map_or_else(|| format!("{:e} m", setup.wavelength_m()), |exact| exact.to_string());
     let distance = distance.map_or_else(|| format!("{:e} m", setup.distance_m()), |exact| exact.to_string());
-    Err(field.invalid(format!(
-        "is a kernel for {}×{} px of {:e} m at {wavelength} and {distance}, but must be one for {}×{} px of {:e} m at {} \
-         and {}",
-        grid.width_px(),
-        grid.height_px(),
-        grid.pixel_pitch_m(),
-        display.width_px,
-        display.height_px,
-        display.pixel_pitch_m,
-        key.wavelength,
-        key.distance,
-    )))
+    let made_for = format!("{}×{} px of {:e} m", grid.width_px(), grid.height_px(), grid.pixel_pitch_m());
+    let needed = format!("{}×{} px of {:e} m", display.width_px, display.height_px, display.pixel_pitch_m);
+    Err(field.but(
+        format!("is a kernel for {made_for} at {wavelength} and {distance}"),
+        format!("must be one for {needed} at {} and {}", key.wavelength, key.distance),
+    ))
 }

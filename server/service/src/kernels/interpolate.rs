@@ -46,7 +46,7 @@ impl Kernels {
             kernel_file::encode_with(&interpolated(&models, setup)?, kind, &origin)
         };
         let file = self.computing.run(call, kernel_file::decoding_bytes(size_bytes), interpolate).await?;
-        let file = file.map_err(|error| field.invalid(format!("is {distance}: {error}")))?;
+        let file = file.map_err(|error| field.invalid(format!("is {distance}: {error}"), "give another distance"))?;
         let version = NewKernelVersion {
             model: content.model,
             size_bytes: file.len() as u64,
@@ -105,15 +105,17 @@ fn fit_around<'a>(field: &Field, key: &KernelKey, versions: &'a [KernelVersion])
     let around = |fit: &&Fit<'_>| range(fit).is_some_and(|(near, far)| (near..=far).contains(&distance));
     let Some(fit) = fits.iter().find(around) else {
         let ranges: Vec<String> = fits.iter().filter_map(range).map(|(near, far)| format!("{near} to {far}")).collect();
-        return Err(field.invalid(format!(
-            "is {distance}, but displays/{display} was photographed at {wavelength} from {} only: kernels are interpolated \
-             only between photographed distances",
+        let rule = format!(
+            "displays/{display} was photographed at {wavelength} from {} only: kernels are interpolated only between \
+             photographed distances",
             ranges.join(", or from ")
-        )));
+        );
+        return Err(field.but(format!("is {distance}"), rule));
     };
     match fit.versions.iter().find(|version| version.key.distance == distance) {
         Some(KernelVersion { version, .. }) => {
-            Err(field.invalid(format!("is {distance}, which was photographed: use {key}/versions/{version}")))
+            Err(field
+                .invalid(format!("is {distance}, which was photographed"), format!("use {key}/versions/{version}")))
         }
         None => Ok(fit.clone()),
     }

@@ -73,7 +73,7 @@ pub(super) async fn from_wire(api: &Api, call: &Call, message: v1::LearnKernel, 
 /// Checks the number of refining evaluations, which only smooth models have.
 fn refinement(field: &Field, given: Option<u32>, is_smooth: bool) -> Result<Option<u32>> {
     if !is_smooth && given.is_some_and(|evaluations| evaluations > 0) {
-        return Err(field.invalid("is given, but only smooth, display and varying models are refined"));
+        return Err(field.but("is given", "only smooth, display and varying models are refined"));
     }
     given.map(|given| field.integer(given, 0..=REFINEMENT_EVALUATIONS_MAX)).transpose()
 }
@@ -81,9 +81,7 @@ fn refinement(field: &Field, given: Option<u32>, is_smooth: bool) -> Result<Opti
 /// Checks what the camera's pixels measure.
 fn detector(field: &Field, number: i32) -> Result<Detector> {
     match field.enum_value::<Detector>(number)?.unwrap_or_default() {
-        Detector::Supersampled => {
-            Err(field.invalid("is supersampled, but must be point or pixel, which a camera measures"))
-        }
+        Detector::Supersampled => Err(field.but("is supersampled", "must be point or pixel, which a camera measures")),
         detector => Ok(detector),
     }
 }

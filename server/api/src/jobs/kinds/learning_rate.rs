@@ -11,6 +11,7 @@ pub(super) fn learning_rate(field: &Field, value: f64) -> Result<Option<f64>> {
     if value > 0.0 && value <= LEARNING_RATE_MAX {
         return Ok(Some(value));
     }
-    Err(field.invalid(format!("is {value}, but must be above 0 and at most {LEARNING_RATE_MAX}, or 0 for the default")))
+    Err(field
+        .but(format!("is {value}"), format!("must be above 0 and at most {LEARNING_RATE_MAX}, or 0 for the default")))
 }
 use lightpath_service::{Field, Result};

@@ -51,8 +51,8 @@ async fn align_by(api: &Api, call: &Call, align: Align, field: &Field) -> Result
         }
         Source::Pairs(true) => Ok(AlignBy::Pairs),
         Source::None(true) => Ok(AlignBy::None),
-        Source::Pairs(false) => Err(field.at("pairs").invalid("is false, but must be true")),
-        Source::None(false) => Err(field.at("none").invalid("is false, but must be true")),
+        Source::Pairs(false) => Err(field.at("pairs").but("is false", "must be true")),
+        Source::None(false) => Err(field.at("none").but("is false", "must be true")),
     }
 }
 
@@ -62,7 +62,7 @@ fn align_by_points(points: &v1::AlignmentPoints, field: &Field) -> Result<AlignB
     let photo_height_px = field.at("photo_height_px").integer(points.photo_height_px, side)?;
     let (field, count) = (field.at("points"), points.points.len());
     if count > POINTS_MAX {
-        return Err(field.invalid(format!("has {count} entries, but at most {POINTS_MAX} are accepted")));
+        return Err(field.but(format!("has {count} entries"), format!("at most {POINTS_MAX} are accepted")));
     }
     let given = points.points.iter().map(|point| PointPair {
         display: [point.display_x_px, point.display_y_px],
@@ -70,7 +70,7 @@ fn align_by_points(points: &v1::AlignmentPoints, field: &Field) -> Result<AlignB
     });
     let points: Vec<PointPair> = given.collect();
     Homography::from_points(&points)
-        .map_err(|error| field.invalid(format!("does not define an alignment: {error}")))?;
+        .map_err(|error| field.invalid(format!("does not define an alignment: {error}"), "give other points"))?;
     Ok(AlignBy::Points { photo_width_px, photo_height_px, points })
 }
 
@@ -84,9 +84,10 @@ fn finalization(finalize: &Finalize, field: &Field) -> Result<Finalization> {
         None => VALIDATION_FRACTION_DEFAULT.min(HELD_OUT_FRACTION_MAX - test_fraction),
     };
     if finalize.validation_fraction.is_some() && validation_fraction + test_fraction > HELD_OUT_FRACTION_MAX {
-        return Err(validation_field.invalid(format!(
-            "and test_fraction are {validation_fraction} and {test_fraction}, but must sum to at most 0.8"
-        )));
+        return Err(validation_field.but(
+            format!("and test_fraction are {validation_fraction} and {test_fraction}"),
+            "must sum to at most 0.8",
+        ));
     }
     let Finalize { seed, keep_alignment, .. } = *finalize;
     Ok(Finalization { validation_fraction, test_fraction, seed, keep_alignment })

@@ -56,12 +56,10 @@ impl Jobs {
         model: KernelModel,
     ) -> Result<(Vec<Dataset>, Display)> {
         if ids.len() > 1 && !matches!(model, KernelModel::Smooth | KernelModel::Display) {
-            return Err(
-                field.invalid("has several entries, but only smooth and display models are learned from several")
-            );
+            return Err(field.but("has several entries", "only smooth and display models are learned from several"));
         }
         if ids.len() > DATASETS_MAX {
-            return Err(field.invalid(format!("has {} entries, but at most {DATASETS_MAX} are accepted", ids.len())));
+            return Err(field.but(format!("has {} entries", ids.len()), format!("at most {DATASETS_MAX} are accepted")));
         }
         let mut datasets: Vec<Dataset> = Vec::with_capacity(ids.len());
         let mut common_display = None;
@@ -72,22 +70,21 @@ impl Jobs {
             if let Some(first) = datasets.first()
                 && (&dataset.display, dataset.wavelength) != (&first.display, first.wavelength)
             {
-                return Err(field.invalid(format!(
-                    "is of displays/{} at {}, but must be of displays/{} at {} like datasets/{}",
-                    dataset.display, dataset.wavelength, first.display, first.wavelength, first.id
-                )));
+                let problem = format!("is of displays/{} at {}", dataset.display, dataset.wavelength);
+                let (display, wavelength, id) = (&first.display, first.wavelength, &first.id);
+                let rule = format!("must be of displays/{display} at {wavelength} like datasets/{id}");
+                return Err(field.but(problem, rule));
             }
             if datasets.iter().any(|other| other.distance == dataset.distance) {
-                let problem =
-                    format!("is of {}, but another dataset is already: each distance may occur once", dataset.distance);
-                return Err(field.invalid(problem));
+                let rule = "another dataset is already: each distance may occur once";
+                return Err(field.but(format!("is of {}", dataset.distance), rule));
             }
             datasets.push(dataset);
             common_display = Some(display);
         }
         match common_display {
             Some(display) => Ok((datasets, display)),
-            None => Err(field.invalid("is empty, but must name a finalized dataset")),
+            None => Err(field.but("is empty", "must name a finalized dataset")),
         }
     }
 
@@ -96,10 +93,9 @@ impl Jobs {
         if model.is_smooth() || !display.orders.are_all() {
             return Ok(());
         }
-        Err(field.invalid(format!(
-            "has a value for each frequency, but displays/{} shows all diffraction orders; use smooth, display or varying",
-            display.id
-        )))
+        let problem =
+            format!("has a value for each frequency, but displays/{} shows all diffraction orders", display.id);
+        Err(field.invalid(problem, "use smooth, display or varying"))
     }
 
     /// The version from which learning starts; `None` if the request names none.
@@ -114,14 +110,12 @@ impl Jobs {
             return Ok(None);
         }
         if !is_smooth {
-            return Err(field.invalid("is given, but only smooth, display and varying models can start from a version"));
+            return Err(field.but("is given", "only smooth, display and varying models can start from a version"));
         }
         let start = self.store.kernel_version(key, version).await?;
         if !start.content.model.is_smooth() {
-            let problem = format!(
-                "is {version}, but {key}/versions/{version} is not smooth, display or varying; name one that is"
-            );
-            return Err(field.invalid(&problem));
+            let problem = format!("is {version}, but {key}/versions/{version} is not smooth, display or varying");
+            return Err(field.invalid(problem, "name one that is"));
         }
         Ok(Some(version))
     }

@@ -42,12 +42,17 @@ impl Jobs {
         let name = format!("{}/versions/{}", found.key, found.version);
         if !matches!(found.content.model, KernelModel::Display | KernelModel::Varying) {
             let model = found.content.model.name();
-            let fix = "but what holograms can tell is known for display and varying models only; learn one";
-            return Err(field.invalid(format!("names {name}, whose model is {model}, {fix}")));
+            let problem = format!(
+                "names {name}, whose model is {model}, but what holograms can tell is known for display and varying models \
+                 only"
+            );
+            return Err(field.invalid(problem, "learn one"));
         }
         if found.content.lineage.own_dataset().is_none() {
-            let fix = "but the suggestion needs the holograms of its dataset; name a version that was learned here";
-            return Err(field.invalid(format!("names {name}, which was imported or interpolated, {fix}")));
+            let problem = format!(
+                "names {name}, which was imported or interpolated, but the suggestion needs the holograms of its dataset"
+            );
+            return Err(field.invalid(problem, "name a version that was learned here"));
         }
         Ok(found)
     }

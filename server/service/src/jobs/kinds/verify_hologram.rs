@@ -28,7 +28,7 @@ impl Jobs {
         let job = self.visible(call, id).await?;
         match job.result {
             Some(JobResult::Hologram(_)) => Ok(VerifyHologram { job: job.id, display: job.spec.display().to_owned() }),
-            _ => Err(field.invalid("has no holograms; name a job that optimized holograms and has succeeded")),
+            _ => Err(field.invalid("has no holograms", "name a job that optimized holograms and has succeeded")),
         }
     }
 }

@@ -22,12 +22,12 @@ pub(super) fn wavelengths(field: &Field, message: &v1::OptimizeHologram, display
     let checked = collect_all(message.wavelengths_m.iter().enumerate().map(|(i, &value)| {
         let field = list.index(i);
         if value == 0.0 {
-            return Err(field.invalid("is 0, but must be one of the display's wavelengths"));
+            return Err(field.but("is 0", "must be one of the display's wavelengths"));
         }
         field.wavelength_of(value, display)
     }))?;
     let again = |(i, wavelength): (usize, &Wavelength)| match checked[..i].contains(wavelength) {
-        true => Err(list.index(i).invalid(format!("is {wavelength} again, but no two may be equal"))),
+        true => Err(list.index(i).but(format!("is {wavelength} again"), "no two may be equal")),
         false => Ok(()),
     };
     collect_all(checked.iter().enumerate().map(again))?;
@@ -37,7 +37,7 @@ pub(super) fn wavelengths(field: &Field, message: &v1::OptimizeHologram, display
 /// Checks the planes, no two at the same distance.
 pub(super) fn planes(field: &Field, planes: &[optimize_hologram::ImagePlane]) -> Result<Vec<ImagePlane>> {
     if planes.is_empty() {
-        return Err(field.invalid("is empty, but must have a plane with a distance and a target"));
+        return Err(field.but("is empty", "must have a plane with a distance and a target"));
     }
     at_most(field, planes.len(), PLANES_MAX)?;
     let found = collect_all(planes.iter().enumerate().map(|(i, plane)| {
@@ -53,8 +53,8 @@ pub(super) fn planes(field: &Field, planes: &[optimize_hologram::ImagePlane]) ->
         if found[..i].iter().all(|other| other.distance != plane.distance) {
             return Ok(());
         }
-        let problem = format!("is {} again, but no two planes may be at the same distance", plane.distance);
-        Err(field.index(i).at("distance_m").invalid(problem))
+        let problem = format!("is {} again", plane.distance);
+        Err(field.index(i).at("distance_m").but(problem, "no two planes may be at the same distance"))
     };
     collect_all(found.iter().enumerate().map(again))?;
     Ok(found)
@@ -63,7 +63,7 @@ pub(super) fn planes(field: &Field, planes: &[optimize_hologram::ImagePlane]) ->
 /// Checks the digest of the depth map, which needs at least two planes.
 pub(super) fn depth_map(field: &Field, digest: &str, planes: usize) -> Result<Option<String>> {
     match (optional_digest(field, digest)?, planes) {
-        (Some(_), 1) => Err(field.invalid("is given, but there is one plane; a depth map needs at least two")),
+        (Some(_), 1) => Err(field.invalid("is given, but there is one plane", "a depth map needs at least two")),
         (map, _) => Ok(map),
     }
 }
@@ -78,5 +78,5 @@ fn at_most(list: &Field, count: usize, most: usize) -> Result<()> {
     if count <= most {
         return Ok(());
     }
-    Err(list.invalid(format!("has {count} entries, but at most {most} are accepted")))
+    Err(list.but(format!("has {count} entries"), format!("at most {most} are accepted")))
 }

@@ -39,7 +39,7 @@ pub(super) fn method(field: &Field, message: &v1::OptimizeHologram) -> Result<Ho
         v1::HologramMethod::DoublePhase => HologramMethod::DoublePhase,
     };
     match given {
-        Some(value) => Err(rate.invalid(format!("is {value}, but must be 0 unless the method is adam"))),
+        Some(value) => Err(rate.but(format!("is {value}"), "must be 0 unless the method is adam")),
         None => Ok(method),
     }
 }
@@ -50,7 +50,7 @@ fn phase_range(field: &Field, value: f64) -> Result<f64> {
     if (0.0..=TAU + ROUNDING).contains(&value) {
         return Ok(value.min(TAU));
     }
-    Err(field.invalid(format!("is {value}, but must be 0 to 2π rad")))
+    Err(field.but(format!("is {value}"), "must be 0 to 2π rad"))
 }
 
 /// The settings that determine the default and the limits of the initial phase.
@@ -76,7 +76,7 @@ pub(super) fn initial_phase(
         Some(Kind::Random(random)) => InitialPhase::Random { range_rad: range("random", random, RANDOM_RANGE_RAD)? },
         Some(Kind::BackPropagated(random)) => {
             if defaults.method == HologramMethod::DoublePhase {
-                return Err(field.invalid("is back-propagated, but double phase needs an initial phase of the image"));
+                return Err(field.but("is back-propagated", "double phase needs an initial phase of the image"));
             }
             InitialPhase::BackPropagated { range_rad: range("back_propagated", random, 0.0)? }
         }
@@ -91,8 +91,8 @@ pub(super) fn initial_phase(
             let (list, wavelengths) = (field.at("given").at("phases"), defaults.wavelengths);
             if given.phases.len() != wavelengths {
                 let count = given.phases.len();
-                let problem = format!("has {count} entries, but must have {wavelengths}, one for each wavelength");
-                return Err(list.invalid(problem));
+                let rule = format!("must have {wavelengths}, one for each wavelength");
+                return Err(list.but(format!("has {count} entries"), rule));
             }
             let digests = given.phases.iter().enumerate().map(|(i, digest)| list.index(i).digest(digest));
             InitialPhase::Given(collect_all(digests)?)
@@ -116,7 +116,7 @@ pub(super) fn loss(
         side_px = block.integer_or(given.speckle_block_px, SPECKLE_BLOCK_PX_DEFAULT, 2..=SPECKLE_BLOCK_PX_MAX);
     }
     if speckle > 0.0 && !fits(side_px) {
-        return Err(block.invalid(format!("is {side_px}, but must fit into the region of interest")));
+        return Err(block.but(format!("is {side_px}"), "must fit into the region of interest"));
     }
     let quantity = quantity.unwrap_or(Quantity::Intensity);
     Ok(Loss { quantity, total_variation, speckle, speckle_block_px: side_px as usize })

@@ -25,10 +25,10 @@ pub(super) fn propagation(field: &Field, spec: &OptimizeHologram, display: &Disp
             };
             let at = field.at("propagation");
             checks.push(match version {
-                Some(version) => Err(at.invalid(format!(
-                    "is given, but kernel version {version} has the method with which it was learned; leave it \
-                     unspecified, or use the kernel `ideal`"
-                ))),
+                Some(version) => Err(at.invalid(
+                    format!("is given, but kernel version {version} has the method with which it was learned"),
+                    "leave it unspecified, or use the kernel `ideal`",
+                )),
                 None => check_method(&at, display, wavelength, plane.distance, method),
             });
         }
@@ -41,12 +41,12 @@ pub(super) fn method(field: &Field, spec: &OptimizeHologram) -> Result<()> {
     if spec.method.follows_gradient() {
         return Ok(());
     }
-    let problem = "is given, but only the methods adam and lbfgs support it";
+    let rule = "only the methods adam and lbfgs support it";
     if spec.loss != (Loss { speckle_block_px: spec.loss.speckle_block_px, ..Loss::default() }) {
-        return Err(field.at("loss").invalid(problem));
+        return Err(field.at("loss").but("is given", rule));
     }
     if spec.quantization_aware {
-        return Err(field.at("quantization_aware").invalid(problem));
+        return Err(field.at("quantization_aware").but("is given", rule));
     }
     Ok(())
 }
@@ -60,8 +60,8 @@ pub(super) fn size(field: &Field, spec: &OptimizeHologram, display: &Display) ->
     {
         if count > 1 && count * pixels > most {
             let (display, fits) = (&spec.display, (most / pixels).max(1));
-            let problem = format!("are {count}, but at most {fits} fit into memory on displays/{display}");
-            return Err(field.at(name).invalid(problem));
+            let allowed = format!("at most {fits} fit into memory on displays/{display}");
+            return Err(field.at(name).but(format!("are {count}"), allowed));
         }
     }
     Ok(())

@@ -71,7 +71,7 @@ impl Jobs {
         let several = spec.wavelengths.len() * spec.planes.len() > 1;
         if several && !["", "active", "ideal"].contains(&kernel) {
             let fix = "must be empty, active or ideal: each of several wavelengths and planes has its own kernel";
-            return Err(field.invalid(format!("is {:?}, but {fix}", shortened(kernel))));
+            return Err(field.but(format!("is {:?}", shortened(kernel)), fix));
         }
         // A repeated request has the same versions as the first time, even if `active` has moved.
         if let Some(JobSpec::OptimizeHologram(job)) = before.map(|job| &job.spec)

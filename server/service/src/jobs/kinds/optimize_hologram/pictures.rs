@@ -70,9 +70,8 @@ impl PictureChecks<'_> {
             self.jobs.checked_targets.insert(key, decoding_bytes);
             return Ok(decoding_bytes);
         }
-        let problem =
-            format!("({digest}): the picture is {dark} everywhere in the region of interest, but must have light");
-        Err(field.invalid(problem))
+        let problem = format!("({digest}): the picture is {dark} everywhere in the region of interest");
+        Err(field.but(problem, "must have light"))
     }
 
     /// Refuses a depth map that is not a picture, that has another shape than a target, or that gives all pixels to one
@@ -90,7 +89,7 @@ impl PictureChecks<'_> {
             self.require_shape(field, digest, size).await?;
         }
         match problem {
-            Some(problem) => Err(field.invalid(format!("({digest}): {problem}"))),
+            Some(problem) => Err(field.invalid(format!("({digest}): {problem}"), DEPTHS_QUESTION)),
             None => Ok(decoding_bytes),
         }
     }
@@ -108,11 +107,12 @@ impl PictureChecks<'_> {
             let ratio = (f64::from(width_px) * f64::from(target_height_px))
                 / (f64::from(height_px) * f64::from(target_width_px));
             if !(1.0 / SHAPE_RATIO_MAX..=SHAPE_RATIO_MAX).contains(&ratio) {
-                return Err(field.invalid(format!(
+                let problem = format!(
                     "({digest}): the depth map has {width_px}×{height_px} px, but the target has \
-                     {target_width_px}×{target_height_px} px, so their pixels do not belong together; give a map of the \
-                     target's shape, or target_fit STRETCH if both show the same view"
-                )));
+                     {target_width_px}×{target_height_px} px, so their pixels do not belong together"
+                );
+                let fix = "give a map of the target's shape, or target_fit STRETCH if both show the same view";
+                return Err(field.invalid(problem, fix));
             }
         }
         Ok(())
@@ -137,6 +137,9 @@ impl PictureChecks<'_> {
     }
 }
 
+const DEPTHS_QUESTION: &str =
+    "are they depths in another scale, such as millimetres in 16 bits? Then scale them to the whole range";
+
 /// What is wrong with a depth map that gives all pixels of the region to one plane: it says nothing, or its depths are in
 /// another scale, such as millimetres.
 fn one_plane(depth: &Plane<f32>, planes: &[ImagePlane], region: RegionOfInterest) -> Option<String> {
@@ -149,8 +152,7 @@ fn one_plane(depth: &Plane<f32>, planes: &[ImagePlane], region: RegionOfInterest
     let [least, most] = values.map(|value| 100.0 * value);
     Some(format!(
         "all pixels belong to {}, and none to {}: the map's values are {least:.2} to {most:.2} % of full scale, where white \
-         is the first distance and black the last; are they depths in another scale, such as millimetres in 16 bits? \
-         Then scale them to the whole range",
+         is the first distance and black the last",
         only.distance,
         empty.join(", ")
     ))
@@ -183,7 +185,6 @@ mod tests {
             problem.starts_with("all pixels belong to 40mm, and none to 20mm, 30mm: the map's values are"),
             "{problem}"
         );
-        assert!(problem.contains("such as millimetres in 16 bits"), "{problem}");
         assert!(questioned(&|_| 1.0).unwrap().starts_with("all pixels belong to 20mm, and none to 30mm, 40mm"));
         assert_eq!(questioned(&|y| y as f32 / 19.0), None);
         assert_eq!(questioned(&|y| if y < 10 { 0.5 } else { 0.0 }), None);
