@@ -1,6 +1,6 @@
 //! The annotations of the methods (`google.api.http`): their verbs, paths and bodies over HTTP.
 
-use protox::prost_reflect::{DescriptorPool, DynamicMessage, MethodDescriptor, Value};
+use protox::prost_reflect::{DescriptorPool, DynamicMessage, FieldDescriptor, MethodDescriptor, Value};
 use std::error::Error;
 
 /// A method at one of its paths.
@@ -22,6 +22,17 @@ impl Binding {
     /// Name of the field that the path has.
     pub(crate) fn variable(&self) -> Option<&str> {
         self.template.variable.as_ref().map(|(field, ..)| field.as_str())
+    }
+
+    /// The field with an id of the request, by which the server knows a repeated request.
+    pub(crate) fn request_id(&self) -> Option<FieldDescriptor> {
+        self.method.input().get_field_by_name("request_id").filter(|_| self.body == "*")
+    }
+
+    /// The field with what the request expects of the resource in its path, such as `expected_revision`.
+    pub(crate) fn expected(&self) -> Option<FieldDescriptor> {
+        let mut fields = self.method.input().fields().collect::<Vec<_>>().into_iter();
+        fields.find(|field| field.name().starts_with("expected_")).filter(|_| self.body == "*")
     }
 }
 

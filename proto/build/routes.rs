@@ -31,6 +31,13 @@ fn write_route(code: &mut String, binding: &Binding) -> Result<(), Box<dyn Error
     writeln!(code, "        method: \"/{}/{}\",", method.parent_service().full_name(), method.name())?;
     writeln!(code, "        segments: &{:?}, action: {:?},", template.segments, template.action)?;
     writeln!(code, "        variable: {:?}, body: {body},", template.variable)?;
+    let names = |field: FieldDescriptor| [field.name().to_owned(), field.json_name().to_owned()];
+    writeln!(
+        code,
+        "        request_id: {:?}, expected: {:?},",
+        binding.request_id().map(names),
+        binding.expected().map(names)
+    )?;
     writeln!(code, "        query: &[{from_query}], is_stream: {},", method.is_server_streaming())?;
     let fields: Vec<[String; 2]> =
         method.input().fields().map(|field| [field.name().to_owned(), field.json_name().to_owned()]).collect();

@@ -23,6 +23,11 @@ pub struct Route {
     pub is_stream: bool,
     /// What the body of a request has.
     pub body: Body,
+    /// Field with an id of the request, by which the server knows a repeated request: its name in the `.proto` file and
+    /// in JSON.
+    pub request_id: Option<[&'static str; 2]>,
+    /// Field with what the request expects of the resource in its path, such as `expected_revision`.
+    pub expected: Option<[&'static str; 2]>,
     /// Fields that the query may have.
     pub query: &'static [Parameter],
     /// Names of all fields in the `.proto` file and in JSON, if the method ignores others.
@@ -113,6 +118,17 @@ pub struct EncodedRequest {
     pub ignored: Vec<String>,
 }
 
+/// A field of a request that a header gives.
+#[derive(Clone, Debug)]
+pub struct FromHeader {
+    /// The header, as messages call it.
+    pub header: &'static str,
+    /// Name of the field in the `.proto` file and in JSON.
+    pub field: [&'static str; 2],
+    /// Its value.
+    pub value: Value,
+}
+
 /// A route that a path matches.
 #[derive(Clone, Debug)]
 pub struct Match {
@@ -174,13 +190,27 @@ impl Route {
 }
 
 impl Match {
-    /// The encoded request of the method, from the query and the JSON body (empty: none).
+    /// Name of the resource that the path has.
+    #[must_use]
+    pub fn resource(&self) -> Option<&str> {
+        self.value.as_deref()
+    }
+
+    /// The encoded request of the method, from the query, the JSON body (empty: none) and headers.
     ///
     /// # Errors
     ///
     /// [`RequestError`] if a field is unknown, stands twice or has a wrong value. Device reports may have unknown fields.
-    pub fn request(&self, query: Vec<(String, String)>, body: &[u8]) -> Result<EncodedRequest, RequestError> {
+    pub fn request(
+        &self,
+        query: Vec<(String, String)>,
+        body: &[u8],
+        headers: &[FromHeader],
+    ) -> Result<EncodedRequest, RequestError> {
         let mut request = self.body(body)?;
+        for given in headers {
+            add_header(&mut request, given)?;
+        }
         let ignored = self.remove_unknown(&mut request);
         for (name, text) in query {
             self.add_parameter(&mut request, &name, text)?;
@@ -266,6 +296,18 @@ impl Match {
     }
 }
 
+/// Adds a field that a header gives. The body may say the same.
+fn add_header(request: &mut Map<String, Value>, given: &FromHeader) -> Result<(), RequestError> {
+    let FromHeader { header, field, value } = given;
+    let same = |other: &Value| other == value || other.as_str() == Some(value.to_string().as_str());
+    match field.iter().find_map(|name| request.get(*name)) {
+        Some(Value::Null) | None => drop(request.insert(field[1].to_owned(), value.clone())),
+        Some(other) if same(other) => {}
+        Some(_) => return Err(RequestError::new(field[0], format!("differs from {header}"), "give one of them")),
+    }
+    Ok(())
+}
+
 fn is_time(text: &str) -> bool {
     serde_json::from_value::<Timestamp>(Value::from(text)).is_ok()
 }
@@ -313,7 +355,7 @@ mod tests {
     #[test]
     fn paths_queries_and_bodies_make_requests() {
         let encoded = |verb, path, pairs: &[(&str, &str)], body: &str| {
-            find(verb, path).unwrap().request(query(pairs), body.as_bytes()).unwrap().message
+            find(verb, path).unwrap().request(query(pairs), body.as_bytes(), &[]).unwrap().message
         };
         let list = encoded("GET", "/v1/displays/lab/kernels", &[("pageSize", "7")], "");
         let wanted = v1::ListKernelsRequest { display: "displays/lab".into(), page_size: 7, ..Default::default() };
@@ -337,7 +379,7 @@ mod tests {
         let report = find("POST", "/v1/displays/lab/devices/bench-7:report").unwrap();
         let body =
             br#"{"kernel": "515nm-50mm", "triedVersion": 3, "self_test_loss": 0.5, "temperatureK": {"slm": 300}}"#;
-        let request = report.request(query(&[]), body).unwrap();
+        let request = report.request(query(&[]), body, &[]).unwrap();
         let wanted = v1::ReportDeviceRequest {
             name: "displays/lab/devices/bench-7".into(),
             kernel: "515nm-50mm".into(),
@@ -349,16 +391,16 @@ mod tests {
             request,
             EncodedRequest { message: wanted.encode_to_vec(), ignored: vec!["temperatureK".to_owned()] }
         );
-        let wrong = report.request(query(&[]), br#"{"triedVersion": "three"}"#).unwrap_err();
+        let wrong = report.request(query(&[]), br#"{"triedVersion": "three"}"#, &[]).unwrap_err();
         assert!(wrong.to_string().starts_with("triedVersion is wrong"), "{wrong}");
         let group = find("POST", "/v1/displays/lab/devices/bench-7:setGroup").unwrap();
-        assert!(group.request(query(&[]), br#"{"groop": "first"}"#).unwrap_err().to_string().contains("groop"));
+        assert!(group.request(query(&[]), br#"{"groop": "first"}"#, &[]).unwrap_err().to_string().contains("groop"));
     }
 
     #[test]
     fn wrong_requests_name_the_field() {
         let error = |verb, path, pairs: &[(&str, &str)], body: &str| {
-            find(verb, path).unwrap().request(query(pairs), body.as_bytes()).unwrap_err().to_string()
+            find(verb, path).unwrap().request(query(pairs), body.as_bytes(), &[]).unwrap_err().to_string()
         };
         let unknown = error("GET", "/v1/displays", &[("size", "7")], "");
         assert!(unknown.contains("size is unknown in the query; known are: pageSize, pageToken"), "{unknown}");
@@ -378,6 +420,25 @@ mod tests {
         assert!(error("POST", "/v1/jobs", &[], r#"{"specc": {}}"#).contains("specc"));
         assert!(error("POST", "/v1/jobs/a:cancel", &[], r#"{"name": "jobs/b"}"#).contains("name differs"));
         assert!(error("GET", "/v1/jobs", &[], "{}").contains("in the query"));
+    }
+
+    #[test]
+    fn headers_give_fields_that_the_body_may_only_repeat() {
+        let submit = find("POST", "/v1/jobs").unwrap();
+        let field = submit.route.request_id.unwrap();
+        assert_eq!(field, ["request_id", "requestId"]);
+        let given = [FromHeader { header: "the header idempotency-key", field, value: "once".into() }];
+        let request = |body: &[u8]| submit.request(Vec::new(), body, &given);
+        let wanted = v1::SubmitJobRequest { request_id: "once".into(), ..Default::default() }.encode_to_vec();
+        for body in [&b""[..], br#"{"request_id": "once"}"#, br#"{"requestId": "once"}"#] {
+            assert_eq!(request(body).unwrap().message, wanted);
+        }
+        let twice = request(br#"{"requestId": "twice"}"#).unwrap_err().to_string();
+        assert_eq!(twice, "request_id differs from the header idempotency-key; give one of them");
+        let expected = |path| find("POST", path).unwrap().route.expected.map(|names| names[0]);
+        assert_eq!(expected("/v1/displays/a/kernels/b:promote"), Some("expected_active_version"));
+        assert_eq!(expected("/v1/displays/a/kernels/b/rollouts/1:widen"), Some("expected_revision"));
+        assert_eq!(expected("/v1/jobs/a:cancel"), None);
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Files of datasets and results over HTTP: downloads, and uploads that continue after a cut.
 
 use super::checked_body::status_of;
+use super::etags::IMMUTABLE;
 use super::file_answer::ServedFile;
 use super::refusal::{Refusal, wrong_content_type};
 use crate::accounts::StreamKind;
@@ -33,7 +34,7 @@ pub(super) async fn get_content(
     let open = api.streams.open(StreamKind::Download, &call.client)?;
     // The server does not know the type of an artifact, and must not let a browser run one.
     let etag = format!("\"{digest}\"");
-    let file = ServedFile { etag, size_bytes: record.size_bytes, content_type: OCTETS };
+    let file = ServedFile { etag, size_bytes: record.size_bytes, content_type: OCTETS, cache: IMMUTABLE };
     file.answer(&headers, open, async |range| api.service.files.reader(&call, &digest, range).await).await
 }
 

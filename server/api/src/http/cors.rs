@@ -12,8 +12,8 @@ use lightpath_domain::origin::Origins;
 
 const METHODS: &str = "GET, HEAD, POST, PUT, DELETE";
 /// Fields that calls of the API and of gRPC-Web have, besides those that browsers always allow.
-const REQUEST_FIELDS: &str = "authorization, content-type, content-range, grpc-timeout, if-none-match, last-event-id, \
-                              range, x-grpc-web, x-user-agent";
+const REQUEST_FIELDS: &str = "authorization, content-type, content-range, grpc-timeout, idempotency-key, if-match, \
+                              if-none-match, last-event-id, range, x-grpc-web, x-user-agent";
 /// Fields of answers that pages may read, besides those that browsers always show.
 const ANSWER_FIELDS: &str = "accept-ranges, content-range, etag, grpc-message, grpc-status, grpc-status-details-bin, \
                              picture-size, retry-after, x-request-id";

@@ -1,7 +1,7 @@
-//! A file as an answer: whole or in ranges, in small pieces. What a path names never changes, so clients may keep it.
+//! A file as an answer: whole or in ranges, in small pieces.
 
 use super::byte_range::{RangeOutcome, requested_range};
-use super::etags::{IMMUTABLE, has, text_value, unless_known};
+use super::etags::{has, text_value, unless_known};
 use super::refusal::Refusal;
 use crate::accounts::OpenStream;
 use crate::artifacts::download::chunks;
@@ -19,6 +19,8 @@ pub(super) struct ServedFile {
     pub(super) etag: String,
     pub(super) size_bytes: u64,
     pub(super) content_type: &'static str,
+    /// How clients may keep it.
+    pub(super) cache: &'static str,
 }
 
 impl ServedFile {
@@ -30,9 +32,9 @@ impl ServedFile {
         open: OpenStream,
         reader: impl AsyncFnOnce((u64, u64)) -> Result<ArtifactReader>,
     ) -> Result<Response, Refusal> {
-        let Self { etag, size_bytes, content_type } = self;
+        let Self { etag, size_bytes, content_type, cache } = self;
         if has(headers, &etag) {
-            return Ok(unless_known(headers, &etag, IMMUTABLE, ()));
+            return Ok(unless_known(headers, &etag, cache, ()));
         }
         let range = match requested_range(headers, &etag, size_bytes) {
             RangeOutcome::Whole => None,
@@ -51,7 +53,7 @@ impl ServedFile {
         // A browser must not guess another type, and so run what somebody uploaded.
         fields.insert(header::X_CONTENT_TYPE_OPTIONS, HeaderValue::from_static("nosniff"));
         fields.insert(header::ACCEPT_RANGES, HeaderValue::from_static("bytes"));
-        fields.insert(header::CACHE_CONTROL, HeaderValue::from_static(IMMUTABLE));
+        fields.insert(header::CACHE_CONTROL, HeaderValue::from_static(cache));
         fields.insert(header::CONTENT_LENGTH, HeaderValue::from(length));
         fields.insert(header::ETAG, text_value(&etag));
         if range.is_some() {

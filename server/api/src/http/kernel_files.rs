@@ -4,7 +4,7 @@
 //! Then it fetches the file, whose path has everything that the manifest says about it. The bytes of such a path never
 //! change, so a cut download continues with `Range`, on any server that holds the kernel.
 
-use super::etags::{ASKED_AGAIN, etag, has, unless_known};
+use super::etags::{ASKED_AGAIN, IMMUTABLE, etag, has, unless_known};
 use super::file_answer::ServedFile;
 use super::refusal::{Refusal, checked};
 use crate::accounts::StreamKind;
@@ -30,6 +30,7 @@ use tonic::Code;
 const WAIT_S_MAX: u64 = 50;
 /// Header with the time after which a device should ask again \[s\].
 const POLL_AFTER: &str = "lightpath-poll-after-s";
+const OCTETS: &str = "application/octet-stream";
 const TEXT: &str = "text/plain; charset=us-ascii";
 
 /// Parameters of a manifest.
@@ -45,6 +46,15 @@ pub(super) struct ManifestQuery {
     /// Device that asks. Tokens of the role firmware ask for the device of their own name.
     #[serde(default)]
     device: String,
+}
+
+/// Parameters of a version's file.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct FileQuery {
+    /// Form of the file, such as `compact`.
+    #[serde(default)]
+    format: String,
 }
 
 /// The file of a version, as its manifest names it.
@@ -155,7 +165,34 @@ pub(super) async fn get_file(
     let etag = format!("\"{}\"", path.digest);
     let open = api.streams.open(StreamKind::Download, &call.client)?;
     let whole = file_of(&api, &call, version, form, &path.digest).await?;
-    let file = ServedFile { etag, size_bytes: whole.size_bytes, content_type: "application/octet-stream" };
+    let file = ServedFile { etag, size_bytes: whole.size_bytes, content_type: OCTETS, cache: IMMUTABLE };
+    let kernels = &api.service.kernels;
+    file.answer(&headers, open, async |range| for_device(kernels.reader(&call, &whole, range)).await).await
+}
+
+/// Handles `GET /v1/displays/{display}/kernels/{kernel}/versions/{version}/file`: the same without knowing the digest.
+/// What the path names may change: another release of the server may convert a version otherwise.
+pub(super) async fn get_version_file(
+    State(api): State<Api>,
+    Extension(call): Extension<Call>,
+    Path((display, kernel, version)): Path<(String, String, String)>,
+    query: Result<Query<FileQuery>, QueryRejection>,
+    headers: HeaderMap,
+) -> Result<Response, Refusal> {
+    let Query(FileQuery { format }) = checked(query)?;
+    let key = names::kernel_key(&call, &Field::new("kernel"), &format!("displays/{display}/kernels/{kernel}"))?;
+    let form = match format.as_str() {
+        "" => KernelFormat::Safetensors,
+        name => Field::new("format").form(name)?,
+    };
+    let number = version.parse().ok().filter(|number| *number > 0);
+    let number =
+        number.ok_or_else(|| Field::new("version").but(format!("is {version:?}"), "must be a number from 1"))?;
+    let version = api.store().kernel_version(&key, number).await.map_err(ServiceError::from)?;
+    let open = api.streams.open(StreamKind::Download, &call.client)?;
+    let whole = for_device(api.service.kernels.file(&call, version, form)).await?;
+    let etag = format!("\"{}\"", whole.digest);
+    let file = ServedFile { etag, size_bytes: whole.size_bytes, content_type: OCTETS, cache: ASKED_AGAIN };
     let kernels = &api.service.kernels;
     file.answer(&headers, open, async |range| for_device(kernels.reader(&call, &whole, range)).await).await
 }

@@ -9,7 +9,7 @@
 //! - `unread_body`: the rest of requests that are answered before it has arrived.
 //! - `memory_use`: memory of each call, taken from the memory budget. `checked_body`: bodies whose frames these check.
 //! - `requests`: deadlines and metrics of requests, including gRPC. `transcode`: the methods of the API as JSON.
-//!   `server_sent_events`: their streams.
+//!   `server_sent_events`: their streams. `preconditions`: what headers say about calls that change something.
 //!   `kernel_files`: kernels and keyrings for devices. `artifact_files`: files of datasets and results.
 //!   `artifact_pictures`: the same as pictures. `live_pictures`: pictures of running jobs. `file_answer`, `byte_range`:
 //!   files in ranges. `worker_status`: health and metrics of a process that only runs jobs. `etags`: conditions of requests. `refusal`: errors as answers.
@@ -30,6 +30,7 @@ mod live_pictures;
 mod memory_use;
 mod origin;
 mod page;
+mod preconditions;
 mod protocol;
 mod refusal;
 mod requests;
@@ -64,7 +65,7 @@ const ARTIFACT_UPLOAD: &str = "/v1/artifacts/{digest}/upload";
 const UNNAMED_UPLOAD: &str = "/v1/artifacts";
 
 /// The paths of plain HTTP that have handlers of their own.
-fn routes() -> [(&'static str, MethodRouter<Api>); 14] {
+fn routes() -> [(&'static str, MethodRouter<Api>); 15] {
     [
         ("/healthz", get(health)),
         ("/metrics", get(metrics)),
@@ -78,6 +79,7 @@ fn routes() -> [(&'static str, MethodRouter<Api>); 14] {
         ("/v1/keyring", get(kernel_files::get_keyring)),
         ("/v1/displays/{display}/kernels/{kernel}/manifest", get(kernel_files::get_manifest)),
         ("/v1/displays/{display}/kernels/{kernel}/versions/{version}/{form}/{digest}", get(kernel_files::get_file)),
+        ("/v1/displays/{display}/kernels/{kernel}/versions/{version}/file", get(kernel_files::get_version_file)),
         ("/", get(page::get_index)),
         ("/page/{*file}", get(page::get_file)),
     ]

@@ -63,6 +63,11 @@ impl Refusal {
         Self { http, ..self }
     }
 
+    /// Whether somebody else changed the same thing.
+    pub(super) fn is_aborted(&self) -> bool {
+        self.status.code() == Code::Aborted
+    }
+
     /// The body of the answer to a request with this id.
     pub(super) fn json(&self, request_id: &str) -> Vec<u8> {
         let (code, details) = (self.status.code(), self.status.get_error_details());

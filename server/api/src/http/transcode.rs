@@ -3,6 +3,7 @@
 
 use super::checked_body::status_of;
 use super::etags::{ASKED_AGAIN, etag, text_value, unless_known};
+use super::preconditions::from_headers;
 use super::protocol::is_grpc;
 use super::refusal::{Refusal, refuse, wrong_content_type, wrong_verb};
 use super::requests::RequestId;
@@ -12,10 +13,10 @@ use axum::Router;
 use axum::body::{Body, to_bytes};
 use axum::extract::{Query, Request};
 use axum::http::request::Parts;
-use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
+use axum::http::{Extensions, HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
-use lightpath_proto::routes::{self, EncodedRequest, Match};
+use lightpath_proto::routes::{self, EncodedRequest, Match, Route};
 use lightpath_service::Field;
 use prost::bytes::{Buf as _, BufMut as _, Bytes};
 use tonic::codec::{Codec, DecodeBuf, Decoder, EncodeBuf, Encoder};
@@ -88,24 +89,54 @@ async fn call(grpc: Router, found: Match, parts: Parts, body: Body) -> Result<Re
         .map_err(|rejection| Field::new("the query").invalid(rejection.body_text(), "send name=value pairs"))?;
     add_last_event_id(route, &parts.headers, &mut query);
     let body = json_body(&parts, body).await?;
-    let request =
-        found.request(query, &body).map_err(|error| Field::new(&error.field).invalid(error.problem, error.fix))?;
+    let given = from_headers(&grpc, &found, &parts, &body).await?;
+    let request = found
+        .request(query, &body, &given)
+        .map_err(|error| Field::new(&error.field).invalid(error.problem, error.fix))?;
     let EncodedRequest { message, ignored } = request;
-    let request_id = parts.extensions.get::<RequestId>().cloned().unwrap_or_default();
-    let request = tonic::Request::from_parts(MetadataMap::new(), parts.extensions, Bytes::from(message));
-    let path = PathAndQuery::from_static(route.method);
-    // Nothing waits until this client is ready: a router always is.
-    let mut client = tonic::client::Grpc::new(grpc);
+    let (extensions, message) = (parts.extensions, Bytes::from(message));
     if route.is_stream {
-        let answers = client.server_streaming(request, path, Messages).await?.into_inner();
-        return Ok(events(answers, route, request_id));
+        return stream(grpc, route, extensions, message).await;
     }
-    let answer = client.unary(request, path, Messages).await?.into_inner();
-    let json = route.json(answer).map_err(|error| Status::internal(error.to_string()))?;
+    let is_conditional = given.iter().any(|given| Some(given.field) == route.expected);
+    let json = match unary(grpc, route, extensions, message).await {
+        Err(refusal) if is_conditional && refusal.is_aborted() => {
+            return Err(refusal.with_status(StatusCode::PRECONDITION_FAILED));
+        }
+        answer => answer?,
+    };
     if parts.method != Method::GET && parts.method != Method::HEAD {
         return Ok((ignored_fields(&ignored), [(header::CONTENT_TYPE, JSON)], json).into_response());
     }
     Ok(json_answer(&parts.headers, json))
+}
+
+/// The JSON of the answer of a method.
+pub(super) async fn unary(
+    grpc: Router,
+    route: &Route,
+    extensions: Extensions,
+    message: Bytes,
+) -> Result<Vec<u8>, Refusal> {
+    let request = tonic::Request::from_parts(MetadataMap::new(), extensions, message);
+    // Nothing waits until this client is ready: a router always is.
+    let mut client = tonic::client::Grpc::new(grpc);
+    let answer = client.unary(request, PathAndQuery::from_static(route.method), Messages).await?.into_inner();
+    Ok(route.json(answer).map_err(|error| Status::internal(error.to_string()))?)
+}
+
+/// The answers of a method as events.
+async fn stream(
+    grpc: Router,
+    route: &'static Route,
+    extensions: Extensions,
+    message: Bytes,
+) -> Result<Response, Refusal> {
+    let request_id = extensions.get::<RequestId>().cloned().unwrap_or_default();
+    let request = tonic::Request::from_parts(MetadataMap::new(), extensions, message);
+    let mut client = tonic::client::Grpc::new(grpc);
+    let answers = client.server_streaming(request, PathAndQuery::from_static(route.method), Messages).await?;
+    Ok(events(answers.into_inner(), route, request_id))
 }
 
 /// A header that names fields which the method ignored, so that a typing error does not go unnoticed.

@@ -28,6 +28,7 @@ mod openapi;
 mod ownership;
 mod page;
 mod photos;
+mod preconditions;
 mod preparing;
 mod raw;
 mod read_only;

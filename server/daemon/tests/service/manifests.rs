@@ -25,7 +25,7 @@ async fn promote(serving: &Serving, version: u32) {
 }
 
 /// A server with three versions of a kernel, the first one active.
-async fn serving() -> Serving {
+pub(crate) async fn serving() -> Serving {
     let serving = Serving::start().await;
     serving.display("lab").await;
     for phase in [0.1, 0.2, 0.3] {
