@@ -2,11 +2,13 @@
 //! pbjson adds the JSON form of protobuf.
 //!
 //! `words`: the values of every enumeration with their comments. `annotations`: the methods over HTTP, for `routes`, their
-//! table, and `openapi`, their document.
+//! table, and `openapi`, their document, with the `schemas` of messages and the `ranges` of numbers.
 
 mod annotations;
 mod openapi;
+mod ranges;
 mod routes;
+mod schemas;
 mod words;
 
 use prost::Message as _;

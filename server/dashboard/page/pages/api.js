@@ -15,6 +15,7 @@ export function apiPage(root) {
     h("div", { class: "filters" }, h("label", { for: "calls" }, "Calls that contain", text)), body);
   let calls = [];
   let schemas = {};
+  let shared = {};
 
   function list() {
     const wanted = text.value.trim().toLowerCase();
@@ -32,7 +33,7 @@ export function apiPage(root) {
   }
 
   function callContent(verb, path, { description, parameters = [], requestBody, responses }) {
-    const rows = parameters.map(({ name, in: place, description, schema }) => fieldRow(name, `${place}: ${typeOf(schema)}`, schema, description));
+    const rows = parameters.map((parameter) => (parameter.$ref ? shared[nameOf(parameter)] : parameter)).map(({ name, in: place, description, schema }) => fieldRow(name, `${place}: ${typeOf(schema)}`, schema, description));
     return [
       description && h("p", {}, marked(description)),
       rows.length > 0 && table("Parameters", TITLES, rows),
@@ -53,12 +54,14 @@ export function apiPage(root) {
   }
 
   function fieldRow(name, type, schema, meaning = "") {
-    const values = schema.$ref ? schemas[nameOf(schema)]?.enum : schema.enum;
+    const { enum: known, examples } = (schema.$ref && schemas[nameOf(schema)]) || schema;
+    const values = known ?? examples;
     return h("tr", {}, h("th", { scope: "row" }, h("code", {}, name), h("small", {}, type)), h("td", { class: "wide" }, marked(meaning), values && ` One of ${values.join(", ")}.`));
   }
 
   request("/openapi.json").then((answer) => answer.json()).then((document) => {
     schemas = document.components.schemas;
+    shared = document.components.parameters;
     calls = Object.entries(document.paths).flatMap(([path, verbs]) => Object.entries(verbs).map(([verb, call]) =>
       ({ verb, path, call, tag: call.tags?.[0] ?? "Other", search: `${verb} ${path} ${call.summary ?? ""} ${call.operationId ?? ""}`.toLowerCase() })));
     list();
