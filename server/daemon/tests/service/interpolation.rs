@@ -155,6 +155,6 @@ async fn interpolated_kernel_predicts_photographs_at_a_new_distance() {
 
     let beyond = "distance_m is 6.5mm, but displays/lab was photographed at 515nm from 4mm to 6mm only";
     expect(interpolate(&serving, 6.5e-3).await, Code::InvalidArgument, beyond);
-    let there = "distance_m is 5mm, which was photographed: use displays/lab/kernels/515nm-5mm/versions/1";
+    let there = "distance_m is 5mm, which was photographed; use displays/lab/kernels/515nm-5mm/versions/1";
     expect(interpolate(&serving, 5e-3).await, Code::InvalidArgument, there);
 }

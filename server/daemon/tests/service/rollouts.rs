@@ -358,7 +358,7 @@ async fn a_device_reports_for_itself_alone() {
         (body.replace("\"version\":1", "\"version\":9"), "versions/9 does not exist"),
         (body.replace("n\":\"1\"", "n\":\"18446744073709551615\""), "generation is 18446744073709551615"),
         ("{".to_owned(), "the body is no valid JSON: EOF"),
-        (format!("{{\"message\":\"{}\"}}", "x".repeat(20_000)), "message"),
+        (body.replace("a 1\"", &format!("a 1\",\"message\":\"{}\"", "x".repeat(20_000))), "message has 20000 bytes"),
     ] {
         let answer = post_report(serving, "bench-7", &token, &body).await;
         assert!(answer.status >= 400 && answer.text().contains(problem), "{problem}: {}", answer.text());
