@@ -10,6 +10,7 @@ use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use lightpath_artifacts::ArtifactReader;
 use lightpath_service::Result;
+use tonic::Code;
 
 /// Size of the pieces of a file \[bytes\]. Many slow devices may fetch at once, and each holds a few pieces.
 const PIECE_BYTES: usize = 32 << 10;
@@ -39,10 +40,7 @@ impl ServedFile {
         let range = match requested_range(headers, &etag, size_bytes) {
             RangeOutcome::Whole => None,
             RangeOutcome::Part { first, last } => Some((first, last)),
-            RangeOutcome::Unsatisfiable => {
-                let range = format!("bytes */{size_bytes}");
-                return Ok((StatusCode::RANGE_NOT_SATISFIABLE, [(header::CONTENT_RANGE, range)]).into_response());
-            }
+            RangeOutcome::Unsatisfiable => return Ok(unsatisfiable(size_bytes)),
         };
         let (first, last) = range.unwrap_or((0, size_bytes.saturating_sub(1)));
         let length = if size_bytes == 0 { 0 } else { last - first + 1 };
@@ -62,4 +60,12 @@ impl ServedFile {
         }
         Ok(response)
     }
+}
+
+/// The refusal of a range that begins behind the end of a file.
+fn unsatisfiable(size_bytes: u64) -> Response {
+    let message = format!("the range begins behind the end of the file, which has {size_bytes} bytes; begin it inside");
+    let fix = "begin the range inside the file";
+    let refusal = Refusal::new(StatusCode::RANGE_NOT_SATISFIABLE, Code::OutOfRange, "OUT_OF_RANGE", message, fix);
+    ([(header::CONTENT_RANGE, format!("bytes */{size_bytes}"))], refusal).into_response()
 }

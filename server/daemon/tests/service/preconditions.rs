@@ -84,6 +84,11 @@ async fn the_file_of_a_version_needs_no_digest() {
     assert_ne!(get("1/file?format=compact", &[]).await.body, whole.body);
     let range = get("2/file?format=compact", &["--range", "100-119", "--header", &format!("if-range: {digest}")]).await;
     assert_eq!((range.status, &range.body[..]), (206, &whole.body[100..120]));
+    let behind = get("2/file?format=compact", &["--range", "100000000-"]).await;
+    let problem: Value = serde_json::from_slice(&behind.body).unwrap();
+    let size = format!("bytes */{}", whole.body.len());
+    assert_eq!((behind.status, behind.field("content-range")), (416, Some(size.as_str())), "{problem}");
+    assert_eq!(problem["reason"], "OUT_OF_RANGE");
     let known = get("2/file?format=compact", &["--header", &format!("if-none-match: {digest}")]).await;
     assert_eq!((known.status, known.body.len()), (304, 0));
     for (path, status, field) in [
