@@ -6,6 +6,7 @@
 
 use lightpath_domain::job::WavelengthResult;
 use lightpath_optics::interrupt;
+use postcard::ser_flavors::Flavor;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
@@ -29,7 +30,7 @@ pub(super) fn to_bytes(state: &impl Serialize) -> Vec<u8> {
     // The buffer is allocated once: growing it could copy more than a hundred megabytes.
     let size_bytes = postcard::experimental::serialized_size(state).unwrap_or(0);
     let bytes = StateBytes { bytes: Vec::with_capacity(size_bytes + ROOM_BYTES), writes: 0 };
-    postcard::to_extend(state, bytes).map(|state| state.bytes).unwrap_or_default()
+    postcard::serialize_with_flavor(state, bytes).unwrap_or_default()
 }
 
 /// The bytes of a state. Writing them looks at the [interrupt](lightpath_optics::interrupt) of the job, because large
@@ -44,13 +45,25 @@ impl StateBytes {
     const WRITES_UNWATCHED: u32 = 1 << 16;
 }
 
-impl Extend<u8> for StateBytes {
-    fn extend<I: IntoIterator<Item = u8>>(&mut self, more: I) {
+// Not `Extend`, which postcard gives each number byte by byte: without optimization that takes several times as long.
+impl Flavor for StateBytes {
+    type Output = Vec<u8>;
+
+    fn try_push(&mut self, byte: u8) -> postcard::Result<()> {
+        self.try_extend(&[byte])
+    }
+
+    fn try_extend(&mut self, more: &[u8]) -> postcard::Result<()> {
         self.writes = self.writes.wrapping_add(1);
         if self.writes.is_multiple_of(Self::WRITES_UNWATCHED) {
             interrupt::check();
         }
-        self.bytes.extend(more);
+        self.bytes.extend_from_slice(more);
+        Ok(())
+    }
+
+    fn finalize(self) -> postcard::Result<Vec<u8>> {
+        Ok(self.bytes)
     }
 }
 
