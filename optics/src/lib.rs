@@ -96,6 +96,9 @@ pub mod numerics;
 mod pictures_of_tests;
 pub mod propagation;
 mod propagation_method;
+#[cfg(test)]
+#[path = "../tests/propagation/mod.rs"]
+mod propagation_tests;
 pub mod reference;
 pub mod second_opinion;
 

@@ -1,10 +1,10 @@
 //! All diffraction orders of rectangular pixels, against the direct sum over points within the pixels.
 
-use crate::fields::{WAVELENGTH_M, noise, relative_l2};
-use lightpath_optics::engine::EngineCore;
-use lightpath_optics::propagation::{ImageWindow, PropagationMethod, RefusalCode, plan};
-use lightpath_optics::reference::rayleigh_sommerfeld_onto;
-use lightpath_optics::{ConvolutionMethod, Detector, DisplayModel, Error, Grid, OpticalSetup, Orders, Plane};
+use super::fields::{WAVELENGTH_M, noise, relative_l2};
+use crate::engine::EngineCore;
+use crate::propagation::{ImageWindow, PropagationMethod, RefusalCode, plan};
+use crate::reference::rayleigh_sommerfeld_onto;
+use crate::{ConvolutionMethod, Detector, DisplayModel, Error, Grid, OpticalSetup, Orders, Plane};
 use num_complex::Complex64;
 
 /// Points along a side of a pixel in the direct sum.

@@ -1,10 +1,10 @@
 //! The band response against the direct integral, at distances from contact to the far field.
 
-use crate::fields::{WAVELENGTH_M, noise, relative_l2};
-use lightpath_optics::engine::PropagatorCore;
-use lightpath_optics::propagation::PropagationMethod;
-use lightpath_optics::reference::first_order_onto;
-use lightpath_optics::{Grid, OpticalSetup};
+use super::fields::{WAVELENGTH_M, noise, relative_l2};
+use crate::engine::PropagatorCore;
+use crate::propagation::PropagationMethod;
+use crate::reference::first_order_onto;
+use crate::{Grid, OpticalSetup};
 
 #[test]
 fn planned_field_matches_the_integral_at_every_distance() {

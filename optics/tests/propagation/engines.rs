@@ -2,16 +2,14 @@
 //!
 //! To test another engine, add it to [`ENGINES`].
 
-use crate::fields::{
+use super::fields::{
     PITCH_M, WAVELENGTH_M, centroid_and_waists, cropped, energy, flat_top, half_band_spots, inner_product, noise,
     relative_l2, setup, sinc,
 };
-use lightpath_optics::engine::EngineCore;
-use lightpath_optics::propagation::transfer_function::angular_spectrum;
-use lightpath_optics::reference::{
-    filter, gaussian_beam, propagate, propagate_uncropped, rayleigh_sommerfeld, square_aperture,
-};
-use lightpath_optics::{Detector, DisplayModel, KernelShape, OpticalSetup, Plane};
+use crate::engine::EngineCore;
+use crate::propagation::transfer_function::angular_spectrum;
+use crate::reference::{filter, gaussian_beam, propagate, propagate_uncropped, rayleigh_sommerfeld, square_aperture};
+use crate::{Detector, DisplayModel, KernelShape, OpticalSetup, Plane};
 use num_complex::{Complex32, Complex64};
 use std::f64::consts::TAU;
 
@@ -66,7 +64,7 @@ fn wide(model: &DisplayModel, field: &Plane<Complex64>) -> Plane<Complex64> {
 }
 
 fn narrow(model: &DisplayModel, field: &Plane<Complex64>) -> Plane<Complex64> {
-    let engine = lightpath_optics::Engine::new(model, Detector::Point, None).unwrap();
+    let engine = crate::Engine::new(model, Detector::Point, None).unwrap();
     let narrowed = field.map(|value| Complex32::new(value.re as f32, value.im as f32));
     engine.propagate(&narrowed).unwrap().map(|value| Complex64::new(f64::from(value.re), f64::from(value.im)))
 }

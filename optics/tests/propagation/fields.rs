@@ -1,6 +1,6 @@
 //! Input fields for the tests, and measures that compare fields.
 
-use lightpath_optics::{Grid, OpticalSetup, Plane};
+use crate::{Grid, OpticalSetup, Plane};
 use num_complex::Complex64;
 use std::f64::consts::TAU;
 

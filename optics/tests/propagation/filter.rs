@@ -1,12 +1,12 @@
 //! Filters that pass a part of the first order, against the direct integral over the frequencies that they pass.
 
-use crate::fields::{noise, relative_l2, setup};
-use lightpath_bench::TestCard;
-use lightpath_optics::engine::EngineCore;
-use lightpath_optics::hologram::{HologramMethod, HologramOptions, initial_phase, quality};
-use lightpath_optics::propagation::{PropagationMethod, RefusalCode, plan};
-use lightpath_optics::reference::first_order_onto;
-use lightpath_optics::{
+use super::fields::{noise, relative_l2, setup};
+use crate::engine::EngineCore;
+use crate::hologram::{HologramMethod, HologramOptions, initial_phase, quality};
+use crate::pictures_of_tests::picture;
+use crate::propagation::{PropagationMethod, RefusalCode, plan};
+use crate::reference::first_order_onto;
+use crate::{
     Carrier, ConvolutionMethod, Detector, DisplayModel, Engine, Error, FilterShape, HologramProblem, OpticalSetup,
     Optimization, OrderFilter, Orders, Plane, RegionOfInterest,
 };
@@ -68,7 +68,7 @@ fn half_order_filter_removes_the_undiffracted_light_of_a_carrier() {
 #[test]
 fn holograms_are_optimized_through_the_filter() {
     let (grid, region) = (setup(90, 120, 8e-3).grid(), RegionOfInterest::middle(&setup(90, 120, 8e-3).grid()));
-    let target = TestCard::Portrait.render(90, 120, 3).unwrap();
+    let target = picture(90, 120, 3);
     let first = DisplayModel::ideal(setup(90, 120, 8e-3).planned().unwrap().0);
     let half = DisplayModel::ideal(filtered(setup(90, 120, 8e-3), OrderFilter::rectangle(0.6, 0.5)));
     let engine = Engine::new(&half, Detector::Pixel, None).unwrap();

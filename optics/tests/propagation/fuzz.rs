@@ -1,7 +1,7 @@
 //! Random valid inputs: propagation never panics, and its results are finite.
 
-use lightpath_optics::propagation::{ConvolutionMethod, ImageWindow, PropagationMethod, assess, plan, plan_onto};
-use lightpath_optics::{Detector, DisplayModel, Engine, Grid, OpticalSetup, Plane, Propagator};
+use crate::propagation::{ConvolutionMethod, ImageWindow, PropagationMethod, assess, plan, plan_onto};
+use crate::{Detector, DisplayModel, Engine, Grid, OpticalSetup, Plane, Propagator};
 use num_complex::Complex32;
 use proptest::prelude::*;
 

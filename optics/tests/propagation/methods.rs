@@ -1,12 +1,12 @@
 //! Comparisons of each method with closed forms, with the direct sum and with its adjoint.
 
-use crate::fields::{
+use super::fields::{
     PITCH_M, WAVELENGTH_M, energy, half_band_spots, inner_product, noise, relative_l2, setup, spots_over_the_band,
 };
-use lightpath_optics::engine::{PropagatorCore, Real};
-use lightpath_optics::propagation::{ImageWindow, PropagationMethod};
-use lightpath_optics::reference::{gaussian_beam, rayleigh_sommerfeld, rayleigh_sommerfeld_onto};
-use lightpath_optics::{Grid, OpticalSetup, Orders, Plane};
+use crate::engine::{PropagatorCore, Real};
+use crate::propagation::{ImageWindow, PropagationMethod};
+use crate::reference::{gaussian_beam, rayleigh_sommerfeld, rayleigh_sommerfeld_onto};
+use crate::{Grid, OpticalSetup, Orders, Plane};
 use num_complex::{Complex, Complex64};
 use std::f64::consts::{PI, TAU};
 

@@ -1,13 +1,13 @@
 //! Comparisons of the planner's choices with the alternatives, and refused setups.
 
-use crate::fields::{PITCH_M, WAVELENGTH_M, noise, relative_l2, setup, spots_over_the_band};
-use lightpath_optics::engine::PropagatorCore;
-use lightpath_optics::hologram::{HologramMethod, HologramOptions, initial_phase};
-use lightpath_optics::propagation::{
+use super::fields::{PITCH_M, WAVELENGTH_M, noise, relative_l2, setup, spots_over_the_band};
+use crate::engine::PropagatorCore;
+use crate::hologram::{HologramMethod, HologramOptions, initial_phase};
+use crate::propagation::{
     ConvolutionMethod, ImageWindow, PropagationMethod, RefusalCode, WarningCode, assess, plan, plan_onto,
 };
-use lightpath_optics::reference::{first_order_onto, rayleigh_sommerfeld_onto};
-use lightpath_optics::{
+use crate::reference::{first_order_onto, rayleigh_sommerfeld_onto};
+use crate::{
     Detector, DisplayModel, Engine, Error, Grid, HologramProblem, OpticalSetup, Optimization, Plane, RegionOfInterest,
 };
 

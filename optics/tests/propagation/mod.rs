@@ -1,5 +1,7 @@
 //! Tests of propagation: comparisons with closed forms, with the direct sum, and between methods.
-#![allow(clippy::unwrap_used)]
+//!
+//! They are unit tests of the engine: as a program of their own they would compile it for f64 once more, which takes longer
+//! than they do.
 
 mod all_orders;
 /// Reference tests that every propagation engine must pass.
