@@ -58,7 +58,7 @@ def main():
         rows = {}
         for name, hologram in holograms.items():
             seen = folder / f"{hologram.stem}-seen.png"
-            lightpath("simulate", *show, "--phase", hologram, "-o", seen)
+            lightpath("simulate", *show, "--pattern", hologram, "-o", seen)
             rows[f"{name}'s hologram on a display without flaws"] = score(lightpath, given.target, seen)
         for photo in given.photo:
             rows[photo.stem] = score(lightpath, given.target, photo)

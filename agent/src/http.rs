@@ -338,7 +338,7 @@ mod tests {
 
     #[test]
     fn messages_of_a_server_are_one_line() {
-        assert_eq!(message_of(b"{\"error\": {\"message\": \"no\\nkernel\"}}"), "no kernel");
+        assert_eq!(message_of(b"{\"detail\": \"no\\nkernel\"}"), "no kernel");
         assert_eq!(message_of(b"<html>\r\n\x1b[1mbad gateway"), "<html> [1mbad gateway");
         assert_eq!(message_of(&[b'x'; 4000]).len(), MESSAGE_CHARS_MAX);
     }

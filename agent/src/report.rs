@@ -34,7 +34,7 @@ impl Standing {
         let mut json = json!({
             "kernel": settings.kernel.to_string(),
             "version": self.version,
-            "form": if self.version == 0 { "" } else { settings.format.as_str() },
+            "format": if self.version == 0 { "" } else { settings.format.as_str() },
             "digest": self.digest,
             "generation": self.generation.to_string(),
             "triedVersion": self.tried_version,

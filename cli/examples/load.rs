@@ -169,9 +169,7 @@ fn processor() -> String {
 async fn prepare(client: &Client) -> String {
     let display = v1::Display {
         name: names::display("load"),
-        width_px: 1920,
-        height_px: 1080,
-        pixel_pitch_m: 8e-6,
+        modulator: Some(v1::Modulator::of_phase(1920, 1080, 8e-6)),
         wavelengths_m: vec![515e-9],
         ..Default::default()
     };
@@ -182,7 +180,7 @@ async fn prepare(client: &Client) -> String {
 async fn submit(client: &Client, target: &str, iterations: u32, priority: i32, request_id: &str) -> String {
     let spec = OptimizeHologram {
         display: names::display("load"),
-        planes: vec![ImagePlane { distance_m: 0.05, target: target.to_owned(), weight: 0.0 }],
+        planes: vec![ImagePlane { place: Some(v1::Place::at_m(0.05)), target: target.to_owned(), weight: 0.0 }],
         iterations,
         ..Default::default()
     };

@@ -85,10 +85,10 @@ pub(crate) fn above_zero(text: &str) -> Result<f64, String> {
 }
 
 /// Parses a region `x,y,width,height` in pixels.
-pub(crate) fn region(text: &str) -> Result<v1::RegionOfInterest, String> {
+pub(crate) fn region(text: &str) -> Result<v1::Region, String> {
     let numbers: Option<Vec<u32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();
     match numbers.as_deref() {
-        Some(&[x_px, y_px, width_px, height_px]) => Ok(v1::RegionOfInterest { x_px, y_px, width_px, height_px }),
+        Some(&[x_px, y_px, width_px, height_px]) => Ok(v1::Region { x_px, y_px, width_px, height_px }),
         _ => Err("must be x,y,width,height in whole pixels, such as 192,108,1536,864".to_owned()),
     }
 }
@@ -108,7 +108,7 @@ mod tests {
 
     #[test]
     fn regions_and_resolutions_are_parsed() {
-        let full = v1::RegionOfInterest { x_px: 1, y_px: 2, width_px: 30, height_px: 40 };
+        let full = v1::Region { x_px: 1, y_px: 2, width_px: 30, height_px: 40 };
         assert_eq!(region("1,2, 30,40"), Ok(full));
         for bad in ["", "1,2,3", "1,2,3,4,5", "-1,2,3,4", "0.1,0,1,1"] {
             assert!(region(bad).unwrap_err().contains("192,108,1536,864"), "{bad}");

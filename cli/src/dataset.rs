@@ -47,7 +47,7 @@ pub(crate) enum DatasetCommand {
 #[command(after_long_help = "\
 Example:
   lightpath dataset create bench-1 --display lab-2 --distance 150mm
-  lightpath dataset add bench-1 --phase p01.png --photo c01.png
+  lightpath dataset add bench-1 --pattern p01.png --photo c01.png
   lightpath dataset finalize bench-1")]
 pub(crate) struct Create {
     /// Name of the new dataset: 1 to 63 characters of a-z, 0-9 and '-', starting with a letter
@@ -117,7 +117,7 @@ impl Create {
             name: names::dataset(&self.name),
             display: names::display(&self.optics.display),
             wavelength_m: self.optics.wavelength_m(),
-            distance_m: self.optics.distance,
+            place: Some(v1::Place::at_m(self.optics.distance)),
             photo_encoding: self.photo_encoding.into(),
             photo_bit_depth: self.photo_bit_depth,
             ..Default::default()
@@ -140,7 +140,7 @@ impl List {
                 table.row([
                     names::id(&dataset.name).to_owned(),
                     names::id(&dataset.display).to_owned(),
-                    optics(dataset.wavelength_m, dataset.distance_m),
+                    optics(dataset.wavelength_m, dataset.place.as_ref()),
                     dataset.state().word().to_owned(),
                     dataset.pair_count.to_string(),
                     clock_or_dash(dataset.create_time.as_ref()),

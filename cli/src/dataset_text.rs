@@ -10,7 +10,7 @@ pub(crate) fn facts(dataset: &Dataset) -> String {
     let mut facts = Facts::default();
     facts.add("dataset", names::id(&dataset.name));
     facts.add("display", names::id(&dataset.display));
-    facts.add("optics", show::optics(dataset.wavelength_m, dataset.distance_m));
+    facts.add("optics", show::optics(dataset.wavelength_m, dataset.place.as_ref()));
     facts.add(
         "state",
         match dataset.state() {
@@ -96,7 +96,7 @@ fn pair_table(dataset: &Dataset) -> Table {
             cell(checks.map(|checks| checks.contrast), |value| format!("{value:.2}")),
             cell(checks.and_then(|checks| checks.correlation), |value| format!("{value:.2}")),
             cell(checks.and_then(|checks| checks.misalignment_px), |value| format!("{value:.2} px")),
-            short(&pair.phase),
+            short(&pair.pattern),
             short(&pair.photo),
         ]);
     }

@@ -16,7 +16,7 @@ const STDOUT: &str = "-";
 pub(crate) struct Destination {
     /// The option, such as `-o`.
     pub(crate) option: &'static str,
-    /// End of the names of files in a folder, such as `-phase.png`.
+    /// End of the names of files in a folder, such as `-pattern.png`.
     pub(crate) suffix: &'static str,
     /// Extensions of the known formats, each with what it means.
     pub(crate) formats: &'static [(&'static str, &'static str)],
@@ -202,7 +202,7 @@ mod tests {
     use super::*;
 
     const PHASE: Destination =
-        Destination { option: "-o", suffix: "-phase.png", formats: &[("png", "grey levels"), ("npy", "radians")] };
+        Destination { option: "-o", suffix: "-pattern.png", formats: &[("png", "grey levels"), ("npy", "radians")] };
 
     fn files(place: &Path, names: &[&str]) -> Result<Vec<PathBuf>, Failure> {
         let names: Vec<String> = names.iter().map(|name| (*name).to_owned()).collect();
@@ -221,14 +221,14 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         let (one, two) = (["eye"], ["eye", "sky"]);
-        assert_eq!(files(&at("phase.png"), &one).unwrap(), [at("phase.png")]);
+        assert_eq!(files(&at("pattern.png"), &one).unwrap(), [at("pattern.png")]);
         assert_eq!(files(&at("phase.NPY"), &one).unwrap(), [at("phase.NPY")]);
-        let in_folder = [at("eye-phase.png"), at("sky-phase.png")];
+        let in_folder = [at("eye-pattern.png"), at("sky-pattern.png")];
         assert_eq!(files(folder.path(), &two).unwrap(), in_folder);
         assert_eq!(files(&at("{name}-x.png"), &two).unwrap(), [at("eye-x.png"), at("sky-x.png")]);
         let made = format!("{}/", at("new").display());
-        assert_eq!(files(Path::new(&made), &one).unwrap(), [at("new").join("eye-phase.png")]);
-        assert!(message(files(&at("phase.png"), &two)).contains("2 targets"));
+        assert_eq!(files(Path::new(&made), &one).unwrap(), [at("new").join("eye-pattern.png")]);
+        assert!(message(files(&at("pattern.png"), &two)).contains("2 targets"));
         assert!(message(files(Path::new("-"), &two)).contains("takes one file, but there are 2"));
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "the checks leave no files");
     }
@@ -237,9 +237,9 @@ mod tests {
     fn places_that_cannot_be_written_are_refused() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
-        assert!(message(files(&at("none/phase.png"), &["eye"])).contains("there is no folder"));
-        assert!(message(files(Path::new("/proc/phase.png"), &["eye"])).contains("no file can be written"));
-        std::fs::create_dir(at("eye-phase.png")).unwrap();
+        assert!(message(files(&at("none/pattern.png"), &["eye"])).contains("there is no folder"));
+        assert!(message(files(Path::new("/proc/pattern.png"), &["eye"])).contains("no file can be written"));
+        std::fs::create_dir(at("eye-pattern.png")).unwrap();
         assert!(message(files(folder.path(), &["eye"])).contains("is a folder, but must be a file"));
         let single = PHASE.file(&Stdout::default(), folder.path());
         assert!(message(single).contains("is a folder, but must be a file"));

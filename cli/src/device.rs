@@ -100,7 +100,7 @@ fn table(devices: &[v1::Device]) -> Table {
                 show::or_dash(&device.group),
                 show::or_dash(names::id(&installed.kernel)),
                 show::version_or_dash(installed.version),
-                show::or_dash(&installed.form),
+                show::or_dash(&installed.format),
                 if installed.generation == 0 { "–".to_owned() } else { installed.generation.to_string() },
                 installed.self_test_loss.map_or_else(|| "–".to_owned(), show::loss),
                 installed.report_time.as_ref().map_or_else(|| "never".to_owned(), show::age),

@@ -13,7 +13,7 @@ use super::show;
 use super::table::{Facts, Table};
 use super::words::WordParser;
 use clap::{Args, Subcommand};
-use lightpath::v1::{self, Display};
+use lightpath::v1::{self, Display, Modulator};
 use lightpath::{Words, names, units};
 use std::f64::consts::PI;
 use std::path::PathBuf;
@@ -187,7 +187,7 @@ impl DisplayCommand {
 
 impl Create {
     fn display(&self) -> Result<Display, Failure> {
-        let simulated_bench = match &self.simulated {
+        let bench = match &self.simulated {
             Some(path) => Some(bench_file::read(path)?),
             None => self.simulated_seed.map(|seed| v1::SimulatedBench {
                 seed,
@@ -199,18 +199,23 @@ impl Create {
         };
         Ok(Display {
             name: names::display(&self.id),
-            width_px: self.resolution.0,
-            height_px: self.resolution.1,
-            pixel_pitch_m: self.pixel_pitch,
-            bit_depth: self.bit_depth,
+            modulator: Some(self.modulator()?),
             wavelengths_m: self.wavelengths.clone(),
-            phase_response: self.phase_response.as_deref().map(phase_response::read).transpose()?,
             carrier: self.carrier.unwrap_or_default().into(),
             orders: self.orders.message()?,
             camera_fill_factor: self.camera_fill_factor,
             notes: self.notes.clone(),
-            simulated_bench,
+            bench: bench.map(v1::display::Bench::SimulatedBench),
             create_time: None,
+        })
+    }
+
+    fn modulator(&self) -> Result<Modulator, Failure> {
+        let response_rad = self.phase_response.as_deref().map(phase_response::read).transpose()?.unwrap_or_default();
+        Ok(Modulator {
+            bit_depth: self.bit_depth,
+            kind: Some(v1::modulator::Kind::Phase(v1::PhaseModulator { response_rad })),
+            ..Modulator::of_phase(self.resolution.0, self.resolution.1, self.pixel_pitch)
         })
     }
 }
@@ -223,13 +228,14 @@ async fn list(session: &Session, limit: u32) -> Result<(), Failure> {
     session.print_pages(list, |displays| {
         let mut table = Table::new("display|>resolution|>pitch|wavelengths~|>bits??|kind?|created????|age???");
         for display in displays {
+            let modulator = display.modulator.clone().unwrap_or_default();
             table.row([
                 names::id(&display.name).to_owned(),
-                format!("{}x{}", display.width_px, display.height_px),
-                units::show_m(display.pixel_pitch_m),
+                format!("{}x{}", modulator.width_px, modulator.height_px),
+                units::show_m(modulator.pixel_pitch_x_m),
                 show::lengths(display.wavelengths_m.iter().copied()),
-                display.bit_depth.to_string(),
-                if display.simulated_bench.is_some() { "simulated".to_owned() } else { "real".to_owned() },
+                modulator.bit_depth.to_string(),
+                if display.simulated_bench().is_some() { "simulated".to_owned() } else { "real".to_owned() },
                 show::clock_or_dash(display.create_time.as_ref()),
                 show::age_or_dash(display.create_time.as_ref()),
             ]);
@@ -241,18 +247,19 @@ async fn list(session: &Session, limit: u32) -> Result<(), Failure> {
 fn facts(display: &Display) -> String {
     let mut facts = Facts::default();
     facts.add("display", names::id(&display.name));
-    facts.add("resolution", format!("{}x{} px", display.width_px, display.height_px));
-    facts.add("pixel pitch", units::show_m(display.pixel_pitch_m));
+    let modulator = display.modulator.clone().unwrap_or_default();
+    facts.add("resolution", format!("{}x{} px", modulator.width_px, modulator.height_px));
+    facts.add("pixel pitch", units::show_m(modulator.pixel_pitch_x_m));
     facts.add("wavelengths", show::lengths(display.wavelengths_m.iter().copied()));
-    facts.add("bit depth", display.bit_depth.to_string());
-    facts.add("phase response", response_text(display.phase_response.as_ref()));
+    facts.add("bit depth", modulator.bit_depth.to_string());
+    facts.add("phase response", response_text(modulator.response_rad()));
     let carrier = Some(display.carrier()).filter(|carrier| *carrier != v1::Carrier::Unspecified);
     facts.add("carrier", carrier.map_or("none", Words::word));
     facts.add("orders", orders::text(display));
     if display.camera_fill_factor != 1.0 {
         facts.add("camera's fill factor", display.camera_fill_factor.to_string());
     }
-    if let Some(bench) = &display.simulated_bench {
+    if let Some(bench) = display.simulated_bench() {
         facts.add("simulated", format!("seed {}", bench.seed));
         for (name, value) in bench_file::properties(bench) {
             facts.add(&name, value.to_string());
@@ -266,10 +273,12 @@ fn facts(display: &Display) -> String {
 }
 
 /// A measured response with the range of its phases, in which a wrong unit shows.
-fn response_text(response: Option<&v1::PhaseResponse>) -> String {
-    let Some(response) = response else { return "linear, 0 to 2π".to_owned() };
+fn response_text(response_rad: &[f64]) -> String {
+    if response_rad.is_empty() {
+        return "linear, 0 to 2π".to_owned();
+    }
     let in_pi = |phase_rad: f64| phase_rad / PI;
-    let least = response.phase_rad.iter().copied().fold(f64::INFINITY, f64::min);
-    let most = response.phase_rad.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let least = response_rad.iter().copied().fold(f64::INFINITY, f64::min);
+    let most = response_rad.iter().copied().fold(f64::NEG_INFINITY, f64::max);
     format!("measured, {:.2}π to {:.2}π", in_pi(least), in_pi(most))
 }

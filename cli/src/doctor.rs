@@ -114,7 +114,8 @@ impl Doctor {
         let (mut known, mut active) = (0, 0);
         for display in of {
             let found = pages(0, async |page_size, page_token| {
-                let request = v1::ListKernelsRequest { page_size, page_token, display: display.clone() };
+                let request =
+                    v1::ListKernelsRequest { page_size, page_token, display: display.clone(), ..Default::default() };
                 session.client.list_kernels(request).await
             })
             .await?;

@@ -18,7 +18,7 @@ pub(crate) enum Failure {
     Jobs(Vec<String>),
     /// The arguments of the command are wrong.
     Usage(String),
-    /// A document, a key or a file is not acceptable.
+    /// A document, a key or a file is not acceptable, or what was asked for does not exist.
     Refused(String),
     /// The user pressed Ctrl-C. The text says what to do next.
     Interrupted(String),

@@ -287,18 +287,18 @@ mod tests {
 
     #[test]
     fn list_shows_target_owner_and_quality_and_fits_narrow_terminals() {
-        let quality =
-            v1::Quality { pixel: Some(v1::SeenQuality { psnr_db: 31.24, ..Default::default() }), ..Default::default() };
-        let plane = v1::hologram_result::PlaneResult { quality: Some(quality), ..Default::default() };
-        let wavelength = v1::hologram_result::WavelengthResult { planes: vec![plane], ..Default::default() };
-        let result = v1::HologramResult { wavelengths: vec![wavelength], ..Default::default() };
+        let psnr_db = Some(v1::Measure { value: 31.24, ..Default::default() });
+        let judgements = vec![v1::Judgement { headline: true, psnr_db, ..Default::default() }];
+        let plane = v1::optimize_hologram_result::PlaneResult { judgements, ..Default::default() };
+        let wavelength = v1::optimize_hologram_result::WavelengthResult { planes: vec![plane], ..Default::default() };
+        let result = v1::OptimizeHologramResult { wavelengths: vec![wavelength], ..Default::default() };
         let job = Job {
             name: "jobs/01939a5e-7c1b-7d52-9b7e-0d6f3a1c2b4e".to_owned(),
             label: "indian_head.png".to_owned(),
             owner: "ada".to_owned(),
             state: job::State::Succeeded.into(),
             spec: Some(lightpath::job_spec(v1::job_spec::Kind::OptimizeHologram(v1::OptimizeHologram::default()))),
-            result: Some(v1::JobResult { kind: Some(v1::job_result::Kind::Hologram(result)) }),
+            result: Some(v1::JobResult { kind: Some(v1::job_result::Kind::OptimizeHologram(result)) }),
             create_time: Some(pbjson_types::Timestamp { seconds: 1_795_000_069, nanos: 0 }),
             ..Default::default()
         };

@@ -56,7 +56,7 @@ pub(crate) fn is_hologram(job: &Job) -> bool {
 
 /// The state of a job with its most important details, in one line.
 pub(crate) fn one_line(job: &Job) -> String {
-    let elapsed = show::elapsed(job.start_time.as_ref(), job.finish_time.as_ref());
+    let elapsed = show::elapsed(job.start_time.as_ref(), job.end_time.as_ref());
     match job.state() {
         State::Queued if job.waiting_for > 0 => format!("queued, waits for {} other jobs", job.waiting_for),
         State::Queued if !job.waits_for.is_empty() => format!("queued; {}", show::plain(&job.waits_for)),
@@ -116,7 +116,7 @@ pub(crate) fn facts(job: &Job) -> String {
     queue_facts(job, &mut facts);
     facts.add_some("created", job.create_time.as_ref().map(show::time));
     facts.add_some("started", job.start_time.as_ref().map(show::time));
-    facts.add_some("ended", job.finish_time.as_ref().map(show::time));
+    facts.add_some("ended", job.end_time.as_ref().map(show::time));
     let text = kind.and_then(|kind| kind.result_facts(job, &mut facts).ok()).unwrap_or_default();
     facts.text() + &text
 }

@@ -5,7 +5,7 @@ use super::failure::Failure;
 use super::session::Session;
 use super::show;
 use clap::Args;
-use lightpath::{names, v1};
+use lightpath::{names, units, v1};
 
 /// A kernel, by its name or by its display, distance and wavelength.
 #[derive(Debug, Args)]
@@ -22,34 +22,48 @@ pub(crate) struct KernelChoice {
     #[arg(long, value_name = "LENGTH", value_parser = distance, allow_hyphen_values = true, requires = "display")]
     distance: Option<f64>,
 
-    /// Use the kernel of this wavelength in vacuum, for example 515nm [default: the display's only wavelength]
+    /// Use the kernel of this wavelength in vacuum, for example 515nm [default: the only one at this distance]
     #[arg(long, value_name = "LENGTH", value_parser = wavelength, allow_hyphen_values = true, requires = "display")]
     wavelength: Option<f64>,
 }
 
 impl KernelChoice {
-    /// Returns the kernel's name, `displays/{id}/kernels/{k}`. Without --wavelength it asks the server for the
-    /// display's only one.
+    /// Returns the kernel's name, `displays/{id}/kernels/{k}`. The server knows the name of the kernel at a distance.
     pub(crate) async fn name(&self, session: &Session) -> Result<String, Failure> {
         let (display, distance_m) = match (&self.kernel, &self.display, self.distance) {
             (Some(name), _, _) => return Ok(name.clone()),
             (None, Some(display), Some(distance_m)) => (display, distance_m),
             _ => return Err(Failure::Usage("give the name of a kernel, or --display and --distance".to_owned())),
         };
-        if let Some(wavelength_m) = self.wavelength {
-            return Ok(names::kernel(display, wavelength_m, distance_m));
-        }
-        let declared = session.client.get_display(v1::GetDisplayRequest { name: names::display(display) }).await?;
-        match declared.wavelengths_m.as_slice() {
-            &[wavelength_m] => Ok(names::kernel(display, wavelength_m, distance_m)),
+        let request = v1::ListKernelsRequest {
+            display: names::display(display),
+            wavelength_m: self.wavelength.unwrap_or(0.0),
+            place: Some(v1::Place::at_m(distance_m)),
+            ..Default::default()
+        };
+        let kernels = session.client.list_kernels(request).await?.kernels;
+        match kernels.as_slice() {
+            [kernel] => Ok(kernel.name.clone()),
+            [] => Err(Failure::Refused(format!(
+                "display {display} has no kernel {}; learn one (lightpath kernel learn --help), or see which there are: \
+                 lightpath kernel list --display {display}",
+                self.optics(distance_m)
+            ))),
             several => {
-                let several = show::lengths(several.iter().copied());
+                let several = show::lengths(several.iter().map(|kernel| kernel.wavelength_m));
                 Err(Failure::Usage(format!(
-                    "display {display} has several wavelengths ({several}): choose one with --wavelength"
+                    "display {display} has kernels of several wavelengths ({several}): choose one with --wavelength"
                 )))
             }
         }
     }
+
+    /// Wavelength and distance, as an error names them.
+    fn optics(&self, distance_m: f64) -> String {
+        let distance = format!("at {}", units::show_m(distance_m));
+        self.wavelength.map_or(distance.clone(), |wavelength| format!("of {} {distance}", units::show_m(wavelength)))
+    }
+
     /// Returns the name of a version of the kernel: of this one, or of the newest.
     pub(crate) async fn version_name(&self, session: &Session, version: Option<u32>) -> Result<String, Failure> {
         let name = self.name(session).await?;

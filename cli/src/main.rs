@@ -128,12 +128,12 @@ A first hologram:
   lightpath display create lab-2 --resolution 1920x1080 --pixel-pitch 8um \\
       --wavelength 515nm
   lightpath hologram optimize indian_head.png --display lab-2 --distance 150mm \\
-      -o phase.png
+      -o pattern.png
 
 A first kernel, from photographs of holograms (about 8 pairs, better 16):
   lightpath dataset create bench-1 --display lab-2 --distance 150mm
-  lightpath dataset add bench-1 --phase p01.png --photo c01.png
-  lightpath dataset add bench-1 --phase p02.png --photo c02.png
+  lightpath dataset add bench-1 --pattern p01.png --photo c01.png
+  lightpath dataset add bench-1 --pattern p02.png --photo c02.png
   lightpath dataset finalize bench-1
   lightpath kernel learn --dataset bench-1 --wait
   lightpath kernel promote --display lab-2 --distance 150mm --version 1

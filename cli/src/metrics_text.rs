@@ -22,8 +22,9 @@ pub(crate) fn parts(metrics: &KernelMetrics) -> String {
     }
     let mut table = Table::new("part of the model|>worse without it|>over the photographs?");
     for part in &metrics.parts {
-        let range = format!("{:.1} to {:.1} dB", part.least_db, part.most_db);
-        table.row([part.part.replace('_', " "), show::decibel(part.cost_db), range]);
+        let cost = part.cost_db.unwrap_or_default();
+        let range = cost.low.zip(cost.high).map(|(low, high)| format!("{low:.1} to {high:.1} dB"));
+        table.row([part.name.replace('_', " "), show::decibel(cost.value), range.unwrap_or_default()]);
     }
     table.text()
 }

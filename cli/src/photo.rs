@@ -68,7 +68,7 @@ pub(crate) struct Score {
 
     /// Compare this rectangle of the target: x,y,width,height in pixels [default: the middle 80 % of each axis]
     #[arg(long, value_name = "X,Y,W,H", value_parser = region)]
-    roi: Option<v1::RegionOfInterest>,
+    region: Option<v1::Region>,
 
     /// Write each photograph, aligned with the target, to this file (PNG), folder or pattern with {name}
     #[arg(long, value_name = "FILE")]
@@ -120,7 +120,7 @@ impl Score {
             target: target.to_owned(),
             photo_encoding: self.photo_encoding.into(),
             target_encoding: self.target_encoding.into(),
-            region_of_interest: self.roi,
+            region: self.region,
         };
         Ok(session.client.score_photo(request).await?)
     }

@@ -1,7 +1,8 @@
 //! Times, lengths, sizes and numbers as text.
 
 use chrono::DateTime;
-use lightpath::units;
+use lightpath::v1::{Place, UsedKernel};
+use lightpath::{names, units};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 /// A time, for example `2026-11-20 14:07:49 UTC (3 min ago)`.
@@ -93,9 +94,19 @@ pub(crate) fn bytes(size: u64) -> String {
     if unit == "B" { format!("{size} B") } else { format!("{value:.1} {unit}") }
 }
 
-/// Wavelength and distance, for example `515 nm, 150 mm`.
-pub(crate) fn optics(wavelength_m: f64, distance_m: f64) -> String {
-    format!("{}, {}", units::show_m(wavelength_m), units::show_m(distance_m))
+/// Wavelength and place, for example `515 nm, 150 mm`.
+pub(crate) fn optics(wavelength_m: f64, place: Option<&Place>) -> String {
+    format!("{}, {}", units::show_m(wavelength_m), self::place(place))
+}
+
+/// A place, for example `150 mm`. Places of kinds that this program does not know are `–`.
+pub(crate) fn place(place: Option<&Place>) -> String {
+    place.and_then(Place::distance_m).map_or_else(|| "–".to_owned(), units::show_m)
+}
+
+/// Places separated by commas, for example `140 mm, 160 mm`.
+pub(crate) fn places<'a>(places: impl IntoIterator<Item = Option<&'a Place>>) -> String {
+    places.into_iter().map(place).collect::<Vec<_>>().join(", ")
 }
 
 /// Lengths separated by commas, for example `450 nm, 520 nm`.
@@ -103,19 +114,23 @@ pub(crate) fn lengths(metres: impl IntoIterator<Item = f64>) -> String {
     metres.into_iter().map(units::show_m).collect::<Vec<_>>().join(", ")
 }
 
-/// A kernel version, for example `version 3`. 0 is `ideal`.
+/// A kernel version, for example `version 3`.
 pub(crate) fn kernel_version(version: u32) -> String {
-    if version == 0 { "ideal".to_owned() } else { format!("version {version}") }
+    format!("version {version}")
 }
 
-/// Several kernel versions, for example `version 3, ideal, version 1`. Equal versions are shown once, and an empty list
+/// The versions of used kernels, for example `version 3, ideal, version 1`. Equal versions are shown once, and an empty list
 /// is `–`.
-pub(crate) fn kernel_versions(versions: &[u32]) -> String {
-    match versions {
-        [] => "–".to_owned(),
-        [first, others @ ..] if others.iter().all(|other| other == first) => kernel_version(*first),
-        several => several.iter().copied().map(kernel_version).collect::<Vec<_>>().join(", "),
+pub(crate) fn used_kernels(kernels: &[UsedKernel]) -> String {
+    let version = |kernel: &UsedKernel| match kernel.kernel_version.as_str() {
+        "" => "ideal".to_owned(),
+        name => format!("version {}", names::id(name)),
+    };
+    let mut versions: Vec<String> = kernels.iter().map(version).collect();
+    if versions.windows(2).all(|pair| pair[0] == pair[1]) {
+        versions.truncate(1);
     }
+    if versions.is_empty() { "–".to_owned() } else { versions.join(", ") }
 }
 
 /// A text, or `–` if it is empty.
@@ -189,8 +204,13 @@ mod tests {
         assert_eq!(duration(0.42), "0.4 s");
         assert_eq!(loss(0.00139), "0.00139");
         assert_eq!(loss(0.0001), "1.00e-4");
-        assert_eq!(kernel_versions(&[0]), "ideal");
-        assert_eq!((kernel_versions(&[3, 3]), kernel_versions(&[])), ("version 3".into(), "–".into()));
-        assert_eq!(kernel_versions(&[3, 0]), "version 3, ideal");
+        let used = |versions: &[&str]| {
+            let kernel = |&version: &&str| UsedKernel { kernel_version: version.to_owned(), ..Default::default() };
+            used_kernels(&versions.iter().map(kernel).collect::<Vec<_>>())
+        };
+        let third = "displays/lab/kernels/515nm-150mm/versions/3";
+        assert_eq!(used(&[""]), "ideal");
+        assert_eq!((used(&[third, third]), used(&[])), ("version 3".into(), "–".into()));
+        assert_eq!(used(&[third, ""]), "version 3, ideal");
     }
 }

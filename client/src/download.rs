@@ -123,7 +123,7 @@ mod tests {
     #[test]
     fn file_appears_only_when_it_is_complete() {
         let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("phase.png");
+        let path = folder.path().join("pattern.png");
         let mut file = PartialFile::create(&path).unwrap();
         file.write(b"half").unwrap();
         assert!(!path.exists());

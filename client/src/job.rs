@@ -130,21 +130,21 @@ macro_rules! results {
 
 results! {
     /// Returns the result of a hologram optimization.
-    hologram_result: Hologram(HologramResult);
+    hologram_result: OptimizeHologram(OptimizeHologramResult);
     /// Returns the result of learning a kernel.
-    learn_result: Learn(LearnResult);
+    learn_result: LearnKernel(LearnKernelResult);
     /// Returns the result of a simulated capture.
-    capture_result: Capture(CaptureResult);
+    capture_result: SimulateCapture(SimulateCaptureResult);
     /// Returns the result of evaluating a kernel.
-    evaluate_result: Evaluate(EvaluateResult);
+    evaluate_result: EvaluateKernel(EvaluateKernelResult);
     /// Returns the result of aligning or finalizing a dataset.
-    prepare_result: Prepare(PrepareResult);
+    prepare_result: PrepareDataset(PrepareDatasetResult);
     /// Returns the report of a kernel version.
-    report_result: Report(ReportResult);
+    report_result: ReportKernel(ReportKernelResult);
     /// Returns the holograms that a job suggests.
-    suggest_result: Suggest(SuggestResult);
+    suggest_result: SuggestHolograms(SuggestHologramsResult);
     /// Returns the judgement of a job's holograms.
-    verify_result: Verify(VerifyResult);
+    verify_result: VerifyHologram(VerifyHologramResult);
 }
 
 fn succeeded(job: &Job) -> Result<&v1::job_result::Kind> {
@@ -183,7 +183,10 @@ mod tests {
         assert_eq!(capture_result(&job).unwrap_err().to_string(), "jobs/1 was cancelled");
         job.state = State::Succeeded.into();
         job.result = Some(v1::JobResult {
-            kind: Some(v1::job_result::Kind::Capture(v1::CaptureResult { photo: "p".into(), propagation: None })),
+            kind: Some(v1::job_result::Kind::SimulateCapture(v1::SimulateCaptureResult {
+                photo: "p".into(),
+                propagation: None,
+            })),
         });
         assert_eq!(capture_result(&job).unwrap().photo, "p");
         assert!(matches!(learn_result(&job), Err(Error::Protocol { .. })));

@@ -1,7 +1,7 @@
 //! A typed client of a Lightpath server. The command line `lightpath` is built on it.
 //!
 //! ```no_run
-//! use lightpath::v1::{OptimizeHologram, SubmitJobRequest, job_spec, optimize_hologram::ImagePlane};
+//! use lightpath::v1::{OptimizeHologram, Place, SubmitJobRequest, job_spec, optimize_hologram::ImagePlane};
 //! use lightpath::{Client, job_spec};
 //!
 //! # async fn run() -> lightpath::Result<()> {
@@ -9,14 +9,14 @@
 //! let target = client.upload_file("indian_head.png".as_ref()).await?;
 //! let spec = job_spec(job_spec::Kind::OptimizeHologram(OptimizeHologram {
 //!     display: "displays/lab-2".into(),
-//!     planes: vec![ImagePlane { distance_m: 0.15, target, ..Default::default() }],
+//!     planes: vec![ImagePlane { place: Some(Place::at_m(0.15)), target, ..Default::default() }],
 //!     ..Default::default()
 //! }));
 //! let job = client.submit(SubmitJobRequest { spec: Some(spec), ..Default::default() }).await?;
 //! let job = client.wait(&job.name, |_| ()).await?;
 //! let hologram = lightpath::hologram_result(&job)?;
-//! let phase = &hologram.wavelengths[0].frames[0].phase;
-//! client.download_to(phase, "phase.png".as_ref()).await?;
+//! let pattern = &hologram.wavelengths[0].subframes[0].pattern;
+//! client.download_to(pattern, "pattern.png".as_ref()).await?;
 //! # Ok(())
 //! # }
 //! ```
@@ -55,5 +55,5 @@ pub use job::{
     report_result, suggest_result, verify_result,
 };
 pub use kernel::KernelChange;
-pub use lightpath_proto::{Word, Words, v1};
+pub use lightpath_proto::{Word, Words, judgements, v1};
 pub use tonic::Code;

@@ -18,20 +18,16 @@ pub fn job(id: &str) -> String {
     with_collection("jobs", id)
 }
 
-/// Returns the name of a kernel, for example `displays/{id}/kernels/515nm-150mm`.
-///
-/// As on the server, the wavelength is rounded to whole picometres and the distance to whole nanometres.
-#[must_use]
-pub fn kernel(display_id: &str, wavelength_m: f64, distance_m: f64) -> String {
-    let wavelength = whole_and_rest((wavelength_m * 1e12).round() as i64, 1_000);
-    let distance = whole_and_rest((distance_m * 1e9).round() as i64, 1_000_000);
-    format!("{}/kernels/{wavelength}nm-{distance}mm", display(display_id))
-}
-
 /// Returns `{kernel}/versions/{version}`.
 #[must_use]
 pub fn kernel_version(kernel: &str, version: u32) -> String {
     format!("{kernel}/versions/{version}")
+}
+
+/// Returns the name of the kernel of which this is the name of a version: `displays/{id}/kernels/{k}`.
+#[must_use]
+pub fn kernel_of(version: &str) -> &str {
+    version.split_once("/versions/").map_or(version, |(kernel, _)| kernel)
 }
 
 /// Returns `{kernel}/rollouts/{number}`.
@@ -63,17 +59,6 @@ fn with_collection(collection: &str, id: &str) -> String {
     if is_name { id.to_owned() } else { format!("{collection}/{id}") }
 }
 
-fn whole_and_rest(value: i64, per_unit: u64) -> String {
-    let sign = if value < 0 { "-" } else { "" };
-    let (whole, rest) = (value.unsigned_abs() / per_unit, value.unsigned_abs() % per_unit);
-    if rest == 0 {
-        return format!("{sign}{whole}");
-    }
-    let digits = per_unit.ilog10() as usize;
-    let fraction = format!("{rest:0digits$}");
-    format!("{sign}{whole}.{}", fraction.trim_end_matches('0'))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -83,9 +68,8 @@ mod tests {
         assert_eq!(display("lab-2"), "displays/lab-2");
         assert_eq!(display("displays/lab-2"), "displays/lab-2");
         assert_eq!(job("jobs-1"), "jobs/jobs-1");
-        assert_eq!(kernel("lab-2", 515e-9, 0.15), "displays/lab-2/kernels/515nm-150mm");
-        assert_eq!(kernel("lab-2", 632.8e-9, -0.0125), "displays/lab-2/kernels/632.8nm--12.5mm");
         assert_eq!(kernel_version("displays/a/kernels/k", 3), "displays/a/kernels/k/versions/3");
+        assert_eq!(kernel_of("displays/a/kernels/k/versions/3"), "displays/a/kernels/k");
         assert_eq!(id("displays/a/kernels/k/versions/3"), "3");
     }
 }

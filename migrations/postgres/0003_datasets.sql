@@ -36,7 +36,7 @@ create table pair (
     -- the pairs of a deleted dataset go with it
     dataset  text collate "C" not null references dataset (id) on delete cascade,
     id       text collate "C" not null check (length(id) between 1 and 63),
-    phase    text collate "C" not null references artifact (digest),
+    pattern  text collate "C" not null references artifact (digest),
     photo    text collate "C" not null references artifact (digest),
     -- use of the pair; null: not drawn yet, or (in a finalized dataset) left out
     split    text collate "C" check (split in ('train', 'validation', 'test')),
@@ -47,11 +47,11 @@ create table pair (
     -- problems of the pair
     findings text collate "C" not null default '[]' check (json_valid(findings)),
     primary key (dataset, id),
-    unique (dataset, phase),
+    unique (dataset, pattern),
     unique (dataset, photo)
 );
 
-create index pair_by_phase on pair (phase);
+create index pair_by_pattern on pair (pattern);
 create index pair_by_photo on pair (photo);
 
 create function pair_of_finalized_dataset_stays() returns trigger language plpgsql as $$

@@ -1,6 +1,6 @@
 //! The annotations of the methods (`google.api.http`): their verbs, paths and bodies over HTTP.
 
-use protox::prost_reflect::{DescriptorPool, DynamicMessage, FieldDescriptor, MethodDescriptor, Value};
+use protox::prost_reflect::{DescriptorPool, DynamicMessage, FieldDescriptor, Kind, MethodDescriptor, Value};
 use std::error::Error;
 
 /// A method at one of its paths.
@@ -18,10 +18,50 @@ pub(crate) struct Binding {
     pub(crate) is_first: bool,
 }
 
+/// A field that the query may have.
+pub(crate) struct QueryField {
+    /// Name in the `.proto` file.
+    pub(crate) name: String,
+    pub(crate) json_name: String,
+    pub(crate) field: FieldDescriptor,
+}
+
+impl QueryField {
+    fn all_of(field: &FieldDescriptor) -> Vec<Self> {
+        match field.kind() {
+            Kind::Message(message) if !field.is_list() && message.full_name() != "google.protobuf.Timestamp" => {
+                let within = |inner: FieldDescriptor| Self {
+                    name: format!("{}.{}", field.name(), inner.name()),
+                    json_name: format!("{}.{}", field.json_name(), inner.json_name()),
+                    field: inner,
+                };
+                message.fields().map(within).collect()
+            }
+            _ => vec![Self {
+                name: field.name().to_owned(),
+                json_name: field.json_name().to_owned(),
+                field: field.clone(),
+            }],
+        }
+    }
+}
+
 impl Binding {
     /// Name of the field that the path has.
     pub(crate) fn variable(&self) -> Option<&str> {
         self.template.variable.as_ref().map(|(field, ..)| field.as_str())
+    }
+
+    /// The fields that the query may have: those that neither the path nor the body has. Of a message within the request these
+    /// are its fields, such as `place.distance_m`.
+    pub(crate) fn query(&self) -> Vec<QueryField> {
+        if !self.body.is_empty() {
+            return Vec::new();
+        }
+        let in_path = self.variable();
+        let input = self.method.input();
+        let fields = input.fields().filter(|field| Some(field.name()) != in_path);
+        fields.flat_map(|field| QueryField::all_of(&field)).collect()
     }
 
     /// The field with an id of the request, by which the server knows a repeated request.

@@ -14,29 +14,13 @@ mod words;
 use prost::Message as _;
 use std::{env, error::Error, fs, path::PathBuf};
 
-const PROTOS: [&str; 13] = [
-    "lightpath/v1/artifact.proto",
-    "lightpath/v1/dataset.proto",
-    "lightpath/v1/device.proto",
-    "lightpath/v1/display.proto",
-    "lightpath/v1/event.proto",
-    "lightpath/v1/job.proto",
-    "lightpath/v1/kernel.proto",
-    "lightpath/v1/photo.proto",
-    "lightpath/v1/promotion.proto",
-    "lightpath/v1/propagation.proto",
-    "lightpath/v1/rollout.proto",
-    "lightpath/v1/server.proto",
-    "lightpath/v1/webhook.proto",
-];
-
 fn main() -> Result<(), Box<dyn Error>> {
     println!("cargo:rerun-if-changed=lightpath");
     println!("cargo:rerun-if-changed=google");
     println!("cargo:rerun-if-changed=build");
     println!("cargo:rerun-if-changed=openapi.json");
     let mut compiler = protox::Compiler::new(["."])?;
-    compiler.include_imports(true).include_source_info(true).open_files(PROTOS)?;
+    compiler.include_imports(true).include_source_info(true).open_files(protos()?)?;
     let descriptors = compiler.file_descriptor_set();
     let out_dir = PathBuf::from(env::var("OUT_DIR")?);
     // Only this form has the annotations of the methods: the types of prost do not know them.
@@ -55,4 +39,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         .compile_fds(descriptors)?;
     pbjson_build::Builder::new().register_descriptors(&encoded)?.emit_fields().build(&[".lightpath.v1"])?;
     Ok(())
+}
+
+/// The files of the API, in the order of their names.
+fn protos() -> Result<Vec<PathBuf>, std::io::Error> {
+    let entries = fs::read_dir("lightpath/v1")?.collect::<Result<Vec<_>, _>>()?;
+    let mut files: Vec<PathBuf> = entries.iter().map(fs::DirEntry::path).collect();
+    files.sort();
+    Ok(files)
 }

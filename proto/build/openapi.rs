@@ -1,9 +1,9 @@
 //! Generates the OpenAPI document of the API over HTTP: the frame `openapi.json` of this folder, with every annotated
 //! method, and with the schemas of what its requests and answers have.
 
-use crate::annotations::{Binding, Template, bindings};
+use crate::annotations::{Binding, QueryField, Template, bindings};
 use crate::schemas::{Schemas, Side, field_schema};
-use protox::prost_reflect::{DescriptorPool, FieldDescriptor, FileDescriptor};
+use protox::prost_reflect::{DescriptorPool, FileDescriptor};
 use serde_json::{Value, json};
 use std::error::Error;
 
@@ -71,22 +71,16 @@ fn operation(schemas: &mut Schemas, binding: &Binding, mut parameters: Vec<Value
 
 /// The fields that the query may have.
 fn query(schemas: &mut Schemas, binding: &Binding) -> Vec<Value> {
-    if !binding.body.is_empty() {
-        return Vec::new();
-    }
-    let in_path = binding.variable();
-    let input = binding.method.input();
-    let parameter = |field: FieldDescriptor| {
+    let parameter = |QueryField { json_name, field, .. }: QueryField| {
         let (mut schema, is_required) = field_schema(schemas, &field, Side::Request);
         let description = schema.as_object_mut().and_then(|schema| schema.remove("description"));
-        let name = field.json_name();
-        let mut parameter = json!({ "name": name, "in": "query", "required": is_required, "schema": schema });
+        let mut parameter = json!({ "name": json_name, "in": "query", "required": is_required, "schema": schema });
         if let Some(description) = description {
             parameter["description"] = description;
         }
         parameter
     };
-    input.fields().filter(|field| Some(field.name()) != in_path).map(parameter).collect()
+    binding.query().into_iter().map(parameter).collect()
 }
 
 /// The headers that mean something to a call.

@@ -1,6 +1,6 @@
 //! Generates the table of the methods over HTTP from their annotations (`google.api.http`).
 
-use crate::annotations::{Binding, bindings};
+use crate::annotations::{Binding, QueryField, bindings};
 use protox::prost_reflect::{DescriptorPool, FieldDescriptor, Kind, MessageDescriptor};
 use std::error::Error;
 use std::fmt::Write as _;
@@ -21,7 +21,7 @@ pub(crate) fn routes_code(pool: &DescriptorPool) -> Result<String, Box<dyn Error
 
 fn write_route(code: &mut String, binding: &Binding) -> Result<(), Box<dyn Error>> {
     let Binding { method, verb, path, template, body, .. } = binding;
-    let from_query = if body.is_empty() { query_code(binding)? } else { String::new() };
+    let from_query = query_code(binding)?;
     let body = match body.as_str() {
         "" => "Body::Nothing".to_owned(),
         "*" => "Body::Request".to_owned(),
@@ -55,10 +55,9 @@ fn rust_type(message: &MessageDescriptor) -> String {
 /// Code of the fields of a request that its query may have.
 fn query_code(binding: &Binding) -> Result<String, Box<dyn Error>> {
     let mut code = String::new();
-    let in_path = binding.variable();
-    for field in binding.method.input().fields().filter(|field| Some(field.name()) != in_path) {
+    for QueryField { name, json_name, field } in binding.query() {
         let kind = parameter_kind(&field).ok_or_else(|| format!("a query cannot have {}", field.full_name()))?;
-        write!(code, "Parameter {{ name: {:?}, json_name: {:?}, ", field.name(), field.json_name())?;
+        write!(code, "Parameter {{ name: {name:?}, json_name: {json_name:?}, ")?;
         write!(code, "kind: {kind}, is_list: {} }}, ", field.is_list())?;
     }
     Ok(code)

@@ -6,6 +6,9 @@
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod codes;
+mod displays;
+pub mod judgements;
+mod place;
 pub mod routes;
 mod words;
 

@@ -53,7 +53,7 @@ pub enum Body {
 /// A field that the query of a request may have.
 #[derive(Clone, Copy, Debug)]
 pub struct Parameter {
-    /// Name in the `.proto` file.
+    /// Name in the `.proto` file, such as `page_size`; in a message within the request, such as `place.distance_m`.
     pub name: &'static str,
     /// Name in JSON.
     pub json_name: &'static str,
@@ -286,7 +286,9 @@ impl Match {
                 }
             }
         };
-        let others = request.entry(parameter.name).or_insert_with(|| Value::Array(Vec::new()));
+        let (fields, field) = inner_fields(request, parameter.name)
+            .ok_or_else(|| RequestError::new(name, "belongs to a field that the query has, too", "give one of them"))?;
+        let others = fields.entry(field).or_insert_with(|| Value::Array(Vec::new()));
         match others {
             Value::Array(values) if parameter.is_list => values.push(value),
             Value::Array(values) if values.is_empty() => *others = value,
@@ -294,6 +296,16 @@ impl Match {
         }
         Ok(())
     }
+}
+
+/// The fields among which a parameter stands, and its name there: `place.distance_m` is a field of `place`.
+fn inner_fields<'a, 'n>(
+    request: &'a mut Map<String, Value>,
+    name: &'n str,
+) -> Option<(&'a mut Map<String, Value>, &'n str)> {
+    let Some((outer, inner)) = name.split_once('.') else { return Some((request, name)) };
+    let fields = request.entry(outer).or_insert_with(|| Value::Object(Map::new())).as_object_mut()?;
+    Some((fields, inner))
 }
 
 /// Adds a field that a header gives. The body may say the same.
@@ -409,8 +421,8 @@ mod tests {
         assert!(state.starts_with("state is wrong: ") && state.contains("STATE_LOST"), "{state}");
         let size = error("GET", "/v1/jobs", &[("pageSize", "-1")], "");
         assert_eq!(size, "pageSize is \"-1\"; it must be a whole number, 0 or more");
-        let far = error("GET", "/v1/displays/lab/kernels:nearest", &[("distanceM", "far")], "");
-        assert_eq!(far, "distanceM is \"far\"; it must be a number");
+        let far = error("GET", "/v1/displays/lab/kernels:nearest", &[("place.distanceM", "far")], "");
+        assert_eq!(far, "place.distanceM is \"far\"; it must be a number");
         let since = error("GET", "/v1/jobs", &[("since", "2h")], "");
         assert_eq!(since, "since is \"2h\"; it must be a time such as 2026-11-24T09:30:00Z");
         let iterations = error("POST", "/v1/jobs", &[], r#"{"spec": {"optimizeHologram": {"iterations": 1e99}}}"#);

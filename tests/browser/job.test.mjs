@@ -27,7 +27,7 @@ after(async () => {
 
 /** Submits a hologram of the square, waits for its end, and opens its job. `page.pictures` collects the queries of pictures. */
 async function openHologram(fields, options) {
-  const spec = { optimizeHologram: { display: "displays/demo", planes: [{ distanceM: 0.015, target }], iterations: 30, ...fields } };
+  const spec = { optimizeHologram: { display: "displays/demo", planes: [{ place: { distanceM: 0.015 }, target }], iterations: 30, ...fields } };
   const { name } = await server.post("jobs", { spec });
   const page = await openPage(browser, server.url, options);
   page.pictures = [];
@@ -37,7 +37,7 @@ async function openHologram(fields, options) {
   });
   await page.goto(`${server.url}/#/${name}`);
   await page.getByRole("heading", { level: 1, name: "optimize hologram succeeded" }).waitFor({ timeout: 60_000 });
-  await page.getByRole("img", { name: /^hologram/ }).scrollIntoViewIfNeeded();
+  await page.getByRole("img", { name: /^pattern/ }).scrollIntoViewIfNeeded();
   await page.waitForFunction(() => [...document.querySelectorAll("img.whole")].every((image) => image.naturalWidth > 0));
   return { page, job: await server.get(name) };
 }
@@ -79,8 +79,8 @@ test("a line shows the light of target and reconstruction", async () => {
 
 test("a photograph of the hologram is shown beside it, scaled in the profile", async () => {
   const first = await openHologram({ seed: 7 });
-  const phase = first.job.result.hologram.wavelengths[0].frames[0].phase;
-  const capture = await server.post("jobs", { spec: { simulateCapture: { display: "displays/demo", distanceM: 0.015, phase } } });
+  const { pattern } = first.job.result.optimizeHologram.wavelengths[0].subframes[0];
+  const capture = await server.post("jobs", { spec: { simulateCapture: { display: "displays/demo", place: { distanceM: 0.015 }, pattern } } });
   const { page } = first;
   await page.goto(`${server.url}/#/${capture.name}`);
   await page.getByRole("heading", { level: 1, name: "simulate capture succeeded" }).waitFor();
@@ -93,19 +93,19 @@ test("a photograph of the hologram is shown beside it, scaled in the profile", a
 
 test("the propagation with its reason, and the origin of the kernel", async () => {
   const { page, job } = await openHologram({});
-  const { propagation } = job.result.hologram.wavelengths[0].planes[0];
+  const { propagation } = job.result.optimizeHologram.wavelengths[0].planes[0];
   await page.getByText(propagation.explanation).waitFor();
   await page.getByRole("region", { name: /critical distance/ }).getByText("band response").waitFor();
   const origin = page.getByRole("region", { name: "Kernels, and what they were learned from" });
-  const version = await server.get(`displays/demo/kernels/515nm-15mm/versions/${job.kernelVersions[0]}`);
+  const version = await server.get(job.kernels[0].kernelVersion);
   await origin.getByRole("link", { name: `version ${version.version}` }).waitFor();
   await origin.getByText(version.lineage.codeVersion).waitFor();
   assert.deepEqual(page.problems, []);
 });
 
 test("large pictures come at the shown size, and their parts in detail when they are enlarged", async () => {
-  await server.post("displays", { name: "displays/large", widthPx: 800, heightPx: 450, pixelPitchM: 8e-6, wavelengthsM: [5.15e-7] });
-  const { page } = await openHologram({ display: "displays/large", planes: [{ distanceM: 0.05, target }], method: "HOLOGRAM_METHOD_DOUBLE_PHASE", iterations: 1 });
+  await server.post("displays", { name: "displays/large", modulator: { widthPx: 800, heightPx: 450, pixelPitchXM: 8e-6 }, wavelengthsM: [5.15e-7] });
+  const { page } = await openHologram({ display: "displays/large", planes: [{ place: { distanceM: 0.05 }, target }], method: "HOLOGRAM_METHOD_DOUBLE_PHASE", iterations: 1 });
   const widths = await page.evaluate(() => [...document.querySelectorAll("img.whole")].map((image) => image.naturalWidth));
   assert.ok(widths.every((width) => width <= 640), `${widths} px are more than the page shows`);
   assert.ok(page.pictures.every(({ width, region }) => width && !region));
@@ -122,7 +122,7 @@ test("large pictures come at the shown size, and their parts in detail when they
 });
 
 test("a running hologram shows what it has reached, on its page and on the overview", async () => {
-  const spec = { optimizeHologram: { display: "displays/demo", planes: [{ distanceM: 0.015, target }], iterations: 10_000, frames: 8 } };
+  const spec = { optimizeHologram: { display: "displays/demo", planes: [{ place: { distanceM: 0.015 }, target }], iterations: 10_000, subframes: 8 } };
   const { name } = await server.post("jobs", { spec });
   const page = await openPage(browser, server.url);
   const sizes = async () => (await page.waitForFunction(() => {

@@ -30,7 +30,7 @@ test("the page of docs/dashboard.md lists jobs and follows them", async () => {
   const { summaries } = await server.get("jobs?view=basic&pageSize=200");
   assert.equal(await page.locator("tr").count(), Math.min(20, summaries.length));
   const { jobs: [{ spec }] } = await server.get("jobs?kind=optimize_hologram&pageSize=1");
-  Object.assign(spec.optimizeHologram, { iterations: 10_000, frames: 8 });
+  Object.assign(spec.optimizeHologram, { iterations: 10_000, subframes: 8 });
   const { name } = await server.post("jobs", { spec });
   await page.locator("tr", { hasText: /^KIND_OPTIMIZE_HOLOGRAMSTATE_RUNNING\d+ of 10000$/ }).waitFor();
   await server.post(`${name}:cancel`, {});

@@ -15,7 +15,7 @@ const [held] = summaries;
 
 // A job that runs while the overview is shown.
 const { spec } = await server.get(held.name);
-Object.assign(spec.optimizeHologram, { iterations: 10_000, frames: 8 });
+Object.assign(spec.optimizeHologram, { iterations: 10_000, subframes: 8 });
 const running = await server.post("jobs", { spec, owner: "ada", batch: "night" });
 
 async function take(name, address, scheme, act, height = 800) {

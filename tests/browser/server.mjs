@@ -63,7 +63,9 @@ export async function startServer({ flags = [], prepare = () => {} } = {}) {
     },
     async post(path, message) {
       const headers = { "content-type": "application/json" };
-      return (await fetch(`${url}/v1/${path}`, { method: "POST", headers, body: JSON.stringify(message) })).json();
+      const response = await fetch(`${url}/v1/${path}`, { method: "POST", headers, body: JSON.stringify(message) });
+      if (!response.ok) throw new Error(`${path} was refused: ${await response.text()}`);
+      return response.json();
     },
   };
 }

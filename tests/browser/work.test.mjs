@@ -137,7 +137,7 @@ test("a running job is watched through a restart of the server, and cancelled", 
   const { spec } = await server.get(name);
   spec.optimizeHologram.iterations = 10_000;
   spec.optimizeHologram.kernel = "ideal";
-  spec.optimizeHologram.frames = 8;
+  spec.optimizeHologram.subframes = 8;
   const job = await server.post("jobs", { spec, owner: "ada" });
   const page = await openPage(browser, server.url);
   await page.goto(`${server.url}/#/${job.name}`);

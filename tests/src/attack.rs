@@ -128,7 +128,7 @@ fn quantile(ascending: &[f64], part: f64) -> f64 {
 async fn prepare(admin: &Client, scale: &Scale) -> (String, String) {
     declare(admin, "lab", 64, 48).await;
     for (id, width_px) in [("wide", scale.side_px), ("learned", scale.kernel_width_px)] {
-        let display = v1::Display { simulated_bench: None, ..display(id, width_px, width_px / 2) };
+        let display = v1::Display { bench: None, ..display(id, width_px, width_px / 2) };
         admin.create_display(v1::CreateDisplayRequest { display: Some(display) }).await.unwrap();
     }
     let width_px = scale.kernel_width_px as usize;
@@ -136,7 +136,7 @@ async fn prepare(admin: &Client, scale: &Scale) -> (String, String) {
     let import = v1::ImportKernelRequest {
         display: names::display("learned"),
         wavelength_m: WAVELENGTH_M,
-        distance_m: DISTANCE_M,
+        place: Some(v1::Place::at_m(DISTANCE_M)),
         artifact,
         ..Default::default()
     };

@@ -22,7 +22,7 @@ async fn assert_refused(cli: &CommandLine, arguments: &[&str], code: i32, signs:
 async fn invalid_targets_are_refused() {
     let cli = start().await;
     let whole = target(64, 48, 0);
-    let phase = cli.path("phase.png");
+    let phase = cli.path("pattern.png");
     for (name, bytes, signs) in [
         ("cut.png", &whole[..whole.len() / 2], ["PNG", "cut off"]),
         ("zero.png", &[], ["empty", "PNG, JPEG, TIFF, BMP or .npy"]),
@@ -57,7 +57,7 @@ async fn error_for_one_target_names_jobs_of_earlier_targets() {
     refused.assert_refused(1, &["zero.png: INVALID_ARGUMENT", "submitted before that", &watch]);
     let (levels, colours) = (cli.write("p1.png", &png(64, 48, |x, y| (x * y) as u8)), cli.write("p2.png", b"no PNG"));
     let photo = cli.path("photos/");
-    let simulate = ["simulate", "--display", "lab", "--distance", "50mm", "--phase", &levels, &colours, "-o"];
+    let simulate = ["simulate", "--display", "lab", "--distance", "50mm", "--pattern", &levels, &colours, "-o"];
     let refused = lightpath(cli.server.url(), &[&simulate[..], &[photo.to_str().unwrap()]].concat()).await;
     refused.assert_refused(1, &["p2.png: INVALID_ARGUMENT", "submitted before that", "lightpath job watch"]);
     cli.server.stop().await;
@@ -79,7 +79,7 @@ async fn invalid_numbers_and_unknown_names_are_refused() {
         ("lab", &["--distance", "50mm", "--wavelength", "633nm"], 1, ["wavelengths_m[0]", "515nm"]),
         ("lab", &["--distance", "50mm", "--iterations", "20000"], 1, ["iterations is 20000", "10000"]),
         ("lab", &["--distance", "50mm", "--kernel", "7"], 1, ["NOT_FOUND", "kernel"]),
-        ("lab", &["--distance", "50mm", "--roi", "60,0,10,10"], 1, ["INVALID_ARGUMENT", "region_of_interest"]),
+        ("lab", &["--distance", "50mm", "--region", "60,0,10,10"], 1, ["INVALID_ARGUMENT", "region"]),
         ("nowhere", &["--distance", "50mm"], 1, ["NOT_FOUND", "displays/nowhere"]),
     ] {
         let arguments = optimize(display, rest);
@@ -89,25 +89,29 @@ async fn invalid_numbers_and_unknown_names_are_refused() {
     for (pitch, sign) in [("0um", "is 0,"), ("-8um", "is -0.000008,")] {
         let create = ["display", "create", "new", "--resolution", "64x48", "--wavelength", "515nm", "--pixel-pitch"];
         let arguments = [&create[..], &[pitch]].concat();
-        assert_refused(&cli, &arguments, 1, &["INVALID_ARGUMENT", "display.pixel_pitch_m", sign]).await;
+        assert_refused(&cli, &arguments, 1, &["INVALID_ARGUMENT", "display.modulator.pixel_pitch_x_m", sign]).await;
     }
-    let all = optimize("lab", &["--distance", "0mm", "--iterations", "20000", "--frames", "99", "--batch", "a\tb"]);
+    let all = optimize("lab", &["--distance", "0mm", "--iterations", "20000", "--subframes", "99", "--batch", "a\tb"]);
     let all: Vec<&str> = all.iter().map(String::as_str).collect();
     let signs = [
         "4 fields of the request are wrong",
         "batch has the control character",
-        "planes[0].distance_m is 0",
+        "planes[0].place.distance_m is 0",
         "iterations is 20000",
     ];
-    assert_refused(&cli, &all, 1, &[&signs[..], &["frames is 99, but must be 1 to 24"]].concat()).await;
+    assert_refused(&cli, &all, 1, &[&signs[..], &["subframes is 99, but must be 1 to 24"]].concat()).await;
     let create = ["dataset", "create", "B", "--display", "nowhere", "--distance", "11m", "--photo-bit-depth", "40"];
-    let signs =
-        ["4 fields", "dataset.name is", "names displays/nowhere, which does not exist", "dataset.distance_m is 11"];
+    let signs = [
+        "4 fields",
+        "dataset.name is",
+        "names displays/nowhere, which does not exist",
+        "dataset.place.distance_m is 11",
+    ];
     assert_refused(&cli, &create, 1, &[&signs[..], &["dataset.photo_bit_depth is 40"]].concat()).await;
     let fetch = ["kernel", "fetch", "--display", "lab", "--distance", "50mm", "--version", "3", "-o"];
     let out = cli.path("kernel.safetensors");
     let arguments = [&fetch[..], &[out.to_str().unwrap()]].concat();
-    assert_refused(&cli, &arguments, 1, &["NOT_FOUND", "515nm-50mm"]).await;
+    assert_refused(&cli, &arguments, 1, &["display lab has no kernel at 50 mm", "lightpath kernel list"]).await;
     assert_refused(&cli, &["job", "show", "none"], 1, &["NOT_FOUND", "jobs/none"]).await;
     cli.server.stop().await;
 }
@@ -123,10 +127,10 @@ async fn invalid_pairs_and_datasets_are_refused() {
     let add = ["dataset", "add", "bench"];
     let with = |pair: &[&str]| -> Vec<String> { add.iter().chain(pair).map(|part| (*part).to_owned()).collect() };
     for (pair, code, signs) in [
-        (["--phase", &phase, "--photo", &small].as_slice(), 1, ["INVALID_ARGUMENT", "pair.photo", "32×32"]),
-        (&["--phase", &small, "--photo", &photo], 1, ["INVALID_ARGUMENT", "pair.phase", "32×32"]),
-        (&["--phase", "/nowhere/p.png", "--photo", &photo], 2, ["could not read", "/nowhere/p.png", ""]),
-        (&["--photo", &photo], 2, ["--phase", "", ""]),
+        (["--pattern", &phase, "--photo", &small].as_slice(), 1, ["INVALID_ARGUMENT", "pair.photo", "32×32"]),
+        (&["--pattern", &small, "--photo", &photo], 1, ["INVALID_ARGUMENT", "pair.pattern", "32×32"]),
+        (&["--pattern", "/nowhere/p.png", "--photo", &photo], 2, ["could not read", "/nowhere/p.png", ""]),
+        (&["--photo", &photo], 2, ["--pattern", "", ""]),
     ] {
         let arguments = with(pair);
         let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
@@ -149,7 +153,7 @@ async fn invalid_pairs_and_datasets_are_refused() {
 async fn outputs_that_cannot_be_written_are_refused_before_any_job() {
     let cli = start().await;
     let (eye, sky) = (cli.write("eye.png", &target(64, 48, 0)), cli.write("sky.png", &target(64, 48, 1)));
-    std::fs::create_dir_all(cli.path("folder.png/eye-phase.png")).unwrap();
+    std::fs::create_dir_all(cli.path("folder.png/eye-pattern.png")).unwrap();
     let rest = ["--display", "lab", "--distance", "50mm", "-o"];
     let optimize = ["hologram", "optimize"];
     let run = |targets: &[&str], out: &str| -> Vec<String> {
@@ -160,7 +164,7 @@ async fn outputs_that_cannot_be_written_are_refused_before_any_job() {
         (&[&eye], "/nowhere/at/all.png", ["there is no folder /nowhere/at", ""]),
         (&[&eye], &eye, ["is an input", ""]),
         (&[&eye], "/proc/p.png", ["no file can be written in the folder /proc", ""]),
-        (&[&eye], cli.path("folder.png").to_str().unwrap(), ["folder.png/eye-phase.png is a folder", "name a file"]),
+        (&[&eye], cli.path("folder.png").to_str().unwrap(), ["folder.png/eye-pattern.png is a folder", "name a file"]),
         (&[&eye], cli.path("{job}.png").to_str().unwrap(), ["{job} is not known", "{name}"]),
         (&[&eye], cli.path("p.jpg").to_str().unwrap(), [".jpg, which is not known", ".png (grey levels"]),
         (&[&eye, &sky], "-", ["standard output, which takes one file", ""]),

@@ -81,11 +81,11 @@ async fn invalid_specs_are_refused() {
     let picture = server.client.upload_bytes(target(64, 48, 0)).await.unwrap();
     let good = || hologram("lab", &picture, 5, 1);
     let at = |distance_m| {
-        let plane = ImagePlane { distance_m, ..good().planes[0].clone() };
+        let plane = ImagePlane { place: Some(v1::Place::at_m(distance_m)), ..good().planes[0].clone() };
         OptimizeHologram { planes: vec![plane], ..good() }
     };
     let range = Random { range_rad: Some(-1.0) };
-    let region = |x_px, width_px| v1::RegionOfInterest { x_px, y_px: 0, width_px, height_px: 48 };
+    let region = |x_px, width_px| v1::Region { x_px, y_px: 0, width_px, height_px: 48 };
     let cases: [(OptimizeHologram, Code, &[&str]); 14] = [
         (at(f64::NAN), Code::InvalidArgument, &["distance_m", "NaN"]),
         (at(f64::INFINITY), Code::InvalidArgument, &["distance_m", "inf"]),
@@ -104,16 +104,8 @@ async fn invalid_specs_are_refused() {
             Code::InvalidArgument,
             &["initial_phase.random.range_rad"],
         ),
-        (
-            OptimizeHologram { region_of_interest: Some(region(u32::MAX, 2)), ..good() },
-            Code::InvalidArgument,
-            &["region_of_interest"],
-        ),
-        (
-            OptimizeHologram { region_of_interest: Some(region(0, 0)), ..good() },
-            Code::InvalidArgument,
-            &["region_of_interest"],
-        ),
+        (OptimizeHologram { region: Some(region(u32::MAX, 2)), ..good() }, Code::InvalidArgument, &["region"]),
+        (OptimizeHologram { region: Some(region(0, 0)), ..good() }, Code::InvalidArgument, &["region"]),
         (OptimizeHologram { method: 99, ..good() }, Code::InvalidArgument, &["method", "99"]),
         (OptimizeHologram { display: names::display("nowhere"), ..good() }, Code::NotFound, &["display", "nowhere"]),
         (OptimizeHologram { kernel: "7".into(), ..good() }, Code::NotFound, &["kernel", "7"]),
@@ -137,12 +129,13 @@ async fn invalid_displays_are_refused() {
     let server = start().await;
     let mut displays = DisplayServiceClient::new(server.channel());
     let good = || display("new", 64, 48);
+    let with = |modulator| v1::Display { modulator: Some(modulator), ..good() };
     let mut cases = Vec::new();
     for pixel_pitch_m in [0.0, -8e-6, f64::NAN, 8.0] {
-        cases.push((v1::Display { pixel_pitch_m, ..good() }, "display.pixel_pitch_m"));
+        cases.push((with(v1::Modulator::of_phase(64, 48, pixel_pitch_m)), "display.modulator.pixel_pitch_x_m"));
     }
     for width_px in [0, 15, 8193, u32::MAX] {
-        cases.push((v1::Display { width_px, ..good() }, "display.width_px"));
+        cases.push((with(v1::Modulator::of_phase(width_px, 48, 8e-6)), "display.modulator.width_px"));
     }
     for wavelengths_m in [vec![], vec![0.0], vec![f64::NAN], vec![515.0], vec![515e-9, 515e-9]] {
         cases.push((v1::Display { wavelengths_m, ..good() }, "display.wavelengths_m"));
@@ -150,13 +143,14 @@ async fn invalid_displays_are_refused() {
     for name in ["", "new", "displays/", "displays/New", "displays/../x", "displays/1st", "datasets/new"] {
         cases.push((v1::Display { name: name.into(), ..good() }, "display.name"));
     }
-    cases.push((v1::Display { bit_depth: 17, ..good() }, "display.bit_depth"));
+    let ok = v1::Modulator::of_phase(64, 48, 8e-6);
+    cases.push((with(v1::Modulator { bit_depth: 17, ..ok.clone() }), "display.modulator.bit_depth"));
     cases.push((v1::Display { carrier: 9, ..good() }, "display.carrier"));
     cases.push((v1::Display { notes: "x".repeat(4097), ..good() }, "display.notes"));
     let with_nan = (0..256).map(|level| if level == 7 { f64::NAN } else { 0.02 * f64::from(level) }).collect();
-    for phase_rad in [vec![0.0; 255], with_nan, vec![0.0; 256]] {
-        let phase_response = Some(v1::PhaseResponse { phase_rad });
-        cases.push((v1::Display { phase_response, ..good() }, "display.phase_response"));
+    for response_rad in [vec![0.0; 255], with_nan, vec![0.0; 256]] {
+        let kind = Some(v1::modulator::Kind::Phase(v1::PhaseModulator { response_rad }));
+        cases.push((with(v1::Modulator { kind, ..ok.clone() }), "display.modulator.phase.response_rad"));
     }
     for (display, field) in cases {
         let answer = displays.create_display(v1::CreateDisplayRequest { display: Some(display) }).await;
@@ -164,7 +158,7 @@ async fn invalid_displays_are_refused() {
     }
     let answer = displays.create_display(v1::CreateDisplayRequest { display: None }).await;
     assert_refused(answer, Code::InvalidArgument, &["display"]);
-    let other = v1::Display { width_px: 128, ..display("lab", 64, 48) };
+    let other = display("lab", 128, 48);
     let answer = displays.create_display(v1::CreateDisplayRequest { display: Some(other) }).await;
     assert_refused(answer, Code::AlreadyExists, &["displays/lab"]);
     let answer = displays.get_display(v1::GetDisplayRequest { name: names::display("nowhere") }).await;
@@ -183,7 +177,7 @@ async fn invalid_pairs_and_datasets_are_refused() {
     let dataset = v1::Dataset {
         name: names::dataset("bench"),
         display: names::display("lab"),
-        distance_m: DISTANCE_M,
+        place: Some(v1::Place::at_m(DISTANCE_M)),
         ..Default::default()
     };
     let unknown = v1::Dataset { display: names::display("nowhere"), ..dataset.clone() };
@@ -198,13 +192,13 @@ async fn invalid_pairs_and_datasets_are_refused() {
     let absent = digest_of(b"never uploaded");
     for (phase, photo, code, signs) in [
         (&phase, &small, Code::InvalidArgument, ["pair.photo", "63×48", "64×48"]),
-        (&small, &photo, Code::InvalidArgument, ["pair.phase", "63×48", "64×48"]),
+        (&small, &photo, Code::InvalidArgument, ["pair.pattern", "63×48", "64×48"]),
         (&phase, &text, Code::InvalidArgument, ["pair.photo", "not a readable picture", ""]),
-        (&absent, &photo, Code::NotFound, ["pair.phase", "upload it first", ""]),
-        (&String::new(), &photo, Code::InvalidArgument, ["pair.phase is empty", "", ""]),
+        (&absent, &photo, Code::NotFound, ["pair.pattern", "upload it first", ""]),
+        (&String::new(), &photo, Code::InvalidArgument, ["pair.pattern is empty", "", ""]),
         (&phase, &String::new(), Code::InvalidArgument, ["pair.photo is empty", "", ""]),
     ] {
-        let pair = v1::Pair { id: "p1".into(), phase: phase.clone(), photo: photo.clone(), ..Default::default() };
+        let pair = v1::Pair { id: "p1".into(), pattern: phase.clone(), photo: photo.clone(), ..Default::default() };
         let answer = datasets.add_pair(v1::AddPairRequest { dataset: names::dataset("bench"), pair: Some(pair) }).await;
         assert_refused(answer, code, &signs);
     }
@@ -235,7 +229,7 @@ async fn invalid_pairs_and_datasets_are_refused() {
 async fn unknown_kernels_are_not_found() {
     let server = start().await;
     let mut kernels = KernelServiceClient::new(server.channel());
-    let kernel = names::kernel("lab", 515e-9, DISTANCE_M);
+    let kernel = "displays/lab/kernels/515nm-50mm".to_owned();
     let fetch = v1::FetchKernelRequest { kernel: kernel.clone(), version: 3, ..Default::default() };
     assert_refused(kernels.fetch_kernel(fetch).await, Code::NotFound, &[&kernel]);
     let promote = v1::PromoteKernelRequest { kernel: kernel.clone(), version: 3, ..Default::default() };
@@ -248,7 +242,8 @@ async fn unknown_kernels_are_not_found() {
     }
     let artifact = server.client.upload_bytes(*b"no safetensors").await.unwrap();
     let display = names::display("lab");
-    let import = v1::ImportKernelRequest { display, distance_m: DISTANCE_M, artifact, ..Default::default() };
+    let import =
+        v1::ImportKernelRequest { display, place: Some(v1::Place::at_m(DISTANCE_M)), artifact, ..Default::default() };
     assert_refused(kernels.import_kernel(import).await, Code::InvalidArgument, &["artifact"]);
     assert_unharmed(&server).await;
     server.stop().await;

@@ -15,14 +15,14 @@ const RUN_MAX: Duration = Duration::from_secs(30);
 
 /// Shapes, each with the number of moments at which its jobs are cancelled.
 fn few() -> Vec<(Shape, u32)> {
-    vec![(hologram("L-BFGS, 24 frames, 2 planes", (640, 360), Hologram { frames: 24, planes: 2, ..LBFGS }), 2)]
+    vec![(hologram("L-BFGS, 24 subframes, 2 planes", (640, 360), Hologram { subframes: 24, planes: 2, ..LBFGS }), 2)]
 }
 
 fn all() -> Vec<(Shape, u32)> {
     let (model, dense, large) = (v1::KernelModel::Display, v1::KernelModel::Dense, (8192, 4096));
     let mut shapes = few();
     shapes.extend([
-        (hologram("L-BFGS, 24 frames, 4 planes", HD, Hologram { frames: 24, planes: 4, ..LBFGS }), 8),
+        (hologram("L-BFGS, 24 subframes, 4 planes", HD, Hologram { subframes: 24, planes: 4, ..LBFGS }), 8),
         (hologram("Adam, supersampled", HD, Hologram { detector: Detector::Supersampled, ..adam() }), 8),
         (hologram("L-BFGS, 3 iterations", HD, Hologram { iterations: 3, ..LBFGS }), 8),
         (hologram("Gerchberg–Saxton", HD, gerchberg_saxton()), 4),

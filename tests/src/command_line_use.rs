@@ -46,7 +46,7 @@ async fn folders_and_several_files_make_jobs_in_one_document() {
     for name in ["eye", "sea"] {
         std::fs::rename(cli.path(&format!("{name}.png")), cli.path(&format!("p/{name}.png"))).unwrap();
     }
-    let photographed = cli.text(&format!("simulate {OPTICS} --phase @/p @/sky.png -o @/photos/")).await;
+    let photographed = cli.text(&format!("simulate {OPTICS} --pattern @/p @/sky.png -o @/photos/")).await;
     let names = ["eye", "sea", "sky"].map(|name| cli.path(&format!("photos/{name}.png")));
     assert!(names.iter().all(|path| photographed.contains(path.to_str().unwrap()) && path.is_file()), "{photographed}");
     let bytes = names.map(|path| std::fs::read(path).unwrap());
@@ -55,7 +55,7 @@ async fn folders_and_several_files_make_jobs_in_one_document() {
     let saved = ids(&jobs);
     cli.text(&format!("hologram save {} {} -o @/again/", saved[0], saved[1])).await;
     assert_eq!(
-        std::fs::read(cli.path(&format!("again/{}-phase.png", saved[0]))).unwrap(),
+        std::fs::read(cli.path(&format!("again/{}-pattern.png", saved[0]))).unwrap(),
         std::fs::read(cli.path("p/eye.png")).unwrap()
     );
     let watched = cli.json(&format!("job watch {} {}", saved[0], saved[1])).await;

@@ -220,7 +220,12 @@ pub(crate) async fn import_two_versions(client: &Client, target: String) -> Mate
     for tilt in [0.1, 0.2] {
         let artifact = client.upload_bytes(kernel_file(128, 96, tilt)).await.unwrap();
         let display = names::display("lab");
-        let request = v1::ImportKernelRequest { display, distance_m: DISTANCE_M, artifact, ..Default::default() };
+        let request = v1::ImportKernelRequest {
+            display,
+            place: Some(v1::Place::at_m(DISTANCE_M)),
+            artifact,
+            ..Default::default()
+        };
         client.import_kernel(request).await.unwrap();
     }
     Material { target, kernel: kernel_name() }

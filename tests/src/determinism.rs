@@ -1,13 +1,13 @@
 use crate::material::{declare, hologram, request, target};
 use crate::server::TestServer;
 use lightpath::hologram_result;
-use lightpath::v1::HologramResult;
+use lightpath::v1::OptimizeHologramResult;
 
 /// Columns and rows of the display. Neither the number of threads nor the tile size divides them evenly.
 const SIZE_PX: (u32, u32) = (150, 98);
 
 /// The result of one optimization with this many threads and workers.
-async fn optimized(compute_threads: usize, workers: u32) -> HologramResult {
+async fn optimized(compute_threads: usize, workers: u32) -> OptimizeHologramResult {
     let server = TestServer::with(|config| {
         config.compute_threads = compute_threads;
         config.workers = workers;

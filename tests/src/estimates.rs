@@ -20,7 +20,7 @@ const SETTLE: Duration = Duration::from_millis(400);
 fn few() -> Vec<Shape> {
     vec![
         hologram("L-BFGS, pixel", SMALL, LBFGS),
-        hologram("Adam, point, 4 frames", SMALL, Hologram { detector: Detector::Point, frames: 4, ..adam() }),
+        hologram("Adam, point, 4 subframes", SMALL, Hologram { detector: Detector::Point, subframes: 4, ..adam() }),
         Shape { name: "display, 288×160".into(), size_px: (288, 160), spec: Spec::Dataset(v1::KernelModel::Display) },
         Shape { name: "on 4 dense versions, 960×540".into(), size_px: SMALL, spec: Spec::DenseReport(3) },
     ]
@@ -34,17 +34,21 @@ fn all() -> Vec<Shape> {
         hologram("L-BFGS, pixel", HD, LBFGS),
         hologram("L-BFGS, point", HD, Hologram { detector: Detector::Point, ..LBFGS }),
         hologram("L-BFGS, supersampled", HD, Hologram { detector: Detector::Supersampled, ..LBFGS }),
-        hologram("L-BFGS, 8 frames", HD, Hologram { frames: 8, iterations: 20, ..LBFGS }),
-        hologram("L-BFGS, 24 frames", SMALL, Hologram { frames: 24, iterations: 20, ..LBFGS }),
+        hologram("L-BFGS, 8 subframes", HD, Hologram { subframes: 8, iterations: 20, ..LBFGS }),
+        hologram("L-BFGS, 24 subframes", SMALL, Hologram { subframes: 24, iterations: 20, ..LBFGS }),
         hologram("L-BFGS, 3 planes", HD, Hologram { planes: 3, ..LBFGS }),
         hologram("L-BFGS, 16 planes", SMALL, Hologram { planes: 16, iterations: 20, ..LBFGS }),
         hologram("L-BFGS, 3 wavelengths", HD, Hologram { wavelengths: 3, ..LBFGS }),
         hologram("L-BFGS, masked", HD, Hologram { masked: true, ..LBFGS }),
-        hologram("L-BFGS, 4 planes, 4 frames, masked", SMALL, Hologram { planes: 4, frames: 4, masked: true, ..LBFGS }),
+        hologram(
+            "L-BFGS, 4 planes, 4 subframes, masked",
+            SMALL,
+            Hologram { planes: 4, subframes: 4, masked: true, ..LBFGS },
+        ),
         hologram("L-BFGS, quantized", square, Hologram { quantization_aware: true, ..LBFGS }),
         hologram("Adam, pixel", HD, adam()),
         hologram("Adam, back-propagated", HD, Hologram { back_propagated: true, ..adam() }),
-        hologram("Adam, 8 frames, 2 planes", SMALL, Hologram { frames: 8, planes: 2, ..adam() }),
+        hologram("Adam, 8 subframes, 2 planes", SMALL, Hologram { subframes: 8, planes: 2, ..adam() }),
         hologram("L-BFGS, all orders", SMALL, Hologram { orders: Some(all_orders()), ..LBFGS }),
         hologram("L-BFGS, all orders", HD, Hologram { orders: Some(all_orders()), ..LBFGS }),
         hologram("L-BFGS, filtered", HD, Hologram { orders: Some(half_order()), ..LBFGS }),
@@ -53,7 +57,7 @@ fn all() -> Vec<Shape> {
         hologram("Gerchberg–Saxton", HD, gerchberg_saxton()),
         hologram("Gerchberg–Saxton, 3 planes", square, Hologram { planes: 3, ..gerchberg_saxton() }),
         hologram("double phase", HD, double_phase()),
-        hologram("double phase, 3 frames", UHD, Hologram { frames: 3, ..double_phase() }),
+        hologram("double phase, 3 subframes", UHD, Hologram { subframes: 3, ..double_phase() }),
         hologram("L-BFGS, pixel", UHD, LBFGS),
         hologram("Adam, point", UHD, Hologram { detector: Detector::Point, ..adam() }),
         hologram("Adam, pixel", (8192, 8192), Hologram { iterations: 2, ..adam() }),
@@ -148,7 +152,7 @@ async fn measure_job(data: &Path, spec: job_spec::Kind) -> Measured {
     assert_eq!(ended.state(), State::Succeeded, "{ended:?}");
     let peak_kib = daemon.memory_peak_kib();
     daemon.kill().await;
-    let [started, finished] = [ended.start_time, ended.finish_time].map(|time| {
+    let [started, finished] = [ended.start_time, ended.end_time].map(|time| {
         let time = time.unwrap();
         time.seconds as f64 + 1e-9 * f64::from(time.nanos)
     });

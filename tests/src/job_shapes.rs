@@ -1,6 +1,6 @@
 //! Jobs of all kinds and sizes, for the tests of their memory and of their ends.
 
-use crate::material::{DISTANCE_M, WAVELENGTH_M, target};
+use crate::material::{DISTANCE_M, WAVELENGTH_M, simulated, target};
 use lightpath::v1::display::Orders;
 use lightpath::v1::optimize_hologram::{ImagePlane, InitialPhase, initial_phase};
 use lightpath::v1::{self, Detector, HologramMethod, job_spec};
@@ -39,7 +39,7 @@ pub(crate) enum Spec {
 pub(crate) struct Hologram {
     pub(crate) method: HologramMethod,
     pub(crate) detector: Detector,
-    pub(crate) frames: u32,
+    pub(crate) subframes: u32,
     pub(crate) planes: u32,
     pub(crate) wavelengths: u32,
     pub(crate) iterations: u32,
@@ -53,7 +53,7 @@ pub(crate) struct Hologram {
 pub(crate) const LBFGS: Hologram = Hologram {
     method: HologramMethod::Lbfgs,
     detector: Detector::Pixel,
-    frames: 1,
+    subframes: 1,
     planes: 1,
     wavelengths: 1,
     iterations: 12,
@@ -98,11 +98,9 @@ impl Shape {
         let orders = if let Spec::Hologram(hologram) = &self.spec { hologram.orders } else { None };
         let display = v1::Display {
             name: names::display("lab"),
-            width_px: self.size_px.0,
-            height_px: self.size_px.1,
-            pixel_pitch_m: 8e-6,
+            modulator: Some(v1::Modulator::of_phase(self.size_px.0, self.size_px.1, 8e-6)),
             wavelengths_m: vec![450e-9, WAVELENGTH_M, 638e-9],
-            simulated_bench: orders.is_none().then(|| v1::SimulatedBench { seed: 7, ..Default::default() }),
+            bench: if orders.is_none() { simulated(7) } else { None },
             orders,
             ..Default::default()
         };
@@ -121,7 +119,7 @@ async fn hologram_spec(client: &Client, size_px: (u32, u32), shape: &Hologram) -
     let mut planes = Vec::new();
     for p in 0..shape.planes {
         let target = client.upload_bytes(target(size_px.0, size_px.1, p)).await.unwrap();
-        planes.push(ImagePlane { distance_m: DISTANCE_M + 0.01 * f64::from(p), target, weight: 0.0 });
+        planes.push(ImagePlane { place: Some(v1::Place::at_m(DISTANCE_M + 0.01 * f64::from(p))), target, weight: 0.0 });
     }
     let wavelengths_m = [WAVELENGTH_M, 450e-9, 638e-9][..shape.wavelengths as usize].to_vec();
     let mask = if shape.masked { planes[0].target.clone() } else { String::new() };
@@ -134,7 +132,7 @@ async fn hologram_spec(client: &Client, size_px: (u32, u32), shape: &Hologram) -
         method: shape.method.into(),
         detector: shape.detector.into(),
         iterations: shape.iterations,
-        frames: shape.frames,
+        subframes: shape.subframes,
         weight_mask: mask,
         initial_phase: shape.back_propagated.then_some(InitialPhase { kind: Some(from_target) }),
         quantization_aware: shape.quantization_aware,
@@ -152,12 +150,12 @@ async fn verify_spec(client: &Client, size_px: (u32, u32)) -> job_spec::Kind {
 }
 
 async fn capture_spec(client: &Client, size_px: (u32, u32)) -> job_spec::Kind {
-    let phase = client.upload_bytes(target(size_px.0, size_px.1, 1)).await.unwrap();
+    let pattern = client.upload_bytes(target(size_px.0, size_px.1, 1)).await.unwrap();
     job_spec::Kind::SimulateCapture(v1::SimulateCapture {
         display: names::display("lab"),
         wavelength_m: WAVELENGTH_M,
-        distance_m: DISTANCE_M,
-        phase,
+        place: Some(v1::Place::at_m(DISTANCE_M)),
+        pattern,
         ..Default::default()
     })
 }
@@ -195,7 +193,7 @@ async fn dataset_specs(
                 name: dataset.clone(),
                 display: names::display("lab"),
                 wavelength_m: WAVELENGTH_M,
-                distance_m: DISTANCE_M,
+                place: Some(v1::Place::at_m(DISTANCE_M)),
                 ..Default::default()
             }),
         })
@@ -206,7 +204,7 @@ async fn dataset_specs(
         let photo = engine.light(&phase).unwrap().map(|light| 0.2 * light);
         let phase = client.upload_bytes(pictures::npy_f32(&phase).unwrap()).await.unwrap();
         let photo = client.upload_bytes(pictures::grey_png_linear(&photo).unwrap()).await.unwrap();
-        let pair = Some(v1::Pair { id: format!("p{seed}"), phase, photo, ..Default::default() });
+        let pair = Some(v1::Pair { id: format!("p{seed}"), pattern: phase, photo, ..Default::default() });
         client.add_pair(v1::AddPairRequest { dataset: dataset.clone(), pair }).await.unwrap();
     }
     let finalize = v1::prepare_dataset::Finalize { validation_fraction: Some(0.2), ..Default::default() };
@@ -248,7 +246,7 @@ async fn dense_report_spec(client: &Client, size_px: (u32, u32), others: u32) ->
         let request = v1::ImportKernelRequest {
             display,
             wavelength_m: WAVELENGTH_M,
-            distance_m: DISTANCE_M,
+            place: Some(v1::Place::at_m(DISTANCE_M)),
             artifact,
             ..Default::default()
         };

@@ -1,7 +1,7 @@
 //! A record of everything that a server has acknowledged. After each kill the tests check that the server has kept it.
 
 use crate::material::{assert_succeeded_once, events, hologram, request};
-use lightpath::v1::{self, HologramResult, OptimizeHologram, SubmitJobRequest, job::State};
+use lightpath::v1::{self, OptimizeHologram, OptimizeHologramResult, SubmitJobRequest, job::State};
 use lightpath::{Client, hologram_result, names};
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -27,13 +27,13 @@ pub(crate) struct Ledger {
     /// Request ids with the job that the server answered. `None` without an answer so far.
     asked: BTreeMap<String, Option<String>>,
     /// Results of jobs that the server has reported as succeeded.
-    succeeded: BTreeMap<String, HologramResult>,
+    succeeded: BTreeMap<String, OptimizeHologramResult>,
     /// Digests of acknowledged uploads.
     uploads: Vec<String>,
     /// Reasons of acknowledged promotions, in order.
     promotions: Vec<String>,
     /// Result of the jobs of each seed.
-    results: BTreeMap<u64, HologramResult>,
+    results: BTreeMap<u64, OptimizeHologramResult>,
 }
 
 /// The target and kernel that the requests use.
@@ -173,7 +173,7 @@ impl Ledger {
     }
 }
 
-pub(crate) fn assert_same_bytes(one: &HologramResult, other: &HologramResult) {
+pub(crate) fn assert_same_bytes(one: &OptimizeHologramResult, other: &OptimizeHologramResult) {
     assert_eq!(one.wavelengths, other.wavelengths);
 }
 
@@ -205,7 +205,7 @@ async fn all_moves(client: &Client, kernel: &str) -> Vec<String> {
 }
 
 /// Records the results of jobs that are not recorded yet.
-fn record_results(succeeded: &mut BTreeMap<String, HologramResult>, jobs: Vec<v1::Job>) {
+fn record_results(succeeded: &mut BTreeMap<String, OptimizeHologramResult>, jobs: Vec<v1::Job>) {
     for job in jobs {
         let result = hologram_result(&job).unwrap();
         succeeded.entry(job.name.clone()).or_insert_with(|| result.clone());

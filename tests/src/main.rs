@@ -61,7 +61,7 @@ mod mirror;
 mod moving;
 /// Photographs and how well they show a target.
 mod photos;
-/// Several planes, wavelengths and frames, every method, through the command line.
+/// Several planes, wavelengths and subframes, every method, through the command line.
 mod planes_and_colours;
 /// Servers whose database is on a PostgreSQL server.
 mod postgresql;

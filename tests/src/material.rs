@@ -12,15 +12,18 @@ pub(crate) const WAVELENGTH_M: f64 = 515e-9;
 /// Distance of the holograms \[m\].
 pub(crate) const DISTANCE_M: f64 = 0.05;
 
+/// A simulated bench with this seed.
+pub(crate) fn simulated(seed: u64) -> Option<v1::display::Bench> {
+    Some(v1::display::Bench::SimulatedBench(v1::SimulatedBench { seed, ..Default::default() }))
+}
+
 /// A simulated display of this size.
 pub(crate) fn display(id: &str, width_px: u32, height_px: u32) -> Display {
     Display {
         name: names::display(id),
-        width_px,
-        height_px,
-        pixel_pitch_m: 8e-6,
+        modulator: Some(v1::Modulator::of_phase(width_px, height_px, 8e-6)),
         wavelengths_m: vec![WAVELENGTH_M],
-        simulated_bench: Some(v1::SimulatedBench { seed: 7, ..Default::default() }),
+        bench: simulated(7),
         ..Default::default()
     }
 }
@@ -82,7 +85,7 @@ pub(crate) fn kernel_file(width_px: usize, height_px: usize, tilt: f64) -> Vec<u
 pub(crate) fn hologram(display: &str, target: &str, iterations: u32, seed: u64) -> OptimizeHologram {
     OptimizeHologram {
         display: names::display(display),
-        planes: vec![ImagePlane { distance_m: DISTANCE_M, target: target.to_owned(), weight: 0.0 }],
+        planes: vec![ImagePlane { place: Some(v1::Place::at_m(DISTANCE_M)), target: target.to_owned(), weight: 0.0 }],
         iterations,
         seed,
         ..Default::default()

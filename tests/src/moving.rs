@@ -2,7 +2,7 @@ use crate::material::{declare, hologram, request, target};
 use crate::process::{Daemon, lightpathd};
 use crate::processes::place;
 use futures::{StreamExt as _, stream};
-use lightpath::v1::{GetBatchRequest, HologramResult, Job, SubmitJobRequest, WatchJobRequest, job::State};
+use lightpath::v1::{GetBatchRequest, Job, OptimizeHologramResult, SubmitJobRequest, WatchJobRequest, job::State};
 use lightpath::{Client, JobChange, hologram_result};
 use lightpath_fixtures::postgres_database;
 use rand::{Rng as _, SeedableRng as _};
@@ -144,9 +144,9 @@ async fn submit_small(client: &Client, count: u64, batch: &str, needs: &[&str]) 
     jobs.map(|job| job.unwrap().name).collect().await
 }
 
-/// Digest of the phase of the only frame.
-fn phase(result: &HologramResult) -> String {
-    result.wavelengths[0].frames[0].phase.clone()
+/// Digest of the only pattern.
+fn phase(result: &OptimizeHologramResult) -> String {
+    result.wavelengths[0].subframes[0].pattern.clone()
 }
 
 fn number(variable: &str, usual: u64) -> u64 {

@@ -23,14 +23,14 @@ async fn three_wavelengths_show_three_planes_in_colour() {
     let text = cli
         .text(
             "hologram optimize --display rgb --wavelength 638nm,520nm,450nm --iterations 15 \
-             --plane 8mm=@/near.png --plane 12mm=@/middle.png:2 --plane 16mm=@/far.png -o @/phase.png \
+             --plane 8mm=@/near.png --plane 12mm=@/middle.png:2 --plane 16mm=@/far.png -o @/pattern.png \
              --reconstruction @/seen.png",
         )
         .await;
-    for sign in ["638 nm", "520 nm", "450 nm", "8 mm", "12 mm", "16 mm", "phase-638nm.png", "seen-16mm.png"] {
+    for sign in ["638 nm", "520 nm", "450 nm", "8 mm", "12 mm", "16 mm", "pattern-638nm.png", "seen-16mm.png"] {
         assert!(text.contains(sign), "{sign} is not in {text}");
     }
-    for name in ["phase-638nm.png", "phase-520nm.png", "phase-450nm.png"] {
+    for name in ["pattern-638nm.png", "pattern-520nm.png", "pattern-450nm.png"] {
         assert_eq!(picture(&cli, name).color(), image::ColorType::L8, "{name}");
     }
     for name in ["seen-8mm.png", "seen-12mm.png", "seen-16mm.png"] {
@@ -43,22 +43,25 @@ async fn three_wavelengths_show_three_planes_in_colour() {
     assert_eq!(spec["planes"].as_array().unwrap().len(), 3, "{spec}");
     assert_eq!(spec["planes"][1]["weight"], 2.0);
     assert_eq!(spec["wavelengthsM"].as_array().unwrap().len(), 3);
-    assert_eq!(jobs["jobs"][0]["kernelVersions"], serde_json::json!([0, 0, 0, 0, 0, 0, 0, 0, 0]));
+    let kernels = jobs["jobs"][0]["kernels"].as_array().unwrap();
+    assert_eq!(kernels.len(), 9);
+    let last = serde_json::json!({ "wavelengthM": 450e-9, "place": { "distanceM": 0.016 }, "kernelVersion": "" });
+    assert_eq!(kernels[8], last);
     cli.server.assert_tidy();
     cli.server.stop().await;
 }
 
 #[tokio::test(flavor = "multi_thread")]
-async fn depth_map_divides_picture_into_planes_and_each_frame_gets_a_file() {
+async fn depth_map_divides_picture_into_planes_and_each_subframe_gets_a_file() {
     let cli = start().await;
     let text = cli
         .text(
             "hologram optimize @/near.png --display rgb --wavelength 520nm --distance 8mm,16mm --depth-map @/depth.png \
-             --frames 2 --iterations 15 -o @/out/ --reconstruction @/out/",
+             --subframes 2 --iterations 15 -o @/out/ --reconstruction @/out/",
         )
         .await;
     assert!(text.contains("8 mm") && text.contains("16 mm"), "{text}");
-    for name in ["near-phase-frame1.png", "near-phase-frame2.png", "near-reconstruction-8mm.png"] {
+    for name in ["near-pattern-subframe1.png", "near-pattern-subframe2.png", "near-reconstruction-8mm.png"] {
         assert_eq!(picture(&cli, &format!("out/{name}")).width(), 96, "{name}");
     }
     cli.server.stop().await;
@@ -100,7 +103,7 @@ async fn incompatible_options_are_refused() {
         ("--distance 8mm --method gs --speckle 0.1", 1, &["loss", "lbfgs"]),
         ("--distance 8mm --method dpac --quantization-aware", 1, &["quantization_aware", "lbfgs"]),
         ("--distance 8mm --method dpac --initial-phase back-propagated", 1, &["initial_phase is back-propagated"]),
-        ("--distance 8mm --frames 25", 1, &["frames is 25", "1 to 24"]),
+        ("--distance 8mm --subframes 25", 1, &["subframes is 25", "1 to 24"]),
         ("--distance 8mm --speckle 0.1 --speckle-block 100", 1, &["speckle_block_px is 100", "region of interest"]),
         ("--distance 8mm,8mm --depth-map @/depth.png", 1, &["planes[1]", "again"]),
         ("--distance 8mm,16mm --depth-map @/depth.png --kernel 3", 1, &["kernel", "active or ideal"]),

@@ -72,7 +72,7 @@ async fn use_everything(client: &Client, number: u64, until: Instant) -> Result<
         client.cancel_job(v1::CancelJobRequest { name: long.name.clone() }).await?;
         let done = client.wait(&job.name, |_| ()).await?;
         let result = hologram_result(&done)?;
-        client.download(&result.wavelengths[0].frames[0].phase).await?;
+        client.download(&result.wavelengths[0].subframes[0].pattern).await?;
         assert_eq!(client.wait(&long.name, |_| ()).await?.state(), State::Cancelled);
         rounds += 1;
     }

@@ -52,7 +52,7 @@ async fn holograms(cli: &CommandLine) {
     let many = cli.text(&line).await;
     for number in 0..PAIRS {
         assert!(many.contains(&format!("t{number}")), "{many}");
-        assert_eq!(size_of(&cli.path(&format!("p/t{number}-phase.png"))), (96, 64));
+        assert_eq!(size_of(&cli.path(&format!("p/t{number}-pattern.png"))), (96, 64));
     }
     let jobs = cli.json("job list").await;
     assert_eq!(jobs["jobs"].as_array().unwrap().len() as u32, PAIRS + 1);
@@ -70,9 +70,9 @@ async fn holograms(cli: &CommandLine) {
 async fn learning(cli: &CommandLine) {
     cli.text("dataset create bench --display toy --distance 50mm").await;
     for number in 0..PAIRS {
-        let (phase, photo) = (format!("@/p/t{number}-phase.png"), format!("@/c{number}.png"));
-        cli.text(&format!("simulate --display toy --distance 50mm --phase {phase} -o {photo}")).await;
-        cli.text(&format!("dataset add bench --phase {phase} --photo {photo} --id p{number}")).await;
+        let (phase, photo) = (format!("@/p/t{number}-pattern.png"), format!("@/c{number}.png"));
+        cli.text(&format!("simulate --display toy --distance 50mm --pattern {phase} -o {photo}")).await;
+        cli.text(&format!("dataset add bench --pattern {phase} --photo {photo} --id p{number}")).await;
     }
     let finalized = cli.json("dataset finalize bench --seed 1").await;
     assert_eq!(finalized["state"], "STATE_FINALIZED");
@@ -81,7 +81,7 @@ async fn learning(cli: &CommandLine) {
     assert!(cli.text("dataset list").await.contains("bench"));
 
     let job = cli.json("kernel learn --dataset bench --epochs 4 --refinement-evaluations 20 --wait").await;
-    let learned = &job["result"]["learn"]["kernels"][0];
+    let learned = &job["result"]["learnKernel"]["kernels"][0];
     assert_eq!(learned["kernelVersion"], "displays/toy/kernels/515nm-50mm/versions/1");
     let metrics = &learned["metrics"];
     let (learned, ideal) = (metrics["testLoss"].as_f64().unwrap(), metrics["idealTestLoss"].as_f64().unwrap());

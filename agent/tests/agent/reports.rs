@@ -48,7 +48,7 @@ fn reports_say_what_is_in_use_and_what_was_given_up() {
     let expected = serde_json::json!({
         "kernel": "515nm-150mm",
         "version": 1,
-        "form": "compact",
+        "format": "compact",
         "digest": digest(&kernel(1, SIZE)),
         "generation": "7",
         "triedVersion": 0,

@@ -18,12 +18,12 @@ use std::path::PathBuf;
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
-  lightpath dataset add bench-1 --phase p01.png --photo c01.png
-  lightpath dataset add bench-1 --phase p02.png --photo c02.tif \\
+  lightpath dataset add bench-1 --pattern p01.png --photo c01.png
+  lightpath dataset add bench-1 --pattern p02.png --photo c02.tif \\
       --black-level 0.012 --exposure 0.02 --gain 1.5 --split test
 
   Two folders, matched by file name without extension
-    lightpath dataset add bench-1 --phases holograms/ --photos photos/
+    lightpath dataset add bench-1 --patterns holograms/ --photos photos/
 
   A manifest with explicit ids: .toml, .json or .csv; paths are relative to it
     lightpath dataset add bench-1 --manifest bench-1/pairs.toml
@@ -31,35 +31,35 @@ Examples:
     black_level = 0.012          # for all pairs without their own
     [[pairs]]
     id = \"p01\"
-    phase = \"holograms/01.png\"
+    pattern = \"holograms/01.png\"
     photo = \"photos/01.tif\"
     exposure_s = 0.02            # also: camera_gain, black_level, split
 
   A .csv manifest has a line of names, then a line for each pair
-    id,phase,photo,split,exposure_s
+    id,pattern,photo,split,exposure_s
     p01,holograms/01.png,photos/01.tif,train,0.02")]
 pub(crate) struct Add {
     /// Name of the dataset
     name: String,
 
-    /// Add this hologram as it was displayed: a grey PNG or BMP of levels, or a .npy file of the phase in radians (float32)
-    #[arg(long, value_name = "FILE", requires = "photo", required_unless_present_any = ["manifest", "phases"])]
-    phase: Option<PathBuf>,
+    /// Add this pattern as it was displayed: a grey PNG or BMP of levels, or a .npy file of the phase in radians (float32)
+    #[arg(long, value_name = "FILE", requires = "photo", required_unless_present_any = ["manifest", "patterns"])]
+    pattern: Option<PathBuf>,
 
-    /// Add this photograph of the hologram of --phase: PNG, JPEG, TIFF, BMP or .npy, grey or colour
-    #[arg(long, value_name = "FILE", requires = "phase", required_unless_present_any = ["manifest", "phases"])]
+    /// Add this photograph of the hologram of --pattern: PNG, JPEG, TIFF, BMP or .npy, grey or colour
+    #[arg(long, value_name = "FILE", requires = "pattern", required_unless_present_any = ["manifest", "patterns"])]
     photo: Option<PathBuf>,
 
     /// Add the pairs in this list: a .toml, .json or .csv file
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["phase", "photo", "phases", "photos", "id"])]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["pattern", "photo", "patterns", "photos", "id"])]
     manifest: Option<PathBuf>,
 
     /// Add the holograms in this folder, each with the photograph of the same name in --photos
-    #[arg(long, value_name = "FOLDER", requires = "photos", conflicts_with_all = ["phase", "photo", "id"])]
-    phases: Option<PathBuf>,
+    #[arg(long, value_name = "FOLDER", requires = "photos", conflicts_with_all = ["pattern", "photo", "id"])]
+    patterns: Option<PathBuf>,
 
-    /// Take the photographs for --phases from this folder
-    #[arg(long, value_name = "FOLDER", requires = "phases")]
+    /// Take the photographs for --patterns from this folder
+    #[arg(long, value_name = "FOLDER", requires = "patterns")]
     photos: Option<PathBuf>,
 
     /// Set the id of the pair in the dataset [default: the hologram's file name without its extension]
@@ -113,20 +113,22 @@ impl Add {
         if let Some(path) = &self.manifest {
             return manifest::read(path);
         }
-        if let (Some(phases), Some(photos)) = (&self.phases, &self.photos) {
+        if let (Some(phases), Some(photos)) = (&self.patterns, &self.photos) {
             return manifest::match_folders(phases, photos);
         }
-        let (Some(phase), Some(photo)) = (&self.phase, &self.photo) else {
-            return Err(Failure::Usage("give --phase and --photo, --phases and --photos, or --manifest".to_owned()));
+        let (Some(pattern), Some(photo)) = (&self.pattern, &self.photo) else {
+            return Err(Failure::Usage(
+                "give --pattern and --photo, --patterns and --photos, or --manifest".to_owned(),
+            ));
         };
-        let id = self.id.clone().unwrap_or_else(|| name_of(phase));
-        Ok(vec![Entry::new(id, phase.clone(), photo.clone())])
+        let id = self.id.clone().unwrap_or_else(|| name_of(pattern));
+        Ok(vec![Entry::new(id, pattern.clone(), photo.clone())])
     }
 }
 
 /// Uploads the files of the pairs and adds the pairs to a dataset, one after the other.
 pub(super) async fn add_pairs(session: &Session, dataset: &str, entries: Vec<Entry>) -> Result<(), Failure> {
-    inputs::require_pictures(entries.iter().flat_map(|entry| [&entry.phase, &entry.photo]))?;
+    inputs::require_pictures(entries.iter().flat_map(|entry| [&entry.pattern, &entry.photo]))?;
     let count = entries.len();
     let mut findings = Vec::new();
     let mut last = None;
@@ -134,7 +136,7 @@ pub(super) async fn add_pairs(session: &Session, dataset: &str, entries: Vec<Ent
         let id = entry.id.clone();
         let pair = v1::Pair {
             id: entry.id,
-            phase: session.client.upload_file(&entry.phase).await?,
+            pattern: session.client.upload_file(&entry.pattern).await?,
             photo: session.client.upload_file(&entry.photo).await?,
             split: entry.split.unwrap_or_default().into(),
             black_level: entry.black_level.unwrap_or(0.0),

@@ -10,8 +10,8 @@ use lightpath::v1::{self, OptimizeHologram, job_spec, optimize_hologram::ImagePl
 use lightpath::{hologram_result, names};
 use std::path::PathBuf;
 
-const PHASE: Destination =
-    Destination { option: "-o", suffix: "-phase.png", formats: &[("png", "grey levels for the display")] };
+const PATTERN: Destination =
+    Destination { option: "-o", suffix: "-pattern.png", formats: &[("png", "grey levels for the display")] };
 
 /// Compute the hologram of a grid of dots, which is photographed to align the camera.
 ///
@@ -30,7 +30,7 @@ pub(crate) struct Calibration {
 
     /// Write the hologram to this file, a grey PNG of levels
     #[arg(short = 'o', value_name = "PHASE.png")]
-    phase: PathBuf,
+    pattern: PathBuf,
 
     /// Optimize for this many steps, 1 to 10000
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u32).range(1..))]
@@ -43,7 +43,7 @@ pub(crate) struct Calibration {
 impl Calibration {
     pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
         let name = [format!("{}-dots", self.name)];
-        let phase = PHASE.files(&session.stdout, &self.phase, &name)?.remove(0);
+        let pattern = PATTERN.files(&session.stdout, &self.pattern, &name)?.remove(0);
         let request = v1::GetDatasetRequest { name: names::dataset(&self.name) };
         let dataset = session.client.get_dataset(request).await?;
         let request = v1::CreateCalibrationTargetRequest { display: dataset.display.clone() };
@@ -51,7 +51,7 @@ impl Calibration {
         let kind = job_spec::Kind::OptimizeHologram(OptimizeHologram {
             display: dataset.display,
             wavelengths_m: vec![dataset.wavelength_m],
-            planes: vec![ImagePlane { distance_m: dataset.distance_m, target: target.target, weight: 0.0 }],
+            planes: vec![ImagePlane { place: dataset.place, target: target.target, weight: 0.0 }],
             kernel: "ideal".to_owned(),
             iterations: self.iterations,
             seed: 1,
@@ -61,12 +61,12 @@ impl Calibration {
         let [name] = name;
         for job in progress::wait_all(session, vec![(name, job)]).await? {
             if let Ok(result) = hologram_result(&job) {
-                for frame in result.wavelengths.iter().flat_map(|hologram| &hologram.frames) {
-                    destination::save(session, &frame.phase, &phase).await?;
+                for subframe in result.wavelengths.iter().flat_map(|hologram| &hologram.subframes) {
+                    destination::save(session, &subframe.pattern, &pattern).await?;
                 }
             }
             session.print(&job, |_| {
-                format!("hologram of {}×{} dots  {}", target.columns, target.rows, destination::shown(&phase))
+                format!("hologram of {}×{} dots  {}", target.columns, target.rows, destination::shown(&pattern))
             })?;
             jobs::check_success(&[job])?;
         }

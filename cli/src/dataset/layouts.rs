@@ -141,7 +141,7 @@ mod tests {
         let (h, p) = (data.path().join("h"), data.path().join("p"));
         let entries = realistic_holography(&h, &p).unwrap();
         assert_eq!(entries[0].id, "0001");
-        assert_eq!((&entries[1].phase, &entries[1].photo), (&h.join("0002.png"), &p.join("0002_warped.png")));
+        assert_eq!((&entries[1].pattern, &entries[1].photo), (&h.join("0002.png"), &p.join("0002_warped.png")));
         std::fs::remove_file(p.join("0001_warped.png")).unwrap();
         assert!(text(realistic_holography(&h, &p)).contains("has 2 PNG files"));
         std::fs::write(p.join("0003_warped.png"), "").unwrap();

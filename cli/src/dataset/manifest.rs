@@ -17,7 +17,7 @@ const SHOWN_MAX: usize = 5;
 #[serde(deny_unknown_fields)]
 pub(super) struct Entry {
     pub(super) id: String,
-    pub(super) phase: PathBuf,
+    pub(super) pattern: PathBuf,
     pub(super) photo: PathBuf,
     #[serde(default, deserialize_with = "split_or_none")]
     pub(super) split: Option<Split>,
@@ -36,8 +36,8 @@ struct Manifest {
 }
 
 impl Entry {
-    pub(super) fn new(id: String, phase: PathBuf, photo: PathBuf) -> Self {
-        Self { id, phase, photo, split: None, black_level: None, exposure_s: None, camera_gain: None }
+    pub(super) fn new(id: String, pattern: PathBuf, photo: PathBuf) -> Self {
+        Self { id, pattern, photo, split: None, black_level: None, exposure_s: None, camera_gain: None }
     }
 }
 
@@ -64,7 +64,7 @@ pub(super) fn read(path: &Path) -> Result<Vec<Entry>, Failure> {
     }
     let folder = path.parent().unwrap_or(Path::new(""));
     let complete = |entry: Entry| Entry {
-        phase: folder.join(&entry.phase),
+        pattern: folder.join(&entry.pattern),
         photo: folder.join(&entry.photo),
         black_level: entry.black_level.or(manifest.black_level),
         exposure_s: entry.exposure_s.or(manifest.exposure_s),
@@ -133,7 +133,7 @@ fn table(text: &str) -> Result<Manifest, String> {
     let mut lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty());
     let (_, first) = lines.next().ok_or("the file is empty")?;
     let names = fields(first);
-    const KNOWN: [&str; 7] = ["id", "phase", "photo", "split", "black_level", "exposure_s", "camera_gain"];
+    const KNOWN: [&str; 7] = ["id", "pattern", "photo", "split", "black_level", "exposure_s", "camera_gain"];
     if let Some(unknown) = names.iter().find(|name| !KNOWN.contains(&name.as_str())) {
         return Err(format!(
             "the first line has the unknown column \"{unknown}\"; the columns are {}",
@@ -163,7 +163,7 @@ fn entry(names: &[String], fields: &[String]) -> Result<Entry, String> {
     let split = field("split").map(split).transpose()?;
     Ok(Entry {
         id: required("id")?,
-        phase: required("phase")?.into(),
+        pattern: required("pattern")?.into(),
         photo: required("photo")?.into(),
         split,
         black_level: number("black_level")?,
@@ -207,10 +207,10 @@ mod tests {
     fn all_manifest_formats_give_the_same_pairs() {
         let folder = tempfile::tempdir().unwrap();
         let toml =
-            "exposure_s = 0.02\n[[pairs]]\nid = \"a,1\"\nphase = \"p.png\"\nphoto = \"c.tif\"\nsplit = \"test\"\n";
+            "exposure_s = 0.02\n[[pairs]]\nid = \"a,1\"\npattern = \"p.png\"\nphoto = \"c.tif\"\nsplit = \"test\"\n";
         let json =
-            r#"{"exposure_s": 0.02, "pairs": [{"id": "a,1", "phase": "p.png", "photo": "c.tif", "split": "test"}]}"#;
-        let csv = "id,phase,photo,split,exposure_s\r\n\"a,1\", p.png ,c.tif,test,0.02\r\n\r\n";
+            r#"{"exposure_s": 0.02, "pairs": [{"id": "a,1", "pattern": "p.png", "photo": "c.tif", "split": "test"}]}"#;
+        let csv = "id,pattern,photo,split,exposure_s\r\n\"a,1\", p.png ,c.tif,test,0.02\r\n\r\n";
         for (name, text) in [("m.toml", toml), ("m.json", json), ("m.csv", csv)] {
             let path = folder.path().join(name);
             std::fs::write(&path, text).unwrap();
@@ -230,10 +230,10 @@ mod tests {
         for (extension, seed) in [
             (
                 "toml",
-                "exposure_s = 0.02\n[[pairs]]\nid = \"a\"\nphase = \"p.png\"\nphoto = \"c.tif\"\nsplit = \"test\"\n",
+                "exposure_s = 0.02\n[[pairs]]\nid = \"a\"\npattern = \"p.png\"\nphoto = \"c.tif\"\nsplit = \"test\"\n",
             ),
-            ("json", r#"{"pairs": [{"id": "a", "phase": "p.png", "photo": "c.tif", "camera_gain": 1e3}]}"#),
-            ("csv", "id,phase,photo,split,exposure_s\r\n\"a,1\", p.png ,c.tif,test,0.02\r\nb,q.png,d.tif,,\r\n"),
+            ("json", r#"{"pairs": [{"id": "a", "pattern": "p.png", "photo": "c.tif", "camera_gain": 1e3}]}"#),
+            ("csv", "id,pattern,photo,split,exposure_s\r\n\"a,1\", p.png ,c.tif,test,0.02\r\nb,q.png,d.tif,,\r\n"),
         ] {
             let accepted = damaged(seed).filter(|text| parse(extension, text).is_ok()).count();
             assert!((1..DAMAGED).contains(&accepted), "{extension}: {accepted} were accepted");
@@ -244,10 +244,10 @@ mod tests {
     fn errors_name_the_mistake() {
         let folder = tempfile::tempdir().unwrap();
         for (name, text, sign) in [
-            ("a.csv", "id,phase,foto\n", "\"foto\""),
-            ("b.csv", "id,phase,photo\np1,p.png\n", "line 2: the line has 2 fields"),
-            ("c.csv", "id,phase,photo,exposure_s\np1,p.png,c.png,fast\n", "exposure_s is \"fast\""),
-            ("d.toml", "[[pairs]]\nid = \"a\"\nphase = \"p.png\"\nfoto = \"c.png\"\n", "foto"),
+            ("a.csv", "id,pattern,foto\n", "\"foto\""),
+            ("b.csv", "id,pattern,photo\np1,p.png\n", "line 2: the line has 2 fields"),
+            ("c.csv", "id,pattern,photo,exposure_s\np1,p.png,c.png,fast\n", "exposure_s is \"fast\""),
+            ("d.toml", "[[pairs]]\nid = \"a\"\npattern = \"p.png\"\nfoto = \"c.png\"\n", "foto"),
             ("e.json", "{\"pairs\": []}", "lists no pairs"),
             ("f.txt", "", ".txt"),
         ] {

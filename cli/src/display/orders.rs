@@ -121,7 +121,7 @@ fn filter_centre(text: &str) -> Result<FilterCentre, String> {
 /// Description of the orders that a display shows.
 pub(super) fn text(display: &Display) -> String {
     match &display.orders {
-        None => "first".to_owned(),
+        None | Some(display::Orders::FirstOrder(_)) => "first".to_owned(),
         Some(display::Orders::AllOrders(v1::AllOrders { fill_factor_x, fill_factor_y })) => {
             format!("all, fill factor {fill_factor_x}x{fill_factor_y}")
         }

@@ -5,7 +5,6 @@
 
 use crate::failure::Failure;
 use crate::inputs;
-use lightpath::v1::PhaseResponse;
 use std::collections::BTreeSet;
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
@@ -48,10 +47,9 @@ impl Unit {
 }
 
 /// Reads the phase of each level \[rad\].
-pub(super) fn read(path: &Path) -> Result<PhaseResponse, Failure> {
+pub(super) fn read(path: &Path) -> Result<Vec<f64>, Failure> {
     let text = inputs::text(path)?;
-    let phase_rad = parse(&text).map_err(|problem| Failure::Usage(format!("{}{problem}", path.display())))?;
-    Ok(PhaseResponse { phase_rad })
+    parse(&text).map_err(|problem| Failure::Usage(format!("{}{problem}", path.display())))
 }
 
 /// A line of numbers.

@@ -73,7 +73,7 @@ impl Plan {
         let request = v1::PlanPropagationRequest {
             display: names::display(&self.id),
             wavelength_m: self.wavelength.unwrap_or(0.0),
-            distance_m: self.distance,
+            place: Some(v1::Place::at_m(self.distance)),
             method: self.method.into(),
             window,
         };

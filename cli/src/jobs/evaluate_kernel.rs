@@ -24,7 +24,7 @@ pub(crate) struct Evaluate {
 
     /// Compare photographs only in this region: x,y,width,height in pixels [default: the middle 80 % of each axis]
     #[arg(long, value_name = "X,Y,W,H", value_parser = region)]
-    roi: Option<v1::RegionOfInterest>,
+    region: Option<v1::Region>,
 
     /// Wait until the job has ended, with a progress bar
     #[arg(long)]
@@ -39,7 +39,7 @@ impl Evaluate {
         let kind = job_spec::Kind::EvaluateKernel(EvaluateKernel {
             dataset: names::dataset(&self.dataset),
             kernel: self.kernel,
-            region_of_interest: self.roi,
+            region: self.region,
         });
         self.submission.submit_and_print(session, kind, self.wait).await
     }
@@ -52,7 +52,7 @@ impl JobKind for EvaluateKernel {
 
     fn spec_facts(&self, job: &Job, facts: &mut Facts) {
         facts.add("dataset", names::id(&self.dataset));
-        facts.add("kernel", show::kernel_versions(&job.kernel_versions));
+        facts.add("kernel", show::used_kernels(&job.kernels));
     }
 
     fn result_facts(&self, job: &Job, facts: &mut Facts) -> lightpath::Result<String> {

@@ -49,7 +49,7 @@ pub(crate) struct Learn {
     learning_rate: Option<f64>,
 
     /// Set the seed of the order of the pairs, and of the random start of the paper model
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
 
     /// Set the highest polynomial degree of the smooth errors, 1 to 12; auto takes the one of 5, 8 and 12 that predicts
@@ -67,7 +67,7 @@ pub(crate) struct Learn {
 
     /// Compare photographs only in this region: x,y,width,height in pixels [default: the middle 80 % of each axis]
     #[arg(long, value_name = "X,Y,W,H", value_parser = region)]
-    roi: Option<v1::RegionOfInterest>,
+    region: Option<v1::Region>,
 
     /// Wait until the job has ended, with a progress bar
     #[arg(long)]
@@ -89,7 +89,7 @@ impl Learn {
             refinement_evaluations: self.refinement_evaluations,
             seed: self.seed,
             detector: self.detector.into(),
-            region_of_interest: self.roi,
+            region: self.region,
         });
         self.submission.submit_and_print(session, kind, self.wait).await
     }

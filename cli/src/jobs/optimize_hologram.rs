@@ -39,16 +39,16 @@ use std::path::PathBuf;
 #[command(after_long_help = "\
 Examples:
   lightpath hologram optimize indian_head.png --display lab-2 --distance 150mm \\
-      -o phase.png
+      -o pattern.png
   lightpath hologram optimize targets/*.png --display lab-2 --distance 150mm \\
       -o holograms/
   lightpath hologram optimize targets/ --display lab-2 --distance 150mm \\
       -o 'holograms/{name}.png'
   lightpath hologram optimize a.png b.png --display lab-2 --distance 150mm \\
-      -o {name}-phase.png --reconstruction {name}-seen.png --npy {name}.npy
+      -o {name}-pattern.png --reconstruction {name}-seen.png --npy {name}.npy
 
   A focal stack: one hologram that shows three pictures at three distances
-    lightpath hologram optimize --display lab-2 -o phase.png \\
+    lightpath hologram optimize --display lab-2 -o pattern.png \\
         --plane 140mm=near.png --plane 150mm=middle.png --plane 160mm=far.png
 
   A colour picture with depth: three wavelengths, and a depth map in which
@@ -59,12 +59,12 @@ Examples:
 
   Less speckle: eight phases shown so fast that the eye sees their mean
     lightpath hologram optimize photo.png --display lab-2 --distance 150mm \\
-        --frames 8 --phase-range 6.2831853 -o frames/
+        --subframes 8 --phase-range 6.2831853 -o fast/
 
   A display with only 16 levels: the last third of the steps optimizes with
   these levels
     lightpath hologram optimize photo.png --display lab-4bit --distance 150mm \\
-        --quantization-aware -o phase.png
+        --quantization-aware -o pattern.png
 
 Methods:
   lbfgs  follows the gradient and its curvature: by far the best picture for
@@ -80,9 +80,9 @@ Methods:
          chequerboard
 
 Output files: a file for a single target; a folder (a missing one that ends with / is created), which gets \
-NAME-phase.png, NAME-phase.npy and NAME-reconstruction.png; or a pattern in which {name} stands for the target's \
-file name without its extension. If a job has several wavelengths, frames or planes, the names of its files \
-contain them: phase-638nm-frame2.png, seen-150mm.png. Reconstructions of three wavelengths are colour pictures.
+NAME-pattern.png, NAME-phase.npy and NAME-reconstruction.png; or a pattern in which {name} stands for the target's \
+file name without its extension. If a job has several wavelengths, subframes or planes, the names of its files \
+contain them: pattern-638nm-subframe2.png, seen-150mm.png. Reconstructions of three wavelengths are colour pictures.
 
 With -o - the file of a single target goes to standard output, and all messages go to standard error.
 
@@ -115,7 +115,7 @@ pub(crate) struct Optimize {
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
-  lightpath hologram save 01939a5e-7c1b -o phase.png
+  lightpath hologram save 01939a5e-7c1b -o pattern.png
   lightpath hologram save 01939a5e-7c1b 01939a60 -o holograms/
   lightpath hologram save 01939a5e-7c1b -o - | my-display
 
@@ -226,7 +226,7 @@ fn print_submitted(session: &Session, items: &[Item]) -> Result<(), Failure> {
     for item in items {
         let id = names::id(&item.job.name).to_owned();
         let state = item.job.state().word().to_owned();
-        table.row([item.name.clone(), id, show::kernel_versions(&item.job.kernel_versions), state]);
+        table.row([item.name.clone(), id, show::used_kernels(&item.job.kernels), state]);
     }
     let jobs: Vec<Job> = items.iter().map(|item| item.job.clone()).collect();
     session.print_jobs(&jobs, &table.text())?;
@@ -244,8 +244,8 @@ impl JobKind for OptimizeHologram {
     fn spec_facts(&self, job: &Job, facts: &mut Facts) {
         facts.add("display", names::id(&self.display));
         facts.add("wavelength", show::lengths(self.wavelengths_m.iter().copied()));
-        facts.add("distance", show::lengths(self.planes.iter().map(|plane| plane.distance_m)));
-        facts.add("kernel", show::kernel_versions(&job.kernel_versions));
+        facts.add("distance", show::places(self.planes.iter().map(|plane| plane.place.as_ref())));
+        facts.add("kernel", show::used_kernels(&job.kernels));
         let targets: BTreeSet<&str> = self.planes.iter().map(|plane| plane.target.as_str()).collect();
         targets.into_iter().for_each(|target| facts.add("target", target));
         let detector = self.detector().word();
@@ -259,10 +259,10 @@ impl JobKind for OptimizeHologram {
     }
 }
 
-/// The PSNR of a hologram for the detector `pixel`, of several wavelengths or planes the lowest, for example `31.2 dB`. `–` for other jobs.
+/// The PSNR that a photograph of a hologram is expected to show, of several wavelengths or planes the lowest, for example `31.2 dB`. `–` for other jobs.
 pub(crate) fn psnr(job: &Job) -> String {
     let wavelengths = hologram_result(job).into_iter().flat_map(|result| &result.wavelengths);
     let planes = wavelengths.flat_map(|wavelength| &wavelength.planes);
-    let found = planes.filter_map(|plane| Some(plane.quality.as_ref()?.pixel.as_ref()?.psnr_db));
+    let found = planes.filter_map(quality::headline_db);
     found.min_by(f64::total_cmp).map_or_else(|| "–".to_owned(), show::decibel)
 }

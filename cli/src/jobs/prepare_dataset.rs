@@ -10,7 +10,10 @@ use crate::jobs::submission::Submission;
 use crate::session::Session;
 use crate::table::Facts;
 use clap::Args;
-use lightpath::v1::prepare_dataset::{self, Step, align::Source};
+use lightpath::v1::prepare_dataset::{
+    self, Step,
+    align::{self, Source},
+};
 use lightpath::v1::{self, Job, PrepareDataset, job_spec};
 use lightpath::{names, prepare_result};
 use std::path::{Path, PathBuf};
@@ -130,9 +133,9 @@ impl Align {
         } else if let (Some(path), Some(size)) = (&self.source.points, self.photo_size) {
             Source::Points(read_points(path, size)?)
         } else if self.source.pairs {
-            Source::Pairs(true)
+            Source::Pairs(align::ByPairs {})
         } else {
-            Source::None(true)
+            Source::None(align::NoAlignment {})
         };
         let dataset = names::dataset(&self.name);
         let step = Step::Align(prepare_dataset::Align { source: Some(source) });
@@ -189,7 +192,7 @@ impl JobKind for PrepareDataset {
             }
         }
         if !result.digest.is_empty() {
-            let v1::PrepareResult { train_pairs, validation_pairs, test_pairs, left_out_pairs, .. } = result;
+            let v1::PrepareDatasetResult { train_pairs, validation_pairs, test_pairs, left_out_pairs, .. } = result;
             facts.add("digest", &result.digest);
             let counts = format!("{train_pairs} train, {validation_pairs} validation, {test_pairs} test");
             let left_out = if *left_out_pairs > 0 { format!(", {left_out_pairs} left out") } else { String::new() };

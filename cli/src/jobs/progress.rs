@@ -105,7 +105,7 @@ impl<'a> Awaited<'a> {
     pub(crate) fn hint(self) -> String {
         let all = self.ids.join(" ");
         let (jobs, place) = match self.ids {
-            [_] => ("the job continues".to_owned(), "phase.png"),
+            [_] => ("the job continues".to_owned(), "pattern.png"),
             ids => (format!("the {} jobs continue", ids.len()), "holograms/"),
         };
         let mut text = format!("{jobs} on the server\n  wait:    lightpath job watch {all}");
@@ -235,7 +235,7 @@ mod tests {
         };
         let one = interruption_text(Awaited::new(&ids[..1], [&hologram]));
         for command in
-            ["lightpath job watch a1\n", "lightpath hologram save a1 -o phase.png\n", "lightpath job cancel a1"]
+            ["lightpath job watch a1\n", "lightpath hologram save a1 -o pattern.png\n", "lightpath job cancel a1"]
         {
             assert!(one.contains(command), "{one}");
         }

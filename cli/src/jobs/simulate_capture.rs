@@ -9,7 +9,7 @@ use crate::session::Session;
 use crate::table::Facts;
 use crate::{inputs, propagation_text, show};
 use clap::Args;
-use lightpath::v1::{Job, SimulateCapture, job_spec};
+use lightpath::v1::{Job, Place, SimulateCapture, job_spec};
 use lightpath::{capture_result, names};
 use std::path::PathBuf;
 
@@ -23,11 +23,11 @@ const PHOTO: Destination =
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Examples:
-  lightpath simulate --display toy --distance 150mm --phase p01.png -o c01.png
-  lightpath dataset add bench-1 --phase p01.png --photo c01.png
+  lightpath simulate --display toy --distance 150mm --pattern p01.png -o c01.png
+  lightpath dataset add bench-1 --pattern p01.png --photo c01.png
 
-  All holograms of a folder, for lightpath dataset add --phases --photos
-    lightpath simulate --display toy --distance 150mm --phase holograms/ \\
+  All holograms of a folder, for lightpath dataset add --patterns --photos
+    lightpath simulate --display toy --distance 150mm --pattern holograms/ \\
         -o photos/
 
 Output files: a file for a single hologram; a folder (a missing one that ends with / is created), in which each \
@@ -37,17 +37,17 @@ pub(crate) struct Simulate {
     #[command(flatten)]
     optics: Optics,
 
-    /// Photograph these holograms, which have the display's size: grey PNGs or BMPs of levels, or .npy files of the phase
+    /// Photograph these patterns, which have the display's size: grey PNGs or BMPs of levels, or .npy files of the phase
     /// in radians (float32); a folder stands for all PNGs in it
-    #[arg(long = "phase", value_name = "FILE", required = true, num_args = 1..)]
-    phases: Vec<PathBuf>,
+    #[arg(long = "pattern", value_name = "FILE", required = true, num_args = 1..)]
+    patterns: Vec<PathBuf>,
 
     /// Write the photographs here: 8-bit grey PNGs, linear light
     #[arg(short = 'o', value_name = "PHOTO.png")]
     photo: PathBuf,
 
     /// Set the seed of the camera's noise for the first photograph; each further photograph takes the next seed
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
 
     /// Set the time since the bench was set up in hours, for benches that drift
@@ -60,12 +60,12 @@ pub(crate) struct Simulate {
 
 impl Simulate {
     pub(crate) async fn run(mut self, session: &Session) -> Result<(), Failure> {
-        self.phases = inputs::expanded(&self.phases, inputs::HOLOGRAMS)?;
-        inputs::check_readable(&self.phases)?;
-        let names: Vec<String> = self.phases.iter().map(|phase| destination::name_of(phase)).collect();
+        self.patterns = inputs::expanded(&self.patterns, inputs::HOLOGRAMS)?;
+        inputs::check_readable(&self.patterns)?;
+        let names: Vec<String> = self.patterns.iter().map(|pattern| destination::name_of(pattern)).collect();
         let photos = PHOTO.files(&session.stdout, &self.photo, &names)?;
         let outputs = photos.iter().map(PathBuf::as_path);
-        destination::check_distinct(self.phases.iter().map(PathBuf::as_path), outputs)?;
+        destination::check_distinct(self.patterns.iter().map(PathBuf::as_path), outputs)?;
         let submitted = self.submit(session, &names).await?;
         let jobs = progress::wait_all(session, names.into_iter().zip(submitted).collect()).await?;
         let mut facts = Facts::default();
@@ -81,20 +81,20 @@ impl Simulate {
 
     async fn submit(&self, session: &Session, names: &[String]) -> Result<Vec<Job>, Failure> {
         let mut jobs: Vec<Job> = Vec::new();
-        for ((phase, name), number) in self.phases.iter().zip(names).zip(0..) {
+        for ((pattern, name), number) in self.patterns.iter().zip(names).zip(0..) {
             let submitting = async {
                 let kind = job_spec::Kind::SimulateCapture(SimulateCapture {
                     display: names::display(&self.optics.display),
                     wavelength_m: self.optics.wavelength_m(),
-                    distance_m: self.optics.distance,
-                    phase: session.client.upload_file(phase).await?,
+                    place: Some(Place::at_m(self.optics.distance)),
+                    pattern: session.client.upload_file(pattern).await?,
                     seed: self.seed.wrapping_add(number),
                     elapsed_s: 3600.0 * self.hours,
                 });
                 let suffix = (names.len() > 1).then_some(name.as_str());
-                self.submission.submit(session, kind, &label_of(phase), suffix).await
+                self.submission.submit(session, kind, &label_of(pattern), suffix).await
             };
-            let job = submit_target(phase, &jobs, submitting).await?;
+            let job = submit_target(pattern, &jobs, submitting).await?;
             jobs.push(job);
         }
         Ok(jobs)
@@ -108,8 +108,8 @@ impl JobKind for SimulateCapture {
 
     fn spec_facts(&self, _: &Job, facts: &mut Facts) {
         facts.add("display", names::id(&self.display));
-        facts.add("optics", show::optics(self.wavelength_m, self.distance_m));
-        facts.add("hologram", &self.phase);
+        facts.add("optics", show::optics(self.wavelength_m, self.place.as_ref()));
+        facts.add("pattern", &self.pattern);
     }
 
     fn result_facts(&self, job: &Job, facts: &mut Facts) -> lightpath::Result<String> {

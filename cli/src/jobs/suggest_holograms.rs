@@ -9,7 +9,7 @@ use crate::session::Session;
 use crate::table::{Facts, Table};
 use clap::Args;
 use lightpath::suggest_result;
-use lightpath::v1::{Job, SuggestHolograms, SuggestResult, job_spec};
+use lightpath::v1::{Job, SuggestHolograms, SuggestHologramsResult, job_spec};
 use std::path::PathBuf;
 
 const HOLOGRAM: Destination =
@@ -66,7 +66,7 @@ impl Suggest {
         let job = self.submission.submit_and_wait(session, kind).await?;
         let found = suggest_result(&job)?;
         for (hologram, file) in found.holograms.iter().zip(&files) {
-            destination::save(session, &hologram.phase, file).await?;
+            destination::save(session, &hologram.pattern, file).await?;
         }
         session.print(found, suggestions)
     }
@@ -87,7 +87,7 @@ impl JobKind for SuggestHolograms {
 }
 
 /// A table of the holograms to photograph next.
-fn suggestions(found: &SuggestResult) -> String {
+fn suggestions(found: &SuggestHologramsResult) -> String {
     let mut table = Table::new(">hologram|picture~|>phase range??|>error|tells most about?|>error by this part???");
     for (index, hologram) in found.holograms.iter().enumerate() {
         table.row([

@@ -8,8 +8,8 @@ use crate::session::{Session, print_note};
 use crate::show;
 use crate::table::{Facts, Table};
 use clap::Args;
-use lightpath::v1::{Job, VerifyHologram, VerifyResult, job_spec};
-use lightpath::{names, units, verify_result};
+use lightpath::v1::{Job, VerifyHologram, VerifyHologramResult, job_spec};
+use lightpath::{Words as _, judgements, names, units, verify_result};
 
 /// Judge the holograms of a job by a slow, independent model, for all detectors.
 ///
@@ -60,23 +60,20 @@ impl JobKind for VerifyHologram {
 }
 
 /// A table of the opinions on each picture, for each detector.
-fn opinions(found: &VerifyResult) -> String {
+fn opinions(found: &VerifyHologramResult) -> String {
     let mut table =
         Table::new("wavelength??|distance|detector|>engine???|>independent???|>difference|>rows????|verdict?");
     for plane in &found.planes {
-        for (detector, opinion) in
-            [("point", plane.point), ("pixel", plane.pixel), ("supersampled", plane.supersampled)]
-        {
-            let opinion = opinion.unwrap_or_default();
+        for (engine, independent) in judgements::opinions(&plane.judgements) {
             table.row([
                 units::show_m(plane.wavelength_m),
-                units::show_m(plane.distance_m),
-                detector.to_owned(),
-                show::decibel(opinion.engine_psnr_db),
-                show::decibel(opinion.independent_psnr_db),
-                format!("{:+.3} dB", opinion.independent_psnr_db - opinion.engine_psnr_db),
-                opinion.rows.to_string(),
-                if opinion.contradicts { "contradicts" } else { "agrees" }.to_owned(),
+                show::place(plane.place.as_ref()),
+                independent.detector().word().to_owned(),
+                show::decibel(engine.psnr()),
+                show::decibel(independent.psnr()),
+                format!("{:+.3} dB", independent.psnr() - engine.psnr()),
+                independent.rows.to_string(),
+                if independent.contradicts { "contradicts" } else { "agrees" }.to_owned(),
             ]);
         }
     }
@@ -84,35 +81,43 @@ fn opinions(found: &VerifyResult) -> String {
 }
 
 /// Whether the independent model contradicts the engine for any picture and detector.
-fn has_contradiction(found: &VerifyResult) -> bool {
-    let opinions = found.planes.iter().flat_map(|plane| [plane.point, plane.pixel, plane.supersampled]);
-    opinions.flatten().any(|opinion| opinion.contradicts)
+fn has_contradiction(found: &VerifyHologramResult) -> bool {
+    found.planes.iter().flat_map(|plane| &plane.judgements).any(|judged| judged.contradicts)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use lightpath::v1::{SecondOpinion, verify_result::PlaneOpinion};
+    use lightpath::v1::{Detector, Judgement, Measure, Place, judgement, verify_hologram_result::PlaneOpinion};
 
     #[test]
     fn opinions_of_every_detector_are_compared() {
-        let opinion = |independent_psnr_db: f64| {
-            let contradicts = (independent_psnr_db - 40.0).abs() > 0.5;
-            SecondOpinion { rows: 8, engine_psnr_db: 40.0, independent_psnr_db, contradicts }
+        let opinion = |detector: Detector, psnr_db: f64| {
+            let measure = |value| Some(Measure { value, ..Measure::default() });
+            let engine = Judgement {
+                model: judgement::Model::Engine.into(),
+                detector: detector.into(),
+                rows: 8,
+                psnr_db: measure(40.0),
+                ..Judgement::default()
+            };
+            let contradicts = (psnr_db - 40.0).abs() > 0.5;
+            let model = judgement::Model::Independent.into();
+            [engine, Judgement { model, psnr_db: measure(psnr_db), contradicts, ..engine }]
         };
-        let planes = vec![PlaneOpinion {
-            wavelength_m: 515e-9,
-            distance_m: 0.15,
-            point: Some(opinion(40.0)),
-            pixel: Some(opinion(39.0)),
-            supersampled: Some(opinion(40.25)),
-        }];
-        let found = VerifyResult { planes };
+        let judged = [(Detector::Point, 40.0), (Detector::Pixel, 39.0), (Detector::Supersampled, 40.25)];
+        let found = VerifyHologramResult {
+            planes: vec![PlaneOpinion {
+                wavelength_m: 515e-9,
+                place: Some(Place::at_m(0.15)),
+                judgements: judged.into_iter().flat_map(|(detector, db)| opinion(detector, db)).collect(),
+            }],
+        };
         let text = opinions(&found);
         let words = |line: &str| line.split_whitespace().collect::<Vec<_>>().join(" ");
         let lines: Vec<_> = text.lines().skip(1).map(words).collect();
         assert_eq!(lines[1], "515 nm 150 mm pixel 40.0 dB 39.0 dB -1.000 dB 8 contradicts");
         assert_eq!(lines[2], "515 nm 150 mm supersampled 40.0 dB 40.2 dB +0.250 dB 8 agrees");
-        assert!(has_contradiction(&found) && !has_contradiction(&VerifyResult::default()));
+        assert!(has_contradiction(&found) && !has_contradiction(&VerifyHologramResult::default()));
     }
 }

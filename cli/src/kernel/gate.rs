@@ -34,14 +34,14 @@ pub(crate) struct Gate {
 
     /// Require this format, such as compact; may be given several times
     #[arg(long = "format", value_name = "FORMAT")]
-    forms: Vec<String>,
+    formats: Vec<String>,
 
     /// Accept versions that were measured to be no better than the ideal kernel
     #[arg(long)]
     allow_worse_than_ideal: bool,
 
     /// Set the default gate: not measured to be worse than the ideal kernel
-    #[arg(long, conflicts_with_all = ["better_than_active", "test_pairs", "forms", "allow_worse_than_ideal"])]
+    #[arg(long, conflicts_with_all = ["better_than_active", "test_pairs", "formats", "allow_worse_than_ideal"])]
     default: bool,
 
     /// Record this reason in the history, at most 1024 bytes [default: none]
@@ -69,7 +69,7 @@ impl Gate {
             || self.allow_worse_than_ideal
             || self.better_than_active.is_some()
             || self.test_pairs.is_some()
-            || !self.forms.is_empty();
+            || !self.formats.is_empty();
         if !sets && !self.reason.is_empty() {
             let fix = "--reason is for a new gate: give its options, or --default";
             return Err(Failure::Usage(fix.to_owned()));
@@ -79,7 +79,7 @@ impl Gate {
                 better_than_active_percent: self.better_than_active,
                 worse_than_ideal_allowed: self.allow_worse_than_ideal,
                 test_pairs_min: self.test_pairs.unwrap_or(0),
-                forms: self.forms,
+                formats: self.formats,
             };
             let request = v1::SetPromotionGateRequest { display, gate: Some(gate), reason: self.reason };
             session.client.set_promotion_gate(request).await?
@@ -125,13 +125,13 @@ fn rules(gate: &v1::PromotionGate) -> Vec<(&'static str, String)> {
     let percent = gate.better_than_active_percent;
     let better = percent.map_or_else(|| "not compared".to_owned(), |percent| format!("{percent} % less loss"));
     let ideal = if gate.worse_than_ideal_allowed { "may be worse" } else { "must not be worse" };
-    let mut forms = gate.forms.clone();
-    forms.push("those in use".to_owned());
+    let mut formats = gate.formats.clone();
+    formats.push("those in use".to_owned());
     vec![
         ("active version:", better),
         ("ideal kernel:", ideal.to_owned()),
         ("test pairs:", format!("at least {}", gate.test_pairs_min)),
-        ("formats:", forms.join(", ")),
+        ("formats:", formats.join(", ")),
     ]
 }
 

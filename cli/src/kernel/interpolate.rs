@@ -28,7 +28,7 @@ impl Interpolate {
         let request = v1::InterpolateKernelRequest {
             display: names::display(&self.optics.display),
             wavelength_m: self.optics.wavelength_m(),
-            distance_m: self.optics.distance,
+            place: Some(v1::Place::at_m(self.optics.distance)),
         };
         session.print(&session.client.interpolate_kernel(request).await?, version_facts)
     }

@@ -21,7 +21,7 @@ impl Nearest {
         let request = v1::FindNearestKernelsRequest {
             display: names::display(&self.optics.display),
             wavelength_m: self.optics.wavelength_m(),
-            distance_m,
+            place: Some(v1::Place::at_m(distance_m)),
         };
         session.print_list(
             &session.client.find_nearest_kernels(request).await?,
@@ -32,7 +32,11 @@ impl Nearest {
                     table.row([
                         kernel.name.clone(),
                         show::version_or_dash(kernel.active_version),
-                        units::show_m(kernel.distance_m - distance_m),
+                        kernel
+                            .place
+                            .as_ref()
+                            .and_then(v1::Place::distance_m)
+                            .map_or_else(|| "–".to_owned(), |there| units::show_m(there - distance_m)),
                         if kernel.interpolated { "interpolated" } else { "" }.to_owned(),
                     ]);
                 }

@@ -12,9 +12,6 @@ use clap::Args;
 use lightpath::v1::{self, Kernel, KernelVersion};
 use lightpath::{Words as _, names};
 
-/// Distances that differ by less than this are equal \[m\]. It is half of the server's unit, a nanometre.
-const SAME_DISTANCE_M: f64 = 0.5e-9;
-
 /// List kernels.
 #[derive(Debug, Args)]
 pub(crate) struct List {
@@ -54,23 +51,19 @@ pub(crate) struct Versions {
 impl List {
     pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
         let display = self.display.as_deref().map(names::display).unwrap_or_default();
-        // The server cannot filter by distance, so request all kernels and apply the limit after the filter.
-        let request_limit = if self.distance.is_some() { 0 } else { self.limit.limit };
-        let mut list = pages(request_limit, async |page_size, page_token| {
-            let request = v1::ListKernelsRequest { page_size, page_token, display: display.clone() };
+        let place = self.distance.map(v1::Place::at_m);
+        let list = pages(self.limit.limit, async |page_size, page_token| {
+            let (display, place) = (display.clone(), place);
+            let request = v1::ListKernelsRequest { page_size, page_token, display, place, ..Default::default() };
             session.client.list_kernels(request).await
         })
         .await?;
-        if let Some(distance_m) = self.distance {
-            list.kernels.retain(|kernel| (kernel.distance_m - distance_m).abs() < SAME_DISTANCE_M);
-            list.kernels.truncate(if self.limit.limit == 0 { usize::MAX } else { self.limit.limit as usize });
-        }
         session.print_pages(list, |kernels| {
             let mut table = Table::new("kernel|optics???|>active|>latest|from?|created????|age??");
             for kernel in kernels {
                 table.row([
                     kernel.name.clone(),
-                    show::optics(kernel.wavelength_m, kernel.distance_m),
+                    show::optics(kernel.wavelength_m, kernel.place.as_ref()),
                     show::version_or_dash(kernel.active_version),
                     show::version_or_dash(kernel.latest_version),
                     if kernel.interpolated { "interpolated" } else { "" }.to_owned(),
@@ -120,7 +113,7 @@ async fn versions(session: &Session, kernel: &str, limit: u32) -> Result<v1::Lis
 pub(super) fn kernel_facts(kernel: &Kernel) -> String {
     let mut facts = Facts::default();
     facts.add("kernel", &kernel.name);
-    facts.add("optics", show::optics(kernel.wavelength_m, kernel.distance_m));
+    facts.add("optics", show::optics(kernel.wavelength_m, kernel.place.as_ref()));
     facts.add(
         "active",
         match kernel.active_version {
@@ -189,7 +182,8 @@ pub(super) fn version_facts(version: &KernelVersion) -> String {
     facts.add("file", format!("{}, {}", version.artifact, show::bytes(version.size_bytes)));
     let lineage = version.lineage.clone().unwrap_or_default();
     if lineage.interpolated || lineage.datasets.len() > 1 {
-        let mut distances_m: Vec<f64> = lineage.datasets.iter().map(|dataset| dataset.distance_m).collect();
+        let mut distances_m: Vec<f64> =
+            lineage.datasets.iter().filter_map(|dataset| dataset.place.as_ref()?.distance_m()).collect();
         distances_m.sort_by(f64::total_cmp);
         let origin = if lineage.interpolated { "interpolated from" } else { "learned together" };
         facts.add(origin, show::lengths(distances_m));

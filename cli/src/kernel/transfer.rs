@@ -123,7 +123,7 @@ impl Import {
         let request = v1::ImportKernelRequest {
             display: names::display(&self.optics.display),
             wavelength_m: self.optics.wavelength_m(),
-            distance_m: self.optics.distance,
+            place: Some(v1::Place::at_m(self.optics.distance)),
             artifact: session.client.upload_file(&self.path).await?,
             from_another_display: self.from_another_display,
         };

@@ -45,9 +45,10 @@ target = np.kron(random.random((16, 24)), np.ones((8, 8)))
 own_db, independent_db = [], []
 for method in methods:
     hologram = display.optimize(target, distance=DISTANCE, propagation=method, iterations=40)
-    opinion = hologram.result.wavelengths[0].planes[0].second_opinion
-    own_db.append(opinion.engine_psnr_db)
-    independent_db.append(opinion.independent_psnr_db)
+    # Both models judge the same rows of the picture.
+    engine, independent = (each for each in hologram.result.wavelengths[0].planes[0].judgements if each.rows)
+    own_db.append(engine.psnr_db.value)
+    independent_db.append(independent.psnr_db.value)
     print(f"{method}: {own_db[-1]:.1f} dB by its own model, {independent_db[-1]:.1f} dB by the independent one")
 
 # %%

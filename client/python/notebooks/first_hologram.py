@@ -40,7 +40,7 @@ figure = plot.pictures(
     {"target": np.uint8(255) * target, "what it shows": hologram.reconstruction}, pixel_pitch_m=display.pixel_pitch_m
 )
 figure.savefig("figure-reconstruction.png")
-print(f"PSNR {hologram.quality.psnr_db:.1f} dB, efficiency {hologram.quality.diffraction_efficiency:.0%}")
+print(f"PSNR {hologram.quality.psnr_db.value:.1f} dB, efficiency {hologram.quality.diffraction_efficiency:.0%}")
 
 # %% [markdown]
 # The file goes to the display as it is.

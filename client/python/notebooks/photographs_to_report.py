@@ -46,7 +46,7 @@ dataset
 version = dataset.learn(epochs=3, refinement_evaluations=8, degree=5)
 kernel = version.promote()
 for part in version.metrics.parts:
-    print(part.title, f"explains {part.cost_db:.1f} dB")
+    print(part.title, f"explains {part.cost_db.value:.1f} dB")
 
 # %% [markdown]
 # How well the kernel predicts each photograph, beside ideal optics.

@@ -36,8 +36,9 @@ def test_missing_things_are_lookup_errors(lab: lightpath.Lab, bench: lightpath.D
     assert isinstance(caught.value, lightpath.NotFound)
     assert caught.value.field == "displays/none"
     assert caught.value.fix
-    with pytest.raises(lightpath.NotFound):
+    with pytest.raises(lightpath.MissingKernel, match="has no kernel there: learn one") as nowhere:
         bench.kernel(distance="30mm")
+    assert isinstance(nowhere.value, LookupError)
 
 
 def test_targets_that_are_no_pictures_are_refused_by_the_server(bench: lightpath.Display, tmp_path: Path) -> None:
@@ -148,16 +149,16 @@ def test_pauses_follow_the_table() -> None:
 
 def test_all_wrong_fields_are_named_at_once(bench: lightpath.Display) -> None:
     with pytest.raises(lightpath.InvalidRequest) as caught:
-        bench.optimize(target(1), distance=DISTANCE, iterations=20_000, frames=99, batch="x" * 200)
+        bench.optimize(target(1), distance=DISTANCE, iterations=20_000, subframes=99, batch="x" * 200)
     error = caught.value
-    fields = ["batch", "spec.optimize_hologram.iterations", "spec.optimize_hologram.frames"]
+    fields = ["batch", "spec.optimize_hologram.iterations", "spec.optimize_hologram.subframes"]
     assert [each.field for each in error.fields] == fields
     lines = str(error).splitlines()
     assert lines[0] == "3 fields of the request are wrong: (INVALID_FIELD)"
     assert [line.split()[0] for line in lines[1:]] == fields
     assert error.fix.splitlines()[1:] == [
         "spec.optimize_hologram.iterations: must be 1 to 10000",
-        "spec.optimize_hologram.frames: must be 1 to 24",
+        "spec.optimize_hologram.subframes: must be 1 to 24",
     ]
     assert [each.problem for each in error.fields] == ["has 200 bytes", "is 20000", "is 99"]
 

@@ -27,7 +27,7 @@ def test_hologram_has_phases_levels_and_the_picture_that_it_shows(bench: lightpa
     # The display of 8 bits has a linear response and no carrier.
     expected = np.rint(hologram.phase / (2 * np.pi) * 256).astype(int) % 256
     assert np.array_equal(expected, hologram.levels)
-    assert hologram.quality.psnr_db == hologram.result.wavelengths[0].planes[0].quantized_quality.pixel.psnr_db > 25
+    assert hologram.quality.psnr_db.value == hologram.judgement("displayed", "pixel").psnr_db.value > 25
     middle = (slice(10, 86), slice(16, 144))
     seen, wanted = (each[middle].ravel().astype(float) for each in (hologram.reconstruction, target(1)))
     assert np.corrcoef(seen, wanted)[0, 1] > 0.95
@@ -67,7 +67,7 @@ def test_tensors_are_pictures(bench: lightpath.Display) -> None:
         assert difference(bench.optimize(shape, distance=DISTANCE, iterations=2).phase, as_array) < 1e-4
 
 
-def test_colour_depth_and_frames(lab: lightpath.Lab, tmp_path: Path) -> None:
+def test_colour_depth_and_subframes(lab: lightpath.Lab, tmp_path: Path) -> None:
     wavelengths = ["638nm", "520nm", "450nm"]
     display = lab.create_display("rgb", resolution=(64, 48), pixel_pitch=8e-6, wavelength=wavelengths)
     colours = np.random.default_rng(1).random((48, 64, 3))
@@ -76,7 +76,7 @@ def test_colour_depth_and_frames(lab: lightpath.Lab, tmp_path: Path) -> None:
         distance=["10mm", "12mm"],
         wavelength=wavelengths,
         depth_map=target(3)[:, 16:144],
-        frames=2,
+        subframes=2,
         iterations=3,
     )
     assert hologram.phases.shape == (3, 2, 48, 64)
@@ -112,11 +112,11 @@ def test_options_reach_the_server(bench: lightpath.Display) -> None:
     spec = hologram.spec
     assert (spec.iterations, spec.learning_rate, spec.seed, spec.kernel) == (5, 0.2, 7, "ideal")
     assert spec.method == v1.HOLOGRAM_METHOD_ADAM
-    assert (spec.region_of_interest.x_px, spec.region_of_interest.height_px) == (8, 60)
+    assert (spec.region.x_px, spec.region.height_px) == (8, 60)
     assert spec.initial_phase.given.phases
     assert spec.weight_mask
     assert (hologram.job.batch, hologram.job.priority) == ("tests", 5)
-    assert hologram.quality.psnr_db == hologram.result.wavelengths[0].planes[0].quantized_quality.point.psnr_db
+    assert hologram.quality == hologram.judgement("displayed", "point")
 
 
 @pytest.mark.parametrize(

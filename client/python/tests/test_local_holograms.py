@@ -35,11 +35,12 @@ def test_the_same_request_gives_the_same_bytes_as_a_server(lab: lightpath.Lab, o
     assert here.levels_png == there.levels_png[0][0]
     assert here.reconstruction_png == there.reconstructions_png[0][0]
     assert here.loss == there.loss
-    plane = there.result.wavelengths[0].planes[0]
-    assert here.quality.pixel.psnr_db == plane.quality.pixel.psnr_db
-    assert here.quantized_quality.supersampled.psnr_db == plane.quantized_quality.supersampled.psnr_db
+    judgements = there.result.wavelengths[0].planes[0].judgements
+    independent = [each for each in judgements if each.model == lightpath.v1.Judgement.MODEL_INDEPENDENT]
+    assert here.quality.pixel.psnr_db == there.judgement("optimized", "pixel").psnr_db.value
+    assert here.quantized_quality.supersampled.psnr_db == there.judgement("displayed", "supersampled").psnr_db.value
     assert here.second_opinion is not None
-    assert here.second_opinion.independent_psnr_db == plane.second_opinion.independent_psnr_db
+    assert [here.second_opinion.independent_psnr_db] == [each.psnr_db.value for each in independent]
 
 
 def test_a_hologram_shows_its_target_in_plain_numpy() -> None:

@@ -92,15 +92,15 @@ def test_names_and_notes_never_become_markup(lab: lightpath.Lab) -> None:
 
 def test_kernels_and_evaluations_show_themselves(bench: lightpath.Display) -> None:
     metrics = v1.KernelMetrics(test_loss=1e-4, ideal_test_loss=1e-2)
-    metrics.parts.add(part="source", cost_db=3.21)
+    metrics.parts.add(name="source").cost_db.value = 3.21
     version = v1.KernelVersion(name="displays/a/kernels/k/versions/1", version=1, metrics=metrics)
     page = shown(lightpath.KernelVersion(bench._connection, version))
     assert "without source" in page
     assert "+3.2 dB" in page
     kernel = v1.Kernel(name="displays/a/kernels/k", active_version=2, aliases={"candidate": 3})
     assert "alias candidate" in shown(lightpath.Kernel(bench._connection, kernel))
-    pair = v1.EvaluateResult.PairLoss(pair="p1", split=v1.SPLIT_TEST, loss=0.5)
-    evaluation = lightpath.Evaluation("datasets/d", "active", v1.EvaluateResult(pairs=[pair]))
+    pair = v1.EvaluateKernelResult.PairLoss(pair="p1", split=v1.SPLIT_TEST, loss=0.5)
+    evaluation = lightpath.Evaluation("datasets/d", "active", v1.EvaluateKernelResult(pairs=[pair]))
     assert "p1" in shown(evaluation)
     assert evaluation.loss() == 0.5
 
@@ -130,7 +130,7 @@ def test_notebooks_show_target_loss_and_time_left(bench: lightpath.Display, note
 
 
 def test_notebooks_show_what_a_running_hologram_has_reached(bench: lightpath.Display, notebook: list[str]) -> None:
-    job = bench.submit_optimize(target(1), distance=DISTANCE, iterations=10_000, frames=8)
+    job = bench.submit_optimize(target(1), distance=DISTANCE, iterations=10_000, subframes=8)
     ending = threading.Thread(target=lambda: cancel_after(job, lambda: any("so far" in page for page in notebook)))
     ending.start()
     job.wait()

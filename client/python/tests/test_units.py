@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lightpath import InvalidArgument
-from lightpath.names import kernel_name, last_part, with_collection
+from lightpath.names import last_part, with_collection
 from lightpath.units import metres, resolution_px, show_length
 
 
@@ -53,8 +53,6 @@ def test_lengths_names_and_resolutions_are_written_as_people_and_the_server_do()
     assert [show_length(x) for x in (0.15, 8e-6, 515e-9, -0.0125, 0, 2.0)] == [
         "150 mm", "8 µm", "515 nm", "-12.5 mm", "0 m", "2 m",
     ]  # fmt: skip
-    assert kernel_name("displays/lab-2", 515e-9, 0.15) == "displays/lab-2/kernels/515nm-150mm"
-    assert kernel_name("displays/lab-2", 632.8e-9, -0.0125) == "displays/lab-2/kernels/632.8nm--12.5mm"
     assert with_collection("jobs", "jobs-1") == "jobs/jobs-1"
     assert with_collection("jobs", "jobs/1") == "jobs/1"
     assert last_part("displays/a/kernels/k/versions/3") == "3"

@@ -157,12 +157,14 @@ def second_opinion(studio: Studio) -> Image.Image:
     methods: list[tuple[Literal["band-response", "angular-spectrum"], str]]
     methods = [("band-response", "tab:blue"), ("angular-spectrum", "tab:orange")]
     for method, colour in methods:
-        promised, found = [], []
+        promised: list[float] = []
+        found: list[float] = []
         for distance in distances:
             hologram = display.optimize(studio.scene(), distance=f"{distance}mm", propagation=method)
-            opinion = hologram.result.wavelengths[0].planes[0].second_opinion
-            promised.append(opinion.engine_psnr_db)
-            found.append(opinion.independent_psnr_db)
+            for judged in hologram.result.wavelengths[0].planes[0].judgements:
+                if judged.rows:
+                    by_engine = judged.model == lightpath.v1.Judgement.MODEL_ENGINE
+                    (promised if by_engine else found).append(judged.psnr_db.value)
         axes.plot(distances, promised, "o--", color=colour, label=f"{method}: promised")
         axes.plot(distances, found, "o-", color=colour, label=f"{method}: found by the independent model")
     axes.set_xlabel("distance [mm]")

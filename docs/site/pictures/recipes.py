@@ -64,7 +64,7 @@ def depth_map(studio: Studio) -> Image.Image:
     )
 
 
-def frames(studio: Studio) -> Image.Image:
+def subframes(studio: Studio) -> Image.Image:
     """One frame, and the mean of eight, with a full range of phases."""
     display = studio.display("plain", simulated=None)
     start = lightpath.v1.OptimizeHologram.InitialPhase()
@@ -72,10 +72,10 @@ def frames(studio: Studio) -> Image.Image:
     shown: dict[str, Any] = {"target": grey(studio.scene())}
     for count in (1, 8):
         hologram = display.optimize(
-            studio.scene(), distance=DISTANCE, frames=count, initial_phase=start, detector="supersampled"
+            studio.scene(), distance=DISTANCE, subframes=count, initial_phase=start, detector="supersampled"
         )
-        name = "1 frame" if count == 1 else f"{count} frames"
-        shown[f"{name}, {hologram.quality.psnr_db:.1f} dB"] = hologram.reconstruction
+        name = "1 subframe" if count == 1 else f"{count} subframes"
+        shown[f"{name}, {hologram.quality.psnr_db.value:.1f} dB"] = hologram.reconstruction
     return strip(shown)
 
 
@@ -103,7 +103,7 @@ def several_distances(studio: Studio) -> Image.Image:
         datasets.append(dataset)
     for version in studio.lab.learn(datasets):
         version.promote()
-    request = lightpath.v1.InterpolateKernelRequest(display=display.name, distance_m=25e-3)
+    request = lightpath.v1.InterpolateKernelRequest(display=display.name, place=lightpath.v1.Place(distance_m=25e-3))
     studio.lab.connection.call(studio.lab.connection.kernels.InterpolateKernel, request)
     display.kernel(distance=DISTANCE).promote(1)
     shown: dict[str, Any] = {"target": grey(studio.scene())}
@@ -145,7 +145,7 @@ PICTURES: dict[str, Callable[[Studio], Image.Image]] = {
     "colour": colour,
     "focal-stack": focal_stack,
     "depth-map": depth_map,
-    "frames": frames,
+    "subframes": subframes,
     "few-levels": few_levels,
     "several-distances": several_distances,
     "camera-gaps": camera_gaps,

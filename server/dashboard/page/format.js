@@ -42,6 +42,11 @@ export function age(time) {
   return seconds < 5 ? "now" : `${Math.floor(seconds / unit)} ${name} ago`;
 }
 
+/** A place, such as `150 mm`. */
+export function placeText(place) {
+  return length(place.distanceM);
+}
+
 export function length(metres) {
   if (!Number.isFinite(metres)) return "–";
   const [unit, name] = metres >= 1 ? [1, "m"] : metres >= 1e-3 ? [1e-3, "mm"] : metres >= 1e-6 ? [1e-6, "µm"] : [1e-9, "nm"];

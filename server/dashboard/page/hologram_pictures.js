@@ -1,7 +1,7 @@
 // The pictures of a hologram's job: targets, reconstructions, errors, holograms as phases, and photographs of them.
 
 import { get } from "./api.js";
-import { length } from "./format.js";
+import { length, placeText } from "./format.js";
 
 /** Jobs among which photographs of a hologram are looked for. */
 const CAPTURES_MAX = 100;
@@ -40,30 +40,35 @@ function targetOf(spec, plane, wavelength, wavelengths) {
 export function hologramPictures(spec, result, wavelength, bitDepth = 8, photographs = []) {
   const wavelengths = result.wavelengths.map(({ wavelengthM }) => wavelengthM);
   const shown = wavelength.planes.flatMap((plane, p) => {
-    const at = length(plane.distanceM);
+    const at = placeText(plane.place);
     const target = targetOf(spec, spec.planes[p], wavelength.wavelengthM, wavelengths);
     return [
       { label: `target ${at}`, digest: target.digest, kind: "light", wish: { encoding: target.encoding }, fit: target.fit, group: at, profile: { encoding: target.encoding, colour: target.colour } },
       { label: `reconstruction ${at}`, digest: plane.reconstruction, kind: "light", group: at, profile: { encoding: "srgb" } },
-      ...photographs.filter(({ distanceM }) => distanceM === plane.distanceM).map(({ photo }) => photographPicture(`photograph ${at}`, photo, { group: at })),
+      ...photographs.filter(({ at: place }) => place === at).map(({ photo }) => photographPicture(`photograph ${at}`, photo, { group: at })),
       // With a depth map each pixel of the target counts in one plane only, so a difference would not be an error.
       !spec.depthMap && { label: `error ${at}: reconstruction − target`, digest: plane.reconstruction, kind: "error", wish: target.minus },
     ].filter(Boolean);
   });
-  wavelength.frames.forEach((frame, f) => shown.push(phasePicture(`hologram${wavelength.frames.length > 1 ? ` ${f + 1}` : ""}`, frame.phase, bitDepth)));
+  wavelength.subframes.forEach(({ pattern }, s) => shown.push(phasePicture(`pattern${wavelength.subframes.length > 1 ? ` ${s + 1}` : ""}`, pattern, bitDepth)));
   return shown;
 }
 
-/** The newest photograph of each distance that a simulated display made of these holograms: `{phase, distanceM, photo}`. */
-export async function photographsOf(display, holograms) {
+/** The newest photograph of each place that a simulated display made of these patterns: `{pattern, at, photo}`. */
+export async function photographsOf(display, patterns) {
   if (!display.simulatedBench) return [];
   const { jobs } = await get("jobs", { kind: "simulate_capture", state: "succeeded", display: display.name, pageSize: CAPTURES_MAX });
   const found = new Map();
   for (const { spec: { simulateCapture }, result } of jobs) {
-    const key = `${simulateCapture.phase} ${simulateCapture.distanceM}`;
-    if (holograms.includes(simulateCapture.phase) && !found.has(key)) {
-      found.set(key, { phase: simulateCapture.phase, distanceM: simulateCapture.distanceM, photo: result.capture.photo });
-    }
+    const [pattern, at] = [simulateCapture.pattern, placeText(simulateCapture.place)];
+    const key = `${pattern} ${at}`;
+    if (patterns.includes(pattern) && !found.has(key)) found.set(key, { pattern, at, photo: result.simulateCapture.photo });
   }
   return [...found.values()];
+}
+
+/** How well a hologram shows a plane, by the engine on the display's own orders; `undefined`: it was not measured. */
+export function judgementOf(plane, stage, detector) {
+  return plane.judgements.find((judged) => judged.model === "MODEL_ENGINE" && judged.orders === "ORDERS_OWN" && judged.rows === 0
+    && judged.stage === `STAGE_${stage}` && judged.detector === `DETECTOR_${detector.toUpperCase()}`);
 }

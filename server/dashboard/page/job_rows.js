@@ -33,7 +33,7 @@ export function updateProgress(root, job) {
 function timeOf(job) {
   if (job.state === "STATE_RUNNING") return progressOf(job) ?? "starts";
   if (job.error && job.state !== "STATE_SUCCEEDED") return h("span", { class: "reason" }, job.error.message);
-  const took = between(job.startTime, job.finishTime);
+  const took = between(job.startTime, job.endTime);
   return took === null ? "" : `took ${duration(took)}`;
 }
 

@@ -2,7 +2,7 @@
 
 import { get } from "./api.js";
 import { h } from "./dom.js";
-import { idOf, length } from "./format.js";
+import { idOf, length, placeText } from "./format.js";
 import { table } from "./table.js";
 
 /** A table of the origins of kernel versions, given as `[title, version]`; `null` stands for the ideal kernel. `heading` is that of the titles. */
@@ -13,7 +13,7 @@ export function originTable(heading, versions) {
     const { lineage } = version;
     const kernel = version.name.split("/versions/")[0];
     const datasets = (lineage?.datasets ?? []).map((dataset) => h("div", {}, dataset.name ? h("a", { href: `#/${dataset.name}` }, idOf(dataset.name)) : "of another server",
-      ` ${length(dataset.distanceM)}`, dataset.digest && h("small", { title: dataset.digest }, dataset.digest.slice(0, 15))));
+      ` ${placeText(dataset.place)}`, dataset.digest && h("small", { title: dataset.digest }, dataset.digest.slice(0, 15))));
     return h("tr", {}, first,
       h("td", {}, h("a", { href: `#/${kernel}` }, `${idOf(kernel)}, version ${version.version}`)),
       h("td", {}, lineage?.job ? h("a", { href: `#/${lineage.job}` }, idOf(lineage.job).slice(0, 13)) : "imported", lineage?.interpolated && ", interpolated"),
@@ -25,15 +25,8 @@ export function originTable(heading, versions) {
   return table("Kernels, and what they were learned from", [heading, "Kernel", "Learned by", "Datasets", ">Continues", ">Seed", ">Lightpath"], versions.map(row));
 }
 
-/** The kernel versions through which a hologram's job looks, as `[plane, version]` in the order of `job.kernelVersions`. */
-export async function versionsOfHologram(job, wavelengths) {
-  const spec = job.spec.optimizeHologram;
-  const { kernels } = await get(`${spec.display}/kernels`, { pageSize: 1000 });
-  const planes = wavelengths.flatMap((wavelengthM) => spec.planes.map(({ distanceM }) => ({ wavelengthM, distanceM })));
-  const isNear = (a, b) => Math.abs(a - b) <= 1e-9 * Math.abs(b);
-  return Promise.all(planes.map(async ({ wavelengthM, distanceM }, i) => {
-    const title = `${length(wavelengthM)}, ${length(distanceM)}`;
-    const kernel = kernels.find((kernel) => isNear(kernel.wavelengthM, wavelengthM) && isNear(kernel.distanceM, distanceM));
-    return [title, job.kernelVersions[i] && kernel ? await get(`${kernel.name}/versions/${job.kernelVersions[i]}`) : null];
-  }));
+/** The kernel versions through which a hologram's job looks, as `[plane, version]`; `null` stands for the ideal kernel. */
+export async function versionsOfHologram(job) {
+  return Promise.all(job.kernels.map(async ({ wavelengthM, place, kernelVersion }) =>
+    [`${length(wavelengthM)}, ${placeText(place)}`, kernelVersion ? await get(kernelVersion) : null]));
 }

@@ -32,7 +32,7 @@ export function versionReport(display) {
     if (key === shown) return;
     shown = key;
     figures?.end();
-    figures = job?.result ? reportFigures(job.result.report.figures) : null;
+    figures = job?.result ? reportFigures(job.result.reportKernel.figures) : null;
     show(element, h("section", {}, h("h2", {}, `What version ${version.version} learned`), summary(), figures?.element));
   });
 

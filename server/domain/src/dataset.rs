@@ -114,7 +114,7 @@ pub struct Pair {
     /// Id, unique in the dataset.
     pub id: String,
     /// Artifact digest of the hologram.
-    pub phase: String,
+    pub pattern: String,
     /// Artifact digest of the photograph.
     pub photo: String,
     /// Use of the pair. If it is not given, it is drawn when the dataset is finalized. `None` in a finalized dataset:
@@ -253,7 +253,7 @@ pub fn digest(dataset: &Dataset) -> String {
     let mut pairs: Vec<_> = dataset
         .pairs
         .iter()
-        .map(|pair| (pair.id.as_str(), pair.phase.as_str(), pair.photo.as_str(), pair.split))
+        .map(|pair| (pair.id.as_str(), pair.pattern.as_str(), pair.photo.as_str(), pair.split))
         .collect();
     pairs.sort_by_key(|pair| pair.0);
     let mut exposures: Vec<_> = dataset.pairs.iter().map(|pair| (&pair.id, pair.exposure)).collect();
@@ -290,7 +290,12 @@ mod tests {
 
     fn pairs(count: usize) -> Vec<Pair> {
         (0..count)
-            .map(|n| Pair { id: format!("p{n:02}"), phase: format!("a{n}"), photo: format!("b{n}"), ..Pair::default() })
+            .map(|n| Pair {
+                id: format!("p{n:02}"),
+                pattern: format!("a{n}"),
+                photo: format!("b{n}"),
+                ..Pair::default()
+            })
             .collect()
     }
 

@@ -11,11 +11,11 @@ use lightpath_domain::dataset::{
 };
 use lightpath_domain::display::Display;
 use lightpath_domain::job::{
-    AlignBy, CaptureResult, EvaluateKernel, EvaluateResult, FailureReason, Fit, FrameResult, HologramResult,
-    ImagePlane, JobError, JobResult, JobSpec, LearnKernel, LearnResult, LearnedKernel, OptimizeHologram, PairLoss,
-    PlaneOpinion, PlaneResult, PrepareDataset, PrepareResult, PrepareStep, Progress, ReportFigure, ReportKernel,
-    ReportResult, SimulateCapture, SplitCounts, SuggestHolograms, SuggestResult, SuggestedHologram, VerifyHologram,
-    VerifyResult, WavelengthResult,
+    AlignBy, CaptureResult, EvaluateKernel, EvaluateResult, FailureReason, Fit, HologramResult, ImagePlane, JobError,
+    JobResult, JobSpec, LearnKernel, LearnResult, LearnedKernel, OptimizeHologram, PairLoss, PlaneOpinion, PlaneResult,
+    PrepareDataset, PrepareResult, PrepareStep, Progress, ReportFigure, ReportKernel, ReportResult, SimulateCapture,
+    SplitCounts, Subframe, SuggestHolograms, SuggestResult, SuggestedHologram, VerifyHologram, VerifyResult,
+    WavelengthResult,
 };
 use lightpath_domain::kernel::{CapturedQuality, KernelKey, KernelLineage, KernelMetrics, LearnedDataset};
 use lightpath_domain::planning;
@@ -116,7 +116,7 @@ fn hologram_jobs_are_stored_as_before() {
         propagation: Some(ConvolutionMethod::BandLimited),
         method: HologramMethod::Adam { learning_rate: 0.1 },
         iterations: 200,
-        frames: 1,
+        subframes: 1,
         initial_phase: InitialPhase::Given(vec![digest(3), digest(4)]),
         seed: 7,
         loss: Loss { quantity: Quantity::Amplitude, speckle: 0.01, ..Loss::default() },
@@ -153,17 +153,18 @@ fn learning_capture_and_evaluation_jobs_are_stored_as_before() {
         region_of_interest: region(),
     };
     check_job("learn_kernel", &JobSpec::LearnKernel(learn));
-    let (phase, dataset) = (digest(1), "near".to_owned());
+    let (pattern, dataset) = (digest(1), "near".to_owned());
     let capture = SimulateCapture {
         display: display.clone(),
         wavelength: GREEN,
         distance: Distance { nm: -12_500_000 },
-        phase,
+        pattern,
         seed: 1,
         elapsed_s: 3600.0,
     };
     check_job("simulate_capture", &JobSpec::SimulateCapture(capture));
-    let evaluate = EvaluateKernel { dataset, display, kernel_version, region_of_interest: region() };
+    let kernel = KernelKey { display, wavelength: GREEN, distance: Distance { nm: 4_000_000 } };
+    let evaluate = EvaluateKernel { dataset, kernel, kernel_version, region_of_interest: region() };
     check_job("evaluate_kernel", &JobSpec::EvaluateKernel(evaluate));
 }
 
@@ -239,12 +240,12 @@ fn dataset_and_report_results_are_stored_as_before() {
         dataset_digest: Some(digest(4)),
         splits: SplitCounts { train: 6, validation: 1, test: 2, left_out: 1 },
     };
-    check_stored("prepare_result", &JobResult::Prepare(prepared));
+    check_stored("prepare_result", &JobResult::PrepareDataset(prepared));
     let figure = ReportFigure { name: "mtf.svg".to_owned(), title: "Contrast".to_owned(), artifact: digest(3) };
     let report = ReportResult { html: digest(1), arrays: digest(2), figures: vec![figure] };
-    check_stored("report_result", &JobResult::Report(report));
+    check_stored("report_result", &JobResult::ReportKernel(report));
     let suggested = SuggestedHologram {
-        phase: digest(4),
+        pattern: digest(4),
         picture: "portrait".to_owned(),
         phase_range_rad: 2.0,
         error_db: -1.5,
@@ -252,9 +253,9 @@ fn dataset_and_report_results_are_stored_as_before() {
         part_db: -3.0,
     };
     let suggestions = SuggestResult { holograms: vec![suggested], worth_photographs: 6.5 };
-    check_stored("suggest_result", &JobResult::Suggest(suggestions));
+    check_stored("suggest_result", &JobResult::SuggestHolograms(suggestions));
     let plane = PlaneOpinion { wavelength: GREEN, distance: NEAR, opinions: [OPINION; 3] };
-    check_stored("verify_result", &JobResult::Verify(VerifyResult { planes: vec![plane] }));
+    check_stored("verify_result", &JobResult::VerifyHologram(VerifyResult { planes: vec![plane] }));
 }
 
 #[test]
@@ -279,7 +280,7 @@ fn hologram_capture_and_evaluation_results_are_stored_as_before() {
     };
     let hologram = WavelengthResult {
         wavelength: GREEN,
-        frames: vec![FrameResult { phase: digest(1), phase_npy: digest(2) }],
+        subframes: vec![Subframe { pattern: digest(1), phase: digest(2) }],
         planes: vec![plane],
         intensity_scale: 1.5,
         loss: 0.125,
@@ -289,15 +290,19 @@ fn hologram_capture_and_evaluation_results_are_stored_as_before() {
     let holograms = HologramResult {
         wavelengths: vec![hologram],
         colour_reconstructions: Vec::new(),
+        detector: Detector::Pixel,
         iterations: 200,
         iteration_ms: 2.5,
     };
-    check_stored("hologram_result", &JobResult::Hologram(Box::new(holograms)));
-    check_stored("capture_result", &JobResult::Capture(CaptureResult { photo: digest(1), propagation: propagation() }));
+    check_stored("hologram_result", &JobResult::OptimizeHologram(Box::new(holograms)));
+    check_stored(
+        "capture_result",
+        &JobResult::SimulateCapture(CaptureResult { photo: digest(1), propagation: propagation() }),
+    );
     let pair = PairLoss { pair: "p01".to_owned(), split: Split::Test, loss: 0.5, loss_full_frame: 0.25 };
     check_stored(
         "evaluate_result",
-        &JobResult::Evaluate(EvaluateResult { pairs: vec![pair], propagation: propagation() }),
+        &JobResult::EvaluateKernel(EvaluateResult { pairs: vec![pair], propagation: propagation() }),
     );
 }
 
@@ -321,7 +326,7 @@ fn learning_results_are_stored_as_before() {
     ];
     check_stored(
         "learn_result",
-        &JobResult::Learn(LearnResult { kernels: vec![kernel], loss_history: vec![0.5], degree: 8, parts }),
+        &JobResult::LearnKernel(LearnResult { kernels: vec![kernel], loss_history: vec![0.5], degree: 8, parts }),
     );
 }
 

@@ -109,7 +109,7 @@ fn scored(request: &ScoreRequest, photo: &[u8], target: &[u8]) -> Result<(Scored
         picture.map_err(|error| unreadable(&Field::new(name), digest, &error))
     };
     let target = read("target", &request.target, target, request.target_encoding)?;
-    let field = Field::new("region_of_interest");
+    let field = Field::new("region");
     let (height_px, width_px) = target.size_px();
     let grid = Grid::try_new(height_px, width_px, PITCH_M)
         .map_err(|error| Field::new("target").invalid(error, "send a larger picture"))?;
@@ -126,7 +126,7 @@ fn refusal(photo: &str, error: PhotoScoreError) -> ServiceError {
             (if *name == "target" { "target" } else { "photo" }, error.to_string())
         }
         PhotoScoreError::Score(ScoreError::RegionOutside { .. } | ScoreError::Metric(_)) => {
-            ("region_of_interest", format!("cannot be compared: {error}"))
+            ("region", format!("cannot be compared: {error}"))
         }
         _ => ("photo", format!("({photo}): {error}")),
     };

@@ -112,7 +112,7 @@ impl Store {
                    or exists (select 1 from job_artifact a join job on job.id = a.job \
                        where a.artifact = $1 and job.display in (select id from own)) \
                    or exists (select 1 from pair join dataset on dataset.id = pair.dataset \
-                       where $1 in (pair.phase, pair.photo) and dataset.display in (select id from own)) \
+                       where $1 in (pair.pattern, pair.photo) and dataset.display in (select id from own)) \
                    or exists (select 1 from dataset where instr(alignment, $1) > 0 and display in (select id from own)) \
                    or exists (select 1 from kernel_version v join kernel on kernel.id = v.kernel \
                        where v.artifact = $1 and kernel.display in (select id from own))";

@@ -17,7 +17,7 @@ macro_rules! unreferenced {
             " where use_time_ms < $1 \
              and use_time_ms < coalesce((select min(create_time_ms) from job where checkpoint is not null), $1) \
              and not exists (select 1 from job_artifact where artifact = artifact.digest) \
-             and not exists (select 1 from pair where phase = artifact.digest) \
+             and not exists (select 1 from pair where pattern = artifact.digest) \
              and not exists (select 1 from pair where photo = artifact.digest) \
              and not exists (select 1 from dataset where instr(alignment, artifact.digest) > 0) \
              and not exists (select 1 from kernel_version where artifact = artifact.digest) ",

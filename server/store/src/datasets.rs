@@ -127,7 +127,7 @@ async fn delete(write: &mut Write, id: &str, now_ms: i64) -> Result<()> {
     }
     // Clients may be about to use the files in another dataset.
     let keep = "update artifact set use_time_ms = max(use_time_ms, $2) where digest in \
-                (select phase from pair where dataset = $1 union select photo from pair where dataset = $1)";
+                (select pattern from pair where dataset = $1 union select photo from pair where dataset = $1)";
     query(keep).bind((id, now_ms)).execute(write.sql()).await?;
     let delete = scalar("delete from dataset where id = $1 returning display");
     let display: Option<String> = delete.bind(id).fetch_optional(write.sql()).await?;
@@ -147,7 +147,7 @@ async fn add_pair(write: &mut Write, id: &str, pair: &Pair, findings: &[Finding]
         return Ok(dataset);
     }
     require_pair_allowed(&dataset, pair)?;
-    for digest in [&pair.phase, &pair.photo] {
+    for digest in [&pair.pattern, &pair.photo] {
         require_artifact(write.sql(), digest).await?;
     }
     let exposure =
@@ -155,9 +155,9 @@ async fn add_pair(write: &mut Write, id: &str, pair: &Pair, findings: &[Finding]
     let checks = pair.checks.as_ref().map(|checks| to_json("pair.checks", checks)).transpose()?;
     let (pair_findings, dataset_findings): (Vec<_>, Vec<_>) =
         findings.iter().partition(|finding| !finding.pair.is_empty());
-    let sql = "insert into pair (dataset, id, phase, photo, split, exposure, checks, findings) values ($1, $2, $3, $4, $5, $6, $7, $8)";
+    let sql = "insert into pair (dataset, id, pattern, photo, split, exposure, checks, findings) values ($1, $2, $3, $4, $5, $6, $7, $8)";
     query(sql)
-        .bind((id, &pair.id, &pair.phase, &pair.photo))
+        .bind((id, &pair.id, &pair.pattern, &pair.photo))
         .bind((pair.split.map(|split| to_word("pair.split", &split)).transpose()?, exposure, checks))
         .bind(to_json("pair.findings", &pair_findings)?)
         .execute(write.sql())
@@ -171,15 +171,15 @@ async fn add_pair(write: &mut Write, id: &str, pair: &Pair, findings: &[Finding]
 
 /// Whether the dataset contains the same pair. Returns an error if another pair has its id, hologram or photograph.
 async fn contains_pair(sql: &mut Connection, id: &str, pair: &Pair) -> Result<bool> {
-    let rows = query("select * from pair where dataset = $1 and (id = $2 or phase = $3 or photo = $4)")
-        .bind((id, &pair.id, &pair.phase, &pair.photo))
+    let rows = query("select * from pair where dataset = $1 and (id = $2 or pattern = $3 or photo = $4)")
+        .bind((id, &pair.id, &pair.pattern, &pair.photo))
         .fetch_all(sql)
         .await?;
     let stored: Vec<Pair> = rows.iter().map(pair_of).collect::<Result<_, _>>()?;
     let is_same = |stored: &Pair| {
         (pair.split.is_none() || pair.split == stored.split)
-            && (&stored.id, &stored.phase, &stored.photo, stored.exposure)
-                == (&pair.id, &pair.phase, &pair.photo, pair.exposure)
+            && (&stored.id, &stored.pattern, &stored.photo, stored.exposure)
+                == (&pair.id, &pair.pattern, &pair.photo, pair.exposure)
     };
     match stored.as_slice() {
         [] => Ok(false),
@@ -215,8 +215,8 @@ fn describe_conflict(dataset: &str, pair: &Pair, stored: &Pair) -> (String, Stri
         let resource = format!("pair \"{}\" of datasets/{dataset}", pair.id);
         return (resource, "with another hologram, photograph, exposure or split".to_owned());
     }
-    let resource = match pair.phase == stored.phase {
-        true => format!("hologram {} of datasets/{dataset}", pair.phase),
+    let resource = match pair.pattern == stored.pattern {
+        true => format!("pattern {} of datasets/{dataset}", pair.pattern),
         false => format!("photograph {} of datasets/{dataset}", pair.photo),
     };
     (resource, format!("in pair \"{}\"", stored.id))
@@ -263,7 +263,7 @@ fn dataset_of(row: &Row) -> Result<Dataset> {
 fn pair_of(row: &Row) -> Result<Pair> {
     let split: Option<String> = row.try_get("split")?;
     Ok(from_row!(row, Pair {
-        id, phase, photo;
+        id, pattern, photo;
         split: split.map(|word| from_word("pair.split", word)).transpose()?,
         exposure: json_option(row, "pair.exposure")?.unwrap_or_default(),
         checks: json_option(row, "pair.checks")?,

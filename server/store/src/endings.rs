@@ -208,13 +208,13 @@ async fn finish(
         JobEffect::None => {}
         JobEffect::Kernels(learned) => {
             let names = append_versions(write, learned, now_ms).await?;
-            if let JobResult::Learn(learn) = &mut result {
+            if let JobResult::LearnKernel(learn) = &mut result {
                 learn.kernels.iter_mut().zip(names).for_each(|(kernel, name)| kernel.kernel_version = name);
             }
         }
         JobEffect::Dataset(prepared) => {
             let dataset = store_prepared(write, *prepared, now_ms).await?;
-            if let JobResult::Prepare(result) = &mut result {
+            if let JobResult::PrepareDataset(result) = &mut result {
                 result.dataset_digest = dataset.digest;
             }
         }

@@ -3,6 +3,7 @@
 use super::changes::Change;
 use super::datasets::require_artifact;
 use super::displays::require_display;
+use super::kernel_filter::KernelFilter;
 use super::rows::{json, key_of, to_json, to_word, word};
 use super::sql::{Builder, Connection, Row, from_row, query, scalar};
 use super::write::Write;
@@ -37,13 +38,20 @@ impl Store {
         Ok(find(&mut read, key).await?.1)
     }
 
-    /// At most `limit` kernels in the order of their names (as `KernelKey` displays them), behind the name `after`.
-    pub async fn kernels(&self, display: Option<&str>, after: Option<&str>, limit: u32) -> Result<Vec<Kernel>> {
+    /// At most `limit` kernels that match the filter, in the order of their names (as `KernelKey` displays them), behind the
+    /// name `after`.
+    pub async fn kernels(&self, filter: &KernelFilter, after: Option<&str>, limit: u32) -> Result<Vec<Kernel>> {
         let mut query = Builder::new(KERNELS);
         query.push(" where name > ");
         query.push_bind(after.unwrap_or(""));
-        if let Some(display) = display {
+        if let Some(display) = &filter.display {
             query.push(" and display = ").push_bind(display);
+        }
+        if let Some(wavelength) = filter.wavelength {
+            query.push(" and wavelength_pm = ").push_bind(wavelength.pm);
+        }
+        if let Some(distance) = filter.distance {
+            query.push(" and distance_nm = ").push_bind(distance.nm);
         }
         query.push(" order by name limit ").push_bind(page(limit));
         query.build().fetch_all(self.readers()).await?.iter().map(kernel_of).collect()

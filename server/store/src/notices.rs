@@ -5,6 +5,7 @@
 //! workers look into the queue from time to time in any case. So a lost notice delays, and no more.
 
 use super::changes::Change;
+use super::kernel_filter::KernelFilter;
 use super::rows::to_json;
 use super::sql::scalar;
 use super::store::Inner;
@@ -83,7 +84,7 @@ impl Store {
         changes.extend(cancelled.into_iter().map(Change::Cancel));
         let mut after = None;
         loop {
-            let kernels = self.kernels(None, after.as_deref(), super::LIMIT_MAX).await?;
+            let kernels = self.kernels(&KernelFilter::default(), after.as_deref(), super::LIMIT_MAX).await?;
             let Some(last) = kernels.last() else { break };
             after = Some(last.key.to_string());
             changes.extend(kernels.into_iter().map(|kernel| Change::Kernel(kernel.key)));

@@ -80,7 +80,7 @@ impl HologramSetup {
             weight: plane.weight.clone(),
             share: plane.share,
         });
-        Ok(HologramProblem::with_planes(planes.collect(), spec.frames as usize, self.region, spec.loss)?)
+        Ok(HologramProblem::with_planes(planes.collect(), spec.subframes as usize, self.region, spec.loss)?)
     }
 
     pub(super) fn options(&self, spec: &OptimizeHologram) -> Result<HologramOptions, TaskError> {
@@ -110,7 +110,7 @@ impl HologramSetup {
                     ),
                 )
             })?;
-            let rows = spec.frames as usize * self.display.height_px();
+            let rows = spec.subframes as usize * self.display.height_px();
             let bytes = context.read_artifact(file)?;
             Ok::<_, TaskError>(pictures::phase_npy(&bytes, rows, self.display.width_px())?)
         })?;

@@ -65,7 +65,7 @@ pub(super) fn learn_result(context: &JobContext, version: &KernelVersion) -> Res
     }
     match context.wait(context.store().job(id)) {
         Ok(job) => Ok(match job.result {
-            Some(JobResult::Learn(learned)) => Some(learned),
+            Some(JobResult::LearnKernel(learned)) => Some(learned),
             _ => None,
         }),
         Err(StoreError::NotFound { .. }) => Ok(None),

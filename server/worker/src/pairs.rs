@@ -76,7 +76,7 @@ impl Pairs {
     fn read(&self, index: usize) -> Result<Pair, TaskError> {
         let pair = &self.pairs[index];
         let read = || -> Result<Pair, TaskError> {
-            let phase = self.captures.phase(&self.bytes(&pair.phase)?)?;
+            let phase = self.captures.phase(&self.bytes(&pair.pattern)?)?;
             let photo = self.captures.photo(pair, &self.bytes(&pair.photo)?)?;
             Ok(Pair { phase, photo })
         };

@@ -91,7 +91,7 @@ mod as_json {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use lightpath_domain::job::FrameResult;
+    use lightpath_domain::job::Subframe;
     use lightpath_domain::units::Wavelength;
     use lightpath_optics::hologram::{HologramMethod, HologramOptions, OptimizationState, initial_phase};
     use lightpath_optics::learning::bins::BinsState;
@@ -126,7 +126,7 @@ mod tests {
     fn states_of_holograms_are_read_back_exactly() {
         let finished = vec![WavelengthResult {
             wavelength: Wavelength { pm: 515_000 },
-            frames: vec![FrameResult { phase: "sha256-1".into(), phase_npy: "sha256-2".into() }],
+            subframes: vec![Subframe { pattern: "sha256-1".into(), phase: "sha256-2".into() }],
             planes: Vec::new(),
             intensity_scale: 0.1 + 0.2,
             loss: 1e-5,

@@ -1,4 +1,4 @@
-"""Submit a hologram with the client that was generated from the OpenAPI document, and download its phase.
+"""Submit a hologram with the client that was generated from the OpenAPI document, and download its pattern.
 
 Usage: submit.py URL TARGET
 """
@@ -20,9 +20,11 @@ from lightpath_http.models.display_input import DisplayInput
 from lightpath_http.models.job import Job
 from lightpath_http.models.job_result import JobResult
 from lightpath_http.models.job_spec_input import JobSpecInput
-from lightpath_http.models.hologram_result import HologramResult
+from lightpath_http.models.modulator_input import ModulatorInput
 from lightpath_http.models.optimize_hologram_image_plane_input import OptimizeHologramImagePlaneInput
 from lightpath_http.models.optimize_hologram_input import OptimizeHologramInput
+from lightpath_http.models.optimize_hologram_result import OptimizeHologramResult
+from lightpath_http.models.place_input import PlaceInput
 from lightpath_http.models.problem import Problem
 from lightpath_http.models.submit_job_request import SubmitJobRequest
 from lightpath_http.types import File
@@ -40,7 +42,7 @@ def accepted(answer: T | Problem | None) -> T:
 
 def request(target: str, iterations: int) -> SubmitJobRequest:
     """Return the request for a hologram."""
-    plane = OptimizeHologramImagePlaneInput(distance_m=0.02, target=target)
+    plane = OptimizeHologramImagePlaneInput(place=PlaceInput(distance_m=0.02), target=target)
     hologram = OptimizeHologramInput(display="displays/python", planes=[plane], iterations=iterations)
     return SubmitJobRequest(spec=JobSpecInput(optimize_hologram=hologram))
 
@@ -59,7 +61,9 @@ def main() -> None:
     url, picture = sys.argv[1:]
     client = Client(base_url=url)
     display = DisplayInput(
-        name="displays/python", width_px=96, height_px=64, pixel_pitch_m=8e-6, wavelengths_m=[515e-9]
+        name="displays/python",
+        modulator=ModulatorInput(width_px=96, height_px=64, pixel_pitch_xm=8e-6),
+        wavelengths_m=[515e-9],
     )
     accepted(display_service_create_display.sync(client=client, body=display))
     file = File(payload=BytesIO(Path(picture).read_bytes()))
@@ -77,10 +81,10 @@ def main() -> None:
     job = ended(client, job)
     assert job.state == "STATE_SUCCEEDED", job
     assert isinstance(job.result, JobResult), job
-    assert isinstance(job.result.hologram, HologramResult), job
-    digest = job.result.hologram.wavelengths[0].frames[0].phase
-    phase = accepted(artifact_content.sync(client=client, digest=digest))
-    found = "sha256-" + hashlib.sha256(phase.payload.read()).hexdigest()
+    assert isinstance(job.result.optimize_hologram, OptimizeHologramResult), job
+    digest = job.result.optimize_hologram.wavelengths[0].subframes[0].pattern
+    pattern = accepted(artifact_content.sync(client=client, digest=digest))
+    found = "sha256-" + hashlib.sha256(pattern.payload.read()).hexdigest()
     assert found == digest, (found, digest)
     print(f"Python: {job.name} made {digest}")
 

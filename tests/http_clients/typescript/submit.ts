@@ -1,5 +1,5 @@
 // Submits a hologram with the client that was generated from the OpenAPI document, follows it by its events, and downloads its
-// phase.
+// pattern.
 //
 // Usage: node submit.js URL TARGET
 
@@ -24,7 +24,7 @@ function accepted<T>({ data, error }: { data?: T; error?: unknown }): T {
 }
 
 function request(target: string, iterations: number): Request {
-  const planes = [{ distanceM: 0.02, target }];
+  const planes = [{ place: { distanceM: 0.02 }, target }];
   return { spec: { optimizeHologram: { display: "displays/typescript", planes, iterations } } };
 }
 
@@ -39,7 +39,7 @@ async function ended(name: string): Promise<Job> {
   return JSON.parse(data.slice("data: ".length)) as Job;
 }
 
-const display = { name: "displays/typescript", widthPx: 96, heightPx: 64, pixelPitchM: 8e-6, wavelengthsM: [515e-9] };
+const display = { name: "displays/typescript", modulator: { widthPx: 96, heightPx: 64, pixelPitchXM: 8e-6 }, wavelengthsM: [515e-9] };
 accepted(await client.POST("/v1/displays", { body: display }));
 const target = accepted(await client.POST("/v1/artifacts", {
   // The generated type of bytes is a text.
@@ -58,12 +58,12 @@ const submitted = await submit();
 assert.equal((await submit()).name, submitted.name);
 const job = await ended(submitted.name);
 assert.equal(job.state, "STATE_SUCCEEDED");
-const digest = job.result?.hologram?.wavelengths[0]?.frames[0]?.phase;
+const digest = job.result?.optimizeHologram?.wavelengths[0]?.subframes[0]?.pattern;
 assert(digest);
-const phase = accepted(await client.GET("/v1/artifacts/{digest}/content", {
+const pattern = accepted(await client.GET("/v1/artifacts/{digest}/content", {
   params: { path: { digest } },
   parseAs: "arrayBuffer",
 }));
-const found = `sha256-${createHash("sha256").update(new Uint8Array(phase)).digest("hex")}`;
+const found = `sha256-${createHash("sha256").update(new Uint8Array(pattern)).digest("hex")}`;
 assert.equal(found, digest);
 console.log(`TypeScript: ${job.name} made ${digest}`);

@@ -89,7 +89,7 @@ async fn hoard(field: Field) {
     let mut streams = Vec::new();
     while !field.end.is_cancelled() {
         let fetch = v1::FetchKernelRequest {
-            kernel: names::kernel("learned", WAVELENGTH_M, DISTANCE_M),
+            kernel: "displays/learned/kernels/515nm-50mm".to_owned(),
             version: 1,
             format: v1::KernelFormat::Complex64.into(),
             offset_bytes: 0,
@@ -180,7 +180,7 @@ async fn import(field: Field, file: impl Fn(&HostileFiles) -> &Vec<u8>) {
         let import = v1::ImportKernelRequest {
             display: names::display("learned"),
             wavelength_m: WAVELENGTH_M,
-            distance_m: DISTANCE_M,
+            place: Some(v1::Place::at_m(DISTANCE_M)),
             artifact: artifact.clone(),
             ..Default::default()
         };

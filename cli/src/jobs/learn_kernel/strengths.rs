@@ -2,15 +2,14 @@
 //! could not show.
 
 use crate::table::Facts;
-use lightpath::v1::LearnResult;
-use lightpath::v1::learn_result::Part;
+use lightpath::v1::{LearnKernelResult, Part};
 
 /// Adds the parts of the display to the facts about a result.
-pub(super) fn add(result: &LearnResult, facts: &mut Facts) {
-    for Part { name, text, .. } in result.parts.iter().filter(|part| part.kept) {
+pub(super) fn add(result: &LearnKernelResult, facts: &mut Facts) {
+    for Part { name, text, .. } in result.parts.iter().filter(|part| part.kept()) {
         facts.add(&name.replace('_', " "), text);
     }
-    let hidden = result.parts.iter().filter(|part| !part.kept && !part.text.is_empty());
+    let hidden = result.parts.iter().filter(|part| !part.kept() && !part.text.is_empty());
     let hidden: Vec<String> = hidden.map(|part| format!("{} up to {}", part.title, part.text)).collect();
     facts.add_some("could be hidden", (!hidden.is_empty()).then(|| hidden.join("; ")));
 }
@@ -24,7 +23,7 @@ mod tests {
         let part = |name: &str, title: &str, kept, text: &str| Part {
             name: name.to_owned(),
             title: title.to_owned(),
-            kept,
+            kept: Some(kept),
             text: text.to_owned(),
             ..Default::default()
         };
@@ -34,7 +33,7 @@ mod tests {
             part("ghost", "ghost", false, ""),
         ];
         let mut facts = Facts::default();
-        add(&LearnResult { parts, ..Default::default() }, &mut facts);
+        add(&LearnKernelResult { parts, ..Default::default() }, &mut facts);
         let text = facts.text();
         assert!(text.contains("light blur"), "{text}");
         assert!(text.contains("σ 0.45 ± 0.01 px along x, 0.300 ± 0.002 px along y"), "{text}");

@@ -42,12 +42,12 @@ pub(super) struct OptimizationOptions {
 
     /// Compute this many phases per hologram, 1 to 24, to be shown so fast that the eye sees the mean of their light
     #[arg(long, value_name = "N", default_value_t = 1)]
-    frames: u32,
+    subframes: u32,
 
     /// Choose the phase that the search starts from: random; back-propagated (the targets propagated back to the SLM);
     /// quadratic, or quadratic:200mm with a focal length; constant, or constant:1.5 in radians; or .npy files of
     /// radians (float32), one per wavelength, separated by commas [default: back-propagated, within 1 rad, or 0 rad
-    /// with the detector supersampled; but random with --phase-range, with several --frames and for gerchberg-saxton,
+    /// with the detector supersampled; but random with --phase-range, with several --subframes and for gerchberg-saxton,
     /// and constant for double-phase]
     #[arg(long, value_name = "KIND", value_parser = initial_phase, allow_hyphen_values = true)]
     initial_phase: Option<Start>,
@@ -58,7 +58,7 @@ pub(super) struct OptimizationOptions {
     phase_range: Option<f64>,
 
     /// Set the seed of the random part of the initial phase
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
 
     /// Choose the quantity that is compared with the target
@@ -86,7 +86,7 @@ pub(super) struct OptimizationOptions {
 
     /// Compare pictures only in this region: x,y,width,height in pixels [default: the middle 80 % of each axis]
     #[arg(long, value_name = "X,Y,W,H", value_parser = region)]
-    roi: Option<v1::RegionOfInterest>,
+    region: Option<v1::Region>,
 
     /// Use the display's grey levels and phase response in the last third of the steps, so that quantization costs less
     /// quality; only with adam and lbfgs
@@ -176,12 +176,12 @@ impl OptimizationOptions {
             method: self.method.into(),
             iterations: self.iterations,
             learning_rate: self.learning_rate.unwrap_or(0.0),
-            frames: self.frames,
+            subframes: self.subframes,
             initial_phase: self.initial_phase(session).await?,
             seed: self.seed,
             loss: Some(loss),
             detector: self.detector.into(),
-            region_of_interest: self.roi,
+            region: self.region,
             weight_mask,
             quantization_aware: self.quantization_aware,
             ..spec

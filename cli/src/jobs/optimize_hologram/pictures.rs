@@ -8,7 +8,7 @@ use crate::jobs::submission::label_of;
 use crate::session::Session;
 use clap::Args;
 use lightpath::names;
-use lightpath::v1::{OptimizeHologram, optimize_hologram::ImagePlane};
+use lightpath::v1::{OptimizeHologram, Place, optimize_hologram::ImagePlane};
 use std::path::PathBuf;
 
 /// Target pictures with their display, distances and wavelengths.
@@ -126,14 +126,17 @@ impl Pictures {
         spec.wavelengths_m.clone_from(&self.wavelengths);
         for plane in &self.planes {
             spec.planes.push(ImagePlane {
-                distance_m: plane.distance_m,
+                place: Some(Place::at_m(plane.distance_m)),
                 target: session.client.upload_file(&plane.file).await?,
                 weight: plane.weight,
             });
         }
         if let Some(target) = self.targets.get(index) {
             let target = session.client.upload_file(target).await?;
-            let plane = |&distance_m: &f64| ImagePlane { distance_m, target: target.clone(), weight: 0.0 };
+            let plane = |&distance_m: &f64| {
+                let place = Some(Place::at_m(distance_m));
+                ImagePlane { place, target: target.clone(), weight: 0.0 }
+            };
             spec.planes.extend(self.distances.iter().map(plane));
         }
         if let Some(map) = &self.depth_map {

@@ -2,53 +2,56 @@
 
 use crate::show;
 use crate::table::Table;
-use lightpath::v1::{PropagationMethod, Quality, SecondOpinion, hologram_result::PlaneResult};
+use lightpath::Words as _;
+use lightpath::judgements::{self, judgement};
+use lightpath::v1::{Detector, Judgement, PropagationMethod, judgement::Stage, optimize_hologram_result::PlaneResult};
 
-/// A table of all metrics for each detector: for the phase as optimized and as quantized for the display.
+/// A table of all metrics for each detector: for the phase as optimized and as displayed in levels.
 pub(super) fn table(plane: &PlaneResult) -> String {
     let mut table =
         Table::new("detector|phase|>PSNR|>SSIM?|>MS-SSIM???|>efficiency??|>in frame????|>speckle contrast?????");
-    let by_detector =
-        |quality: Quality| [quality.point, quality.pixel, quality.supersampled].map(Option::unwrap_or_default);
-    let phases = [("as optimized", plane.quality), ("quantized", plane.quantized_quality)];
-    let phases: Vec<_> =
-        phases.into_iter().filter_map(|(phase, quality)| Some((phase, by_detector(quality?)))).collect();
-    for (i, detector) in ["point", "pixel", "supersampled"].into_iter().enumerate() {
-        for (phase, qualities) in &phases {
-            let quality = &qualities[i];
+    let mut rows = 0;
+    for detector in [Detector::Point, Detector::Pixel, Detector::Supersampled] {
+        for (phase, stage) in [("as optimized", Stage::Optimized), ("displayed", Stage::Displayed)] {
+            let Some(judged) = judgement(&plane.judgements, stage, detector) else { continue };
+            rows += 1;
             table.row([
-                detector.to_owned(),
-                (*phase).to_owned(),
-                show::decibel(quality.psnr_db),
-                similarity(quality.ssim),
-                similarity(quality.ms_ssim),
-                percent(quality.diffraction_efficiency),
-                percent(quality.frame_efficiency),
-                or_dash(quality.speckle_contrast, |contrast| format!("{contrast:.3}")),
+                detector.word().to_owned(),
+                phase.to_owned(),
+                show::decibel(judged.psnr()),
+                similarity(judged.ssim),
+                similarity(judged.ms_ssim),
+                or_dash(judged.diffraction_efficiency, percent),
+                or_dash(judged.frame_efficiency, percent),
+                or_dash(judged.speckle_contrast, |contrast| format!("{contrast:.3}")),
             ]);
         }
     }
-    if phases.is_empty() { String::new() } else { table.text() }
+    if rows == 0 { String::new() } else { table.text() }
 }
 
-/// What the quantized hologram would show on a display of the other kind, for example `21.3 dB on a display that shows
-/// all diffraction orders`; `None`: unknown.
+/// The PSNR to believe: what a photograph is expected to show \[dB\]; `None`: it was not measured.
+pub(crate) fn headline_db(plane: &PlaneResult) -> Option<f64> {
+    plane.judgements.iter().find(|judged| judged.headline).map(Judgement::psnr)
+}
+
+/// What the hologram would show on a display of the other kind, for example `21.3 dB on a display that shows all
+/// diffraction orders`; `None`: unknown.
 pub(super) fn other_orders(plane: &PlaneResult) -> Option<String> {
-    let psnr = show::decibel(plane.other_orders_psnr_db?);
+    let psnr = show::decibel(judgements::other_orders(&plane.judgements)?.psnr());
     let shows_all = plane.propagation.as_ref().is_some_and(|report| report.method() == PropagationMethod::AllOrders);
     let other =
         if shows_all { "that shows only the first diffraction order" } else { "that shows all diffraction orders" };
-    Some(format!("{psnr} (pixel, quantized) on a display {other}"))
+    Some(format!("{psnr} (pixel, displayed) on a display {other}"))
 }
 
-/// The second opinion on the quantized hologram, for example `agrees: the independent model finds -0.02 dB on 8
+/// The second opinion on the displayed hologram, for example `agrees: the independent model finds -0.02 dB on 8
 /// rows`; `None`: there is none.
 pub(super) fn second_opinion(plane: &PlaneResult) -> Option<String> {
-    let opinion = plane.second_opinion?;
-    let SecondOpinion { rows, engine_psnr_db, independent_psnr_db, contradicts } = opinion;
-    let difference_db = independent_psnr_db - engine_psnr_db;
-    Some(if contradicts {
-        let (engine, independent) = (show::decibel(engine_psnr_db), show::decibel(independent_psnr_db));
+    let (engine, independent) = judgements::opinions(&plane.judgements).next()?;
+    let (rows, difference_db) = (independent.rows, independent.psnr() - engine.psnr());
+    Some(if independent.contradicts {
+        let (engine, independent) = (show::decibel(engine.psnr()), show::decibel(independent.psnr()));
         format!("contradicts: {independent} by the independent model, {engine} by the engine, on the same {rows} rows")
     } else {
         format!("agrees: the independent model finds {difference_db:+.2} dB on {rows} rows")
@@ -56,14 +59,23 @@ pub(super) fn second_opinion(plane: &PlaneResult) -> Option<String> {
 }
 
 /// Six cells: PSNR of the optimized phase for the detectors point, pixel and supersampled, then PSNR, SSIM and
-/// diffraction efficiency of the quantized phase for the detector pixel.
-pub(super) fn summary(plane: PlaneResult) -> [String; 6] {
-    let Quality { point, pixel, supersampled } = plane.quality.unwrap_or_default();
-    let quantized = plane.quantized_quality.and_then(|quality| quality.pixel).unwrap_or_default();
-    let [point, pixel, supersampled] =
-        [point, pixel, supersampled].map(|quality| show::decibel(quality.unwrap_or_default().psnr_db));
-    let (psnr, efficiency) = (show::decibel(quantized.psnr_db), percent(quantized.diffraction_efficiency));
-    [point, pixel, supersampled, psnr, similarity(quantized.ssim), efficiency]
+/// diffraction efficiency of the displayed phase for the detector pixel.
+pub(super) fn summary(plane: &PlaneResult) -> [String; 6] {
+    let optimized = [Detector::Point, Detector::Pixel, Detector::Supersampled].map(|detector| {
+        let judged = judgement(&plane.judgements, Stage::Optimized, detector);
+        or_dash(judged.map(Judgement::psnr), show::decibel)
+    });
+    let displayed = judgement(&plane.judgements, Stage::Displayed, Detector::Pixel);
+    let [point, pixel, supersampled] = optimized;
+    let efficiency = displayed.and_then(|judged| judged.diffraction_efficiency);
+    [
+        point,
+        pixel,
+        supersampled,
+        or_dash(displayed.map(Judgement::psnr), show::decibel),
+        similarity(displayed.and_then(|judged| judged.ssim)),
+        or_dash(efficiency, percent),
+    ]
 }
 
 /// An SSIM value, for example `0.9876`, or `–`.
@@ -83,42 +95,69 @@ fn or_dash(value: Option<f64>, show: impl Fn(f64) -> String) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use lightpath::v1::{SeenQuality, ValidityReport};
+    use lightpath::v1::judgement::{Model, Orders};
+    use lightpath::v1::{Measure, ValidityReport};
+
+    fn judged(detector: Detector, psnr_db: f64) -> Judgement {
+        Judgement {
+            model: Model::Engine.into(),
+            stage: Stage::Optimized.into(),
+            detector: detector.into(),
+            orders: Orders::Own.into(),
+            psnr_db: Some(Measure { value: psnr_db, ..Measure::default() }),
+            ..Judgement::default()
+        }
+    }
+
+    fn plane(judgements: Vec<Judgement>) -> PlaneResult {
+        PlaneResult { judgements, ..PlaneResult::default() }
+    }
 
     #[test]
     fn quality_table_has_every_detector_and_dashes_for_unknown_values() {
-        let point = SeenQuality { psnr_db: 46.31, ..SeenQuality::default() };
-        let pixel = SeenQuality {
-            psnr_db: 27.7,
+        let pixel = Judgement {
             ssim: Some(0.912_34),
             ms_ssim: Some(0.987_65),
-            diffraction_efficiency: 0.712_3,
-            frame_efficiency: 0.95,
+            diffraction_efficiency: Some(0.712_3),
+            frame_efficiency: Some(0.95),
             speckle_contrast: Some(0.0314),
+            ..judged(Detector::Pixel, 27.7)
         };
-        let quality = Quality { point: Some(point), pixel: Some(pixel), supersampled: None };
-        let plane = PlaneResult { quality: Some(quality), ..PlaneResult::default() };
-        let text = table(&plane);
+        let shown = plane(vec![judged(Detector::Point, 46.31), pixel]);
+        let text = table(&shown);
         let lines: Vec<&str> = text.lines().collect();
-        assert_eq!(lines.len(), 4, "{text}");
+        assert_eq!(lines.len(), 3, "{text}");
         let words = |line: &str| line.split_whitespace().collect::<Vec<_>>().join(" ");
-        assert_eq!(words(lines[1]), "point as optimized 46.3 dB – – 0.0 % 0.0 % –");
+        assert_eq!(words(lines[1]), "point as optimized 46.3 dB – – – – –");
         assert_eq!(words(lines[2]), "pixel as optimized 27.7 dB 0.9123 0.9877 71.2 % 95.0 % 0.031");
-        assert_eq!(other_orders(&plane), None);
-        let report = ValidityReport { method: PropagationMethod::AllOrders.into(), ..ValidityReport::default() };
-        let seen = PlaneResult { other_orders_psnr_db: Some(21.34), propagation: Some(report), ..plane.clone() };
-        let text = "21.3 dB (pixel, quantized) on a display that shows only the first diffraction order";
-        assert_eq!(other_orders(&seen).as_deref(), Some(text));
         assert_eq!(table(&PlaneResult::default()), "");
-        assert_eq!(second_opinion(&plane), None);
-        let opinion = |independent_psnr_db: f64| {
-            let contradicts = (independent_psnr_db - 40.0).abs() > 0.5;
-            SecondOpinion { rows: 8, engine_psnr_db: 40.0, independent_psnr_db, contradicts }
+        assert_eq!(summary(&shown), ["46.3 dB", "27.7 dB", "–", "–", "–", "–"]);
+        assert_eq!((other_orders(&shown), second_opinion(&shown), headline_db(&shown)), (None, None, None));
+    }
+
+    #[test]
+    fn other_orders_and_the_second_opinion_are_told_apart_from_the_headline() {
+        let displayed = Judgement { stage: Stage::Displayed.into(), ..judged(Detector::Pixel, 40.25) };
+        let headline = Judgement { headline: true, ..displayed };
+        let others = Judgement { orders: Orders::Other.into(), ..judged(Detector::Pixel, 21.34) };
+        let opinion = |db: f64| {
+            let engine =
+                Judgement { rows: 8, ..Judgement { psnr_db: judged(Detector::Pixel, 40.0).psnr_db, ..displayed } };
+            let psnr_db = judged(Detector::Pixel, db).psnr_db;
+            let contradicts = (db - 40.0).abs() > 0.5;
+            [engine, Judgement { model: Model::Independent.into(), psnr_db, contradicts, ..engine }]
         };
-        let judged = |db| second_opinion(&PlaneResult { second_opinion: Some(opinion(db)), ..plane.clone() }).unwrap();
-        assert_eq!(judged(39.98), "agrees: the independent model finds -0.02 dB on 8 rows");
+        let report = ValidityReport { method: PropagationMethod::AllOrders.into(), ..ValidityReport::default() };
+        let with = |db| {
+            let judgements = [headline, others].into_iter().chain(opinion(db)).collect();
+            PlaneResult { propagation: Some(report.clone()), ..plane(judgements) }
+        };
+        assert_eq!(headline_db(&with(39.98)), Some(40.25));
+        let text = "21.3 dB (pixel, displayed) on a display that shows only the first diffraction order";
+        assert_eq!(other_orders(&with(39.98)).as_deref(), Some(text));
+        let agrees = "agrees: the independent model finds -0.02 dB on 8 rows";
+        assert_eq!(second_opinion(&with(39.98)).as_deref(), Some(agrees));
         let text = "contradicts: 38.0 dB by the independent model, 40.0 dB by the engine, on the same 8 rows";
-        assert_eq!(judged(38.0), text);
-        assert_eq!(summary(plane), ["46.3 dB", "27.7 dB", "0.0 dB", "0.0 dB", "–", "0.0 %"]);
+        assert_eq!(second_opinion(&with(38.0)).as_deref(), Some(text));
     }
 }

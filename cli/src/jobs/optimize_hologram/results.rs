@@ -23,20 +23,19 @@ pub(super) fn results(items: &[Item]) -> String {
         return result_facts(item, result);
     }
     let mut table = Table::new(
-        "target~|kernel~????|>point?????|>pixel|>supersampled?????|>quantized pixel?|>SSIM??|>ms/iteration?????|\
+        "target~|kernel~????|>point?????|>pixel|>supersampled?????|>displayed pixel?|>SSIM??|>ms/iteration?????|\
          job???",
     );
     for (item, result) in succeeded {
-        let first = result.wavelengths.first().and_then(|wavelength| wavelength.planes.first());
-        let [point, pixel, supersampled, quantized, similarity, _] =
-            quality::summary(first.cloned().unwrap_or_default());
+        let first = result.wavelengths.first().and_then(|wavelength| wavelength.planes.first().cloned());
+        let [point, pixel, supersampled, displayed, similarity, _] = quality::summary(&first.unwrap_or_default());
         table.row([
             item.name.clone(),
-            show::kernel_versions(&item.job.kernel_versions),
+            show::used_kernels(&item.job.kernels),
             point,
             pixel,
             supersampled,
-            quantized,
+            displayed,
             similarity,
             format!("{:.1}", result.iteration_ms),
             names::id(&item.job.name).to_owned(),
@@ -49,32 +48,32 @@ pub(super) fn results(items: &[Item]) -> String {
 }
 
 /// The notes about a result, each once.
-fn notes(result: &v1::HologramResult) -> impl Iterator<Item = &str> {
+fn notes(result: &v1::OptimizeHologramResult) -> impl Iterator<Item = &str> {
     let mut seen = BTreeSet::new();
     let all = result.wavelengths.iter().flat_map(|wavelength| &wavelength.notes);
     all.map(String::as_str).filter(move |note| seen.insert(*note))
 }
 
 /// The time of an iteration.
-pub(super) fn speed(result: &v1::HologramResult) -> String {
+pub(super) fn speed(result: &v1::OptimizeHologramResult) -> String {
     format!("{:.1} ms per iteration, {} iterations", result.iteration_ms, result.iterations)
 }
 
 /// Files and quality of each hologram, plane by plane.
-pub(super) fn in_full(result: &v1::HologramResult) -> String {
+pub(super) fn in_full(result: &v1::OptimizeHologramResult) -> String {
     let mut text = String::new();
     for wavelength in &result.wavelengths {
         let mut facts = Facts::default();
         facts.add("wavelength", units::show_m(wavelength.wavelength_m));
-        for frame in &wavelength.frames {
-            facts.add("phase", &frame.phase);
-            facts.add("phase npy", &frame.phase_npy);
+        for subframe in &wavelength.subframes {
+            facts.add("pattern", &subframe.pattern);
+            facts.add("phase", &subframe.phase);
         }
         wavelength.notes.iter().for_each(|note| facts.add("note", note));
         text += &format!("\n{}", facts.text());
         for plane in &wavelength.planes {
             let mut facts = Facts::default();
-            facts.add("distance", units::show_m(plane.distance_m));
+            facts.add("distance", show::place(plane.place.as_ref()));
             propagation_text::add(plane.propagation.as_ref(), &mut facts);
             facts.add("reconstruction", &plane.reconstruction);
             facts.add_some("other optics", quality::other_orders(plane));
@@ -85,11 +84,11 @@ pub(super) fn in_full(result: &v1::HologramResult) -> String {
     text
 }
 
-fn result_facts(item: &Item, result: &v1::HologramResult) -> String {
+fn result_facts(item: &Item, result: &v1::OptimizeHologramResult) -> String {
     let mut facts = Facts::default();
     facts.add("target", &item.name);
     facts.add("job", names::id(&item.job.name));
-    facts.add("kernel", show::kernel_versions(&item.job.kernel_versions));
+    facts.add("kernel", show::used_kernels(&item.job.kernels));
     facts.add("speed", speed(result));
     let mut planes = result.wavelengths.iter().flat_map(|wavelength| &wavelength.planes);
     let (first, others) = (planes.next(), planes.next());
@@ -106,14 +105,14 @@ fn result_facts(item: &Item, result: &v1::HologramResult) -> String {
 }
 
 /// A table with a line for each wavelength and plane.
-fn parts_table(result: &v1::HologramResult) -> String {
+fn parts_table(result: &v1::OptimizeHologramResult) -> String {
     let mut table =
-        Table::new("wavelength|distance|>point???|>pixel|>supersampled???|>quantized pixel?|>SSIM?|>efficiency??");
+        Table::new("wavelength|distance|>point???|>pixel|>supersampled???|>displayed pixel?|>SSIM?|>efficiency??");
     for wavelength in &result.wavelengths {
         for plane in &wavelength.planes {
-            let [point, pixel, supersampled, quantized, similarity, efficiency] = quality::summary(plane.clone());
-            let (wavelength, distance) = (units::show_m(wavelength.wavelength_m), units::show_m(plane.distance_m));
-            table.row([wavelength, distance, point, pixel, supersampled, quantized, similarity, efficiency]);
+            let [point, pixel, supersampled, displayed, similarity, efficiency] = quality::summary(plane);
+            let (wavelength, distance) = (units::show_m(wavelength.wavelength_m), show::place(plane.place.as_ref()));
+            table.row([wavelength, distance, point, pixel, supersampled, displayed, similarity, efficiency]);
         }
     }
     table.text()

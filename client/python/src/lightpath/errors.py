@@ -40,6 +40,12 @@ class InvalidArgument(LightpathError, ValueError):
         self.field, self.fix = field, fix
 
 
+class MissingKernel(InvalidArgument, LookupError):
+    """The display has no kernel at this distance and wavelength."""
+
+    reason = "NOT_FOUND"
+
+
 class Unreachable(LightpathError, ConnectionError):
     """No server answered, the connection was lost, or the server is stopping. The call may succeed later."""
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from lightpath import html, png, v1, words
+from lightpath import html, names, png, v1, words
 from lightpath.errors import InvalidArgument
 from lightpath.units import show_length
 
@@ -23,7 +23,7 @@ class Hologram:
     """An optimized hologram, held in memory.
 
     `phase`, `levels` and `reconstruction` are planes [y][x]: the first part, which is the only one unless several
-    wavelengths, frames or distances were asked for. `phases` and `all_levels` [wavelength][frame][y][x] and
+    wavelengths, subframes or distances were asked for. `phases` and `all_levels` [wavelength][subframe][y][x] and
     `reconstructions` [wavelength][plane][y][x] have all parts.
     """
 
@@ -31,15 +31,15 @@ class Hologram:
     phases: npt.NDArray[np.float32] = field(repr=False)
     """Phases before response, carrier and quantization, in [0, 2π) [rad]."""
     levels_png: list[list[bytes]] = field(repr=False)
-    """The PNG files for the display, [wavelength][frame], as they are sent to it."""
+    """The PNG files for the display, [wavelength][subframe], as they are sent to it."""
     reconstructions_png: list[list[bytes]] = field(repr=False)
     """The predicted pictures, [wavelength][plane], sRGB grey."""
     colours_png: list[bytes] = field(repr=False)
     """With three wavelengths: one colour picture for each plane. Otherwise empty."""
 
     def __repr__(self) -> str:
-        kernels = ", ".join(f"version {n}" if n else "ideal" for n in self.job.kernel_versions)
-        quality = f"PSNR {self.quality.psnr_db:.1f} dB, kernel {kernels}"
+        kernels = ", ".join(_version(used) for used in self.job.kernels)
+        quality = f"PSNR {self.quality.psnr_db.value:.1f} dB, kernel {kernels}"
         return f"<Hologram of {self.spec.display}, {self.width_px}x{self.height_px} px, {self._optics()}: {quality}>"
 
     @property
@@ -48,9 +48,9 @@ class Hologram:
         return self.job.spec.optimize_hologram
 
     @property
-    def result(self) -> v1.HologramResult:
+    def result(self) -> v1.OptimizeHologramResult:
         """The result as the server sent it, with the quality for every detector."""
-        return self.job.result.hologram
+        return self.job.result.optimize_hologram
 
     @property
     def height_px(self) -> int:
@@ -70,23 +70,23 @@ class Hologram:
     @property
     def distances_m(self) -> list[float]:
         """Distances of the pictures from the SLM [m]."""
-        return [plane.distance_m for plane in self.spec.planes]
+        return [plane.place.distance_m for plane in self.spec.planes]
 
     @property
     def phase(self) -> npt.NDArray[np.float32]:
-        """Phase of the first wavelength and frame, [y][x], in [0, 2π) [rad]."""
+        """Phase of the first wavelength and subframe, [y][x], in [0, 2π) [rad]."""
         first: npt.NDArray[np.float32] = self.phases[0, 0]
         return first
 
     @property
     def levels(self) -> npt.NDArray[Any]:
-        """Grey levels for the display of the first wavelength and frame, [y][x], uint8 or (above 8 bits) uint16."""
+        """Grey levels for the display of the first wavelength and subframe, [y][x], uint8 or (above 8 bits) uint16."""
         return png.decode(self.levels_png[0][0])
 
     @property
     def all_levels(self) -> npt.NDArray[Any]:
-        """Grey levels of all wavelengths and frames, [wavelength][frame][y][x]."""
-        return np.array([[png.decode(frame) for frame in frames] for frames in self.levels_png])
+        """Grey levels of all wavelengths and subframes, [wavelength][subframe][y][x]."""
+        return np.array([[png.decode(pattern) for pattern in patterns] for patterns in self.levels_png])
 
     @property
     def reconstruction(self) -> npt.NDArray[np.uint8]:
@@ -104,11 +104,26 @@ class Hologram:
         return self.result.wavelengths[0].loss
 
     @property
-    def quality(self) -> v1.SeenQuality:
+    def quality(self) -> v1.Judgement:
         """Quality in the first plane with the levels that the display shows, for the detector of the job."""
-        seen = self.result.wavelengths[0].planes[0].quantized_quality
-        detector = words.name_of(v1.Detector, self.spec.detector)
-        return {"point": seen.point, "supersampled": seen.supersampled}.get(detector, seen.pixel)
+        return self._judged("displayed", words.name_of(v1.Detector, self.spec.detector))
+
+    def judgement(self, stage: words.Stage, detector: words.Detector) -> v1.Judgement:
+        """Return how well the hologram shows its first plane, by the engine: as optimized or as displayed."""
+        return self._judged(stage, detector)
+
+    def _judged(self, stage: str, detector: str) -> v1.Judgement:
+        wanted = (
+            v1.Judgement.MODEL_ENGINE,
+            words.number("stage", v1.Judgement.Stage, stage),
+            words.number("detector", v1.Detector, detector),
+            v1.Judgement.ORDERS_OWN,
+            0,
+        )
+        for each in self.result.wavelengths[0].planes[0].judgements:
+            if (each.model, each.stage, each.detector, each.orders, each.rows) == wanted:
+                return each
+        raise InvalidArgument("detector", f"is {detector}, which was not judged", "see result.wavelengths[0].planes[0]")
 
     @property
     def notes(self) -> list[str]:
@@ -121,26 +136,26 @@ class Hologram:
         Raises `InvalidArgument` if the hologram has several parts; `save_all` writes those.
         """
         if len(self.levels_png) * len(self.levels_png[0]) > 1:
-            parts = f"{len(self.levels_png)} wavelengths with {len(self.levels_png[0])} frames"
+            parts = f"{len(self.levels_png)} wavelengths with {len(self.levels_png[0])} subframes"
             raise InvalidArgument("path", f"is one file, but the hologram has {parts}", "use save_all(folder)")
         self._save_part(Path(path), 0, 0)
 
     def save_all(self, folder: str | os.PathLike[str]) -> list[Path]:
-        """Write a PNG for each wavelength and frame into a folder, and return their paths."""
+        """Write a PNG for each wavelength and subframe into a folder, and return their paths."""
         Path(folder).mkdir(parents=True, exist_ok=True)
         paths = []
         for i, wavelength_m in enumerate(self.wavelengths_m):
-            for frame in range(len(self.levels_png[i])):
-                path = Path(folder) / f"{show_length(wavelength_m).replace(' ', '')}-frame{frame + 1}.png"
-                self._save_part(path, i, frame)
+            for subframe in range(len(self.levels_png[i])):
+                path = Path(folder) / f"{show_length(wavelength_m).replace(' ', '')}-subframe{subframe + 1}.png"
+                self._save_part(path, i, subframe)
                 paths.append(path)
         return paths
 
-    def _save_part(self, path: Path, wavelength: int, frame: int) -> None:
+    def _save_part(self, path: Path, wavelength: int, subframe: int) -> None:
         if path.suffix == ".png":
-            path.write_bytes(self.levels_png[wavelength][frame])
+            path.write_bytes(self.levels_png[wavelength][subframe])
         elif path.suffix == ".npy":
-            np.save(path, self.phases[wavelength, frame], allow_pickle=False)
+            np.save(path, self.phases[wavelength, subframe], allow_pickle=False)
         else:
             raise InvalidArgument("path", f'is "{path}"', "end it with .png (levels) or .npy (radians)")
 
@@ -162,10 +177,14 @@ class Hologram:
         seen = self.quality
         rows: list[tuple[str, object]] = [
             ("display", f"{self.spec.display}, {self._optics()}"),
-            ("PSNR", f"{seen.psnr_db:.1f} dB"),
+            ("PSNR", f"{seen.psnr_db.value:.1f} dB"),
             ("SSIM", f"{seen.ssim:.3f}" if seen.HasField("ssim") else "not measured"),
             ("diffraction efficiency", f"{seen.diffraction_efficiency:.1%}"),
             *(("note", note) for note in self.notes),
             ("job", self.job.name),
         ]
         return pictures + html.table("Hologram", rows)
+
+
+def _version(used: v1.UsedKernel) -> str:
+    return f"version {names.last_part(used.kernel_version)}" if used.kernel_version else "ideal"

@@ -62,8 +62,8 @@ class HologramOptions(SubmitOptions, total=False):
     """Number of iterations, 1 to 10000. Default: 200."""
     learning_rate: float
     """Learning rate of Adam [rad]."""
-    frames: int
-    """Number of phases that are shown one after the other, 1 to 24."""
+    subframes: int
+    """Number of patterns that are shown one after the other, 1 to 24."""
     initial_phase: v1.OptimizeHologram.InitialPhase | Phase
     """The phase with which the search starts: a message, or phases in radians [height][width]."""
     seed: int
@@ -131,14 +131,14 @@ def label_of(pictures: Sequence[object]) -> str:
     return label.encode()[: _LABEL_BYTES_MAX - len("…".encode())].decode(errors="ignore") + "…"
 
 
-def region_message(region: tuple[int, int, int, int] | None) -> v1.RegionOfInterest | None:
+def region_message(region: tuple[int, int, int, int] | None) -> v1.Region | None:
     """Return the message of a region x, y, width, height [px]."""
     if region is None:
         return None
     if len(region) != 4 or any(side < 0 for side in region):  # noqa: PLR2004
         raise InvalidArgument("region", f"is {region}", "give x, y, width and height in pixels, none below 0")
     x_px, y_px, width_px, height_px = region
-    return v1.RegionOfInterest(x_px=x_px, y_px=y_px, width_px=width_px, height_px=height_px)
+    return v1.Region(x_px=x_px, y_px=y_px, width_px=width_px, height_px=height_px)
 
 
 def optimize_message(options: HologramOptions) -> v1.OptimizeHologram:
@@ -156,11 +156,11 @@ def optimize_message(options: HologramOptions) -> v1.OptimizeHologram:
         method=words.number("method", v1.HologramMethod, options.get("method")),
         iterations=options.get("iterations", 0),
         learning_rate=options.get("learning_rate", 0.0),
-        frames=options.get("frames", 0),
+        subframes=options.get("subframes", 0),
         seed=options.get("seed", 0),
         loss=loss if loss.ByteSize() else None,
         detector=words.number("detector", v1.Detector, options.get("detector")),
-        region_of_interest=region_message(options.get("region")),
+        region=region_message(options.get("region")),
         quantization_aware=options.get("quantization_aware", False),
     )
 
@@ -177,5 +177,5 @@ def learn_message(datasets: Sequence[str], options: LearnOptions) -> v1.LearnKer
         refinement_evaluations=options.get("refinement_evaluations"),
         seed=options.get("seed", 0),
         detector=words.number("detector", v1.Detector, options.get("detector")),
-        region_of_interest=region_message(options.get("region")),
+        region=region_message(options.get("region")),
     )

@@ -42,7 +42,7 @@ class Evaluation:
 
     dataset: str
     kernel: str
-    result: v1.EvaluateResult = field(repr=False)
+    result: v1.EvaluateKernelResult = field(repr=False)
 
     def __repr__(self) -> str:
         return f"<Evaluation of {self.kernel} on {self.dataset}: loss {self.loss():.3g} of the test pairs>"

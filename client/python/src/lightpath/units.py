@@ -6,6 +6,7 @@ import math
 import re
 from typing import TypeAlias
 
+from lightpath import v1
 from lightpath.errors import InvalidArgument
 
 Length: TypeAlias = float | str
@@ -39,6 +40,11 @@ def metres(field: str, length: Length) -> float:
             field, f"is {length} without a unit, which is {value:.12g} m", f'write "{value:.12g}{unit}"'
         )
     return value
+
+
+def place(distance: Length) -> v1.Place:
+    """Return the message of the place at a distance from the SLM."""
+    return v1.Place(distance_m=metres("distance", distance))
 
 
 def _parsed(field: str, text: str, unit: str) -> float:

@@ -10,7 +10,7 @@ use lightpath_service::{Field, Result, check_all};
 pub(crate) fn pair(pair: &v1::Pair, field: &Field) -> Result<Pair> {
     check_all! {
         id = names::pair_id(&field.at("id"), &pair.id);
-        phase = field.at("phase").digest(&pair.phase);
+        pattern = field.at("pattern").digest(&pair.pattern);
         photo = field.at("photo").digest(&pair.photo);
         split = field.at("split").enum_value(pair.split);
         black_level = field.at("black_level").number(pair.black_level, 0.0..=0.9);
@@ -18,5 +18,5 @@ pub(crate) fn pair(pair: &v1::Pair, field: &Field) -> Result<Pair> {
         camera_gain = field.at("camera_gain").number(pair.camera_gain, 0.0..=1e6);
     }
     let exposure = Exposure { black_level, exposure_s, camera_gain };
-    Ok(Pair { id, phase, photo, split, exposure, checks: None })
+    Ok(Pair { id, pattern, photo, split, exposure, checks: None })
 }

@@ -5,6 +5,7 @@ use crate::api::Api;
 use crate::call::answers;
 use crate::enumerations::WireField as _;
 use crate::names;
+use crate::optics::from_wire::distance;
 use crate::pages::Page;
 use lightpath_domain::dataset::{Dataset, Encoding};
 use lightpath_proto::v1;
@@ -82,7 +83,7 @@ impl Api {
             optics = display.and_then(|display| {
                 Ok((field.at("wavelength_m").wavelength_of(message.wavelength_m, &display)?, display.id))
             });
-            distance = field.at("distance_m").distance(message.distance_m);
+            distance = distance(&field.at("place"), message.place.as_ref());
             encoding = field.at("photo_encoding").enum_value(message.photo_encoding);
             photo_bit_depth = field.at("photo_bit_depth").integer_or(message.photo_bit_depth, 0, 8..=16);
         }

@@ -1,6 +1,7 @@
 //! Conversion of datasets into messages.
 
 use crate::enumerations::OnWire;
+use crate::optics::to_wire::place;
 use crate::time::timestamp;
 use lightpath_domain::dataset::{Alignment, Dataset, Finding, LargestValue, Pair, PairChecks};
 use lightpath_proto::v1;
@@ -13,7 +14,7 @@ pub(crate) fn dataset(dataset: Dataset) -> v1::Dataset {
         name: format!("datasets/{}", dataset.id),
         display: format!("displays/{}", dataset.display),
         wavelength_m: dataset.wavelength.m(),
-        distance_m: dataset.distance.m(),
+        place: place(dataset.distance),
         photo_encoding: dataset.photo_encoding.to_wire(),
         state: state.into(),
         pairs: dataset.pairs.into_iter().map(|found| pair(found, finalized)).collect(),
@@ -31,7 +32,7 @@ fn pair(pair: Pair, finalized: bool) -> v1::Pair {
     let excluded = finalized && pair.split.is_none();
     v1::Pair {
         id: pair.id,
-        phase: pair.phase,
+        pattern: pair.pattern,
         photo: pair.photo,
         split: if excluded { v1::Split::Excluded.into() } else { pair.split.map_or(0, OnWire::to_wire) },
         black_level: pair.exposure.black_level,

@@ -37,7 +37,7 @@ impl Api {
         let key = names::kernel_key(call, &Field::new("kernel"), &kernel)?;
         let devices = &self.service.devices;
         let generation = devices.signed_generation(&Field::new("generation"), &key, request.generation).await?;
-        let file = installed_file(request.version, &request.form, &request.digest)?;
+        let file = installed_file(request.version, &request.format, &request.digest)?;
         if let Some(file) = &file {
             devices.require_file(call, &key, file).await?;
         }
@@ -96,6 +96,6 @@ fn installed_file(version: u32, form: &str, digest: &str) -> Result<Option<Insta
     if version == 0 {
         return Ok(None);
     }
-    let form = Field::new("form").form(form)?;
+    let form = Field::new("format").form(form)?;
     Ok(Some(InstalledFile { version, form, digest: Field::new("digest").digest(digest)? }))
 }

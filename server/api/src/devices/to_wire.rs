@@ -21,7 +21,7 @@ fn installed(installed: InstalledKernel) -> v1::InstalledKernel {
     v1::InstalledKernel {
         kernel: installed.kernel.to_string(),
         version,
-        form,
+        format: form,
         digest,
         generation: installed.generation,
         tried_version: installed.tried_version.unwrap_or(0),

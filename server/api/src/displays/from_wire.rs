@@ -6,7 +6,7 @@ use crate::names;
 use lightpath_domain::display::Display;
 use lightpath_domain::units::Wavelength;
 use lightpath_optics::{OpticalSetup, OrderFilter, Orders};
-use lightpath_proto::v1::{self, display};
+use lightpath_proto::v1::{self, display, modulator};
 use lightpath_service::{Call, Field, Result, check_all, collect_all};
 use std::f64::consts::{PI, TAU};
 use std::ops::RangeInclusive;
@@ -34,25 +34,14 @@ const NOTES_BYTES_MAX: usize = 4096;
 /// Checks a display from a client and converts it.
 pub(crate) fn display(call: &Call, message: v1::Display, field: &Field) -> Result<Display> {
     let at = |name| field.at(name);
-    let bit_depth = at("bit_depth").integer_or(message.bit_depth, 8, BIT_DEPTH);
-    let response = match (message.phase_response, &bit_depth) {
-        (None, _) => Ok(None),
-        (Some(response), Ok(bits)) => phases(&at("phase_response"), response.phase_rad, *bits).map(Some),
-        // Without a bit depth the right number of entries is unknown.
-        (Some(_), Err(_)) => Ok(None),
-    };
-    let bench = message.simulated_bench;
+    let bench = message.bench.map(|display::Bench::SimulatedBench(bench)| bench);
     check_all! {
         id = names::display_id(call, &at("name"), &message.name);
-        width_px = at("width_px").integer(message.width_px, SIDE_PX);
-        height_px = at("height_px").integer(message.height_px, SIDE_PX);
-        pixel_pitch_m = pixel_pitch(&at("pixel_pitch_m"), message.pixel_pitch_m);
-        bit_depth = bit_depth;
+        modulator = at("modulator").required(message.modulator).and_then(|message| modulator(message, &at("modulator")));
         wavelengths = wavelengths(&at("wavelengths_m"), &message.wavelengths_m);
-        phase_response_rad = response;
         carrier = at("carrier").enum_value(message.carrier);
         orders = match message.orders {
-            None => Ok(Orders::First),
+            None | Some(display::Orders::FirstOrder(_)) => Ok(Orders::First),
             Some(display::Orders::AllOrders(all)) => all_orders(&at("all_orders"), all, message.carrier != 0),
             Some(display::Orders::OrderFilter(filter)) => order_filter(&at("order_filter"), filter),
         };
@@ -60,6 +49,7 @@ pub(crate) fn display(call: &Call, message: v1::Display, field: &Field) -> Resul
         notes = at("notes").lines(message.notes, NOTES_BYTES_MAX);
         simulated_bench = bench.map(|bench| simulated_bench::from_wire(bench, &at("simulated_bench"))).transpose();
     }
+    let Modulator { width_px, height_px, pixel_pitch_m, bit_depth, phase_response_rad } = modulator;
     Ok(Display {
         id,
         width_px,
@@ -74,6 +64,47 @@ pub(crate) fn display(call: &Call, message: v1::Display, field: &Field) -> Resul
         notes,
         simulated_bench,
     })
+}
+
+/// What a message says of a modulator.
+struct Modulator {
+    width_px: u32,
+    height_px: u32,
+    pixel_pitch_m: f64,
+    bit_depth: u32,
+    phase_response_rad: Option<Vec<f64>>,
+}
+
+fn modulator(message: v1::Modulator, field: &Field) -> Result<Modulator> {
+    let at = |name| field.at(name);
+    let bit_depth = at("bit_depth").integer_or(message.bit_depth, 8, BIT_DEPTH);
+    let response_rad = message.kind.map(|modulator::Kind::Phase(phase)| phase.response_rad).unwrap_or_default();
+    let response = match &bit_depth {
+        Ok(bits) if !response_rad.is_empty() => {
+            response(&at("phase").at("response_rad"), response_rad, *bits).map(Some)
+        }
+        // Without a bit depth the right number of entries is unknown.
+        _ => Ok(None),
+    };
+    check_all! {
+        width_px = at("width_px").integer(message.width_px, SIDE_PX);
+        height_px = at("height_px").integer(message.height_px, SIDE_PX);
+        pixel_pitch_m = pixel_pitch(&at("pixel_pitch_x_m"), message.pixel_pitch_x_m);
+        square = same_pitch(&at("pixel_pitch_y_m"), message.pixel_pitch_y_m, message.pixel_pitch_x_m);
+        bit_depth = bit_depth;
+        phase_response_rad = response;
+    }
+    let () = square;
+    Ok(Modulator { width_px, height_px, pixel_pitch_m, bit_depth, phase_response_rad })
+}
+
+/// Refuses pixels that are not square: nothing computes their light.
+fn same_pitch(field: &Field, pitch_y_m: f64, pitch_x_m: f64) -> Result<()> {
+    if pitch_y_m == 0.0 || pitch_y_m == pitch_x_m {
+        return Ok(());
+    }
+    Err(field
+        .but(format!("is {pitch_y_m}"), format!("must be pixel_pitch_x_m, {pitch_x_m}, or 0: pixels must be square")))
 }
 
 fn all_orders(field: &Field, message: v1::AllOrders, has_carrier: bool) -> Result<Orders> {
@@ -143,8 +174,7 @@ fn wavelengths(field: &Field, values: &[f64]) -> Result<Vec<Wavelength>> {
     }
 }
 
-fn phases(field: &Field, phase_rad: Vec<f64>, bit_depth: u32) -> Result<Vec<f64>> {
-    let field = field.at("phase_rad");
+fn response(field: &Field, phase_rad: Vec<f64>, bit_depth: u32) -> Result<Vec<f64>> {
     let levels = 1_usize << bit_depth;
     if phase_rad.len() != levels {
         let count = phase_rad.len();
@@ -154,7 +184,7 @@ fn phases(field: &Field, phase_rad: Vec<f64>, bit_depth: u32) -> Result<Vec<f64>
     if let Some(i) = phase_rad.iter().position(is_outside) {
         field.index(i).number(phase_rad[i], -PHASE_RAD_MAX..=PHASE_RAD_MAX)?;
     }
-    require_radians(&field, &phase_rad)?;
+    require_radians(field, &phase_rad)?;
     Ok(phase_rad)
 }
 
@@ -190,19 +220,30 @@ mod tests {
     fn message() -> v1::Display {
         v1::Display {
             name: "displays/lab-2".into(),
-            width_px: 1920,
-            height_px: 1080,
-            pixel_pitch_m: 8e-6,
-            bit_depth: 2,
+            modulator: Some(v1::Modulator {
+                width_px: 1920,
+                height_px: 1080,
+                pixel_pitch_x_m: 8e-6,
+                pixel_pitch_y_m: 0.0,
+                bit_depth: 2,
+                kind: phase(vec![0.0, 1.0, 2.0, 4.0]),
+            }),
             wavelengths_m: vec![639e-9, 515e-9],
-            phase_response: Some(v1::PhaseResponse { phase_rad: vec![0.0, 1.0, 2.0, 4.0] }),
             carrier: v1::Carrier::HalfOrderY.into(),
             orders: None,
             camera_fill_factor: 0.0,
             notes: "bench 2".into(),
-            simulated_bench: Some(v1::SimulatedBench { seed: 7, ..Default::default() }),
+            bench: bench(v1::SimulatedBench { seed: 7, ..Default::default() }),
             create_time: None,
         }
+    }
+
+    fn phase(response_rad: Vec<f64>) -> Option<modulator::Kind> {
+        Some(modulator::Kind::Phase(v1::PhaseModulator { response_rad }))
+    }
+
+    fn bench(bench: v1::SimulatedBench) -> Option<display::Bench> {
+        Some(display::Bench::SimulatedBench(bench))
     }
 
     fn all(fill_factor_x: f64, fill_factor_y: f64) -> display::Orders {
@@ -219,9 +260,17 @@ mod tests {
         display(&Call::without_token(), message, &Field::new("display")).unwrap_err().to_string()
     }
 
+    /// The refusal of a display with another modulator.
+    fn modulator_refusal(change: impl Fn(&mut v1::Modulator)) -> String {
+        refusal(|d| change(d.modulator.as_mut().unwrap()))
+    }
+
     fn with_response(bit_depth: u32, phase_rad: impl Fn(f64) -> f64) -> v1::Display {
         let phase_rad = (0..1 << bit_depth).map(|level| phase_rad(f64::from(level))).collect();
-        v1::Display { bit_depth, phase_response: Some(v1::PhaseResponse { phase_rad }), ..message() }
+        let mut message = message();
+        let modulator = message.modulator.as_mut().unwrap();
+        (modulator.bit_depth, modulator.kind) = (bit_depth, phase(phase_rad));
+        message
     }
 
     /// The refusal of a measured response.
@@ -243,7 +292,10 @@ mod tests {
         let domain = display(&Call::without_token(), message(), &Field::new("display")).unwrap();
         let converted = to_wire::display(domain.clone(), 1_500);
         assert_eq!(converted.wavelengths_m, [515e-9, 639e-9]);
-        assert_eq!(converted.simulated_bench.as_ref().unwrap().strength, 1.0);
+        assert_eq!(
+            converted.bench,
+            bench(v1::SimulatedBench { seed: 7, strength: 1.0, camera_noise: 0.003, ..Default::default() })
+        );
         assert_eq!(converted.camera_fill_factor, 1.0);
         assert_eq!(converted.create_time.unwrap().nanos, 500_000_000);
         assert_eq!(display(&Call::without_token(), converted, &Field::new("display")).unwrap(), domain);
@@ -273,13 +325,20 @@ mod tests {
     #[test]
     fn all_invalid_fields_are_refused_at_once() {
         let refusal = refusal(|d| {
-            (d.width_px, d.pixel_pitch_m, d.bit_depth) = (15, f64::NAN, 17);
+            let modulator = d.modulator.as_mut().unwrap();
+            (modulator.width_px, modulator.pixel_pitch_x_m, modulator.bit_depth) = (15, f64::NAN, 17);
             d.wavelengths_m = vec![0.5, 515e-9, 1e-8];
-            d.simulated_bench = Some(v1::SimulatedBench { strength: -1.0, camera_noise: 2.0, ..Default::default() });
+            d.bench = bench(v1::SimulatedBench { strength: -1.0, camera_noise: 2.0, ..Default::default() });
         });
         let fields: Vec<&str> = refusal.lines().skip(1).map(|line| line.split_whitespace().next().unwrap()).collect();
         let bench = ["simulated_bench.strength", "simulated_bench.camera_noise"];
-        let expected = ["width_px", "pixel_pitch_m", "bit_depth", "wavelengths_m[0]", "wavelengths_m[2]"];
+        let expected = [
+            "modulator.width_px",
+            "modulator.pixel_pitch_x_m",
+            "modulator.bit_depth",
+            "wavelengths_m[0]",
+            "wavelengths_m[2]",
+        ];
         let expected = expected.iter().chain(&bench).map(|name| format!("display.{name}"));
         assert_eq!(fields, expected.collect::<Vec<_>>(), "{refusal}");
         assert!(refusal.starts_with("7 fields of the request are wrong:\n"), "{refusal}");
@@ -288,13 +347,13 @@ mod tests {
     #[test]
     fn invalid_fields_are_refused() {
         for (refusal, start) in [
-            (refusal(|d| d.pixel_pitch_m = 0.0), "display.pixel_pitch_m is 0, but"),
-            (refusal(|d| d.pixel_pitch_m = -8e-6), "display.pixel_pitch_m is -0.000008, but"),
-            (refusal(|d| d.pixel_pitch_m = f64::NAN), "display.pixel_pitch_m is NaN, but"),
-            (refusal(|d| d.width_px = 15), "display.width_px is 15, but must be 16 to 8192"),
-            (refusal(|d| d.height_px = 8193), "display.height_px is 8193"),
-            (refusal(|d| d.bit_depth = 17), "display.bit_depth is 17"),
-            (refusal(|d| d.bit_depth = 8), "display.phase_response.phase_rad has 4 entries, but"),
+            (modulator_refusal(|m| m.pixel_pitch_x_m = 0.0), "display.modulator.pixel_pitch_x_m is 0, but"),
+            (modulator_refusal(|m| m.pixel_pitch_x_m = -8e-6), "display.modulator.pixel_pitch_x_m is -0.000008, but"),
+            (modulator_refusal(|m| m.pixel_pitch_x_m = f64::NAN), "display.modulator.pixel_pitch_x_m is NaN, but"),
+            (modulator_refusal(|m| m.width_px = 15), "display.modulator.width_px is 15, but must be 16 to 8192"),
+            (modulator_refusal(|m| m.height_px = 8193), "display.modulator.height_px is 8193"),
+            (modulator_refusal(|m| m.bit_depth = 17), "display.modulator.bit_depth is 17"),
+            (modulator_refusal(|m| m.bit_depth = 8), "display.modulator.phase.response_rad has 4 entries, but"),
             (refusal(|d| d.wavelengths_m.clear()), "display.wavelengths_m is empty"),
             (refusal(|d| d.wavelengths_m[1] = f64::INFINITY), "display.wavelengths_m[1] is inf"),
             (refusal(|d| d.wavelengths_m[1] = 639.000_000_1e-9), "display.wavelengths_m names 639nm twice"),
@@ -319,19 +378,24 @@ mod tests {
                 refusal(|d| d.orders = Some(filter(0.0, f64::NAN))),
                 "display.order_filter.centre_x is NaN, but must be 0,",
             ),
+            (
+                modulator_refusal(|m| m.pixel_pitch_y_m = 9e-6),
+                "display.modulator.pixel_pitch_y_m is 0.000009, but must be",
+            ),
+            (refusal(|d| d.modulator = None), "display.modulator is not set, but is required"),
             (refusal(|d| d.notes = "x".repeat(4097)), "display.notes has 4097 bytes"),
             (refusal(|d| d.name = "lab".into()), "display.name is \"lab\", but must be displays/{id}"),
             (
-                refusal(|d| d.simulated_bench.as_mut().unwrap().strength = -1.0),
+                refusal(|d| d.bench = bench(v1::SimulatedBench { strength: -1.0, ..Default::default() })),
                 "display.simulated_bench.strength is -1",
             ),
             (
-                refusal(|d| d.phase_response.as_mut().unwrap().phase_rad[3] = 1.5),
-                "display.phase_response.phase_rad spans 2",
+                modulator_refusal(|m| m.kind = phase(vec![0.0, 1.0, 2.0, 1.5])),
+                "display.modulator.phase.response_rad spans 2",
             ),
             (
-                refusal(|d| d.phase_response.as_mut().unwrap().phase_rad[0] = f64::NAN),
-                "display.phase_response.phase_rad[0] is NaN",
+                modulator_refusal(|m| m.kind = phase(vec![f64::NAN, 1.0, 2.0, 4.0])),
+                "display.modulator.phase.response_rad[0] is NaN",
             ),
         ] {
             assert!(refusal.starts_with(start), "{refusal}");
@@ -343,21 +407,24 @@ mod tests {
         for (refusal, start) in [
             (
                 measured(8, |level| 360.0 * level / 255.0),
-                "display.phase_response.phase_rad spans 360 rad, 57 turns, but",
+                "display.modulator.phase.response_rad spans 360 rad, 57 turns, but",
             ),
-            (measured(8, |level| level), "display.phase_response.phase_rad has whole numbers only, from 0 to 255"),
+            (measured(8, |level| level), "display.modulator.phase.response_rad has whole numbers only, from 0 to 255"),
             (
                 measured(4, |level| 24.0 * level),
-                "display.phase_response.phase_rad has whole numbers only, from 0 to 360",
+                "display.modulator.phase.response_rad has whole numbers only, from 0 to 360",
             ),
-            (measured(8, |level| level * level / 255.0), "display.phase_response.phase_rad spans 255 rad, 41 turns"),
+            (
+                measured(8, |level| level * level / 255.0),
+                "display.modulator.phase.response_rad spans 255 rad, 41 turns",
+            ),
             (
                 measured(8, |level| 2.0 * level / 255.0),
-                "display.phase_response.phase_rad spans 2 rad, but must span at",
+                "display.modulator.phase.response_rad spans 2 rad, but must span at",
             ),
             (
                 measured(8, |level| 1e4 * level),
-                "display.phase_response.phase_rad[1] is 10000, but must be -1000 to 1000",
+                "display.modulator.phase.response_rad[1] is 10000, but must be -1000 to 1000",
             ),
         ] {
             assert!(refusal.starts_with(start), "{refusal}");

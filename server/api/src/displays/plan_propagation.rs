@@ -2,6 +2,7 @@
 
 use crate::api::Api;
 use crate::enumerations::{OnWire as _, WireField as _};
+use crate::optics::from_wire::distance;
 use crate::optics::to_wire;
 use lightpath_domain::planning;
 use lightpath_optics::propagation::{self, assess, plan_onto};
@@ -19,8 +20,9 @@ impl Api {
     ) -> Result<v1::PlanPropagationResponse> {
         let display = self.display_named(call, &Field::new("display"), &request.display).await?;
         let wavelength = Field::new("wavelength_m").wavelength_of(request.wavelength_m, &display)?;
-        let field = Field::new("distance_m");
-        let distance = field.distance(request.distance_m)?;
+        let field = Field::new("place");
+        let distance = distance(&field, request.place.as_ref())?;
+        let field = field.at("distance_m");
         let setup = planning::setup(&display, wavelength, distance)
             .map_err(|error| field.invalid(error, "give another distance"))?;
         let method = Field::new("method").enum_value::<PropagationMethod>(request.method)?;

@@ -5,8 +5,8 @@
 //! and the call itself then expects the version or revision that this answer has: nothing can change in between.
 
 use super::etags::etag;
+use super::grpc_call::unary;
 use super::refusal::Refusal;
-use super::transcode::unary;
 use axum::Router;
 use axum::http::request::Parts;
 use axum::http::{HeaderMap, Method, StatusCode, header};

@@ -2,6 +2,7 @@
 
 use super::protocol::is_grpc;
 use super::refusal::{refuse, with_problem};
+use super::request_id::RequestId;
 use super::transcode::Called;
 use super::{ARTIFACT_UPLOAD, UNNAMED_UPLOAD};
 use crate::api::Api;
@@ -40,10 +41,6 @@ const UPLOADS: [&str; 3] = ["/lightpath.v1.ArtifactService/WriteArtifact", ARTIF
 
 /// Paths that are answered even while the server stops, so that operators can watch it.
 const ALWAYS: [&str; 3] = ["/healthz", "/metrics", "/grpc.health.v1.Health/"];
-
-/// Id of a request, in its extensions.
-#[derive(Clone, Debug, Default)]
-pub(super) struct RequestId(pub(super) String);
 
 /// Runs a request within its deadline, or within that of the client (`grpc-timeout`) if it is earlier, and counts it. A
 /// stopping server refuses new requests.

@@ -1,7 +1,7 @@
 //! Streams of answers as server-sent events.
 
 use super::refusal::Refusal;
-use super::requests::RequestId;
+use super::request_id::RequestId;
 use axum::http::HeaderMap;
 use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Response};

@@ -3,26 +3,24 @@
 
 use super::checked_body::status_of;
 use super::etags::{ASKED_AGAIN, etag, text_value, unless_known};
+use super::grpc_call::{streaming, unary};
 use super::preconditions::from_headers;
 use super::protocol::is_grpc;
 use super::refusal::{Refusal, refuse, wrong_content_type, wrong_verb};
-use super::requests::RequestId;
+use super::request_id::RequestId;
 use super::server_sent_events::{add_last_event_id, events};
 use crate::{fixes, status};
 use axum::Router;
 use axum::body::{Body, to_bytes};
 use axum::extract::{Query, Request};
 use axum::http::request::Parts;
-use axum::http::{Extensions, HeaderMap, HeaderValue, Method, StatusCode, header};
+use axum::http::{HeaderMap, HeaderValue, Method, StatusCode, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
-use lightpath_proto::routes::{self, EncodedRequest, Match, Route};
+use lightpath_proto::routes::{self, EncodedRequest, Match};
 use lightpath_service::Field;
-use prost::bytes::{Buf as _, BufMut as _, Bytes};
-use tonic::codec::{Codec, DecodeBuf, Decoder, EncodeBuf, Encoder};
-use tonic::codegen::http::uri::PathAndQuery;
-use tonic::metadata::MetadataMap;
-use tonic::{Code, Status};
+use prost::bytes::Bytes;
+use tonic::Code;
 
 /// Limit on the body of a request \[bytes\]. The parsed JSON takes up to sixteen times as much memory, which is the
 /// memory that a message over gRPC may take.
@@ -96,7 +94,8 @@ async fn call(grpc: Router, found: Match, parts: Parts, body: Body) -> Result<Re
     let EncodedRequest { message, ignored } = request;
     let (extensions, message) = (parts.extensions, Bytes::from(message));
     if route.is_stream {
-        return stream(grpc, route, extensions, message).await;
+        let request_id = extensions.get::<RequestId>().cloned().unwrap_or_default();
+        return Ok(events(streaming(grpc, route, extensions, message).await?, route, request_id));
     }
     let is_conditional = given.iter().any(|given| Some(given.field) == route.expected);
     let json = match unary(grpc, route, extensions, message).await {
@@ -109,34 +108,6 @@ async fn call(grpc: Router, found: Match, parts: Parts, body: Body) -> Result<Re
         return Ok((ignored_fields(&ignored), [(header::CONTENT_TYPE, JSON)], json).into_response());
     }
     Ok(json_answer(&parts.headers, json))
-}
-
-/// The JSON of the answer of a method.
-pub(super) async fn unary(
-    grpc: Router,
-    route: &Route,
-    extensions: Extensions,
-    message: Bytes,
-) -> Result<Vec<u8>, Refusal> {
-    let request = tonic::Request::from_parts(MetadataMap::new(), extensions, message);
-    // Nothing waits until this client is ready: a router always is.
-    let mut client = tonic::client::Grpc::new(grpc);
-    let answer = client.unary(request, PathAndQuery::from_static(route.method), Messages).await?.into_inner();
-    Ok(route.json(answer).map_err(|error| Status::internal(error.to_string()))?)
-}
-
-/// The answers of a method as events.
-async fn stream(
-    grpc: Router,
-    route: &'static Route,
-    extensions: Extensions,
-    message: Bytes,
-) -> Result<Response, Refusal> {
-    let request_id = extensions.get::<RequestId>().cloned().unwrap_or_default();
-    let request = tonic::Request::from_parts(MetadataMap::new(), extensions, message);
-    let mut client = tonic::client::Grpc::new(grpc);
-    let answers = client.server_streaming(request, PathAndQuery::from_static(route.method), Messages).await?;
-    Ok(events(answers.into_inner(), route, request_id))
 }
 
 /// A header that names fields which the method ignored, so that a typing error does not go unnoticed.
@@ -177,48 +148,11 @@ fn body_refusal(error: &axum::Error) -> Refusal {
     Refusal::from(error).with_status(StatusCode::PAYLOAD_TOO_LARGE)
 }
 
-/// Messages as they are, for calls whose messages are encoded already.
-#[derive(Debug)]
-struct Messages;
-
-impl Codec for Messages {
-    type Encode = Bytes;
-    type Decode = Bytes;
-    type Encoder = Self;
-    type Decoder = Self;
-
-    fn encoder(&mut self) -> Self {
-        Self
-    }
-
-    fn decoder(&mut self) -> Self {
-        Self
-    }
-}
-
-impl Encoder for Messages {
-    type Item = Bytes;
-    type Error = Status;
-
-    fn encode(&mut self, message: Bytes, buffer: &mut EncodeBuf<'_>) -> Result<(), Status> {
-        buffer.put(message);
-        Ok(())
-    }
-}
-
-impl Decoder for Messages {
-    type Item = Bytes;
-    type Error = Status;
-
-    fn decode(&mut self, buffer: &mut DecodeBuf<'_>) -> Result<Option<Bytes>, Status> {
-        Ok(Some(buffer.copy_to_bytes(buffer.remaining())))
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use futures::stream;
+    use tonic::Status;
 
     #[tokio::test]
     async fn a_body_that_ends_with_a_status_is_refused_with_it() {

@@ -2,8 +2,10 @@
 
 use super::kinds;
 use crate::enumerations::OnWire as _;
+use crate::optics::to_wire::place;
 use crate::time::timestamp;
 use lightpath_domain::job::{Job, JobError, JobEvent, JobState, JobSummary, Progress};
+use lightpath_domain::kernel::KernelKey;
 use lightpath_proto::v1;
 use lightpath_service::Jobs;
 
@@ -19,7 +21,7 @@ pub(crate) fn job(jobs: &Jobs, job: Job) -> v1::Job {
     v1::Job {
         name: format!("jobs/{}", job.id),
         request_id: job.request_id,
-        kernel_versions: job.spec.kernel_versions().into_iter().map(|version| version.unwrap_or(0)).collect(),
+        kernels: job.spec.kernels().into_iter().map(used_kernel).collect(),
         spec: Some(kinds::to_wire(job.spec)),
         owner: scheduling.owner,
         batch: scheduling.batch.unwrap_or_default(),
@@ -35,7 +37,7 @@ pub(crate) fn job(jobs: &Jobs, job: Job) -> v1::Job {
         create_time: Some(timestamp(job.create_time_ms)),
         run_time: Some(timestamp(job.run_time_ms)),
         start_time: job.start_time_ms.map(timestamp),
-        finish_time: job.finish_time_ms.map(timestamp),
+        end_time: job.finish_time_ms.map(timestamp),
         progress: job.progress.map(progress),
         error: job.error.map(error),
         result: job.result.map(kinds::result),
@@ -65,7 +67,7 @@ pub(crate) fn summary(jobs: &Jobs, job: JobSummary) -> v1::JobSummary {
         attempt: job.attempt,
         create_time: Some(timestamp(job.create_time_ms)),
         start_time: job.start_time_ms.map(timestamp),
-        finish_time: job.finish_time_ms.map(timestamp),
+        end_time: job.finish_time_ms.map(timestamp),
         progress: job.progress.filter(|_| !has_succeeded).map(progress),
         error: job.error.map(|error| JobError { message: beginning(error.message), ..error }).map(self::error),
         revision: job.revision,
@@ -91,6 +93,14 @@ fn beginning(message: String) -> String {
         return message;
     }
     message.chars().take(SUMMARY_MESSAGE_MAX - 1).chain(['…']).collect()
+}
+
+fn used_kernel((key, version): (KernelKey, Option<u32>)) -> v1::UsedKernel {
+    v1::UsedKernel {
+        wavelength_m: key.wavelength.m(),
+        place: place(key.distance),
+        kernel_version: version.map_or_else(String::new, |version| format!("{key}/versions/{version}")),
+    }
 }
 
 /// Converts an event into its message.

@@ -3,6 +3,7 @@
 use super::to_wire;
 use crate::api::Api;
 use crate::names;
+use crate::optics::from_wire::distance;
 use lightpath_media::report::Comparison;
 use lightpath_proto::v1;
 use lightpath_proto::v1::kernel_comparison::Parameter;
@@ -17,7 +18,7 @@ impl Api {
     ) -> Result<v1::KernelVersion> {
         let display = self.display_named(call, &Field::new("display"), &request.display).await?;
         let wavelength = Field::new("wavelength_m").wavelength_of(request.wavelength_m, &display)?;
-        let distance = Field::new("distance_m").distance(request.distance_m)?;
+        let distance = distance(&Field::new("place"), request.place.as_ref())?;
         let digest = Field::new("artifact").digest(&request.artifact)?;
         let from_another_display = request.from_another_display;
         let import = KernelImport { display, wavelength, distance, digest, from_another_display };
@@ -32,7 +33,7 @@ impl Api {
     ) -> Result<v1::KernelVersion> {
         let display = self.display_named(call, &Field::new("display"), &request.display).await?;
         let wavelength = Field::new("wavelength_m").wavelength_of(request.wavelength_m, &display)?;
-        let distance = Field::new("distance_m").distance(request.distance_m)?;
+        let distance = distance(&Field::new("place"), request.place.as_ref())?;
         Ok(to_wire::version(self.service.kernels.interpolate(call, display, wavelength, distance).await?))
     }
 

@@ -3,6 +3,7 @@
 use super::{REASON_BYTES_MAX, to_wire};
 use crate::api::Api;
 use crate::names;
+use crate::optics::from_wire::distance;
 use lightpath_domain::kernel::{ACTIVE, KernelKey};
 use lightpath_domain::promotion::{GateChange, PromotionGate};
 use lightpath_proto::v1;
@@ -70,7 +71,7 @@ impl Api {
     ) -> Result<v1::FindNearestKernelsResponse> {
         let display = self.display_named(call, &Field::new("display"), &request.display).await?;
         let wavelength = Field::new("wavelength_m").wavelength_of(request.wavelength_m, &display)?;
-        let distance = Field::new("distance_m").distance(request.distance_m)?;
+        let distance = distance(&Field::new("place"), request.place.as_ref())?;
         let key = KernelKey { display: display.id, wavelength, distance };
         let (kernels, can_be_interpolated) = self.service.kernels.nearest(&key).await?;
         Ok(v1::FindNearestKernelsResponse {
@@ -91,7 +92,7 @@ fn display_gate(display: &str, (gate, history): (PromotionGate, Vec<GateChange>)
 fn gate_from_wire(field: &Field, gate: v1::PromotionGate) -> Result<PromotionGate> {
     let percent = gate.better_than_active_percent;
     let percent = percent.map(|percent| field.at("better_than_active_percent").number(percent, 0.0..=100.0));
-    let forms = gate.forms.iter().map(|name| field.at("forms").form(name));
+    let forms = gate.formats.iter().map(|name| field.at("formats").form(name));
     Ok(PromotionGate {
         better_than_active_percent: percent.transpose()?,
         worse_than_ideal_allowed: gate.worse_than_ideal_allowed,

@@ -4,11 +4,13 @@ use super::to_wire;
 use crate::api::Api;
 use crate::call::answers;
 use crate::names;
+use crate::optics::from_wire::distance;
 use crate::pages::Page;
 use lightpath_domain::kernel::KernelVersion;
 use lightpath_proto::v1;
 use lightpath_proto::v1::kernel_service_server::KernelService;
 use lightpath_service::{Call, Field, Result};
+use lightpath_store::KernelFilter;
 
 answers! {
     KernelService {
@@ -48,9 +50,17 @@ impl Api {
         call: &Call,
         request: v1::ListKernelsRequest,
     ) -> Result<v1::ListKernelsResponse> {
-        let display = names::display_filter(call, &Field::new("display"), &request.display)?;
-        let page = Page::new(&["kernels", &request.display], request.page_size, &request.page_token)?;
-        let kernels = self.store.kernels(display.as_deref(), page.after.as_deref(), page.limit()).await?;
+        let wavelength = Some(request.wavelength_m).filter(|&wavelength_m| wavelength_m != 0.0);
+        let wavelength = wavelength.map(|wavelength_m| Field::new("wavelength_m").wavelength(wavelength_m));
+        let place = request.place.as_ref();
+        let filter = KernelFilter {
+            display: names::display_filter(call, &Field::new("display"), &request.display)?,
+            wavelength: wavelength.transpose()?,
+            distance: place.map(|place| distance(&Field::new("place"), Some(place))).transpose()?,
+        };
+        let optics = format!("{:?} {:?}", filter.wavelength, filter.distance);
+        let page = Page::new(&["kernels", &request.display, &optics], request.page_size, &request.page_token)?;
+        let kernels = self.store.kernels(&filter, page.after.as_deref(), page.limit()).await?;
         let to_wire = |kernel| to_wire::kernel(&kernel);
         let (kernels, next_page_token) = page.fill(kernels, |kernel| kernel.key.to_string(), to_wire);
         Ok(v1::ListKernelsResponse { kernels, next_page_token })

@@ -1,6 +1,7 @@
 //! Conversion of kernels into messages.
 
 use crate::enumerations::OnWire as _;
+use crate::optics::to_wire::place;
 use crate::time::timestamp;
 use lightpath_domain::kernel::{
     CapturedQuality, Deprecation, Kernel, KernelLineage, KernelMetrics, KernelMove, KernelVersion, LearnedDataset,
@@ -16,7 +17,7 @@ pub(crate) fn kernel(kernel: &Kernel) -> v1::Kernel {
         name: kernel.key.to_string(),
         display: format!("displays/{}", kernel.key.display),
         wavelength_m: kernel.key.wavelength.m(),
-        distance_m: kernel.key.distance.m(),
+        place: place(kernel.key.distance),
         active_version: kernel.active_version.unwrap_or(0),
         latest_version: kernel.latest_version,
         create_time: Some(timestamp(kernel.create_time_ms)),
@@ -53,7 +54,7 @@ pub(crate) fn gate(gate: PromotionGate) -> v1::PromotionGate {
         better_than_active_percent: gate.better_than_active_percent,
         worse_than_ideal_allowed: gate.worse_than_ideal_allowed,
         test_pairs_min: gate.test_pairs_min,
-        forms: gate.forms.iter().map(|form| form.as_str().to_owned()).collect(),
+        formats: gate.forms.iter().map(|form| form.as_str().to_owned()).collect(),
     }
 }
 
@@ -92,9 +93,10 @@ pub(crate) fn metrics(metrics: &KernelMetrics) -> v1::KernelMetrics {
     }
 }
 
-fn part_cost(&PartCost { part, cost_db, least_db, most_db }: &PartCost) -> v1::kernel_metrics::PartCost {
-    let (title, part) = (part.title().to_owned(), part.name().to_owned());
-    v1::kernel_metrics::PartCost { part, title, cost_db, least_db, most_db }
+fn part_cost(&PartCost { part, cost_db, least_db, most_db }: &PartCost) -> v1::Part {
+    let cost_db = v1::Measure { value: cost_db, low: Some(least_db), high: Some(most_db), std: None };
+    let (name, title) = (part.name().to_owned(), part.title().to_owned());
+    v1::Part { name, title, cost_db: Some(cost_db), ..v1::Part::default() }
 }
 
 /// Converts what a form does not hold into its message.
@@ -120,7 +122,7 @@ pub(crate) fn kernel_move(moved: KernelMove) -> v1::KernelMove {
 fn lineage(lineage: KernelLineage) -> v1::KernelLineage {
     let name_of = |collection: &str, id: String| if id.is_empty() { id } else { format!("{collection}/{id}") };
     let dataset = |dataset: LearnedDataset| v1::kernel_lineage::LearnedDataset {
-        distance_m: dataset.distance.m(),
+        place: place(dataset.distance),
         name: name_of("datasets", dataset.id),
         digest: dataset.digest,
     };

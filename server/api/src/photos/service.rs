@@ -24,7 +24,7 @@ impl Api {
             target: Field::new("target").digest(&request.target)?,
             photo_encoding: encoding("photo_encoding", request.photo_encoding)?.unwrap_or(Encoding::Linear),
             target_encoding: encoding("target_encoding", request.target_encoding)?.unwrap_or(Encoding::Srgb),
-            region_px: request.region_of_interest.map(region_px),
+            region_px: request.region.map(region_px),
         };
         Ok(to_wire::photo_score(self.service.photos.score(call, request).await?))
     }

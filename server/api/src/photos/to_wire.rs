@@ -10,7 +10,7 @@ pub(super) fn photo_score(score: PhotoScore) -> v1::PhotoScore {
     let PhotoScore { scored, region, aligned, error } = score;
     v1::PhotoScore {
         place: Some(place(&scored.aligned)),
-        region_of_interest: Some(to_wire::region_message(region)),
+        region: Some(to_wire::region_message(region)),
         channels: scored.channels.iter().map(channel).collect(),
         saturated: scored.saturated,
         aligned,

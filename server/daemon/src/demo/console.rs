@@ -85,7 +85,7 @@ Results   {out}/contact_sheet.png, {out}/kernel.png, {out}/loss.png; all numbers
 Try next  {serve} serve --data-dir {}
           {cli} kernel list
           {cli} hologram optimize {} --display {} --distance {distance} -o hologram.png
-          {cli} simulate --display {} --distance {distance} --phase hologram.png -o photograph.png
+          {cli} simulate --display {} --distance {distance} --pattern hologram.png -o photograph.png
 
 Done in {:.0} s.",
             data.display(),

@@ -6,9 +6,10 @@ use anyhow::Context as _;
 use lightpath::v1::{
     self, Job, KernelModel,
     job_spec::Kind,
+    judgement::Stage,
     optimize_hologram::{Fit, ImagePlane, InitialPhase, initial_phase},
 };
-use lightpath::{Client, JobChange, names};
+use lightpath::{Client, JobChange, judgements, names};
 use lightpath_bench::SimulatedBench;
 use lightpath_domain::units::{Distance, Wavelength};
 use lightpath_optics::{Grid, OpticalSetup};
@@ -21,7 +22,6 @@ pub(super) const NARROW_RAD: f64 = 1.0;
 /// A client of the demo's server, with the properties of the demo's display.
 pub(super) struct DemoClient {
     client: Client,
-    kernel: String,
     wavelength_m: f64,
     distance_m: f64,
     pixel_pitch_m: f64,
@@ -37,17 +37,17 @@ pub(super) struct HologramRequest<'a> {
     pub(super) initial_phase_range_rad: f64,
 }
 
-/// An optimized hologram of one wavelength, frame and plane.
+/// An optimized hologram of one wavelength, subframe and plane.
 pub(super) struct Hologram {
     /// Digest of the file with the grey levels.
-    pub(super) phase: String,
+    pub(super) pattern: String,
     /// PSNR of the quantized hologram with the detector `pixel`, as a camera sees it \[dB\].
     pub(super) psnr_db: f64,
 }
 
 /// Request to photograph a hologram.
 pub(super) struct PhotoRequest {
-    pub(super) phase: String,
+    pub(super) pattern: String,
     pub(super) seed: u64,
 }
 
@@ -74,25 +74,21 @@ impl DemoClient {
         let (width_px, height_px) = args.resolution();
         let display = v1::Display {
             name: names::display(DISPLAY),
-            width_px,
-            height_px,
-            pixel_pitch_m: args.pixel_pitch,
-            bit_depth: 8,
+            modulator: Some(v1::Modulator::of_phase(width_px, height_px, args.pixel_pitch)),
             wavelengths_m: vec![args.wavelength],
             notes: "A simulated display with imperfections, created by lightpathd demo.".to_owned(),
-            simulated_bench: Some(v1::SimulatedBench {
+            bench: Some(v1::display::Bench::SimulatedBench(v1::SimulatedBench {
                 seed: bench.seed,
                 strength: bench.strength,
                 camera_noise: bench.camera_noise,
                 misalignment_px: bench.misalignment_px,
                 ..Default::default()
-            }),
+            })),
             ..Default::default()
         };
         client.create_display(v1::CreateDisplayRequest { display: Some(display) }).await?;
         let distance_m = args.distance_m();
         Ok(Self {
-            kernel: names::kernel(DISPLAY, args.wavelength, distance_m),
             wavelength_m: args.wavelength,
             distance_m,
             pixel_pitch_m: args.pixel_pitch,
@@ -109,6 +105,10 @@ impl DemoClient {
         Ok(OpticalSetup::try_new(grid, wavelength.m(), distance.m())?.planned()?.0)
     }
 
+    fn place(&self) -> Option<v1::Place> {
+        Some(v1::Place::at_m(self.distance_m))
+    }
+
     /// Optimizes holograms, and returns them in the order of the requests.
     pub(super) async fn holograms(
         &self,
@@ -120,7 +120,7 @@ impl DemoClient {
             specs.push(Kind::OptimizeHologram(v1::OptimizeHologram {
                 display: names::display(DISPLAY),
                 planes: vec![ImagePlane {
-                    distance_m: self.distance_m,
+                    place: self.place(),
                     target: self.client.upload_bytes(request.target).await?,
                     weight: 0.0,
                 }],
@@ -147,8 +147,8 @@ impl DemoClient {
         let spec = |request: PhotoRequest| {
             Kind::SimulateCapture(v1::SimulateCapture {
                 display: names::display(DISPLAY),
-                distance_m: self.distance_m,
-                phase: request.phase,
+                place: self.place(),
+                pattern: request.pattern,
                 seed: request.seed,
                 ..Default::default()
             })
@@ -161,7 +161,7 @@ impl DemoClient {
         let dataset = v1::Dataset {
             name: names::dataset(id),
             display: names::display(DISPLAY),
-            distance_m: self.distance_m,
+            place: self.place(),
             photo_encoding: v1::Encoding::Linear.into(),
             ..Default::default()
         };
@@ -173,13 +173,13 @@ impl DemoClient {
         &self,
         dataset: &str,
         id: String,
-        phase: &str,
+        pattern: &str,
         photo: &str,
         split: v1::Split,
     ) -> anyhow::Result<()> {
         let pair = v1::Pair {
             id,
-            phase: phase.to_owned(),
+            pattern: pattern.to_owned(),
             photo: photo.to_owned(),
             split: split.into(),
             ..Default::default()
@@ -203,7 +203,7 @@ impl DemoClient {
         model: KernelModel,
         seed: u64,
         bar: &mut Bar,
-    ) -> anyhow::Result<v1::LearnResult> {
+    ) -> anyhow::Result<v1::LearnKernelResult> {
         let datasets = vec![names::dataset(dataset)];
         let spec = v1::LearnKernel { datasets, model: model.into(), seed, ..Default::default() };
         let jobs = self.run_jobs(vec![Kind::LearnKernel(spec)], bar).await?;
@@ -224,7 +224,7 @@ impl DemoClient {
         let jobs = self.run_jobs(versions.map(spec).collect(), bar).await?;
         let mean = |job: &Job, split: v1::Split| -> anyhow::Result<Loss> {
             let pairs: Vec<_> = lightpath::evaluate_result(job)?.pairs.iter().filter(|p| p.split() == split).collect();
-            let mean = |of: fn(&v1::evaluate_result::PairLoss) -> f64| {
+            let mean = |of: fn(&v1::evaluate_kernel_result::PairLoss) -> f64| {
                 pairs.iter().map(|pair| of(pair)).sum::<f64>() / pairs.len() as f64
             };
             Ok(Loss { region: mean(|pair| pair.loss), full_frame: mean(|pair| pair.loss_full_frame) })
@@ -233,10 +233,11 @@ impl DemoClient {
         jobs.iter().map(both).collect()
     }
 
-    pub(super) async fn promote(&self, version: u32) -> anyhow::Result<()> {
+    /// Makes the version with this name active.
+    pub(super) async fn promote(&self, version: &str) -> anyhow::Result<()> {
         let request = v1::PromoteKernelRequest {
-            kernel: self.kernel.clone(),
-            version,
+            kernel: names::kernel_of(version).to_owned(),
+            version: names::id(version).parse()?,
             reason: "learned by the demo".to_owned(),
             expected_active_version: Some(0),
             force: false,
@@ -245,9 +246,9 @@ impl DemoClient {
         Ok(())
     }
 
-    /// Saves the active kernel to a file, and returns its version and bytes.
-    pub(super) async fn fetch_kernel(&self, path: &Path) -> anyhow::Result<(v1::KernelVersion, Vec<u8>)> {
-        let version = self.client.fetch_kernel_to(&self.kernel, 0, path).await?;
+    /// Saves the active version of a kernel to a file, and returns the version and the bytes.
+    pub(super) async fn fetch_kernel(&self, kernel: &str, path: &Path) -> anyhow::Result<(v1::KernelVersion, Vec<u8>)> {
+        let version = self.client.fetch_kernel_to(kernel, 0, path).await?;
         let bytes = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
         Ok((version, bytes))
     }
@@ -257,7 +258,7 @@ impl DemoClient {
         let request = v1::ImportKernelRequest {
             display: names::display(DISPLAY),
             wavelength_m: self.wavelength_m,
-            distance_m: self.distance_m,
+            place: self.place(),
             artifact: self.client.upload_bytes(file).await?,
             ..Default::default()
         };
@@ -293,10 +294,10 @@ impl DemoClient {
 
 fn hologram_of(job: &Job) -> anyhow::Result<Hologram> {
     let result = lightpath::hologram_result(job)?;
-    let parts = result.wavelengths.first().and_then(|hologram| hologram.frames.first().zip(hologram.planes.first()));
-    let (frame, plane) = parts.context("the result contains no hologram")?;
-    let quality = plane.quantized_quality.and_then(|quality| quality.pixel);
-    Ok(Hologram { phase: frame.phase.clone(), psnr_db: quality.map_or(f64::NAN, |quality| quality.psnr_db) })
+    let parts = result.wavelengths.first().and_then(|hologram| hologram.subframes.first().zip(hologram.planes.first()));
+    let (subframe, plane) = parts.context("the result contains no hologram")?;
+    let judged = judgements::judgement(&plane.judgements, Stage::Displayed, v1::Detector::Pixel);
+    Ok(Hologram { pattern: subframe.pattern.clone(), psnr_db: judged.map_or(f64::NAN, v1::Judgement::psnr) })
 }
 
 /// Name of a kernel version in a request: its number, or `ideal` for 0.

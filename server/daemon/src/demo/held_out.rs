@@ -81,8 +81,10 @@ pub(super) async fn evaluate(
     });
     let holograms = client.holograms(requests.collect(), &mut console.bar("optimize")).await?;
     // The seeds of the noise differ from those of the dataset's photographs.
-    let requests =
-        holograms.iter().zip(1_000_000..).map(|(hologram, seed)| PhotoRequest { phase: hologram.phase.clone(), seed });
+    let requests = holograms
+        .iter()
+        .zip(1_000_000..)
+        .map(|(hologram, seed)| PhotoRequest { pattern: hologram.pattern.clone(), seed });
     let photos = client.photographs(requests.collect(), &mut console.bar("photograph")).await?;
 
     let mut shown = Vec::new();
@@ -106,7 +108,7 @@ async fn measure_target(
     hologram: &Hologram,
     photo: &str,
 ) -> anyhow::Result<Shown> {
-    let (photo, phase) = (client.download(photo).await?, client.download(&hologram.phase).await?);
+    let (photo, phase) = (client.download(photo).await?, client.download(&hologram.pattern).await?);
     let light = pictures::photograph(&photo, Encoding::Linear)?;
     let grid = Grid::try_new(light.height_px(), light.width_px(), client.setup()?.grid().pixel_pitch_m())?;
     let region = RegionOfInterest::middle(&grid);

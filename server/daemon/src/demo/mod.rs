@@ -19,13 +19,14 @@ mod targets;
 
 pub use args::DemoArgs;
 
+use anyhow::Context as _;
 use args::DATASET;
 use console::Console;
 use demo_client::{DemoClient, HologramRequest, NARROW_RAD, PhotoRequest};
 use files::Files;
 use held_out::Candidate;
 use learned::learn;
-use lightpath::v1;
+use lightpath::{names, v1};
 use lightpath_bench::SimulatedBench;
 use local_server::LocalServer;
 use report::Report;
@@ -86,8 +87,10 @@ async fn learn_and_compare(
     let learned = learn(args, &client, console).await?;
 
     console.step("Make the learned kernel active")?;
-    client.promote(1).await?;
-    let (version, kernel) = client.fetch_kernel(&files.at("kernel.safetensors")).await?;
+    let first = learned.first().context("no kernel was learned")?;
+    client.promote(&first.version_name).await?;
+    let kernel = names::kernel_of(&first.version_name);
+    let (version, kernel) = client.fetch_kernel(kernel, &files.at("kernel.safetensors")).await?;
     let size_kb = version.size_bytes as f64 / 1000.0;
     console.print_result(format!("{} is active · {size_kb:.1} kB in kernel.safetensors", version.name))?;
     let simulated = single_kernel::bench(&client.setup()?, bench)?;
@@ -140,7 +143,7 @@ async fn photograph_holograms(
 
     console.step("Photograph the holograms")?;
     let requests =
-        holograms.iter().zip(1..).map(|(hologram, seed)| PhotoRequest { phase: hologram.phase.clone(), seed });
+        holograms.iter().zip(1..).map(|(hologram, seed)| PhotoRequest { pattern: hologram.pattern.clone(), seed });
     let photos = client.photographs(requests.collect(), &mut console.bar("photograph")).await?;
     client.create_dataset(DATASET).await?;
     for (i, (hologram, photo)) in holograms.iter().zip(&photos).enumerate() {
@@ -148,9 +151,9 @@ async fn photograph_holograms(
         // demo should take about a minute. Its display has none of the flaws that they describe.
         let split = if i < targets.training.len() { v1::Split::Train } else { v1::Split::Test };
         let id = format!("pair-{:02}", i + 1);
-        files.write(&format!("pairs/{id}-phase.png"), client.download(&hologram.phase).await?)?;
+        files.write(&format!("pairs/{id}-pattern.png"), client.download(&hologram.pattern).await?)?;
         files.write(&format!("pairs/{id}-photo.png"), client.download(photo).await?)?;
-        client.add_pair(DATASET, id, &hologram.phase, photo, split).await?;
+        client.add_pair(DATASET, id, &hologram.pattern, photo, split).await?;
     }
     let digest = client.finalize(DATASET, &mut console.bar("finalize")).await?;
     console.print_result(format!("dataset {DATASET}, {}…", digest.get(..15).unwrap_or(&digest)))

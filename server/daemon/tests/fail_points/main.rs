@@ -164,7 +164,7 @@ async fn assert_nothing_lost(work_folder: &WorkFolder, point: &str) {
             "job" => {
                 let job = server.store.job(&id).await.unwrap();
                 match job.result {
-                    Some(JobResult::Capture(result)) => {
+                    Some(JobResult::SimulateCapture(result)) => {
                         assert_eq!(server.artifacts.read_all(&result.photo).await.unwrap(), result_of(&job.request_id));
                     }
                     _ => assert!(job.request_id == "later", "{point}: {job:?}"),

@@ -329,7 +329,10 @@ async fn scoped_token_sees_only_its_displays() {
 async fn jobs_are_owned_by_the_name_of_their_token() {
     let guarded = Guarded::start().await;
     let request = v1::CreateDisplayRequest {
-        display: Some(v1::Display { simulated_bench: Some(v1::SimulatedBench::default()), ..small_display("lab") }),
+        display: Some(v1::Display {
+            bench: Some(v1::display::Bench::SimulatedBench(v1::SimulatedBench::default())),
+            ..small_display("lab")
+        }),
     };
     let mut displays = DisplayServiceClient::new(guarded.serving.channel.clone());
     displays.create_display(with_token(&guarded.tokens["admin"], request)).await.unwrap();

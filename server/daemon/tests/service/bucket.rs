@@ -66,7 +66,7 @@ async fn results_outlive_the_data_folder() {
     let target = serving.upload(&picture()).await;
     let ended = submit(&serving, job(&target, 30), "").await.unwrap();
     let ended = watch_to_end(&serving, &ended.name).await;
-    let phase = hologram(&ended).wavelengths[0].frames[0].phase_npy.clone();
+    let phase = hologram(&ended).wavelengths[0].subframes[0].phase.clone();
     let bytes = serving.read(&phase).await;
     assert!(empty_cache(&serving.config.data_dir) > 2);
     assert!(serving.read(&phase).await == bytes, "it returns from the bucket");

@@ -10,7 +10,7 @@ use lightpath_media::pictures;
 use lightpath_optics::Plane;
 use lightpath_proto::v1;
 use lightpath_proto::v1::finding::Kind;
-use lightpath_proto::v1::prepare_dataset::align::Source;
+use lightpath_proto::v1::prepare_dataset::align::{ByPairs, NoAlignment, Source};
 use tonic::Code;
 
 /// Largest distance between two maps in the region of interest \[px of the display\].
@@ -86,12 +86,12 @@ async fn photograph_of_the_dots_aligns_photographs_of_any_size() {
     // Photographs of the display's size no longer fit.
     let other = dataset.serving.upload(&pictures::grey_png_linear(&Plane::filled(HEIGHT, WIDTH, 0.5)).unwrap()).await;
     let hologram = dataset.serving.upload(&pictures::levels_png(&levels(&bench.hologram(1)), 8).unwrap()).await;
-    let pair = v1::Pair { id: "p1".into(), phase: hologram, photo: other, ..Default::default() };
+    let pair = v1::Pair { id: "p1".into(), pattern: hologram, photo: other, ..Default::default() };
     let request = v1::AddPairRequest { dataset: "datasets/d".into(), pair: Some(pair) };
     let answer = dataset.client.add_pair(request).await;
     assert!(answer.as_ref().unwrap_err().message().contains("600×380"), "{answer:?}");
     expect(answer, Code::InvalidArgument, "pair.photo (sha256-");
-    let answer = dataset.align(Source::None(true)).await;
+    let answer = dataset.align(Source::None(NoAlignment {})).await;
     assert_refused(answer, "ALIGNMENT_SIZE: pair \"p0\" has a photograph of 600×380 px");
 }
 
@@ -121,12 +121,14 @@ async fn valid_points_align_and_invalid_points_are_refused() {
         dataset.align(points(4, true)).await,
         &format!("{field} does not define an alignment: the points lie on a line"),
     );
-    assert_refused(dataset.align(Source::Pairs(false)).await, "spec.prepare_dataset.align.pairs is false");
-    assert_refused(dataset.align(Source::Pairs(true)).await, "spec.prepare_dataset.dataset: datasets/d has no pairs");
+    assert_refused(
+        dataset.align(Source::Pairs(ByPairs {})).await,
+        "spec.prepare_dataset.dataset: datasets/d has no pairs",
+    );
     let aligned = dataset.align(points(4, false)).await.unwrap();
     let truth = Homography::try_new([2.0, 0.0, 10.0, 0.0, 2.0, 7.0, 0.0, 0.0, 1.0]).unwrap();
     assert!(largest_distance_px(&aligned.alignment.unwrap(), &truth) < 1e-6);
-    let plain = dataset.align(Source::None(true)).await.unwrap();
+    let plain = dataset.align(Source::None(NoAlignment {})).await.unwrap();
     assert!(plain.alignment.is_none());
 }
 
@@ -181,7 +183,7 @@ async fn non_finite_values_and_wrong_sizes_are_refused_when_added() {
     ];
     for (file, expected) in cases {
         let photo = dataset.serving.upload(&file).await;
-        let pair = v1::Pair { id: "p".into(), phase: hologram.clone(), photo, ..Default::default() };
+        let pair = v1::Pair { id: "p".into(), pattern: hologram.clone(), photo, ..Default::default() };
         let request = v1::AddPairRequest { dataset: "datasets/d".into(), pair: Some(pair) };
         let answer = dataset.client.add_pair(request).await;
         assert!(answer.as_ref().unwrap_err().message().contains(expected), "{answer:?}");
@@ -191,13 +193,13 @@ async fn non_finite_values_and_wrong_sizes_are_refused_when_added() {
     let photo = dataset.serving.upload(&pictures::npy_f32(&Plane::filled(HEIGHT, WIDTH, 0.5)).unwrap()).await;
     for (plane, good) in [(&broken, false), (&phase, true)] {
         let hologram = dataset.serving.upload(&pictures::npy_f32(plane).unwrap()).await;
-        let pair = v1::Pair { id: "p".into(), phase: hologram, photo: photo.clone(), ..Default::default() };
+        let pair = v1::Pair { id: "p".into(), pattern: hologram, photo: photo.clone(), ..Default::default() };
         let request = v1::AddPairRequest { dataset: "datasets/d".into(), pair: Some(pair) };
         let answer = dataset.client.add_pair(request).await;
         if good {
             answer.unwrap();
         } else {
-            expect(answer, Code::InvalidArgument, "pair.phase (sha256-");
+            expect(answer, Code::InvalidArgument, "pair.pattern (sha256-");
         }
     }
 }

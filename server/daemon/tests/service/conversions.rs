@@ -1,7 +1,7 @@
 //! Tests of conversions: each file is made once, by a task that no client ends, and before a version becomes active.
 
 use crate::manifests::curl;
-use crate::serving::{Serving, small_display};
+use crate::serving::{Serving, sized_display};
 use lightpath_media::kernel_file;
 use lightpath_optics::{DisplayModel, Grid, KernelModel, KernelShape, OpticalSetup, SmoothField};
 use lightpath_proto::v1;
@@ -24,14 +24,18 @@ async fn serving(display: &str, versions: u32) -> Serving {
 
 async fn serving_with(display: &str, versions: u32, change: impl FnOnce(&mut Config)) -> Serving {
     let serving = Serving::start_with(change).await;
-    let display = v1::Display { width_px: WIDTH_PX, height_px: HEIGHT_PX, ..small_display(display) };
+    let display = sized_display(display, WIDTH_PX, HEIGHT_PX);
     let name = display.name.clone();
     let create = v1::CreateDisplayRequest { display: Some(display) };
     serving.displays().create_display(create).await.unwrap();
     for version in 1..=versions {
         let artifact = serving.upload(&kernel(0.1 * f64::from(version))).await;
-        let import =
-            v1::ImportKernelRequest { display: name.clone(), distance_m: 0.05, artifact, ..Default::default() };
+        let import = v1::ImportKernelRequest {
+            display: name.clone(),
+            place: Some(v1::Place::at_m(0.05)),
+            artifact,
+            ..Default::default()
+        };
         kernels(&serving).import_kernel(import).await.unwrap();
     }
     serving
@@ -114,7 +118,7 @@ async fn the_files_that_devices_use_are_ready_before_a_version_is_active() {
         name: "displays/ready/devices/bench-1".into(),
         kernel: "515nm-50mm".into(),
         version: 1,
-        form: "complex64".into(),
+        format: "complex64".into(),
         digest: installed.digest,
         generation: installed.generation,
         ..Default::default()
@@ -149,7 +153,7 @@ async fn the_files_that_devices_use_are_ready_before_a_version_is_active() {
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn a_form_that_takes_too_much_memory_fails_the_gate_and_can_be_forced() {
     let serving = serving_with("large", 1, |config| config.computing_mib_max = 64.0).await;
-    let gate = v1::PromotionGate { forms: vec!["complex64".into()], ..Default::default() };
+    let gate = v1::PromotionGate { formats: vec!["complex64".into()], ..Default::default() };
     let gate = v1::SetPromotionGateRequest { display: "displays/large".into(), gate: Some(gate), reason: "why".into() };
     kernels(&serving).set_promotion_gate(gate).await.unwrap();
     let request = v1::PromoteKernelRequest { kernel: name("large"), version: 1, ..Default::default() };

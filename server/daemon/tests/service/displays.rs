@@ -1,6 +1,6 @@
 //! Tests of displays, their lists, and plans of propagation.
 
-use crate::serving::{Serving, expect, small_display};
+use crate::serving::{Serving, expect, sized_display, small_display};
 use lightpath_proto::v1;
 use tonic::Code;
 use tonic_types::StatusExt as _;
@@ -9,9 +9,9 @@ use tonic_types::StatusExt as _;
 async fn display_is_created_once() {
     let serving = Serving::start().await;
     let first = serving.display("lab-2").await;
-    assert_eq!((first.name.as_str(), first.bit_depth), ("displays/lab-2", 8));
+    assert_eq!((first.name.as_str(), first.modulator.as_ref().unwrap().bit_depth), ("displays/lab-2", 8));
     assert_eq!(serving.display("lab-2").await, first, "a repeated request returns the same display");
-    let other = v1::Display { width_px: 128, ..small_display("lab-2") };
+    let other = sized_display("lab-2", 128, 48);
     let answer = serving.displays().create_display(v1::CreateDisplayRequest { display: Some(other) }).await;
     expect(answer, Code::AlreadyExists, "displays/lab-2 already exists");
 
@@ -26,12 +26,12 @@ async fn display_is_created_once() {
 #[tokio::test]
 async fn details_of_a_refusal_name_the_field() {
     let serving = Serving::start().await;
-    let bad = v1::Display { pixel_pitch_m: -8e-6, ..small_display("lab") };
+    let bad = v1::Display { modulator: Some(v1::Modulator::of_phase(64, 48, -8e-6)), ..small_display("lab") };
     let answer = serving.displays().create_display(v1::CreateDisplayRequest { display: Some(bad) }).await;
     let status = answer.unwrap_err();
     assert_eq!(status.code(), Code::InvalidArgument);
     let details = status.get_error_details();
-    assert_eq!(details.bad_request().unwrap().field_violations[0].field, "display.pixel_pitch_m");
+    assert_eq!(details.bad_request().unwrap().field_violations[0].field, "display.modulator.pixel_pitch_x_m");
     assert_eq!(details.error_info().unwrap().reason, "INVALID_FIELD");
     let answer = serving.displays().create_display(v1::CreateDisplayRequest { display: None }).await;
     expect(answer, Code::InvalidArgument, "display is not set");
@@ -43,7 +43,7 @@ async fn propagation_plans_report_method_distances_and_warnings() {
     serving.display("lab").await;
     let request_with = |change: &dyn Fn(&mut v1::PlanPropagationRequest)| {
         let mut request = v1::PlanPropagationRequest { display: "displays/lab".into(), ..Default::default() };
-        request.distance_m = 0.01;
+        request.place = Some(v1::Place::at_m(0.01));
         change(&mut request);
         request
     };
@@ -57,7 +57,8 @@ async fn propagation_plans_report_method_distances_and_warnings() {
         near.alternatives.iter().find(|other| other.method() == v1::PropagationMethod::FresnelImpulseResponse);
     assert!(refused.is_some_and(|other| !other.possible && other.text.contains("15.9 mm")), "{refused:?}");
 
-    let far = plan(request_with(&|request| request.distance_m = -0.05)).await.unwrap().report.unwrap();
+    let far =
+        plan(request_with(&|request| request.place = Some(v1::Place::at_m(-0.05)))).await.unwrap().report.unwrap();
     assert_eq!(far.method(), v1::PropagationMethod::BandResponse);
     assert_eq!(far.warnings[0].code, "BAND_LIMITED");
 
@@ -70,8 +71,8 @@ async fn propagation_plans_report_method_distances_and_warnings() {
     let fresnel = v1::PropagationMethod::FresnelImpulseResponse.into();
     for (request, start) in [
         (
-            request_with(&|request| request.distance_m = 5.0),
-            "distance_m is 5: the Rayleigh–Sommerfeld impulse response cannot",
+            request_with(&|request| request.place = Some(v1::Place::at_m(5.0))),
+            "place.distance_m is 5: the Rayleigh–Sommerfeld impulse response cannot",
         ),
         (
             request_with(&|request| request.method = fresnel),

@@ -43,7 +43,7 @@ async fn fetch(serving: &Serving, version: u32, form: KernelFormat) -> Result<(V
 async fn import(serving: &Serving, display: &str, bytes: &[u8], any: bool) -> Result<v1::KernelVersion, Status> {
     let request = v1::ImportKernelRequest {
         display: display.to_owned(),
-        distance_m: 4e-3,
+        place: Some(v1::Place::at_m(4e-3)),
         artifact: serving.upload(bytes).await,
         from_another_display: any,
         ..Default::default()
@@ -55,7 +55,7 @@ async fn import(serving: &Serving, display: &str, bytes: &[u8], any: bool) -> Re
 async fn loss(serving: &Serving, dataset: &str, version: u32) -> f64 {
     let spec = v1::EvaluateKernel { dataset: dataset.to_owned(), kernel: version.to_string(), ..Default::default() };
     match run_job(serving, Kind::EvaluateKernel(spec)).await.unwrap() {
-        JobResult::Evaluate(result) => result.pairs.iter().map(|pair| pair.loss).sum(),
+        JobResult::EvaluateKernel(result) => result.pairs.iter().map(|pair| pair.loss).sum(),
         other => panic!("{other:?}"),
     }
 }
@@ -74,7 +74,9 @@ async fn every_form_of_every_model_is_restored_or_its_losses_are_announced() {
             epochs: 3,
             ..Default::default()
         };
-        let JobResult::Learn(learned) = run_job(&serving, Kind::LearnKernel(learn)).await.unwrap() else { panic!() };
+        let JobResult::LearnKernel(learned) = run_job(&serving, Kind::LearnKernel(learn)).await.unwrap() else {
+            panic!()
+        };
         let name = &learned.kernels[0].kernel_version;
         let version: u32 = name.rsplit('/').next().unwrap().parse().unwrap();
         let before = loss(&serving, &dataset, version).await;

@@ -2,12 +2,13 @@
 
 use crate::jobs::{optimize, picture, submit, watch_to_end};
 use crate::serving::{Serving, expect, small_display};
-use lightpath_proto::v1::{self, job_spec};
+use lightpath_proto::judgements::{judgement, opinions};
+use lightpath_proto::v1::{self, job_spec, judgement::Stage};
 use tonic::{Code, Status};
 
-pub(crate) fn hologram(job: &v1::Job) -> &v1::HologramResult {
+pub(crate) fn hologram(job: &v1::Job) -> &v1::OptimizeHologramResult {
     match job.result.as_ref().and_then(|result| result.kind.as_ref()) {
-        Some(v1::job_result::Kind::Hologram(result)) => result,
+        Some(v1::job_result::Kind::OptimizeHologram(result)) => result,
         _ => panic!("{job:?}"),
     }
 }
@@ -24,35 +25,32 @@ async fn optimized_hologram_has_its_files_and_quality() {
     let result = hologram(&job);
     assert_eq!(result.iterations, 30);
     let [hologram] = &result.wavelengths[..] else { panic!("{result:?}") };
-    let ([frame], [plane]) = (&hologram.frames[..], &hologram.planes[..]) else { panic!("{hologram:?}") };
-    let quality = plane.quality.unwrap();
-    let pixel = quality.pixel.unwrap();
-    assert!(pixel.psnr_db > 10.0 && pixel.ssim.unwrap() > 0.5, "{quality:?}");
+    let ([subframe], [plane]) = (&hologram.subframes[..], &hologram.planes[..]) else { panic!("{hologram:?}") };
+    let judged = |stage, detector| judgement(&plane.judgements, stage, detector).unwrap();
+    let pixel = judged(Stage::Optimized, v1::Detector::Pixel);
+    assert!(pixel.psnr() > 10.0 && pixel.ssim.unwrap() > 0.5, "{plane:?}");
     // The region is too small for the five scales of MS-SSIM.
     assert_eq!(pixel.ms_ssim, None);
-    let (inside, all) = (pixel.diffraction_efficiency, pixel.frame_efficiency);
-    assert!(0.0 < inside && inside < all && all <= 1.0 + 1e-6, "{quality:?}");
-    assert_eq!(quality.supersampled.unwrap().diffraction_efficiency, inside);
-    for digest in [&frame.phase, &frame.phase_npy, &plane.reconstruction] {
+    let (inside, all) = (pixel.diffraction_efficiency.unwrap(), pixel.frame_efficiency.unwrap());
+    assert!(0.0 < inside && inside < all && all <= 1.0 + 1e-6, "{plane:?}");
+    assert_eq!(judged(Stage::Optimized, v1::Detector::Supersampled).diffraction_efficiency, Some(inside));
+    let headlines: Vec<_> = plane.judgements.iter().filter(|judged| judged.headline).collect();
+    assert_eq!(headlines, [judged(Stage::Displayed, v1::Detector::Pixel)]);
+    for digest in [&subframe.pattern, &subframe.phase, &plane.reconstruction] {
         let request = v1::GetArtifactRequest { digest: digest.clone() };
         assert!(serving.artifacts().get_artifact(request).await.unwrap().into_inner().size_bytes > 0);
     }
-    let opinion = plane.second_opinion.unwrap();
-    assert_eq!(opinion.rows, 8);
-    let quantized = plane.quantized_quality.unwrap();
-    let agrees = |opinion: v1::SecondOpinion, within_db: f64| {
-        assert!((opinion.independent_psnr_db - opinion.engine_psnr_db).abs() < within_db, "{opinion:?}");
-    };
-    agrees(opinion, 0.3);
+    let (engine, independent) = opinions(&plane.judgements).next().unwrap();
+    assert_eq!((engine.rows, independent.rows, independent.contradicts), (8, 8, false));
+    assert!((independent.psnr() - engine.psnr()).abs() < 0.3, "{plane:?}");
     let verified = verify(&serving, &job.name).await.unwrap();
-    let [plane] = &verified.planes[..] else { panic!("{verified:?}") };
-    for (found, reported) in
-        [(plane.point, quantized.point), (plane.pixel, quantized.pixel), (plane.supersampled, quantized.supersampled)]
-    {
-        let (found, reported) = (found.unwrap(), reported.unwrap());
-        agrees(found, 0.3);
+    let [verified] = &verified.planes[..] else { panic!("{verified:?}") };
+    assert_eq!(opinions(&verified.judgements).count(), 3);
+    for (engine, independent) in opinions(&verified.judgements) {
+        assert!((independent.psnr() - engine.psnr()).abs() < 0.3, "{verified:?}");
         // The display has so few rows that all of them are compared.
-        assert!((found.engine_psnr_db - reported.psnr_db).abs() < 1e-3, "{found:?} {reported:?}");
+        let reported = judged(Stage::Displayed, engine.detector());
+        assert!((engine.psnr() - reported.psnr()).abs() < 1e-3, "{engine:?} {reported:?}");
     }
 }
 
@@ -67,17 +65,15 @@ async fn hologram_is_made_for_the_fill_factor_of_the_camera() {
         serving.displays().create_display(request).await.unwrap();
         let mut spec = v1::OptimizeHologram { display: format!("displays/{id}"), iterations: 30, ..optimize(&target) };
         // Within the critical distance, where light has details finer than a pixel.
-        spec.planes[0].distance_m = 5e-3;
+        spec.planes[0].place = Some(v1::Place::at_m(5e-3));
         let job = submit(&serving, job_spec::Kind::OptimizeHologram(spec), "").await.unwrap();
         let job = watch_to_end(&serving, &job.name).await;
         let plane = hologram(&job).wavelengths[0].planes[0].clone();
-        let opinion = plane.second_opinion.unwrap();
-        assert!(
-            (opinion.independent_psnr_db - opinion.engine_psnr_db).abs() < 0.3,
-            "{camera_fill_factor}: {opinion:?}"
-        );
-        let quality = plane.quality.unwrap();
-        found.push((quality.pixel.unwrap().psnr_db, quality.point.unwrap().psnr_db));
+        let (engine, independent) = opinions(&plane.judgements).next().unwrap();
+        assert!((independent.psnr() - engine.psnr()).abs() < 0.3, "{camera_fill_factor}: {plane:?}");
+        let [whole_db, point_db] = [v1::Detector::Pixel, v1::Detector::Point]
+            .map(|detector| judgement(&plane.judgements, Stage::Optimized, detector).unwrap().psnr());
+        found.push((whole_db, point_db));
     }
     // What a smaller part of the pixel sees is nearer to what a point sees.
     let [(whole_db, whole_point_db), (part_db, part_point_db)] = found[..] else { unreachable!("two displays") };
@@ -85,11 +81,11 @@ async fn hologram_is_made_for_the_fill_factor_of_the_camera() {
 }
 
 /// Runs a job that verifies the holograms of another job.
-async fn verify(serving: &Serving, job: &str) -> Result<v1::VerifyResult, Status> {
+async fn verify(serving: &Serving, job: &str) -> Result<v1::VerifyHologramResult, Status> {
     let job = submit(serving, job_spec::Kind::VerifyHologram(v1::VerifyHologram { job: job.to_owned() }), "").await?;
     let job = watch_to_end(serving, &job.name).await;
     match job.result.as_ref().and_then(|result| result.kind.as_ref()) {
-        Some(v1::job_result::Kind::Verify(result)) => Ok(result.clone()),
+        Some(v1::job_result::Kind::VerifyHologram(result)) => Ok(result.clone()),
         _ => panic!("{job:?}"),
     }
 }
@@ -138,7 +134,11 @@ async fn restart_between_two_wavelengths_does_not_change_the_result() {
     let display = Some(v1::Display { wavelengths_m: wavelengths_m.clone(), ..small_display("two") });
     serving.displays().create_display(v1::CreateDisplayRequest { display }).await.unwrap();
     let target = serving.upload(&picture()).await;
-    let plane = |distance_m| v1::optimize_hologram::ImagePlane { distance_m, target: target.clone(), weight: 0.0 };
+    let plane = |distance_m| v1::optimize_hologram::ImagePlane {
+        place: Some(v1::Place::at_m(distance_m)),
+        target: target.clone(),
+        weight: 0.0,
+    };
     let spec = v1::OptimizeHologram {
         display: "displays/two".into(),
         wavelengths_m,

@@ -50,7 +50,7 @@ pub(crate) async fn create_dataset_at(serving: &Serving, mm: u32) -> String {
     let dataset = v1::Dataset {
         name: name.clone(),
         display: "displays/lab".into(),
-        distance_m: f64::from(mm) / 1e3,
+        place: Some(v1::Place::at_m(f64::from(mm) / 1e3)),
         ..Default::default()
     };
     client.create_dataset(v1::CreateDatasetRequest { dataset: Some(dataset) }).await.unwrap();
@@ -58,7 +58,7 @@ pub(crate) async fn create_dataset_at(serving: &Serving, mm: u32) -> String {
         let (levels, photo) = hologram_and_photo(&bench, 100 * u64::from(mm) + seed);
         let phase = serving.upload(&pictures::levels_png(&levels, 8).unwrap()).await;
         let photo = serving.upload(&pictures::grey_png_linear(&photo).unwrap()).await;
-        let pair = v1::Pair { id: format!("p{seed}"), phase, photo, ..Default::default() };
+        let pair = v1::Pair { id: format!("p{seed}"), pattern: phase, photo, ..Default::default() };
         let request = v1::AddPairRequest { dataset: name.clone(), pair: Some(pair) };
         client.add_pair(request).await.unwrap();
     }
@@ -81,7 +81,11 @@ async fn learn_together(serving: &Serving, datasets: &[String]) -> Result<v1::Jo
 }
 
 async fn interpolate(serving: &Serving, distance_m: f64) -> Result<v1::KernelVersion, Status> {
-    let request = v1::InterpolateKernelRequest { display: "displays/lab".into(), distance_m, ..Default::default() };
+    let request = v1::InterpolateKernelRequest {
+        display: "displays/lab".into(),
+        place: Some(v1::Place::at_m(distance_m)),
+        ..Default::default()
+    };
     Ok(kernels(serving).interpolate_kernel(request).await?.into_inner())
 }
 
@@ -109,13 +113,17 @@ async fn interpolated_kernel_predicts_photographs_at_a_new_distance() {
     for mm in PHOTOGRAPHED_MM {
         datasets.push(create_dataset_at(&serving, mm).await);
     }
-    expect(interpolate(&serving, 4.6e-3).await, Code::FailedPrecondition, "distance_m: no kernels of displays/lab");
+    expect(
+        interpolate(&serving, 4.6e-3).await,
+        Code::FailedPrecondition,
+        "place.distance_m: no kernels of displays/lab",
+    );
     let twice = [datasets[0].clone(), datasets[0].clone()];
     let refusal = "spec.learn_kernel.datasets[1] is of 4mm, but another dataset is already";
     expect(learn_together(&serving, &twice).await, Code::InvalidArgument, refusal);
 
     let job = learn_together(&serving, &datasets).await.unwrap();
-    let Some(v1::job_result::Kind::Learn(result)) = job.result.and_then(|result| result.kind) else {
+    let Some(v1::job_result::Kind::LearnKernel(result)) = job.result.and_then(|result| result.kind) else {
         panic!("{:?}", job.error);
     };
     let learned: Vec<&str> = result.kernels.iter().map(|kernel| kernel.kernel_version.as_str()).collect();
@@ -129,7 +137,7 @@ async fn interpolated_kernel_predicts_photographs_at_a_new_distance() {
     assert_eq!(version.name, "displays/lab/kernels/515nm-4.6mm/versions/1");
     let lineage = version.lineage.unwrap();
     assert!(lineage.interpolated);
-    assert!(lineage.datasets.iter().map(|dataset| dataset.distance_m).eq([4e-3, 5e-3, 6e-3]));
+    assert!(lineage.datasets.iter().map(|dataset| dataset.place).eq([4e-3, 5e-3, 6e-3].map(v1::Place::at_m).map(Some)));
     assert!(lineage.datasets.iter().map(|dataset| &dataset.name).eq(&datasets));
     let listed = kernels(&serving).list_kernels(v1::ListKernelsRequest::default()).await.unwrap().into_inner().kernels;
     let marked: Vec<_> = listed.iter().map(|kernel| (kernel.name.as_str(), kernel.interpolated)).collect();
@@ -153,8 +161,8 @@ async fn interpolated_kernel_predicts_photographs_at_a_new_distance() {
         "the report shows the uncertainty of the phase response"
     );
 
-    let beyond = "distance_m is 6.5mm, but displays/lab was photographed at 515nm from 4mm to 6mm only";
+    let beyond = "place.distance_m is 6.5mm, but displays/lab was photographed at 515nm from 4mm to 6mm only";
     expect(interpolate(&serving, 6.5e-3).await, Code::InvalidArgument, beyond);
-    let there = "distance_m is 5mm, which was photographed; use displays/lab/kernels/515nm-5mm/versions/1";
+    let there = "place.distance_m is 5mm, which was photographed; use displays/lab/kernels/515nm-5mm/versions/1";
     expect(interpolate(&serving, 5e-3).await, Code::InvalidArgument, there);
 }

@@ -1,13 +1,13 @@
 //! Tests of jobs: refusals, defaults, progress, results and restarts.
 
 use crate::preparing::{assert_refused, finalize, prepare};
-use crate::serving::{Serving, expect, small_display};
+use crate::serving::{Serving, expect, sized_display};
 use lightpath_artifacts::digest_of;
 use lightpath_media::pictures;
 use lightpath_optics::{Detector, DisplayModel, Engine, Grid, OpticalSetup, Plane};
 use lightpath_proto::v1::dataset_service_client::DatasetServiceClient;
 use lightpath_proto::v1::kernel_service_client::KernelServiceClient;
-use lightpath_proto::v1::prepare_dataset::align::Source;
+use lightpath_proto::v1::prepare_dataset::align::{NoAlignment, Source};
 use lightpath_proto::v1::prepare_dataset::{Align, Finalize, Step};
 use lightpath_proto::v1::{self, job_spec};
 use tonic::{Code, Status};
@@ -21,7 +21,11 @@ pub(crate) fn picture() -> Vec<u8> {
 pub(crate) fn optimize(target: &str) -> v1::OptimizeHologram {
     v1::OptimizeHologram {
         display: "displays/lab".into(),
-        planes: vec![v1::optimize_hologram::ImagePlane { distance_m: 0.05, target: target.to_owned(), weight: 0.0 }],
+        planes: vec![v1::optimize_hologram::ImagePlane {
+            place: Some(v1::Place::at_m(0.05)),
+            target: target.to_owned(),
+            weight: 0.0,
+        }],
         iterations: 10_000,
         ..Default::default()
     }
@@ -57,9 +61,10 @@ async fn defaults_are_filled_in_and_a_repeated_request_returns_the_same_job() {
     let job = submit(&serving, kind(), "mine-1").await.unwrap();
     let Some(job_spec::Kind::OptimizeHologram(spec)) = job.spec.clone().unwrap().kind else { panic!("{job:?}") };
     assert_eq!((spec.kernel.as_str(), spec.wavelengths_m.as_slice()), ("ideal", [515e-9].as_slice()));
-    assert_eq!(job.kernel_versions, [0]);
-    assert_eq!((spec.method(), spec.frames, spec.learning_rate), (v1::HologramMethod::Lbfgs, 1, 0.0));
-    assert_eq!(spec.region_of_interest, Some(v1::RegionOfInterest { x_px: 6, y_px: 5, width_px: 52, height_px: 38 }));
+    assert_eq!(job.kernels.len(), 1);
+    assert_eq!((job.kernels[0].place, job.kernels[0].kernel_version.as_str()), (Some(v1::Place::at_m(0.05)), ""));
+    assert_eq!((spec.method(), spec.subframes, spec.learning_rate), (v1::HologramMethod::Lbfgs, 1, 0.0));
+    assert_eq!(spec.region, Some(v1::Region { x_px: 6, y_px: 5, width_px: 52, height_px: 38 }));
     assert_eq!((job.attempts_max, job.request_id.as_str()), (3, "mine-1"));
     assert_eq!(submit(&serving, kind(), "mine-1").await.unwrap().name, job.name);
     let other = job_spec::Kind::OptimizeHologram(v1::OptimizeHologram { seed: 1, ..optimize(&target) });
@@ -68,7 +73,7 @@ async fn defaults_are_filled_in_and_a_repeated_request_returns_the_same_job() {
 
 /// A job on a display of 2048×2048 px.
 async fn large_job(serving: &Serving) -> v1::OptimizeHologram {
-    let display = v1::Display { width_px: 2048, height_px: 2048, ..small_display("large") };
+    let display = sized_display("large", 2048, 2048);
     let request = v1::CreateDisplayRequest { display: Some(display) };
     serving.displays().create_display(request).await.unwrap();
     v1::OptimizeHologram { display: "displays/large".into(), ..optimize(&serving.upload(&picture()).await) }
@@ -88,7 +93,10 @@ async fn job_beyond_the_memory_limit_is_refused_with_the_numbers() {
     let large = large_job(&serving).await;
     let refused = submit(&serving, job_spec::Kind::OptimizeHologram(large.clone()), "").await.unwrap_err();
     // An eighth of the limit is for the cache.
-    assert_too_large(&refused, &["at most 448 MiB (job_memory_mib_max)", "MiB of memory and", "fewer frames, planes"]);
+    assert_too_large(
+        &refused,
+        &["at most 448 MiB (job_memory_mib_max)", "MiB of memory and", "fewer subframes, planes"],
+    );
     let small = v1::OptimizeHologram { display: "displays/lab".into(), ..large };
     serving.display("lab").await;
     let job = submit(&serving, job_spec::Kind::OptimizeHologram(small), "").await.unwrap();
@@ -103,7 +111,7 @@ async fn job_beyond_the_time_limit_is_refused_with_the_numbers() {
     let serving = Serving::start_with(|config| config.job_time_s_max = 1.0).await;
     let large = large_job(&serving).await;
     let refused = submit(&serving, job_spec::Kind::OptimizeHologram(large), "").await.unwrap_err();
-    assert_too_large(&refused, &["and 1 s (job_time_s_max)", "fewer frames, planes or iterations"]);
+    assert_too_large(&refused, &["and 1 s (job_time_s_max)", "fewer subframes, planes or iterations"]);
     serving.stop().await.unwrap();
 }
 
@@ -140,15 +148,19 @@ async fn refusals_name_the_field_and_the_allowed_values() {
     type Change<'a> = Box<dyn Fn(&mut v1::OptimizeHologram) + 'a>;
     let cases: Vec<(Change<'_>, Code, &str)> = vec![
         (
-            Box::new(|s| s.planes[0].distance_m = f64::NAN),
+            Box::new(|s| s.planes[0].place = Some(v1::Place::at_m(f64::NAN))),
             Code::InvalidArgument,
-            "planes[0].distance_m is NaN, but must be within ±10 m",
+            "planes[0].place.distance_m is NaN, but must be within ±10 m",
         ),
-        (Box::new(|s| s.planes[0].distance_m = 0.0), Code::InvalidArgument, "planes[0].distance_m is 0"),
         (
-            Box::new(|s| s.planes[0].distance_m = 5.0),
+            Box::new(|s| s.planes[0].place = Some(v1::Place::at_m(0.0))),
             Code::InvalidArgument,
-            "planes[0].distance_m is 5: the Rayleigh–Sommerfeld impulse",
+            "planes[0].place.distance_m is 0",
+        ),
+        (
+            Box::new(|s| s.planes[0].place = Some(v1::Place::at_m(5.0))),
+            Code::InvalidArgument,
+            "planes[0].place.distance_m is 5: the Rayleigh–Sommerfeld impulse",
         ),
         (
             Box::new(|s| s.propagation = v1::PropagationMethod::AngularSpectrum.into()),
@@ -187,18 +199,16 @@ async fn refusals_name_the_field_and_the_allowed_values() {
             "initial_phase.random.range_rad is 7",
         ),
         (Box::new(|s| s.planes.clear()), Code::InvalidArgument, "planes is empty"),
-        (Box::new(|s| s.planes.push(s.planes[0].clone())), Code::InvalidArgument, "planes[1].distance_m is 50mm again"),
+        (Box::new(|s| s.planes.push(s.planes[0].clone())), Code::InvalidArgument, "planes[1].place is 50mm again"),
         (
             Box::new(|s| s.depth_map = target.clone()),
             Code::InvalidArgument,
             "depth_map is given, but there is one plane",
         ),
         (
-            Box::new(|s| {
-                s.region_of_interest = Some(v1::RegionOfInterest { x_px: 60, width_px: 5, height_px: 1, y_px: 0 })
-            }),
+            Box::new(|s| s.region = Some(v1::Region { x_px: 60, width_px: 5, height_px: 1, y_px: 0 })),
             Code::InvalidArgument,
-            "region_of_interest is 5×1 px at (60, 0)",
+            "region is 5×1 px at (60, 0)",
         ),
     ];
     for (change, code, start) in cases {
@@ -239,7 +249,7 @@ async fn datasets_accept_only_pairs_that_fit() {
     let dataset = v1::Dataset {
         name: "datasets/first".into(),
         display: "displays/lab".into(),
-        distance_m: 0.05,
+        place: Some(v1::Place::at_m(0.05)),
         ..Default::default()
     };
     datasets.create_dataset(v1::CreateDatasetRequest { dataset: Some(dataset) }).await.unwrap();
@@ -257,11 +267,11 @@ async fn datasets_accept_only_pairs_that_fit() {
     let (phase, good_photo) = (serving.upload(&levels(&first)).await, serving.upload(&photo(&first)).await);
     let add = |id: &str, phase: &str, photo: &str| v1::AddPairRequest {
         dataset: "datasets/first".into(),
-        pair: Some(v1::Pair { id: id.into(), phase: phase.into(), photo: photo.into(), ..Default::default() }),
+        pair: Some(v1::Pair { id: id.into(), pattern: phase.into(), photo: photo.into(), ..Default::default() }),
     };
-    expect(datasets.add_pair(add("a", &small, &good_photo)).await, Code::InvalidArgument, "pair.phase (sha256-");
+    expect(datasets.add_pair(add("a", &small, &good_photo)).await, Code::InvalidArgument, "pair.pattern (sha256-");
     expect(datasets.add_pair(add("a", &phase, &small)).await, Code::InvalidArgument, "pair.photo (sha256-");
-    expect(datasets.add_pair(add("a", "", &good_photo)).await, Code::InvalidArgument, "pair.phase is empty");
+    expect(datasets.add_pair(add("a", "", &good_photo)).await, Code::InvalidArgument, "pair.pattern is empty");
     expect(datasets.add_pair(add("a/b", &phase, &good_photo)).await, Code::InvalidArgument, "pair.id is");
     datasets.add_pair(add("a", &phase, &good_photo)).await.unwrap();
     refused(
@@ -282,7 +292,7 @@ async fn datasets_accept_only_pairs_that_fit() {
         Step::Finalize(Finalize { validation_fraction: Some(0.3), ..Default::default() }),
         Step::Finalize(Finalize { seed: 1, ..Default::default() }),
         Step::Finalize(Finalize { keep_alignment: true, ..Default::default() }),
-        Step::Align(Align { source: Some(Source::None(true)) }),
+        Step::Align(Align { source: Some(Source::None(NoAlignment {})) }),
     ] {
         let answer = prepare(&serving, "datasets/first", step).await;
         assert_refused(answer, "spec.prepare_dataset.dataset: datasets/first is finalized");
@@ -308,8 +318,8 @@ async fn refuses_impossible_jobs(serving: &Serving, learn: v1::LearnKernel, phas
     .await;
     let simulate = v1::SimulateCapture {
         display: "displays/lab".into(),
-        distance_m: 0.05,
-        phase: phase.to_owned(),
+        place: Some(v1::Place::at_m(0.05)),
+        pattern: phase.to_owned(),
         ..Default::default()
     };
     refused(

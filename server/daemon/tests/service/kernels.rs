@@ -27,8 +27,12 @@ pub(crate) fn kernel(width_px: usize, phase: f64) -> Vec<u8> {
 /// Stores a kernel file as the next version.
 pub(crate) async fn import(serving: &Serving, bytes: &[u8], distance_m: f64) -> Result<v1::KernelVersion, Status> {
     let artifact = serving.upload(bytes).await;
-    let request =
-        v1::ImportKernelRequest { display: "displays/lab".into(), distance_m, artifact, ..Default::default() };
+    let request = v1::ImportKernelRequest {
+        display: "displays/lab".into(),
+        place: Some(v1::Place::at_m(distance_m)),
+        artifact,
+        ..Default::default()
+    };
     Ok(client(serving).import_kernel(request).await?.into_inner())
 }
 
@@ -129,7 +133,13 @@ async fn kernels_of_other_displays_are_not_imported() {
     serving.displays().create_display(v1::CreateDisplayRequest { display }).await.unwrap();
     let artifact = serving.upload(&good).await;
     let (display, wavelength_m) = ("displays/relay".to_owned(), 515e-9);
-    let request = v1::ImportKernelRequest { display, wavelength_m, distance_m: 0.05, artifact, ..Default::default() };
+    let request = v1::ImportKernelRequest {
+        display,
+        wavelength_m,
+        place: Some(v1::Place::at_m(0.05)),
+        artifact,
+        ..Default::default()
+    };
     let start = "artifact is a kernel of a display that shows the whole first order, but displays/relay shows the first \
                  order through a filter of 1×0.5 orders";
     expect(client(&serving).import_kernel(request).await, Code::InvalidArgument, start);

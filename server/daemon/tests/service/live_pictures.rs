@@ -15,7 +15,7 @@ async fn a_running_hologram_shows_what_it_has_reached() {
     serving.display("lab").await;
     let target = serving.upload(&picture()).await;
     // Adam takes all of its steps, so the job runs for longer than the time before its first picture.
-    let spec = OptimizeHologram { method: HologramMethod::Adam as i32, frames: 24, ..optimize(&target) };
+    let spec = OptimizeHologram { method: HologramMethod::Adam as i32, subframes: 24, ..optimize(&target) };
     let job = submit(&serving, Kind::OptimizeHologram(spec), "").await.unwrap();
     let path = format!("/v1/{}/picture", job.name);
     let mut changes =
@@ -54,7 +54,7 @@ async fn tokens_for_other_displays_see_no_picture() {
     };
     for display in ["lab", "other"] {
         let body = format!(
-            r#"{{"name": "displays/{display}", "widthPx": 32, "heightPx": 24, "pixelPitchM": 8e-6, "wavelengthsM": [515e-9]}}"#
+            r#"{{"name": "displays/{display}", "modulator": {{"widthPx": 32, "heightPx": 24, "pixelPitchXM": 8e-6}}, "wavelengthsM": [515e-9]}}"#
         );
         send("POST", "/v1/displays", "application/json", &body).await;
     }
@@ -62,7 +62,7 @@ async fn tokens_for_other_displays_see_no_picture() {
     std::fs::write(&file, &bytes).unwrap();
     let (target, body) = (digest_of(&bytes), format!("@{}", file.display()));
     send("PUT", &format!("/v1/artifacts/{target}/upload"), "application/octet-stream", &body).await;
-    let planes = format!(r#"[{{"distanceM": 0.05, "target": "{target}"}}]"#);
+    let planes = format!(r#"[{{"place": {{"distanceM": 0.05}}, "target": "{target}"}}]"#);
     let spec = format!(r#"{{"spec": {{"optimizeHologram": {{"display": "displays/lab", "planes": {planes}}}}}}}"#);
     let job = send("POST", "/v1/jobs", "application/json", &spec).await;
     let path = format!("/v1/{}/picture", job["name"].as_str().unwrap());

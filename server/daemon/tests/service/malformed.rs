@@ -36,11 +36,19 @@ fn is_allowed(answer: &Result<(), Status>) -> bool {
 
 /// Valid messages for the methods that check many fields.
 fn seeds(target: &str, spot: &str) -> Vec<(&'static str, Vec<u8>)> {
-    let display =
-        || Some(v1::Display { simulated_bench: Some(v1::SimulatedBench::default()), ..small_display("other") });
+    let display = || {
+        Some(v1::Display {
+            bench: Some(v1::display::Bench::SimulatedBench(v1::SimulatedBench::default())),
+            ..small_display("other")
+        })
+    };
     let spec = v1::OptimizeHologram {
         display: "displays/lab".into(),
-        planes: vec![v1::optimize_hologram::ImagePlane { distance_m: 0.05, target: target.to_owned(), weight: 0.0 }],
+        planes: vec![v1::optimize_hologram::ImagePlane {
+            place: Some(v1::Place::at_m(0.05)),
+            target: target.to_owned(),
+            weight: 0.0,
+        }],
         iterations: 1,
         ..Default::default()
     };
@@ -48,11 +56,15 @@ fn seeds(target: &str, spot: &str) -> Vec<(&'static str, Vec<u8>)> {
     let dataset = v1::Dataset {
         name: "datasets/bench".into(),
         display: "displays/lab".into(),
-        distance_m: 0.05,
+        place: Some(v1::Place::at_m(0.05)),
         ..Default::default()
     };
-    let pair = v1::Pair { id: "p".into(), phase: target.to_owned(), photo: target.to_owned(), ..Default::default() };
-    let plan = v1::PlanPropagationRequest { display: "displays/lab".into(), distance_m: 0.05, ..Default::default() };
+    let pair = v1::Pair { id: "p".into(), pattern: target.to_owned(), photo: target.to_owned(), ..Default::default() };
+    let plan = v1::PlanPropagationRequest {
+        display: "displays/lab".into(),
+        place: Some(v1::Place::at_m(0.05)),
+        ..Default::default()
+    };
     let fetch = v1::FetchKernelRequest { kernel: "displays/lab/kernels/515nm-50mm".into(), ..Default::default() };
     let read = v1::ReadArtifactRequest { digest: target.to_owned(), offset_bytes: 1, limit_bytes: 5 };
     let list = v1::ListJobsRequest { page_size: 7, display: "displays/lab".into(), ..Default::default() };

@@ -132,7 +132,9 @@ async fn requests_are_closed_and_answers_open() {
     assert_eq!(schemas["Kernel"]["properties"]["aliases"]["additionalProperties"]["type"], "integer");
     let iterations = &schemas["OptimizeHologramInput"]["properties"]["iterations"];
     assert_eq!((&iterations["maximum"], &iterations["type"]), (&json!(10_000), &json!("integer")), "{iterations}");
-    let required = &schemas["DisplayInput"]["required"];
+    let required = &schemas["ModulatorInput"]["required"];
     assert!(required.as_array().unwrap().contains(&json!("widthPx")), "{required}");
-    assert_eq!(schemas["DisplayInput"]["properties"]["widthPx"]["minimum"], 16);
+    assert_eq!(schemas["ModulatorInput"]["properties"]["widthPx"]["minimum"], 16);
+    let listing = document["paths"]["/v1/kernels"]["get"]["parameters"].as_array().unwrap();
+    assert!(listing.iter().any(|parameter| parameter["name"] == "place.distanceM"), "{listing:?}");
 }

@@ -1,7 +1,7 @@
 //! Tests of the owners of artifacts, of the limit on their bytes, and of streams whose token ends.
 
 use crate::access::{Guarded, create_token, with_token};
-use crate::serving::small_display;
+use crate::serving::{sized_display, small_display};
 use lightpath_artifacts::digest_of;
 use lightpath_domain::access::Role;
 use lightpath_media::pictures;
@@ -64,7 +64,7 @@ impl Bearer<'_> {
         let spec = v1::OptimizeHologram {
             display: format!("displays/{display}"),
             planes: vec![v1::optimize_hologram::ImagePlane {
-                distance_m: 0.05,
+                place: Some(v1::Place::at_m(0.05)),
                 target: target.to_owned(),
                 weight: 0.0,
             }],
@@ -85,8 +85,8 @@ impl Bearer<'_> {
             last = Some(job);
         }
         let result = last.unwrap().result.unwrap().kind.unwrap();
-        let v1::job_result::Kind::Hologram(hologram) = result else { panic!("{result:?}") };
-        hologram.wavelengths[0].frames[0].phase.clone()
+        let v1::job_result::Kind::OptimizeHologram(hologram) = result else { panic!("{result:?}") };
+        hologram.wavelengths[0].subframes[0].pattern.clone()
     }
 }
 
@@ -172,7 +172,7 @@ async fn artifacts_that_the_server_makes_need_the_same_room_as_uploads() {
     let guarded = Guarded::start_with(|config| config.owner_stored_mib_max = 1.0).await;
     let bearer = |role: &str| Bearer { guarded: &guarded, token: guarded.tokens[role].clone() };
     let (admin, submitter) = (bearer("admin"), bearer("submitter"));
-    let display = v1::Display { height_px: 300, width_px: 400, ..small_display("lab") };
+    let display = sized_display("lab", 400, 300);
     let request = with_token(&admin.token, v1::CreateDisplayRequest { display: Some(display) });
     DisplayServiceClient::new(admin.channel()).create_display(request).await.unwrap();
     let target = async |bearer: &Bearer<'_>| {

@@ -57,8 +57,8 @@ async fn photograph_is_found_measured_and_drawn() {
     let [channel] = &found.channels[..] else { panic!("{:?}", found.channels) };
     assert!((channel.gain - 2.0).abs() < 0.05 && channel.psnr_db > 30.0 && channel.ssim > 0.9, "{channel:?}");
     assert!((found.saturated - 40.0 / (300.0 * 480.0)).abs() < 1e-9, "{}", found.saturated);
-    let region = v1::RegionOfInterest { x_px: 32, y_px: 18, width_px: 256, height_px: 144 };
-    assert_eq!(found.region_of_interest, Some(region));
+    let region = v1::Region { x_px: 32, y_px: 18, width_px: 256, height_px: 144 };
+    assert_eq!(found.region, Some(region));
     let aligned = serving.read(&found.aligned).await;
     assert_eq!(pictures::picture_size(&aligned).unwrap(), (WIDTH as u32, HEIGHT as u32));
     assert!(pictures::picture_size(&serving.read(&found.error).await).unwrap().0 > 900);
@@ -77,10 +77,9 @@ async fn wrong_requests_are_refused_with_the_field_and_the_fix() {
     let message = unrelated.as_ref().unwrap_err().message().to_owned();
     assert!(message.contains("at least 0.35 is needed"), "{message}");
     expect(unrelated, Code::InvalidArgument, "photo (sha256-");
-    let region = Some(v1::RegionOfInterest { x_px: 300, y_px: 0, width_px: 30, height_px: 30 });
-    let outside = v1::ScorePhotoRequest { region_of_interest: region, ..request.clone() };
-    let start =
-        "region_of_interest is 30×30 px at (300, 0), but must be at least 1×1 px and inside the target, 320×180 px";
+    let region = Some(v1::Region { x_px: 300, y_px: 0, width_px: 30, height_px: 30 });
+    let outside = v1::ScorePhotoRequest { region, ..request.clone() };
+    let start = "region is 30×30 px at (300, 0), but must be at least 1×1 px and inside the target, 320×180 px";
     expect(score(&serving, outside).await, Code::InvalidArgument, start);
     let tiny = serving.upload(&pictures::grey_png_srgb(&Plane::filled(20, 400, 0.5)).unwrap()).await;
     let tiny = v1::ScorePhotoRequest { target: tiny, ..request.clone() };

@@ -8,7 +8,7 @@ use lightpath_camera::alignment::Homography;
 use lightpath_proto::v1::dataset_service_client::DatasetServiceClient;
 use lightpath_proto::v1::job_result::Kind as JobResult;
 use lightpath_proto::v1::job_spec::Kind;
-use lightpath_proto::v1::prepare_dataset::align::Source;
+use lightpath_proto::v1::prepare_dataset::align::{NoAlignment, Source};
 use lightpath_proto::v1::prepare_dataset::{Align, Finalize, Step};
 use lightpath_proto::v1::{self, job::State};
 use tonic::Code;
@@ -31,7 +31,7 @@ pub(crate) async fn run_job(serving: &Serving, kind: Kind) -> Result<JobResult, 
 /// Aligns or finalizes a dataset with a job, and returns the changed dataset.
 pub(crate) async fn prepare(serving: &Serving, name: &str, step: Step) -> Result<v1::Dataset, String> {
     let spec = v1::PrepareDataset { dataset: name.to_owned(), step: Some(step) };
-    let JobResult::Prepare(result) = run_job(serving, Kind::PrepareDataset(spec)).await? else {
+    let JobResult::PrepareDataset(result) = run_job(serving, Kind::PrepareDataset(spec)).await? else {
         panic!("the result is of another kind")
     };
     let mut client = DatasetServiceClient::new(serving.channel.clone());
@@ -50,10 +50,10 @@ pub(crate) async fn finalize(serving: &Serving, name: &str) -> Result<v1::Datase
 }
 
 /// Reports on a kernel version with a job, and returns the result of the job.
-pub(crate) async fn report(serving: &Serving, kernel_version: &str) -> Result<v1::ReportResult, String> {
+pub(crate) async fn report(serving: &Serving, kernel_version: &str) -> Result<v1::ReportKernelResult, String> {
     let spec = v1::ReportKernel { kernel_version: kernel_version.to_owned() };
     match run_job(serving, Kind::ReportKernel(spec)).await? {
-        JobResult::Report(result) => Ok(result),
+        JobResult::ReportKernel(result) => Ok(result),
         other => panic!("{other:?}"),
     }
 }
@@ -103,7 +103,7 @@ async fn waiting_job_finalizes_the_pairs_present_at_its_start() {
     dataset.serving.jobs().resume_queue(v1::ResumeQueueRequest::default()).await.unwrap();
     let job = watch_to_end(&dataset.serving, &job.name).await;
     assert_eq!(job.state(), State::Succeeded, "{job:?}");
-    let Some(JobResult::Prepare(result)) = job.result.and_then(|result| result.kind) else {
+    let Some(JobResult::PrepareDataset(result)) = job.result.and_then(|result| result.kind) else {
         panic!("the result is of another kind")
     };
     let used = result.train_pairs + result.validation_pairs + result.test_pairs;
@@ -129,7 +129,7 @@ async fn restart_during_finalization_leaves_the_dataset_consistent() {
     let serving = dataset.serving.restart().await;
     let job = watch_to_end(&serving, &job.name).await;
     assert_eq!(job.state(), State::Succeeded, "{job:?}");
-    let Some(JobResult::Prepare(result)) = job.result.and_then(|result| result.kind) else {
+    let Some(JobResult::PrepareDataset(result)) = job.result.and_then(|result| result.kind) else {
         panic!("the result is of another kind")
     };
     // The dataset agrees with the result of the job, and finalizing it again changes nothing.
@@ -142,7 +142,7 @@ async fn restart_during_finalization_leaves_the_dataset_consistent() {
 async fn dataset_is_deleted_unless_a_job_uses_it() {
     let mut dataset = Dataset::open().await;
     dataset.serving.jobs().pause_queue(v1::PauseQueueRequest::default()).await.unwrap();
-    let step = Step::Align(Align { source: Some(Source::None(true)) });
+    let step = Step::Align(Align { source: Some(Source::None(NoAlignment {})) });
     let spec = v1::PrepareDataset { dataset: "datasets/d".to_owned(), step: Some(step) };
     let job = submit(&dataset.serving, Kind::PrepareDataset(spec), "").await.unwrap();
     let request = v1::DeleteDatasetRequest { name: "datasets/d".into() };

@@ -94,7 +94,7 @@ async fn a_version_passes_the_gate_or_is_forced_and_the_history_says_what_failed
     let gate = v1::PromotionGate {
         better_than_active_percent: Some(10.0),
         test_pairs_min: 4,
-        forms: vec!["compact".to_owned()],
+        formats: vec!["compact".to_owned()],
         ..Default::default()
     };
     let set = set_gate(&serving, gate.clone()).await.unwrap();
@@ -126,7 +126,7 @@ async fn a_version_passes_the_gate_or_is_forced_and_the_history_says_what_failed
     kernels(&serving).deprecate_kernel_version(deprecate(true)).await.unwrap();
     promote(&serving, 4, false, "").await.unwrap();
     for (gate, problem) in [
-        (v1::PromotionGate { forms: vec!["round".into()], ..Default::default() }, "gate.forms is \"round\""),
+        (v1::PromotionGate { formats: vec!["round".into()], ..Default::default() }, "gate.formats is \"round\""),
         (
             v1::PromotionGate { better_than_active_percent: Some(f64::NAN), ..Default::default() },
             "gate.better_than_active_percent is NaN",
@@ -197,7 +197,7 @@ async fn report_of(serving: &Serving, device: &str, version: u32) -> v1::ReportD
         name: format!("{LAB}/devices/{device}"),
         kernel: "515nm-50mm".into(),
         version,
-        form: "compact".into(),
+        format: "compact".into(),
         digest: file.digest,
         generation: 1,
         message: "too noisy".into(),
@@ -342,7 +342,7 @@ async fn a_device_reports_for_itself_alone() {
     store.promote(&key, Promotion { version: 1, expected_active: None, cause, overridden }, 2).await.unwrap();
 
     let body = format!(
-        r#"{{"kernel":"515nm-50mm","version":1,"form":"safetensors","digest":"{digest}","generation":"1","agent":"a 1"}}"#
+        r#"{{"kernel":"515nm-50mm","version":1,"format":"safetensors","digest":"{digest}","generation":"1","agent":"a 1"}}"#
     );
     let done = post_report(serving, "bench-7", &token, &body).await;
     assert_eq!((done.status, done.text().as_str()), (200, "{}"), "{done:?}");
@@ -353,7 +353,7 @@ async fn a_device_reports_for_itself_alone() {
     let other = post_report(serving, "bench-8", &token, &body).await;
     assert!(other.status == 403 && other.text().contains("stands for the device bench-7"), "{}", other.text());
     for (body, problem) in [
-        (body.replace("safetensors", "round"), "form is"),
+        (body.replace("safetensors", "round"), "format is"),
         (body.replace("515nm-50mm", "515nm-60mm"), "does not exist"),
         (body.replace("\"version\":1", "\"version\":9"), "versions/9 does not exist"),
         (body.replace("n\":\"1\"", "n\":\"18446744073709551615\""), "generation is 18446744073709551615"),
@@ -404,14 +404,18 @@ async fn aliases_name_versions_and_nearest_distances_are_found() {
     let nearest = |distance_m| {
         let mut kernels = kernels(&serving);
         async move {
-            let request = v1::FindNearestKernelsRequest { display: LAB.into(), distance_m, ..Default::default() };
+            let request = v1::FindNearestKernelsRequest {
+                display: LAB.into(),
+                place: Some(v1::Place::at_m(distance_m)),
+                ..Default::default()
+            };
             let found = kernels.find_nearest_kernels(request).await.unwrap().into_inner();
             found.kernels.into_iter().map(|kernel| kernel.name).collect::<Vec<_>>()
         }
     };
     assert_eq!(nearest(0.05).await, [KERNEL]);
     assert_eq!(nearest(0.06).await, [KERNEL]);
-    let answer = curl(&serving, &format!("/v1/{LAB}/kernels:nearest?distance_m=0.049"), &[]).await;
+    let answer = curl(&serving, &format!("/v1/{LAB}/kernels:nearest?place.distance_m=0.049"), &[]).await;
     assert!(answer.status == 200 && answer.text().contains(KERNEL), "{}", answer.text());
     let nowhere = curl(&serving, &format!("/v1/{LAB}/kernels:nearest"), &[]).await;
     assert!(nowhere.status == 400 && nowhere.text().contains("distance_m"), "{}", nowhere.text());

@@ -46,7 +46,7 @@ async fn display_is_learned_from_turned_overexposed_and_swapped_photographs() {
     let learn = v1::LearnKernel { datasets: vec!["datasets/d".into()], ..Default::default() };
     let job = submit(&dataset.serving, job_spec::Kind::LearnKernel(learn), "").await.unwrap();
     let job = watch_to_end(&dataset.serving, &job.name).await;
-    let Some(v1::job_result::Kind::Learn(learned)) = job.result.clone().and_then(|result| result.kind) else {
+    let Some(v1::job_result::Kind::LearnKernel(learned)) = job.result.clone().and_then(|result| result.kind) else {
         panic!("{job:?}")
     };
     let (kernel, version) = learned.kernels[0].kernel_version.split_once("/versions/").unwrap();

@@ -138,11 +138,14 @@ impl Serving {
 }
 
 pub(crate) fn small_display(id: &str) -> v1::Display {
+    sized_display(id, 64, 48)
+}
+
+/// A display with pixels of 8 µm and one wavelength.
+pub(crate) fn sized_display(id: &str, width_px: u32, height_px: u32) -> v1::Display {
     v1::Display {
         name: format!("displays/{id}"),
-        width_px: 64,
-        height_px: 48,
-        pixel_pitch_m: 8e-6,
+        modulator: Some(v1::Modulator::of_phase(width_px, height_px, 8e-6)),
         wavelengths_m: vec![515e-9],
         ..Default::default()
     }

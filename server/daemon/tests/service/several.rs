@@ -154,14 +154,14 @@ async fn jobs_run_where_their_memory_is() {
     let Some(settings) = settings().await else { return };
     // The server alone would accept no job at all.
     let (serving, target) = server(&Config { job_memory_mib_max: 64.0, ..settings.clone() }).await;
-    let display = v1::Display { width_px: 1024, height_px: 1024, ..crate::serving::small_display("large") };
+    let display = crate::serving::sized_display("large", 1024, 1024);
     let request_display = v1::CreateDisplayRequest { display: Some(display) };
     serving.displays().create_display(request_display).await.unwrap();
     let large = |frames| {
         let mut request = request(&target, &[]);
         if let Some(job_spec::Kind::OptimizeHologram(spec)) = request.spec.as_mut().and_then(|spec| spec.kind.as_mut())
         {
-            (spec.display, spec.frames) = ("displays/large".to_owned(), frames);
+            (spec.display, spec.subframes) = ("displays/large".to_owned(), frames);
         }
         request
     };

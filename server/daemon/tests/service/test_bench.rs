@@ -1,7 +1,7 @@
 //! A simulated bench for tests, and a dataset of its photographs on a server.
 
 use crate::preparing::{finalize, prepare};
-use crate::serving::Serving;
+use crate::serving::{Serving, sized_display};
 use lightpath_bench::{SimulatedBench, SimulatedDisplay, TestCard};
 use lightpath_camera::alignment::{Homography, warp};
 use lightpath_media::pictures;
@@ -114,21 +114,14 @@ pub(crate) struct Dataset {
 impl Dataset {
     pub(crate) async fn open() -> Self {
         let serving = Serving::start().await;
-        let display = v1::Display {
-            name: "displays/bench".into(),
-            width_px: WIDTH as u32,
-            height_px: HEIGHT as u32,
-            pixel_pitch_m: 8e-6,
-            wavelengths_m: vec![515e-9],
-            ..Default::default()
-        };
+        let display = sized_display("bench", WIDTH as u32, HEIGHT as u32);
         let request = v1::CreateDisplayRequest { display: Some(display) };
         serving.displays().create_display(request).await.unwrap();
         let mut client = DatasetServiceClient::new(serving.channel.clone());
         let dataset = v1::Dataset {
             name: "datasets/d".into(),
             display: "displays/bench".into(),
-            distance_m: DISTANCE_M,
+            place: Some(v1::Place::at_m(DISTANCE_M)),
             ..Default::default()
         };
         client.create_dataset(v1::CreateDatasetRequest { dataset: Some(dataset) }).await.unwrap();
@@ -138,7 +131,7 @@ impl Dataset {
     pub(crate) async fn add(&mut self, id: &str, phase: &Plane<f32>, photo: &Plane<f32>) -> v1::Dataset {
         let phase = self.serving.upload(&pictures::levels_png(&levels(phase), 8).unwrap()).await;
         let photo = self.serving.upload(&pictures::grey_png_linear(photo).unwrap()).await;
-        let pair = v1::Pair { id: id.into(), phase, photo, ..Default::default() };
+        let pair = v1::Pair { id: id.into(), pattern: phase, photo, ..Default::default() };
         let request = v1::AddPairRequest { dataset: "datasets/d".into(), pair: Some(pair) };
         self.client.add_pair(request).await.unwrap().into_inner()
     }

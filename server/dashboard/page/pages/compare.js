@@ -2,8 +2,8 @@
 
 import { get } from "../api.js";
 import { h, show } from "../dom.js";
-import { decibels, idOf, length, number } from "../format.js";
-import { hologramPictures } from "../hologram_pictures.js";
+import { decibels, idOf, length, number, placeText } from "../format.js";
+import { hologramPictures, judgementOf } from "../hologram_pictures.js";
 import { stateOf } from "../job_rows.js";
 import { emptyNote, refresher } from "../loading.js";
 import { pictureViewer } from "../pictures.js";
@@ -22,19 +22,19 @@ export function comparePage(root, _, query) {
     const jobs = await Promise.all(names.map((id) => get(`jobs/${id}`)));
     const requests = jobs.map((job) => flat(job.spec));
     const fields = [...new Set(requests.flatMap((request) => Object.keys(request)))].filter((field) => requests[0][field] !== requests[1][field]);
-    const planes = jobs.map((job) => job.result?.hologram?.wavelengths[0].planes ?? []);
+    const planes = jobs.map((job) => job.result?.optimizeHologram?.wavelengths[0].planes ?? []);
     const pictures = planes.map((list, i) => list[0] && { label: `${"AB"[i]}: reconstruction`, digest: list[0].reconstruction, kind: "light", group: "", profile: { encoding: "srgb" } }).filter(Boolean);
     viewer?.end();
     viewer = pictures.length ? pictureViewer([...targetOfA(jobs[0]), ...pictures]) : null;
     const head = jobs.map((job, i) => h("li", {}, `${"AB"[i]}: `, h("a", { href: `#/${job.name}` }, idOf(job.name)), stateOf(job)));
-    const quality = planes.flatMap((list, i) => list.map((plane) => h("tr", {}, h("th", { scope: "row" }, "AB"[i]), h("td", {}, length(plane.distanceM)),
-      ["point", "pixel", "supersampled"].map((detector) => h("td", { class: "right" }, decibels((plane.quantizedQuality ?? plane.quality)?.[detector]?.psnrDb))),
-      h("td", { class: "right" }, number((plane.quantizedQuality ?? plane.quality)?.pixel?.ssim)))));
+    const quality = planes.flatMap((list, i) => list.map((plane) => h("tr", {}, h("th", { scope: "row" }, "AB"[i]), h("td", {}, placeText(plane.place)),
+      ["point", "pixel", "supersampled"].map((detector) => h("td", { class: "right" }, decibels(judgementOf(plane, "DISPLAYED", detector)?.psnrDb.value))),
+      h("td", { class: "right" }, number(judgementOf(plane, "DISPLAYED", "pixel")?.ssim)))));
     show(body, h("ul", { class: "log" }, head),
       h("section", {}, h("h2", {}, "Requests"), fields.length
         ? table("Fields that differ", ["Field", "A", "B"], fields.map((field) => h("tr", {}, h("th", { scope: "row" }, field), requests.map((request) => h("td", { class: "wide" }, request[field] ?? "–")))))
         : h("p", {}, "The requests are the same.")),
-      quality.length > 0 && h("section", {}, h("h2", {}, "Quality"), table("Quality of the quantized holograms", ["Job", "Plane", ">PSNR, point", ">PSNR, pixel", ">PSNR, supersampled", ">SSIM, pixel"], quality)),
+      quality.length > 0 && h("section", {}, h("h2", {}, "Quality"), table("Quality of the displayed holograms", ["Job", "Plane", ">PSNR, point", ">PSNR, pixel", ">PSNR, supersampled", ">SSIM, pixel"], quality)),
       viewer && h("section", {}, h("h2", {}, "Pictures"), viewer.element));
   });
   return () => viewer?.end();
@@ -42,13 +42,13 @@ export function comparePage(root, _, query) {
 
 /** The target of the first plane as a picture, in a list; an empty list for other jobs than those of holograms. */
 function targetOfA({ spec, result }) {
-  const wavelength = result?.hologram?.wavelengths[0];
+  const wavelength = result?.optimizeHologram?.wavelengths[0];
   if (!wavelength) return [];
-  const [target] = hologramPictures(spec.optimizeHologram, result.hologram, wavelength);
+  const [target] = hologramPictures(spec.optimizeHologram, result.optimizeHologram, wavelength);
   return [{ ...target, label: "target of A", group: "" }];
 }
 
-/** The fields of a message with their paths, such as `optimizeHologram.planes.0.distanceM`. */
+/** The fields of a message with their paths, such as `optimizeHologram.planes.0.place.distanceM`. */
 function flat(value, path = "") {
   if (value === null || typeof value !== "object") return { [path]: String(value) };
   return Object.assign({}, ...Object.entries(value).map(([name, inner]) => flat(inner, path ? `${path}.${name}` : name)));

@@ -3,7 +3,7 @@
 import { get } from "../api.js";
 import { h, show } from "../dom.js";
 import { onEvent } from "../events.js";
-import { age, idOf, length, number, percent, words } from "../format.js";
+import { age, idOf, length, number, percent, placeText, words } from "../format.js";
 import { refresher } from "../loading.js";
 import { phasePicture, photographPicture } from "../hologram_pictures.js";
 import { pictureViewer } from "../pictures.js";
@@ -25,7 +25,7 @@ export function datasetPage(root, [id]) {
     const facts = [
       ["Display", h("a", { href: `#/${dataset.display}` }, idOf(dataset.display))],
       ["Wavelength", length(dataset.wavelengthM)],
-      ["Distance", length(dataset.distanceM)],
+      ["Distance", placeText(dataset.place)],
       ["Photographs", `${words(dataset.photoEncoding, "ENCODING")}${dataset.photoBitDepth ? `, ${dataset.photoBitDepth} bit` : ""}`],
       ["State", words(dataset.state, "STATE")],
       ["Created", age(dataset.createTime)],
@@ -51,10 +51,10 @@ export function datasetPage(root, [id]) {
 
   async function showPair(pair, { display, photoEncoding, photoBitDepth }) {
     chosen = pair;
-    const { bitDepth } = await get(display);
+    const { modulator: { bitDepth } } = await get(display);
     pairViewer?.end();
     const encoding = words(photoEncoding, "ENCODING");
-    pairViewer = pictureViewer([photographPicture("photograph", pair.photo, { encoding, bitDepth: photoBitDepth }), phasePicture("hologram", pair.phase, bitDepth)]);
+    pairViewer = pictureViewer([photographPicture("photograph", pair.photo, { encoding, bitDepth: photoBitDepth }), phasePicture("pattern", pair.pattern, bitDepth)]);
     show(pictures, h("h2", {}, pair.id), pairViewer.element);
   }
 

@@ -3,7 +3,7 @@
 import { get } from "../api.js";
 import { h, show } from "../dom.js";
 import { onEvent } from "../events.js";
-import { age, idOf, length, words } from "../format.js";
+import { age, idOf, length, placeText, words } from "../format.js";
 import { emptyNote, refresher } from "../loading.js";
 import { pager } from "../pager.js";
 import { table } from "../table.js";
@@ -27,7 +27,7 @@ function row(dataset) {
   return h("tr", {},
     h("th", { scope: "row" }, h("a", { href: `#/${dataset.name}`, "data-key": dataset.name }, idOf(dataset.name))),
     h("td", {}, h("a", { href: `#/${dataset.display}` }, idOf(dataset.display))),
-    h("td", {}, length(dataset.wavelengthM)), h("td", {}, length(dataset.distanceM)),
+    h("td", {}, length(dataset.wavelengthM)), h("td", {}, placeText(dataset.place)),
     h("td", { class: "right" }, dataset.pairCount), h("td", {}, words(dataset.state, "STATE")),
     h("td", {}, dataset.findings.length ? `${dataset.findings.length}${excluded ? `, ${excluded} of them leave pairs out` : ""}` : "none"),
     h("td", { class: "right" }, age(dataset.createTime)));

@@ -3,7 +3,7 @@
 import { get } from "../api.js";
 import { h, show } from "../dom.js";
 import { onEvent } from "../events.js";
-import { age, idOf, length, words } from "../format.js";
+import { age, idOf, length, placeText, words } from "../format.js";
 import { emptyNote, refresher } from "../loading.js";
 import { table } from "../table.js";
 
@@ -16,9 +16,9 @@ export function displayPage(root, [id]) {
   const refresh = refresher(head, async () => {
     const [display, kernelPage, devicePage] = await Promise.all([get(name), get(`${name}/kernels`, { pageSize: 100 }), get(`${name}/devices`, { pageSize: 100 })]);
     const facts = [
-      ["Size", `${display.widthPx} × ${display.heightPx} px`],
-      ["Pixel pitch", length(display.pixelPitchM)],
-      ["Depth", `${display.bitDepth} bit`],
+      ["Size", `${display.modulator.widthPx} × ${display.modulator.heightPx} px`],
+      ["Pixel pitch", length(display.modulator.pixelPitchXM)],
+      ["Depth", `${display.modulator.bitDepth} bit`],
       ["Wavelengths", display.wavelengthsM.map(length).join(", ")],
       ["Carrier", words(display.carrier, "CARRIER")],
       ["Notes", display.notes],
@@ -39,7 +39,7 @@ export function displayPage(root, [id]) {
 function kernelTable(kernels) {
   return table("Learned kernels", ["Kernel", "Wavelength", "Distance", "Active version", "Newest version"], kernels.map((kernel) =>
     h("tr", {}, h("th", { scope: "row" }, h("a", { href: `#/${kernel.name}`, "data-key": kernel.name }, idOf(kernel.name))),
-      h("td", {}, length(kernel.wavelengthM)), h("td", {}, length(kernel.distanceM)),
+      h("td", {}, length(kernel.wavelengthM)), h("td", {}, placeText(kernel.place)),
       h("td", {}, kernel.activeVersion || "none", kernel.interpolated ? " (interpolated)" : "", kernel.rollout ? ` (rollout ${idOf(kernel.rollout)} runs)` : ""),
       h("td", {}, kernel.latestVersion))));
 }

@@ -25,8 +25,8 @@ export function displaysPage(root) {
 function displayTable(displays) {
   const row = (display) => h("tr", {},
     h("th", { scope: "row" }, h("a", { href: `#/${display.name}`, "data-key": display.name }, idOf(display.name))),
-    h("td", {}, `${display.widthPx} × ${display.heightPx} px`),
-    h("td", {}, length(display.pixelPitchM)),
+    h("td", {}, `${display.modulator.widthPx} × ${display.modulator.heightPx} px`),
+    h("td", {}, length(display.modulator.pixelPitchXM)),
     h("td", {}, display.wavelengthsM.map(length).join(", ")),
     h("td", {}, display.notes));
   return table("Declared displays", ["Display", "Size", "Pixel pitch", "Wavelengths", "Notes"], displays.map(row));

@@ -4,9 +4,9 @@ import { get, post } from "../api.js";
 import { chart } from "../chart.js";
 import { h, show } from "../dom.js";
 import { onEvent } from "../events.js";
-import { age, between, bytes, decibels, duration, idOf, length, number, percent } from "../format.js";
+import { age, between, bytes, decibels, duration, idOf, length, number, percent, placeText } from "../format.js";
 import { progressOf, stateOf, updateProgress } from "../job_rows.js";
-import { hologramPictures, phasePicture, photographPicture, photographsOf } from "../hologram_pictures.js";
+import { hologramPictures, judgementOf, phasePicture, photographPicture, photographsOf } from "../hologram_pictures.js";
 import { livePicture } from "../live_picture.js";
 import { errorNote, refresher } from "../loading.js";
 import { originTable, versionsOfHologram } from "../origin.js";
@@ -16,6 +16,7 @@ import { reportFigures } from "../report_figures.js";
 import { table } from "../table.js";
 
 const DETECTORS = ["point", "pixel", "supersampled"];
+const STAGES = [["as optimized", "OPTIMIZED"], ["displayed", "DISPLAYED"]];
 
 export function jobPage(root, [id]) {
   const name = `jobs/${id}`;
@@ -60,7 +61,7 @@ export function jobPage(root, [id]) {
       }
       void refresh();
     } }, text);
-    const took = between(job.startTime, job.finishTime);
+    const took = between(job.startTime, job.endTime);
     show(head, h("h1", {}, kind, " ", stateOf(job)),
       h("p", {}, `${job.label ? `${job.label}, ` : ""}${id}, submitted ${age(job.createTime)}${job.owner ? ` by ${job.owner}` : ""}${took === null ? "" : `, took ${duration(took)}`}`),
       job.error && h("p", { class: "note bad" }, job.error.message),
@@ -111,7 +112,7 @@ export function jobPage(root, [id]) {
       ["Waits for", job.after.map((after) => h("a", { href: `#/${after}` }, idOf(after), " "))],
       ["Computed by", job.computer || null],
       ["Estimate", job.estimatedTimeS ? `${duration(job.estimatedTimeS)}, ${bytes(Number(job.estimatedMemoryBytes))} of memory` : null],
-      ["Kernel versions", job.kernelVersions.length ? job.kernelVersions.map((version) => version || "ideal").join(", ") : null],
+      ["Kernels", [...new Set(job.kernels.map(({ kernelVersion }) => kernelVersion || "ideal"))].join(", ")],
     ];
     show(facts, h("section", {}, h("h2", {}, "Request"),
       h("dl", { class: "facts" }, rows.filter(([, value]) => value && value.length !== 0).map(([term, value]) => [h("dt", {}, term), h("dd", {}, value)])),
@@ -122,7 +123,7 @@ export function jobPage(root, [id]) {
   }
 
   async function showResults(job) {
-    const { hologram, learn, capture, report, ...others } = job.result;
+    const { optimizeHologram: hologram, learnKernel: learn, simulateCapture: capture, reportKernel: report, ...others } = job.result;
     const display = job.spec.optimizeHologram && await get(job.spec.optimizeHologram.display);
     viewers.forEach((viewer) => viewer.end());
     viewers = [];
@@ -130,8 +131,8 @@ export function jobPage(root, [id]) {
     if (hologram) sections.push(await hologramSections(job, hologram, display));
     if (learn) sections.push(await learnSections(learn));
     if (capture) {
-      sections.push(pictures("Photograph", [phasePicture("hologram", job.spec.simulateCapture.phase), photographPicture("photograph", capture.photo)]),
-        propagationSection([[length(job.spec.simulateCapture.distanceM), capture.propagation]]));
+      sections.push(pictures("Photograph", [phasePicture("pattern", job.spec.simulateCapture.pattern), photographPicture("photograph", capture.photo)]),
+        propagationSection([[placeText(job.spec.simulateCapture.place), capture.propagation]]));
     }
     if (report) sections.push(figures(report));
     const other = Object.values(others)[0];
@@ -163,16 +164,16 @@ export function jobPage(root, [id]) {
   async function hologramSections(job, result, display) {
     const spec = job.spec.optimizeHologram;
     const [photographs, versions] = await Promise.all([
-      photographsOf(display, result.wavelengths.flatMap(({ frames }) => frames.map(({ phase }) => phase))),
-      versionsOfHologram(job, result.wavelengths.map(({ wavelengthM }) => wavelengthM)),
+      photographsOf(display, result.wavelengths.flatMap(({ subframes }) => subframes.map(({ pattern }) => pattern))),
+      versionsOfHologram(job),
     ]);
-    const planes = result.wavelengths.flatMap((wavelength) => wavelength.planes.map((plane) => [`${length(wavelength.wavelengthM)}, ${length(plane.distanceM)}`, plane]));
-    const qualities = planes.flatMap(([at, plane]) => [["as optimized", plane.quality], ["quantized", plane.quantizedQuality]]
-      .flatMap(([phases, quality]) => DETECTORS.filter((detector) => quality?.[detector]).map((detector) => [at, phases, detector, quality[detector]])));
+    const planes = result.wavelengths.flatMap((wavelength) => wavelength.planes.map((plane) => [`${length(wavelength.wavelengthM)}, ${placeText(plane.place)}`, plane]));
+    const qualities = planes.flatMap(([at, plane]) => STAGES.flatMap(([phases, stage]) => DETECTORS.map((detector) => [at, phases, detector, judgementOf(plane, stage, detector)])))
+      .filter(([, , , judged]) => judged);
     return [
       result.wavelengths.map((wavelength) => {
-        const own = photographs.filter(({ phase }) => wavelength.frames.some((frame) => frame.phase === phase));
-        return pictures(result.wavelengths.length > 1 ? `Pictures at ${length(wavelength.wavelengthM)}` : "Pictures", hologramPictures(spec, result, wavelength, display.bitDepth, own));
+        const own = photographs.filter((photograph) => wavelength.subframes.some(({ pattern }) => pattern === photograph.pattern));
+        return pictures(result.wavelengths.length > 1 ? `Pictures at ${length(wavelength.wavelengthM)}` : "Pictures", hologramPictures(spec, result, wavelength, display.modulator.bitDepth, own));
       }),
       qualities.length > 0 && h("section", {}, h("h2", {}, "Quality"), qualityTable(qualities)),
       propagationSection(planes.map(([at, plane]) => [at, plane.propagation])),
@@ -201,7 +202,7 @@ export function jobPage(root, [id]) {
 function qualityTable(qualities) {
   const titles = ["Plane", "Phases", "Detector", ">PSNR", ">SSIM", ">MS-SSIM", ">Diffraction efficiency", ">Speckle contrast"];
   const row = ([plane, phases, detector, quality]) => h("tr", {}, h("th", { scope: "row" }, plane), h("td", {}, phases), h("td", {}, detector),
-    [decibels(quality.psnrDb), number(quality.ssim), number(quality.msSsim), percent(quality.diffractionEfficiency), number(quality.speckleContrast)]
+    [decibels(quality.psnrDb.value), number(quality.ssim), number(quality.msSsim), percent(quality.diffractionEfficiency), number(quality.speckleContrast)]
       .map((text) => h("td", { class: "right" }, text)));
   return table("Quality of the reconstruction, as each detector sees it", titles, qualities.map(row));
 }

@@ -4,7 +4,7 @@ import { get, post } from "../api.js";
 import { chart } from "../chart.js";
 import { h, show } from "../dom.js";
 import { onEvent } from "../events.js";
-import { age, bytes, length, number, percent, words } from "../format.js";
+import { age, bytes, length, number, percent, placeText, words } from "../format.js";
 import { emptyNote, errorNote, refresher } from "../loading.js";
 import { originTable } from "../origin.js";
 import { table } from "../table.js";
@@ -26,7 +26,7 @@ export function kernelPage(root, [display, kernelId]) {
   const refresh = refresher(head, async () => {
     const [kernel, page, moved] = await Promise.all([get(name), get(`${name}/versions`, { pageSize: 100 }), get(`${name}/moves`, { pageSize: 20 })]);
     show(head, h("h1", {}, kernelId), h("p", {}, "of ", h("a", { href: `#/displays/${display}` }, display),
-      `, ${length(kernel.wavelengthM)} at ${length(kernel.distanceM)}. `,
+      `, ${length(kernel.wavelengthM)} at ${placeText(kernel.place)}. `,
       kernel.activeVersion ? `Version ${kernel.activeVersion} is active.` : "No version is active.", kernel.interpolated ? " It was interpolated." : ""));
     drawQuality(page.versions);
     show(versions, h("section", {}, h("h2", {}, "Versions"), page.versions.length ? versionTable(kernel, page.versions, moved.moves) : emptyNote("There are no versions.")),

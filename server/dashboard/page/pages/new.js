@@ -2,7 +2,7 @@
 
 import { ApiError, get, post, request } from "../api.js";
 import { h, show } from "../dom.js";
-import { bytes, idOf, length } from "../format.js";
+import { bytes, idOf, length, placeText } from "../format.js";
 import { emptyNote, errorNote } from "../loading.js";
 
 const FILE_BYTES_MAX = 64e6;
@@ -53,9 +53,9 @@ export function newPage(root) {
 
   async function fillDistances() {
     const { kernels } = await get(`displays/${display.value}/kernels`, { pageSize: 100 });
-    show(distances, kernels.map((kernel) => h("option", { value: kernel.distanceM * 1000 }, length(kernel.distanceM))));
+    show(distances, kernels.map((kernel) => h("option", { value: kernel.place.distanceM * 1000 }, placeText(kernel.place))));
     const active = kernels.find((kernel) => kernel.activeVersion > 0);
-    if (active) distance.value = Number((active.distanceM * 1000).toPrecision(6));
+    if (active) distance.value = Number((active.place.distanceM * 1000).toPrecision(6));
   }
 
   async function send(event) {
@@ -65,7 +65,7 @@ export function newPage(root) {
       if (picture.size > FILE_BYTES_MAX) throw new ApiError(0, `The picture has ${bytes(picture.size)}, but may have ${bytes(FILE_BYTES_MAX)}.`);
       show(notice, h("p", {}, "The picture is uploaded…"));
       const target = await upload(picture);
-      const planes = [{ distanceM: Number(distance.value) / 1000, target }];
+      const planes = [{ place: { distanceM: Number(distance.value) / 1000 }, target }];
       const optimizeHologram = { display: `displays/${display.value}`, planes, kernel: kernel.value, iterations: Number(iterations.value) };
       const job = await post("jobs", { spec: { optimizeHologram }, label: labelOf(picture.name) });
       location.hash = `#/${job.name}`;

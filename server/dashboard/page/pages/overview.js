@@ -45,7 +45,7 @@ export function overviewPage(root) {
       get("jobs", { view: "basic", pageSize: LATEST }),
     ]);
     const more = (page) => (page.nextPageToken ? "+" : "");
-    const lastDay = failed.summaries.filter((job) => Date.now() - Date.parse(job.finishTime) < 86_400_000).length;
+    const lastDay = failed.summaries.filter((job) => Date.now() - Date.parse(job.endTime) < 86_400_000).length;
     const tile = (label, value, href, kind = "") => h("div", { class: `tile ${kind}` }, h("dt", {}, label), h("dd", {}, h("a", { href }, value)));
     show(tiles,
       tile("running", queue?.running ?? runningJobs.summaries.length, "#/jobs?state=running"),

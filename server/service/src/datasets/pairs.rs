@@ -49,34 +49,34 @@ impl Datasets {
     async fn measured_pair(&self, call: &Call, dataset: &Dataset, pair: &Pair, field: &Field) -> Result<PairChecks> {
         let (display, _) = self.store.display(&dataset.display).await?;
         let px = u64::from(display.height_px) * u64::from(display.width_px);
-        let need_bytes = self.files.reading_bytes(call, &field.at("phase"), &pair.phase, px).await?
+        let need_bytes = self.files.reading_bytes(call, &field.at("pattern"), &pair.pattern, px).await?
             + self.files.reading_bytes(call, &field.at("photo"), &pair.photo, px).await?
             + CHECKING_BYTES_PER_PX * px;
         let (artifacts, last_reconstructor) = (self.artifacts.clone(), self.last_reconstructor.clone());
         let (dataset, new) = (dataset.clone(), pair.clone());
         let measure = move || -> Result<MeasuredPair, ArtifactError> {
-            let (phase, photo) = (artifacts.read_blocking(&new.phase)?, artifacts.read_blocking(&new.photo)?);
-            Ok(measured(&display, &dataset, &new, (&phase, &photo), &last_reconstructor))
+            let (pattern, photo) = (artifacts.read_blocking(&new.pattern)?, artifacts.read_blocking(&new.photo)?);
+            Ok(measured(&display, &dataset, &new, (&pattern, &photo), &last_reconstructor))
         };
         let measured = self.computing.run(call, need_bytes, measure).await??;
         measured.map_err(|(name, error)| {
-            let digest = if name == "phase" { &pair.phase } else { &pair.photo };
+            let digest = if name == "pattern" { &pair.pattern } else { &pair.photo };
             field.at(name).invalid(format!("({digest}): {error}"), "add a pair of files that belong together")
         })
     }
 }
 
-/// Reads and measures a pair from the files of its hologram and its photograph.
+/// Reads and measures a pair from the files of its pattern and its photograph.
 fn measured(
     display: &Display,
     dataset: &Dataset,
     pair: &Pair,
-    (phase, photo): (&[u8], &[u8]),
+    (pattern, photo): (&[u8], &[u8]),
     last_reconstructor: &LastReconstructor,
 ) -> MeasuredPair {
     let captures = Captures::of(display, dataset).map_err(|error| ("photo", error))?;
-    // The hologram is read separately first, so that an error in it names its field.
-    captures.phase(phase).map_err(|error| ("phase", error))?;
+    // The pattern is read separately first, so that an error in it names its field.
+    captures.phase(pattern).map_err(|error| ("pattern", error))?;
     let reconstructor = last_reconstructor.of(dataset, &captures);
-    captures::check(&captures, reconstructor.as_ref(), pair, phase, photo).map_err(|error| ("photo", error))
+    captures::check(&captures, reconstructor.as_ref(), pair, pattern, photo).map_err(|error| ("photo", error))
 }

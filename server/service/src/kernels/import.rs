@@ -46,7 +46,7 @@ impl Kernels {
         };
         call.concerns(key.to_string());
         let setup = planning::setup(&display, wavelength, distance).map_err(|error| {
-            Field::new("distance_m").invalid(format!("is not possible: {error}"), "give another distance")
+            Field::new("place").at("distance_m").invalid(format!("is not possible: {error}"), "give another distance")
         })?;
         // A kernel is accepted even if no propagation method is valid for it.
         let setup = planning::planned(setup, None).map_or(setup, |(planned, _)| planned);

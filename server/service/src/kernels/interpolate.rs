@@ -27,7 +27,7 @@ impl Kernels {
         wavelength: Wavelength,
         distance: Distance,
     ) -> Result<KernelVersion> {
-        let field = Field::new("distance_m");
+        let field = Field::new("place").at("distance_m");
         let planned = planning::setup(&display, wavelength, distance).and_then(|setup| planning::planned(setup, None));
         let (setup, _) = planned.map_err(|error| distance_refusal(&field, distance, &error))?;
         let key = KernelKey { display: display.id.clone(), wavelength, distance };
@@ -68,7 +68,7 @@ impl Kernels {
     pub async fn nearest(&self, key: &KernelKey) -> Result<(Vec<Kernel>, bool)> {
         let nearest = self.store.nearest_kernels(key).await?;
         let versions = self.store.joint_versions(&key.display, key.wavelength, VERSIONS_MAX).await?;
-        Ok((nearest, fit_around(&Field::new("distance_m"), key, &versions).is_ok()))
+        Ok((nearest, fit_around(&Field::new("place").at("distance_m"), key, &versions).is_ok()))
     }
 }
 

@@ -26,7 +26,7 @@ const ROWS: &[(usize, &str)] = &[(
 
     insert into dataset (id, display, wavelength_pm, distance_nm, photo_encoding, create_time_ms)
     values ('d', 'lab', 515000, 150000000, 'linear', 5), ('open', 'lab', 515000, 150000000, 'srgb', 6);
-    insert into pair (dataset, id, phase, photo, split)
+    insert into pair (dataset, id, pattern, photo, split)
     values ('d', 'p0', 'sha256-' || printf('%064x', 0), 'sha256-' || printf('%064x', 1), 'train'),
     ('d', 'p1', 'sha256-' || printf('%064x', 2), 'sha256-' || printf('%064x', 3), 'test');
     update dataset set pair_count = 2, digest = 'sha256-d', finalize_time_ms = 7, finalization =
@@ -60,14 +60,14 @@ const ROWS: &[(usize, &str)] = &[(
     insert into job (id, request_id, display, kind, words, spec, state, attempt, start_time_ms, finish_time_ms, lease_id,
     lease_until_ms, worker, error, result, checkpoint, owner, priority, attempts_max, create_time_ms, run_time_ms)
     select column1, 'request-' || column1, 'lab', 'simulate_capture', 'ada', '{"kind":"simulate_capture","display":"lab",
-    "wavelength":{"pm":515000},"distance":{"nm":150000000},"phase":"sha256-' || printf('%064x', 0) || '","seed":1,
+    "wavelength":{"pm":515000},"distance":{"nm":150000000},"pattern":"sha256-' || printf('%064x', 0) || '","seed":1,
     "elapsed_s":0.0}', column2, column3, column4, column5, column6, column7, column8, column9, column10, column11,
     'ada', 0, 3, 11, 11
     from (values
     ('a', 'queued', 0, null, null, null, null, null, null, null, null),
     ('b', 'running', 1, 12, null, 'lease', 99, 'w', null, null, 'sha256-c'),
     ('c', 'succeeded', 1, 12, 13, null, null, null, null,
-        '{"kind":"capture","photo":"sha256-' || printf('%064x', 1) || '","propagation":{"method":"band_limited",
+        '{"kind":"simulate_capture","photo":"sha256-' || printf('%064x', 1) || '","propagation":{"method":"band_limited",
         "explanation":"","window":{"height_px":64,"width_px":64,"pitch_x_m":8e-6,"pitch_y_m":8e-6,"centre_x_m":0.0,
         "centre_y_m":0.0},"critical_distance_x_m":0.016,"critical_distance_y_m":0.016,"band_kept_x":1.0,"band_kept_y":1.0,
         "band_kept_area":1.0,"fresnel_number":0.8,"diffraction_angle_rad":0.03,"spread_m":null,"full_cone_x_m":0.0,
@@ -208,7 +208,7 @@ async fn assert_jobs_kept(store: &Store) {
         states,
         [("a", Queued), ("b", Running), ("c", Succeeded), ("d", Failed), ("e", Cancelled), ("f", Queued)]
     );
-    assert!(matches!(&jobs[2].result, Some(JobResult::Capture(capture)) if capture.photo == digest(1)));
+    assert!(matches!(&jobs[2].result, Some(JobResult::SimulateCapture(capture)) if capture.photo == digest(1)));
     assert_eq!(jobs[0].spec, new_job("", 1).spec);
     assert_eq!(jobs[5].scheduling.needs.to_string(), "bench-2, gpu");
     store.recover_orphans(None, 14).await.unwrap();

@@ -156,7 +156,7 @@ fn dataset(id: &str) -> Dataset {
 }
 
 fn pair(n: u32) -> Pair {
-    Pair { id: format!("p{n}"), phase: digest(2 * n), photo: digest(2 * n + 1), ..Pair::default() }
+    Pair { id: format!("p{n}"), pattern: digest(2 * n), photo: digest(2 * n + 1), ..Pair::default() }
 }
 
 fn key() -> KernelKey {

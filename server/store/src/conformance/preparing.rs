@@ -27,7 +27,7 @@ async fn start_job(store: &Store, request_id: &str, id: &str) -> Lease {
 
 async fn finish(store: &Store, lease: &Lease, prepared: PreparedDataset) -> Result<Job, StoreError> {
     let result = PrepareResult { alignment: prepared.alignment.clone(), ..PrepareResult::default() };
-    store.finish(lease, JobResult::Prepare(result), JobEffect::Dataset(Box::new(prepared)), 20).await
+    store.finish(lease, JobResult::PrepareDataset(result), JobEffect::Dataset(Box::new(prepared)), 20).await
 }
 
 /// The result of a job that changes nothing.
@@ -86,7 +86,7 @@ pub(super) async fn finalize(store: &Store, id: &str) -> Dataset {
     let open = store.dataset(id).await.unwrap();
     let job = finish(store, &lease, finalized(&open)).await.unwrap();
     let closed = store.dataset(id).await.unwrap();
-    let Some(JobResult::Prepare(result)) = job.result else { panic!("{:?}", job.result) };
+    let Some(JobResult::PrepareDataset(result)) = job.result else { panic!("{:?}", job.result) };
     assert_eq!((result.dataset_digest, closed.finalization), (closed.digest.clone(), Some(FINALIZATION)));
     closed
 }

@@ -211,7 +211,7 @@ async fn learned_kernel_becomes_a_version_when_its_job_ends() {
     record(&store, 3).await;
     submit(&store, "r", 1).await;
     let (_, lease) = claim(&store, 1).await.unwrap();
-    let JobResult::Capture(CaptureResult { propagation, .. }) = result() else { panic!("another kind") };
+    let JobResult::SimulateCapture(CaptureResult { propagation, .. }) = result() else { panic!("another kind") };
     let kernel = LearnedKernel {
         kernel_version: String::new(),
         dataset: "d".to_owned(),
@@ -221,13 +221,13 @@ async fn learned_kernel_becomes_a_version_when_its_job_ends() {
     };
     let learned =
         LearnResult { kernels: vec![kernel.clone(), kernel], loss_history: vec![0.5], degree: 0, parts: Vec::new() };
-    let learned = JobResult::Learn(learned);
+    let learned = JobResult::LearnKernel(learned);
     let far = KernelKey { distance: Distance { nm: 200_000_000 }, ..key() };
     let both = |artifact| JobEffect::Kernels(vec![(key(), new_version(artifact)), (far.clone(), new_version(2))]);
     let missing = store.finish(&lease, learned.clone(), both(99), 2).await;
     assert!(matches!(missing, Err(StoreError::NotFound { .. })));
     let job = store.finish(&lease, learned.clone(), both(1), 2).await.unwrap();
-    let Some(JobResult::Learn(result)) = job.result else { panic!("{:?}", job.result) };
+    let Some(JobResult::LearnKernel(result)) = job.result else { panic!("{:?}", job.result) };
     assert_eq!(result.kernels[0].kernel_version, "displays/lab/kernels/515nm-150mm/versions/1");
     assert_eq!(result.kernels[1].kernel_version, "displays/lab/kernels/515nm-200mm/versions/1");
     let again = store.finish(&lease, learned, both(2), 3).await;

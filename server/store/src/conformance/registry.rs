@@ -2,8 +2,9 @@
 
 use super::*;
 use crate::sql::{query, query_as};
-use crate::{AbortReason, PrivateKey, QueueLimits, StoredKeyring};
+use crate::{AbortReason, KernelFilter, PrivateKey, QueueLimits, StoredKeyring};
 use lightpath_domain::display::Display;
+use lightpath_domain::units::Wavelength;
 
 #[tokio::test]
 async fn display_is_created_once_and_deleted_when_unused() {
@@ -190,17 +191,17 @@ async fn dataset_accepts_pairs_until_finalized() {
     assert_eq!(store.add_pair("d", &pair(4), &[]).await.unwrap().pair_count, 5, "the same pair again changes nothing");
     let same_id = Pair { photo: digest(11), ..pair(4) };
     let same_phase = Pair { id: "x".into(), photo: digest(11), ..pair(4) };
-    let same_photo = Pair { id: "x".into(), phase: digest(11), ..pair(4) };
+    let same_photo = Pair { id: "x".into(), pattern: digest(11), ..pair(4) };
     for taken in [same_id, same_phase, same_photo] {
         assert!(matches!(store.add_pair("d", &taken, &[]).await, Err(StoreError::AlreadyExists { .. })));
     }
-    let unknown = Pair { id: "y".into(), phase: digest(98), photo: digest(99), ..Pair::default() };
+    let unknown = Pair { id: "y".into(), pattern: digest(98), photo: digest(99), ..Pair::default() };
     assert!(matches!(store.add_pair("d", &unknown, &[]).await, Err(StoreError::NotFound { .. })));
 
     let finalized = preparing::finalize(&store, "d").await;
     assert_eq!(finalized.finalize_time_ms, Some(20));
     assert_eq!(store.dataset("d").await.unwrap(), finalized);
-    let late = Pair { id: "late".into(), phase: digest(10), photo: digest(11), ..Pair::default() };
+    let late = Pair { id: "late".into(), pattern: digest(10), photo: digest(11), ..Pair::default() };
     assert!(matches!(store.add_pair("d", &late, &[]).await, Err(StoreError::Precondition { .. })));
     store.add_pair("d", &pair(0), &[]).await.unwrap();
 
@@ -271,10 +272,25 @@ async fn versions_are_numbered_and_rollbacks_undo_promotions_in_reverse_order() 
     let first = store.kernel_version(&key(), 1).await.unwrap();
     assert_eq!((first.active, first.content), (true, new_version(1)));
     assert!(matches!(store.kernel_version(&key(), 5).await, Err(StoreError::NotFound { .. })));
-    let kernels = store.kernels(Some("lab"), None, 50).await.unwrap();
+    filter_finds_the_only_kernel(&store).await;
+}
+
+/// Lists the kernels by their displays and optics. There is one kernel.
+async fn filter_finds_the_only_kernel(store: &Store) {
+    let of = |display: &str| KernelFilter { display: Some(display.to_owned()), ..KernelFilter::default() };
+    let kernels = store.kernels(&of("lab"), None, 50).await.unwrap();
     assert_eq!(kernels.len(), 1);
     assert_eq!((kernels[0].active_version, kernels[0].latest_version), (Some(1), 4));
-    assert!(store.kernels(None, Some(&key().to_string()), 50).await.unwrap().is_empty());
+    let all = KernelFilter::default();
+    assert!(store.kernels(&all, Some(&key().to_string()), 50).await.unwrap().is_empty());
+    let KernelKey { wavelength, distance, .. } = key();
+    let there = KernelFilter { wavelength: Some(wavelength), distance: Some(distance), ..all.clone() };
+    assert_eq!(store.kernels(&there, None, 50).await.unwrap(), kernels);
+    let elsewhere = KernelFilter { distance: Distance::from_m(0.07), ..there.clone() };
+    let other_colour = KernelFilter { wavelength: Wavelength::from_m(700e-9), ..there };
+    for nothing in [elsewhere, other_colour, of("other")] {
+        assert!(store.kernels(&nothing, None, 50).await.unwrap().is_empty(), "{nothing:?}");
+    }
 }
 
 #[tokio::test]

@@ -31,7 +31,7 @@ pub(super) fn run(context: &JobContext, spec: &EvaluateKernel) -> Result<TaskOut
     }
     pairs.sort_by(|a, b| a.pair.cmp(&b.pair));
     let propagation = display.validity_of(&model);
-    Ok(TaskOutput { result: JobResult::Evaluate(EvaluateResult { pairs, propagation }), effect: JobEffect::None })
+    Ok(TaskOutput { result: JobResult::EvaluateKernel(EvaluateResult { pairs, propagation }), effect: JobEffect::None })
 }
 
 /// Detector with which a kernel version was learned. If it is unknown, it is the mean over the pixel.

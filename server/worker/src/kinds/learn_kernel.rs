@@ -69,7 +69,7 @@ pub(super) fn run(context: &JobContext, job: &Job, spec: &LearnKernel) -> Result
         KernelShape::Ideal | KernelShape::Bins(_) => 0,
     };
     Ok(TaskOutput {
-        result: JobResult::Learn(LearnResult { kernels, loss_history, degree, parts }),
+        result: JobResult::LearnKernel(LearnResult { kernels, loss_history, degree, parts }),
         effect: JobEffect::Kernels(learned),
     })
 }

@@ -7,7 +7,7 @@ use crate::hologram_setup::{HologramSetup, PlaneSetup, colours};
 use crate::state_bytes::{HologramState, from_bytes, to_bytes};
 use crate::{JobContext, TaskError, TaskOutput};
 use lightpath_domain::job::{
-    FrameResult, HologramResult, JobEffect, JobResult, OptimizeHologram, PlaneResult, Progress, WavelengthResult,
+    HologramResult, JobEffect, JobResult, OptimizeHologram, PlaneResult, Progress, Subframe, WavelengthResult,
 };
 use lightpath_media::pictures;
 use lightpath_metrics as metrics;
@@ -38,7 +38,7 @@ pub(super) fn run(context: &JobContext, spec: &OptimizeHologram) -> Result<TaskO
         running.state.finished.push(finished.store(context, spec)?);
     }
     let hologram = running.result()?;
-    Ok(TaskOutput { result: JobResult::Hologram(Box::new(hologram)), effect: JobEffect::None })
+    Ok(TaskOutput { result: JobResult::OptimizeHologram(Box::new(hologram)), effect: JobEffect::None })
 }
 
 /// Clock for the optics engine: time since the first call.
@@ -100,8 +100,8 @@ impl RunningJob<'_> {
         let colour_reconstructions = self.colour_reconstructions()?;
         let HologramState { finished, compute_s, steps: done, .. } = self.state;
         let iteration_ms = 1e3 * compute_s / f64::from(done.max(1));
-        let iterations = steps(self.spec);
-        Ok(HologramResult { wavelengths: finished, colour_reconstructions, iterations, iteration_ms })
+        let (detector, iterations) = (self.spec.detector, steps(self.spec));
+        Ok(HologramResult { wavelengths: finished, colour_reconstructions, detector, iterations, iteration_ms })
     }
 
     /// Colour pictures: for each plane one picture that combines the three wavelengths.
@@ -131,14 +131,14 @@ impl Finished<'_> {
     fn store(mut self, context: &JobContext, spec: &OptimizeHologram) -> Result<WavelengthResult, TaskError> {
         let display = &self.setup.display;
         let (height_px, width_px) = (display.height_px(), display.width_px());
-        let (mut frames, mut phases, mut displayed) = (Vec::new(), Vec::new(), Vec::new());
-        for frame in self.optimization.phases().chunks_exact(height_px * width_px) {
-            let wrapped = frame.iter().map(|&phi| wrap_f32(f64::from(phi))).collect();
+        let (mut subframes, mut phases, mut displayed) = (Vec::new(), Vec::new(), Vec::new());
+        for phase in self.optimization.phases().chunks_exact(height_px * width_px) {
+            let wrapped = phase.iter().map(|&phi| wrap_f32(f64::from(phi))).collect();
             let phase = Plane::try_from_vec(height_px, width_px, wrapped)?;
             let levels = display.levels_of(&phase)?;
-            frames.push(FrameResult {
-                phase: context.put_artifact(pictures::levels_png(&levels, display.declared.bit_depth)?)?,
-                phase_npy: context.put_artifact(pictures::npy_f32(&phase)?)?,
+            subframes.push(Subframe {
+                pattern: context.put_artifact(pictures::levels_png(&levels, display.declared.bit_depth)?)?,
+                phase: context.put_artifact(pictures::npy_f32(&phase)?)?,
             });
             displayed.push(display.without_carrier(display.response.dequantize(&levels)?));
             phases.push(phase);
@@ -182,7 +182,7 @@ impl Finished<'_> {
             });
         }
         let (wavelength, loss, notes) = (self.setup.wavelength, self.loss, notes(spec, self.setup));
-        Ok(WavelengthResult { wavelength, frames, planes, intensity_scale, loss, largest_amplitude, notes })
+        Ok(WavelengthResult { wavelength, subframes, planes, intensity_scale, loss, largest_amplitude, notes })
     }
 }
 

@@ -59,7 +59,7 @@ fn finalized_before(context: &JobContext, dataset: Dataset) -> Result<TaskOutput
         dataset_digest: dataset.digest,
         splits,
     };
-    Ok(TaskOutput { result: JobResult::Prepare(result), effect: JobEffect::None })
+    Ok(TaskOutput { result: JobResult::PrepareDataset(result), effect: JobEffect::None })
 }
 
 fn already_finalized(id: &str) -> TaskError {
@@ -162,7 +162,7 @@ impl<'a> Preparation<'a> {
         for (done, &index) in stale.iter().enumerate() {
             self.step(CHECK, done, stale.len())?;
             let pair = &self.dataset.pairs[index];
-            let (phase, photo) = (self.context.read_artifact(&pair.phase)?, self.context.read_artifact(&pair.photo)?);
+            let (phase, photo) = (self.context.read_artifact(&pair.pattern)?, self.context.read_artifact(&pair.photo)?);
             let checks = captures::check(&captures, self.reconstructor(&captures), pair, &phase, &photo)
                 .map_err(|error| unreadable(&pair.id, &error))?;
             self.checks.insert(pair.id.clone(), checks.clone());
@@ -215,7 +215,7 @@ impl<'a> Preparation<'a> {
         // The pairs are spread evenly over the dataset, because neighbouring pairs may be similar.
         for pair in (0..count).map(|i| good[i * good.len() / count]) {
             self.step(READ, light.len(), count)?;
-            let phase = captures.phase(&self.context.read_artifact(&pair.phase)?);
+            let phase = captures.phase(&self.context.read_artifact(&pair.pattern)?);
             let photo = captures.camera(pair, &self.context.read_artifact(&pair.photo)?);
             let named = |error| unreadable(&pair.id, &error);
             light.push((reconstructor.light(&phase.map_err(named)?)?, photo.map_err(named)?.light));
@@ -314,7 +314,7 @@ impl<'a> Preparation<'a> {
             findings,
             closing,
         };
-        Ok(TaskOutput { result: JobResult::Prepare(result), effect: JobEffect::Dataset(Box::new(prepared)) })
+        Ok(TaskOutput { result: JobResult::PrepareDataset(result), effect: JobEffect::Dataset(Box::new(prepared)) })
     }
 }
 

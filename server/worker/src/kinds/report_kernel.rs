@@ -42,7 +42,7 @@ pub(super) fn run(context: &JobContext, spec: &ReportKernel) -> Result<TaskOutpu
     }
     let (html, arrays) = (context.put_artifact(made.html.into_bytes())?, context.put_artifact(made.arrays)?);
     let result = ReportResult { html, arrays, figures };
-    Ok(TaskOutput { result: JobResult::Report(result), effect: JobEffect::None })
+    Ok(TaskOutput { result: JobResult::ReportKernel(result), effect: JobEffect::None })
 }
 
 /// Reports the progress. A report has no checkpoints, because it takes little time to make it again.
@@ -98,7 +98,7 @@ fn collect_evidence(context: &JobContext, from: &LearnedFrom, model: &DisplayMod
             .collect();
     for (done, pair) in pairs.iter().enumerate() {
         report_progress(context, "compare photographs with predictions", done, pairs.len())?;
-        let phase = captures.phase(&context.read_artifact(&pair.phase)?)?;
+        let phase = captures.phase(&context.read_artifact(&pair.pattern)?)?;
         let photo = captures.photo(pair, &context.read_artifact(&pair.photo)?)?;
         let (decoded, split) = (Pair { phase, photo }, pair.split.unwrap_or(Split::Train));
         evidence.add(&engine, &pair.id, split, &decoded)?;

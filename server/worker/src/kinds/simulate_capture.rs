@@ -7,7 +7,7 @@ use lightpath_media::pictures;
 
 pub(super) fn run(context: &JobContext, spec: &SimulateCapture) -> Result<TaskOutput, TaskError> {
     let display = DisplaySetup::read(context, &spec.display, spec.wavelength, spec.distance)?;
-    let displayed = display.displayed_phase(&context.read_artifact(&spec.phase)?)?;
+    let displayed = display.displayed_phase(&context.read_artifact(&spec.pattern)?)?;
     report(context, 0)?;
     let Some(simulated) = simulated_display(&display)? else {
         let message = format!("displays/{} has no simulated bench; name a display that has one", spec.display);
@@ -20,7 +20,7 @@ pub(super) fn run(context: &JobContext, spec: &SimulateCapture) -> Result<TaskOu
     let photo = context.put_artifact(photo)?;
     report(context, 2)?;
     let result = CaptureResult { photo, propagation: display.validity };
-    Ok(TaskOutput { result: JobResult::Capture(result), effect: JobEffect::None })
+    Ok(TaskOutput { result: JobResult::SimulateCapture(result), effect: JobEffect::None })
 }
 
 fn report(context: &JobContext, step: u32) -> Result<(), TaskError> {

@@ -48,7 +48,7 @@ pub(super) fn run(context: &JobContext, spec: &SuggestHolograms) -> Result<TaskO
     let steps_total = photographed.min(SAMPLED_PAIRS_MAX) as u32 + suggest_holograms::candidates(spec.holograms);
     let mut progress = SuggestionProgress { context, step: 0, steps_total };
     for pair in from.pairs(Split::Train, SAMPLED_PAIRS_MAX) {
-        choice.add_photographed(from.captures.phase(&context.read_artifact(&pair.phase)?)?)?;
+        choice.add_photographed(from.captures.phase(&context.read_artifact(&pair.pattern)?)?)?;
         progress.report("weigh photographed holograms")?;
     }
     let candidates = progress.candidates(spec, &from, &model, &mut choice)?;
@@ -57,7 +57,7 @@ pub(super) fn run(context: &JobContext, spec: &SuggestHolograms) -> Result<TaskO
     let worth_photographs = finite("the worth", photographed as f64 * (10f64.powf(-error_db / 10.0) - 1.0))?;
     let holograms = found.iter().map(|suggestion| stored(context, suggestion, &candidates[suggestion.candidate]));
     let result = SuggestResult { holograms: holograms.collect::<Result<_, TaskError>>()?, worth_photographs };
-    Ok(TaskOutput { result: JobResult::Suggest(result), effect: JobEffect::None })
+    Ok(TaskOutput { result: JobResult::SuggestHolograms(result), effect: JobEffect::None })
 }
 
 impl SuggestionProgress<'_> {
@@ -124,7 +124,7 @@ fn stored(
     candidate: &Candidate,
 ) -> Result<SuggestedHologram, TaskError> {
     Ok(SuggestedHologram {
-        phase: context.put_artifact(candidate.levels.clone())?,
+        pattern: context.put_artifact(candidate.levels.clone())?,
         picture: candidate.card.name().to_owned(),
         phase_range_rad: candidate.phase_range_rad,
         error_db: finite("the error", suggestion.error_db)?,

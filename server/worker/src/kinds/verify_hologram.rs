@@ -13,7 +13,8 @@ use lightpath_optics::{Detector, Plane};
 
 pub(super) fn run(context: &JobContext, spec: &VerifyHologram) -> Result<TaskOutput, TaskError> {
     let job = context.wait(context.store().job(&spec.job))?;
-    let (JobSpec::OptimizeHologram(request), Some(JobResult::Hologram(hologram))) = (job.spec, job.result) else {
+    let (JobSpec::OptimizeHologram(request), Some(JobResult::OptimizeHologram(hologram))) = (job.spec, job.result)
+    else {
         let message = format!("jobs/{} has no holograms", spec.job);
         return Err(TaskError::permanent(FailureReason::InvalidInput, message));
     };
@@ -23,7 +24,7 @@ pub(super) fn run(context: &JobContext, spec: &VerifyHologram) -> Result<TaskOut
         verification.judge(index, wavelength)?;
     }
     let result = VerifyResult { planes: verification.planes };
-    Ok(TaskOutput { result: JobResult::Verify(result), effect: JobEffect::None })
+    Ok(TaskOutput { result: JobResult::VerifyHologram(result), effect: JobEffect::None })
 }
 
 /// Number of judgements: one for each picture and detector.
@@ -50,7 +51,7 @@ impl Verification<'_> {
             Ok(setup.display.without_carrier(phase))
         };
         let phases: Vec<_> =
-            hologram.frames.iter().map(|frame| displayed(&frame.phase)).collect::<Result<_, TaskError>>()?;
+            hologram.subframes.iter().map(|subframe| displayed(&subframe.pattern)).collect::<Result<_, TaskError>>()?;
         for (p, plane) in setup.planes.iter().enumerate() {
             let belonging = setup.belonging(p);
             let wanted = Wanted { target: &plane.target, region: setup.region, belonging: belonging.as_ref() };

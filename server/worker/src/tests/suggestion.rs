@@ -21,7 +21,7 @@ async fn lab_with_kernel() -> (Lab, LearnResult) {
     let lab = Lab::new().await;
     lab.dataset(8).await;
     match lab.run_job("learn", learn(KernelModel::Display, 1, 8)).await {
-        JobResult::Learn(learned) => (lab, learned),
+        JobResult::LearnKernel(learned) => (lab, learned),
         other => panic!("{other:?}"),
     }
 }
@@ -32,7 +32,7 @@ async fn suggested(lab: &Lab, request_id: &str, compute_threads: usize) -> Sugge
     let progress = job.progress.expect("the job has progress");
     assert!(progress.steps_total > 0 && progress.step == progress.steps_total, "{progress:?}");
     match job.result {
-        Some(JobResult::Suggest(suggestions)) => suggestions,
+        Some(JobResult::SuggestHolograms(suggestions)) => suggestions,
         other => panic!("{other:?}, {:?}", job.error),
     }
 }
@@ -46,10 +46,10 @@ async fn suggested_holograms_can_be_shown_and_tell_more_than_the_others() {
     let suggestions = suggested(&lab, "suggest", 2).await;
     let [first, second] = &suggestions.holograms[..] else { panic!("{suggestions:?}") };
     assert!(first.error_db < 0.0 && second.error_db < first.error_db && first.part_db < 0.0, "{suggestions:?}");
-    assert!(suggestions.worth_photographs > 2.0 && first.phase != second.phase, "{suggestions:?}");
-    let file = lab.bench.artifacts.read_all(&first.phase).await.unwrap();
+    assert!(suggestions.worth_photographs > 2.0 && first.pattern != second.pattern, "{suggestions:?}");
+    let file = lab.bench.artifacts.read_all(&first.pattern).await.unwrap();
     assert!(pictures::levels(&file, 8, lab.height_px, lab.width_px).is_ok());
-    lab.photograph("photo of the suggestion", &first.phase).await;
+    lab.photograph("photo of the suggestion", &first.pattern).await;
     assert_eq!(suggested(&lab, "again, on one thread", 1).await, suggestions);
 }
 

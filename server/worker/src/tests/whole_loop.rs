@@ -85,17 +85,17 @@ impl Lab {
 
     async fn hologram(&self, request_id: &str, spec: JobSpec) -> HologramResult {
         match self.run_job(request_id, spec).await {
-            JobResult::Hologram(result) => *result,
+            JobResult::OptimizeHologram(result) => *result,
             other => panic!("{other:?}"),
         }
     }
 
-    pub(super) async fn photograph(&self, request_id: &str, phase: &str) -> String {
-        let (display, phase) = ("lab".to_owned(), phase.to_owned());
+    pub(super) async fn photograph(&self, request_id: &str, pattern: &str) -> String {
+        let (display, pattern) = ("lab".to_owned(), pattern.to_owned());
         let spec =
-            SimulateCapture { display, wavelength: WAVELENGTH, distance: DISTANCE, phase, seed: 1, elapsed_s: 0.0 };
+            SimulateCapture { display, wavelength: WAVELENGTH, distance: DISTANCE, pattern, seed: 1, elapsed_s: 0.0 };
         match self.run_job(request_id, JobSpec::SimulateCapture(spec)).await {
-            JobResult::Capture(result) => result.photo,
+            JobResult::SimulateCapture(result) => result.photo,
             other => panic!("{other:?}"),
         }
     }
@@ -111,9 +111,9 @@ impl Lab {
         let mut photographed = Vec::new();
         for n in 0..pairs {
             let ideal = self.hologram(&format!("ideal{n}"), optimize(self.target(n).await, None, 40)).await;
-            let photo = self.photograph(&format!("photo{n}"), phase(&ideal)).await;
-            let phase = phase(&ideal).to_owned();
-            photographed.push(Pair { id: format!("p{n}"), phase, photo, ..Pair::default() });
+            let photo = self.photograph(&format!("photo{n}"), pattern(&ideal)).await;
+            let pattern = pattern(&ideal).to_owned();
+            photographed.push(Pair { id: format!("p{n}"), pattern, photo, ..Pair::default() });
         }
         photographed
     }
@@ -127,8 +127,8 @@ impl Lab {
             let file = self.bench.artifacts.read_all(&plane(&ideal).reconstruction).await.unwrap();
             let clipped = pictures::photograph(&file, Encoding::Srgb).unwrap().map(|light| (2.0 * light).min(1.0));
             let photo = self.put(pictures::grey_png_linear(&clipped).unwrap()).await;
-            let phase = phase(&ideal).to_owned();
-            photographed.push(Pair { id: format!("p{n}"), phase, photo, ..Pair::default() });
+            let pattern = pattern(&ideal).to_owned();
+            photographed.push(Pair { id: format!("p{n}"), pattern, photo, ..Pair::default() });
         }
         photographed
     }
@@ -157,7 +157,7 @@ impl Lab {
                 findings: Vec::new(),
                 closing: Some((QUARTER, splits.into_iter().map(|(id, split)| (id, Some(split))).collect())),
             };
-            let result = JobResult::Prepare(PrepareResult::default());
+            let result = JobResult::PrepareDataset(PrepareResult::default());
             Ok(TaskOutput { result, effect: JobEffect::Dataset(Box::new(prepared)) })
         };
         let id = self.bench.submit("close", prepare("photos"), 1).await;
@@ -168,7 +168,7 @@ impl Lab {
 
     /// Mean squared error between the target and a photograph of the hologram, with fitted gain.
     async fn captured_error(&self, request_id: &str, hologram: &HologramResult, target: &str) -> f64 {
-        let photo = self.photograph(request_id, phase(hologram)).await;
+        let photo = self.photograph(request_id, pattern(hologram)).await;
         let photo =
             pictures::photograph(&self.bench.artifacts.read_all(&photo).await.unwrap(), Encoding::Linear).unwrap();
         let target = self.bench.artifacts.read_all(target).await.unwrap();
@@ -180,9 +180,9 @@ impl Lab {
     }
 }
 
-/// The first frame of the hologram.
-fn phase(hologram: &HologramResult) -> &str {
-    &hologram.wavelengths[0].frames[0].phase
+/// The first pattern of the hologram.
+fn pattern(hologram: &HologramResult) -> &str {
+    &hologram.wavelengths[0].subframes[0].pattern
 }
 
 /// The first plane of the hologram.
@@ -210,7 +210,7 @@ fn optimize(target: String, kernel_version: Option<u32>, iterations: u32) -> Job
         propagation: None,
         method: HologramMethod::Lbfgs,
         iterations,
-        frames: 1,
+        subframes: 1,
         initial_phase: InitialPhase::Random { range_rad: 1.0 },
         seed: 7,
         loss: Loss::default(),
@@ -240,7 +240,7 @@ pub(super) fn learn(model: KernelModel, epochs: u32, refinement_evaluations: u32
 fn evaluate(kernel_version: Option<u32>) -> JobSpec {
     JobSpec::EvaluateKernel(EvaluateKernel {
         dataset: "photos".to_owned(),
-        display: "lab".to_owned(),
+        kernel: KernelKey { display: "lab".to_owned(), wavelength: WAVELENGTH, distance: DISTANCE },
         kernel_version,
         region_of_interest: region(),
     })
@@ -255,7 +255,9 @@ fn prepare(dataset: &str) -> JobSpec {
 async fn learned_kernel_gives_better_holograms() {
     let lab = Lab::new().await;
     lab.dataset(8).await;
-    let JobResult::Learn(learned) = lab.run_job("learn", learn(KernelModel::Display, 3, 60)).await else { panic!() };
+    let JobResult::LearnKernel(learned) = lab.run_job("learn", learn(KernelModel::Display, 3, 60)).await else {
+        panic!()
+    };
     let [kernel] = &learned.kernels[..] else { panic!("{learned:?}") };
     assert_eq!(kernel.kernel_version, "displays/lab/kernels/515nm-4mm/versions/1");
     let metrics = &kernel.metrics;
@@ -269,7 +271,7 @@ async fn learned_kernel_gives_better_holograms() {
     for (request_id, version, expected) in
         [("learned", Some(1), metrics.test_loss), ("ideal", None, metrics.ideal_test_loss)]
     {
-        let JobResult::Evaluate(found) = lab.run_job(request_id, evaluate(version)).await else { panic!() };
+        let JobResult::EvaluateKernel(found) = lab.run_job(request_id, evaluate(version)).await else { panic!() };
         let test: Vec<f64> =
             found.pairs.iter().filter(|pair| pair.split == dataset::Split::Test).map(|pair| pair.loss).collect();
         assert_eq!((found.pairs.len(), test.len()), (8, 2));
@@ -279,8 +281,8 @@ async fn learned_kernel_gives_better_holograms() {
     let target = lab.target(20).await;
     let ideal = lab.hologram("new ideal", optimize(target.clone(), None, 100)).await;
     let better = lab.hologram("new learned", optimize(target.clone(), Some(1), 100)).await;
-    let frame = &better.wavelengths[0].frames[0];
-    let photos = [lab.photograph("levels", &frame.phase).await, lab.photograph("phase", &frame.phase_npy).await];
+    let subframe = &better.wavelengths[0].subframes[0];
+    let photos = [lab.photograph("levels", &subframe.pattern).await, lab.photograph("phase", &subframe.phase).await];
     assert_eq!(photos[0], photos[1], "response, carrier and quantization are applied to a phase");
     assert!(plane(&ideal).quality.pixel.psnr_db > 20.0, "{ideal:?}");
     let (before, after) = (
@@ -296,12 +298,14 @@ async fn saturated_pixels_do_not_count_in_losses() {
     lab.create_finalized(lab.overexposed(4).await).await;
     // The photographs are the prediction of the ideal kernel, rounded to 8-bit sRGB and doubled: (2 · 2.3 / 255)² / 12.
     let rounding = 3e-5;
-    let JobResult::Evaluate(found) = lab.run_job("evaluate", evaluate(None)).await else { panic!() };
+    let JobResult::EvaluateKernel(found) = lab.run_job("evaluate", evaluate(None)).await else { panic!() };
     assert_eq!(found.pairs.len(), 4);
     for pair in &found.pairs {
         assert!(pair.loss < rounding && pair.loss_full_frame < rounding, "{pair:?}");
     }
-    let JobResult::Learn(learned) = lab.run_job("learn", learn(KernelModel::Smooth, 1, 2)).await else { panic!() };
+    let JobResult::LearnKernel(learned) = lab.run_job("learn", learn(KernelModel::Smooth, 1, 2)).await else {
+        panic!()
+    };
     let metrics = &learned.kernels[0].metrics;
     for loss in [metrics.ideal_test_loss, metrics.ideal_test_loss_full_frame] {
         assert!(loss > 0.0 && loss < rounding, "{metrics:?}");
@@ -332,7 +336,7 @@ async fn interruptions_and_thread_count_do_not_change_results() {
     let lab = Lab::new().await;
     let spec = optimize(lab.target(1).await, None, 60);
     let whole = lab.hologram("whole", spec.clone()).await;
-    let JobResult::Hologram(resumed) = lab.interrupted("interrupted", spec).await else { panic!() };
+    let JobResult::OptimizeHologram(resumed) = lab.interrupted("interrupted", spec).await else { panic!() };
     // Only the measured times may differ.
     assert_eq!(HologramResult { iteration_ms: whole.iteration_ms, ..*resumed }, whole);
 
@@ -346,8 +350,10 @@ async fn interruptions_and_thread_count_do_not_change_results() {
         ("dense", learn(KernelModel::Dense, 3, 0)),
         ("paper", learn(KernelModel::Paper, 3, 0)),
     ] {
-        let JobResult::Learn(whole) = lab.run_job(name, spec.clone()).await else { panic!() };
-        let JobResult::Learn(resumed) = lab.interrupted(&format!("{name} interrupted"), spec).await else { panic!() };
+        let JobResult::LearnKernel(whole) = lab.run_job(name, spec.clone()).await else { panic!() };
+        let JobResult::LearnKernel(resumed) = lab.interrupted(&format!("{name} interrupted"), spec).await else {
+            panic!()
+        };
         assert_eq!(whole.loss_history, resumed.loss_history, "{name}");
         assert_eq!(whole.kernels[0].metrics, resumed.kernels[0].metrics, "{name}");
         version += 2;
@@ -364,7 +370,7 @@ async fn interrupted_preparation_resumes_and_gives_the_same_dataset() {
     let lab = Lab::new().await;
     let pairs = lab.photographed(4).await;
     lab.create_open("whole", &pairs).await;
-    let JobResult::Prepare(whole) = lab.run_job("whole", prepare("whole")).await else { panic!() };
+    let JobResult::PrepareDataset(whole) = lab.run_job("whole", prepare("whole")).await else { panic!() };
     assert_eq!((whole.splits.train, whole.splits.test, whole.splits.left_out), (3, 1, 0), "{:?}", whole.findings);
 
     // The file of the last photograph is missing during the first attempt.
@@ -382,7 +388,7 @@ async fn interrupted_preparation_resumes_and_gives_the_same_dataset() {
     lab.bench.store.retry(&id, 3).await.unwrap();
     let job = lab.run_until(threads(1), &id, |job| job.state.has_ended()).await;
     assert_eq!(job.progress.unwrap().steps_total, 1, "three of the four pairs were checked by the first attempt");
-    assert_eq!(job.result, Some(JobResult::Prepare(whole)));
+    assert_eq!(job.result, Some(JobResult::PrepareDataset(whole)));
     let closed = lab.bench.store.dataset("interrupted").await.unwrap();
     assert_eq!(closed.digest, Some(dataset::digest(&closed)));
     assert!(closed.pairs.iter().all(|pair| pair.checks.is_some()));
@@ -411,7 +417,7 @@ async fn preparation_fails_if_its_dataset_was_changed() {
     assert!(open.digest.is_none() && open.pairs.len() == 4 && open.pairs.iter().all(|pair| pair.split.is_none()));
     lab.bench.store.retry(&id, 3).await.unwrap();
     let job = lab.bench.ended(&id).await;
-    let Some(JobResult::Prepare(result)) = job.result else { panic!("{:?}", job.error) };
+    let Some(JobResult::PrepareDataset(result)) = job.result else { panic!("{:?}", job.error) };
     assert_eq!(result.splits.train + result.splits.test, 4);
     working.stop().await;
 }
@@ -420,7 +426,7 @@ async fn preparation_fails_if_its_dataset_was_changed() {
 async fn cancelled_preparation_and_report_stop_without_effect() {
     let lab = Lab::new().await;
     lab.dataset(4).await;
-    let JobResult::Learn(_) = lab.run_job("learn", learn(KernelModel::Smooth, 1, 2)).await else { panic!() };
+    let JobResult::LearnKernel(_) = lab.run_job("learn", learn(KernelModel::Smooth, 1, 2)).await else { panic!() };
     let open: Vec<Pair> = lab.bench.store.dataset("photos").await.unwrap().pairs;
     lab.create_open("open", &open.into_iter().map(|pair| Pair { split: None, ..pair }).collect::<Vec<_>>()).await;
     let kernel = KernelKey { display: "lab".to_owned(), wavelength: WAVELENGTH, distance: DISTANCE };
@@ -429,7 +435,7 @@ async fn cancelled_preparation_and_report_stop_without_effect() {
     let whole = lab.run_until(threads(2), &id, |job| job.state.has_ended()).await;
     let progress = whole.progress.expect("a report has progress");
     assert!(progress.steps_total > 0 && progress.step == progress.steps_total, "{progress:?}");
-    let Some(JobResult::Report(made)) = whole.result else { panic!("{:?}", whole.error) };
+    let Some(JobResult::ReportKernel(made)) = whole.result else { panic!("{:?}", whole.error) };
     assert!(made.figures.iter().any(|figure| figure.name.starts_with("residual-p")), "{made:?}");
 
     // The job is cancelled before its work begins, so that the first check stops it.

@@ -83,11 +83,11 @@ class Dataset:
         - `black_level`: reading of the camera in the dark, as a fraction of full scale
         - `exposure_s`, `camera_gain`: exposure time [s] and amplification, if known
         """
-        phase = await self._phase_digest(hologram)
+        pattern = await self._pattern_digest(hologram)
         pair = v1.Pair(
             # From the hologram's digest, so that the same pair has the same id when a notebook runs again.
-            id=pair_id or phase.removeprefix("sha256-")[:8],
-            phase=phase,
+            id=pair_id or pattern.removeprefix("sha256-")[:8],
+            pattern=pattern,
             photo=await self._photo_digest(photo),
             split=words.number("split", v1.Split, split),
             black_level=black_level,
@@ -98,13 +98,13 @@ class Dataset:
         self.message = await self._connection.call(self._connection.datasets.AddPair, request)
         return self
 
-    async def _phase_digest(self, hologram: Hologram | Phase) -> str:
+    async def _pattern_digest(self, hologram: Hologram | Phase) -> str:
         if not isinstance(hologram, Hologram):
             return await self._connection.upload(phase_bytes("hologram", hologram))
         for each in hologram.result.wavelengths:
             # The server compares wavelengths in picometres.
             if round(each.wavelength_m * 1e12) == round(self.message.wavelength_m * 1e12):
-                return each.frames[0].phase
+                return each.subframes[0].pattern
         shown = show_length(self.message.wavelength_m)
         raise InvalidArgument("hologram", f"has no part for {shown}", "optimize it for the dataset's wavelength")
 
@@ -121,14 +121,14 @@ class Dataset:
         photo_size_px: tuple[int, int] | None = None,
         progress: Progress = True,
         **options: Unpack[SubmitOptions],
-    ) -> v1.PrepareResult:
+    ) -> v1.PrepareDatasetResult:
         """Find where the camera sees the display's pixels.
 
         `dots` is a photograph of the displayed calibration target. `points` are at least four points of your own, with
         the width and height of the photographs. Without both, the pairs themselves refine the alignment.
         """
         check(options, SubmitOptions)
-        step = v1.PrepareDataset.Align(pairs=True)
+        step = v1.PrepareDataset.Align(pairs=v1.PrepareDataset.Align.ByPairs())
         if dots is not None:
             step = v1.PrepareDataset.Align(dots_photo=await self._photo_digest(dots))
         elif points is not None:
@@ -146,7 +146,7 @@ class Dataset:
         keep_alignment: bool = False,
         progress: Progress = True,
         **options: Unpack[SubmitOptions],
-    ) -> v1.PrepareResult:
+    ) -> v1.PrepareDatasetResult:
         """Draw which pairs are held out, and close the dataset for good.
 
         By default a fifth of the pairs is held out for validation, and a fifth for the test.
@@ -162,7 +162,7 @@ class Dataset:
 
     async def _prepare(
         self, message: v1.PrepareDataset, options: SubmitOptions, progress: Progress
-    ) -> v1.PrepareResult:
+    ) -> v1.PrepareDatasetResult:
         job = await submit(self._connection, v1.JobSpec(prepare_dataset=message), options, read_preparation)
         result = await job.result(progress=progress)
         await self.refresh()
@@ -186,7 +186,7 @@ class Dataset:
     ) -> Evaluation:
         """Measure how well a kernel predicts these photographs: `active`, `ideal` or the number of a version."""
         check(options, SubmitOptions)
-        message = v1.EvaluateKernel(dataset=self.name, kernel=str(kernel), region_of_interest=region_message(region))
+        message = v1.EvaluateKernel(dataset=self.name, kernel=str(kernel), region=region_message(region))
         job = await submit(self._connection, v1.JobSpec(evaluate_kernel=message), options, read_evaluation)
         return await job.result(progress=progress)
 
@@ -197,7 +197,7 @@ class Dataset:
 
     def _repr_html_(self) -> str:
         message = self.message
-        optics = f"{show_length(message.wavelength_m)} at {show_length(message.distance_m)}"
+        optics = f"{show_length(message.wavelength_m)} at {show_length(message.place.distance_m)}"
         rows: list[tuple[str, object]] = [
             ("display", f"{message.display}, {optics}"),
             ("state", words.name_of(v1.Dataset.State, message.state)),

@@ -9,12 +9,12 @@ from lightpath.aio.datasets import Dataset
 from lightpath.aio.jobs import submit
 from lightpath.aio.kernels import Kernel, KernelVersion, list_kernels
 from lightpath.aio.results import read_hologram, read_photograph
-from lightpath.errors import InvalidArgument
+from lightpath.errors import InvalidArgument, MissingKernel
 from lightpath.hologram import Hologram
 from lightpath.options import HologramOptions, SubmitOptions, check, label_of, optimize_message
 from lightpath.pictures import Phase, Picture, file_bytes, phase_bytes, picture_bytes
 from lightpath.progress import Progress, shows_pictures
-from lightpath.units import Length, metres, show_length
+from lightpath.units import Length, metres, place, show_length
 
 if TYPE_CHECKING:
     import os
@@ -52,17 +52,17 @@ class Display:
     @property
     def width_px(self) -> int:
         """Number of columns."""
-        return self.message.width_px
+        return self.message.modulator.width_px
 
     @property
     def height_px(self) -> int:
         """Number of rows."""
-        return self.message.height_px
+        return self.message.modulator.height_px
 
     @property
     def pixel_pitch_m(self) -> float:
         """Distance between the centres of neighbouring pixels [m]."""
-        return self.message.pixel_pitch_m
+        return self.message.modulator.pixel_pitch_x_m
 
     @property
     def wavelengths_m(self) -> list[float]:
@@ -118,7 +118,7 @@ class Display:
         options.setdefault("label", label_of(targets))
         digests = [await self._connection.upload(picture_bytes("target", each)) for each in targets]
         for i, distance_m in enumerate(distances):
-            message.planes.add(distance_m=distance_m, target=digests[i % len(digests)])
+            message.planes.add(place=v1.Place(distance_m=distance_m), target=digests[i % len(digests)])
         await self._upload_files(message, options)
         return await submit(self._connection, v1.JobSpec(optimize_hologram=message), options, read_hologram)
 
@@ -170,15 +170,16 @@ class Display:
         message = v1.SimulateCapture(display=self.name, seed=seed, elapsed_s=elapsed_s)
         if isinstance(hologram, Hologram):
             part = hologram.result.wavelengths[0]
-            message.phase = part.frames[0].phase
-            message.wavelength_m, message.distance_m = part.wavelength_m, hologram.distances_m[0]
+            message.pattern = part.subframes[0].pattern
+            message.wavelength_m = part.wavelength_m
+            message.place.CopyFrom(hologram.spec.planes[0].place)
         elif distance is None:
             raise InvalidArgument("distance", "is missing", 'give it with a hologram from a file, as distance="150mm"')
         else:
             options.setdefault("label", label_of([hologram]))
-            message.phase = await self._connection.upload(phase_bytes("hologram", hologram))
+            message.pattern = await self._connection.upload(phase_bytes("hologram", hologram))
         if distance is not None:
-            message.distance_m = metres("distance", distance)
+            message.place.distance_m = metres("distance", distance)
         if wavelength is not None:
             message.wavelength_m = metres("wavelength", wavelength)
         job = await submit(self._connection, v1.JobSpec(simulate_capture=message), options, read_photograph)
@@ -194,7 +195,7 @@ class Display:
         """Return how light gets from the display to a distance: the method, the reason, and all alternatives."""
         request = v1.PlanPropagationRequest(
             display=self.name,
-            distance_m=metres("distance", distance),
+            place=place(distance),
             wavelength_m=0.0 if wavelength is None else metres("wavelength", wavelength),
             method=words.number("method", v1.PropagationMethod, method),
         )
@@ -217,7 +218,7 @@ class Display:
         message = v1.Dataset(
             name=names.with_collection("datasets", dataset_id),
             display=self.name,
-            distance_m=metres("distance", distance),
+            place=place(distance),
             wavelength_m=0.0 if wavelength is None else metres("wavelength", wavelength),
             photo_encoding=words.number("photo_encoding", v1.Encoding, photo_encoding),
             photo_bit_depth=photo_bit_depth,
@@ -233,14 +234,23 @@ class Display:
         return png.decode(await self._connection.download(target.target))
 
     async def kernel(self, *, distance: Length, wavelength: Length | None = None) -> Kernel:
-        """Return the kernel for a distance. Raises `NotFound` if none was learned."""
-        if wavelength is None and len(self.wavelengths_m) != 1:
-            choices = ", ".join(show_length(each) for each in self.wavelengths_m)
+        """Return the kernel for a distance.
+
+        Raises `MissingKernel` if there is none, and `InvalidArgument` if several wavelengths have one.
+        """
+        request = v1.ListKernelsRequest(
+            display=self.name,
+            place=place(distance),
+            wavelength_m=0.0 if wavelength is None else metres("wavelength", wavelength),
+        )
+        found = (await self._connection.call(self._connection.kernels.ListKernels, request)).kernels
+        if not found:
+            problem = f"is {show_length(request.place.distance_m)}, but {self.name} has no kernel there"
+            raise MissingKernel("distance", problem, "learn one with dataset.learn(), or see display.kernels()")
+        if len(found) > 1:
+            choices = ", ".join(show_length(each.wavelength_m) for each in found)
             raise InvalidArgument("wavelength", "is missing", f"choose one of {choices}")
-        wavelength_m = self.wavelengths_m[0] if wavelength is None else metres("wavelength", wavelength)
-        name = names.kernel_name(self.name, wavelength_m, metres("distance", distance))
-        request = v1.GetKernelRequest(name=name)
-        return Kernel(self._connection, await self._connection.call(self._connection.kernels.GetKernel, request))
+        return Kernel(self._connection, found[0])
 
     async def kernels(self) -> list[Kernel]:
         """Return all kernels of the display, in the order of their names."""
@@ -257,7 +267,7 @@ class Display:
         """Store a file of `Kernel.save`, or the paper's `kernel.pt`, as the next version for a distance."""
         request = v1.ImportKernelRequest(
             display=self.name,
-            distance_m=metres("distance", distance),
+            place=place(distance),
             wavelength_m=0.0 if wavelength is None else metres("wavelength", wavelength),
             artifact=await self._connection.upload(file_bytes("path", path)),
             from_another_display=from_another_display,
@@ -273,10 +283,10 @@ class Display:
     def _repr_html_(self) -> str:
         message = self.message
         rows: list[tuple[str, object]] = [
-            ("resolution", f"{message.width_px}×{message.height_px} px"),
-            ("pixel pitch", show_length(message.pixel_pitch_m)),
+            ("resolution", f"{self.width_px}×{self.height_px} px"),
+            ("pixel pitch", show_length(self.pixel_pitch_m)),
             ("wavelengths", ", ".join(show_length(each) for each in message.wavelengths_m)),
-            ("grey levels", 1 << (message.bit_depth or 8)),
+            ("grey levels", 1 << message.modulator.bit_depth),
         ]
         if message.HasField("simulated_bench"):
             rows.append(("simulated", f"seed {message.simulated_bench.seed}"))

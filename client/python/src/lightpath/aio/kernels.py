@@ -138,7 +138,7 @@ class Kernel:
             ("display", message.display),
             (
                 "wavelength, distance",
-                f"{show_length(message.wavelength_m)}, {show_length(message.distance_m)}",
+                f"{show_length(message.wavelength_m)}, {show_length(message.place.distance_m)}",
             ),
             ("active version", message.active_version or "none"),
             ("latest version", message.latest_version),
@@ -196,10 +196,10 @@ class KernelVersion:
         """Return the version as arrays."""
         return await fetch_arrays(self._connection, self._kernel_name, self.number)
 
-    async def learning(self) -> v1.LearnResult:
+    async def learning(self) -> v1.LearnKernelResult:
         """Return how the version was learned: the history of the loss, and the parts that the display needed."""
         request = v1.GetJobRequest(name=self.message.lineage.job)
-        return (await self._connection.call(self._connection.jobs.GetJob, request)).result.learn
+        return (await self._connection.call(self._connection.jobs.GetJob, request)).result.learn_kernel
 
     async def report(self, *, progress: Progress = True, **options: Unpack[SubmitOptions]) -> Report:
         """Make a report of what was learned, with pictures and numbers."""
@@ -228,7 +228,7 @@ class KernelVersion:
             ("loss of the test pairs", f"{metrics.test_loss:.3g}"),
             ("with the ideal kernel", f"{metrics.ideal_test_loss:.3g}"),
         ]
-        rows += [(f"without {part.part.replace('_', ' ')}", f"{part.cost_db:+.1f} dB") for part in metrics.parts]
+        rows += [(f"without {part.name.replace('_', ' ')}", f"{part.cost_db.value:+.1f} dB") for part in metrics.parts]
         if self.message.HasField("deprecation"):
             rows.append(("deprecated", self.message.deprecation.reason))
         return html.table(self.name, rows)
@@ -242,7 +242,7 @@ async def read_version(connection: Connection, name: str) -> KernelVersion:
 
 async def read_learned(connection: Connection, job: v1.Job) -> list[KernelVersion]:
     """Return the versions that a job learned, one for each of its datasets."""
-    return [await read_version(connection, learned.kernel_version) for learned in job.result.learn.kernels]
+    return [await read_version(connection, learned.kernel_version) for learned in job.result.learn_kernel.kernels]
 
 
 async def list_kernels(connection: Connection, display: str) -> list[Kernel]:

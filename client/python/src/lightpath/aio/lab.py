@@ -108,14 +108,16 @@ class Lab:
         wavelengths = [wavelength] if isinstance(wavelength, str | int | float) else wavelength
         message = v1.Display(
             name=names.with_collection("displays", display_id),
-            width_px=width_px,
-            height_px=height_px,
-            pixel_pitch_m=metres("pixel_pitch", pixel_pitch),
+            modulator=v1.Modulator(
+                width_px=width_px,
+                height_px=height_px,
+                pixel_pitch_x_m=metres("pixel_pitch", pixel_pitch),
+                bit_depth=bit_depth,
+                phase=_response(phase_response_rad) if phase_response_rad is not None else None,
+            ),
             wavelengths_m=[metres("wavelength", each) for each in wavelengths],
-            bit_depth=bit_depth,
             carrier=words.number("carrier", v1.Carrier, carrier),
             notes=notes,
-            phase_response=_response(phase_response_rad) if phase_response_rad is not None else None,
             all_orders=orders if isinstance(orders, v1.AllOrders) else None,
             order_filter=orders if isinstance(orders, v1.OrderFilter) else None,
             camera_fill_factor=camera_fill_factor,
@@ -189,7 +191,7 @@ class Lab:
             target=await self.connection.upload(picture_bytes("target", target)),
             photo_encoding=words.number("photo_encoding", v1.Encoding, photo_encoding),
             target_encoding=words.number("target_encoding", v1.Encoding, target_encoding),
-            region_of_interest=region_message(region),
+            region=region_message(region),
         )
         score = await self.connection.call(self.connection.photos.ScorePhoto, request)
         aligned = await self.connection.download(score.aligned)
@@ -227,22 +229,22 @@ class Lab:
             request.page_token = page.next_page_token
 
 
-def _response(phase_rad: Sequence[float] | npt.NDArray[Any]) -> v1.PhaseResponse:
+def _response(phase_rad: Sequence[float] | npt.NDArray[Any]) -> v1.PhaseModulator:
     """Return the message of a measured response. The server checks that the numbers can be radians."""
     phases = np.asarray(phase_rad, dtype=np.float64)
     if phases.ndim != 1:
         problem, fix = f"has the shape {phases.shape}", "give one phase for each grey level, such as table[:, 1]"
         raise InvalidArgument("phase_response_rad", problem, fix)
-    return v1.PhaseResponse(phase_rad=phases.tolist())
+    return v1.PhaseModulator(response_rad=phases.tolist())
 
 
 _READERS: dict[str, Callable[[Connection, v1.Job], Awaitable[Any]]] = {
-    "hologram": read_hologram,
-    "learn": read_learned,
-    "capture": read_photograph,
-    "evaluate": read_evaluation,
-    "report": read_report,
-    "prepare": read_preparation,
+    "optimize_hologram": read_hologram,
+    "learn_kernel": read_learned,
+    "simulate_capture": read_photograph,
+    "evaluate_kernel": read_evaluation,
+    "report_kernel": read_report,
+    "prepare_dataset": read_preparation,
 }
 
 

@@ -24,10 +24,10 @@ pub(super) async fn from_wire(
     let id = names::dataset_id(&at("dataset"), &message.dataset)?;
     let (dataset, display) = api.service.datasets.finalized(call, &at("dataset"), &id).await?;
     check_distance(&at("dataset"), &display, dataset.wavelength, dataset.distance)?;
-    let region_of_interest = region(&at("region_of_interest"), message.region_of_interest, &display)?;
+    let region_of_interest = region(&at("region"), message.region, &display)?;
     let key = dataset.kernel_key();
     let kernel_version = api.service.jobs.evaluated_version(&at("kernel"), &message.kernel, &key, before).await?;
-    Ok(EvaluateKernel { dataset: dataset.id, display: key.display, kernel_version, region_of_interest })
+    Ok(EvaluateKernel { dataset: dataset.id, kernel: key, kernel_version, region_of_interest })
 }
 
 /// Converts the request, with its defaults, into its message.
@@ -35,17 +35,17 @@ pub(super) fn to_wire(spec: EvaluateKernel) -> v1::EvaluateKernel {
     v1::EvaluateKernel {
         dataset: format!("datasets/{}", spec.dataset),
         kernel: kernel_text(spec.kernel_version),
-        region_of_interest: Some(region_message(spec.region_of_interest)),
+        region: Some(region_message(spec.region_of_interest)),
     }
 }
 
 /// Converts the result into its message.
-pub(super) fn result(result: EvaluateResult) -> v1::EvaluateResult {
-    let pairs = result.pairs.into_iter().map(|pair| v1::evaluate_result::PairLoss {
+pub(super) fn result(result: EvaluateResult) -> v1::EvaluateKernelResult {
+    let pairs = result.pairs.into_iter().map(|pair| v1::evaluate_kernel_result::PairLoss {
         pair: pair.pair,
         split: pair.split.to_wire(),
         loss: pair.loss,
         loss_full_frame: pair.loss_full_frame,
     });
-    v1::EvaluateResult { pairs: pairs.collect(), propagation: Some(validity_report(result.propagation)) }
+    v1::EvaluateKernelResult { pairs: pairs.collect(), propagation: Some(validity_report(result.propagation)) }
 }

@@ -29,10 +29,7 @@ pub(super) async fn from_wire(api: &Api, call: &Call, message: v1::LearnKernel, 
     let names = message.datasets.iter().enumerate();
     let ids = names.map(|(i, name)| names::dataset_id(&list.index(i), name)).collect();
     let learned = api.service.jobs.datasets_to_learn(call, &list, ids, checked_model).await;
-    let region_of_interest = learned
-        .as_ref()
-        .ok()
-        .map(|(_, display)| region(&at("region_of_interest"), message.region_of_interest, display));
+    let region_of_interest = learned.as_ref().ok().map(|(_, display)| region(&at("region"), message.region, display));
     let is_smooth = checked_model.is_smooth();
     let start_version = match &learned {
         Ok((datasets, _)) => {
@@ -64,7 +61,7 @@ pub(super) async fn from_wire(api: &Api, call: &Call, message: v1::LearnKernel, 
         degree,
         start_version,
         detector,
-        region_of_interest: at("region_of_interest").required(region_of_interest)?,
+        region_of_interest: at("region").required(region_of_interest)?,
         display: display.id,
         datasets: datasets.into_iter().map(|dataset| dataset.id).collect(),
     })
@@ -98,13 +95,13 @@ pub(super) fn to_wire(spec: LearnKernel) -> v1::LearnKernel {
         refinement_evaluations: spec.refinement_evaluations,
         seed: spec.seed,
         detector: spec.detector.to_wire(),
-        region_of_interest: Some(region_message(spec.region_of_interest)),
+        region: Some(region_message(spec.region_of_interest)),
     }
 }
 
 /// Converts the result into its message.
-pub(super) fn result(result: LearnResult) -> v1::LearnResult {
-    v1::LearnResult {
+pub(super) fn result(result: LearnResult) -> v1::LearnKernelResult {
+    v1::LearnKernelResult {
         kernels: result.kernels.into_iter().map(kernel).collect(),
         loss_history: result.loss_history,
         degree: result.degree,
@@ -112,18 +109,18 @@ pub(super) fn result(result: LearnResult) -> v1::LearnResult {
     }
 }
 
-fn part(strength: PartStrength) -> v1::learn_result::Part {
+fn part(strength: PartStrength) -> v1::Part {
     let (name, title, text) = (strength.part.name().to_owned(), strength.title().to_owned(), strength.text(0));
-    let measure = |Measure { name, unit, value, std, hidden }: Measure| {
-        let unit = unit.name().to_owned();
-        v1::learn_result::Measure { name, unit, value, std, hidden }
+    let value = |Measure { name, unit, value, std, hidden }: Measure| {
+        let value = value.map(|value| v1::Measure { value, std, ..v1::Measure::default() });
+        v1::PartValue { name, unit: unit.name().to_owned(), value, detectable: hidden }
     };
-    let measures = strength.measures.into_iter().map(measure).collect();
-    v1::learn_result::Part { name, title, kept: strength.kept, measures, text }
+    let values = strength.measures.into_iter().map(value).collect();
+    v1::Part { name, title, kept: Some(strength.kept), values, text, cost_db: None }
 }
 
-fn kernel(kernel: LearnedKernel) -> v1::learn_result::LearnedKernel {
-    v1::learn_result::LearnedKernel {
+fn kernel(kernel: LearnedKernel) -> v1::learn_kernel_result::LearnedKernel {
+    v1::learn_kernel_result::LearnedKernel {
         kernel_version: kernel.kernel_version,
         dataset: format!("datasets/{}", kernel.dataset),
         metrics: Some(metrics(&kernel.metrics)),

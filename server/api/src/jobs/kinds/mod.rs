@@ -76,14 +76,14 @@ pub(super) fn to_wire(spec: JobSpec) -> v1::JobSpec {
 /// Converts a result into its message.
 pub(super) fn result(result: JobResult) -> v1::JobResult {
     let kind = match result {
-        JobResult::Hologram(result) => job_result::Kind::Hologram(optimize_hologram::result(*result)),
-        JobResult::Learn(result) => job_result::Kind::Learn(learn_kernel::result(result)),
-        JobResult::Capture(result) => job_result::Kind::Capture(simulate_capture::result(result)),
-        JobResult::Evaluate(result) => job_result::Kind::Evaluate(evaluate_kernel::result(result)),
-        JobResult::Prepare(result) => job_result::Kind::Prepare(prepare_dataset::result(result)),
-        JobResult::Report(result) => job_result::Kind::Report(report_kernel::result(result)),
-        JobResult::Suggest(result) => job_result::Kind::Suggest(suggest_holograms::result(result)),
-        JobResult::Verify(result) => job_result::Kind::Verify(verify_hologram::result(result)),
+        JobResult::OptimizeHologram(result) => job_result::Kind::OptimizeHologram(optimize_hologram::result(*result)),
+        JobResult::LearnKernel(result) => job_result::Kind::LearnKernel(learn_kernel::result(result)),
+        JobResult::SimulateCapture(result) => job_result::Kind::SimulateCapture(simulate_capture::result(result)),
+        JobResult::EvaluateKernel(result) => job_result::Kind::EvaluateKernel(evaluate_kernel::result(result)),
+        JobResult::PrepareDataset(result) => job_result::Kind::PrepareDataset(prepare_dataset::result(result)),
+        JobResult::ReportKernel(result) => job_result::Kind::ReportKernel(report_kernel::result(result)),
+        JobResult::SuggestHolograms(result) => job_result::Kind::SuggestHolograms(suggest_holograms::result(result)),
+        JobResult::VerifyHologram(result) => job_result::Kind::VerifyHologram(verify_hologram::result(result)),
     };
     v1::JobResult { kind: Some(kind) }
 }

@@ -8,7 +8,7 @@ use lightpath_domain::dataset::Finalization;
 use lightpath_domain::job::{AlignBy, Job, PrepareDataset, PrepareResult, PrepareStep};
 use lightpath_media::pictures;
 use lightpath_proto::v1;
-use lightpath_proto::v1::prepare_dataset::align::Source;
+use lightpath_proto::v1::prepare_dataset::align::{self, Source};
 use lightpath_proto::v1::prepare_dataset::{Align, Finalize, Step};
 use lightpath_service::{Call, Field, Result};
 
@@ -49,10 +49,8 @@ async fn align_by(api: &Api, call: &Call, align: Align, field: &Field) -> Result
             api.service.files.require_picture(call, &field, &photo).await?;
             Ok(AlignBy::Dots { photo })
         }
-        Source::Pairs(true) => Ok(AlignBy::Pairs),
-        Source::None(true) => Ok(AlignBy::None),
-        Source::Pairs(false) => Err(field.at("pairs").but("is false", "must be true")),
-        Source::None(false) => Err(field.at("none").but("is false", "must be true")),
+        Source::Pairs(align::ByPairs {}) => Ok(AlignBy::Pairs),
+        Source::None(align::NoAlignment {}) => Ok(AlignBy::None),
     }
 }
 
@@ -118,14 +116,14 @@ fn source(by: AlignBy) -> Source {
             Source::Points(v1::AlignmentPoints { photo_width_px, photo_height_px, points: points.collect() })
         }
         AlignBy::Dots { photo } => Source::DotsPhoto(photo),
-        AlignBy::Pairs => Source::Pairs(true),
-        AlignBy::None => Source::None(true),
+        AlignBy::Pairs => Source::Pairs(align::ByPairs {}),
+        AlignBy::None => Source::None(align::NoAlignment {}),
     }
 }
 
 /// Converts the result into its message.
-pub(super) fn result(result: PrepareResult) -> v1::PrepareResult {
-    v1::PrepareResult {
+pub(super) fn result(result: PrepareResult) -> v1::PrepareDatasetResult {
+    v1::PrepareDatasetResult {
         alignment: result.alignment.map(alignment),
         findings: result.findings.into_iter().map(finding).collect(),
         digest: result.dataset_digest.unwrap_or_default(),

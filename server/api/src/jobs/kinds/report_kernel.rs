@@ -26,11 +26,11 @@ pub(super) fn to_wire(spec: ReportKernel) -> v1::ReportKernel {
 }
 
 /// Converts the result into its message.
-pub(super) fn result(result: ReportResult) -> v1::ReportResult {
-    let figures = result.figures.into_iter().map(|figure| v1::report_result::Figure {
+pub(super) fn result(result: ReportResult) -> v1::ReportKernelResult {
+    let figures = result.figures.into_iter().map(|figure| v1::report_kernel_result::Figure {
         name: figure.name,
         title: figure.title,
         artifact: figure.artifact,
     });
-    v1::ReportResult { html: result.html, arrays: result.arrays, figures: figures.collect() }
+    v1::ReportKernelResult { html: result.html, arrays: result.arrays, figures: figures.collect() }
 }

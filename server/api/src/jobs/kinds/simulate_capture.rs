@@ -1,7 +1,8 @@
 //! Simulation jobs: photographs of a simulated display.
 
 use crate::api::Api;
-use crate::optics::to_wire::validity_report;
+use crate::optics::from_wire::distance;
+use crate::optics::to_wire::{place, validity_report};
 use lightpath_domain::job::{CaptureResult, SimulateCapture};
 use lightpath_proto::v1;
 use lightpath_service::{Call, Field, Result};
@@ -21,8 +22,8 @@ pub(super) async fn from_wire(
     api.service.jobs.require_simulated(&at("display"), &display)?;
     let spec = SimulateCapture {
         wavelength: at("wavelength_m").wavelength_of(message.wavelength_m, &display)?,
-        distance: at("distance_m").distance(message.distance_m)?,
-        phase: at("phase").digest(&message.phase)?,
+        distance: distance(&at("place"), message.place.as_ref())?,
+        pattern: at("pattern").digest(&message.pattern)?,
         seed: message.seed,
         elapsed_s: at("elapsed_s").number(message.elapsed_s, 0.0..=ELAPSED_S_MAX)?,
         display: display.id.clone(),
@@ -36,14 +37,14 @@ pub(super) fn to_wire(spec: SimulateCapture) -> v1::SimulateCapture {
     v1::SimulateCapture {
         display: format!("displays/{}", spec.display),
         wavelength_m: spec.wavelength.m(),
-        distance_m: spec.distance.m(),
-        phase: spec.phase,
+        place: place(spec.distance),
+        pattern: spec.pattern,
         seed: spec.seed,
         elapsed_s: spec.elapsed_s,
     }
 }
 
 /// Converts the result into its message.
-pub(super) fn result(result: CaptureResult) -> v1::CaptureResult {
-    v1::CaptureResult { photo: result.photo, propagation: Some(validity_report(result.propagation)) }
+pub(super) fn result(result: CaptureResult) -> v1::SimulateCaptureResult {
+    v1::SimulateCaptureResult { photo: result.photo, propagation: Some(validity_report(result.propagation)) }
 }

@@ -4,7 +4,7 @@ use crate::api::Api;
 use crate::names;
 use lightpath_domain::job::kinds::suggest_holograms::{SUGGESTIONS_DEFAULT, SUGGESTIONS_MAX};
 use lightpath_domain::job::{SuggestHolograms, SuggestResult, SuggestedHologram};
-use lightpath_proto::v1::{self, suggest_result};
+use lightpath_proto::v1::{self, suggest_holograms_result};
 use lightpath_service::{Call, Field, Result};
 
 /// Checks a request and converts it. Refuses a version that does not exist, or that has no model of the modulator
@@ -29,12 +29,19 @@ pub(super) fn to_wire(spec: SuggestHolograms) -> v1::SuggestHolograms {
 }
 
 /// Converts the result into its message.
-pub(super) fn result(result: SuggestResult) -> v1::SuggestResult {
+pub(super) fn result(result: SuggestResult) -> v1::SuggestHologramsResult {
     let SuggestResult { holograms, worth_photographs } = result;
-    v1::SuggestResult { holograms: holograms.into_iter().map(suggestion).collect(), worth_photographs }
+    v1::SuggestHologramsResult { holograms: holograms.into_iter().map(suggestion).collect(), worth_photographs }
 }
 
-fn suggestion(hologram: SuggestedHologram) -> suggest_result::Suggestion {
-    let SuggestedHologram { phase, picture, phase_range_rad, error_db, part, part_db } = hologram;
-    suggest_result::Suggestion { phase, picture, phase_range_rad, error_db, part: part.name().to_owned(), part_db }
+fn suggestion(hologram: SuggestedHologram) -> suggest_holograms_result::Suggestion {
+    let SuggestedHologram { pattern, picture, phase_range_rad, error_db, part, part_db } = hologram;
+    suggest_holograms_result::Suggestion {
+        pattern,
+        picture,
+        phase_range_rad,
+        error_db,
+        part: part.name().to_owned(),
+        part_db,
+    }
 }

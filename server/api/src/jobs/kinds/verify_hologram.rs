@@ -2,9 +2,10 @@
 
 use crate::api::Api;
 use crate::names;
-use crate::optics::to_wire::second_opinion;
+use crate::optics::to_wire::{opinions, place};
 use lightpath_domain::job::{PlaneOpinion, VerifyHologram, VerifyResult};
-use lightpath_proto::v1::{self, verify_result};
+use lightpath_optics::Detector;
+use lightpath_proto::v1::{self, verify_hologram_result};
 use lightpath_service::{Call, Field, Result};
 
 /// Checks a request and converts it. Refuses a job that has no holograms.
@@ -24,12 +25,13 @@ pub(super) fn to_wire(spec: VerifyHologram) -> v1::VerifyHologram {
 }
 
 /// Converts the result into its message.
-pub(super) fn result(result: VerifyResult) -> v1::VerifyResult {
-    v1::VerifyResult { planes: result.planes.into_iter().map(plane).collect() }
+pub(super) fn result(result: VerifyResult) -> v1::VerifyHologramResult {
+    v1::VerifyHologramResult { planes: result.planes.into_iter().map(plane).collect() }
 }
 
-fn plane(plane: PlaneOpinion) -> verify_result::PlaneOpinion {
-    let [point, pixel, supersampled] = plane.opinions.map(|opinion| Some(second_opinion(opinion)));
-    let (wavelength_m, distance_m) = (plane.wavelength.m(), plane.distance.m());
-    verify_result::PlaneOpinion { wavelength_m, distance_m, point, pixel, supersampled }
+fn plane(plane: PlaneOpinion) -> verify_hologram_result::PlaneOpinion {
+    let (wavelength_m, place) = (plane.wavelength.m(), place(plane.distance));
+    let judgements =
+        Detector::ALL.into_iter().zip(plane.opinions).flat_map(|(detector, opinion)| opinions(opinion, detector));
+    verify_hologram_result::PlaneOpinion { wavelength_m, place, judgements: judgements.collect() }
 }

@@ -92,11 +92,11 @@ fn artifacts() -> Vec<Example> {
 }
 
 fn datasets() -> Vec<Example> {
-    let pair = json!({ "id": "new", "phase": "$pair_phase", "photo": "$pair_photo" });
+    let pair = json!({ "id": "new", "pattern": "$pair_phase", "photo": "$pair_photo" });
     vec![
         Example::new::<v1::CreateDatasetRequest>(
             "DatasetService/CreateDataset",
-            json!({ "dataset": { "name": "$new_dataset", "display": "$display", "distance_m": 4e-3 } }),
+            json!({ "dataset": { "name": "$new_dataset", "display": "$display", "place": { "distance_m": 4e-3 } } }),
         ),
         Example::new::<v1::GetDatasetRequest>("DatasetService/GetDataset", json!({ "name": "$near" })),
         Example::new::<v1::ListDatasetsRequest>(
@@ -113,8 +113,7 @@ fn datasets() -> Vec<Example> {
 }
 
 fn displays() -> Vec<Example> {
-    let spare =
-        json!({ "name": "$spare", "width_px": 128, "height_px": 96, "pixel_pitch_m": 8e-6, "wavelengths_m": [515e-9] });
+    let spare = json!({ "name": "$spare", "modulator": { "width_px": 128, "height_px": 96, "pixel_pitch_x_m": 8e-6 }, "wavelengths_m": [515e-9] });
     vec![
         Example::new::<v1::CreateDisplayRequest>("DisplayService/CreateDisplay", json!({ "display": spare })),
         Example::new::<v1::GetDisplayRequest>("DisplayService/GetDisplay", json!({ "name": "$display" })),
@@ -124,7 +123,7 @@ fn displays() -> Vec<Example> {
         ),
         Example::new::<v1::PlanPropagationRequest>(
             "DisplayService/PlanPropagation",
-            json!({ "display": "$display", "distance_m": 4e-3 }),
+            json!({ "display": "$display", "place": { "distance_m": 4e-3 } }),
         ),
     ]
 }
@@ -168,7 +167,7 @@ fn submit(spec: Value) -> Example {
 }
 
 fn holograms() -> Vec<Example> {
-    let plane = |distance_m: f64| json!({ "distance_m": distance_m, "target": "$target" });
+    let plane = |distance_m: f64| json!({ "place": { "distance_m": distance_m }, "target": "$target" });
     let one_plane = json!({
         "display": "$display",
         "planes": [plane(4e-3)],
@@ -183,7 +182,9 @@ fn holograms() -> Vec<Example> {
 fn other_jobs() -> Vec<Example> {
     vec![
         submit(json!({ "learn_kernel": { "datasets": ["$near", "$far"], "start_version": "$number" } })),
-        submit(json!({ "simulate_capture": { "display": "$display", "distance_m": 4e-3, "phase": "$levels" } })),
+        submit(
+            json!({ "simulate_capture": { "display": "$display", "place": { "distance_m": 4e-3 }, "pattern": "$levels" } }),
+        ),
         submit(json!({ "evaluate_kernel": { "dataset": "$near", "kernel": "$choice" } })),
         submit(json!({ "prepare_dataset": { "dataset": "$open", "align": { "dots_photo": "$pair_photo" } } })),
         submit(json!({ "report_kernel": { "kernel_version": "$version" } })),
@@ -219,7 +220,7 @@ fn kernels() -> Vec<Example> {
         ),
         Example::new::<v1::FindNearestKernelsRequest>(
             "KernelService/FindNearestKernels",
-            json!({ "display": "$display", "distance_m": 4.5e-3 }),
+            json!({ "display": "$display", "place": { "distance_m": 4.5e-3 } }),
         ),
     ]
 }
@@ -228,7 +229,7 @@ fn changes_of_kernels() -> Vec<Example> {
     let rollback = json!({ "kernel": "$kernel", "reason": "why", "expected_active_version": "$number" });
     let mut promotion = rollback.clone();
     promotion["version"] = "$number".into();
-    let at = |distance_m: f64| json!({ "display": "$display", "distance_m": distance_m });
+    let at = |distance_m: f64| json!({ "display": "$display", "place": { "distance_m": distance_m } });
     let mut file = at(4e-3);
     file["artifact"] = "$file".into();
     let gate = json!({ "display": "$display", "gate": { "worse_than_ideal_allowed": true }, "reason": "why" });
@@ -275,7 +276,7 @@ fn rollouts() -> Vec<Example> {
 fn devices() -> Vec<Example> {
     let list = json!({ "display": "$display", "page_size": 1, "page_token": "" });
     let report = json!({
-        "name": "$device", "kernel": "515nm-4mm", "version": "$number", "form": "compact", "digest": DIGEST,
+        "name": "$device", "kernel": "515nm-4mm", "version": "$number", "format": "compact", "digest": DIGEST,
         "generation": "1", "message": "why", "agent": "agent 1"
     });
     let trial = json!({ "name": "$device", "kernel": "515nm-4mm", "tried_version": "$number", "message": "why" });

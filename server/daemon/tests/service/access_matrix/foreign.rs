@@ -163,7 +163,7 @@ impl Search<'_> {
             "$kernel" => format!("/v1/{}/manifest", world.text(key)),
             "$spare" => format!("/v1/{}/devices", world.text(key)),
             "$target" => format!("/v1/artifacts/{}/content", world.text(key)),
-            "$far_kernel" => format!("/v1/{}/kernels:nearest?distance_m=0.004", world.display(key)),
+            "$far_kernel" => format!("/v1/{}/kernels:nearest?place.distance_m=0.004", world.display(key)),
             _ => format!("/v1/{}", world.text(key)),
         };
         for key in ["$display", "$batch", "$waiting", "$ended", "$kernel", "$spare", "$target", "$far_kernel"] {
@@ -182,7 +182,7 @@ impl Search<'_> {
             "/healthz",
             "/v1/displays/lab/kernels",
             "/v1/displays/lab/devices",
-            "/v1/displays/lab/kernels:nearest?distance_m=0.004",
+            "/v1/displays/lab/kernels:nearest?place.distance_m=0.004",
             "/v1/keyring",
         ] {
             let answer = client.http1(path, get).await;

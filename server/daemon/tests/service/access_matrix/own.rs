@@ -115,12 +115,12 @@ async fn a_foreign_dataset_with_the_id_of_a_deleted_one_is_not_used() {
     let without_dataset = report_need(&worlds).await;
     assert_ne!(with_dataset, without_dataset, "the estimate shows whether a dataset is used");
     let display = worlds.foreign.text("$display").to_owned();
-    let dataset = v1::Dataset { name: name.clone(), display, distance_m: 4e-3, ..Default::default() };
+    let dataset = v1::Dataset { name: name.clone(), display, place: Some(v1::Place::at_m(4e-3)), ..Default::default() };
     let create = v1::CreateDatasetRequest { dataset: Some(dataset) };
     admin.ask::<v1::Dataset>("DatasetService/CreateDataset", create).await.unwrap();
     let artifact = |key: &str| worlds.foreign.text(key).to_owned();
     let (phase, photo) = (artifact("$pair_phase"), artifact("$pair_photo"));
-    let pair = Some(v1::Pair { id: "p".into(), phase, photo, ..Default::default() });
+    let pair = Some(v1::Pair { id: "p".into(), pattern: phase, photo, ..Default::default() });
     admin.ask::<v1::Dataset>("DatasetService/AddPair", v1::AddPairRequest { dataset: name, pair }).await.unwrap();
     assert_eq!(report_need(&worlds).await, without_dataset);
     let people = worlds.people();

@@ -3,7 +3,7 @@
 use super::person::Person;
 use crate::access::{Guarded, create_token};
 use crate::interpolation::{bench, hologram_and_photo};
-use crate::serving::small_display;
+use crate::serving::{sized_display, small_display};
 use lightpath_artifacts::digest_of;
 use lightpath_domain::access::Role;
 use lightpath_media::pictures;
@@ -87,10 +87,12 @@ fn with_last(text: &str) -> String {
 pub(super) async fn build(guarded: &Guarded, prefix: &'static str, seed: u64) -> World {
     let spare = format!("{prefix}-spare");
     let admin = Person { serving: &guarded.serving, name: "admin".into(), token: guarded.tokens["admin"].clone() };
-    let bench = Some(v1::SimulatedBench::default());
     let displays = [
-        v1::Display { simulated_bench: bench, ..small_display(prefix) },
-        v1::Display { width_px: 128, height_px: 96, ..small_display(&spare) },
+        v1::Display {
+            bench: Some(v1::display::Bench::SimulatedBench(v1::SimulatedBench::default())),
+            ..small_display(prefix)
+        },
+        sized_display(&spare, 128, 96),
     ];
     for display in displays {
         let request = v1::CreateDisplayRequest { display: Some(display) };
@@ -167,14 +169,15 @@ impl Builder<'_> {
         let open = self.add_dataset("open", DISTANCES[1].0).await;
         self.add_pair(&open, &self.pair(DISTANCES[1].0, 0).await).await;
         world.set("open", open);
-        world.set("pair_phase", last.phase);
+        world.set("pair_phase", last.pattern);
         world.set("pair_photo", last.photo);
         world.set("new_dataset", format!("datasets/{}-near", self.prefix));
     }
 
     async fn add_dataset(&self, key: &str, distance_m: f64) -> String {
         let (name, display) = (format!("datasets/{}-{key}", self.prefix), format!("displays/{}", self.prefix));
-        let dataset = v1::Dataset { name: name.clone(), display, distance_m, ..Default::default() };
+        let dataset =
+            v1::Dataset { name: name.clone(), display, place: Some(v1::Place::at_m(distance_m)), ..Default::default() };
         let request = v1::CreateDatasetRequest { dataset: Some(dataset) };
         self.owner.ask::<v1::Dataset>("DatasetService/CreateDataset", request).await.unwrap();
         name
@@ -184,7 +187,7 @@ impl Builder<'_> {
         let (levels, photo) = hologram_and_photo(&bench(distance_m), 100 * self.seed + n);
         let phase = self.owner.upload(&pictures::levels_png(&levels, 8).unwrap()).await;
         let photo = self.owner.upload(&pictures::grey_png_linear(&photo).unwrap()).await;
-        v1::Pair { id: format!("{}-{n}", self.prefix), phase, photo, ..Default::default() }
+        v1::Pair { id: format!("{}-{n}", self.prefix), pattern: phase, photo, ..Default::default() }
     }
 
     async fn add_pair(&self, dataset: &str, pair: &v1::Pair) {
@@ -207,7 +210,7 @@ impl Builder<'_> {
         for version in versions.clone() {
             let request = v1::ImportKernelRequest {
                 display: format!("displays/{}", self.prefix),
-                distance_m: DISTANCES[0].0,
+                place: Some(v1::Place::at_m(DISTANCES[0].0)),
                 artifact: learned.artifact.clone(),
                 ..Default::default()
             };
@@ -253,7 +256,11 @@ impl Builder<'_> {
     }
 
     fn hologram(&self, target: &str) -> v1::SubmitJobRequest {
-        let plane = v1::optimize_hologram::ImagePlane { distance_m: 4e-3, target: target.to_owned(), weight: 0.0 };
+        let plane = v1::optimize_hologram::ImagePlane {
+            place: Some(v1::Place::at_m(4e-3)),
+            target: target.to_owned(),
+            weight: 0.0,
+        };
         self.request(job_spec::Kind::OptimizeHologram(v1::OptimizeHologram {
             display: format!("displays/{}", self.prefix),
             planes: vec![plane],
@@ -269,12 +276,12 @@ impl Builder<'_> {
         let target = self.owner.upload(&pictures::grey_png_srgb(&picture).unwrap()).await;
         let ended = self.run(self.hologram(&target).spec.unwrap().kind.unwrap()).await;
         world.set("hologram", ended.name.clone());
-        let Some(v1::job_result::Kind::Hologram(result)) = ended.result.and_then(|result| result.kind) else {
+        let Some(v1::job_result::Kind::OptimizeHologram(result)) = ended.result.and_then(|result| result.kind) else {
             panic!("{:?}", ended.error)
         };
-        let frame = &result.wavelengths[0].frames[0];
-        world.set("levels", frame.phase.clone());
-        world.set("phase_npy", frame.phase_npy.clone());
+        let subframe = &result.wavelengths[0].subframes[0];
+        world.set("levels", subframe.pattern.clone());
+        world.set("phase_npy", subframe.phase.clone());
         let (display, reason) = (format!("displays/{}", self.prefix), format!("{} pause", self.prefix));
         let pause = v1::PauseQueueRequest { display, reason };
         self.owner.ask::<v1::Queue>("JobService/PauseQueue", pause).await.unwrap();
@@ -311,7 +318,7 @@ pub(super) async fn add_jobs_that_wait_for(guarded: &Guarded, own: &mut World, f
     for (key, other) in [("mixed", "$waiting"), ("failed", "$doomed")] {
         let spec = json!({ "optimize_hologram": {
             "display": own.text("$display"),
-            "planes": [{ "distance_m": 4e-3, "target": own.text("$target") }],
+            "planes": [{ "place": { "distance_m": 4e-3 }, "target": own.text("$target") }],
             "kernel": "ideal",
         }});
         let spec = Some(serde_json::from_value(spec).unwrap());

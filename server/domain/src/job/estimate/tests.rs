@@ -24,7 +24,7 @@ fn spec(side_px: usize, planes: usize) -> OptimizeHologram {
         propagation: None,
         method: HologramMethod::Lbfgs,
         iterations: 200,
-        frames: 1,
+        subframes: 1,
         initial_phase: InitialPhase::Random { range_rad: 1.0 },
         seed: 0,
         loss: Loss::default(),
@@ -55,7 +55,7 @@ fn need_grows_with_everything_that_takes_memory() {
     let base = need(1024, &one, 0);
     let grown = [
         need(1024, &spec(1024, 3), 0),
-        need(1024, &OptimizeHologram { frames: 4, ..one.clone() }, 0),
+        need(1024, &OptimizeHologram { subframes: 4, ..one.clone() }, 0),
         need(1024, &OptimizeHologram { weight_mask: Some(String::new()), ..one.clone() }, 0),
         need(1024, &one, 2000 * MIB),
         need(1200, &one, 0),

@@ -3,6 +3,7 @@
 use super::Kind;
 use crate::dataset::Split;
 use crate::job::estimate::{FILE_STAGES, KernelSize, Need, PairsSize, REAL};
+use crate::kernel::KernelKey;
 use lightpath_optics::{RegionOfInterest, ValidityReport};
 use serde::{Deserialize, Serialize};
 use std::slice;
@@ -12,8 +13,8 @@ use std::slice;
 pub struct EvaluateKernel {
     /// Id of the dataset.
     pub dataset: String,
-    /// Id of the dataset's display.
-    pub display: String,
+    /// Kernel of the dataset's display, wavelength and distance.
+    pub kernel: KernelKey,
     /// Number of the kernel version; `None`: the ideal kernel.
     pub kernel_version: Option<u32>,
     /// Region of the photographs that is compared.
@@ -44,15 +45,15 @@ pub struct PairLoss {
 
 impl Kind for EvaluateKernel {
     fn display(&self) -> &str {
-        &self.display
+        &self.kernel.display
     }
 
     fn datasets(&self) -> &[String] {
         slice::from_ref(&self.dataset)
     }
 
-    fn kernel_versions(&self) -> Vec<Option<u32>> {
-        vec![self.kernel_version]
+    fn kernels(&self) -> Vec<(KernelKey, Option<u32>)> {
+        vec![(self.kernel.clone(), self.kernel_version)]
     }
 }
 

@@ -10,6 +10,7 @@ pub mod simulate_capture;
 pub mod suggest_holograms;
 pub mod verify_hologram;
 
+use crate::kernel::KernelKey;
 use evaluate_kernel::{EvaluateKernel, EvaluateResult};
 use learn_kernel::{LearnKernel, LearnResult};
 use optimize_hologram::{HologramResult, OptimizeHologram};
@@ -30,15 +31,15 @@ trait Kind {
         &[]
     }
 
-    /// Kernel versions that the job uses, `None` for the ideal kernel.
-    fn kernel_versions(&self) -> Vec<Option<u32>> {
+    /// Kernels that the job uses, with the number of the version; `None`: the ideal one.
+    fn kernels(&self) -> Vec<(KernelKey, Option<u32>)> {
         Vec::new()
     }
 }
 
 /// Declares all kinds, each with the word for it, its request and its result.
 macro_rules! kinds {
-    ($($(#[$about:meta])+ $kind:ident($request:ty) = $word:literal => $result:ident($answer:ty),)+) => {
+    ($($(#[$about:meta])+ $kind:ident($request:ty) = $word:literal => $answer:ty,)+) => {
         /// Work that a job must do.
         #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
         #[serde(tag = "kind")]
@@ -48,9 +49,9 @@ macro_rules! kinds {
 
         /// Result of a job.
         #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-        #[serde(tag = "kind", rename_all = "snake_case")]
+        #[serde(tag = "kind")]
         pub enum JobResult {
-            $(#[doc = concat!("Result of [`", stringify!($kind), "`].")] $result($answer),)+
+            $(#[doc = concat!("Result of [`", stringify!($kind), "`].")] #[serde(rename = $word)] $kind($answer),)+
         }
 
         impl JobSpec {
@@ -81,12 +82,12 @@ macro_rules! kinds {
                 }
             }
 
-            /// Kernel versions that the job uses, `None` for the ideal kernel. A hologram job has one for each wavelength
-            /// and plane, starting with all planes of the first wavelength.
+            /// Kernels that the job uses, with the number of the version; `None`: the ideal one. A hologram job has one for
+            /// each wavelength and plane, starting with all planes of the first wavelength.
             #[must_use]
-            pub fn kernel_versions(&self) -> Vec<Option<u32>> {
+            pub fn kernels(&self) -> Vec<(KernelKey, Option<u32>)> {
                 match self {
-                    $(Self::$kind(request) => request.kernel_versions(),)+
+                    $(Self::$kind(request) => request.kernels(),)+
                 }
             }
         }
@@ -95,21 +96,21 @@ macro_rules! kinds {
 
 kinds! {
     /// Compute holograms that show targets.
-    OptimizeHologram(Box<OptimizeHologram>) = "optimize_hologram" => Hologram(Box<HologramResult>),
+    OptimizeHologram(Box<OptimizeHologram>) = "optimize_hologram" => Box<HologramResult>,
     /// Learn kernels from datasets.
-    LearnKernel(LearnKernel) = "learn_kernel" => Learn(LearnResult),
+    LearnKernel(LearnKernel) = "learn_kernel" => LearnResult,
     /// Photograph a hologram on a simulated display.
-    SimulateCapture(SimulateCapture) = "simulate_capture" => Capture(CaptureResult),
+    SimulateCapture(SimulateCapture) = "simulate_capture" => CaptureResult,
     /// Measure a kernel on a dataset.
-    EvaluateKernel(EvaluateKernel) = "evaluate_kernel" => Evaluate(EvaluateResult),
+    EvaluateKernel(EvaluateKernel) = "evaluate_kernel" => EvaluateResult,
     /// Prepare a dataset for learning.
-    PrepareDataset(PrepareDataset) = "prepare_dataset" => Prepare(PrepareResult),
+    PrepareDataset(PrepareDataset) = "prepare_dataset" => PrepareResult,
     /// Make the report of a kernel version.
-    ReportKernel(ReportKernel) = "report_kernel" => Report(ReportResult),
+    ReportKernel(ReportKernel) = "report_kernel" => ReportResult,
     /// Judge holograms by an independent model.
-    VerifyHologram(VerifyHologram) = "verify_hologram" => Verify(VerifyResult),
+    VerifyHologram(VerifyHologram) = "verify_hologram" => VerifyResult,
     /// Suggest holograms to photograph.
-    SuggestHolograms(SuggestHolograms) = "suggest_holograms" => Suggest(SuggestResult),
+    SuggestHolograms(SuggestHolograms) = "suggest_holograms" => SuggestResult,
 }
 
 impl JobSpec {

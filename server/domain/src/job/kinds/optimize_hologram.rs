@@ -3,6 +3,7 @@
 use super::Kind;
 use crate::dataset::Encoding;
 use crate::job::estimate::{FILE_STAGES, KernelSize, Need, REAL, STEP_FACTOR};
+use crate::kernel::KernelKey;
 use crate::units::{Distance, Wavelength};
 use lightpath_optics::hologram::{HologramMethod, InitialPhase, Loss, Quality};
 use lightpath_optics::memory::{EngineSize, HologramSize};
@@ -36,8 +37,8 @@ pub struct OptimizeHologram {
     pub method: HologramMethod,
     /// Number of iterations for each hologram.
     pub iterations: u32,
-    /// Number of phases of each hologram, shown one after another.
-    pub frames: u32,
+    /// Number of patterns of each hologram, shown one after another.
+    pub subframes: u32,
     /// Initial phase of the optimization. Given phases are artifact digests of arrays, one for each wavelength.
     pub initial_phase: InitialPhase<Vec<String>>,
     /// Seed of a random initial phase.
@@ -87,6 +88,8 @@ pub struct HologramResult {
     pub wavelengths: Vec<WavelengthResult>,
     /// Artifact digests of colour pictures, one for each plane; empty if the number of wavelengths is not three.
     pub colour_reconstructions: Vec<String>,
+    /// Detector of the job, for which the second opinions are.
+    pub detector: Detector,
     /// Number of iterations of each hologram.
     pub iterations: u32,
     /// Mean time of an iteration \[ms\].
@@ -98,8 +101,8 @@ pub struct HologramResult {
 pub struct WavelengthResult {
     /// Wavelength of the hologram.
     pub wavelength: Wavelength,
-    /// Phases of the hologram, in the order in which they are shown.
-    pub frames: Vec<FrameResult>,
+    /// Patterns of the hologram, in the order in which they are shown.
+    pub subframes: Vec<Subframe>,
     /// Reconstructions of the hologram, one for each plane.
     pub planes: Vec<PlaneResult>,
     /// Fitted gain: factor from the computed intensity to the target intensity.
@@ -112,13 +115,13 @@ pub struct WavelengthResult {
     pub notes: Vec<String>,
 }
 
-/// A phase of a hologram.
+/// What the display shows at one time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct FrameResult {
-    /// Artifact digest of the phase as grey levels of the display (PNG).
-    pub phase: String,
+pub struct Subframe {
+    /// Artifact digest of the pattern: the phase as grey levels of the display (PNG).
+    pub pattern: String,
     /// Artifact digest of the phase in radians (float32, `.npy`).
-    pub phase_npy: String,
+    pub phase: String,
 }
 
 /// Reconstruction of a hologram at a distance.
@@ -147,8 +150,13 @@ impl Kind for OptimizeHologram {
         &self.display
     }
 
-    fn kernel_versions(&self) -> Vec<Option<u32>> {
-        self.kernel_versions.concat()
+    fn kernels(&self) -> Vec<(KernelKey, Option<u32>)> {
+        let of_wavelength = |(&wavelength, versions): (&Wavelength, &Vec<Option<u32>>)| {
+            let key = |distance| KernelKey { display: self.display.clone(), wavelength, distance };
+            let planes = self.planes.iter().zip(versions);
+            planes.map(|(plane, &version)| (key(plane.distance), version)).collect::<Vec<_>>()
+        };
+        self.wavelengths.iter().zip(&self.kernel_versions).flat_map(of_wavelength).collect()
     }
 }
 
@@ -183,7 +191,7 @@ fn one_wavelength(spec: &OptimizeHologram, kernels: &[KernelSize], decoding_byte
     let engine = widest(kernels).with_detector(spec.detector);
     let size = HologramSize {
         planes: spec.planes.len(),
-        frames: spec.frames as usize,
+        frames: spec.subframes as usize,
         weighted: spec.weight_mask.is_some() || spec.depth_map.is_some(),
         rough: spec.loss.total_variation > 0.0 || spec.loss.speckle > 0.0,
         levels: spec.quantization_aware,

@@ -17,8 +17,8 @@ pub struct SimulateCapture {
     pub wavelength: Wavelength,
     /// Distance from the SLM to the plane of the camera.
     pub distance: Distance,
-    /// Artifact digest of the hologram.
-    pub phase: String,
+    /// Artifact digest of the pattern.
+    pub pattern: String,
     /// Seed of the camera's noise.
     pub seed: u64,
     /// Time since the bench was set up \[s\], for its drift.

@@ -55,7 +55,7 @@ pub struct SuggestResult {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SuggestedHologram {
     /// Artifact digest of its levels (PNG).
-    pub phase: String,
+    pub pattern: String,
     /// Name of the test picture that it shows.
     pub picture: String,
     /// Range of the random phases from which it was optimized \[rad\].

@@ -48,7 +48,7 @@ impl Kind for VerifyHologram {
 /// Need of a job that judges the holograms of another job.
 #[must_use]
 pub fn need(verified: &OptimizeHologram, kernels: &[Vec<KernelSize>]) -> Need {
-    let frames = verified.frames as usize;
+    let frames = verified.subframes as usize;
     let each = kernels.iter().map(|kernels| {
         let (engine, n) = (widest(kernels), kernels[0].engine.pixels());
         let engines: u64 = kernels.iter().map(|kernel| kernel.engine.engine_bytes()).sum();

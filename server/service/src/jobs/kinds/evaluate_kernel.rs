@@ -14,11 +14,10 @@ impl Kind for EvaluateKernel {
     const ADVICE: &'static str = "use fewer pairs, smaller photographs, or a smaller display";
 
     async fn need(&self, jobs: &Jobs, _: u64) -> Result<Need> {
-        let (display, _) = jobs.store.display(&self.display).await?;
+        let (display, _) = jobs.store.display(&self.kernel.display).await?;
         let dataset = jobs.store.dataset(&self.dataset).await?;
         // The detector is the one with which the kernel was learned. None that a camera measures with is larger.
-        let kernel =
-            jobs.kernel_size(&display, &dataset.kernel_key(), self.kernel_version, Detector::Pixel, None).await?;
+        let kernel = jobs.kernel_size(&display, &self.kernel, self.kernel_version, Detector::Pixel, None).await?;
         Ok(evaluate_kernel::need(&kernel, &PairsSize::of(&dataset, &display)))
     }
 }

@@ -48,11 +48,11 @@ impl Jobs {
         spec: &SimulateCapture,
         display: &Display,
     ) -> Result<()> {
-        check_distance(&field.at("distance_m"), display, spec.wavelength, spec.distance)?;
+        check_distance(&field.at("place").at("distance_m"), display, spec.wavelength, spec.distance)?;
         let (height_px, width_px) = (display.height_px as usize, display.width_px as usize);
         let bit_depth = display.bit_depth;
         let decode = move |bytes: &[u8]| pictures::hologram(bytes, bit_depth, height_px, width_px).map(drop);
-        let hologram = (spec.phase.as_str(), (height_px * width_px) as u64);
+        let hologram = (spec.pattern.as_str(), (height_px * width_px) as u64);
         self.files.decoded(call, &field.at("phase"), hologram, decode).await.map(drop)
     }
 }

@@ -12,7 +12,7 @@ use lightpath_domain::job::{JobResult, JobSpec, VerifyHologram};
 use lightpath_store::StoreError;
 
 impl Kind for VerifyHologram {
-    const ADVICE: &'static str = "verify holograms with fewer frames or planes, or of a smaller display";
+    const ADVICE: &'static str = "verify holograms with fewer subframes or planes, or of a smaller display";
 
     async fn need(&self, jobs: &Jobs, _: u64) -> Result<Need> {
         let JobSpec::OptimizeHologram(verified) = jobs.store.job(&self.job).await?.spec else {
@@ -27,7 +27,9 @@ impl Jobs {
     pub async fn verification_of(&self, call: &Call, field: &Field, id: &str) -> Result<VerifyHologram> {
         let job = self.visible(call, id).await?;
         match job.result {
-            Some(JobResult::Hologram(_)) => Ok(VerifyHologram { job: job.id, display: job.spec.display().to_owned() }),
+            Some(JobResult::OptimizeHologram(_)) => {
+                Ok(VerifyHologram { job: job.id, display: job.spec.display().to_owned() })
+            }
             _ => Err(field.invalid("has no holograms", "name a job that optimized holograms and has succeeded")),
         }
     }

@@ -7,19 +7,23 @@ use super::kernel_text;
 use crate::api::Api;
 use crate::enumerations::{OnWire as _, WireField as _};
 use crate::optics::from_wire::{convolution_method, region};
-use crate::optics::to_wire::{quality, region_message, second_opinion, validity_report};
+use crate::optics::to_wire::{engine_judgements, opinions, other_orders, place, region_message, validity_report};
 use lightpath_domain::dataset::Encoding;
 use lightpath_domain::display::Display;
-use lightpath_domain::job::{HologramResult, ImagePlane, Job, OptimizeHologram, PlaneResult, WavelengthResult};
+use lightpath_domain::job::{
+    HologramResult, ImagePlane, Job, OptimizeHologram, PlaneResult, Subframe, WavelengthResult,
+};
 use lightpath_domain::units::Wavelength;
 use lightpath_optics::hologram::Loss;
 use lightpath_optics::{Detector, HologramMethod, InitialPhase, PropagationMethod, RegionOfInterest};
 use lightpath_proto::v1::{
-    self, hologram_result,
+    self,
+    judgement::Stage,
     optimize_hologram::{
         self,
         initial_phase::{Constant, Given, Kind, Lens, Random},
     },
+    optimize_hologram_result,
 };
 use lightpath_service::{Call, Field, Result, check_all};
 
@@ -27,8 +31,8 @@ use lightpath_service::{Call, Field, Result, check_all};
 /// worker.
 const ITERATIONS_MAX: u32 = 10_000;
 const ITERATIONS_DEFAULT: u32 = 200;
-/// Limit on the frames: the fastest phase modulators show no more within the eye's integration time.
-const FRAMES_MAX: u32 = 24;
+/// Limit on the subframes: the fastest phase modulators show no more within the eye's integration time.
+const SUBFRAMES_MAX: u32 = 24;
 
 /// What depends on the display of a request.
 struct Shown {
@@ -41,7 +45,7 @@ impl Shown {
     fn on(display: Display, field: &Field, message: &v1::OptimizeHologram) -> Result<Self> {
         check_all! {
             wavelengths = planes::wavelengths(field, message, &display);
-            region_of_interest = region(&field.at("region_of_interest"), message.region_of_interest, &display);
+            region_of_interest = region(&field.at("region"), message.region, &display);
         }
         Ok(Self { display, wavelengths, region_of_interest })
     }
@@ -62,12 +66,12 @@ pub(super) async fn from_wire(
     let shown = display.and_then(|display| Shown::on(display, field, &message));
     let method = search::method(field, &message);
     let detector = at("detector").enum_value(message.detector).map(Option::unwrap_or_default);
-    let frames = at("frames").integer_or(message.frames, 1, 1..=FRAMES_MAX);
+    let subframes = at("subframes").integer_or(message.subframes, 1, 1..=SUBFRAMES_MAX);
     // The default and the limits of the initial phase depend on these. If one of them is wrong, its default serves.
     let phases = search::PhaseDefaults {
         method: *method.as_ref().unwrap_or(&HologramMethod::Lbfgs),
         detector: *detector.as_ref().unwrap_or(&Detector::default()),
-        frames: *frames.as_ref().unwrap_or(&1),
+        subframes: *subframes.as_ref().unwrap_or(&1),
         wavelengths: message.wavelengths_m.len().max(1),
     };
     let region = shown.as_ref().ok().map(|shown| shown.region_of_interest);
@@ -80,7 +84,7 @@ pub(super) async fn from_wire(
         propagation = convolution_method(&at("propagation"), message.propagation);
         method = method;
         iterations = at("iterations").integer_or(message.iterations, ITERATIONS_DEFAULT, 1..=ITERATIONS_MAX);
-        frames = frames;
+        subframes = subframes;
         initial_phase = search::initial_phase(&at("initial_phase"), message.initial_phase, phases);
         loss = search::loss(&at("loss"), message.loss, region);
         detector = detector;
@@ -98,7 +102,7 @@ pub(super) async fn from_wire(
         propagation,
         method,
         iterations,
-        frames,
+        subframes,
         initial_phase,
         seed: message.seed,
         loss,
@@ -125,12 +129,12 @@ pub(super) fn to_wire(spec: OptimizeHologram) -> v1::OptimizeHologram {
         method: method.into(),
         iterations: spec.iterations,
         learning_rate,
-        frames: spec.frames,
+        subframes: spec.subframes,
         initial_phase: Some(initial_phase(spec.initial_phase)),
         seed: spec.seed,
         loss: Some(loss_to_wire(spec.loss)),
         detector: spec.detector.to_wire(),
-        region_of_interest: Some(region_message(spec.region_of_interest)),
+        region: Some(region_message(spec.region_of_interest)),
         weight_mask: spec.weight_mask.unwrap_or_default(),
         quantization_aware: spec.quantization_aware,
     }
@@ -138,7 +142,7 @@ pub(super) fn to_wire(spec: OptimizeHologram) -> v1::OptimizeHologram {
 
 fn plane(plane: ImagePlane) -> optimize_hologram::ImagePlane {
     let ImagePlane { distance, target, weight } = plane;
-    optimize_hologram::ImagePlane { distance_m: distance.m(), target, weight }
+    optimize_hologram::ImagePlane { place: place(distance), target, weight }
 }
 
 /// Text for the version in the field `kernel`. It is empty for several versions; the message of the job lists them.
@@ -181,21 +185,24 @@ fn loss_to_wire(loss: Loss) -> optimize_hologram::Loss {
 }
 
 /// Converts the result into its message.
-pub(super) fn result(result: HologramResult) -> v1::HologramResult {
-    v1::HologramResult {
-        wavelengths: result.wavelengths.into_iter().map(wavelength_result).collect(),
+pub(super) fn result(result: HologramResult) -> v1::OptimizeHologramResult {
+    let detector = result.detector;
+    v1::OptimizeHologramResult {
+        wavelengths: result.wavelengths.into_iter().map(|each| wavelength_result(each, detector)).collect(),
         colour_reconstructions: result.colour_reconstructions,
         iterations: result.iterations,
         iteration_ms: result.iteration_ms,
     }
 }
 
-fn wavelength_result(result: WavelengthResult) -> hologram_result::WavelengthResult {
-    let frames = result.frames.into_iter();
-    hologram_result::WavelengthResult {
+fn wavelength_result(result: WavelengthResult, detector: Detector) -> optimize_hologram_result::WavelengthResult {
+    let subframes = result.subframes.into_iter();
+    optimize_hologram_result::WavelengthResult {
         wavelength_m: result.wavelength.m(),
-        frames: frames.map(|frame| hologram_result::Frame { phase: frame.phase, phase_npy: frame.phase_npy }).collect(),
-        planes: result.planes.into_iter().map(plane_result).collect(),
+        subframes: subframes
+            .map(|Subframe { pattern, phase }| optimize_hologram_result::Subframe { pattern, phase })
+            .collect(),
+        planes: result.planes.into_iter().map(|plane| plane_result(plane, detector)).collect(),
         intensity_scale: result.intensity_scale,
         loss: result.loss,
         largest_amplitude: result.largest_amplitude,
@@ -203,14 +210,16 @@ fn wavelength_result(result: WavelengthResult) -> hologram_result::WavelengthRes
     }
 }
 
-fn plane_result(plane: PlaneResult) -> hologram_result::PlaneResult {
-    hologram_result::PlaneResult {
-        distance_m: plane.distance.m(),
+fn plane_result(plane: PlaneResult, detector: Detector) -> optimize_hologram_result::PlaneResult {
+    let optimized = engine_judgements(plane.quality, Stage::Optimized);
+    let displayed = engine_judgements(plane.quantized_quality, Stage::Displayed);
+    let others = plane.other_orders_psnr_db.map(other_orders);
+    let opinions = plane.second_opinion.map(|opinion| opinions(opinion, detector));
+    let judgements = displayed.chain(optimized).chain(others).chain(opinions.into_iter().flatten());
+    optimize_hologram_result::PlaneResult {
+        place: place(plane.distance),
         reconstruction: plane.reconstruction,
-        quality: Some(quality(plane.quality)),
-        quantized_quality: Some(quality(plane.quantized_quality)),
+        judgements: judgements.collect(),
         propagation: Some(validity_report(plane.propagation)),
-        other_orders_psnr_db: plane.other_orders_psnr_db,
-        second_opinion: plane.second_opinion.map(second_opinion),
     }
 }

@@ -1,5 +1,6 @@
 //! Checks of wavelengths, planes and depth maps.
 
+use crate::optics::from_wire::distance;
 use lightpath_domain::display::Display;
 use lightpath_domain::job::ImagePlane;
 use lightpath_domain::units::Wavelength;
@@ -34,16 +35,16 @@ pub(super) fn wavelengths(field: &Field, message: &v1::OptimizeHologram, display
     Ok(checked)
 }
 
-/// Checks the planes, no two at the same distance.
+/// Checks the planes, no two at the same place.
 pub(super) fn planes(field: &Field, planes: &[optimize_hologram::ImagePlane]) -> Result<Vec<ImagePlane>> {
     if planes.is_empty() {
-        return Err(field.but("is empty", "must have a plane with a distance and a target"));
+        return Err(field.but("is empty", "must have a plane with a place and a target"));
     }
     at_most(field, planes.len(), PLANES_MAX)?;
     let found = collect_all(planes.iter().enumerate().map(|(i, plane)| {
         let field = field.index(i);
         check_all! {
-            distance = field.at("distance_m").distance(plane.distance_m);
+            distance = distance(&field.at("place"), plane.place.as_ref());
             target = field.at("target").digest(&plane.target);
             weight = field.at("weight").number_or(plane.weight, 1.0, f64::MIN_POSITIVE..=PLANE_WEIGHT_MAX);
         }
@@ -54,7 +55,7 @@ pub(super) fn planes(field: &Field, planes: &[optimize_hologram::ImagePlane]) ->
             return Ok(());
         }
         let problem = format!("is {} again", plane.distance);
-        Err(field.index(i).at("distance_m").but(problem, "no two planes may be at the same distance"))
+        Err(field.index(i).at("place").but(problem, "no two planes may be at the same place"))
     };
     collect_all(found.iter().enumerate().map(again))?;
     Ok(found)

@@ -58,7 +58,7 @@ fn phase_range(field: &Field, value: f64) -> Result<f64> {
 pub(super) struct PhaseDefaults {
     pub(super) method: HologramMethod,
     pub(super) detector: Detector,
-    pub(super) frames: u32,
+    pub(super) subframes: u32,
     pub(super) wavelengths: usize,
 }
 
@@ -72,7 +72,7 @@ pub(super) fn initial_phase(
         phase_range(&field.at(kind).at("range_rad"), random.range_rad.unwrap_or(default_rad))
     };
     Ok(match given.and_then(|given| given.kind) {
-        None => InitialPhase::recommended(defaults.method, defaults.detector, defaults.frames),
+        None => InitialPhase::recommended(defaults.method, defaults.detector, defaults.subframes),
         Some(Kind::Random(random)) => InitialPhase::Random { range_rad: range("random", random, RANDOM_RANGE_RAD)? },
         Some(Kind::BackPropagated(random)) => {
             if defaults.method == HologramMethod::DoublePhase {

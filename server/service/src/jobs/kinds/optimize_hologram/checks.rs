@@ -8,7 +8,7 @@ use lightpath_domain::display::Display;
 use lightpath_domain::job::OptimizeHologram;
 use lightpath_optics::hologram::Loss;
 
-/// Limit on the pixels of all frames together: L-BFGS needs about 60 bytes for each.
+/// Limit on the pixels of all subframes together: L-BFGS needs about 60 bytes for each.
 const FRAME_PIXELS_MAX: u64 = 100_000_000;
 /// Limit on the pixels of all planes together: a transfer function needs 32 bytes for each.
 const PLANE_PIXELS_MAX: u64 = 100_000_000;
@@ -19,7 +19,7 @@ pub(super) fn propagation(field: &Field, spec: &OptimizeHologram, display: &Disp
     for (&wavelength, versions) in spec.wavelengths.iter().zip(&spec.kernel_versions) {
         for (p, (plane, &version)) in spec.planes.iter().zip(versions).enumerate() {
             let Some(method) = spec.propagation else {
-                let at = field.at("planes").index(p).at("distance_m");
+                let at = field.at("planes").index(p).at("place").at("distance_m");
                 checks.push(check_distance(&at, display, wavelength, plane.distance));
                 continue;
             };
@@ -51,12 +51,12 @@ pub(super) fn method(field: &Field, spec: &OptimizeHologram) -> Result<()> {
     Ok(())
 }
 
-/// Refuses frames or planes that do not fit into memory.
+/// Refuses subframes or planes that do not fit into memory.
 pub(super) fn size(field: &Field, spec: &OptimizeHologram, display: &Display) -> Result<()> {
     let pixels = u64::from(display.width_px) * u64::from(display.height_px);
     let planes = spec.planes.len() as u64;
     for (name, count, most) in
-        [("frames", u64::from(spec.frames), FRAME_PIXELS_MAX), ("planes", planes, PLANE_PIXELS_MAX)]
+        [("subframes", u64::from(spec.subframes), FRAME_PIXELS_MAX), ("planes", planes, PLANE_PIXELS_MAX)]
     {
         if count > 1 && count * pixels > most {
             let (display, fits) = (&spec.display, (most / pixels).max(1));

@@ -17,7 +17,7 @@ use lightpath_domain::kernel::KernelKey;
 use pictures::PictureChecks;
 
 impl Kind for OptimizeHologram {
-    const ADVICE: &'static str = "use fewer frames, planes or iterations, a smaller display, or the method adam, which needs half the memory of lbfgs";
+    const ADVICE: &'static str = "use fewer subframes, planes or iterations, a smaller display, or the method adam, which needs half the memory of lbfgs";
 
     async fn need(&self, jobs: &Jobs, decoding_bytes: u64) -> Result<Need> {
         let kernels = kernels_of(jobs, self).await?;

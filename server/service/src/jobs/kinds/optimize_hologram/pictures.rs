@@ -120,9 +120,9 @@ impl PictureChecks<'_> {
 
     /// Refuses an initial phase that is not an array of the display's size, with one frame after the other.
     async fn check_phase(&self, field: &Field, digest: &str) -> Result<()> {
-        let ((height_px, width_px), frames) = (self.size_px(), self.spec.frames as usize);
+        let ((height_px, width_px), frames) = (self.size_px(), self.spec.subframes as usize);
         let decode = move |bytes: &[u8]| pictures::phase_npy(bytes, frames * height_px, width_px).map(drop);
-        let fitted_px = self.px() * u64::from(self.spec.frames);
+        let fitted_px = self.px() * u64::from(self.spec.subframes);
         self.jobs.files.decoded(self.call, field, (digest, fitted_px), decode).await.map(drop)
     }
 
