@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -106,13 +106,10 @@ class Hologram:
     @property
     def quality(self) -> v1.Judgement:
         """Quality in the first plane with the levels that the display shows, for the detector of the job."""
-        return self._judged("displayed", words.name_of(v1.Detector, self.spec.detector))
+        return self.judgement("displayed", cast("words.Detector", words.name_of(v1.Detector, self.spec.detector)))
 
     def judgement(self, stage: words.Stage, detector: words.Detector) -> v1.Judgement:
         """Return how well the hologram shows its first plane, by the engine: as optimized or as displayed."""
-        return self._judged(stage, detector)
-
-    def _judged(self, stage: str, detector: str) -> v1.Judgement:
         wanted = (
             v1.Judgement.MODEL_ENGINE,
             words.number("stage", v1.Judgement.Stage, stage),

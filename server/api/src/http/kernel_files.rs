@@ -87,10 +87,7 @@ pub(super) async fn get_manifest(
 ) -> Result<Response, Refusal> {
     let Query(ManifestQuery { form, wait_s, device }) = checked(query)?;
     let key = names::kernel_key(&call, &Field::new("kernel"), &format!("displays/{display}/kernels/{kernel}"))?;
-    let form = match form.as_str() {
-        "" => KernelFormat::Safetensors,
-        name => parsed_form(name)?,
-    };
+    let form = form_or_whole(&Field::new("form"), &form)?;
     let wait_s = Field::new("wait_s").integer(wait_s, 0..=WAIT_S_MAX)?;
     let device = permissions::device_of(&call, &device)?;
     let asked = Asked { key, form, device };
@@ -160,7 +157,7 @@ pub(super) async fn get_file(
 ) -> Result<Response, Refusal> {
     let name = format!("displays/{}/kernels/{}", path.display, path.kernel);
     let key = names::kernel_key(&call, &Field::new("kernel"), &name)?;
-    let form = parsed_form(&path.form)?;
+    let form = Field::new("form").form(&path.form)?;
     let version = api.store().kernel_version(&key, path.version).await.map_err(ServiceError::from)?;
     let etag = format!("\"{}\"", path.digest);
     let open = api.streams.open(StreamKind::Download, &call.client)?;
@@ -180,14 +177,9 @@ pub(super) async fn get_version_file(
     headers: HeaderMap,
 ) -> Result<Response, Refusal> {
     let Query(FileQuery { format }) = checked(query)?;
-    let key = names::kernel_key(&call, &Field::new("kernel"), &format!("displays/{display}/kernels/{kernel}"))?;
-    let form = match format.as_str() {
-        "" => KernelFormat::Safetensors,
-        name => Field::new("format").form(name)?,
-    };
-    let number = version.parse().ok().filter(|number| *number > 0);
-    let number =
-        number.ok_or_else(|| Field::new("version").but(format!("is {version:?}"), "must be a number from 1"))?;
+    let name = format!("displays/{display}/kernels/{kernel}/versions/{version}");
+    let (key, number) = names::kernel_version(&call, &Field::new("version"), &name)?;
+    let form = form_or_whole(&Field::new("format"), &format)?;
     let version = api.store().kernel_version(&key, number).await.map_err(ServiceError::from)?;
     let open = api.streams.open(StreamKind::Download, &call.client)?;
     let whole = for_device(api.service.kernels.file(&call, version, form)).await?;
@@ -224,6 +216,7 @@ fn document(api: &Api, headers: &HeaderMap, text: String) -> Response {
     (poll_after, answer).into_response()
 }
 
-fn parsed_form(name: &str) -> Result<KernelFormat, Refusal> {
-    Ok(Field::new("form").form(name)?)
+/// The form with this name; of an empty name that with the whole model.
+fn form_or_whole(field: &Field, name: &str) -> Result<KernelFormat> {
+    if name.is_empty() { Ok(KernelFormat::Safetensors) } else { field.form(name) }
 }
