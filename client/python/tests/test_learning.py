@@ -67,7 +67,7 @@ def test_kernels_have_versions_moves_and_evaluations(
     dataset = lab.dataset("bench-1")
     assert dataset.evaluate().loss() < dataset.evaluate("ideal").loss() / 10
     assert dataset.evaluate(1).losses.keys() == {pair.id for pair in dataset.pairs}
-    found = kernel.save(tmp_path / "kernel.lpk", file_format="compact")
+    found = kernel.save(tmp_path / "kernel.lpk", format="compact")
     assert found.version == 1
     assert (tmp_path / "kernel.lpk").stat().st_size < 10_000
     with pytest.raises(lightpath.PreconditionFailed, match="no earlier active version") as caught:

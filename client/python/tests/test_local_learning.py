@@ -97,14 +97,14 @@ def test_learning_is_reproducible_and_can_start_from_a_model(
 def test_files_keep_the_display(learned: local.DisplayModel, tmp_path: Path) -> None:
     phase = np.random.default_rng(1).uniform(0, 6, (96, 160)).astype(np.float32)
     light = learned.simulate(phase)
-    for file_format, error in [("safetensors", 0.0), ("npz", 0.0), ("compact", 1e-5)]:
-        lost = learned.save(tmp_path / file_format, file_format)  # type: ignore[arg-type]
-        back = local.DisplayModel.load(tmp_path / file_format)
+    for form, error in [("safetensors", 0.0), ("npz", 0.0), ("compact", 1e-5)]:
+        lost = learned.save(tmp_path / form, form)  # type: ignore[arg-type]
+        back = local.DisplayModel.load(tmp_path / form)
         assert back.kind == learned.kind
         assert (back.shape, back.wavelength_m, back.distance_m) == ((96, 160), 515e-9, 0.02)
         assert np.linalg.norm(back.simulate(phase) - light) <= error * np.linalg.norm(light)
-        assert not lost or file_format == "compact"
-    with pytest.raises(lightpath.InvalidArgument, match=r"file_format is .hdf5.: choose one of safetensors"):
+        assert not lost or form == "compact"
+    with pytest.raises(lightpath.InvalidArgument, match=r"format is .hdf5.: choose one of safetensors"):
         learned.save(tmp_path / "kernel", "hdf5")  # type: ignore[arg-type]
 
 

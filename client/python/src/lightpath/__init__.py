@@ -22,6 +22,7 @@ from lightpath.errors import (
     FieldViolation,
     InvalidArgument,
     InvalidRequest,
+    InvalidSignature,
     JobUnsuccessful,
     LightpathError,
     MissingKernel,
@@ -33,15 +34,30 @@ from lightpath.errors import (
     Unreachable,
     WaitInterrupted,
 )
+from lightpath.events import Event
 from lightpath.hologram import Hologram
 from lightpath.learned import LearnedKernel
 from lightpath.options import HologramOptions, LearnOptions, SubmitOptions
 from lightpath.photograph import Photograph, PhotoScore
 from lightpath.pictures import Phase, Picture
+from lightpath.promotion import PromotionGate
 from lightpath.reports import Evaluation, Report
-from lightpath.sync import Connection, Dataset, Display, Job, Kernel, KernelVersion, Lab, connect
+from lightpath.sync import (
+    Connection,
+    Dataset,
+    Device,
+    Display,
+    Job,
+    Kernel,
+    KernelVersion,
+    Lab,
+    Rollout,
+    Webhook,
+    connect,
+)
 from lightpath.units import Length
 from lightpath.v1 import AllOrders, OrderFilter, SimulatedBench
+from lightpath.webhooks import WebhookEvent, read_webhook
 
 __all__ = [
     "Aborted",
@@ -50,14 +66,17 @@ __all__ = [
     "Connection",
     "Damaged",
     "Dataset",
+    "Device",
     "Display",
     "Evaluation",
+    "Event",
     "Exhausted",
     "FieldViolation",
     "Hologram",
     "HologramOptions",
     "InvalidArgument",
     "InvalidRequest",
+    "InvalidSignature",
     "Job",
     "JobUnsuccessful",
     "Kernel",
@@ -76,14 +95,19 @@ __all__ = [
     "Photograph",
     "Picture",
     "PreconditionFailed",
+    "PromotionGate",
     "ProtocolError",
     "Refused",
     "Report",
+    "Rollout",
     "SimulatedBench",
     "SubmitOptions",
     "Unreachable",
     "WaitInterrupted",
+    "Webhook",
+    "WebhookEvent",
     "aio",
     "connect",
+    "read_webhook",
     "v1",
 ]

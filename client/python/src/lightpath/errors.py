@@ -132,6 +132,17 @@ class Damaged(LightpathError):
     fix = "try again; if that does not help, run `lightpathd check` on the server"
 
 
+class InvalidSignature(LightpathError, PermissionError):
+    """A message to a webhook's receiver was not signed by the server, or is too old. Answer it with the status 403."""
+
+    field = "webhook-signature"
+    reason = "INVALID_SIGNATURE"
+
+    def __init__(self, problem: str, fix: str) -> None:
+        super().__init__(f"the message is not genuine: {problem}; {fix}")
+        self.fix = fix
+
+
 class ProtocolError(LightpathError):
     """The server's answer breaks the rules of the API."""
 

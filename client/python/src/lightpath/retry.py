@@ -19,6 +19,9 @@ PAUSE_MAX_S = 3.0
 TRIES_MAX = 10
 """Tries without progress. The pauses between them last about 15 s in total."""
 
+WAIT_TRIES_MAX = 200
+"""Tries to reach the server again while waiting. They take about ten minutes: enough for a restart with recovery."""
+
 NAMED_PAUSE_MAX_S = 10.0
 """A longer pause, such as that for a full disk, needs a person."""
 

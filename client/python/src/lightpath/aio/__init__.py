@@ -9,9 +9,24 @@ async with lightpath.aio.connect() as lab:
 
 from lightpath.aio.connection import Connection
 from lightpath.aio.datasets import Dataset
+from lightpath.aio.devices import Device
 from lightpath.aio.displays import Display
 from lightpath.aio.jobs import Job
 from lightpath.aio.kernels import Kernel, KernelVersion
 from lightpath.aio.lab import Lab, connect
+from lightpath.aio.rollouts import Rollout
+from lightpath.aio.webhooks import Webhook
 
-__all__ = ["Connection", "Dataset", "Display", "Job", "Kernel", "KernelVersion", "Lab", "connect"]
+__all__ = [
+    "Connection",
+    "Dataset",
+    "Device",
+    "Display",
+    "Job",
+    "Kernel",
+    "KernelVersion",
+    "Lab",
+    "Rollout",
+    "Webhook",
+    "connect",
+]

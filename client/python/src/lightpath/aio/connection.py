@@ -14,10 +14,15 @@ from lightpath.errors import Damaged, ProtocolError, Unreachable, from_rpc_error
 from lightpath.retry import Backoff
 from lightpath.v1.artifact_pb2_grpc import ArtifactServiceStub
 from lightpath.v1.dataset_pb2_grpc import DatasetServiceStub
+from lightpath.v1.device_pb2_grpc import DeviceServiceStub
 from lightpath.v1.display_pb2_grpc import DisplayServiceStub
+from lightpath.v1.event_pb2_grpc import EventServiceStub
 from lightpath.v1.job_pb2_grpc import JobServiceStub
 from lightpath.v1.kernel_pb2_grpc import KernelServiceStub
 from lightpath.v1.photo_pb2_grpc import PhotoServiceStub
+from lightpath.v1.rollout_pb2_grpc import RolloutServiceStub
+from lightpath.v1.server_pb2_grpc import ServerServiceStub
+from lightpath.v1.webhook_pb2_grpc import WebhookServiceStub
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Iterator
@@ -41,7 +46,8 @@ CHUNK_BYTES = 1 << 20
 class Connection:
     """One connection to a server. It opens with the first call, and again after it was lost.
 
-    The attributes `artifacts`, `datasets`, … are the stubs of gRPC, for calls that have no method in this package.
+    The attributes `artifacts`, `datasets`, … are the stubs of gRPC, for fields that no method of this package gives:
+    `lab.connection.call(lab.connection.jobs.ListJobs, lightpath.v1.ListJobsRequest(text="eye"))`.
     """
 
     def __init__(self, address: Address) -> None:
@@ -53,10 +59,15 @@ class Connection:
             self.channel = grpc.aio.secure_channel(address.target, address.credentials, options=address.options)
         self.artifacts = ArtifactServiceStub(self.channel)
         self.datasets = DatasetServiceStub(self.channel)
+        self.devices = DeviceServiceStub(self.channel)
         self.displays = DisplayServiceStub(self.channel)
+        self.events = EventServiceStub(self.channel)
         self.jobs = JobServiceStub(self.channel)
         self.kernels = KernelServiceStub(self.channel)
         self.photos = PhotoServiceStub(self.channel)
+        self.rollouts = RolloutServiceStub(self.channel)
+        self.servers = ServerServiceStub(self.channel)
+        self.webhooks = WebhookServiceStub(self.channel)
         # A server that never answered is probably not there. Then an error at once is better than 15 s of tries.
         self._reached = False
 
@@ -92,6 +103,18 @@ class Connection:
                 return response
             await self.pause(backoff, failure)
 
+    async def pages(
+        self, method: grpc.aio.UnaryUnaryMultiCallable[Request, Response], request: Request
+    ) -> AsyncIterator[Response]:
+        """Return all pages of a list, from that of the `request` on."""
+        listing: Any = request
+        while True:
+            page: Any = await self.call(method, request)
+            yield page
+            if not page.next_page_token:
+                return
+            listing.page_token = page.next_page_token
+
     async def stream(
         self, method: grpc.aio.UnaryStreamMultiCallable[Request, Response], request: Request
     ) -> AsyncIterator[Response]:
@@ -108,6 +131,21 @@ class Connection:
         finally:
             stream.cancel()
         raise failure
+
+    async def follow(
+        self, method: grpc.aio.UnaryStreamMultiCallable[Request, Response], request: Request, backoff: Backoff
+    ) -> AsyncIterator[Response]:
+        """Return the messages of a stream without end. After a lost connection the same `request` is made again."""
+        while True:
+            # A server that stops ends the stream without an error.
+            failure = Unreachable(self.url, "the server ended the stream")
+            try:
+                async for message in self.stream(method, request):
+                    backoff.reset()
+                    yield message
+            except Unreachable as error:
+                failure = error
+            await self.pause(backoff, failure)
 
     async def upload(self, content: bytes) -> str:
         """Store bytes on the server, and return their digest. Sends only what the server does not have."""

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, cast
 
 from lightpath import html, names, png, v1, words
 from lightpath.aio.datasets import Dataset
+from lightpath.aio.devices import DisplayDevices
+from lightpath.aio.display_kernels import DisplayKernels
 from lightpath.aio.jobs import submit
 from lightpath.aio.kernels import Kernel, KernelVersion, list_kernels
 from lightpath.aio.results import read_hologram, read_photograph
@@ -24,17 +26,14 @@ if TYPE_CHECKING:
     import numpy.typing as npt
     from typing_extensions import Unpack
 
-    from lightpath.aio.connection import Connection
     from lightpath.aio.jobs import Job
     from lightpath.photograph import Photograph
 
 
-class Display:
+class Display(DisplayKernels, DisplayDevices):
     """A display: a phase-only spatial light modulator (SLM) and the optics behind it."""
 
-    def __init__(self, connection: Connection, message: v1.Display) -> None:
-        self._connection = connection
-        self.message = message
+    message: v1.Display
 
     def __repr__(self) -> str:
         return f"<Display {self.id}: {self.width_px}x{self.height_px} px of {show_length(self.pixel_pitch_m)}>"

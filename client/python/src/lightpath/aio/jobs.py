@@ -10,7 +10,7 @@ from lightpath import html, names, v1, words
 from lightpath.errors import JobUnsuccessful, Unreachable, WaitInterrupted
 from lightpath.options import SubmitOptions, submit_request
 from lightpath.progress import Progress, details, watcher
-from lightpath.retry import Backoff
+from lightpath.retry import WAIT_TRIES_MAX, Backoff
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Awaitable, Callable
@@ -18,9 +18,6 @@ if TYPE_CHECKING:
     from lightpath.aio.connection import Connection
 
 Result = TypeVar("Result")
-
-WAIT_TRIES_MAX = 200
-"""Tries to reach the server again while waiting. They take about ten minutes: enough for a restart with recovery."""
 
 _ENDED = {v1.Job.STATE_SUCCEEDED, v1.Job.STATE_FAILED, v1.Job.STATE_CANCELLED}
 
@@ -135,12 +132,9 @@ class Job(Generic[Result]):
         """Return the history of the job, the oldest event first."""
         request = v1.ListJobEventsRequest(name=self.name, page_size=1000)
         events: list[v1.JobEvent] = []
-        while True:
-            page = await self._connection.call(self._connection.jobs.ListJobEvents, request)
+        async for page in self._connection.pages(self._connection.jobs.ListJobEvents, request):
             events += page.events
-            if not page.next_page_token:
-                return events
-            request.page_token = page.next_page_token
+        return events
 
     def _repr_html_(self) -> str:
         job = self.message

@@ -9,10 +9,13 @@ from lightpath import html, v1, words
 from lightpath.aio.connection import PREPARING_TIMEOUT_S, checked
 from lightpath.aio.jobs import submit
 from lightpath.aio.results import read_report
+from lightpath.aio.rollouts import KernelRollouts
 from lightpath.errors import ProtocolError, Unreachable
 from lightpath.learned import LearnedKernel, from_npz
 from lightpath.options import SubmitOptions, check
-from lightpath.retry import Backoff
+from lightpath.promotion import Verdict, read_verdict
+from lightpath.retry import WAIT_TRIES_MAX, Backoff
+from lightpath.server import KernelManifest, read_manifest
 from lightpath.units import show_length
 
 if TYPE_CHECKING:
@@ -26,12 +29,10 @@ if TYPE_CHECKING:
     from lightpath.reports import Report
 
 
-class Kernel:
+class Kernel(KernelRollouts):
     """What was learned about one display at one wavelength and distance: versions, of which one is active."""
 
-    def __init__(self, connection: Connection, message: v1.Kernel) -> None:
-        self._connection = connection
-        self.message = message
+    message: v1.Kernel
 
     def __repr__(self) -> str:
         active = f"version {self.active_version} active" if self.active_version else "no version active"
@@ -65,12 +66,9 @@ class Kernel:
     async def versions(self) -> list[KernelVersion]:
         """Return all versions, the newest first."""
         request, versions = v1.ListKernelVersionsRequest(kernel=self.name, page_size=1000), []
-        while True:
-            page = await self._connection.call(self._connection.kernels.ListKernelVersions, request)
+        async for page in self._connection.pages(self._connection.kernels.ListKernelVersions, request):
             versions += [KernelVersion(self._connection, each) for each in page.versions]
-            if not page.next_page_token:
-                return versions
-            request.page_token = page.next_page_token
+        return versions
 
     async def promote(self, version: int, *, reason: str = "", force: bool = False) -> Kernel:
         """Make a version active: from now on holograms use it.
@@ -90,6 +88,26 @@ class Kernel:
         self.message = await self._connection.call(self._connection.kernels.RollbackKernel, request, repeatable=False)
         return self
 
+    async def set_alias(self, alias: str, version: int, *, reason: str = "") -> Kernel:
+        """Let a name for people, such as `best`, stand for a version: `display.optimize(…, kernel="best")`."""
+        request = v1.SetKernelAliasRequest(kernel=self.name, alias=alias, version=version, reason=reason)
+        self.message = await self._connection.call(self._connection.kernels.SetKernelAlias, request)
+        return self
+
+    async def remove_alias(self, alias: str, *, reason: str = "") -> Kernel:
+        """Let a name stand for no version any more."""
+        return await self.set_alias(alias, 0, reason=reason)
+
+    async def manifest(self, *, format: words.KernelFormat | None = None, device: str = "") -> KernelManifest:
+        """Return the signed document that tells devices which file holds the active version.
+
+        `device` is the id of the device that asks: during a rollout it decides about the version.
+        """
+        number = words.number("format", v1.KernelFormat, format)
+        request = v1.GetKernelManifestRequest(kernel=self.name, format=number, device=device)
+        call = self._connection.kernels.GetKernelManifest
+        return read_manifest(await self._connection.call(call, request, timeout_s=PREPARING_TIMEOUT_S))
+
     async def fetch(self, version: int = 0) -> LearnedKernel:
         """Return a version as arrays; 0 is the active one."""
         return await fetch_arrays(self._connection, self.name, version)
@@ -99,10 +117,10 @@ class Kernel:
         path: str | os.PathLike[str],
         *,
         version: int = 0,
-        file_format: words.KernelFormat = "safetensors",
+        format: words.KernelFormat = "safetensors",
     ) -> v1.KernelVersion:
         """Write a version to a file, and return what is known about it; version 0 is the active one."""
-        found, content = await fetch_file(self._connection, self.name, version, file_format)
+        found, content = await fetch_file(self._connection, self.name, version, format)
         Path(path).write_bytes(content)
         return found
 
@@ -110,27 +128,17 @@ class Kernel:
         """Return the promotions and rollbacks, the newest first."""
         request = v1.ListKernelMovesRequest(kernel=self.name, page_size=1000)
         moves: list[v1.KernelMove] = []
-        while True:
-            page = await self._connection.call(self._connection.kernels.ListKernelMoves, request)
+        async for page in self._connection.pages(self._connection.kernels.ListKernelMoves, request):
             moves += page.moves
-            if not page.next_page_token:
-                return moves
-            request.page_token = page.next_page_token
+        return moves
 
     async def watch(self) -> AsyncIterator[v1.Kernel]:
         """Return the kernel, and again after every change, without end. Survives restarts of the server."""
-        backoff, request = Backoff(), v1.WatchKernelRequest(name=self.name)
-        while True:
-            # A server that stops ends the stream without an error.
-            failure = Unreachable(self._connection.url, "the server ended the watch")
-            try:
-                async for message in self._connection.stream(self._connection.kernels.WatchKernel, request):
-                    backoff.reset()
-                    self.message = message
-                    yield message
-            except Unreachable as error:
-                failure = error
-            await self._connection.pause(backoff, failure)
+        request = v1.WatchKernelRequest(name=self.name)
+        call = self._connection.kernels.WatchKernel
+        async for message in self._connection.follow(call, request, Backoff(WAIT_TRIES_MAX)):
+            self.message = message
+            yield message
 
     def _repr_html_(self) -> str:
         message = self.message
@@ -186,9 +194,14 @@ class KernelVersion:
         """Make this version active: from now on holograms use it. See `Kernel.promote`."""
         return await (await self.kernel()).promote(self.number, reason=reason, force=force)
 
-    async def deprecate(self, reason: str) -> KernelVersion:
-        """Mark the version as one that should not be used any more."""
-        request = v1.DeprecateKernelVersionRequest(name=self.name, reason=reason)
+    async def check_promotion(self) -> Verdict:
+        """Return whether the version passes the display's promotion gate, with the numbers. Changes nothing."""
+        request = v1.CheckPromotionRequest(name=self.name)
+        return read_verdict(await self._connection.call(self._connection.kernels.CheckPromotion, request))
+
+    async def deprecate(self, reason: str, *, undo: bool = False) -> KernelVersion:
+        """Mark the version as one that should not be used any more, or take that back with `undo`."""
+        request = v1.DeprecateKernelVersionRequest(name=self.name, reason=reason, undo=undo)
         self.message = await self._connection.call(self._connection.kernels.DeprecateKernelVersion, request)
         return self
 
@@ -248,12 +261,9 @@ async def read_learned(connection: Connection, job: v1.Job) -> list[KernelVersio
 async def list_kernels(connection: Connection, display: str) -> list[Kernel]:
     """Return the kernels of a display, or of all displays if the name is empty."""
     request, kernels = v1.ListKernelsRequest(display=display, page_size=1000), []
-    while True:
-        page = await connection.call(connection.kernels.ListKernels, request)
+    async for page in connection.pages(connection.kernels.ListKernels, request):
         kernels += [Kernel(connection, each) for each in page.kernels]
-        if not page.next_page_token:
-            return kernels
-        request.page_token = page.next_page_token
+    return kernels
 
 
 async def fetch_arrays(connection: Connection, kernel: str, version: int) -> LearnedKernel:
@@ -263,12 +273,12 @@ async def fetch_arrays(connection: Connection, kernel: str, version: int) -> Lea
 
 
 async def fetch_file(
-    connection: Connection, kernel: str, version: int, file_format: words.KernelFormat
+    connection: Connection, kernel: str, version: int, format: words.KernelFormat
 ) -> tuple[v1.KernelVersion, bytes]:
     """Return a version and its file, checked against its digest. A download that was cut continues."""
     backoff, content = Backoff(), bytearray()
     request = v1.FetchKernelRequest(
-        kernel=kernel, version=version, format=words.number("file_format", v1.KernelFormat, file_format)
+        kernel=kernel, version=version, format=words.number("format", v1.KernelFormat, format)
     )
     found, digest = v1.KernelVersion(), ""
     while True:

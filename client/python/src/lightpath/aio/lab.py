@@ -13,6 +13,7 @@ from lightpath.aio.datasets import Dataset, learn
 from lightpath.aio.displays import Display
 from lightpath.aio.jobs import Job, job_name
 from lightpath.aio.kernels import Kernel, KernelVersion, list_kernels, read_learned
+from lightpath.aio.operations import Operations
 from lightpath.aio.results import read_evaluation, read_hologram, read_photograph, read_preparation, read_report
 from lightpath.errors import InvalidArgument, ProtocolError
 from lightpath.options import LearnOptions, region_message
@@ -55,11 +56,8 @@ def connect(
     )
 
 
-class Lab:
+class Lab(Operations):
     """A Lightpath server. Use it in a `with` block, which closes the connection at its end."""
-
-    def __init__(self, connection: Connection) -> None:
-        self.connection = connection
 
     def __repr__(self) -> str:
         return f"<Lab {self.connection.url}>"
@@ -134,12 +132,9 @@ class Lab:
     async def displays(self) -> list[Display]:
         """Return all displays, in the order of their ids."""
         request, displays = v1.ListDisplaysRequest(page_size=1000), []
-        while True:
-            page = await self.connection.call(self.connection.displays.ListDisplays, request)
+        async for page in self.connection.pages(self.connection.displays.ListDisplays, request):
             displays += [Display(self.connection, each) for each in page.displays]
-            if not page.next_page_token:
-                return displays
-            request.page_token = page.next_page_token
+        return displays
 
     async def dataset(self, dataset_id: str) -> Dataset:
         """Return a dataset. `Display.create_dataset` creates one."""
@@ -149,12 +144,9 @@ class Lab:
     async def datasets(self) -> list[Dataset]:
         """Return all datasets, in the order of their ids. They lack their pairs before `refresh`."""
         request, datasets = v1.ListDatasetsRequest(page_size=1000), []
-        while True:
-            page = await self.connection.call(self.connection.datasets.ListDatasets, request)
+        async for page in self.connection.pages(self.connection.datasets.ListDatasets, request):
             datasets += [Dataset(self.connection, each) for each in page.datasets]
-            if not page.next_page_token:
-                return datasets
-            request.page_token = page.next_page_token
+        return datasets
 
     async def kernels(self) -> list[Kernel]:
         """Return the kernels of all displays, in the order of their names."""
@@ -221,12 +213,11 @@ class Lab:
             page_size=min(limit, 1000),
         )
         jobs: list[Job[Any]] = []
-        while True:
-            page = await self.connection.call(self.connection.jobs.ListJobs, request)
+        async for page in self.connection.pages(self.connection.jobs.ListJobs, request):
             jobs += [Job(self.connection, each, _read_result) for each in page.jobs]
-            if not page.next_page_token or len(jobs) >= limit:
-                return jobs[:limit]
-            request.page_token = page.next_page_token
+            if len(jobs) >= limit:
+                break
+        return jobs[:limit]
 
 
 def _response(phase_rad: Sequence[float] | npt.NDArray[Any]) -> v1.PhaseModulator:
@@ -246,12 +237,13 @@ _READERS: dict[str, Callable[[Connection, v1.Job], Awaitable[Any]]] = {
     "report_kernel": read_report,
     "prepare_dataset": read_preparation,
 }
+_READ_AS_MESSAGES = {"verify_hologram", "suggest_holograms"}
 
 
 async def _read_result(connection: Connection, job: v1.Job) -> Any:
     """Return what a job of any kind made."""
     kind = job.result.WhichOneof("kind") or ""
-    if kind in {"verify", "suggest"}:
+    if kind in _READ_AS_MESSAGES:
         return getattr(job.result, kind)
     if kind not in _READERS:
         raise ProtocolError(f"{job.name} has a result that this package does not know")

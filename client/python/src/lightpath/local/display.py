@@ -100,13 +100,13 @@ class DisplayModel:
         with refusals():
             return cls(engine.DisplayModel.decode(file_bytes("path", path), given))
 
-    def save(self, path: str | os.PathLike[str], file_format: words.KernelFormat = "safetensors") -> list[str]:
+    def save(self, path: str | os.PathLike[str], format: words.KernelFormat = "safetensors") -> list[str]:
         """Write the model, and return what the form does not hold.
 
         `safetensors` holds everything, as a server keeps it; `lightpath kernel import` reads it. `npz` also has H and
         the source as arrays, `compact` is for firmware, `pt` and `npy` are the paper's.
         """
-        word = choose("file_format", file_format, get_args(words.KernelFormat))
+        word = choose("format", format, get_args(words.KernelFormat))
         with refusals():
             content, losses = self.native.encode(word)
         Path(path).write_bytes(content)
