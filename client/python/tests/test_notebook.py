@@ -160,7 +160,7 @@ import numpy as np
 import lightpath
 
 with lightpath.connect(sys.argv[1]) as lab:
-    lab.display("bench").optimize(np.eye(96), distance="20mm", iterations=400, **eval(sys.argv[2]))
+    lab.display("bench").optimize(np.eye(96), distance="20mm", **eval(sys.argv[2]))
 """
 
 
@@ -186,8 +186,8 @@ def output(server: Server, path: Path, options: str, *, terminal: bool) -> str:
 
 def test_terminals_show_a_bar_and_pipes_show_nothing(bench: lightpath.Display, server: Server, tmp_path: Path) -> None:
     assert bench.width_px == 160
-    shows = output(server, tmp_path / "script.py", "{}", terminal=True)
+    shows = output(server, tmp_path / "script.py", "{'iterations': 400}", terminal=True)
     assert re.search(r"optimize hologram: \w+.*\d+/\d+, loss [0-9.e-]+, \d+ s left", shows), shows
     assert "succeeded" in shows
-    assert output(server, tmp_path / "script.py", "{'progress': False}", terminal=True) == ""
-    assert output(server, tmp_path / "script.py", "{}", terminal=False) == ""
+    assert output(server, tmp_path / "script.py", "{'iterations': 20, 'progress': False}", terminal=True) == ""
+    assert output(server, tmp_path / "script.py", "{'iterations': 20}", terminal=False) == ""

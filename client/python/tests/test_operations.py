@@ -236,17 +236,17 @@ def test_the_asynchronous_client_waits_for_rollouts_and_receivers(
     display_with_versions(lab, "async", tmp_path, versions=1)
 
     async def work() -> None:
-        async with lightpath.aio.connect(server.url) as lab:
-            kernel = await (await lab.display("async")).kernel(distance=DISTANCE)
+        async with lightpath.aio.connect(server.url) as other:
+            kernel = await (await other.display("async")).kernel(distance=DISTANCE)
             rollout = await kernel.start_rollout(1, share_percent=10)
             waiting = asyncio.create_task(rollout.wait(progress=False))
-            async for event in lab.events():
+            async for event in other.events():
                 if event.kind == "reset":
                     await (await kernel.rollout(int(rollout.id))).complete()
                 elif event.name == kernel.name:
                     break
             assert (await waiting).state == "completed"
-            webhook = await lab.create_webhook("async", f"{receiver.origin}/async")
+            webhook = await other.create_webhook("async", f"{receiver.origin}/async")
             assert (await webhook.test()).delivered
             await webhook.delete()
 
