@@ -90,7 +90,7 @@ def test_learning_is_reproducible_and_can_start_from_a_model(
     assert alone.record == again.record
     assert len(steps) > 3
     assert steps == sorted(steps)
-    started = learn(refinement_evaluations=2, start=learned)
+    started = learn(epochs=1, refinement_evaluations=2, start=learned)
     assert np.mean(started.losses(*pairs)) < np.mean(alone.losses(*pairs))
 
 
