@@ -40,8 +40,9 @@ from lightpath.learned import LearnedKernel
 from lightpath.options import HologramOptions, LearnOptions, SubmitOptions
 from lightpath.photograph import Photograph, PhotoScore
 from lightpath.pictures import Phase, Picture
-from lightpath.promotion import PromotionGate
+from lightpath.promotion import PromotionGate, Verdict
 from lightpath.reports import Evaluation, Report
+from lightpath.server import Artifact, Batch, KernelManifest, Keyring, Queue, ServerInfo
 from lightpath.sync import (
     Connection,
     Dataset,
@@ -57,15 +58,18 @@ from lightpath.sync import (
 )
 from lightpath.units import Length
 from lightpath.v1 import AllOrders, OrderFilter, SimulatedBench
-from lightpath.webhooks import WebhookEvent, read_webhook
+from lightpath.webhooks import Delivery, WebhookEvent, read_webhook
 
 __all__ = [
     "Aborted",
     "AllOrders",
     "AlreadyExists",
+    "Artifact",
+    "Batch",
     "Connection",
     "Damaged",
     "Dataset",
+    "Delivery",
     "Device",
     "Display",
     "Evaluation",
@@ -80,7 +84,9 @@ __all__ = [
     "Job",
     "JobUnsuccessful",
     "Kernel",
+    "KernelManifest",
     "KernelVersion",
+    "Keyring",
     "Lab",
     "LearnOptions",
     "LearnedKernel",
@@ -97,12 +103,15 @@ __all__ = [
     "PreconditionFailed",
     "PromotionGate",
     "ProtocolError",
+    "Queue",
     "Refused",
     "Report",
     "Rollout",
+    "ServerInfo",
     "SimulatedBench",
     "SubmitOptions",
     "Unreachable",
+    "Verdict",
     "WaitInterrupted",
     "Webhook",
     "WebhookEvent",
