@@ -51,7 +51,7 @@ async fn each_of_500_jobs_of_two_clients_runs_once() {
 async fn run_jobs(url: &str, target: &str, client_number: u64) -> Vec<String> {
     let client = &Client::connect(url).unwrap();
     let jobs = (0..JOBS_PER_CLIENT).map(async |i| {
-        let spec = hologram("lab", target, 5, client_number * JOBS_PER_CLIENT + i);
+        let spec = hologram("lab", target, 1, client_number * JOBS_PER_CLIENT + i);
         client.submit(request(spec, &format!("{client_number}-{i}"))).await
     });
     let jobs: Vec<v1::Job> = futures::stream::iter(jobs).buffer_unordered(AT_ONCE).try_collect().await.unwrap();

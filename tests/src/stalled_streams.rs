@@ -256,7 +256,7 @@ async fn unread_compressed_answers_take_little_memory_and_block_no_other_client(
     declare(&daemon.client, "lab", 64, 48).await;
     daemon.client.pause_queue(v1::PauseQueueRequest::default()).await.unwrap();
     let picture = daemon.client.upload_bytes(target(64, 48, 1)).await.unwrap();
-    for seed in 0..200 {
+    for seed in 0..100 {
         daemon.client.submit(request(hologram("lab", &picture, 5, 1), &format!("waiting-{seed}"))).await.unwrap();
     }
     let before_kib = daemon.memory_peak_kib();
@@ -264,7 +264,7 @@ async fn unread_compressed_answers_take_little_memory_and_block_no_other_client(
     let mut connections = Vec::new();
     for _ in 0..CONNECTIONS {
         let mut connection = StalledConnection::connect(&daemon.url, 1).await;
-        connection.ask_all("/v1/jobs?pageSize=200", None).await;
+        connection.ask_all("/v1/jobs?pageSize=100", None).await;
         connections.push(connection);
     }
     let open = all_begun(&mut connections).await;
