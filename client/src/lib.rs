@@ -43,7 +43,7 @@ mod job;
 mod kernel;
 pub mod names;
 mod retry;
-pub mod units;
+pub use lightpath_units as units;
 mod upload;
 
 pub use client::{Client, Credentials};

@@ -101,8 +101,8 @@ async fn write_file(
     manifest: &Manifest,
     folder: &Path,
 ) -> Result<PathBuf, Failure> {
-    let Manifest { version, form, digest, .. } = manifest;
-    let file = folder.join(format!("versions/{version}/{form}/{digest}"));
+    let Manifest { version, format: word, digest, .. } = manifest;
+    let file = folder.join(format!("versions/{version}/{word}/{digest}"));
     if std::fs::read(&file).is_ok_and(|bytes| digest_of(&bytes) == *digest) {
         return Ok(file);
     }
