@@ -79,9 +79,11 @@ fn reports_say_what_is_in_use_and_what_was_given_up() {
 }
 
 #[test]
-fn device_without_a_kernel_reports_version_0() {
+fn device_without_a_kernel_reports_version_0_once_it_knows_the_kernels_id() {
     let bench = Bench::new();
-    let said = report(&bench, &mut bench.agent());
+    bench.agent().report();
+    assert_eq!(reports(&bench).len(), 0);
+    let said = report(&bench, &mut bench.agent_of("515nm-150mm"));
     assert_eq!((&said["version"], &said["digest"], &said["generation"]), (&0.into(), &"".into(), &"0".into()));
 }
 
