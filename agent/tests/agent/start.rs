@@ -103,6 +103,8 @@ fn kernel_of_other_settings_is_not_used() {
     let bench = with_two();
     let mut settings = bench.settings();
     settings.optics = Optics::at_distance(515_000, 200_000_000);
+    // The id is only a part of an address: what the manifest says decides.
+    settings.kernel = Some("515nm-150mm".to_owned());
     let mut agent = Agent::start(settings).unwrap();
     assert_eq!((agent.in_use(), in_use(&bench.directory())), (None, None));
     assert!(
@@ -114,6 +116,7 @@ fn kernel_of_other_settings_is_not_used() {
     // Another display has generations of its own.
     let mut settings = bench.settings();
     settings.display = "venus".to_owned();
+    settings.kernel = Some("515nm-150mm".to_owned());
     let bytes = kernel(4, SIZE);
     bench.server.offer(4, 1, &bytes);
     let document = Manifest { display: "venus".to_owned(), ..manifest(4, 1, &bytes) }.signed(&key(SIGNER));
