@@ -152,8 +152,8 @@ fn settings_that_were_wrong_once_do_not_forget_the_generation() {
     let (bench, agent) = Bench::with_kernel();
     drop(agent);
     let wrong_root = Settings { roots: vec![key(STRANGER).public()], ..bench.settings() };
-    let kernel = Some("515nm-150mm".to_owned());
-    let wrong_display = Settings { display: "venus".to_owned(), kernel, ..bench.settings() };
+    let id = Some("515nm-150mm".to_owned());
+    let wrong_display = Settings { display: "venus".to_owned(), kernel: id, ..bench.settings() };
     for (wrong, reason) in [(wrong_root, "not signed by a root key of this device"), (wrong_display, "but venus")] {
         let mut agent = Agent::start(wrong).unwrap();
         let found = problem(&mut agent);
