@@ -3,14 +3,14 @@
 mod install;
 mod recovery;
 
-use crate::http::{Document, Http};
+use crate::http::{Answer, Document, Http};
 use crate::problem::Problem;
 use crate::report::{Reporter, Standing};
 use crate::schedule::Backoff;
 use crate::slots::{Lock, Slot, Slots};
 use crate::state::{Confirmed, Proof, StateFile};
 use crate::vouching::Vouching;
-use crate::{Settings, log};
+use crate::{Settings, kernel_search, log};
 use lightpath_manifest::{Distrust, Manifest, Now, Time};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -85,11 +85,12 @@ impl Agent {
     /// Asks the server once, and does what follows from its answer:
     ///
     /// 1. The keyring is fetched at the start, each day and before its end.
-    /// 2. The manifest is fetched, unless it is still the same. It must be for this kernel, count now, and have no lower
+    /// 2. The server is asked for the id of the kernel, if that is not known.
+    /// 3. The manifest is fetched, unless it is still the same. It must be for this kernel, count now, and have no lower
     ///    generation than one before. Then its generation is remembered.
-    /// 3. Its file is fetched into the slot that is not in use, and its size and digest are checked.
-    /// 4. The self-test runs. A version that it refuses is not tried again.
-    /// 5. The slot becomes the one in use.
+    /// 4. Its file is fetched into the slot that is not in use, and its size and digest are checked.
+    /// 5. The self-test runs. A version that it refuses is not tried again.
+    /// 6. The slot becomes the one in use.
     ///
     /// The server may hold its answer back for `wait`, until something changes. An answer that nothing has changed counts
     /// until the manifest that was accepted last expires: a server without keys can give it, too.
@@ -109,9 +110,10 @@ impl Agent {
         checked
     }
 
-    /// Reports to the server, if a report is due. Problems are logged.
+    /// Reports to the server, if a report is due and the kernel's id is known. Problems are logged.
     pub fn report(&mut self) {
-        let standing = self.standing();
+        let Some(kernel) = self.known_kernel() else { return };
+        let standing = self.standing(kernel);
         self.reporter.send(&standing, &self.http, &self.settings);
     }
 
@@ -176,7 +178,7 @@ impl Agent {
         // nothing has changed.
         let counts = self.state.state.confirmed.is_some_and(|confirmed| !self.now().has_reached(confirmed.expires));
         let etag = if self.in_use.is_some() && counts { self.state.state.etag.clone() } else { String::new() };
-        let answer = self.http.manifest(&etag, wait)?;
+        let answer = self.ask_for_manifest(&etag, wait)?;
         let poll_after = answer.poll_after;
         let is_offered = match answer.document {
             Some(document) => self.follow(&document)?,
@@ -184,6 +186,40 @@ impl Agent {
         };
         let version = self.in_use.as_ref().map_or(0, |(_, manifest)| manifest.version);
         Ok(Checked { version, is_offered, poll_after })
+    }
+
+    /// Asks for the manifest. If the server has no kernel with the id any more, it is asked for the id again.
+    fn ask_for_manifest(&mut self, etag: &str, wait: Duration) -> Result<Answer, Problem> {
+        let kernel = self.kernel()?;
+        let answer = self.http.manifest(&kernel, etag, wait);
+        if self.settings.kernel.is_none() && matches!(answer, Err(Problem::Refused { status: 404, .. })) {
+            self.state.state.kernel = None;
+            let found = self.kernel()?;
+            if found != kernel {
+                return self.http.manifest(&found, etag, wait);
+            }
+        }
+        answer
+    }
+
+    /// Id of the kernel: that of the settings, the one that the state remembers, or what the server says.
+    fn kernel(&mut self) -> Result<String, Problem> {
+        if let Some(known) = self.known_kernel() {
+            return Ok(known);
+        }
+        let found = kernel_search::find(&self.http, &self.settings)?;
+        self.state.state.kernel = Some((self.settings.optics.digest(), found.clone()));
+        self.state.save()?;
+        Ok(found)
+    }
+
+    /// Id of the kernel, if the server need not be asked.
+    fn known_kernel(&self) -> Option<String> {
+        let remembered = || {
+            let (optics, id) = self.state.state.kernel.as_ref()?;
+            (*optics == self.settings.optics.digest()).then(|| id.clone())
+        };
+        self.settings.kernel.clone().or_else(remembered)
     }
 
     /// The time: that of the clock, unless documents show that it is later, or there is none. Then it is at least the time
@@ -254,6 +290,11 @@ impl Agent {
                 self.fetch_keyring()?;
                 accepted(&self.vouching).map_err(Problem::Manifest)?
             }
+            Err(distrust @ Distrust::OtherOptics { .. }) => {
+                // The id leads to another kernel than it did.
+                self.state.state.kernel = None;
+                return Err(Problem::Manifest(distrust));
+            }
             manifest => manifest.map_err(Problem::Manifest)?,
         };
         let is_other =
@@ -299,7 +340,7 @@ impl Agent {
         self.state.save()
     }
 
-    fn standing(&self) -> Standing {
+    fn standing(&self, kernel: String) -> Standing {
         let rejected = self.state.state.rejected.as_ref().map(|rejected| (rejected.version, rejected.message.clone()));
         let trouble = self.trouble.clone().map(|message| (0, message));
         let (tried_version, message) = trouble.or(rejected).unwrap_or_default();
@@ -308,7 +349,7 @@ impl Agent {
             None => (0, String::new()),
         };
         let loss = self.state.state.loss.as_ref().filter(|(of, _)| *of == digest).map(|(_, loss)| *loss);
-        Standing { version, digest, generation: self.state.state.generation, tried_version, message, loss }
+        Standing { kernel, version, digest, generation: self.state.state.generation, tried_version, message, loss }
     }
 }
 

@@ -1,20 +1,23 @@
 //! The command line of the program `lightpath-agent`.
 
-use crate::{Agent, Clock, KernelId, Pace, Problem, Settings, log, status};
+use crate::optics::{distance_nm, wavelength_pm};
+use crate::settings::is_word;
+use crate::{Agent, Clock, Pace, Problem, Settings, log, status};
 use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
-use lightpath_manifest::PublicKey;
+use lightpath_manifest::{Optics, PublicKey};
 use std::ffi::OsString;
 use std::io::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
-/// Formats of kernel files, which manifests and addresses call forms.
+/// Formats of kernel files.
 const FORMATS: [&str; 7] = ["compact", "safetensors", "f16", "complex64", "npz", "npy", "pt"];
 const EXAMPLES: &str = "\
 A display that is always up to date:
   lightpath-agent --server https://lab:7070 --display pluto --device bench-7 \\
-      --kernel 515nm-150mm --root 3d4017c3e843895a92b70aa74d1b7ebc9c982ccf2ec4968cc0cd55f12af4660c \\
+      --wavelength 515nm --distance 150mm \\
+      --root 3d4017c3e843895a92b70aa74d1b7ebc9c982ccf2ec4968cc0cd55f12af4660c \\
       --token-file /etc/lightpath/token --directory /var/lib/lightpath
 The application opens /var/lib/lightpath/current/kernel. On the server,
   lightpathd token create bench-7 --role firmware --display pluto    prints the token, and
@@ -91,9 +94,17 @@ pub struct RunArguments {
     #[arg(long, env = "LIGHTPATH_DEVICE", value_name = "NAME", value_parser = word)]
     pub device: String,
 
-    /// Keep the kernel with this id: wavelength and distance, for example 515nm-150mm
-    #[arg(long, env = "LIGHTPATH_KERNEL", value_name = "ID")]
-    pub kernel: KernelId,
+    /// Keep the kernel for this wavelength in vacuum, for example 515nm; a manifest for another one is refused
+    #[arg(long, env = "LIGHTPATH_WAVELENGTH", value_name = "LENGTH", value_parser = wavelength_pm)]
+    pub wavelength: i64,
+
+    /// Keep the kernel for this distance from the SLM, for example 150mm; a manifest for another place is refused
+    #[arg(long, env = "LIGHTPATH_DISTANCE", value_name = "LENGTH", value_parser = distance_nm, allow_hyphen_values = true)]
+    pub distance: i64,
+
+    /// Use this id of the kernel in addresses instead of asking the server for it: for a mirror, which has no list
+    #[arg(long, env = "LIGHTPATH_KERNEL", value_name = "ID", value_parser = word)]
+    pub kernel: Option<String>,
 
     /// Fetch the kernel in this format
     #[arg(long, env = "LIGHTPATH_FORMAT", value_name = "FORMAT", default_value = "compact", value_parser = FORMATS)]
@@ -155,6 +166,7 @@ impl RunArguments {
             server: self.server,
             display: self.display,
             device: self.device,
+            optics: Optics::at_distance(self.wavelength, self.distance),
             kernel: self.kernel,
             format: self.format,
             roots: self.roots,
@@ -244,10 +256,7 @@ fn server(text: &str) -> Result<String, String> {
 }
 
 fn word(text: &str) -> Result<String, String> {
-    let is_word = (1..=63).contains(&text.len())
-        && text.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"._-".contains(&byte))
-        && !text.starts_with('.');
-    if is_word {
+    if is_word(text) {
         Ok(text.to_owned())
     } else {
         Err("must be 1 to 63 characters of a-z, A-Z, 0-9, '.', '_' and '-'".into())
@@ -258,7 +267,7 @@ fn word(text: &str) -> Result<String, String> {
 mod tests {
     use super::*;
 
-    const GOOD: &str = "lightpath-agent --server https://lab:7070/ --display pluto --device bench-7 --kernel 515nm-150mm \
+    const GOOD: &str = "lightpath-agent --server https://lab:7070/ --display pluto --device bench-7 --wavelength 515nm --distance 150mm \
         --root 3d4017c3e843895a92b70aa74d1b7ebc9c982ccf2ec4968cc0cd55f12af4660c --directory /var/lib/lightpath";
 
     fn parsed(line: &str) -> Result<Task, clap::Error> {
@@ -271,6 +280,11 @@ mod tests {
         let Task::Run(arguments) = parsed(GOOD).unwrap() else { panic!() };
         let settings = arguments.settings();
         assert_eq!((&*settings.server, &*settings.format), ("https://lab:7070", "compact"));
+        assert_eq!((settings.optics, settings.kernel), (Optics::at_distance(515_000, 150_000_000), None));
+        let behind = GOOD.replace("150mm", "-12.5mm --kernel k7");
+        let Task::Run(arguments) = parsed(&behind).unwrap() else { panic!() };
+        let other = arguments.settings();
+        assert_eq!((other.optics.distance_nm(), other.kernel.as_deref()), (Some(-12_500_000), Some("k7")));
         assert_eq!(settings.self_test_limit, Duration::from_secs(60));
         assert!(matches!(parsed("lightpath-agent status --directory /x"), Ok(Task::Other(Command::Status(_)))));
     }
@@ -280,7 +294,9 @@ mod tests {
         for (from, to, text) in [
             ("https://lab", "lab", "https://lab:7070"),
             ("--display pluto", "--display ../x", "1 to 63 characters"),
-            ("515nm-150mm", "515.0nm-150mm", "632.8nm"),
+            ("515nm", "515", "write 515nm"),
+            ("150mm", "0mm", "must not be 0"),
+            ("--device bench-7", "--device bench-7 --kernel a/b", "1 to 63 characters"),
             ("3d4017", "3D4017", "64 hexadecimal digits"),
             ("--device bench-7", "--device bench-7 --format lpk", "safetensors"),
             ("--device bench-7", "--device bench-7 --client-cert x.pem", "--client-key"),

@@ -21,9 +21,9 @@ const CUTS_MAX: u32 = 20;
 /// Fetches the file of a manifest to `path`, from the byte on at which an earlier try ended. Afterwards the file is
 /// whole, right and flushed. A corrupt one is removed and fetched once more, from the start. After the time that
 /// [`Pace`] gives a file, what has arrived stays for the next try.
-pub(crate) fn fetch(http: &Http, pace: Pace, manifest: &Manifest, path: &Path) -> Result<(), Problem> {
+pub(crate) fn fetch(http: &Http, pace: Pace, kernel: &str, manifest: &Manifest, path: &Path) -> Result<(), Problem> {
     let end = Instant::now() + pace.time_for_file(manifest.size_bytes);
-    let part = Part { http, pace, manifest, path, end };
+    let part = Part { http, pace, kernel, manifest, path, end };
     match part.fetch_once() {
         Err(Problem::Body { .. }) => {
             part.remove()?;
@@ -74,6 +74,8 @@ pub(crate) fn digest_of_file(path: &Path) -> io::Result<String> {
 struct Part<'a> {
     http: &'a Http,
     pace: Pace,
+    /// Id of the kernel in addresses.
+    kernel: &'a str,
     manifest: &'a Manifest,
     path: &'a Path,
     /// When this try ends.
@@ -135,7 +137,7 @@ impl Part<'_> {
     /// Receives the rest of the file. An error without a problem is a cut.
     fn receive(&self, received: &mut Received) -> Result<(), (String, Option<Problem>)> {
         let is = |problem| (String::new(), Some(problem));
-        let response = match self.http.file(self.manifest, received.bytes, self.left()) {
+        let response = match self.http.file(self.kernel, self.manifest, received.bytes, self.left()) {
             Err(Problem::Unreachable { reason, .. }) => return Err((reason, None)),
             answer => answer.map_err(is)?,
         };

@@ -19,6 +19,8 @@ pub(crate) const PIECE_BYTES: usize = 32 << 10;
 const POLL_AFTER_DEFAULT: Duration = Duration::from_secs(60);
 /// Limits on the time that a server may name \[s\]. They are those of its setting `poll_interval_s`.
 const POLL_AFTER_S: (u64, u64) = (1, 86_400);
+/// Limit on the size of a list of kernels \[bytes\]: at most ten, of less than a kilobyte each.
+const LIST_BYTES_MAX: u64 = 64 << 10;
 /// Limit on the size of an error that is read \[bytes\].
 const ERROR_BYTES_MAX: u64 = 8 << 10;
 /// Limit on the length of a server's message in the log \[characters\].
@@ -70,11 +72,11 @@ impl Http {
 
     /// Asks for the manifest, unless it is still the one with this ETag; empty: in any case. The server may wait for a
     /// change.
-    pub(crate) fn manifest(&self, etag: &str, wait: Duration) -> Result<Answer, Problem> {
-        let Settings { display, kernel, format, device, .. } = &self.settings;
+    pub(crate) fn manifest(&self, kernel: &str, etag: &str, wait: Duration) -> Result<Answer, Problem> {
+        let Settings { display, format, device, .. } = &self.settings;
         let wait_s = wait.as_secs();
         let path =
-            format!("/v1/displays/{display}/kernels/{kernel}/manifest?form={format}&device={device}&wait_s={wait_s}");
+            format!("/v1/displays/{display}/kernels/{kernel}/manifest?format={format}&device={device}&wait_s={wait_s}");
         let headers: &[_] = if etag.is_empty() { &[] } else { &[(header::IF_NONE_MATCH, etag.to_owned())] };
         let response = self.get(&path, headers, wait, wait + self.settings.pace.answer)?;
         let poll_after = poll_after(response.headers());
@@ -93,11 +95,36 @@ impl Http {
         self.document("the keyring", response)
     }
 
+    /// Asks for the display's kernels that a query names.
+    pub(crate) fn kernels(&self, query: &str) -> Result<Vec<serde_json::Value>, Problem> {
+        let path = format!("/v1/displays/{}/kernels?{query}", self.settings.display);
+        let mut response = self.get(&path, &[], Duration::ZERO, self.settings.pace.answer)?;
+        if response.status() != 200 {
+            return Err(self.refusal("the list of kernels", response));
+        }
+        let mut bytes = Vec::new();
+        let mut body = response.body_mut().as_reader().take(LIST_BYTES_MAX);
+        body.read_to_end(&mut bytes).map_err(|error| self.unreachable(&error.into()))?;
+        let answer: Option<serde_json::Value> = serde_json::from_slice(&bytes).ok();
+        let answer = answer.filter(serde_json::Value::is_object);
+        let mut answer = answer.ok_or_else(|| Problem::NoList { server: self.settings.server.clone() })?;
+        match answer["kernels"].take() {
+            serde_json::Value::Array(kernels) => Ok(kernels),
+            _ => Ok(Vec::new()),
+        }
+    }
+
     /// Asks for the bytes of a file from `first` on. The answer has status 200, 206 or 416, and ends within `limit`.
-    pub(crate) fn file(&self, manifest: &Manifest, first: u64, limit: Duration) -> Result<Response<Body>, Problem> {
-        let Manifest { version, form, digest, .. } = manifest;
-        let Settings { display, kernel, .. } = &self.settings;
-        let path = format!("/v1/displays/{display}/kernels/{kernel}/versions/{version}/{form}/{digest}");
+    pub(crate) fn file(
+        &self,
+        kernel: &str,
+        manifest: &Manifest,
+        first: u64,
+        limit: Duration,
+    ) -> Result<Response<Body>, Problem> {
+        let Manifest { version, format, digest, .. } = manifest;
+        let display = &self.settings.display;
+        let path = format!("/v1/displays/{display}/kernels/{kernel}/versions/{version}/{format}/{digest}");
         // The path names the bytes. A web server for files, which knows no digests, would refuse one in If-Range.
         let range = [(header::RANGE, format!("bytes={first}-"))];
         let response = self.get(&path, if first == 0 { &[] } else { &range }, Duration::ZERO, limit)?;
@@ -321,8 +348,8 @@ mod tests {
             ("http://[2001:db8::1]:7070", true, false),
         ] {
             let mut line = format!(
-                "lightpath-agent --server {server} --display pluto --device bench-7 --kernel 515nm-150mm --root {root} \
-                 --directory /x"
+                "lightpath-agent --server {server} --display pluto --device bench-7 --wavelength 515nm --distance 150mm \
+                 --root {root} --directory /x"
             );
             if token {
                 line += " --token-file /etc/token";

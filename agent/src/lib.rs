@@ -19,10 +19,10 @@
 //!
 //! # Layout
 //!
-//! - `arguments`, `settings`, `kernel_id`, `clock`: what the agent is told. `status`: what it prints about a directory.
+//! - `arguments`, `settings`, `optics`, `clock`: what the agent is told. `status`: what it prints about a directory.
 //! - `agent`: the order of all steps. `slots`: the directory. `durable`: changes that survive a power cut. `state`: what
 //!   the agent remembers. `vouching`: which keyrings and manifests it accepts.
-//! - `http`, `tls`: calls of the server. `download`: a file in pieces. `self_test`: the device's own test. `report`: what the
+//! - `http`, `tls`: calls of the server. `kernel_search`: which kernel of the server is meant. `download`: a file in pieces. `self_test`: the device's own test. `report`: what the
 //!   server is told. `schedule`: when. `problem`: what can go wrong. `log`: lines on stderr.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
@@ -32,8 +32,9 @@ mod clock;
 mod download;
 mod durable;
 mod http;
-mod kernel_id;
+mod kernel_search;
 mod log;
+mod optics;
 mod problem;
 mod regular_file;
 mod report;
@@ -49,7 +50,6 @@ mod vouching;
 pub use agent::{Agent, Checked};
 pub use arguments::{Cli, Command, RunArguments, StatusArguments, Task};
 pub use clock::Clock;
-pub use kernel_id::KernelId;
 pub use problem::{BodyProblem, Problem};
 pub use settings::{Pace, Settings};
 pub use slots::Slot;

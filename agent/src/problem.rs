@@ -40,6 +40,15 @@ pub enum Problem {
         /// Time after which to ask again, if the server names one.
         retry_after: Option<Duration>,
     },
+    /// The server has no kernel for the optics of the settings.
+    #[error(
+        "display {display} has no kernel at {wanted}; {there}; learn one with `lightpath kernel learn`, or correct \
+         --wavelength and --distance"
+    )]
+    NoKernel { display: String, wanted: String, there: String },
+    /// The answer names no kernel, as that of a web server for files.
+    #[error("{server} has no list of kernels, as a mirror: give the id of the kernel with --kernel")]
+    NoList { server: String },
     #[error("refused the keyring of the server: {}", with_clock_hint(.0))]
     Keyring(Distrust),
     #[error("refused the keyring of the server: it has version {found}, but version {known} was accepted before")]
@@ -125,6 +134,8 @@ impl Problem {
             | Self::Setting(_)
             | Self::Unreachable { .. }
             | Self::Token { .. }
+            | Self::NoKernel { .. }
+            | Self::NoList { .. }
             | Self::Cut { .. } => false,
         }
     }

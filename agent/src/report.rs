@@ -14,6 +14,8 @@ const MESSAGE_BYTES_MAX: usize = 1024;
 /// What a report says.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Standing {
+    /// Id of the kernel.
+    pub(crate) kernel: String,
     /// Version in use; 0: none.
     pub(crate) version: u32,
     /// Digest of its file; empty: none.
@@ -32,7 +34,7 @@ impl Standing {
     /// The report in protobuf's JSON form, in which a 64-bit number is a text.
     fn json(&self, settings: &Settings) -> String {
         let mut json = json!({
-            "kernel": settings.kernel.to_string(),
+            "kernel": self.kernel,
             "version": self.version,
             "format": if self.version == 0 { "" } else { settings.format.as_str() },
             "digest": self.digest,

@@ -1,7 +1,8 @@
 //! What the agent is told.
 
-use crate::{Clock, KernelId};
-use lightpath_manifest::{PublicKey, Wanted};
+use crate::Clock;
+use crate::optics::in_words;
+use lightpath_manifest::{Optics, PublicKey, Wanted};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -14,9 +15,11 @@ pub struct Settings {
     pub display: String,
     /// Name under which the server knows this device.
     pub device: String,
-    /// The kernel.
-    pub kernel: KernelId,
-    /// Format of its file, such as `compact`. In manifests and addresses it is called the form.
+    /// Wavelength and place of the kernel: a manifest for others is refused.
+    pub optics: Optics,
+    /// Id of the kernel in addresses; `None`: the server is asked for it.
+    pub kernel: Option<String>,
+    /// Format of its file, such as `compact`.
     pub format: String,
     /// Root keys from the device's manufacture.
     pub roots: Vec<PublicKey>,
@@ -39,16 +42,22 @@ pub struct Settings {
 }
 
 impl Settings {
+    /// The kernel in words, such as `pluto, 515 nm, 150 mm`.
+    pub(crate) fn subject(&self) -> String {
+        format!("{}, {}", self.display, in_words(&self.optics))
+    }
+
     /// What a manifest must say to count for this device.
     pub(crate) fn wanted(&self, generation: u64) -> Wanted {
-        Wanted {
-            display: self.display.clone(),
-            wavelength_pm: self.kernel.wavelength_pm,
-            distance_nm: self.kernel.distance_nm,
-            form: self.format.clone(),
-            generation,
-        }
+        Wanted { display: self.display.clone(), optics: self.optics.clone(), format: self.format.clone(), generation }
     }
+}
+
+/// Whether a text can be an id: it is then safe in addresses.
+pub(crate) fn is_word(text: &str) -> bool {
+    (1..=63).contains(&text.len())
+        && text.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"._-".contains(&byte))
+        && !text.starts_with('.')
 }
 
 /// Times of the agent. Tests shorten them.

@@ -6,6 +6,7 @@
 //! roots 3d4017c3…                  root keys that were pinned when the keyring was accepted
 //! keyring 3
 //! generation 7
+//! kernel c7b87820… 515nm-150mm     digest of the optics, id of the kernel that the server has for them
 //! earliest 2026-11-23T18:00:00Z
 //! confirmed 2026-11-23T18:00:00Z 2026-11-30T18:00:00Z
 //! etag "0f…"
@@ -60,6 +61,8 @@ pub(crate) struct Confirmed {
 pub(crate) struct State {
     /// Display that the generation belongs to.
     pub(crate) display: String,
+    /// Digest of optics, and the id of the display's kernel that the server named for them.
+    pub(crate) kernel: Option<(String, String)>,
     /// Root keys that were pinned, separated by commas.
     pub(crate) roots: String,
     /// Highest version of a keyring that was accepted.
@@ -82,6 +85,9 @@ impl State {
         let mut text = format!("{HEAD}\ndisplay {}\nroots {}\n", self.display, self.roots);
         // Writing to a string cannot fail.
         let _ = writeln!(text, "keyring {}\ngeneration {}", self.keyring, self.generation);
+        if let Some((optics, id)) = &self.kernel {
+            let _ = writeln!(text, "kernel {optics} {id}");
+        }
         if let Some(earliest) = self.earliest {
             let _ = writeln!(text, "earliest {earliest}");
         }
@@ -115,6 +121,10 @@ impl State {
             let (name, value) = line.split_once(' ')?;
             match name {
                 "display" => state.display = value.to_owned(),
+                "kernel" => {
+                    let (optics, id) = value.split_once(' ')?;
+                    state.kernel = Some((optics.to_owned(), id.to_owned()));
+                }
                 "roots" => state.roots = value.to_owned(),
                 "keyring" => state.keyring = value.parse().ok()?,
                 "generation" => state.generation = value.parse().ok()?,
@@ -228,6 +238,7 @@ mod tests {
     fn state() -> State {
         State {
             display: "pluto".to_owned(),
+            kernel: Some(("00".repeat(32), "515nm-150mm".to_owned())),
             roots: "00".repeat(32),
             keyring: 3,
             generation: 7,

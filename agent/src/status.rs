@@ -1,5 +1,6 @@
 //! What is installed in a directory, for people.
 
+use crate::optics::in_words;
 use crate::slots::{Slot, Slots};
 use crate::state::{self, Confirmed};
 use crate::vouching::{installed_manifest, read_document};
@@ -49,12 +50,9 @@ pub fn status(directory: &Path) -> (String, bool) {
 }
 
 fn about(manifest: &Manifest) -> String {
-    let Manifest { display, generation, version, form, digest, size_bytes, .. } = manifest;
-    // Picometres and nanometres are whole numbers far below the precision of f64.
-    let (nm, mm) = (manifest.wavelength_pm as f64 / 1e3, manifest.distance_nm as f64 / 1e6);
-    format!(
-        "version {version} of {display}, {nm} nm, {mm} mm, generation {generation}, {form}, {size_bytes} bytes, {digest}"
-    )
+    let Manifest { display, generation, version, format, digest, size_bytes, .. } = manifest;
+    let optics = in_words(&manifest.optics);
+    format!("version {version} of {display}, {optics}, generation {generation}, {format}, {size_bytes} bytes, {digest}")
 }
 
 /// The manifest of a slot whose kernel is whole.
@@ -64,8 +62,8 @@ fn verified(slots: &Slots, slot: Slot) -> Result<Option<Manifest>, String> {
     }
     let (manifest, keyring) = slots.documents(slot)?;
     let said = SignedManifest::parse(&manifest).map_err(|error| error.to_string())?;
-    let Manifest { display, wavelength_pm, distance_nm, form, .. } = said.unchecked().clone();
-    let wanted = Wanted { display, wavelength_pm, distance_nm, form, generation: 0 };
+    let Manifest { display, optics, format, .. } = said.unchecked().clone();
+    let wanted = Wanted { display, optics, format, generation: 0 };
     let manifest = installed_manifest(&manifest, &keyring, &wanted).map_err(|error| error.to_string())?;
     slots.check_kernel(slot, &manifest)?;
     Ok(Some(manifest))

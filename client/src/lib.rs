@@ -43,7 +43,6 @@ mod job;
 mod kernel;
 pub mod names;
 mod retry;
-pub mod units;
 mod upload;
 
 pub use client::{Client, Credentials};
@@ -56,4 +55,5 @@ pub use job::{
 };
 pub use kernel::KernelChange;
 pub use lightpath_proto::{Word, Words, judgements, v1};
+pub use lightpath_units as units;
 pub use tonic::Code;

@@ -137,7 +137,7 @@ lightpath_verdict lightpath_keyring_renew(lightpath_keyring *next, const lightpa
     lightpath_lines lines;
     clear(next);
     lightpath_lines_begin(&lines, bytes, length);
-    lightpath_lines_exactly(&lines, "lightpath keyring", "1");
+    lightpath_lines_head(&lines, "lightpath keyring", "1");
     next->version = (uint32_t)lightpath_lines_number(&lines, "version", UINT32_MAX);
     next->issued_unix_s = lightpath_lines_time(&lines, "issued");
     next->expires_unix_s = lightpath_lines_time(&lines, "expires");

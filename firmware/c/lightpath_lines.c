@@ -119,10 +119,11 @@ lightpath_text lightpath_lines_text(lightpath_lines *lines, const char *name)
     return text;
 }
 
-void lightpath_lines_exactly(lightpath_lines *lines, const char *name, const char *value)
+void lightpath_lines_head(lightpath_lines *lines, const char *kind, const char *version)
 {
-    if (!lightpath_is(lightpath_lines_text(lines, name), value)) {
-        lightpath_lines_wrong_value(lines);
+    const bool is_version = lightpath_is(lightpath_lines_text(lines, kind), version);
+    if (lines->verdict == LIGHTPATH_TRUSTED && !is_version) {
+        lines->verdict = LIGHTPATH_DOCUMENT_OTHER_VERSION;
     }
 }
 
@@ -131,16 +132,21 @@ static bool is_between(uint8_t character, char first, char last)
     return character >= (uint8_t)first && character <= (uint8_t)last;
 }
 
-lightpath_text lightpath_lines_word(lightpath_lines *lines, const char *name)
+bool lightpath_is_word(lightpath_text text)
 {
-    const lightpath_text text = lightpath_lines_text(lines, name);
     bool is_word = text.length > 0u && text.length <= WORD_LENGTH_MAX;
     for (size_t i = 0; is_word && i < text.length; i++) {
         const uint8_t c = text.at[i];
         is_word = is_between(c, 'a', 'z') || is_between(c, 'A', 'Z') || is_between(c, '0', '9') ||
                   is_between(c, '-', '.') || c == (uint8_t)'_';
     }
-    if (!is_word) {
+    return is_word;
+}
+
+lightpath_text lightpath_lines_word(lightpath_lines *lines, const char *name)
+{
+    const lightpath_text text = lightpath_lines_text(lines, name);
+    if (!lightpath_is_word(text)) {
         lightpath_lines_wrong_value(lines);
     }
     return text;

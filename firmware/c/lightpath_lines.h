@@ -27,6 +27,9 @@ typedef struct lightpath_lines {
 /* Begins to read a document, and refuses one that is too large or no text. */
 void lightpath_lines_begin(lightpath_lines *lines, const uint8_t *bytes, size_t length);
 
+/* Reads the first line: the kind of the document, and the version of its format, which must be this one. */
+void lightpath_lines_head(lightpath_lines *lines, const char *kind, const char *version);
+
 /* Whether the next line has this name. */
 bool lightpath_lines_comes(const lightpath_lines *lines, const char *name);
 
@@ -39,10 +42,7 @@ void lightpath_lines_end(lightpath_lines *lines);
 /* The value of the next line, which must have this name; of no length after a refusal. */
 lightpath_text lightpath_lines_text(lightpath_lines *lines, const char *name);
 
-/* The same, and the value must be this one. */
-void lightpath_lines_exactly(lightpath_lines *lines, const char *name, const char *value);
-
-/* The same, and the value must be an id or a name: 1 to 63 letters, digits, dots, lines below and hyphens. */
+/* The same, and the value must be an id or a name. */
 lightpath_text lightpath_lines_word(lightpath_lines *lines, const char *name);
 
 /* The same, and the value must be a whole number of 0 to `max`, or of 64 bits with a sign. */
@@ -51,6 +51,9 @@ int64_t lightpath_lines_signed(lightpath_lines *lines, const char *name);
 
 /* The same, and the value must be a time. */
 int64_t lightpath_lines_time(lightpath_lines *lines, const char *name);
+
+/* Whether a text is an id or a name: 1 to 63 letters, digits, dots, lines below and hyphens. */
+bool lightpath_is_word(lightpath_text text);
 
 /* Whether a text is twice `count` hexadecimal digits, lower case; if so, their bytes. */
 bool lightpath_read_hex(lightpath_text text, uint8_t *bytes, size_t count);

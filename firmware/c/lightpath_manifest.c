@@ -7,11 +7,15 @@
 
 #define DIGEST_NAME_LENGTH 7u /* sha256- */
 #define KEY_ID_BYTES 8u
+/* Limit on the length of a place after its kind. */
+#define PLACE_TEXT_MAX 128u
+/* Room for a whole number of 64 bits: a sign and 19 digits. */
+#define NUMBER_TEXT_MAX 20u
 
 /* What a manifest has besides the members of lightpath_manifest. */
 typedef struct document {
     lightpath_text display;
-    lightpath_text form;
+    lightpath_text format;
     size_t signed_bytes;
     uint8_t key_id[KEY_ID_BYTES];
     uint8_t signature[64];
@@ -45,27 +49,102 @@ static bool read_yes_or_no(lightpath_lines *lines, const char *name)
     return is_yes;
 }
 
+static void hash_string(const lightpath_crypto *crypto, const char *string)
+{
+    size_t length = 0;
+    while (string[length] != '\0') {
+        length++;
+    }
+    crypto->sha256_update(crypto->sha256, (const uint8_t *)string, length);
+}
+
+static void hash_number(const lightpath_crypto *crypto, int64_t number)
+{
+    uint8_t text[NUMBER_TEXT_MAX];
+    size_t at = NUMBER_TEXT_MAX;
+    /* The smallest number has no positive twin. */
+    uint64_t size = number < 0 ? (uint64_t) - (number + 1) + 1u : (uint64_t)number;
+    do {
+        text[--at] = (uint8_t)((uint64_t)'0' + size % 10u);
+        size /= 10u;
+    } while (size > 0u);
+    if (number < 0) {
+        text[--at] = (uint8_t)'-';
+    }
+    crypto->sha256_update(crypto->sha256, text + at, NUMBER_TEXT_MAX - at);
+}
+
+void lightpath_optics_digest(
+    uint8_t digest[32], int64_t wavelength_pm, int64_t distance_nm, const lightpath_crypto *crypto)
+{
+    for (size_t i = 0; i < 32u; i++) {
+        digest[i] = 0;
+    }
+    crypto->sha256_begin(crypto->sha256);
+    hash_string(crypto, "wavelength_pm ");
+    hash_number(crypto, wavelength_pm);
+    hash_string(crypto, "\nplace distance_nm ");
+    hash_number(crypto, distance_nm);
+    hash_string(crypto, "\n");
+    crypto->sha256_end(crypto->sha256, digest);
+}
+
+/* A place of any kind: its kind, a space, and 1 to PLACE_TEXT_MAX characters that nobody reads here. */
+static bool is_place(lightpath_text text)
+{
+    lightpath_text kind = {text.at, 0};
+    while (kind.length < text.length && text.at[kind.length] != (uint8_t)' ') {
+        kind.length++;
+    }
+    const size_t rest = text.length - kind.length;
+    return lightpath_is_word(kind) && rest >= 2u && rest <= PLACE_TEXT_MAX + 1u;
+}
+
+/* Reads the digest and the two lines that it must be of. */
+static void read_optics(lightpath_lines *lines, lightpath_manifest *manifest, const lightpath_crypto *crypto)
+{
+    uint8_t digest[32] = {0};
+    if (!lightpath_read_hex(lightpath_lines_text(lines, "optics"), manifest->optics, sizeof manifest->optics)) {
+        lightpath_lines_wrong_value(lines);
+    }
+    const size_t from = lines->place;
+    manifest->wavelength_pm = lightpath_lines_signed(lines, "wavelength_pm");
+    const lightpath_text place = lightpath_lines_text(lines, "place");
+    manifest->place = (const char *)place.at;
+    manifest->place_length = (uint16_t)place.length;
+    if (!is_place(place)) {
+        lightpath_lines_wrong_value(lines);
+    }
+    if (lines->verdict == LIGHTPATH_TRUSTED) {
+        crypto->sha256_begin(crypto->sha256);
+        crypto->sha256_update(crypto->sha256, lines->all.at + from, lines->place - from);
+        crypto->sha256_end(crypto->sha256, digest);
+        if (!lightpath_same(digest, manifest->optics, sizeof digest)) {
+            lightpath_lines_wrong_value(lines);
+        }
+    }
+}
+
 /* Reads all lines in their order. */
-static lightpath_verdict read_document(
-    lightpath_manifest *manifest, document *rest, const uint8_t *bytes, size_t length)
+static lightpath_verdict read_document(lightpath_manifest *manifest, document *rest, const uint8_t *bytes,
+    size_t length, const lightpath_crypto *crypto)
 {
     lightpath_lines lines;
     lightpath_lines_begin(&lines, bytes, length);
-    lightpath_lines_exactly(&lines, "lightpath manifest", "1");
+    lightpath_lines_head(&lines, "lightpath manifest", "2");
     rest->display = lightpath_lines_word(&lines, "display");
-    manifest->wavelength_pm = lightpath_lines_signed(&lines, "wavelength_pm");
-    manifest->distance_nm = lightpath_lines_signed(&lines, "distance_nm");
+    read_optics(&lines, manifest, crypto);
     manifest->generation = lightpath_lines_number(&lines, "generation", UINT64_MAX);
     manifest->version = (uint32_t)lightpath_lines_number(&lines, "version", UINT32_MAX);
-    rest->form = lightpath_lines_word(&lines, "form");
+    rest->format = lightpath_lines_word(&lines, "format");
     read_digest(&lines, manifest);
     manifest->size_bytes = lightpath_lines_number(&lines, "size_bytes", UINT64_MAX);
     manifest->width_px = (uint32_t)lightpath_lines_number(&lines, "width_px", UINT32_MAX);
     manifest->height_px = (uint32_t)lightpath_lines_number(&lines, "height_px", UINT32_MAX);
     manifest->pixel_pitch_pm = lightpath_lines_number(&lines, "pixel_pitch_pm", UINT64_MAX);
-    const lightpath_text optics = lightpath_lines_text(&lines, "optics");
-    manifest->optics = (const char *)optics.at;
-    manifest->optics_length = (uint16_t)optics.length;
+    const lightpath_text orders = lightpath_lines_text(&lines, "orders");
+    manifest->orders = (const char *)orders.at;
+    manifest->orders_length = (uint16_t)orders.length;
     manifest->interpolated = read_yes_or_no(&lines, "interpolated");
     manifest->issued_unix_s = lightpath_lines_time(&lines, "issued");
     manifest->expires_unix_s = lightpath_lines_time(&lines, "expires");
@@ -118,14 +197,11 @@ static lightpath_verdict check_wanted(
     if (!lightpath_is(rest->display, wanted->display)) {
         return LIGHTPATH_OTHER_DISPLAY;
     }
-    if (manifest->wavelength_pm != wanted->wavelength_pm) {
-        return LIGHTPATH_OTHER_WAVELENGTH;
+    if (!lightpath_same(manifest->optics, wanted->optics, sizeof manifest->optics)) {
+        return LIGHTPATH_OTHER_OPTICS;
     }
-    if (manifest->distance_nm != wanted->distance_nm) {
-        return LIGHTPATH_OTHER_DISTANCE;
-    }
-    if (!lightpath_is(rest->form, wanted->form)) {
-        return LIGHTPATH_OTHER_FORM;
+    if (!lightpath_is(rest->format, wanted->format)) {
+        return LIGHTPATH_OTHER_FORMAT;
     }
     return manifest->generation < wanted->generation ? LIGHTPATH_LOWER_GENERATION : LIGHTPATH_TRUSTED;
 }
@@ -136,7 +212,7 @@ lightpath_verdict lightpath_manifest_check(lightpath_manifest *manifest, const l
 {
     document rest;
     const lightpath_listed_key *listed;
-    lightpath_verdict verdict = read_document(manifest, &rest, bytes, length);
+    lightpath_verdict verdict = read_document(manifest, &rest, bytes, length, crypto);
     if (verdict != LIGHTPATH_TRUSTED) {
         return verdict;
     }

@@ -6,6 +6,7 @@
  *
  *   lightpath_keyring_pin      the first keyring of a device: only root keys
  *   lightpath_keyring_renew    a keyring that the device keeps from then on
+ *   lightpath_optics_digest    what the device's kernel is for: wavelength and distance
  *   lightpath_manifest_check   a manifest: which file is the kernel that the device wants
  *   lightpath_body_...         the file, piece by piece as it arrives
  *
@@ -32,6 +33,7 @@ typedef enum lightpath_verdict {
     LIGHTPATH_DOCUMENT_TOO_LARGE,
     LIGHTPATH_DOCUMENT_NOT_TEXT,
     LIGHTPATH_DOCUMENT_OTHER_LINE,
+    LIGHTPATH_DOCUMENT_OTHER_VERSION,
     LIGHTPATH_DOCUMENT_WRONG_VALUE,
     LIGHTPATH_DOCUMENT_TOO_LONG,
     /* The keyring must not be used. A manifest, too, is refused while the device's keyring does not count. */
@@ -50,9 +52,8 @@ typedef enum lightpath_verdict {
     LIGHTPATH_MANIFEST_NOT_YET,
     LIGHTPATH_MANIFEST_EXPIRED,
     LIGHTPATH_OTHER_DISPLAY,
-    LIGHTPATH_OTHER_WAVELENGTH,
-    LIGHTPATH_OTHER_DISTANCE,
-    LIGHTPATH_OTHER_FORM,
+    LIGHTPATH_OTHER_OPTICS,
+    LIGHTPATH_OTHER_FORMAT,
     LIGHTPATH_LOWER_GENERATION,
     /* The file must not be used. */
     LIGHTPATH_BODY_LONGER,
@@ -104,7 +105,7 @@ typedef struct lightpath_crypto {
     void (*sha256_begin)(void *sha256);
     void (*sha256_update)(void *sha256, const uint8_t *bytes, size_t length);
     void (*sha256_end)(void *sha256, uint8_t digest[32]);
-    void *sha256; /* context for the names of keys; in use only while a function of this header runs */
+    void *sha256; /* context for optics and for the names of keys; in use only while a function of this header runs */
 } lightpath_crypto;
 
 /* A key of a keyring, and the time within which its manifests count. */
@@ -145,12 +146,23 @@ void lightpath_keyring_pin(lightpath_keyring *keyring, const uint8_t (*roots)[32
 lightpath_verdict lightpath_keyring_renew(lightpath_keyring *next, const lightpath_keyring *known, const uint8_t *bytes,
     size_t length, int64_t now_unix_s, const lightpath_crypto *crypto);
 
+/*
+ * The digest of the optics of a distance from the modulator, negative behind it: SHA-256 over these two lines of a
+ * manifest, with their line feeds.
+ *
+ *   wavelength_pm 515000
+ *   place distance_nm 150000000
+ *
+ * Compute it at the start, or once and for all, and keep the 32 bytes in the firmware.
+ */
+void lightpath_optics_digest(
+    uint8_t digest[32], int64_t wavelength_pm, int64_t distance_nm, const lightpath_crypto *crypto);
+
 /* What a device asks for. Keep the generation of each accepted manifest, and give it with the next one. */
 typedef struct lightpath_wanted {
     const char *display; /* id of the display */
-    const char *form;    /* of the file, such as "compact" */
-    int64_t wavelength_pm;
-    int64_t distance_nm;
+    const char *format;  /* of the file, such as "compact" */
+    uint8_t optics[32];  /* digest of wavelength and place */
     uint64_t generation; /* of the manifest that the device accepted last; 0: none */
 } lightpath_wanted;
 
@@ -160,16 +172,18 @@ typedef struct lightpath_manifest {
     uint64_t size_bytes; /* of the file */
     uint64_t pixel_pitch_pm;
     int64_t wavelength_pm;
-    int64_t distance_nm;
     int64_t issued_unix_s;
     int64_t expires_unix_s;
-    const char *optics;      /* in the caller's document, not ended by a zero: copy it before the document goes */
+    const char *place;       /* for people, in the caller's document, not ended by a zero: copy it before that goes */
+    const char *orders;      /* likewise: the diffraction orders */
     const char *digest_text; /* likewise: the LIGHTPATH_DIGEST_TEXT characters that the file's address has */
     uint32_t version;
     uint32_t width_px; /* compare both with your display's */
     uint32_t height_px;
-    uint16_t optics_length;
+    uint16_t place_length;
+    uint16_t orders_length;
     uint16_t line; /* as that of lightpath_keyring */
+    uint8_t optics[32]; /* SHA-256 of the lines of wavelength and place */
     uint8_t digest[32]; /* SHA-256 of the file */
     bool interpolated;  /* between photographed distances */
 } lightpath_manifest;

@@ -16,6 +16,8 @@ const char *lightpath_verdict_text(lightpath_verdict verdict)
         return "The document must be lines of printable ASCII, each with a line feed at its end.";
     case LIGHTPATH_DOCUMENT_OTHER_LINE:
         return "A line of the document is missing, or another stands in its place.";
+    case LIGHTPATH_DOCUMENT_OTHER_VERSION:
+        return "The document has another version of its format than this program reads.";
     case LIGHTPATH_DOCUMENT_WRONG_VALUE:
         return "The value of a line is not possible, or there are more than 8 lines of its kind.";
     case LIGHTPATH_DOCUMENT_TOO_LONG:
@@ -46,12 +48,10 @@ const char *lightpath_verdict_text(lightpath_verdict verdict)
         return "The manifest counts no more: ask the server for the present one.";
     case LIGHTPATH_OTHER_DISPLAY:
         return "The manifest is for another display.";
-    case LIGHTPATH_OTHER_WAVELENGTH:
-        return "The manifest is for another wavelength.";
-    case LIGHTPATH_OTHER_DISTANCE:
-        return "The manifest is for another distance.";
-    case LIGHTPATH_OTHER_FORM:
-        return "The manifest is about a file of another form.";
+    case LIGHTPATH_OTHER_OPTICS:
+        return "The manifest is for another wavelength or another place.";
+    case LIGHTPATH_OTHER_FORMAT:
+        return "The manifest is about a file of another format.";
     case LIGHTPATH_LOWER_GENERATION:
         return "The manifest has a lower generation than the one that this device accepted before.";
     case LIGHTPATH_BODY_LONGER:

@@ -94,7 +94,7 @@ impl SignedKeyring {
     pub fn parse(bytes: &[u8]) -> Result<Self, DocumentError> {
         const KEY: &str = "64 hexadecimal digits, and at most 8 keys of a kind";
         let mut reader = Reader::new(bytes)?;
-        reader.value(HEAD, "1, the version of the form", |text| (text == "1").then_some(FORMAT_VERSION))?;
+        reader.head(HEAD, FORMAT_VERSION)?;
         let mut keyring = Keyring {
             version: reader.number("version")?,
             issued: reader.time("issued")?,

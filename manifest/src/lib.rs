@@ -1,7 +1,7 @@
 //! Signed manifests: what a server vouches for when a device fetches a kernel.
 //!
-//! A [`Manifest`] says which version of a kernel is active for a display, wavelength and distance, and which file holds
-//! it. A [`Keyring`] lists the keys that may sign manifests, and is itself signed by a root key. A device knows the
+//! A [`Manifest`] says which version of a kernel is active for a display, wavelength and place, and which file holds it.
+//! A [`Keyring`] lists the keys that may sign manifests, and is itself signed by a root key. A device knows the
 //! root key from its manufacture, keeps the newest keyring, and trusts nothing else: not the network, and not the
 //! server that it asks.
 //!
@@ -26,13 +26,13 @@
 //! | endless data | manifest and keyring have a largest size; the manifest has the file's size |
 //! | extraneous dependencies | a kernel depends on no other file |
 //! | mix and match | one manifest names one file; kernels of a display have one common generation, so that a device sees whether those it combines belong together |
-//! | wrong software | display, wavelength, distance and form stand in the manifest |
+//! | wrong software | display, optics (wavelength and place) and format stand in the manifest |
 //! | malicious mirror | a mirror has no key; it can only keep a device from new kernels until the manifest expires |
 //! | key compromise | a new keyring revokes a manifest key; it must be signed by a root key |
 //!
 //! # Layout
 //!
-//! - `lines`: the form that both documents share. `manifest`, `keyring`: the documents. `keys`: Ed25519 keys and their
+//! - `lines`: the form that both documents share. `manifest`, `keyring`: the documents. `optics`: wavelength and place. `keys`: Ed25519 keys and their
 //!   files. `trust`: what a device accepts.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
@@ -40,6 +40,7 @@ mod keyring;
 mod keys;
 mod lines;
 mod manifest;
+mod optics;
 mod time;
 mod trust;
 
@@ -47,6 +48,7 @@ pub use keyring::{Keyring, ListedKey, SignedKeyring};
 pub use keys::{KeyError, PublicKey, Signature, SigningKey};
 pub use lines::DocumentError;
 pub use manifest::{Manifest, SignedManifest};
+pub use optics::Optics;
 pub use time::{Now, Time};
 pub use trust::{Distrust, Trust, Wanted};
 

@@ -13,6 +13,9 @@ pub enum DocumentError {
     /// A line has another name than the one that must stand there, or is missing.
     #[error("line {line} must begin with \"{expected}\"")]
     Name { line: usize, expected: &'static str },
+    /// The first line names the right kind of document, but another version of its format.
+    #[error("the {document} has another version of the format than {version}, the one that this program reads")]
+    Version { document: &'static str, version: u32 },
     #[error("line {line}: {name} must be {expected}")]
     Value { line: usize, name: &'static str, expected: &'static str },
     #[error("line {line}: the document must end before it")]
@@ -74,6 +77,15 @@ impl<'a> Reader<'a> {
         Ok(value)
     }
 
+    /// Reads the first line, which names the kind of the document and the version of its format.
+    pub(crate) fn head(&mut self, head: &'static str, version: u32) -> Result<(), DocumentError> {
+        if self.text(head)? == version.to_string() {
+            return Ok(());
+        }
+        let document = head.rsplit(' ').next().unwrap_or(head);
+        Err(DocumentError::Version { document, version })
+    }
+
     /// The value of the next line as `parse` reads it. The value must be in the form in which it is written.
     pub(crate) fn value<T: ToString>(
         &mut self,
@@ -102,4 +114,11 @@ impl<'a> Reader<'a> {
     pub(crate) fn end(self) -> Result<(), DocumentError> {
         if self.rest.is_empty() { Ok(()) } else { Err(DocumentError::TooLong { line: self.line + 1 }) }
     }
+}
+
+/// Whether a text is an id or a name: no spaces.
+pub(crate) fn is_word(text: &str) -> bool {
+    !text.is_empty()
+        && text.len() <= 63
+        && text.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"._-".contains(&byte))
 }

@@ -1,27 +1,25 @@
 //! Which file holds the active version of a kernel.
 
-use crate::lines::{Reader, Writer};
-use crate::{DocumentError, PublicKey, Signature, SigningKey, Time};
+use crate::lines::{Reader, Writer, is_word};
+use crate::{DocumentError, Optics, PublicKey, Signature, SigningKey, Time};
 
 const HEAD: &str = "lightpath manifest";
-const FORMAT_VERSION: u32 = 1;
+const FORMAT_VERSION: u32 = 2;
 
 /// What a manifest says.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Manifest {
     /// Id of the display.
     pub display: String,
-    /// Wavelength in vacuum \[pm\].
-    pub wavelength_pm: i64,
-    /// Distance from the SLM to the image plane \[nm\].
-    pub distance_nm: i64,
+    /// For which light and which place.
+    pub optics: Optics,
     /// Number of moves of `active` on the display's kernels so far, rollbacks too. All kernels of a display have the
     /// same generation at the same time.
     pub generation: u64,
     /// Number of the active version.
     pub version: u32,
-    /// Form of the file, such as `compact`.
-    pub form: String,
+    /// Format of the file, such as `compact`.
+    pub format: String,
     /// SHA-256 of the file, `sha256-` and 64 hexadecimal digits.
     pub digest: String,
     /// Size of the file \[bytes\].
@@ -33,7 +31,7 @@ pub struct Manifest {
     /// Pixel pitch \[pm\].
     pub pixel_pitch_pm: u64,
     /// Diffraction orders with which the kernel was learned: `first`, `filtered …` or `all …`.
-    pub optics: String,
+    pub orders: String,
     /// Whether the kernel was interpolated between photographed distances.
     pub interpolated: bool,
     /// Time from which the manifest counts.
@@ -46,20 +44,18 @@ impl Manifest {
     /// The bytes that a key signs.
     #[must_use]
     pub fn body(&self, key: &PublicKey) -> String {
-        Writer::default()
-            .line(HEAD, FORMAT_VERSION)
-            .line("display", &self.display)
-            .line("wavelength_pm", self.wavelength_pm)
-            .line("distance_nm", self.distance_nm)
+        let writer = Writer::default().line(HEAD, FORMAT_VERSION).line("display", &self.display);
+        self.optics
+            .write_with_digest(writer)
             .line("generation", self.generation)
             .line("version", self.version)
-            .line("form", &self.form)
+            .line("format", &self.format)
             .line("digest", &self.digest)
             .line("size_bytes", self.size_bytes)
             .line("width_px", self.width_px)
             .line("height_px", self.height_px)
             .line("pixel_pitch_pm", self.pixel_pitch_pm)
-            .line("optics", &self.optics)
+            .line("orders", &self.orders)
             .line("interpolated", if self.interpolated { "yes" } else { "no" })
             .line("issued", self.issued)
             .line("expires", self.expires)
@@ -93,20 +89,19 @@ impl SignedManifest {
     /// [`DocumentError`] with the first line that is wrong.
     pub fn parse(bytes: &[u8]) -> Result<Self, DocumentError> {
         let mut reader = Reader::new(bytes)?;
-        reader.value(HEAD, "1, the version of the form", |text| (text == "1").then_some(FORMAT_VERSION))?;
+        reader.head(HEAD, FORMAT_VERSION)?;
         let manifest = Manifest {
             display: reader.value("display", "the id of a display", |text| is_word(text).then(|| text.to_owned()))?,
-            wavelength_pm: reader.number("wavelength_pm")?,
-            distance_nm: reader.number("distance_nm")?,
+            optics: Optics::read(&mut reader)?,
             generation: reader.number("generation")?,
             version: reader.number("version")?,
-            form: reader.value("form", "the name of a form", |text| is_word(text).then(|| text.to_owned()))?,
+            format: reader.value("format", "the name of a format", |text| is_word(text).then(|| text.to_owned()))?,
             digest: reader.value("digest", "sha256- and 64 hexadecimal digits", digest)?,
             size_bytes: reader.number("size_bytes")?,
             width_px: reader.number("width_px")?,
             height_px: reader.number("height_px")?,
             pixel_pitch_pm: reader.number("pixel_pitch_pm")?,
-            optics: reader.text("optics")?.to_owned(),
+            orders: reader.text("orders")?.to_owned(),
             interpolated: match reader.text("interpolated")? {
                 "yes" => true,
                 "no" => false,
@@ -140,19 +135,12 @@ impl SignedManifest {
     }
 }
 
-/// Whether a text is an id or a name: no spaces.
-fn is_word(text: &str) -> bool {
-    !text.is_empty()
-        && text.len() <= 63
-        && text.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"._-".contains(&byte))
-}
-
 fn digest(text: &str) -> Option<String> {
     let hex = text.strip_prefix("sha256-")?;
     is_hex(hex, 64).then(|| text.to_owned())
 }
 
-fn is_hex(text: &str, digits: usize) -> bool {
+pub(crate) fn is_hex(text: &str, digits: usize) -> bool {
     text.len() == digits && text.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'))
 }
 
@@ -163,17 +151,16 @@ pub(crate) mod tests {
     pub(crate) fn manifest() -> Manifest {
         Manifest {
             display: "pluto".to_owned(),
-            wavelength_pm: 515_000,
-            distance_nm: 150_000_000,
+            optics: Optics::at_distance(515_000, 150_000_000),
             generation: 7,
             version: 12,
-            form: "compact".to_owned(),
+            format: "compact".to_owned(),
             digest: format!("sha256-{}", "0f".repeat(32)),
             size_bytes: 812,
             width_px: 1920,
             height_px: 1080,
             pixel_pitch_pm: 8_000_000,
-            optics: "first".to_owned(),
+            orders: "first".to_owned(),
             interpolated: false,
             issued: Time::parse("2026-11-23T18:00:00Z").unwrap(),
             expires: Time::parse("2026-11-30T18:00:00Z").unwrap(),
@@ -189,22 +176,32 @@ pub(crate) mod tests {
         assert_eq!(read.verified_by(&key.public()), Some(manifest()));
         for (from, to, reason) in [
             (
-                "lightpath manifest 1",
                 "lightpath manifest 2",
-                "line 1: lightpath manifest must be 1, the version of the form",
+                "lightpath manifest 1",
+                "the manifest has another version of the format than 2, the one that this program reads",
             ),
-            ("lightpath manifest 1", "lightpath keyring 1", "line 1 must begin with \"lightpath manifest\""),
-            ("generation 7", "generation 07", "line 5: generation must be a whole number without leading zeros"),
-            ("generation 7", "generation -7", "line 5: generation must be a whole number without leading zeros"),
+            ("lightpath manifest 2", "lightpath keyring 1", "line 1 must begin with \"lightpath manifest\""),
+            ("generation 7", "generation 07", "line 6: generation must be a whole number without leading zeros"),
+            ("generation 7", "generation -7", "line 6: generation must be a whole number without leading zeros"),
+            (
+                "optics c7",
+                "optics c8",
+                "line 5: place must be the place of which, with the wavelength, the line optics is the SHA-256",
+            ),
+            (
+                "place distance_nm 150000000",
+                "place distance_nm",
+                "line 5: place must be a kind, a space and 1 to 128 characters",
+            ),
             ("display pluto\n", "", "line 2 must begin with \"display\""),
             ("pluto", "pl uto", "line 2: display must be the id of a display"),
-            ("form compact\n", "form compact\nform compact\n", "line 8 must begin with \"digest\""),
+            ("format compact\n", "format compact\nformat compact\n", "line 9 must begin with \"digest\""),
             (
                 "\nissued 2026-11-23T18",
                 "\nissued 2026-11-23t18",
-                "line 15: issued must be a time, such as 2026-11-23T18:30:00Z",
+                "line 16: issued must be a time, such as 2026-11-23T18:30:00Z",
             ),
-            ("sha256-0f", "sha256-0F", "line 8: digest must be sha256- and 64 hexadecimal digits"),
+            ("sha256-0f", "sha256-0F", "line 9: digest must be sha256- and 64 hexadecimal digits"),
             ("compact", "compäct", "the document must be lines of printable ASCII, each with a line feed at its end"),
         ] {
             let changed = text.replacen(from, to, 1);
@@ -213,7 +210,7 @@ pub(crate) mod tests {
         let longer = format!("{text}more 1\n");
         assert_eq!(
             SignedManifest::parse(longer.as_bytes()).unwrap_err().to_string(),
-            "line 19: the document must end before it"
+            "line 20: the document must end before it"
         );
         let huge = "x".repeat(5000);
         assert!(SignedManifest::parse(huge.as_bytes()).unwrap_err().to_string().contains("5000 bytes"));

@@ -1,19 +1,17 @@
 //! What a device accepts.
 
 use crate::keyring::SignedKeyring;
-use crate::{DocumentError, Keyring, Manifest, Now, PublicKey, SignedManifest, Time};
+use crate::{DocumentError, Keyring, Manifest, Now, Optics, PublicKey, SignedManifest, Time};
 
 /// What a device asks for.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Wanted {
     /// Id of the device's display.
     pub display: String,
-    /// Wavelength in vacuum \[pm\].
-    pub wavelength_pm: i64,
-    /// Distance from the SLM to the image plane \[nm\].
-    pub distance_nm: i64,
-    /// Form of the file.
-    pub form: String,
+    /// For which light and which place. Only the digests are compared.
+    pub optics: Optics,
+    /// Format of the file.
+    pub format: String,
     /// Generation of the manifest that the device accepted last; 0: none.
     pub generation: u64,
 }
@@ -44,6 +42,9 @@ pub enum Distrust {
     Time { from: Time, until: Time, now: Now },
     #[error("the manifest has {name} {found}, but {wanted} was asked for")]
     Other { name: &'static str, found: String, wanted: String },
+    /// The digests differ. The lines say for people in what.
+    #[error("the manifest is for {found}, but {wanted} was asked for")]
+    OtherOptics { found: Optics, wanted: Optics },
     #[error("the manifest has generation {found}, but generation {known} was accepted before")]
     LowerGeneration { found: u64, known: u64 },
 }
@@ -117,15 +118,17 @@ impl Trust {
 
 impl Wanted {
     fn check(&self, manifest: &Manifest) -> Result<(), Distrust> {
-        for (name, found, wanted) in [
-            ("display", manifest.display.clone(), self.display.clone()),
-            ("wavelength_pm", manifest.wavelength_pm.to_string(), self.wavelength_pm.to_string()),
-            ("distance_nm", manifest.distance_nm.to_string(), self.distance_nm.to_string()),
-            ("form", manifest.form.clone(), self.form.clone()),
-        ] {
-            if found != wanted {
-                return Err(Distrust::Other { name, found, wanted });
-            }
+        let other = |name, found: &String, wanted: &String| {
+            Err(Distrust::Other { name, found: found.clone(), wanted: wanted.clone() })
+        };
+        if manifest.display != self.display {
+            return other("display", &manifest.display, &self.display);
+        }
+        if manifest.optics.digest() != self.optics.digest() {
+            return Err(Distrust::OtherOptics { found: manifest.optics.clone(), wanted: self.optics.clone() });
+        }
+        if manifest.format != self.format {
+            return other("format", &manifest.format, &self.format);
         }
         if manifest.generation < self.generation {
             return Err(Distrust::LowerGeneration { found: manifest.generation, known: self.generation });
@@ -179,8 +182,8 @@ mod tests {
     }
 
     fn wanted() -> Wanted {
-        let (display, form) = ("pluto".to_owned(), "compact".to_owned());
-        Wanted { display, wavelength_pm: 515_000, distance_nm: 150_000_000, form, generation: 6 }
+        let (display, format) = ("pluto".to_owned(), "compact".to_owned());
+        Wanted { display, optics: Optics::at_distance(515_000, 150_000_000), format, generation: 6 }
     }
 
     fn refused(trust: &Trust, text: &str, wanted: &Wanted, now: Time) -> String {
@@ -209,9 +212,12 @@ mod tests {
         assert!(refused(&trust, &good, &generation, now()).contains("generation 7, but generation 8"));
         for (other, name) in [
             (Wanted { display: "venus".to_owned(), ..wanted() }, "display pluto, but venus"),
-            (Wanted { wavelength_pm: 638_000, ..wanted() }, "wavelength_pm 515000, but 638000"),
-            (Wanted { distance_nm: 1, ..wanted() }, "distance_nm 150000000, but 1 "),
-            (Wanted { form: "f16".to_owned(), ..wanted() }, "form compact, but f16"),
+            (
+                Wanted { optics: Optics::at_distance(638_000, 150_000_000), ..wanted() },
+                "is for wavelength_pm 515000, place distance_nm 150000000, but wavelength_pm 638000, place",
+            ),
+            (Wanted { optics: Optics::at_distance(515_000, 1), ..wanted() }, "place distance_nm 1 was asked for"),
+            (Wanted { format: "f16".to_owned(), ..wanted() }, "format compact, but f16"),
         ] {
             assert!(refused(&trust, &good, &other, now()).contains(name));
         }

@@ -4,17 +4,18 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Every crate, with the crates of the workspace that it may depend on.
-pub(super) const CRATES: [(&str, &[&str]); 24] = [
+pub(super) const CRATES: [(&str, &[&str]); 25] = [
     ("optics", &[]),
     ("optics/bench", &["optics"]),
     ("optics/camera", &["optics"]),
     ("manifest", &[]),
     ("proto", &[]),
     ("program-docs", &[]),
-    ("client", &["proto"]),
+    ("units", &[]),
+    ("client", &["proto", "units"]),
     ("cli", &["", "manifest", "program-docs"]),
     ("client/python/engine", &["bench", "domain", "media", "optics"]),
-    ("agent", &["fail-points", "manifest", "program-docs"]),
+    ("agent", &["fail-points", "manifest", "program-docs", "units"]),
     ("server/domain", &["bench", "camera", "optics"]),
     ("server/fail-points", &[]),
     ("server/fixtures", &["domain"]),

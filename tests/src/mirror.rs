@@ -58,6 +58,8 @@ async fn ask_once(cli: &CommandLine, mirror: SocketAddr, root: &str) -> Vec<u8> 
         ("--server", server.as_str()),
         ("--display", "lab"),
         ("--device", "bench-1"),
+        ("--wavelength", "515nm"),
+        ("--distance", "50mm"),
         ("--kernel", "515nm-50mm"),
         ("--format", "compact"),
         ("--root", root),

@@ -53,7 +53,9 @@ impl Agent {
         self.state.state.rejected = None;
         log::line(format_args!(
             "the agent uses version {} of {}, generation {}",
-            manifest.version, self.settings.kernel, manifest.generation
+            manifest.version,
+            self.settings.subject(),
+            manifest.generation
         ));
         fail::point("kernel.used").map_err(Problem::disk("use", &self.slots.kernel(slot)))
     }
@@ -72,7 +74,7 @@ impl Agent {
             crate::durable::remove(part).map_err(Problem::disk("remove", part))?;
         }
         log::line(format_args!("the agent fetches version {version} ({size_bytes} bytes)"));
-        download::fetch(&self.http, self.settings.pace, manifest, part)
+        download::fetch(&self.http, self.settings.pace, &self.known_kernel().unwrap_or_default(), manifest, part)
     }
 
     /// Runs the device's own test. A version that it refuses is remembered and removed. If the test cannot be started,

@@ -38,13 +38,13 @@ impl Agent {
             Some((slot, manifest)) => log::line(format_args!(
                 "the agent uses version {} of {} in {}",
                 manifest.version,
-                self.settings.kernel,
+                self.settings.subject(),
                 self.slots.folder(*slot).display()
             )),
             None => log::line(format_args!(
-                "{} has no whole kernel {}: the agent must fetch it",
+                "{} has no whole kernel of {}: the agent must fetch it",
                 self.slots.root().display(),
-                self.settings.kernel
+                self.settings.subject()
             )),
         }
     }

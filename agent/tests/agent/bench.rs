@@ -3,6 +3,7 @@
 use crate::material::{digest, kernel, root};
 use crate::server::Server;
 use lightpath_agent::{Agent, Checked, Clock, Pace, Problem, Settings};
+use lightpath_manifest::Optics;
 use std::collections::HashSet;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -52,6 +53,11 @@ impl Bench {
         Agent::start(self.settings()).unwrap()
     }
 
+    /// An agent that is told the kernel's id.
+    pub(crate) fn agent_of(&self, kernel: &str) -> Agent {
+        Agent::start(Settings { kernel: Some(kernel.to_owned()), ..self.settings() }).unwrap()
+    }
+
     /// The real program with the arguments of a device, which checks once.
     pub(crate) fn program(&self) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_lightpath-agent"));
@@ -62,7 +68,7 @@ impl Bench {
     pub(crate) fn arguments(&self) -> Vec<String> {
         let (url, root, directory) = (self.server.url(), root(), self.directory());
         let text = format!(
-            "--once --server {url} --display pluto --device bench-7 --kernel 515nm-150mm --root {root} --directory {}",
+            "--once --server {url} --display pluto --device bench-7 --wavelength 515nm --distance 150mm --root {root} --directory {}",
             directory.display()
         );
         text.split(' ').map(str::to_owned).collect()
@@ -88,7 +94,8 @@ pub(crate) fn settings(server: &str, directory: &Path) -> Settings {
         server: server.to_owned(),
         display: "pluto".to_owned(),
         device: "bench-7".to_owned(),
-        kernel: "515nm-150mm".parse().unwrap(),
+        optics: Optics::at_distance(515_000, 150_000_000),
+        kernel: None,
         format: "compact".to_owned(),
         roots: vec![root()],
         token_file: None,

@@ -1,6 +1,6 @@
 //! Keys, keyrings, manifests and kernels.
 
-use lightpath_manifest::{Keyring, ListedKey, Manifest, PublicKey, SigningKey, Time};
+use lightpath_manifest::{Keyring, ListedKey, Manifest, Optics, PublicKey, SigningKey, Time};
 use sha2::{Digest as _, Sha256};
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -73,17 +73,16 @@ pub(crate) fn digest(bytes: &[u8]) -> String {
 pub(crate) fn manifest(version: u32, generation: u64, kernel: &[u8]) -> Manifest {
     Manifest {
         display: "pluto".to_owned(),
-        wavelength_pm: 515_000,
-        distance_nm: 150_000_000,
+        optics: Optics::at_distance(515_000, 150_000_000),
         generation,
         version,
-        form: "compact".to_owned(),
+        format: "compact".to_owned(),
         digest: digest(kernel),
         size_bytes: kernel.len() as u64,
         width_px: 1920,
         height_px: 1080,
         pixel_pitch_pm: 8_000_000,
-        optics: "first".to_owned(),
+        orders: "first".to_owned(),
         interpolated: false,
         issued: in_hours(-1),
         expires: in_hours(160),

@@ -37,7 +37,10 @@ fn unchanged_manifest_is_not_sent_again_also_after_a_restart() {
     check(&mut bench.agent()).unwrap();
     let requests = bench.server.take_requests();
     let asked = manifests(&requests);
-    assert_eq!(asked[0].path, "/v1/displays/pluto/kernels/515nm-150mm/manifest?form=compact&device=bench-7&wait_s=50");
+    assert_eq!(
+        asked[0].path,
+        "/v1/displays/pluto/kernels/515nm-150mm/manifest?format=compact&device=bench-7&wait_s=50"
+    );
     assert!(asked[0].headers.contains_key("if-none-match"));
     assert_eq!(asked[0].headers["if-none-match"], asked[1].headers["if-none-match"]);
     assert_eq!(requests.iter().filter(|request| request.is_for_file()).count(), 0);
@@ -144,7 +147,7 @@ fn one_check_has_an_exit_code_and_status_needs_no_server() {
     let output = bench.program().output().unwrap();
     assert_eq!(output.status.code(), Some(0), "{output:?}");
     let log = String::from_utf8(output.stderr).unwrap();
-    assert!(log.contains("Z the agent uses version 1 of 515nm-150mm, generation 7\n"), "{log}");
+    assert!(log.contains("Z the agent uses version 1 of pluto, 515 nm, 150 mm, generation 7\n"), "{log}");
     let (code, text) = status();
     assert_eq!(code, Some(0), "{text}");
     for part in [

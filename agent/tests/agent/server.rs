@@ -38,6 +38,8 @@ pub(crate) enum Sending {
 pub(crate) struct Script {
     pub(crate) keyring: String,
     pub(crate) manifest: String,
+    /// Ids of the kernels in every list; the list is this text instead, if it begins with `<`.
+    pub(crate) kernels: Vec<&'static str>,
     /// Files by their digest.
     pub(crate) files: HashMap<String, Arc<Vec<u8>>>,
     /// How the next files are sent.
@@ -85,6 +87,7 @@ impl Server {
         let script = Script {
             keyring: signed(&keyring(1)),
             manifest: String::new(),
+            kernels: vec!["515nm-150mm"],
             files: HashMap::new(),
             next: VecDeque::new(),
             sending: Sending::Whole,
@@ -187,6 +190,16 @@ impl Request {
         self.path.contains("/manifest?")
     }
 
+    pub(crate) fn is_for_list(&self) -> bool {
+        self.path.contains("/kernels?")
+    }
+
+    /// Whether it names a kernel that a list has. Requests that name none do.
+    fn is_for_one_of(&self, kernels: &[&str]) -> bool {
+        let named = self.path.split_once("/kernels/").map(|(_, rest)| rest);
+        named.and_then(|rest| rest.split('/').next()).is_none_or(|id| kernels.contains(&id))
+    }
+
     pub(crate) fn is_report(&self) -> bool {
         self.method == "POST"
     }
@@ -236,6 +249,14 @@ fn head(stream: &mut impl Write, status: u16, fields: &str) -> std::io::Result<(
 }
 
 fn send_document(script: &Script, request: &Request, stream: &mut impl Write) -> std::io::Result<()> {
+    if request.is_for_list() {
+        let list = list(script, request);
+        head(stream, 200, &format!("content-length: {}\r\n", list.len()))?;
+        return send_text(script, &list, stream);
+    }
+    if request.is_for_manifest() && !request.is_for_one_of(&script.kernels) {
+        return head(stream, 404, "content-length: 0\r\n");
+    }
     if let Some((status, message)) = script.refusal.filter(|_| request.is_for_manifest()) {
         let body = format!("{{\"detail\": \"{message}\"}}");
         head(stream, status, &format!("content-length: {}\r\n", body.len()))?;
@@ -250,6 +271,23 @@ fn send_document(script: &Script, request: &Request, stream: &mut impl Write) ->
     }
     head(stream, 200, &format!("{fields}content-length: {}\r\n", text.len()))?;
     send_text(script, text, stream)
+}
+
+/// The kernels of the display, all of them at 515 nm and 150 mm: a question for others finds none.
+fn list(script: &Script, request: &Request) -> String {
+    let is_asked = !request.path.contains("wavelengthM")
+        || request.path.ends_with("/kernels?wavelengthM=515000e-12&place.distanceM=150000000e-9");
+    let kernel = |id: &&str| match id.starts_with('<') {
+        true => (*id).to_owned(),
+        false => format!(
+            r#"{{"name": "displays/pluto/kernels/{id}", "wavelengthM": 5.15e-7, "place": {{"distanceM": 0.15}}}}"#
+        ),
+    };
+    let kernels: Vec<String> = script.kernels.iter().filter(|_| is_asked).map(kernel).collect();
+    match kernels.first() {
+        Some(page) if page.starts_with('<') => page.clone(),
+        _ => format!("{{\"kernels\": [{}]}}", kernels.join(", ")),
+    }
 }
 
 fn send_text(script: &Script, text: &str, stream: &mut impl Write) -> std::io::Result<()> {

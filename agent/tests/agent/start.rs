@@ -3,7 +3,7 @@
 use crate::bench::{Bench, SIZE, check, in_use, leftovers, problem};
 use crate::material::{SIGNER, in_hours, kernel, key, keyring, manifest};
 use lightpath_agent::{Agent, Problem, Slot};
-use lightpath_manifest::{Keyring, Manifest};
+use lightpath_manifest::{Keyring, Manifest, Optics};
 use std::fs;
 
 /// Version 2 in use in slot b, version 1 in slot a.
@@ -19,7 +19,7 @@ fn with_two() -> Bench {
 #[test]
 fn damaged_kernel_is_replaced_by_the_other_slot_and_fetched_again() {
     for (file, bytes) in
-        [("kernel", &b"short"[..]), ("kernel", &[7; SIZE]), ("manifest", b"lightpath manifest 1\n"), ("keyring", b"")]
+        [("kernel", &b"short"[..]), ("kernel", &[7; SIZE]), ("manifest", b"lightpath manifest 2\n"), ("keyring", b"")]
     {
         let bench = with_two();
         fs::write(bench.directory().join("b").join(file), bytes).unwrap();
@@ -102,14 +102,21 @@ fn time_of_an_installed_manifest_does_not_matter() {
 fn kernel_of_other_settings_is_not_used() {
     let bench = with_two();
     let mut settings = bench.settings();
-    settings.kernel = "515nm-200mm".parse().unwrap();
+    settings.optics = Optics::at_distance(515_000, 200_000_000);
+    // The id is only a part of an address: what the manifest says decides.
+    settings.kernel = Some("515nm-150mm".to_owned());
     let mut agent = Agent::start(settings).unwrap();
     assert_eq!((agent.in_use(), in_use(&bench.directory())), (None, None));
-    assert!(problem(&mut agent).contains("distance_nm 150000000, but 200000000"));
+    assert!(
+        problem(&mut agent).contains(
+            "place distance_nm 150000000, but wavelength_pm 515000, place distance_nm 200000000 was asked for"
+        )
+    );
     drop(agent);
     // Another display has generations of its own.
     let mut settings = bench.settings();
     settings.display = "venus".to_owned();
+    settings.kernel = Some("515nm-150mm".to_owned());
     let bytes = kernel(4, SIZE);
     bench.server.offer(4, 1, &bytes);
     let document = Manifest { display: "venus".to_owned(), ..manifest(4, 1, &bytes) }.signed(&key(SIGNER));

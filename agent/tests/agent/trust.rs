@@ -31,9 +31,12 @@ fn manifests_that_do_not_count_are_refused_and_the_kernel_in_use_stays() {
         (with(|manifest| manifest.issued = in_hours(1)), "is the clock of this device right?"),
         (with(|manifest| manifest.generation = 6), "generation 6, but generation 7 was accepted before"),
         (with(|manifest| manifest.display = "venus".to_owned()), "display venus, but pluto"),
-        (with(|manifest| manifest.wavelength_pm = 638_000), "wavelength_pm 638000, but 515000"),
-        (with(|manifest| manifest.distance_nm = 1), "distance_nm 1, but 150000000"),
-        (with(|manifest| manifest.form = "f16".to_owned()), "form f16, but compact"),
+        (
+            with(|manifest| manifest.optics.wavelength_pm = 638_000),
+            "is for wavelength_pm 638000, place distance_nm 150000000, but wavelength_pm 515000, place",
+        ),
+        (with(|manifest| manifest.optics.place = "focal_plane 1".to_owned()), "place focal_plane 1, but"),
+        (with(|manifest| manifest.format = "f16".to_owned()), "format f16, but compact"),
         ("<html>\n".to_owned(), "line 1 must begin with"),
         ("x".repeat(1 << 20), "but may have at most 4096"),
         (String::new(), "lines of printable ASCII"),
@@ -149,7 +152,8 @@ fn settings_that_were_wrong_once_do_not_forget_the_generation() {
     let (bench, agent) = Bench::with_kernel();
     drop(agent);
     let wrong_root = Settings { roots: vec![key(STRANGER).public()], ..bench.settings() };
-    let wrong_display = Settings { display: "venus".to_owned(), ..bench.settings() };
+    let id = Some("515nm-150mm".to_owned());
+    let wrong_display = Settings { display: "venus".to_owned(), kernel: id, ..bench.settings() };
     for (wrong, reason) in [(wrong_root, "not signed by a root key of this device"), (wrong_display, "but venus")] {
         let mut agent = Agent::start(wrong).unwrap();
         let found = problem(&mut agent);

@@ -21,7 +21,8 @@ Examples:
 
 A device without gRPC reads it with
   curl -H \"authorization: Bearer $TOKEN\" \\
-      $SERVER/v1/displays/lab-2/kernels/515nm-150mm/manifest?form=compact")]
+      $SERVER/v1/displays/lab-2/kernels/ID/manifest?format=compact
+where ID stands at the end of the name that lightpath kernel show prints.")]
 pub(crate) struct Manifest {
     #[command(flatten)]
     kernel: KernelChoice,
@@ -60,9 +61,8 @@ pub(super) fn check(document: &str, keyring: &str, root: PublicKey) -> Result<()
     let said = said.unchecked();
     let wanted = Wanted {
         display: said.display.clone(),
-        wavelength_pm: said.wavelength_pm,
-        distance_nm: said.distance_nm,
-        form: said.form.clone(),
+        optics: said.optics.clone(),
+        format: said.format.clone(),
         generation: 0,
     };
     Trust::Keyring(keyring).manifest(document.as_bytes(), &wanted, now()).map_err(refused)?;

@@ -32,8 +32,11 @@ Example:
   lightpath kernel mirror --display lab-2 --distance 150mm --format compact \\
       -o /srv/mirror
   lightpath-agent --server https://mirror.example --display lab-2 \\
-      --kernel 515nm-150mm --format compact --device bench-7 --root PUBLIC-KEY \\
-      --directory /var/lib/lightpath
+      --wavelength 515nm --distance 150mm --kernel ID --format compact \\
+      --device bench-7 --root PUBLIC-KEY --directory /var/lib/lightpath
+
+The command prints the kernel's name, which ends with the ID. A mirror has no list of kernels in
+which an agent could look it up.
 
 Several kernels can be mirrored into one folder.")]
 pub(crate) struct Mirror {
@@ -101,8 +104,8 @@ async fn write_file(
     manifest: &Manifest,
     folder: &Path,
 ) -> Result<PathBuf, Failure> {
-    let Manifest { version, form, digest, .. } = manifest;
-    let file = folder.join(format!("versions/{version}/{form}/{digest}"));
+    let Manifest { version, format: word, digest, .. } = manifest;
+    let file = folder.join(format!("versions/{version}/{word}/{digest}"));
     if std::fs::read(&file).is_ok_and(|bytes| digest_of(&bytes) == *digest) {
         return Ok(file);
     }

@@ -56,6 +56,37 @@ static void read_known(const char *folder, const char *name, const lightpath_key
     }
 }
 
+/* The digests that a device computes are those of vectors whose optics are at these distances. */
+static void check_optics(const char *folder)
+{
+    static const struct {
+        const char *file;
+        int64_t wavelength_pm;
+        int64_t distance_nm;
+    } all[] = {{"good.manifest", 515000, 150000000}, {"extreme.manifest", INT64_MAX, INT64_MIN}};
+    for (size_t i = 0; i < sizeof all / sizeof all[0]; i++) {
+        char path[TEXT_MAX];
+        char digits[2u * 32u + 1u] = {0};
+        uint8_t computed[32], wanted[32];
+        size_t length = 0;
+        join(path, folder, all[i].file, "");
+        uint8_t *bytes = read_file(path, &length);
+        /* The digest stands in the third line. */
+        size_t at = 0;
+        for (size_t line = 1; line < 3u; line++) {
+            while (bytes[at++] != (uint8_t)'\n') {
+            }
+        }
+        memcpy(digits, bytes + at + strlen("optics "), sizeof digits - 1u);
+        read_hex_word(digits, wanted, sizeof wanted);
+        free(bytes);
+        lightpath_optics_digest(computed, all[i].wavelength_pm, all[i].distance_nm, test_crypto());
+        if (memcmp(computed, wanted, sizeof wanted) != 0) {
+            fail("the digest of the optics is another one", all[i].file);
+        }
+    }
+}
+
 int main(int count, char **arguments)
 {
     static lightpath_keyring pinned, known;
@@ -71,6 +102,7 @@ int main(int count, char **arguments)
     const char *folder = arguments[1];
     read_signatures(folder);
     read_roots(folder, &pinned);
+    check_optics(folder);
     join(path, folder, "cases.txt", "");
     FILE *list = open_text(path);
     while (next_line(list, line)) {

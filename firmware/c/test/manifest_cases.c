@@ -87,7 +87,7 @@ void read_question(question *asked, const char *line)
         }
         asked->words[asked->count++] = word;
     }
-    const size_t wanted = is_about(asked, "manifest") ? 11u : is_about(asked, "keyring") ? 6u : 5u;
+    const size_t wanted = is_about(asked, "manifest") ? 10u : is_about(asked, "keyring") ? 6u : 5u;
     if (asked->count != wanted) {
         fail("the case has another number of words", line);
     }
@@ -101,10 +101,10 @@ bool is_about(const question *asked, const char *kind)
 const char *verdict_name(lightpath_verdict verdict)
 {
     static const char *const names[LIGHTPATH_VERDICT_COUNT] = {"trusted", "document_too_large", "document_not_text",
-        "document_other_line", "document_wrong_value", "document_too_long", "keyring_wrong_signature", "keyring_older",
-        "keyring_different", "keyring_not_yet", "keyring_expired", "key_unknown", "key_revoked", "key_not_yet",
+        "document_other_line", "document_other_version", "document_wrong_value", "document_too_long",
+        "keyring_wrong_signature", "keyring_older", "keyring_different", "keyring_not_yet", "keyring_expired", "key_unknown", "key_revoked", "key_not_yet",
         "key_expired", "manifest_wrong_signature", "manifest_not_yet", "manifest_expired", "other_display",
-        "other_wavelength", "other_distance", "other_form", "lower_generation", "body_longer", "body_shorter",
+        "other_optics", "other_format", "lower_generation", "body_longer", "body_shorter",
         "body_corrupt"};
     if (verdict >= LIGHTPATH_VERDICT_COUNT) {
         fail("the code gave no verdict", "verdict_name");
@@ -180,10 +180,9 @@ void answer_question(
     } else {
         lightpath_wanted wanted;
         wanted.display = words[4];
-        wanted.wavelength_pm = signed_word(words[5]);
-        wanted.distance_nm = signed_word(words[6]);
-        wanted.form = words[7];
-        wanted.generation = (uint64_t)strtoumax(words[8], NULL, 10);
+        read_hex_word(words[5], wanted.optics, sizeof wanted.optics);
+        wanted.format = words[6];
+        wanted.generation = (uint64_t)strtoumax(words[7], NULL, 10);
         given->verdict = lightpath_manifest_check(
             &given->manifest, known, bytes, length, &wanted, time_word(words[3]), test_crypto());
         given->line = given->manifest.line;

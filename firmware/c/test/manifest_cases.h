@@ -3,7 +3,7 @@
  * verdict.
  *
  *   keyring FILE KNOWN NOW VERDICT LINE
- *   manifest FILE KNOWN NOW DISPLAY WAVELENGTH DISTANCE FORM GENERATION VERDICT LINE
+ *   manifest FILE KNOWN NOW DISPLAY OPTICS FORMAT GENERATION VERDICT LINE
  *   body FILE SIZE DIGEST VERDICT
  *
  * SPDX-License-Identifier: MIT OR Apache-2.0
@@ -14,7 +14,7 @@
 #include "../lightpath_manifest.h"
 #include "vector_files.h"
 
-#define WORDS_MAX 11
+#define WORDS_MAX 10
 
 /* The words of a case. */
 typedef struct question {

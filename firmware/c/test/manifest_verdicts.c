@@ -67,12 +67,14 @@ static void print_keyring(const lightpath_keyring *keyring)
 
 static void print_manifest(const lightpath_manifest *manifest)
 {
-    printf(" %" PRId64 " %" PRId64 " %" PRIu64 " %" PRIu32 " %.*s ", manifest->wavelength_pm, manifest->distance_nm,
-        manifest->generation, manifest->version, (int)LIGHTPATH_DIGEST_TEXT, manifest->digest_text);
+    printf(" ");
+    print_hex(manifest->optics, 32u);
+    printf(" %" PRId64 " %.*s %" PRIu64 " %" PRIu32 " %.*s ", manifest->wavelength_pm, (int)manifest->place_length,
+        manifest->place, manifest->generation, manifest->version, (int)LIGHTPATH_DIGEST_TEXT, manifest->digest_text);
     print_hex(manifest->digest, 32u);
     printf(" %" PRIu64 " %" PRIu32 " %" PRIu32 " %" PRIu64 " %d %" PRId64 " %" PRId64 " %.*s", manifest->size_bytes,
         manifest->width_px, manifest->height_px, manifest->pixel_pitch_pm, manifest->interpolated ? 1 : 0,
-        manifest->issued_unix_s, manifest->expires_unix_s, (int)manifest->optics_length, manifest->optics);
+        manifest->issued_unix_s, manifest->expires_unix_s, (int)manifest->orders_length, manifest->orders);
 }
 
 static void answer_next(packed *file, const lightpath_keyring *pinned)

@@ -80,8 +80,8 @@ impl Case {
         match &self.question {
             Question::Keyring { known, now } => format!("keyring {file} {} {now}", known.name),
             Question::Manifest { known, now, wanted } => {
-                let Wanted { display, wavelength_pm, distance_nm, form, generation } = wanted;
-                let wanted = format!("{display} {wavelength_pm} {distance_nm} {form} {generation}");
+                let Wanted { display, optics, format, generation } = wanted;
+                let wanted = format!("{display} {} {format} {generation}", optics.digest());
                 format!("manifest {file} {} {now} {wanted}", known.name)
             }
             Question::Body { size_bytes, digest } => format!("body {file} {size_bytes} {digest}"),
@@ -207,9 +207,8 @@ fn of_distrust(distrust: &Distrust) -> Verdict {
         Distrust::Signature => "manifest_wrong_signature",
         Distrust::Time { from, now, .. } => either(from, now, "manifest_not_yet", "manifest_expired"),
         Distrust::Other { name: "display", .. } => "other_display",
-        Distrust::Other { name: "wavelength_pm", .. } => "other_wavelength",
-        Distrust::Other { name: "distance_nm", .. } => "other_distance",
-        Distrust::Other { name: "form", .. } => "other_form",
+        Distrust::OtherOptics { .. } => "other_optics",
+        Distrust::Other { name: "format", .. } => "other_format",
         Distrust::Other { name, .. } => panic!("the line {name} has no verdict"),
         Distrust::LowerGeneration { .. } => "lower_generation",
     };
@@ -221,6 +220,7 @@ fn of_document(error: &DocumentError) -> Verdict {
         DocumentError::TooLarge { .. } => refused("document_too_large", 0),
         DocumentError::NotText => refused("document_not_text", 0),
         DocumentError::Name { line, .. } => refused("document_other_line", line),
+        DocumentError::Version { .. } => refused("document_other_version", 1),
         DocumentError::Value { line, .. } => refused("document_wrong_value", line),
         DocumentError::TooLong { line } => refused("document_too_long", line),
     }
@@ -248,12 +248,15 @@ fn keyring_says(keyring: &Keyring) -> String {
 
 /// The words that `manifest_verdicts.c` prints of a manifest.
 fn manifest_says(manifest: &Manifest) -> String {
-    let Manifest { wavelength_pm, distance_nm, generation, version, digest, size_bytes, .. } = manifest;
-    let Manifest { width_px, height_px, pixel_pitch_pm, optics, interpolated, issued, expires, .. } = manifest;
+    let Manifest { optics, generation, version, digest, size_bytes, .. } = manifest;
+    let Manifest { width_px, height_px, pixel_pitch_pm, orders, interpolated, issued, expires, .. } = manifest;
     let hex = digest.strip_prefix("sha256-").unwrap();
     let (interpolated, issued, expires) = (u8::from(*interpolated), issued.unix_s(), expires.unix_s());
     format!(
-        " {wavelength_pm} {distance_nm} {generation} {version} {digest} {hex} {size_bytes} {width_px} {height_px} \
-         {pixel_pitch_pm} {interpolated} {issued} {expires} {optics}"
+        " {} {} {} {generation} {version} {digest} {hex} {size_bytes} {width_px} {height_px} {pixel_pitch_pm} \
+         {interpolated} {issued} {expires} {orders}",
+        optics.digest(),
+        optics.wavelength_pm,
+        optics.place,
     )
 }

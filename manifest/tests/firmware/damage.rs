@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 /// Documents that one run of the C program gets.
 const BATCH: usize = 20_000;
 /// Values at the ends of allowed ranges, or beyond, or of another kind.
-const VALUES: [&str; 36] = [
+const VALUES: [&str; 38] = [
     "",
     " ",
     "-",
@@ -44,6 +44,8 @@ const VALUES: [&str; 36] = [
     "yes",
     "no",
     "first",
+    "distance_nm",
+    "focal_plane",
     "f16",
 ];
 
@@ -170,6 +172,9 @@ impl Sources {
             }
         }
         self.change_question(numbers, &mut case.question);
+        if numbers.below(2) == 0 {
+            case.document = malformed::digested_again(&case.document);
+        }
         if numbers.below(4) > 0 {
             case.document = match case.question {
                 Question::Keyring { .. } => {
@@ -191,8 +196,8 @@ impl Sources {
             Question::Manifest { known, now, wanted } => {
                 match numbers.below(16) {
                     0 => wanted.generation = numbers.below(9) as u64,
-                    1 => wanted.form = "f16".to_owned(),
-                    2 => wanted.wavelength_pm = 1,
+                    1 => wanted.format = "f16".to_owned(),
+                    2 => wanted.optics.wavelength_pm = 1,
                     _ => {}
                 }
                 (known, now)

@@ -1,6 +1,6 @@
 //! Well-formed documents, and the keys that sign them.
 
-use lightpath_manifest::{Keyring, ListedKey, Manifest, PublicKey, SigningKey, Time, Wanted};
+use lightpath_manifest::{Keyring, ListedKey, Manifest, Optics, PublicKey, SigningKey, Time, Wanted};
 use sha2::{Digest as _, Sha256};
 use std::fmt::Write as _;
 
@@ -81,20 +81,29 @@ pub(crate) fn digest(bytes: &[u8]) -> String {
     })
 }
 
+/// What the device's kernel is for.
+pub(crate) fn optics() -> Optics {
+    Optics::at_distance(515_000, 150_000_000)
+}
+
+/// Optics with a place of a kind that no reader knows.
+pub(crate) fn new_optics() -> Optics {
+    Optics { place: format!("{} {}", "Kind_2.0-".repeat(7), "~ ".repeat(64)), ..optics() }
+}
+
 pub(crate) fn manifest() -> Manifest {
     Manifest {
         display: "pluto".to_owned(),
-        wavelength_pm: 515_000,
-        distance_nm: 150_000_000,
+        optics: optics(),
         generation: 7,
         version: 12,
-        form: "compact".to_owned(),
+        format: "compact".to_owned(),
         digest: digest(&body()),
         size_bytes: body().len() as u64,
         width_px: 1920,
         height_px: 1080,
         pixel_pitch_pm: 8_000_000,
-        optics: "filtered ellipse 1 0.5 0 0.2".to_owned(),
+        orders: "filtered ellipse 1 0.5 0 0.2".to_owned(),
         interpolated: false,
         issued: time("2026-11-23T18:00:00Z"),
         expires: time("2026-11-30T18:00:00Z"),
@@ -105,16 +114,15 @@ pub(crate) fn manifest() -> Manifest {
 pub(crate) fn extreme_manifest() -> Manifest {
     Manifest {
         display: format!("{}Az09._-", "x".repeat(56)),
-        wavelength_pm: i64::MAX,
-        distance_nm: i64::MIN,
+        optics: Optics::at_distance(i64::MAX, i64::MIN),
         generation: u64::MAX,
         version: u32::MAX,
-        form: "-".to_owned(),
+        format: "-".to_owned(),
         size_bytes: u64::MAX,
         width_px: u32::MAX,
         height_px: 0,
         pixel_pitch_pm: u64::MAX,
-        optics: String::new(),
+        orders: String::new(),
         interpolated: true,
         issued: time("1970-01-01T00:00:00Z"),
         expires: time("9999-12-31T23:59:59Z"),
@@ -124,18 +132,17 @@ pub(crate) fn extreme_manifest() -> Manifest {
 
 /// A manifest of this size, by the length of a line that has no other limit.
 pub(crate) fn manifest_of(bytes: usize) -> Manifest {
-    let short = Manifest { optics: String::new(), ..manifest() };
+    let short = Manifest { orders: String::new(), ..manifest() };
     let length = bytes - short.signed(&key(SIGNER)).len();
-    Manifest { optics: "~".repeat(length), ..short }
+    Manifest { orders: "~".repeat(length), ..short }
 }
 
 /// What a device wants to which the manifest belongs.
 pub(crate) fn wanted_of(manifest: &Manifest) -> Wanted {
     Wanted {
         display: manifest.display.clone(),
-        wavelength_pm: manifest.wavelength_pm,
-        distance_nm: manifest.distance_nm,
-        form: manifest.form.clone(),
+        optics: manifest.optics.clone(),
+        format: manifest.format.clone(),
         generation: manifest.generation - 1,
     }
 }

@@ -1,9 +1,9 @@
 //! Documents that are none. Where they still have a signature, it is right: only their form is wrong.
 
 use crate::cases::Known;
-use crate::documents::{NOW, ROOT, SIGNER, key, keyring, listed, manifest, public, signed_keyring};
+use crate::documents::{NOW, ROOT, SIGNER, digest, key, keyring, listed, manifest, optics, public, signed_keyring};
 use crate::vectors::{Set, known, of_keyring, of_manifest, wanted};
-use lightpath_manifest::Keyring;
+use lightpath_manifest::{Keyring, Manifest, Optics};
 
 /// Name of the verdict about a wrong value.
 const VALUE: &str = "document_wrong_value";
@@ -11,12 +11,10 @@ const VALUE: &str = "document_wrong_value";
 const OTHER: &str = "document_other_line";
 const NOT_TEXT: &str = "document_not_text";
 const TOO_LONG: &str = "document_too_long";
+const VERSION: &str = "document_other_version";
 
 /// Values of a manifest that are not possible: the number of the line, a name for the file, the line.
-const MANIFEST_VALUES: [(usize, &str, &str); 62] = [
-    (1, "next-version", "lightpath manifest 2"),
-    (1, "leading-zero", "lightpath manifest 01"),
-    (1, "no-version", "lightpath manifest "),
+const MANIFEST_VALUES: [(usize, &str, &str); 68] = [
     (2, "empty", "display "),
     (2, "space", "display pl uto"),
     (2, "two-spaces", "display  pluto"),
@@ -24,58 +22,67 @@ const MANIFEST_VALUES: [(usize, &str, &str); 62] = [
     (2, "slash", "display pluto/1"),
     (2, "comma", "display pluto,1"),
     (2, "64-characters", "display pluto-pluto-pluto-pluto-pluto-pluto-pluto-pluto-pluto-pluto-1234"),
-    (3, "leading-zero", "wavelength_pm 0515000"),
-    (3, "plus", "wavelength_pm +515000"),
-    (3, "fraction", "wavelength_pm 515000.0"),
-    (3, "too-large", "wavelength_pm 9223372036854775808"),
-    (3, "too-small", "wavelength_pm -9223372036854775809"),
-    (4, "minus-zero", "distance_nm -0"),
-    (4, "minus", "distance_nm -"),
-    (4, "leading-zero", "distance_nm -0150000000"),
-    (4, "empty", "distance_nm "),
-    (5, "leading-zero", "generation 07"),
-    (5, "minus", "generation -7"),
-    (5, "too-large", "generation 18446744073709551616"),
-    (5, "far-too-large", "generation 99999999999999999999999"),
-    (5, "space-at-end", "generation 7 "),
-    (6, "leading-zero", "version 012"),
-    (6, "too-large", "version 4294967296"),
-    (7, "empty", "form "),
-    (7, "space", "form com pact"),
-    (8, "upper-case", "digest sha256-0123456789ABCDEF0123456789abcdef0123456789abcdef0123456789abcdef"),
-    (8, "no-digit", "digest sha256-0123456789abcdeg0123456789abcdef0123456789abcdef0123456789abcdef"),
-    (8, "too-short", "digest sha256-0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcde"),
-    (8, "too-long", "digest sha256-0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcdef0"),
-    (8, "another-hash", "digest sha512-0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcdef"),
-    (8, "no-hash", "digest 0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcdef"),
-    (9, "too-large", "size_bytes 18446744073709551616"),
-    (9, "leading-zero", "size_bytes 0200"),
-    (10, "too-large", "width_px 4294967296"),
-    (10, "hexadecimal", "width_px 0x780"),
-    (11, "leading-zero", "height_px 01080"),
-    (12, "minus", "pixel_pitch_pm -8000000"),
-    (14, "upper-case", "interpolated No"),
-    (14, "number", "interpolated 0"),
-    (14, "space-at-end", "interpolated no "),
-    (15, "no-leap-year", "issued 2026-02-29T00:00:00Z"),
-    (15, "century", "issued 2100-02-29T00:00:00Z"),
-    (15, "month-0", "issued 2026-00-01T00:00:00Z"),
-    (15, "minute-60", "issued 2026-11-23T18:60:00Z"),
-    (15, "month-13", "issued 2026-13-01T00:00:00Z"),
-    (15, "day-0", "issued 2026-11-00T00:00:00Z"),
-    (15, "hour-24", "issued 2026-11-23T24:00:00Z"),
-    (15, "leap-second", "issued 2026-11-23T23:59:60Z"),
-    (15, "before-1970", "issued 1969-12-31T23:59:59Z"),
-    (15, "lower-case", "issued 2026-11-23t18:00:00z"),
-    (16, "space-for-t", "expires 2026-11-30 18:00:00Z"),
-    (16, "no-zone", "expires 2026-11-30T18:00:00"),
-    (16, "offset", "expires 2026-11-30T18:00:00+00:00"),
-    (16, "year-10000", "expires 10000-01-01T00:00:00Z"),
-    (16, "31st-of-november", "expires 2026-11-31T18:00:00Z"),
-    (17, "15-digits", "key 0123456789abcde"),
-    (17, "17-digits", "key 0123456789abcdef0"),
-    (17, "upper-case", "key 0123456789ABCDEF"),
-    (17, "no-digits", "key not hexadecimal!"),
+    (3, "63-digits", "optics 0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcde"),
+    (3, "65-digits", "optics 0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcdef0"),
+    (3, "upper-case", "optics 0123456789ABCDEF0123456789abcdef0123456789abcdef0123456789abcdef"),
+    (3, "as-a-digest", "optics sha256-0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcdef"),
+    (4, "leading-zero", "wavelength_pm 0515000"),
+    (4, "plus", "wavelength_pm +515000"),
+    (4, "fraction", "wavelength_pm 515000.0"),
+    (4, "too-large", "wavelength_pm 9223372036854775808"),
+    (4, "too-small", "wavelength_pm -9223372036854775809"),
+    (4, "minus-zero", "wavelength_pm -0"),
+    (4, "minus", "wavelength_pm -"),
+    (4, "empty", "wavelength_pm "),
+    (5, "empty", "place "),
+    (5, "no-kind", "place  150000000"),
+    (5, "only-a-kind", "place distance_nm"),
+    (5, "nothing-after-the-kind", "place distance_nm "),
+    (5, "kind-with-a-slash", "place distance/nm 150000000"),
+    (5, "kind-of-64", "place kind-kind-kind-kind-kind-kind-kind-kind-kind-kind-kind-kind-1234 1"),
+    (6, "leading-zero", "generation 07"),
+    (6, "minus", "generation -7"),
+    (6, "too-large", "generation 18446744073709551616"),
+    (6, "far-too-large", "generation 99999999999999999999999"),
+    (6, "space-at-end", "generation 7 "),
+    (7, "leading-zero", "version 012"),
+    (7, "too-large", "version 4294967296"),
+    (8, "empty", "format "),
+    (8, "space", "format com pact"),
+    (9, "upper-case", "digest sha256-0123456789ABCDEF0123456789abcdef0123456789abcdef0123456789abcdef"),
+    (9, "no-digit", "digest sha256-0123456789abcdeg0123456789abcdef0123456789abcdef0123456789abcdef"),
+    (9, "too-short", "digest sha256-0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcde"),
+    (9, "too-long", "digest sha256-0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcdef0"),
+    (9, "another-hash", "digest sha512-0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcdef"),
+    (9, "no-hash", "digest 0123456789abcdef0123456789abcdef0123456789abcdef0123456789abcdef"),
+    (10, "too-large", "size_bytes 18446744073709551616"),
+    (10, "leading-zero", "size_bytes 0200"),
+    (11, "too-large", "width_px 4294967296"),
+    (11, "hexadecimal", "width_px 0x780"),
+    (12, "leading-zero", "height_px 01080"),
+    (13, "minus", "pixel_pitch_pm -8000000"),
+    (15, "upper-case", "interpolated No"),
+    (15, "number", "interpolated 0"),
+    (15, "space-at-end", "interpolated no "),
+    (16, "no-leap-year", "issued 2026-02-29T00:00:00Z"),
+    (16, "century", "issued 2100-02-29T00:00:00Z"),
+    (16, "month-0", "issued 2026-00-01T00:00:00Z"),
+    (16, "minute-60", "issued 2026-11-23T18:60:00Z"),
+    (16, "month-13", "issued 2026-13-01T00:00:00Z"),
+    (16, "day-0", "issued 2026-11-00T00:00:00Z"),
+    (16, "hour-24", "issued 2026-11-23T24:00:00Z"),
+    (16, "leap-second", "issued 2026-11-23T23:59:60Z"),
+    (16, "before-1970", "issued 1969-12-31T23:59:59Z"),
+    (16, "lower-case", "issued 2026-11-23t18:00:00z"),
+    (17, "space-for-t", "expires 2026-11-30 18:00:00Z"),
+    (17, "no-zone", "expires 2026-11-30T18:00:00"),
+    (17, "offset", "expires 2026-11-30T18:00:00+00:00"),
+    (17, "year-10000", "expires 10000-01-01T00:00:00Z"),
+    (17, "31st-of-november", "expires 2026-11-31T18:00:00Z"),
+    (18, "15-digits", "key 0123456789abcde"),
+    (18, "17-digits", "key 0123456789abcdef0"),
+    (18, "upper-case", "key 0123456789ABCDEF"),
+    (18, "no-digits", "key not hexadecimal!"),
 ];
 
 /// The manifest with a new, right signature, if a line for it is there.
@@ -85,6 +92,17 @@ pub(crate) fn signed_again(bytes: &[u8], seed: u8) -> Vec<u8> {
     let (body, rest) = bytes.split_at(at + 1);
     let end = rest.iter().position(|&byte| byte == b'\n').unwrap_or(rest.len());
     [body, format!("signature {}", key(seed).sign(body)).as_bytes(), &rest[end..]].concat()
+}
+
+/// The manifest with the digest of its present optics, if these lines are in their places.
+pub(crate) fn digested_again(bytes: &[u8]) -> Vec<u8> {
+    let mut lines: Vec<&[u8]> = bytes.split_inclusive(|&byte| byte == b'\n').collect();
+    if lines.len() < 5 || !lines[2].starts_with(b"optics ") {
+        return bytes.to_vec();
+    }
+    let digest = digest(&lines[3..5].concat()).replacen("sha256-", "optics ", 1) + "\n";
+    lines[2] = digest.as_bytes();
+    lines.concat()
 }
 
 /// The keyring with new, right signatures in all their lines.
@@ -161,6 +179,24 @@ fn position(text: &str, name: &str) -> usize {
     text.lines().position(|line| line.starts_with(name)).unwrap() + 1
 }
 
+/// Manifests of other versions of the format, and some whose digest is not that of their optics.
+fn versions_and_optics(good: &str) -> Vec<(&'static str, String, &'static str, usize)> {
+    let version = |text: &str| good.replacen("lightpath manifest 2", text, 1);
+    let line = |of: &Optics| format!("optics {}", of.digest());
+    let far = Optics::at_distance(515_000, 151_000_000);
+    let long = Optics { place: format!("distance_nm {}", "1".repeat(129)), ..optics() };
+    vec![
+        ("01-version-1", version("lightpath manifest 1"), VERSION, 1),
+        ("01-next-version", version("lightpath manifest 3"), VERSION, 1),
+        ("01-leading-zero", version("lightpath manifest 02"), VERSION, 1),
+        ("01-no-version", version("lightpath manifest "), VERSION, 1),
+        ("05-digest-of-another-place", good.replace(&line(&optics()), &line(&far)), VALUE, 5),
+        ("05-place-of-another-digest", good.replace("nm 150000000", "nm 151000000"), VALUE, 5),
+        ("05-wavelength-of-another-digest", good.replace("pm 515000", "pm 515001"), VALUE, 5),
+        ("05-129-characters", Manifest { optics: long, ..manifest() }.signed(&key(SIGNER)), VALUE, 5),
+    ]
+}
+
 pub(crate) fn manifests(set: &mut Set) {
     let good = manifest().signed(&key(SIGNER));
     let lines = lines_of(good.as_bytes());
@@ -176,6 +212,9 @@ pub(crate) fn manifests(set: &mut Set) {
         lines[number - 1] = format!("{line}\n");
         add(&format!("{number:02}-{name}"), lines.concat().as_bytes(), VALUE, number);
     }
+    for (name, text, verdict, line) in versions_and_optics(&good) {
+        add(name, text.as_bytes(), verdict, line);
+    }
     for (name, text, verdict, line) in texts(&good, lines.len()) {
         add(name, &text, verdict, line);
     }
@@ -183,7 +222,7 @@ pub(crate) fn manifests(set: &mut Set) {
     let question = || of_manifest(&known(), NOW, &wanted());
     set.add("first.keyring", keyring, question(), OTHER, 1);
     // Not signed again: the signature's own form is wrong.
-    let signature = lines[17].trim_end();
+    let signature = lines[18].trim_end();
     for (name, line) in [
         ("127-digits", signature[..signature.len() - 1].to_owned()),
         ("129-digits", signature.to_owned() + "0"),
@@ -192,7 +231,7 @@ pub(crate) fn manifests(set: &mut Set) {
         ("with-its-key", signature.replace("signature", &format!("signature {}", public(SIGNER)))),
     ] {
         let text = good.replace(signature, &line).into_bytes();
-        set.add(&format!("malformed/manifest-18-{name}"), text, question(), VALUE, 18);
+        set.add(&format!("malformed/manifest-19-{name}"), text, question(), VALUE, 19);
     }
 }
 
@@ -208,7 +247,6 @@ fn keyring_values(good: &str) -> Vec<(&'static str, String, usize)> {
     };
     let (root, signer) = (public(ROOT).to_string(), public(SIGNER).to_string());
     vec![
-        replaced("next-version", "lightpath", " 1", " 2"),
         replaced("version-leading-zero", "version", " 3", " 03"),
         replaced("version-too-large", "version", " 3", " 4294967296"),
         replaced("version-minus", "version", " 3", " -3"),
@@ -253,6 +291,7 @@ pub(crate) fn keyrings(set: &mut Set) {
     add("key-after-revoked", with_line(&revoked, &lines[5]).as_bytes(), OTHER, 12);
     add("no-signature", lines[..11].concat().as_bytes(), OTHER, 12);
     add("line-between-signatures", (good.clone() + &root + &lines[11]).as_bytes(), TOO_LONG, 13);
+    add("next-version", good.replacen(" 1\n", " 2\n", 1).as_bytes(), VERSION, 1);
     for (name, text, line) in keyring_values(&good) {
         add(name, text.as_bytes(), VALUE, line);
     }

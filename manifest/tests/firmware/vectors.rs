@@ -3,10 +3,10 @@
 use crate::cases::{Case, Clock, Known, Question, Verdict};
 use crate::documents::{
     EARLY, GONE, LATE, NEW_ROOT, NOW, REVOKED, ROOT, SIGNER, STRANGER, body, digest, extreme_manifest, key, keyring,
-    listed, manifest, manifest_of, pinned_roots, public, signed_keyring, time, unix_s, wanted_of,
+    listed, manifest, manifest_of, new_optics, pinned_roots, public, signed_keyring, time, unix_s, wanted_of,
 };
 use crate::malformed;
-use lightpath_manifest::{DOCUMENT_BYTES_MAX, Keyring, ListedKey, Manifest, Wanted};
+use lightpath_manifest::{DOCUMENT_BYTES_MAX, Keyring, ListedKey, Manifest, Optics, Wanted};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -15,7 +15,7 @@ const CASES_HEAD: &str = "\
 # What a device must say about each document. Times are seconds since 1970; with a + it is that time or later, and none:
 # the device has no clock, which is 0+.
 # keyring FILE KNOWN NOW VERDICT LINE          KNOWN: the device's keyring, or pinned: it has only roots.txt
-# manifest FILE KNOWN NOW DISPLAY WAVELENGTH DISTANCE FORM GENERATION VERDICT LINE
+# manifest FILE KNOWN NOW DISPLAY OPTICS FORMAT GENERATION VERDICT LINE
 # body FILE SIZE DIGEST VERDICT
 ";
 const SIGNATURES_HEAD: &str = "\
@@ -355,9 +355,10 @@ fn other_manifests(set: &mut Set) {
         (Wanted { display: "pluto2".to_owned(), ..wanted() }, "other_display"),
         (Wanted { display: "plut".to_owned(), ..wanted() }, "other_display"),
         (Wanted { display: "Pluto".to_owned(), ..wanted() }, "other_display"),
-        (Wanted { wavelength_pm: 515_001, ..wanted() }, "other_wavelength"),
-        (Wanted { distance_nm: -150_000_000, ..wanted() }, "other_distance"),
-        (Wanted { form: "f16".to_owned(), ..wanted() }, "other_form"),
+        (Wanted { optics: Optics::at_distance(515_001, 150_000_000), ..wanted() }, "other_optics"),
+        (Wanted { optics: Optics::at_distance(515_000, -150_000_000), ..wanted() }, "other_optics"),
+        (Wanted { optics: new_optics(), ..wanted() }, "other_optics"),
+        (Wanted { format: "f16".to_owned(), ..wanted() }, "other_format"),
     ] {
         set.add("good.manifest", good.clone(), of_manifest(&known, NOW, &other), verdict, 0);
     }
@@ -366,6 +367,8 @@ fn other_manifests(set: &mut Set) {
         set.add(file, document, of_manifest(&known, NOW, &wanted_of(manifest)), verdict, 0);
     };
     add("extreme.manifest", &extreme_manifest(), "trusted");
+    // A device trusts places of kinds that it does not know.
+    add("another-kind-of-place.manifest", &Manifest { optics: new_optics(), ..manifest() }, "trusted");
     add("interpolated.manifest", &Manifest { interpolated: true, ..manifest() }, "trusted");
     add("largest.manifest", &manifest_of(DOCUMENT_BYTES_MAX), "trusted");
     add("too-large.manifest", &manifest_of(DOCUMENT_BYTES_MAX + 1), "document_too_large");

@@ -113,11 +113,11 @@ impl Field {
         self.text(value, bytes_max)
     }
 
-    /// Checks the name of a kernel's form.
-    pub fn form(&self, name: &str) -> Result<KernelFormat> {
+    /// Checks the name of a format of kernels' files.
+    pub fn kernel_format(&self, name: &str) -> Result<KernelFormat> {
         KernelFormat::parse(name).ok_or_else(|| {
-            let forms: Vec<&str> = KernelFormat::ALL.iter().map(|form| form.as_str()).collect();
-            self.but(format!("is {:?}", shortened(name)), format!("must be one of {}", forms.join(", ")))
+            let formats: Vec<&str> = KernelFormat::ALL.iter().map(|format| format.as_str()).collect();
+            self.but(format!("is {:?}", shortened(name)), format!("must be one of {}", formats.join(", ")))
         })
     }
 

@@ -37,6 +37,7 @@ int main(void)
     const int64_t now = *(volatile int64_t *)(ram + 2816);
     const uint8_t *bytes = (const uint8_t *)flash;
     lightpath_keyring_pin(known, (const uint8_t(*)[32])bytes, (size_t)now);
+    lightpath_optics_digest((uint8_t *)(ram + 2752), now, now, &crypto);
     lightpath_verdict verdict = lightpath_keyring_renew(next, known, bytes, (size_t)now, now, &crypto);
     verdict |= lightpath_manifest_check(manifest, next, bytes, (size_t)now, wanted, now, &crypto);
     lightpath_body_begin(body, manifest, &crypto, (void *)(ram + 3584));

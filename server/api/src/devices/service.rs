@@ -96,6 +96,6 @@ fn installed_file(version: u32, form: &str, digest: &str) -> Result<Option<Insta
     if version == 0 {
         return Ok(None);
     }
-    let form = Field::new("format").form(form)?;
+    let form = Field::new("format").kernel_format(form)?;
     Ok(Some(InstalledFile { version, form, digest: Field::new("digest").digest(digest)? }))
 }

@@ -39,7 +39,7 @@ const TEXT: &str = "text/plain; charset=us-ascii";
 pub(super) struct ManifestQuery {
     /// Form of the file, such as `compact`.
     #[serde(default)]
-    form: String,
+    format: String,
     /// Time to wait for a change \[s\].
     #[serde(default)]
     wait_s: u64,
@@ -63,7 +63,7 @@ pub(super) struct FilePath {
     display: String,
     kernel: String,
     version: u32,
-    form: String,
+    format: String,
     digest: String,
 }
 
@@ -85,12 +85,12 @@ pub(super) async fn get_manifest(
     query: Result<Query<ManifestQuery>, QueryRejection>,
     headers: HeaderMap,
 ) -> Result<Response, Refusal> {
-    let Query(ManifestQuery { form, wait_s, device }) = checked(query)?;
+    let Query(ManifestQuery { format, wait_s, device }) = checked(query)?;
     let key = names::kernel_key(&call, &Field::new("kernel"), &format!("displays/{display}/kernels/{kernel}"))?;
-    let form = form_or_whole(&Field::new("form"), &form)?;
+    let format = format_or_whole(&Field::new("format"), &format)?;
     let wait_s = Field::new("wait_s").integer(wait_s, 0..=WAIT_S_MAX)?;
     let device = permissions::device_of(&call, &device)?;
-    let asked = Asked { key, form, device };
+    let asked = Asked { key, format, device };
     let issued = if wait_s > 0 {
         changed_manifest(&api, &call, &asked, &headers, Duration::from_secs(wait_s)).await?
     } else {
@@ -102,13 +102,13 @@ pub(super) async fn get_manifest(
 /// What manifest a device asks for.
 struct Asked {
     key: KernelKey,
-    form: KernelFormat,
+    format: KernelFormat,
     device: Option<String>,
 }
 
 impl Asked {
     async fn manifest(&self, api: &Api, call: &Call) -> Result<Arc<Issued>> {
-        api.service.manifests.manifest(call, &self.key, self.form, self.device.as_deref()).await
+        api.service.manifests.manifest(call, &self.key, self.format, self.device.as_deref()).await
     }
 }
 
@@ -148,7 +148,7 @@ async fn changed_manifest(
     }
 }
 
-/// Handles `GET /v1/displays/{display}/kernels/{kernel}/versions/{version}/{form}/{digest}`.
+/// Handles `GET /v1/displays/{display}/kernels/{kernel}/versions/{version}/{format}/{digest}`.
 pub(super) async fn get_file(
     State(api): State<Api>,
     Extension(call): Extension<Call>,
@@ -157,11 +157,11 @@ pub(super) async fn get_file(
 ) -> Result<Response, Refusal> {
     let name = format!("displays/{}/kernels/{}", path.display, path.kernel);
     let key = names::kernel_key(&call, &Field::new("kernel"), &name)?;
-    let form = Field::new("form").form(&path.form)?;
+    let format = Field::new("format").kernel_format(&path.format)?;
     let version = api.store().kernel_version(&key, path.version).await.map_err(ServiceError::from)?;
     let etag = format!("\"{}\"", path.digest);
     let open = api.streams.open(StreamKind::Download, &call.client)?;
-    let whole = file_of(&api, &call, version, form, &path.digest).await?;
+    let whole = file_of(&api, &call, version, format, &path.digest).await?;
     let file = ServedFile { etag, size_bytes: whole.size_bytes, content_type: OCTETS, cache: IMMUTABLE };
     let kernels = &api.service.kernels;
     file.answer(&headers, open, async |range| for_device(kernels.reader(&call, &whole, range)).await).await
@@ -179,29 +179,29 @@ pub(super) async fn get_version_file(
     let Query(FileQuery { format }) = checked(query)?;
     let name = format!("displays/{display}/kernels/{kernel}/versions/{version}");
     let (key, number) = names::kernel_version(&call, &Field::new("version"), &name)?;
-    let form = form_or_whole(&Field::new("format"), &format)?;
+    let format = format_or_whole(&Field::new("format"), &format)?;
     let version = api.store().kernel_version(&key, number).await.map_err(ServiceError::from)?;
     let open = api.streams.open(StreamKind::Download, &call.client)?;
-    let whole = for_device(api.service.kernels.file(&call, version, form)).await?;
+    let whole = for_device(api.service.kernels.file(&call, version, format)).await?;
     let etag = format!("\"{}\"", whole.digest);
     let file = ServedFile { etag, size_bytes: whole.size_bytes, content_type: OCTETS, cache: ASKED_AGAIN };
     let kernels = &api.service.kernels;
     file.answer(&headers, open, async |range| for_device(kernels.reader(&call, &whole, range)).await).await
 }
 
-/// The file of a version in a form. Refuses a digest of anything else.
+/// The file of a version in a format. Refuses a digest of anything else.
 async fn file_of(
     api: &Api,
     call: &Call,
     version: KernelVersion,
-    form: KernelFormat,
+    format: KernelFormat,
     digest: &str,
 ) -> Result<VersionFile, Refusal> {
     let name = format!("{}/versions/{}", version.key, version.version);
-    let file = for_device(api.service.kernels.file(call, version, form)).await?;
+    let file = for_device(api.service.kernels.file(call, version, format)).await?;
     if file.digest != digest {
-        let form = form.as_str();
-        let message = format!("{name} in the form {form} has the digest {}; read the manifest again", file.digest);
+        let format = format.as_str();
+        let message = format!("{name} in the format {format} has the digest {}; read the manifest again", file.digest);
         let (http, fix) = (StatusCode::NOT_FOUND, "read the manifest again");
         return Err(Refusal::new(http, Code::NotFound, "OTHER_DIGEST", message, fix));
     }
@@ -216,7 +216,7 @@ fn document(api: &Api, headers: &HeaderMap, text: String) -> Response {
     (poll_after, answer).into_response()
 }
 
-/// The form with this name; of an empty name that with the whole model.
-fn form_or_whole(field: &Field, name: &str) -> Result<KernelFormat> {
-    if name.is_empty() { Ok(KernelFormat::Safetensors) } else { field.form(name) }
+/// The format with this name; of an empty name that with the whole model.
+fn format_or_whole(field: &Field, name: &str) -> Result<KernelFormat> {
+    if name.is_empty() { Ok(KernelFormat::Safetensors) } else { field.kernel_format(name) }
 }

@@ -80,7 +80,7 @@ fn routes() -> [(&'static str, MethodRouter<Api>); 15] {
         ("/openapi.json", get(get_openapi)),
         ("/v1/keyring", get(kernel_files::get_keyring)),
         ("/v1/displays/{display}/kernels/{kernel}/manifest", get(kernel_files::get_manifest)),
-        ("/v1/displays/{display}/kernels/{kernel}/versions/{version}/{form}/{digest}", get(kernel_files::get_file)),
+        ("/v1/displays/{display}/kernels/{kernel}/versions/{version}/{format}/{digest}", get(kernel_files::get_file)),
         ("/v1/displays/{display}/kernels/{kernel}/versions/{version}/file", get(kernel_files::get_version_file)),
         ("/", get(page::get_index)),
         ("/page/{*file}", get(page::get_file)),

@@ -92,7 +92,7 @@ fn display_gate(display: &str, (gate, history): (PromotionGate, Vec<GateChange>)
 fn gate_from_wire(field: &Field, gate: v1::PromotionGate) -> Result<PromotionGate> {
     let percent = gate.better_than_active_percent;
     let percent = percent.map(|percent| field.at("better_than_active_percent").number(percent, 0.0..=100.0));
-    let forms = gate.formats.iter().map(|name| field.at("formats").form(name));
+    let forms = gate.formats.iter().map(|name| field.at("formats").kernel_format(name));
     Ok(PromotionGate {
         better_than_active_percent: percent.transpose()?,
         worse_than_ideal_allowed: gate.worse_than_ideal_allowed,

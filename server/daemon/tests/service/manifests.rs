@@ -3,7 +3,7 @@
 use crate::kernels::{KERNEL, import, kernel};
 use crate::serving::{Serving, expect};
 use lightpath_artifacts::digest_of;
-use lightpath_manifest::{Manifest, SignedManifest, Time, Trust, Wanted};
+use lightpath_manifest::{Manifest, Optics, SignedManifest, Time, Trust, Wanted};
 use lightpath_proto::v1;
 use lightpath_proto::v1::fetch_kernel_response::Part;
 use lightpath_proto::v1::kernel_service_client::KernelServiceClient;
@@ -109,9 +109,9 @@ fn now() -> Time {
     Time::from_unix_s(since.as_secs() as i64).unwrap()
 }
 
-fn wanted(form: &str, generation: u64) -> Wanted {
-    let (display, form) = ("lab".to_owned(), form.to_owned());
-    Wanted { display, wavelength_pm: 515_000, distance_nm: 50_000_000, form, generation }
+fn wanted(format: &str, generation: u64) -> Wanted {
+    let (display, format) = ("lab".to_owned(), format.to_owned());
+    Wanted { display, optics: Optics::at_distance(515_000, 50_000_000), format, generation }
 }
 
 pub(crate) async fn store_of(serving: &Serving) -> Store {
@@ -127,31 +127,31 @@ async fn trust(serving: &Serving) -> Trust {
     Trust::Keyring(roots.renew(&keyring.body, now()).unwrap())
 }
 
-async fn manifest(serving: &Serving, form: &str) -> (Answer, Manifest) {
-    let answer = curl(serving, &path(&format!("/manifest?form={form}")), &[]).await;
+async fn manifest(serving: &Serving, format: &str) -> (Answer, Manifest) {
+    let answer = curl(serving, &path(&format!("/manifest?format={format}")), &[]).await;
     assert_eq!(answer.status, 200, "{answer:?}");
     let said = SignedManifest::parse(&answer.body).unwrap().unchecked().clone();
     (answer, said)
 }
 
 fn file_path(manifest: &Manifest) -> String {
-    path(&format!("/versions/{}/{}/{}", manifest.version, manifest.form, manifest.digest))
+    path(&format!("/versions/{}/{}/{}", manifest.version, manifest.format, manifest.digest))
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn curl_gets_a_manifest_then_304_and_a_file_that_continues_after_a_cut() {
     let serving = serving().await;
     let trust = trust(&serving).await;
-    for form in ["safetensors", "compact", "f16"] {
-        let (answer, said) = manifest(&serving, form).await;
-        assert_eq!(trust.manifest(&answer.body, &wanted(form, 1), now()).unwrap(), said);
-        assert_eq!((said.version, said.generation, said.optics.as_str()), (1, 1, "first"));
+    for format in ["safetensors", "compact", "f16"] {
+        let (answer, said) = manifest(&serving, format).await;
+        assert_eq!(trust.manifest(&answer.body, &wanted(format, 1), now()).unwrap(), said);
+        assert_eq!((said.version, said.generation, said.orders.as_str()), (1, 1, "first"));
         let etag = answer.field("etag").unwrap();
         assert!(!etag.starts_with("W/"), "{etag}");
         let poll_after_s: u32 = answer.field("lightpath-poll-after-s").unwrap().parse().unwrap();
         assert!((45..=75).contains(&poll_after_s));
         let condition = format!("if-none-match: {etag}");
-        let same = curl(&serving, &path(&format!("/manifest?form={form}")), &["--header", &condition]).await;
+        let same = curl(&serving, &path(&format!("/manifest?format={format}")), &["--header", &condition]).await;
         assert_eq!((same.status, same.body.len()), (304, 0), "{same:?}");
 
         let file = curl(&serving, &file_path(&said), &[]).await;
@@ -178,7 +178,7 @@ async fn curl_gets_a_manifest_then_304_and_a_file_that_continues_after_a_cut() {
     let refused = curl(&serving, &other, &[]).await;
     assert_eq!(refused.status, 404);
     assert!(refused.text().contains("read the manifest again"), "{}", refused.text());
-    let refused = curl(&serving, &path("/manifest?form=round"), &[]).await;
+    let refused = curl(&serving, &path("/manifest?format=round"), &[]).await;
     assert!(refused.status == 400 && refused.text().contains("one of safetensors, compact"), "{}", refused.text());
     // After a restart a cut download continues, although the server made the file anew.
     let (before, said) = manifest(&serving, "f16").await;
@@ -227,9 +227,9 @@ async fn request_for_a_manifest_waits_for_a_promotion() {
     let (answer, _) = manifest(&serving, "compact").await;
     let condition = format!("if-none-match: {}", answer.field("etag").unwrap());
     let begin = std::time::Instant::now();
-    let same = curl(&serving, &path("/manifest?form=compact&wait_s=1"), &["--header", &condition]).await;
+    let same = curl(&serving, &path("/manifest?format=compact&wait_s=1"), &["--header", &condition]).await;
     assert!(same.status == 304 && begin.elapsed() >= Duration::from_secs(1));
-    let waiting = path("/manifest?form=compact&wait_s=50");
+    let waiting = path("/manifest?format=compact&wait_s=50");
     let arguments = ["--header", &condition];
     let (changed, ()) = tokio::join!(curl(&serving, &waiting, &arguments), async {
         // The answer is right in any order; usually the request waits by now.

@@ -208,7 +208,7 @@ async fn report_of(serving: &Serving, device: &str, version: u32) -> v1::ReportD
 
 /// The version for a device, by its manifest.
 async fn version_for(serving: &Serving, device: &str) -> (u32, u64) {
-    let answer = curl(serving, &format!("/v1/{KERNEL}/manifest?form=compact&device={device}"), &[]).await;
+    let answer = curl(serving, &format!("/v1/{KERNEL}/manifest?format=compact&device={device}"), &[]).await;
     assert_eq!(answer.status, 200, "{answer:?}");
     let said = SignedManifest::parse(&answer.body).unwrap().unchecked().clone();
     (said.version, said.generation)

@@ -45,7 +45,7 @@ impl ManifestRules {
     }
 }
 
-/// Kernel, version and form of a manifest.
+/// Kernel, version and format of a manifest.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) struct IssuedKey {
     pub(super) kernel: KernelKey,

@@ -15,7 +15,7 @@ pub use issued::{Issued, ManifestRules};
 use issued::{IssuedKey, Kept};
 use lightpath_domain::kernel::{KernelKey, KernelMoment, KernelVersion};
 use lightpath_domain::reason::PreconditionReason;
-use lightpath_manifest::{Manifest, Time};
+use lightpath_manifest::{Manifest, Optics, Time};
 use lightpath_media::kernel_formats::KernelFormat;
 use lightpath_optics::{FilterShape, OrderFilter, Orders};
 use lightpath_store::{Store, StoredKeyring};
@@ -45,7 +45,7 @@ impl Manifests {
         self.store.keyring().await?.ok_or_else(signer::no_key)
     }
 
-    /// The manifest of a kernel's version for a device, in a form.
+    /// The manifest of a kernel's version for a device, in a format.
     pub async fn manifest(
         &self,
         call: &Call,
@@ -88,17 +88,16 @@ impl Manifests {
         };
         Ok(Manifest {
             display: version.key.display.clone(),
-            wavelength_pm: version.key.wavelength.pm,
-            distance_nm: version.key.distance.nm,
+            optics: Optics::at_distance(version.key.wavelength.pm, version.key.distance.nm),
             generation: moment.generation,
             version: version.version,
-            form: format.as_str().to_owned(),
+            format: format.as_str().to_owned(),
             digest: file.digest,
             size_bytes: file.size_bytes,
             width_px: display.width_px,
             height_px: display.height_px,
             pixel_pitch_pm: (display.pixel_pitch_m * 1e12).round() as u64,
-            optics: optics(display.orders),
+            orders: orders(display.orders),
             interpolated: version.content.lineage.interpolated,
             issued: Time::from_unix_s(issued_s).ok_or_else(clock)?,
             expires: Time::from_unix_s(expires_s).ok_or_else(clock)?,
@@ -107,7 +106,7 @@ impl Manifests {
 }
 
 /// The diffraction orders of a display, as manifests write them.
-fn optics(orders: Orders) -> String {
+fn orders(orders: Orders) -> String {
     match orders {
         Orders::First => "first".to_owned(),
         Orders::Filtered(OrderFilter { shape, width, height, centre_x, centre_y }) => {
