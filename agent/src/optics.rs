@@ -18,8 +18,10 @@ fn whole(length: Length, text: &str, per_metre: f64, allowed: std::ops::RangeInc
     let metres = length.parse_m(text).map_err(|error| error.to_string())?;
     // Beyond its range the number would become another one without a word. The server checks the physical limits.
     let scaled = (metres * per_metre).round();
-    let is_exact = scaled.abs() < 9e15;
-    let number = if is_exact { scaled as i64 } else { return Err("is too large".to_owned()) };
+    if scaled.abs() > 9e15 {
+        return Err("is too large".to_owned());
+    }
+    let number = scaled as i64;
     if allowed.contains(&number) { Ok(number) } else { Err(format!("must be above 0, but is {text}")) }
 }
 
