@@ -114,7 +114,7 @@ impl Problem {
     }
 
     /// Whether the server should hear of this: problems of the network and of access pass no report anyway. A request that
-    /// the server refuses for good, such as one for a form that the version lacks, stays a problem until somebody acts.
+    /// the server refuses for good, such as one for a format that the version lacks, stays a problem until somebody acts.
     pub(crate) fn is_for_report(&self) -> bool {
         match self {
             Self::Disk { .. }

@@ -122,3 +122,8 @@ pub(crate) fn is_word(text: &str) -> bool {
         && text.len() <= 63
         && text.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"._-".contains(&byte))
 }
+
+/// Whether a text is this many hexadecimal digits, in lower case.
+pub(crate) fn is_hex(text: &str, digits: usize) -> bool {
+    text.len() == digits && text.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'))
+}

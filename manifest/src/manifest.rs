@@ -1,6 +1,6 @@
 //! Which file holds the active version of a kernel.
 
-use crate::lines::{Reader, Writer, is_word};
+use crate::lines::{Reader, Writer, is_hex, is_word};
 use crate::{DocumentError, Optics, PublicKey, Signature, SigningKey, Time};
 
 const HEAD: &str = "lightpath manifest";
@@ -138,10 +138,6 @@ impl SignedManifest {
 fn digest(text: &str) -> Option<String> {
     let hex = text.strip_prefix("sha256-")?;
     is_hex(hex, 64).then(|| text.to_owned())
-}
-
-pub(crate) fn is_hex(text: &str, digits: usize) -> bool {
-    text.len() == digits && text.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'))
 }
 
 #[cfg(test)]

@@ -10,7 +10,7 @@
 //! of kinds that came after it.
 
 use crate::DocumentError;
-use crate::lines::{Reader, Writer, is_word};
+use crate::lines::{Reader, Writer, is_hex, is_word};
 use sha2::{Digest as _, Sha256};
 use std::fmt::{self, Write as _};
 
@@ -68,7 +68,7 @@ impl Optics {
         const PLACE: &str = "a kind, a space and 1 to 128 characters";
         const BOTH: &str = "the place of which, with the wavelength, the line optics is the SHA-256";
         let hex = reader.text("optics")?;
-        if !crate::manifest::is_hex(hex, 64) {
+        if !is_hex(hex, 64) {
             return Err(reader.wrong_value("optics", "64 hexadecimal digits"));
         }
         let wavelength_pm = reader.number("wavelength_pm")?;

@@ -131,7 +131,10 @@ const ROUTES: &[(&str, Rule)] = &[
     ("/openapi.json", rule(KERNEL_READERS, Effect::Reads)),
     ("/v1/keyring", rule(KERNEL_READERS, Effect::Reads)),
     ("/v1/displays/{display}/kernels/{kernel}/manifest", rule(KERNEL_READERS, Effect::Reads)),
-    ("/v1/displays/{display}/kernels/{kernel}/versions/{version}/{form}/{digest}", rule(KERNEL_READERS, Effect::Reads)),
+    (
+        "/v1/displays/{display}/kernels/{kernel}/versions/{version}/{format}/{digest}",
+        rule(KERNEL_READERS, Effect::Reads),
+    ),
     ("/v1/displays/{display}/kernels/{kernel}/versions/{version}/file", rule(KERNEL_READERS, Effect::Reads)),
     ("/grpc.health.v1.Health/Check", rule(Access::Everyone, Effect::Reads)),
     ("/grpc.health.v1.Health/Watch", rule(Access::Everyone, Effect::Reads)),
