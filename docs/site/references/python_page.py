@@ -35,6 +35,8 @@ Everything that `import lightpath` has, from the docstrings. [Lightpath for Pyth
 how to use it. `lightpath.aio` has the same classes, whose methods are coroutines. `lightpath.v1` has the messages of
 the [gRPC API](grpc/README.md).
 
+<!-- test: skip all: each example is of one method, on an object that its reader has -->
+
 """
 
 
