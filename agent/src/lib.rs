@@ -22,8 +22,8 @@
 //! - `arguments`, `settings`, `optics`, `clock`: what the agent is told. `status`: what it prints about a directory.
 //! - `agent`: the order of all steps. `slots`: the directory. `durable`: changes that survive a power cut. `state`: what
 //!   the agent remembers. `vouching`: which keyrings and manifests it accepts.
-//! - `http`, `tls`: calls of the server. `kernel_search`: which kernel of the server is meant. `download`: a file in pieces. `self_test`: the device's own test. `report`: what the
-//!   server is told. `schedule`: when. `problem`: what can go wrong. `log`: lines on stderr.
+//! - `http`, `tls`: calls of the server. `kernel_search`: which kernel of the server is meant. `download`: a file in
+//!   pieces. `self_test`: the device's own test. `report`: what the server is told. `schedule`: when. `problem`: what can go wrong. `log`: lines on stderr.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod agent;

@@ -32,8 +32,8 @@
 //!
 //! # Layout
 //!
-//! - `lines`: the form that both documents share. `manifest`, `keyring`: the documents. `optics`: wavelength and place. `keys`: Ed25519 keys and their
-//!   files. `trust`: what a device accepts.
+//! - `lines`: the form that both documents share. `manifest`, `keyring`: the documents. `optics`: wavelength and place.
+//!   `keys`: Ed25519 keys and their files. `trust`: what a device accepts.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod keyring;

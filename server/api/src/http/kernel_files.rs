@@ -37,7 +37,7 @@ const TEXT: &str = "text/plain; charset=us-ascii";
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct ManifestQuery {
-    /// Form of the file, such as `compact`.
+    /// Format of the file, such as `compact`.
     #[serde(default)]
     format: String,
     /// Time to wait for a change \[s\].
@@ -52,7 +52,7 @@ pub(super) struct ManifestQuery {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct FileQuery {
-    /// Form of the file, such as `compact`.
+    /// Format of the file, such as `compact`.
     #[serde(default)]
     format: String,
 }
