@@ -4,9 +4,10 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Every crate, with the crates of the workspace that it may depend on.
-pub(super) const CRATES: [(&str, &[&str]); 25] = [
-    ("optics", &[]),
-    ("optics/bench", &["optics"]),
+pub(super) const CRATES: [(&str, &[&str]); 26] = [
+    ("optics/fft", &[]),
+    ("optics", &["fft"]),
+    ("optics/bench", &["fft", "optics"]),
     ("optics/camera", &["optics"]),
     ("manifest", &[]),
     ("proto", &[]),

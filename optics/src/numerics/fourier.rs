@@ -11,7 +11,7 @@ use super::plane::Plane;
 use crate::interrupt;
 use num_complex::Complex64;
 use rayon::prelude::*;
-use rustfft::{FftDirection, FftPlanner};
+use lightpath_fft::{FftDirection, FftPlanner};
 use std::f64::consts::TAU;
 
 /// Direction of a Fourier transform.

@@ -3,11 +3,11 @@
 use bytemuck::Zeroable;
 use num_complex::Complex;
 use pulp::{Simd, bytemuck};
-use rustfft::{FftNum, num_traits::Float};
+use lightpath_fft::{Precision, num_traits::Float};
 
 /// Floating-point type of a computation: f32 or f64.
 #[allow(private_bounds)] // the operations on vector registers are private to this crate
-pub trait Number: FftNum + Float + Zeroable + Vectors {
+pub trait Number: Precision + Float + Zeroable + Vectors {
     /// Nearest number of this precision to `value`.
     fn of(value: f64) -> Self;
 

@@ -26,7 +26,7 @@ use crate::numerics::buffers::zeros;
 use crate::propagation_method::ConvolutionMethod;
 use num_complex::{Complex32, Complex64};
 use rayon::prelude::*;
-use rustfft::{Fft, FftPlanner};
+use lightpath_fft::{Fft, FftPlanner};
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
 use std::sync::Arc;

@@ -15,7 +15,7 @@
 use super::transfer_function::phasor;
 use crate::numerics::real::Number;
 use num_complex::{Complex, Complex64};
-use rustfft::{Fft, FftPlanner};
+use lightpath_fft::{Fft, FftPlanner};
 use std::{fmt, sync::Arc};
 
 /// The sign in the exponent of the sum.

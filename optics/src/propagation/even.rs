@@ -4,7 +4,7 @@ use crate::interrupt;
 use crate::numerics::buffers::zeros;
 use num_complex::Complex64;
 use rayon::prelude::*;
-use rustfft::FftPlanner;
+use lightpath_fft::FftPlanner;
 use std::f64::consts::{PI, TAU};
 
 /// Several even sequences, each with a period of `2·half`.

@@ -17,7 +17,7 @@ use crate::display::{ImageWindow, OpticalSetup};
 use crate::numerics::Plane;
 use crate::numerics::real::Number;
 use num_complex::{Complex, Complex64};
-use rustfft::{Fft, FftPlanner};
+use lightpath_fft::{Fft, FftPlanner};
 use std::{fmt, sync::Arc};
 
 /// The window on which the far field of a setup is sampled. It has as many pixels as the display, λz/(NΔ) apart.

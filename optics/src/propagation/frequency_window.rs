@@ -20,7 +20,7 @@ use crate::numerics::real::Number;
 use crate::propagation_method::{PropagationMethod, RefusalCode};
 use num_complex::{Complex, Complex64};
 use rayon::prelude::*;
-use rustfft::FftPlanner;
+use lightpath_fft::FftPlanner;
 
 /// The frequencies f_k = k·`spacing_per_m` along one axis, k = `first` … `first` + `count` − 1.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -12,7 +12,7 @@
 
 use super::transfer_function::phasor;
 use num_complex::Complex64;
-use rustfft::FftPlanner;
+use lightpath_fft::FftPlanner;
 use std::f64::consts::{FRAC_PI_4, TAU};
 
 /// Paraxial impulse response h(x, y) \[1/m²\] of free space, without the piston.

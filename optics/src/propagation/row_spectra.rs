@@ -20,7 +20,7 @@ use crate::numerics::real::Number;
 use crate::propagation_method::ConvolutionMethod;
 use num_complex::{Complex, Complex32, Complex64};
 use rayon::prelude::*;
-use rustfft::FftPlanner;
+use lightpath_fft::FftPlanner;
 use std::ops::Range;
 
 /// Whether the sub-samples of a setup have transfer functions of their own.

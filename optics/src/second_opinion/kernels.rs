@@ -28,7 +28,7 @@ use crate::numerics::grid::frequency;
 use crate::numerics::{Plane, SmoothField};
 use num_complex::Complex64;
 use rayon::prelude::*;
-use rustfft::FftPlanner;
+use lightpath_fft::FftPlanner;
 use std::f64::consts::PI;
 
 /// Points along an axis besides those of the engine.

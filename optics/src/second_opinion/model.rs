@@ -29,7 +29,7 @@ use crate::numerics::smooth_field::SeriesAlongY;
 use crate::numerics::{Plane, SmoothField};
 use num_complex::Complex64;
 use rayon::prelude::*;
-use rustfft::{Fft, FftPlanner};
+use lightpath_fft::{Fft, FftPlanner};
 use std::collections::BTreeSet;
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;

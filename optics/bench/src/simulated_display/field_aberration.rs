@@ -18,7 +18,7 @@ use lightpath_optics::numerics::grid::frequency;
 use lightpath_optics::{Plane, interrupt};
 use num_complex::Complex64;
 use rayon::prelude::*;
-use rustfft::FftPlanner;
+use lightpath_fft::FftPlanner;
 
 /// Number of positions along each axis between which transfer functions are interpolated.
 pub(super) const POSITIONS: usize = 7;

@@ -12,7 +12,7 @@ use lightpath_optics::numerics::grid::frequency;
 use lightpath_optics::{Plane, interrupt};
 use num_complex::Complex64;
 use rayon::prelude::*;
-use rustfft::{Fft, FftPlanner};
+use lightpath_fft::{Fft, FftPlanner};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 

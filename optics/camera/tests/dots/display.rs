@@ -10,7 +10,8 @@
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rustfft::{FftPlanner, num_complex::Complex64};
+use lightpath_fft::FftPlanner;
+use num_complex::Complex64;
 use std::f64::consts::TAU;
 
 /// Samples along a side of a pixel.

@@ -6,7 +6,7 @@ use super::scratch::ScratchPool;
 use super::transfer::Transfer;
 use crate::numerics::batch_fft::BatchFft;
 use crate::numerics::real::Number;
-use rustfft::FftPlanner;
+use lightpath_fft::FftPlanner;
 use std::fmt;
 
 /// FFT plans and tables for one size and one set of sub-sample offsets.

@@ -25,7 +25,7 @@ use butterflies::{
 };
 use num_complex::Complex;
 use pulp::{Simd, WithSimd};
-use rustfft::{Fft, FftPlanner};
+use lightpath_fft::{Fft, FftPlanner};
 use std::{f64::consts::TAU, sync::Arc};
 
 /// Radices of the stages. The largest radix that divides the remaining length is chosen first.
