@@ -103,7 +103,7 @@ mod tests {
             };
             let contradicts = (psnr_db - 40.0).abs() > 0.5;
             let model = judgement::Model::Independent.into();
-            [engine, Judgement { model, psnr_db: measure(psnr_db), contradicts, ..engine }]
+            [engine.clone(), Judgement { model, psnr_db: measure(psnr_db), contradicts, ..engine }]
         };
         let judged = [(Detector::Point, 40.0), (Detector::Pixel, 39.0), (Detector::Supersampled, 40.25)];
         let found = VerifyHologramResult {

@@ -44,7 +44,7 @@ def first_hologram(studio: Studio) -> Image.Image:
         {
             "target": studio.scene(),
             "hologram: grey levels for the SLM": hologram.levels,
-            f"expected, {hologram.quality.psnr_db.value:.0f} dB": hologram.reconstruction,
+            f"expected, {hologram.expected.psnr_db.value:.0f} dB": hologram.reconstruction,
             "photograph": as_seen(display.photograph(hologram, seed=1).pixels),
         },
         columns=2,

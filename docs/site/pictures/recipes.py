@@ -75,7 +75,7 @@ def subframes(studio: Studio) -> Image.Image:
             studio.scene(), distance=DISTANCE, subframes=count, initial_phase=start, detector="supersampled"
         )
         name = "1 subframe" if count == 1 else f"{count} subframes"
-        shown[f"{name}, {hologram.quality.psnr_db.value:.1f} dB"] = hologram.reconstruction
+        shown[f"{name}, {hologram.expected.psnr_db.value:.1f} dB"] = hologram.reconstruction
     return strip(shown)
 
 

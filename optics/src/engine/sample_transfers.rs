@@ -16,8 +16,8 @@ use crate::display::parts::ghost::TransferErrors;
 use crate::interrupt;
 use crate::propagation::passes::{BandSamples, RowSpectra, is_even, narrowed, widened};
 use crate::propagation_method::ConvolutionMethod;
-use num_complex::Complex64;
 use lightpath_fft::FftPlanner;
+use num_complex::Complex64;
 
 /// Transfer functions to the sub-samples at these places (x, y) from the centre of the pixel \[px\].
 pub(crate) fn sample_transfers<T: Real>(setup: &OpticalSetup, places_px: &[[f64; 2]]) -> Vec<Transfer<T>> {

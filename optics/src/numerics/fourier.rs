@@ -9,9 +9,9 @@
 
 use super::plane::Plane;
 use crate::interrupt;
+use lightpath_fft::{FftDirection, FftPlanner};
 use num_complex::Complex64;
 use rayon::prelude::*;
-use lightpath_fft::{FftDirection, FftPlanner};
 use std::f64::consts::TAU;
 
 /// Direction of a Fourier transform.

@@ -1,9 +1,9 @@
 //! The two precisions of the engine: f32 in production, f64 as a reference.
 
 use bytemuck::Zeroable;
+use lightpath_fft::{Precision, num_traits::Float};
 use num_complex::Complex;
 use pulp::{Simd, bytemuck};
-use lightpath_fft::{Precision, num_traits::Float};
 
 /// Floating-point type of a computation: f32 or f64.
 #[allow(private_bounds)] // the operations on vector registers are private to this crate

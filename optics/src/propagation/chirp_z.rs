@@ -14,8 +14,8 @@
 
 use super::transfer_function::phasor;
 use crate::numerics::real::Number;
-use num_complex::{Complex, Complex64};
 use lightpath_fft::{Fft, FftPlanner};
+use num_complex::{Complex, Complex64};
 use std::{fmt, sync::Arc};
 
 /// The sign in the exponent of the sum.

@@ -2,9 +2,9 @@
 
 use crate::interrupt;
 use crate::numerics::buffers::zeros;
+use lightpath_fft::FftPlanner;
 use num_complex::Complex64;
 use rayon::prelude::*;
-use lightpath_fft::FftPlanner;
 use std::f64::consts::{PI, TAU};
 
 /// Several even sequences, each with a period of `2·half`.

@@ -16,8 +16,8 @@ use crate::display::image_window::from_middle;
 use crate::display::{ImageWindow, OpticalSetup};
 use crate::numerics::Plane;
 use crate::numerics::real::Number;
-use num_complex::{Complex, Complex64};
 use lightpath_fft::{Fft, FftPlanner};
+use num_complex::{Complex, Complex64};
 use std::{fmt, sync::Arc};
 
 /// The window on which the far field of a setup is sampled. It has as many pixels as the display, λz/(NΔ) apart.

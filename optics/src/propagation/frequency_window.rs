@@ -18,9 +18,9 @@ use crate::numerics::Plane;
 use crate::numerics::buffers::zeros;
 use crate::numerics::real::Number;
 use crate::propagation_method::{PropagationMethod, RefusalCode};
+use lightpath_fft::FftPlanner;
 use num_complex::{Complex, Complex64};
 use rayon::prelude::*;
-use lightpath_fft::FftPlanner;
 
 /// The frequencies f_k = k·`spacing_per_m` along one axis, k = `first` … `first` + `count` − 1.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -11,8 +11,8 @@
 //! 48, 6132 (2009).
 
 use super::transfer_function::phasor;
-use num_complex::Complex64;
 use lightpath_fft::FftPlanner;
+use num_complex::Complex64;
 use std::f64::consts::{FRAC_PI_4, TAU};
 
 /// Paraxial impulse response h(x, y) \[1/m²\] of free space, without the piston.

@@ -18,9 +18,9 @@ use crate::interrupt;
 use crate::numerics::buffers::zeros;
 use crate::numerics::real::Number;
 use crate::propagation_method::ConvolutionMethod;
+use lightpath_fft::FftPlanner;
 use num_complex::{Complex, Complex32, Complex64};
 use rayon::prelude::*;
-use lightpath_fft::FftPlanner;
 use std::ops::Range;
 
 /// Whether the sub-samples of a setup have transfer functions of their own.

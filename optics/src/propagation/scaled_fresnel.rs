@@ -18,8 +18,8 @@ use crate::display::image_window::from_middle;
 use crate::display::{ImageWindow, OpticalSetup};
 use crate::numerics::Plane;
 use crate::numerics::real::Number;
-use num_complex::{Complex, Complex64};
 use lightpath_fft::FftPlanner;
+use num_complex::{Complex, Complex64};
 
 /// Largest distance \[m\] between a point of the window and a pixel of the display, along x and along y.
 pub(super) fn farthest_m(setup: &OpticalSetup, window: &ImageWindow) -> (f64, f64) {

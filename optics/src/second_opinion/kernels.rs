@@ -26,9 +26,9 @@ use crate::numerics::buffers::zeros;
 use crate::numerics::chebyshev::position;
 use crate::numerics::grid::frequency;
 use crate::numerics::{Plane, SmoothField};
+use lightpath_fft::FftPlanner;
 use num_complex::Complex64;
 use rayon::prelude::*;
-use lightpath_fft::FftPlanner;
 use std::f64::consts::PI;
 
 /// Points along an axis besides those of the engine.

@@ -67,8 +67,11 @@ export async function photographsOf(display, patterns) {
   return [...found.values()];
 }
 
-/** How well a hologram shows a plane, by the engine on the display's own orders; `undefined`: it was not measured. */
+/** The judgement to believe: what a photograph is expected to show. */
+export const headlineOf = (plane) => plane.judgements.find((judged) => judged.headline);
+
+/** How well a hologram shows a plane, by its kernel in the engine, on the display's own orders; `undefined`: it was not measured. */
 export function judgementOf(plane, stage, detector) {
-  return plane.judgements.find((judged) => judged.model === "MODEL_ENGINE" && judged.orders === "ORDERS_OWN" && judged.rows === 0
+  return plane.judgements.find((judged) => judged.model === "MODEL_ENGINE" && judged.orders === "ORDERS_OWN" && judged.rows === 0 && judged.kernelVersion === ""
     && judged.stage === `STAGE_${stage}` && judged.detector === `DETECTOR_${detector.toUpperCase()}`);
 }

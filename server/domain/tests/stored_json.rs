@@ -12,10 +12,10 @@ use lightpath_domain::dataset::{
 use lightpath_domain::display::Display;
 use lightpath_domain::job::{
     AlignBy, CaptureResult, EvaluateKernel, EvaluateResult, FailureReason, Fit, HologramResult, ImagePlane, JobError,
-    JobResult, JobSpec, LearnKernel, LearnResult, LearnedKernel, OptimizeHologram, PairLoss, PlaneOpinion, PlaneResult,
-    PrepareDataset, PrepareResult, PrepareStep, Progress, ReportFigure, ReportKernel, ReportResult, SimulateCapture,
-    SplitCounts, Subframe, SuggestHolograms, SuggestResult, SuggestedHologram, VerifyHologram, VerifyResult,
-    WavelengthResult,
+    JobResult, JobSpec, JudgedBy, LearnKernel, LearnResult, LearnedKernel, OptimizeHologram, PairLoss, PlaneOpinion,
+    PlaneResult, PrepareDataset, PrepareResult, PrepareStep, Progress, ReportFigure, ReportKernel, ReportResult,
+    SimulateCapture, SplitCounts, Subframe, SuggestHolograms, SuggestResult, SuggestedHologram, VerifyHologram,
+    VerifyResult, WavelengthResult,
 };
 use lightpath_domain::kernel::{CapturedQuality, KernelKey, KernelLineage, KernelMetrics, LearnedDataset};
 use lightpath_domain::planning;
@@ -113,6 +113,7 @@ fn hologram_jobs_are_stored_as_before() {
         target_encoding: Encoding::Srgb,
         target_fit: Fit::Contain,
         kernel_versions: vec![vec![None, Some(3)], vec![None, None]],
+        judging_versions: vec![vec![Some(2), None], vec![None, None]],
         propagation: Some(ConvolutionMethod::BandLimited),
         method: HologramMethod::Adam { learning_rate: 0.1 },
         iterations: 200,
@@ -129,6 +130,7 @@ fn hologram_jobs_are_stored_as_before() {
     spec.wavelengths.truncate(1);
     spec.planes.truncate(1);
     spec.kernel_versions = vec![vec![None]];
+    spec.judging_versions = vec![vec![None]];
     spec.method = HologramMethod::Lbfgs;
     spec.initial_phase = InitialPhase::Random { range_rad: 1.0 };
     spec.loss = Loss::default();
@@ -275,6 +277,11 @@ fn hologram_capture_and_evaluation_results_are_stored_as_before() {
         quality,
         quantized_quality: quality,
         propagation: propagation(),
+        judged_by: Some(JudgedBy {
+            key: KernelKey { display: "lab".to_owned(), wavelength: GREEN, distance: NEAR },
+            version: 2,
+            quality,
+        }),
         other_orders_psnr_db: Some(21.5),
         second_opinion: Some(OPINION),
     };

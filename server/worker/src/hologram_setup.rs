@@ -24,6 +24,8 @@ pub(super) struct PlaneSetup {
     pub(super) plane: ImagePlane,
     pub(super) model: DisplayModel,
     pub(super) engine: Engine,
+    /// Kernel version that judges the hologram; `None`: the kernel of the hologram.
+    pub(super) judging_version: Option<u32>,
     pub(super) target: Plane<f32>,
     weight: Option<Plane<f32>>,
     share: f64,
@@ -59,7 +61,18 @@ impl HologramSetup {
             let share = share * plane.weight;
             let validity = here.validity_of(&model);
             let with_other_orders = with_other_orders(&model);
-            planes.push(PlaneSetup { plane, model, engine, target, weight, share, with_other_orders, validity });
+            let judging_version = spec.judging_version(index, p);
+            planes.push(PlaneSetup {
+                plane,
+                model,
+                engine,
+                judging_version,
+                target,
+                weight,
+                share,
+                with_other_orders,
+                validity,
+            });
         }
         Ok(Self { wavelength, display, region, planes, depths })
     }

@@ -30,9 +30,25 @@ pub(super) fn table(plane: &PlaneResult) -> String {
     if rows == 0 { String::new() } else { table.text() }
 }
 
-/// The PSNR to believe: what a photograph is expected to show \[dB\]; `None`: it was not measured.
+/// The judgement to believe: what a photograph is expected to show; `None`: it was not measured.
+fn headline(plane: &PlaneResult) -> Option<&Judgement> {
+    plane.judgements.iter().find(|judged| judged.headline)
+}
+
+/// The PSNR to believe \[dB\]; `None`: it was not measured.
 pub(crate) fn headline_db(plane: &PlaneResult) -> Option<f64> {
-    plane.judgements.iter().find(|judged| judged.headline).map(Judgement::psnr)
+    headline(plane).map(Judgement::psnr)
+}
+
+/// What a photograph is expected to show, for example `19.1 dB expected, by displays/lab/kernels/515nm-150mm/versions/3,
+/// the active kernel of the display`; `None`: it was not measured.
+pub(super) fn in_photograph(plane: &PlaneResult) -> Option<String> {
+    let judged = headline(plane)?;
+    let by = match judged.kernel_version.as_str() {
+        "" => "the kernel of the hologram".to_owned(),
+        version => format!("{version}, the active kernel of the display"),
+    };
+    Some(format!("{} expected, by {by}", show::decibel(judged.psnr())))
 }
 
 /// What the hologram would show on a display of the other kind, for example `21.3 dB on a display that shows all
@@ -59,21 +75,21 @@ pub(super) fn second_opinion(plane: &PlaneResult) -> Option<String> {
 }
 
 /// Six cells: PSNR of the optimized phase for the detectors point, pixel and supersampled, then PSNR, SSIM and
-/// diffraction efficiency of the displayed phase for the detector pixel.
+/// diffraction efficiency that a photograph is expected to show.
 pub(super) fn summary(plane: &PlaneResult) -> [String; 6] {
     let optimized = [Detector::Point, Detector::Pixel, Detector::Supersampled].map(|detector| {
         let judged = judgement(&plane.judgements, Stage::Optimized, detector);
         or_dash(judged.map(Judgement::psnr), show::decibel)
     });
-    let displayed = judgement(&plane.judgements, Stage::Displayed, Detector::Pixel);
+    let expected = headline(plane);
     let [point, pixel, supersampled] = optimized;
-    let efficiency = displayed.and_then(|judged| judged.diffraction_efficiency);
+    let efficiency = expected.and_then(|judged| judged.diffraction_efficiency);
     [
         point,
         pixel,
         supersampled,
-        or_dash(displayed.map(Judgement::psnr), show::decibel),
-        similarity(displayed.and_then(|judged| judged.ssim)),
+        or_dash(expected.map(Judgement::psnr), show::decibel),
+        similarity(expected.and_then(|judged| judged.ssim)),
         or_dash(efficiency, percent),
     ]
 }
@@ -138,18 +154,17 @@ mod tests {
     #[test]
     fn other_orders_and_the_second_opinion_are_told_apart_from_the_headline() {
         let displayed = Judgement { stage: Stage::Displayed.into(), ..judged(Detector::Pixel, 40.25) };
-        let headline = Judgement { headline: true, ..displayed };
+        let headline = Judgement { headline: true, ..displayed.clone() };
         let others = Judgement { orders: Orders::Other.into(), ..judged(Detector::Pixel, 21.34) };
         let opinion = |db: f64| {
-            let engine =
-                Judgement { rows: 8, ..Judgement { psnr_db: judged(Detector::Pixel, 40.0).psnr_db, ..displayed } };
+            let engine = Judgement { rows: 8, psnr_db: judged(Detector::Pixel, 40.0).psnr_db, ..displayed.clone() };
             let psnr_db = judged(Detector::Pixel, db).psnr_db;
             let contradicts = (db - 40.0).abs() > 0.5;
-            [engine, Judgement { model: Model::Independent.into(), psnr_db, contradicts, ..engine }]
+            [engine.clone(), Judgement { model: Model::Independent.into(), psnr_db, contradicts, ..engine }]
         };
         let report = ValidityReport { method: PropagationMethod::AllOrders.into(), ..ValidityReport::default() };
         let with = |db| {
-            let judgements = [headline, others].into_iter().chain(opinion(db)).collect();
+            let judgements = [headline.clone(), others.clone()].into_iter().chain(opinion(db)).collect();
             PlaneResult { propagation: Some(report.clone()), ..plane(judgements) }
         };
         assert_eq!(headline_db(&with(39.98)), Some(40.25));
@@ -159,5 +174,23 @@ mod tests {
         assert_eq!(second_opinion(&with(39.98)).as_deref(), Some(agrees));
         let text = "contradicts: 38.0 dB by the independent model, 40.0 dB by the engine, on the same 8 rows";
         assert_eq!(second_opinion(&with(38.0)).as_deref(), Some(text));
+    }
+
+    #[test]
+    fn active_kernel_says_what_a_photograph_shows() {
+        let own = Judgement { stage: Stage::Displayed.into(), ..judged(Detector::Pixel, 48.31) };
+        let alone = plane(vec![Judgement { headline: true, ..own.clone() }]);
+        assert_eq!(in_photograph(&alone).as_deref(), Some("48.3 dB expected, by the kernel of the hologram"));
+        let active = Judgement {
+            headline: true,
+            kernel_version: "displays/lab/kernels/515nm-150mm/versions/3".to_owned(),
+            psnr_db: judged(Detector::Pixel, 19.14).psnr_db,
+            ..own.clone()
+        };
+        let both = plane(vec![own, active]);
+        let text = "19.1 dB expected, by displays/lab/kernels/515nm-150mm/versions/3, the active kernel of the display";
+        assert_eq!(in_photograph(&both).as_deref(), Some(text));
+        assert_eq!((headline_db(&both), summary(&both)[3].as_str()), (Some(19.14), "19.1 dB"));
+        assert!(table(&both).contains("48.3 dB"), "the table is that of the kernel of the hologram");
     }
 }

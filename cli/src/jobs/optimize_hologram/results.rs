@@ -23,7 +23,7 @@ pub(super) fn results(items: &[Item]) -> String {
         return result_facts(item, result);
     }
     let mut table = Table::new(
-        "target~|kernel~????|>point?????|>pixel|>supersampled?????|>displayed pixel?|>SSIM??|>ms/iteration?????|\
+        "target~|kernel~????|>point?????|>pixel|>supersampled?????|>in a photograph?|>SSIM??|>ms/iteration?????|\
          job???",
     );
     for (item, result) in succeeded {
@@ -76,6 +76,7 @@ pub(super) fn in_full(result: &v1::OptimizeHologramResult) -> String {
             facts.add("distance", show::place(plane.place.as_ref()));
             propagation_text::add(plane.propagation.as_ref(), &mut facts);
             facts.add("reconstruction", &plane.reconstruction);
+            facts.add_some("in a photograph", quality::in_photograph(plane));
             facts.add_some("other optics", quality::other_orders(plane));
             facts.add_some("second opinion", quality::second_opinion(plane));
             text += &format!("\n{}\n{}", facts.text(), quality::table(plane));
@@ -93,6 +94,7 @@ fn result_facts(item: &Item, result: &v1::OptimizeHologramResult) -> String {
     let mut planes = result.wavelengths.iter().flat_map(|wavelength| &wavelength.planes);
     let (first, others) = (planes.next(), planes.next());
     propagation_text::add(first.and_then(|plane| plane.propagation.as_ref()), &mut facts);
+    facts.add_some("in a photograph", first.and_then(quality::in_photograph));
     facts.add_some("other optics", first.and_then(quality::other_orders));
     facts.add_some("second opinion", first.and_then(quality::second_opinion));
     notes(result).for_each(|note| facts.add("note", note));
@@ -107,7 +109,7 @@ fn result_facts(item: &Item, result: &v1::OptimizeHologramResult) -> String {
 /// A table with a line for each wavelength and plane.
 fn parts_table(result: &v1::OptimizeHologramResult) -> String {
     let mut table =
-        Table::new("wavelength|distance|>point???|>pixel|>supersampled???|>displayed pixel?|>SSIM?|>efficiency??");
+        Table::new("wavelength|distance|>point???|>pixel|>supersampled???|>in a photograph?|>SSIM?|>efficiency??");
     for wavelength in &result.wavelengths {
         for plane in &wavelength.planes {
             let [point, pixel, supersampled, displayed, similarity, efficiency] = quality::summary(plane);

@@ -39,7 +39,7 @@ class Hologram:
 
     def __repr__(self) -> str:
         kernels = ", ".join(_version(used) for used in self.job.kernels)
-        quality = f"PSNR {self.quality.psnr_db.value:.1f} dB, kernel {kernels}"
+        quality = f"PSNR {self.expected.psnr_db.value:.1f} dB expected in a photograph, kernel {kernels}"
         return f"<Hologram of {self.spec.display}, {self.width_px}x{self.height_px} px, {self._optics()}: {quality}>"
 
     @property
@@ -104,21 +104,35 @@ class Hologram:
         return self.result.wavelengths[0].loss
 
     @property
+    def expected(self) -> v1.Judgement:
+        """What a photograph of the first plane is expected to show, by the best model of the display.
+
+        That is the kernel that was active when the job was submitted, whatever the kernel of the hologram, or the kernel
+        of the hologram if none was active: `expected.kernel_version` is then empty.
+        """
+        return next(each for each in self.result.wavelengths[0].planes[0].judgements if each.headline)
+
+    @property
     def quality(self) -> v1.Judgement:
-        """Quality in the first plane with the levels that the display shows, for the detector of the job."""
+        """Quality in the first plane with the levels that the display shows, for the detector of the job.
+
+        It is that by the kernel of the hologram. A photograph may show less: `expected`.
+        """
         return self.judgement("displayed", cast("words.Detector", words.name_of(v1.Detector, self.spec.detector)))
 
     def judgement(self, stage: words.Stage, detector: words.Detector) -> v1.Judgement:
-        """Return how well the hologram shows its first plane, by the engine: as optimized or as displayed."""
+        """Return how well the hologram shows its first plane, by its kernel in the engine: as optimized or as displayed."""
         wanted = (
             v1.Judgement.MODEL_ENGINE,
             words.number("stage", v1.Judgement.Stage, stage),
             words.number("detector", v1.Detector, detector),
             v1.Judgement.ORDERS_OWN,
             0,
+            "",
         )
         for each in self.result.wavelengths[0].planes[0].judgements:
-            if (each.model, each.stage, each.detector, each.orders, each.rows) == wanted:
+            found = (each.model, each.stage, each.detector, each.orders, each.rows, each.kernel_version)
+            if found == wanted:
                 return each
         raise InvalidArgument("detector", f"is {detector}, which was not judged", "see result.wavelengths[0].planes[0]")
 
@@ -171,10 +185,11 @@ class Hologram:
         shown = self.colours_png or [planes for each in self.reconstructions_png for planes in each]
         for i, picture in enumerate(shown):
             pictures += html.picture(f"what it shows{f', {i + 1}' if len(shown) > 1 else ''}", picture)
-        seen = self.quality
+        seen = self.expected
+        by = f", by {seen.kernel_version}" if seen.kernel_version else ""
         rows: list[tuple[str, object]] = [
             ("display", f"{self.spec.display}, {self._optics()}"),
-            ("PSNR", f"{seen.psnr_db.value:.1f} dB"),
+            ("PSNR", f"{seen.psnr_db.value:.1f} dB expected in a photograph{by}"),
             ("SSIM", f"{seen.ssim:.3f}" if seen.HasField("ssim") else "not measured"),
             ("diffraction efficiency", f"{seen.diffraction_efficiency:.1%}"),
             *(("note", note) for note in self.notes),

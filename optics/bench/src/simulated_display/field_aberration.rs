@@ -13,12 +13,12 @@
 
 use super::draws::{Draws, Stream};
 use super::{pixel_light, position};
+use lightpath_fft::FftPlanner;
 use lightpath_optics::display::parts::spatial_variation::local_kernels::{nodes, window};
 use lightpath_optics::numerics::grid::frequency;
 use lightpath_optics::{Plane, interrupt};
 use num_complex::Complex64;
 use rayon::prelude::*;
-use lightpath_fft::FftPlanner;
 
 /// Number of positions along each axis between which transfer functions are interpolated.
 pub(super) const POSITIONS: usize = 7;

@@ -8,11 +8,11 @@
 //! of u, so samples at the pixel pitch alone would miss detail between them. The offsets along y and x are separate
 //! phase factors, so four column transforms and sixteen row transforms are enough for sixteen images.
 
+use lightpath_fft::{Fft, FftPlanner};
 use lightpath_optics::numerics::grid::frequency;
 use lightpath_optics::{Plane, interrupt};
 use num_complex::Complex64;
 use rayon::prelude::*;
-use lightpath_fft::{Fft, FftPlanner};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 

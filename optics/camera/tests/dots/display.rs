@@ -8,10 +8,10 @@
 //! modulator \[rad\]. g: bent response to the wanted phase φ. t: dust. η: undiffracted share. A: aberrations of the optics
 //! over the band \[rad\]. A pixel is 2×2 samples in f64, on a grid twice as wide and high as the display.
 
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use lightpath_fft::FftPlanner;
 use num_complex::Complex64;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use std::f64::consts::TAU;
 
 /// Samples along a side of a pixel.

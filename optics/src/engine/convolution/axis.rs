@@ -2,8 +2,8 @@
 
 use super::bins::{frequency_per_px, split_bin};
 use crate::numerics::real::{Number, unit_of};
-use num_complex::Complex;
 use lightpath_fft::{Fft, FftPlanner};
+use num_complex::Complex;
 use std::{f64::consts::PI, sync::Arc};
 
 /// FFT plans and tables along one axis of n samples.

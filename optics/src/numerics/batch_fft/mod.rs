@@ -23,9 +23,9 @@ use butterflies::{
     Butterfly2, Butterfly3, Butterfly4, Butterfly5, Butterfly6, Butterfly8, Butterfly9, Butterfly10, Butterfly12,
     StageOf,
 };
+use lightpath_fft::{Fft, FftPlanner};
 use num_complex::Complex;
 use pulp::{Simd, WithSimd};
-use lightpath_fft::{Fft, FftPlanner};
 use std::{f64::consts::TAU, sync::Arc};
 
 /// Radices of the stages. The largest radix that divides the remaining length is chosen first.

@@ -60,8 +60,6 @@ pub(crate) fn engine_judgements(quality: Quality, stage: Stage) -> impl Iterator
             seen;
         v1::Judgement {
             stage: stage.into(),
-            // A camera integrates over its pixels, and sees the levels that the display shows.
-            headline: stage == Stage::Displayed && detector == Detector::Pixel,
             ssim,
             ms_ssim,
             diffraction_efficiency: Some(diffraction_efficiency),
@@ -85,7 +83,7 @@ pub(crate) fn opinions(opinion: SecondOpinion, detector: Detector) -> [v1::Judge
         model: judgement::Model::Independent.into(),
         psnr_db: Some(measure(independent_psnr_db)),
         contradicts: opinion.is_contradiction(),
-        ..engine
+        ..engine.clone()
     };
     [engine, independent]
 }

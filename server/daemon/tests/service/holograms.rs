@@ -1,6 +1,7 @@
 //! Tests of hologram jobs: their files and quality, their judgement, and their results after a restart.
 
 use crate::jobs::{optimize, picture, submit, watch_to_end};
+use crate::kernels::{client, import, kernel};
 use crate::serving::{Serving, expect, small_display};
 use lightpath_proto::judgements::{judgement, opinions};
 use lightpath_proto::v1::{self, job_spec, judgement::Stage};
@@ -52,6 +53,43 @@ async fn optimized_hologram_has_its_files_and_quality() {
         let reported = judged(Stage::Displayed, engine.detector());
         assert!((engine.psnr() - reported.psnr()).abs() < 1e-3, "{engine:?} {reported:?}");
     }
+}
+
+#[tokio::test]
+async fn active_kernel_judges_holograms_of_all_kernels() {
+    let serving = Serving::start().await;
+    serving.display("lab").await;
+    let target = serving.upload(&picture()).await;
+    let job = |kernel: &str| {
+        let spec = v1::OptimizeHologram { iterations: 30, kernel: kernel.to_owned(), ..optimize(&target) };
+        job_spec::Kind::OptimizeHologram(spec)
+    };
+    let headline = async |kind: job_spec::Kind, request_id: &str| {
+        let job = submit(&serving, kind, request_id).await.unwrap();
+        let job = watch_to_end(&serving, &job.name).await;
+        let plane = hologram(&job).wavelengths[0].planes[0].clone();
+        let headlines: Vec<_> = plane.judgements.iter().filter(|judged| judged.headline).cloned().collect();
+        let [headline] = &headlines[..] else { panic!("{headlines:?}") };
+        let own = judgement(&plane.judgements, Stage::Displayed, v1::Detector::Pixel).unwrap().clone();
+        assert_eq!(own.kernel_version, "");
+        (own, headline.clone())
+    };
+    let (own, expected) = headline(job(""), "before").await;
+    assert_eq!(own, expected, "without an active kernel the hologram's own judges");
+
+    import(&serving, &kernel(64, 2.0), 0.05).await.unwrap();
+    let name = "displays/lab/kernels/515nm-50mm";
+    let request = v1::PromoteKernelRequest { kernel: name.into(), version: 1, ..Default::default() };
+    client(&serving).promote_kernel(request).await.unwrap();
+    let (own, expected) = headline(job("ideal"), "ideal").await;
+    assert_eq!((expected.kernel_version.as_str(), own.headline), (&*format!("{name}/versions/1"), false));
+    assert!(expected.psnr() < own.psnr() - 1.0, "{expected:?} {own:?}");
+    assert!(expected.ssim.is_some() && expected.diffraction_efficiency.is_some(), "{expected:?}");
+    let (own, expected) = headline(job(""), "active").await;
+    assert_eq!(own, expected, "the active kernel judges its own hologram once");
+    // A repeated request is the same job, although another version is active now.
+    let (_, again) = headline(job(""), "before").await;
+    assert_eq!(again.kernel_version, "");
 }
 
 #[tokio::test]

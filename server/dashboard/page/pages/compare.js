@@ -3,7 +3,7 @@
 import { get } from "../api.js";
 import { h, show } from "../dom.js";
 import { decibels, idOf, length, number, placeText } from "../format.js";
-import { hologramPictures, judgementOf } from "../hologram_pictures.js";
+import { headlineOf, hologramPictures, judgementOf } from "../hologram_pictures.js";
 import { stateOf } from "../job_rows.js";
 import { emptyNote, refresher } from "../loading.js";
 import { pictureViewer } from "../pictures.js";
@@ -28,13 +28,14 @@ export function comparePage(root, _, query) {
     viewer = pictures.length ? pictureViewer([...targetOfA(jobs[0]), ...pictures]) : null;
     const head = jobs.map((job, i) => h("li", {}, `${"AB"[i]}: `, h("a", { href: `#/${job.name}` }, idOf(job.name)), stateOf(job)));
     const quality = planes.flatMap((list, i) => list.map((plane) => h("tr", {}, h("th", { scope: "row" }, "AB"[i]), h("td", {}, placeText(plane.place)),
+      h("td", { class: "right" }, decibels(headlineOf(plane)?.psnrDb.value)),
       ["point", "pixel", "supersampled"].map((detector) => h("td", { class: "right" }, decibels(judgementOf(plane, "DISPLAYED", detector)?.psnrDb.value))),
       h("td", { class: "right" }, number(judgementOf(plane, "DISPLAYED", "pixel")?.ssim)))));
     show(body, h("ul", { class: "log" }, head),
       h("section", {}, h("h2", {}, "Requests"), fields.length
         ? table("Fields that differ", ["Field", "A", "B"], fields.map((field) => h("tr", {}, h("th", { scope: "row" }, field), requests.map((request) => h("td", { class: "wide" }, request[field] ?? "–")))))
         : h("p", {}, "The requests are the same.")),
-      quality.length > 0 && h("section", {}, h("h2", {}, "Quality"), table("Quality of the displayed holograms", ["Job", "Plane", ">PSNR, point", ">PSNR, pixel", ">PSNR, supersampled", ">SSIM, pixel"], quality)),
+      quality.length > 0 && h("section", {}, h("h2", {}, "Quality"), table("Quality of the displayed holograms", ["Job", "Plane", ">PSNR in a photograph, expected", ">PSNR, point", ">PSNR, pixel", ">PSNR, supersampled", ">SSIM, pixel"], quality)),
       viewer && h("section", {}, h("h2", {}, "Pictures"), viewer.element));
   });
   return () => viewer?.end();

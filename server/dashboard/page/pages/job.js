@@ -6,7 +6,7 @@ import { h, show } from "../dom.js";
 import { onEvent } from "../events.js";
 import { age, between, bytes, decibels, duration, idOf, length, number, percent, placeText } from "../format.js";
 import { progressOf, stateOf, updateProgress } from "../job_rows.js";
-import { hologramPictures, judgementOf, phasePicture, photographPicture, photographsOf } from "../hologram_pictures.js";
+import { headlineOf, hologramPictures, judgementOf, phasePicture, photographPicture, photographsOf } from "../hologram_pictures.js";
 import { livePicture } from "../live_picture.js";
 import { errorNote, refresher } from "../loading.js";
 import { originTable, versionsOfHologram } from "../origin.js";
@@ -175,7 +175,7 @@ export function jobPage(root, [id]) {
         const own = photographs.filter((photograph) => wavelength.subframes.some(({ pattern }) => pattern === photograph.pattern));
         return pictures(result.wavelengths.length > 1 ? `Pictures at ${length(wavelength.wavelengthM)}` : "Pictures", hologramPictures(spec, result, wavelength, display.modulator.bitDepth, own));
       }),
-      qualities.length > 0 && h("section", {}, h("h2", {}, "Quality"), qualityTable(qualities)),
+      qualities.length > 0 && h("section", {}, h("h2", {}, "Quality"), expectations(planes), qualityTable(qualities)),
       propagationSection(planes.map(([at, plane]) => [at, plane.propagation])),
       h("section", {}, h("h2", {}, "Origin"), originTable("Plane", versions)),
     ];
@@ -197,6 +197,16 @@ export function jobPage(root, [id]) {
     picture?.end();
     viewers.forEach((viewer) => viewer.end());
   };
+}
+
+/** What a photograph of each plane is expected to show, and by which model. */
+function expectations(planes) {
+  return planes.map(([at, plane]) => {
+    const { psnrDb, kernelVersion } = headlineOf(plane);
+    const by = kernelVersion ? h("a", { href: `#/${kernelVersion.split("/versions/")[0]}` }, `version ${idOf(kernelVersion)} of the display's kernel`) : "the kernel of the hologram";
+    return h("p", {}, h("strong", {}, `${decibels(psnrDb.value)} expected in a photograph`), ` at ${at}, by `, by,
+      kernelVersion && ", which was active when the job was submitted. The table is by the kernel of the hologram.");
+  });
 }
 
 function qualityTable(qualities) {

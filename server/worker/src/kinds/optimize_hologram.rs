@@ -1,13 +1,13 @@
 //! Computes holograms: phases that show the target pictures.
 
 use crate::context::Eta;
-use crate::display_setup::finite;
+use crate::display_setup::{DisplaySetup, finite};
 use crate::hologram_notes::notes;
 use crate::hologram_setup::{HologramSetup, PlaneSetup, colours};
 use crate::state_bytes::{HologramState, from_bytes, to_bytes};
 use crate::{JobContext, TaskError, TaskOutput};
 use lightpath_domain::job::{
-    HologramResult, JobEffect, JobResult, OptimizeHologram, PlaneResult, Progress, Subframe, WavelengthResult,
+    HologramResult, JobEffect, JobResult, JudgedBy, OptimizeHologram, PlaneResult, Progress, Subframe, WavelengthResult,
 };
 use lightpath_media::pictures;
 use lightpath_metrics as metrics;
@@ -176,6 +176,7 @@ impl Finished<'_> {
                 reconstruction,
                 quality,
                 quantized_quality,
+                judged_by: judged_by((context, spec), self.setup, plane, &displayed, wanted)?,
                 propagation: plane.validity.clone(),
                 other_orders_psnr_db: other_orders_psnr_db(self.setup, plane, &displayed, wanted)?,
                 second_opinion: opinion.map(finite_opinion).transpose()?,
@@ -184,6 +185,23 @@ impl Finished<'_> {
         let (wavelength, loss, notes) = (self.setup.wavelength, self.loss, notes(spec, self.setup));
         Ok(WavelengthResult { wavelength, subframes, planes, intensity_scale, loss, largest_amplitude, notes })
     }
+}
+
+/// Quality of the displayed phases by the best model of the display; `None`: the kernel of the hologram is.
+fn judged_by(
+    (context, spec): (&JobContext, &OptimizeHologram),
+    setup: &HologramSetup,
+    plane: &PlaneSetup,
+    displayed: &[Plane<f32>],
+    wanted: Wanted<'_>,
+) -> Result<Option<JudgedBy>, TaskError> {
+    let Some(version) = plane.judging_version else { return Ok(None) };
+    let display = DisplaySetup::read(context, &spec.display, setup.wavelength, plane.plane.distance)?;
+    let model = display.model(context, Some(version))?;
+    let engine = context.engines().engine(&model, spec.detector, display.carrier)?;
+    let shown = ShownLight::of_sets(&engine, &[displayed])?;
+    let quality = all_finite(shown[0].quality(wanted)?)?;
+    Ok(Some(JudgedBy { key: display.key, version, quality }))
 }
 
 /// The factor from the light of a hologram to that of its target, for a gain of the compared quantity.

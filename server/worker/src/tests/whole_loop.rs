@@ -207,6 +207,7 @@ fn optimize(target: String, kernel_version: Option<u32>, iterations: u32) -> Job
         target_encoding: Encoding::Srgb,
         target_fit: Fit::Contain,
         kernel_versions: vec![vec![kernel_version]],
+        judging_versions: Vec::new(),
         propagation: None,
         method: HologramMethod::Lbfgs,
         iterations,
@@ -219,6 +220,12 @@ fn optimize(target: String, kernel_version: Option<u32>, iterations: u32) -> Job
         weight_mask: None,
         quantization_aware: false,
     }))
+}
+
+/// A hologram job whose holograms a version of the kernel judges.
+fn judged_by(version: u32, spec: JobSpec) -> JobSpec {
+    let JobSpec::OptimizeHologram(spec) = spec else { panic!("{spec:?}") };
+    JobSpec::OptimizeHologram(Box::new(OptimizeHologram { judging_versions: vec![vec![Some(version)]], ..*spec }))
 }
 
 pub(super) fn learn(model: KernelModel, epochs: u32, refinement_evaluations: u32) -> JobSpec {
@@ -279,7 +286,7 @@ async fn learned_kernel_gives_better_holograms() {
     }
 
     let target = lab.target(20).await;
-    let ideal = lab.hologram("new ideal", optimize(target.clone(), None, 100)).await;
+    let ideal = lab.hologram("new ideal", judged_by(1, optimize(target.clone(), None, 100))).await;
     let better = lab.hologram("new learned", optimize(target.clone(), Some(1), 100)).await;
     let subframe = &better.wavelengths[0].subframes[0];
     let photos = [lab.photograph("levels", &subframe.pattern).await, lab.photograph("phase", &subframe.phase).await];
@@ -290,6 +297,12 @@ async fn learned_kernel_gives_better_holograms() {
         lab.captured_error("see learned", &better, &target).await,
     );
     assert!(after < 0.5 * before, "captured error {before} through the ideal kernel, {after} through the learned one");
+    // The learned kernel knows what the photograph of the ideal hologram shows, which its own kernel does not.
+    let (own, photo_db) = (plane(&ideal), -10.0 * before.log10());
+    let expected_db = own.judged_by.as_ref().unwrap().quality.pixel.psnr_db;
+    assert!((expected_db - photo_db).abs() < 1.0, "{expected_db} dB expected, {photo_db} dB in the photograph");
+    assert!(own.quantized_quality.pixel.psnr_db > photo_db + 5.0, "{own:?}, {photo_db} dB in the photograph");
+    assert_eq!(plane(&better).judged_by, None);
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -2,10 +2,10 @@
 
 use crate::simulated_display::bench::SimulatedBench;
 use crate::simulated_display::{modes, phasor};
+use lightpath_fft::{Fft, FftPlanner};
 use lightpath_optics::OpticalSetup;
 use lightpath_optics::numerics::quadrature::gauss_legendre;
 use num_complex::Complex64;
-use lightpath_fft::{Fft, FftPlanner};
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 

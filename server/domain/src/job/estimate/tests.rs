@@ -21,6 +21,7 @@ fn spec(side_px: usize, planes: usize) -> OptimizeHologram {
         target_encoding: Encoding::Srgb,
         target_fit: Fit::Contain,
         kernel_versions: vec![vec![None; planes]],
+        judging_versions: vec![vec![None; planes]],
         propagation: None,
         method: HologramMethod::Lbfgs,
         iterations: 200,
@@ -36,10 +37,18 @@ fn spec(side_px: usize, planes: usize) -> OptimizeHologram {
 }
 
 fn need(side_px: usize, spec: &OptimizeHologram, decoding_bytes: u64) -> Need {
-    let engine = EngineSize::ideal(side_px, side_px, spec.detector, 2);
-    let kernel = KernelSize { engine, order: 0, blocks: Blocks::NONE, has_bins: false, file_bytes: 0 };
-    let kernels = vec![vec![kernel; spec.planes.len()]; spec.wavelengths.len()];
-    optimize_hologram::need(spec, &HologramInputs { cache_bytes_max: 0, kernels, decoding_bytes })
+    need_judged_by(&[], side_px, spec, decoding_bytes)
+}
+
+fn need_judged_by(judging: &[KernelSize], side_px: usize, spec: &OptimizeHologram, decoding_bytes: u64) -> Need {
+    let kernels = vec![vec![ideal(side_px, spec.detector); spec.planes.len()]; spec.wavelengths.len()];
+    let judging_kernels = vec![judging.to_vec(); spec.wavelengths.len()];
+    optimize_hologram::need(spec, &HologramInputs { cache_bytes_max: 0, kernels, judging_kernels, decoding_bytes })
+}
+
+fn ideal(side_px: usize, detector: Detector) -> KernelSize {
+    let engine = EngineSize::ideal(side_px, side_px, detector, 2);
+    KernelSize { engine, order: 0, blocks: Blocks::NONE, has_bins: false, file_bytes: 0 }
 }
 
 #[test]
@@ -70,6 +79,18 @@ fn need_grows_with_everything_that_takes_memory() {
     assert!((1.9..=2.0).contains(&(colours.work / base.work)), "{colours:?} {base:?}");
     let adam = OptimizeHologram { method: HologramMethod::Adam { learning_rate: 0.1 }, ..one };
     assert!(10 * need(1024, &adam, 0).memory_bytes < 9 * base.memory_bytes);
+}
+
+#[test]
+fn judging_by_another_kernel_takes_time_and_its_own_memory() {
+    let (one, kernel) = (spec(1024, 1), ideal(1024, Detector::Pixel));
+    let base = need(1024, &one, 0);
+    let judged = need_judged_by(&[kernel], 1024, &one, 0);
+    assert!(judged.work > base.work && judged.memory_bytes >= base.memory_bytes, "{judged:?} {base:?}");
+    // A kernel with many local kernels needs more than the hologram.
+    let engine = EngineSize { kernels_per_side: 5, ..kernel.engine };
+    let large = need_judged_by(&[KernelSize { engine, ..kernel }], 1024, &one, 0);
+    assert!(large.memory_bytes > base.memory_bytes, "{large:?} {base:?}");
 }
 
 #[test]

@@ -31,6 +31,10 @@ pub struct OptimizeHologram {
     pub target_fit: Fit,
     /// Kernel versions: for each wavelength one version for each plane; `None`: the ideal kernel.
     pub kernel_versions: Vec<Vec<Option<u32>>>,
+    /// Kernel versions that judge the holograms of other kernels, because they are the best models of the display: for
+    /// each wavelength one for each plane; `None`: the kernel of the hologram judges it.
+    #[serde(default)]
+    pub judging_versions: Vec<Vec<Option<u32>>>,
     /// Propagation method; `None`: the method of the learned kernel, or the planner's choice for an ideal kernel.
     pub propagation: Option<ConvolutionMethod>,
     /// Method that computes the phases.
@@ -135,6 +139,9 @@ pub struct PlaneResult {
     pub quality: Quality,
     /// Quality of the phases as the display shows them, in its limited levels.
     pub quantized_quality: Quality,
+    /// The same by the model of another version of the display's kernel, which is the best model of the display; `None`:
+    /// the kernel of the hologram is.
+    pub judged_by: Option<JudgedBy>,
     /// Propagation method of the reconstruction, and its limits.
     pub propagation: ValidityReport,
     /// PSNR of the phases as the display shows them, on a display that shows the other diffraction orders \[dB\];
@@ -143,6 +150,25 @@ pub struct PlaneResult {
     /// Second opinion on the phases as the display shows them, for the job's detector; `None`: the independent model
     /// does not have this kernel, or would take much longer than the job.
     pub second_opinion: Option<SecondOpinion>,
+}
+
+/// Quality of displayed phases by the model of a kernel version.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct JudgedBy {
+    /// Kernel of the display.
+    pub key: KernelKey,
+    /// Number of its version.
+    pub version: u32,
+    /// Quality of the phases as the display shows them.
+    pub quality: Quality,
+}
+
+impl OptimizeHologram {
+    /// The kernel version that judges the hologram of a wavelength in a plane; `None`: the kernel of the hologram.
+    #[must_use]
+    pub fn judging_version(&self, wavelength: usize, plane: usize) -> Option<u32> {
+        self.judging_versions.get(wavelength)?.get(plane).copied().flatten()
+    }
 }
 
 impl Kind for OptimizeHologram {
@@ -167,6 +193,8 @@ pub struct HologramInputs {
     pub cache_bytes_max: u64,
     /// Kernels: for each wavelength one for each plane.
     pub kernels: Vec<Vec<KernelSize>>,
+    /// Kernels that judge the holograms of other kernels: for each wavelength one for each plane that has one.
+    pub judging_kernels: Vec<Vec<KernelSize>>,
     /// Largest memory for decoding one of its pictures \[bytes\].
     pub decoding_bytes: u64,
 }
@@ -176,8 +204,8 @@ pub struct HologramInputs {
 pub fn need(spec: &OptimizeHologram, inputs: &HologramInputs) -> Need {
     let transfers = |kernels: &[KernelSize]| kernels.iter().map(KernelSize::cached_bytes).sum::<u64>();
     let all: u64 = inputs.kernels.iter().map(|kernels| transfers(kernels)).sum();
-    let each = inputs.kernels.iter().map(|kernels| {
-        let (stage, work) = one_wavelength(spec, kernels, inputs.decoding_bytes);
+    let each = inputs.kernels.iter().zip(&inputs.judging_kernels).map(|(kernels, judging)| {
+        let (stage, work) = one_wavelength(spec, kernels, judging, inputs.decoding_bytes);
         // The cache keeps the transfer functions of the other wavelengths.
         (stage + (all - transfers(kernels)).min(inputs.cache_bytes_max), work)
     });
@@ -186,7 +214,12 @@ pub fn need(spec: &OptimizeHologram, inputs: &HologramInputs) -> Need {
 }
 
 /// Largest memory and work of the hologram of one wavelength.
-fn one_wavelength(spec: &OptimizeHologram, kernels: &[KernelSize], decoding_bytes: u64) -> (u64, f64) {
+fn one_wavelength(
+    spec: &OptimizeHologram,
+    kernels: &[KernelSize],
+    judging_kernels: &[KernelSize],
+    decoding_bytes: u64,
+) -> (u64, f64) {
     let Some(first) = kernels.first() else { return (0, 0.0) };
     let engine = widest(kernels).with_detector(spec.detector);
     let size = HologramSize {
@@ -217,6 +250,7 @@ fn one_wavelength(spec: &OptimizeHologram, kernels: &[KernelSize], decoding_byte
         started,
         running + size.state_bytes().max(results),
         setup + 3 * phases + 2 * picture + judging_bytes(&engine, size.frames).max(engine.other_orders_bytes()),
+        setup + 3 * phases + 2 * picture + judged_by_bytes(judging_kernels, spec.detector, size.frames),
     ];
     let steps = if spec.method == HologramMethod::DoublePhase { 1 } else { spec.iterations };
     let files = (size.planes + 3 * size.frames) as f64 * FILE_STAGES * n as f64;
@@ -227,9 +261,22 @@ fn one_wavelength(spec: &OptimizeHologram, kernels: &[KernelSize], decoding_byte
         kernel.engine.quality_work(size.frames) + opinion
     };
     let judging: f64 = kernels.iter().map(judging).sum();
-    let besides = judging + files + other_orders + sampling as f64;
+    let judged_by = judging_kernels.iter().map(|kernel| {
+        let engine = kernel.engine.with_detector(spec.detector);
+        engine.quality_work(size.frames) + engine.sampling_work as f64
+    });
+    let besides = judging + judged_by.sum::<f64>() + files + other_orders + sampling as f64;
     let work = f64::from(steps) * STEP_FACTOR * size.step_work() + besides;
     (stages.into_iter().max().unwrap_or(0), work)
+}
+
+/// Memory for reading kernels that judge the holograms of other kernels, one after the other, and for what they judge.
+fn judged_by_bytes(kernels: &[KernelSize], detector: Detector, frames: usize) -> u64 {
+    let each = kernels.iter().map(|kernel| {
+        let engine = kernel.engine.with_detector(detector);
+        kernel.reading_bytes().max(engine.engine_bytes() + engine.quality_bytes(frames))
+    });
+    each.max().unwrap_or(0)
 }
 
 /// Memory for measuring the quality of a hologram, and for the second opinion on it.

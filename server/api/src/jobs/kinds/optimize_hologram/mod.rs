@@ -11,7 +11,7 @@ use crate::optics::to_wire::{engine_judgements, opinions, other_orders, place, r
 use lightpath_domain::dataset::Encoding;
 use lightpath_domain::display::Display;
 use lightpath_domain::job::{
-    HologramResult, ImagePlane, Job, OptimizeHologram, PlaneResult, Subframe, WavelengthResult,
+    HologramResult, ImagePlane, Job, JudgedBy, OptimizeHologram, PlaneResult, Subframe, WavelengthResult,
 };
 use lightpath_domain::units::Wavelength;
 use lightpath_optics::hologram::Loss;
@@ -99,6 +99,7 @@ pub(super) async fn from_wire(
         target_encoding: target_encoding.unwrap_or(Encoding::Srgb),
         target_fit: target_fit.unwrap_or_default(),
         kernel_versions: Vec::new(),
+        judging_versions: Vec::new(),
         propagation,
         method,
         iterations,
@@ -211,15 +212,29 @@ fn wavelength_result(result: WavelengthResult, detector: Detector) -> optimize_h
 }
 
 fn plane_result(plane: PlaneResult, detector: Detector) -> optimize_hologram_result::PlaneResult {
-    let optimized = engine_judgements(plane.quality, Stage::Optimized);
+    let by_best = plane.judged_by.map(|JudgedBy { key, version, quality }| {
+        let kernel_version = format!("{key}/versions/{version}");
+        let displayed = engine_judgements(quality, Stage::Displayed);
+        let named = move |judged| v1::Judgement { kernel_version: kernel_version.clone(), ..judged };
+        displayed.map(expected_in_photograph).map(named)
+    });
     let displayed = engine_judgements(plane.quantized_quality, Stage::Displayed);
-    let others = plane.other_orders_psnr_db.map(other_orders);
-    let opinions = plane.second_opinion.map(|opinion| opinions(opinion, detector));
-    let judgements = displayed.chain(optimized).chain(others).chain(opinions.into_iter().flatten());
+    let displayed = displayed.map(|judged| if by_best.is_some() { judged } else { expected_in_photograph(judged) });
+    let mut judgements: Vec<v1::Judgement> = displayed.collect();
+    judgements.extend(engine_judgements(plane.quality, Stage::Optimized));
+    judgements.extend(plane.other_orders_psnr_db.map(other_orders));
+    judgements.extend(plane.second_opinion.into_iter().flat_map(|opinion| opinions(opinion, detector)));
+    judgements.extend(by_best.into_iter().flatten());
     optimize_hologram_result::PlaneResult {
         place: place(plane.distance),
         reconstruction: plane.reconstruction,
-        judgements: judgements.collect(),
+        judgements,
         propagation: Some(validity_report(plane.propagation)),
     }
+}
+
+/// Makes the judgement of displayed phases by the best model the headline: that of a camera, which integrates the light
+/// over its pixels.
+fn expected_in_photograph(judged: v1::Judgement) -> v1::Judgement {
+    v1::Judgement { headline: judged.detector() == v1::Detector::Pixel, ..judged }
 }

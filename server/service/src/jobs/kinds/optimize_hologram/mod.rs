@@ -21,8 +21,9 @@ impl Kind for OptimizeHologram {
 
     async fn need(&self, jobs: &Jobs, decoding_bytes: u64) -> Result<Need> {
         let kernels = kernels_of(jobs, self).await?;
+        let judging_kernels = judging_kernels_of(jobs, self).await?;
         let cache_bytes_max = jobs.limits.cache_bytes;
-        Ok(optimize_hologram::need(self, &HologramInputs { cache_bytes_max, kernels, decoding_bytes }))
+        Ok(optimize_hologram::need(self, &HologramInputs { cache_bytes_max, kernels, judging_kernels, decoding_bytes }))
     }
 }
 
@@ -35,6 +36,22 @@ pub(super) async fn kernels_of(jobs: &Jobs, spec: &OptimizeHologram) -> Result<V
         for (plane, &version) in spec.planes.iter().zip(versions) {
             let key = KernelKey { display: display.id.clone(), wavelength, distance: plane.distance };
             of_planes.push(jobs.kernel_size(&display, &key, version, spec.detector, spec.propagation).await?);
+        }
+        kernels.push(of_planes);
+    }
+    Ok(kernels)
+}
+
+/// Kernels that judge the holograms of other kernels: for each wavelength one for each plane that has one.
+async fn judging_kernels_of(jobs: &Jobs, spec: &OptimizeHologram) -> Result<Vec<Vec<KernelSize>>> {
+    let (display, _) = jobs.store.display(&spec.display).await?;
+    let mut kernels = Vec::with_capacity(spec.wavelengths.len());
+    for (w, &wavelength) in spec.wavelengths.iter().enumerate() {
+        let mut of_planes = Vec::new();
+        for (p, plane) in spec.planes.iter().enumerate() {
+            let Some(version) = spec.judging_version(w, p) else { continue };
+            let key = KernelKey { display: display.id.clone(), wavelength, distance: plane.distance };
+            of_planes.push(jobs.kernel_size(&display, &key, Some(version), spec.detector, None).await?);
         }
         kernels.push(of_planes);
     }
@@ -54,10 +71,38 @@ impl Jobs {
         before: Option<&Job>,
     ) -> Result<(OptimizeHologram, u64)> {
         collect_all([checks::method(field, &spec), checks::size(field, &spec, display)])?;
-        spec.kernel_versions = self.chosen_kernels(&field.at("kernel"), kernel, &spec, before).await?;
+        let at_kernel = field.at("kernel");
+        spec.kernel_versions = self.chosen_kernels(&at_kernel, kernel, &spec, before).await?;
+        spec.judging_versions = self.judging_versions(&at_kernel, &spec, before).await?;
         checks::propagation(field, &spec, display)?;
         let decoding_bytes = PictureChecks { jobs: self, call, spec: &spec, display }.check(field).await?;
         Ok((spec, decoding_bytes))
+    }
+
+    /// The active versions that judge the holograms of other kernels, for each wavelength one for each plane.
+    async fn judging_versions(
+        &self,
+        field: &Field,
+        spec: &OptimizeHologram,
+        before: Option<&Job>,
+    ) -> Result<Vec<Vec<Option<u32>>>> {
+        // A repeated request is judged as the first time, even if `active` has moved.
+        if let Some(JobSpec::OptimizeHologram(job)) = before.map(|job| &job.spec)
+            && (&job.wavelengths, job.planes.len()) == (&spec.wavelengths, spec.planes.len())
+        {
+            return Ok(job.judging_versions.clone());
+        }
+        let mut judging = Vec::new();
+        for (&wavelength, versions) in spec.wavelengths.iter().zip(&spec.kernel_versions) {
+            let mut of_planes = Vec::new();
+            for (plane, &version) in spec.planes.iter().zip(versions) {
+                let key = KernelKey { display: spec.display.clone(), wavelength, distance: plane.distance };
+                let active = self.kernels.chosen(field, "", &key, false).await?;
+                of_planes.push(active.filter(|_| active != version));
+            }
+            judging.push(of_planes);
+        }
+        Ok(judging)
     }
 
     /// The kernel versions, for each wavelength one for each plane.
