@@ -107,8 +107,8 @@ class Hologram:
     def expected(self) -> v1.Judgement:
         """What a photograph of the first plane is expected to show, by the best model of the display.
 
-        That is the kernel that was active when the job was submitted, whatever the kernel of the hologram, or the kernel
-        of the hologram if none was active: `expected.kernel_version` is then empty.
+        That is the kernel that was active when the job was submitted, whatever the kernel of the hologram. If none was
+        active it is the kernel of the hologram, and `expected.kernel_version` is empty.
         """
         return next(each for each in self.result.wavelengths[0].planes[0].judgements if each.headline)
 
@@ -121,7 +121,7 @@ class Hologram:
         return self.judgement("displayed", cast("words.Detector", words.name_of(v1.Detector, self.spec.detector)))
 
     def judgement(self, stage: words.Stage, detector: words.Detector) -> v1.Judgement:
-        """Return how well the hologram shows its first plane, by its kernel in the engine: as optimized or as displayed."""
+        """Return how well the hologram shows its first plane, by its own kernel: as optimized or as displayed."""
         wanted = (
             v1.Judgement.MODEL_ENGINE,
             words.number("stage", v1.Judgement.Stage, stage),
