@@ -255,7 +255,7 @@ impl JobKind for OptimizeHologram {
     fn result_facts(&self, job: &Job, facts: &mut Facts) -> lightpath::Result<String> {
         let result = hologram_result(job)?;
         facts.add("speed", results::speed(result));
-        Ok(results::in_full(result))
+        Ok(results::in_full(result, &job.kernels))
     }
 }
 

@@ -4,7 +4,9 @@ use crate::show;
 use crate::table::Table;
 use lightpath::Words as _;
 use lightpath::judgements::{self, judgement};
-use lightpath::v1::{Detector, Judgement, PropagationMethod, judgement::Stage, optimize_hologram_result::PlaneResult};
+use lightpath::v1::{
+    Detector, Judgement, PropagationMethod, UsedKernel, judgement::Stage, optimize_hologram_result::PlaneResult,
+};
 
 /// A table of all metrics for each detector: for the phase as optimized and as displayed in levels.
 pub(super) fn table(plane: &PlaneResult) -> String {
@@ -41,14 +43,15 @@ pub(crate) fn headline_db(plane: &PlaneResult) -> Option<f64> {
 }
 
 /// What a photograph is expected to show, for example `19.1 dB expected, by displays/lab/kernels/515nm-150mm/versions/3,
-/// the active kernel of the display`; `None`: it was not measured.
-pub(super) fn in_photograph(plane: &PlaneResult) -> Option<String> {
+/// the active kernel of the display`; `None`: it was not measured. `kernel` is that of the hologram.
+pub(super) fn in_photograph(plane: &PlaneResult, kernel: Option<&UsedKernel>) -> Option<String> {
     let judged = headline(plane)?;
-    let by = match judged.kernel_version.as_str() {
-        "" => "the kernel of the hologram".to_owned(),
-        version => format!("{version}, the active kernel of the display"),
-    };
-    Some(format!("{} expected, by {by}", show::decibel(judged.psnr())))
+    let psnr = show::decibel(judged.psnr());
+    Some(match (judged.kernel_version.as_str(), kernel.map_or("", |kernel| &kernel.kernel_version)) {
+        ("", "") => format!("{psnr} if the optics are ideal; no kernel of the display is active to say more"),
+        ("", _) => format!("{psnr} expected, by the kernel of the hologram"),
+        (version, _) => format!("{psnr} expected, by {version}, the active kernel of the display"),
+    })
 }
 
 /// What the hologram would show on a display of the other kind, for example `21.3 dB on a display that shows all
@@ -180,7 +183,12 @@ mod tests {
     fn active_kernel_says_what_a_photograph_shows() {
         let own = Judgement { stage: Stage::Displayed.into(), ..judged(Detector::Pixel, 48.31) };
         let alone = plane(vec![Judgement { headline: true, ..own.clone() }]);
-        assert_eq!(in_photograph(&alone).as_deref(), Some("48.3 dB expected, by the kernel of the hologram"));
+        let ideal = "48.3 dB if the optics are ideal; no kernel of the display is active to say more";
+        assert_eq!(in_photograph(&alone, Some(&UsedKernel::default())).as_deref(), Some(ideal));
+        let kernel_version = "displays/lab/kernels/515nm-150mm/versions/2".to_owned();
+        let learned = UsedKernel { kernel_version, ..UsedKernel::default() };
+        let text = "48.3 dB expected, by the kernel of the hologram";
+        assert_eq!(in_photograph(&alone, Some(&learned)).as_deref(), Some(text));
         let active = Judgement {
             headline: true,
             kernel_version: "displays/lab/kernels/515nm-150mm/versions/3".to_owned(),
@@ -189,7 +197,7 @@ mod tests {
         };
         let both = plane(vec![own, active]);
         let text = "19.1 dB expected, by displays/lab/kernels/515nm-150mm/versions/3, the active kernel of the display";
-        assert_eq!(in_photograph(&both).as_deref(), Some(text));
+        assert_eq!(in_photograph(&both, Some(&UsedKernel::default())).as_deref(), Some(text));
         assert_eq!((headline_db(&both), summary(&both)[3].as_str()), (Some(19.14), "19.1 dB"));
         assert!(table(&both).contains("48.3 dB"), "the table is that of the kernel of the hologram");
     }

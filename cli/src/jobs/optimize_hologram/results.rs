@@ -60,8 +60,10 @@ pub(super) fn speed(result: &v1::OptimizeHologramResult) -> String {
 }
 
 /// Files and quality of each hologram, plane by plane.
-pub(super) fn in_full(result: &v1::OptimizeHologramResult) -> String {
+pub(super) fn in_full(result: &v1::OptimizeHologramResult, kernels: &[v1::UsedKernel]) -> String {
     let mut text = String::new();
+    // One for each plane of each wavelength, in their order.
+    let mut kernels = kernels.iter();
     for wavelength in &result.wavelengths {
         let mut facts = Facts::default();
         facts.add("wavelength", units::show_m(wavelength.wavelength_m));
@@ -76,7 +78,7 @@ pub(super) fn in_full(result: &v1::OptimizeHologramResult) -> String {
             facts.add("distance", show::place(plane.place.as_ref()));
             propagation_text::add(plane.propagation.as_ref(), &mut facts);
             facts.add("reconstruction", &plane.reconstruction);
-            facts.add_some("in a photograph", quality::in_photograph(plane));
+            facts.add_some("in a photograph", quality::in_photograph(plane, kernels.next()));
             facts.add_some("other optics", quality::other_orders(plane));
             facts.add_some("second opinion", quality::second_opinion(plane));
             text += &format!("\n{}\n{}", facts.text(), quality::table(plane));
@@ -94,7 +96,8 @@ fn result_facts(item: &Item, result: &v1::OptimizeHologramResult) -> String {
     let mut planes = result.wavelengths.iter().flat_map(|wavelength| &wavelength.planes);
     let (first, others) = (planes.next(), planes.next());
     propagation_text::add(first.and_then(|plane| plane.propagation.as_ref()), &mut facts);
-    facts.add_some("in a photograph", first.and_then(quality::in_photograph));
+    let kernel = item.job.kernels.first();
+    facts.add_some("in a photograph", first.and_then(|plane| quality::in_photograph(plane, kernel)));
     facts.add_some("other optics", first.and_then(quality::other_orders));
     facts.add_some("second opinion", first.and_then(quality::second_opinion));
     notes(result).for_each(|note| facts.add("note", note));

@@ -175,7 +175,7 @@ export function jobPage(root, [id]) {
         const own = photographs.filter((photograph) => wavelength.subframes.some(({ pattern }) => pattern === photograph.pattern));
         return pictures(result.wavelengths.length > 1 ? `Pictures at ${length(wavelength.wavelengthM)}` : "Pictures", hologramPictures(spec, result, wavelength, display.modulator.bitDepth, own));
       }),
-      qualities.length > 0 && h("section", {}, h("h2", {}, "Quality"), expectations(planes), qualityTable(qualities)),
+      qualities.length > 0 && h("section", {}, h("h2", {}, "Quality"), expectations(planes, versions), qualityTable(qualities)),
       propagationSection(planes.map(([at, plane]) => [at, plane.propagation])),
       h("section", {}, h("h2", {}, "Origin"), originTable("Plane", versions)),
     ];
@@ -199,10 +199,11 @@ export function jobPage(root, [id]) {
   };
 }
 
-/** What a photograph of each plane is expected to show, and by which model. */
-function expectations(planes) {
-  return planes.map(([at, plane]) => {
+/** What a photograph of each plane is expected to show, and by which model. `versions` are the kernels of the hologram. */
+function expectations(planes, versions) {
+  return planes.map(([at, plane], i) => {
     const { psnrDb, kernelVersion } = headlineOf(plane);
+    if (!kernelVersion && !versions[i][1]) return h("p", {}, h("strong", {}, `${decibels(psnrDb.value)} if the optics are ideal`), ` at ${at}. No kernel of the display is active to say what a photograph shows.`);
     const by = kernelVersion ? h("a", { href: `#/${kernelVersion.split("/versions/")[0]}` }, `version ${idOf(kernelVersion)} of the display's kernel`) : "the kernel of the hologram";
     return h("p", {}, h("strong", {}, `${decibels(psnrDb.value)} expected in a photograph`), ` at ${at}, by `, by,
       kernelVersion && ", which was active when the job was submitted. The table is by the kernel of the hologram.");
