@@ -1,6 +1,6 @@
 //! Ranges and defaults of numbers in requests, from the comments of their fields: `16 to 8192`, `above 0, at most 10`,
-//! `Unset: 10`, and `0 means 50` of the sizes of pages. Only numbers in digits at the end of the first clause are a range, and only one at the end of
-//! the comment is a default, so that no other number of a text is taken for one.
+//! `Unset: 10`, and `0 means 50` of the sizes of pages. Only numbers in digits at the end of the first clause are a range,
+//! and only one at the end of the comment is a default, so that no other number of a text is taken for one.
 
 use protox::prost_reflect::{FieldDescriptor, Kind};
 use serde_json::{Value, json};

@@ -50,10 +50,10 @@ impl Calibration {
         let target = session.client.create_calibration_target(request).await?;
         let kind = job_spec::Kind::OptimizeHologram(OptimizeHologram {
             display: dataset.display,
-            wavelengths_m: vec![dataset.wavelength_m],
-            planes: vec![ImagePlane { place: dataset.place, target: target.target, weight: 0.0 }],
+            wavelengths_m: vec![dataset.wavelength_m()],
+            planes: vec![ImagePlane { place: dataset.place, target: target.target, weight: None }],
             kernel: "ideal".to_owned(),
-            iterations: self.iterations,
+            iterations: Some(self.iterations),
             seed: 1,
             ..Default::default()
         });

@@ -112,8 +112,8 @@ fn method() -> WordParser<HologramMethod> {
 enum Start {
     Random,
     BackPropagated,
-    /// Focal length \[m\]. 0 stands for the server's default.
-    Quadratic(f64),
+    /// Focal length \[m\]; `None`: the server's default.
+    Quadratic(Option<f64>),
     /// Phase \[rad\].
     Constant(f64),
     /// Paths of .npy files, one for each wavelength.
@@ -130,7 +130,7 @@ fn initial_phase(text: &str) -> Result<Start, String> {
         ("back-propagated", None) => Ok(Start::BackPropagated),
         ("quadratic", None) => Ok(Start::Quadratic(0.0)),
         ("quadratic", Some(length)) => {
-            Ok(Start::Quadratic(Length::Distance.parse_m(length).map_err(|error| error.to_string())?))
+            Ok(Start::Quadratic(Some(Length::Distance.parse_m(length).map_err(|error| error.to_string())?)))
         }
         ("constant", None) => Ok(Start::Constant(0.0)),
         ("constant", Some(phase)) => {
@@ -163,7 +163,7 @@ impl OptimizationOptions {
             quantity: self.loss.into(),
             total_variation: self.total_variation,
             speckle: self.speckle,
-            speckle_block_px: self.speckle_block,
+            speckle_block_px: Some(self.speckle_block),
         };
         let weight_mask = match &self.weight_mask {
             Some(file) => session.client.upload_file(file).await?,
@@ -174,9 +174,9 @@ impl OptimizationOptions {
             target_fit: self.fit.into(),
             propagation: self.propagation.into(),
             method: self.method.into(),
-            iterations: self.iterations,
-            learning_rate: self.learning_rate.unwrap_or(0.0),
-            subframes: self.subframes,
+            iterations: Some(self.iterations),
+            learning_rate: self.learning_rate,
+            subframes: Some(self.subframes),
             initial_phase: self.initial_phase(session).await?,
             seed: self.seed,
             loss: Some(loss),

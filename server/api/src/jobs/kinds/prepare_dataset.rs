@@ -5,6 +5,7 @@ use crate::datasets::to_wire::{alignment, finding};
 use crate::names;
 use lightpath_camera::alignment::{Homography, PointPair};
 use lightpath_domain::dataset::Finalization;
+use lightpath_domain::job::kinds::prepare_dataset::SplitCounts;
 use lightpath_domain::job::{AlignBy, Job, PrepareDataset, PrepareResult, PrepareStep};
 use lightpath_media::pictures;
 use lightpath_proto::v1;
