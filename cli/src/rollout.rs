@@ -289,7 +289,11 @@ mod tests {
             (halting(5, Some(1), Some(1)), "1 failed device of 5", None),
             (halting(1000, Some(2), Some(101)), "2 failed devices of the first that report, 101 of all 1000", None),
             (halting(5, None, None), "no number of failures among the 5", Some("even if all 5 devices fail")),
-            (halting(0, None, None), "no device that gets the version has reported", Some("no device that has reported")),
+            (
+                halting(0, None, None),
+                "no device that gets the version has reported",
+                Some("no device that has reported"),
+            ),
         ] {
             assert!(halts_at(&halting).starts_with(said), "{}", halts_at(&halting));
             let rollout = v1::Rollout { halting: Some(halting), ..Default::default() };

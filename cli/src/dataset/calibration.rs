@@ -49,8 +49,8 @@ impl Calibration {
         let request = v1::CreateCalibrationTargetRequest { display: dataset.display.clone() };
         let target = session.client.create_calibration_target(request).await?;
         let kind = job_spec::Kind::OptimizeHologram(OptimizeHologram {
-            display: dataset.display,
             wavelengths_m: vec![dataset.wavelength_m()],
+            display: dataset.display,
             planes: vec![ImagePlane { place: dataset.place, target: target.target, weight: None }],
             kernel: "ideal".to_owned(),
             iterations: Some(self.iterations),

@@ -14,6 +14,7 @@ use lightpath::v1::prepare_dataset::{
     self, Step,
     align::{self, Source},
 };
+use lightpath::v1::prepare_dataset_result::SplitCounts;
 use lightpath::v1::{self, Job, PrepareDataset, job_spec};
 use lightpath::{names, prepare_result};
 use std::path::{Path, PathBuf};

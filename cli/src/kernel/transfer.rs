@@ -179,7 +179,12 @@ impl KernelFile {
 
 /// Downloads a kernel version to a file and prints its size and deviation. Prints what the format loses before the file
 /// is put in place. Without a version it is the active one.
-async fn write(session: &Session, kernel: &KernelChoice, version: Option<u32>, file: &KernelFile) -> Result<(), Failure> {
+async fn write(
+    session: &Session,
+    kernel: &KernelChoice,
+    version: Option<u32>,
+    file: &KernelFile,
+) -> Result<(), Failure> {
     let (format, path) = (file.format()?, FILE.file(&session.stdout, &file.path)?);
     let name = kernel.name(session).await?;
     let warn = |file: &v1::KernelFile| {
@@ -208,7 +213,12 @@ async fn write(session: &Session, kernel: &KernelChoice, version: Option<u32>, f
 }
 
 /// Prints what [`write`] would write.
-async fn describe(session: &Session, kernel: &KernelChoice, version: Option<u32>, file: &KernelFile) -> Result<(), Failure> {
+async fn describe(
+    session: &Session,
+    kernel: &KernelChoice,
+    version: Option<u32>,
+    file: &KernelFile,
+) -> Result<(), Failure> {
     let (format, path) = (file.format()?, FILE.file(&session.stdout, &file.path)?);
     let name = kernel.name(session).await?;
     let (version, file) = session.client.describe_kernel(&name, version, format).await?;

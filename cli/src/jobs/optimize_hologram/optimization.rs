@@ -128,7 +128,7 @@ fn initial_phase(text: &str) -> Result<Start, String> {
     match (kind, value) {
         ("random", None) => Ok(Start::Random),
         ("back-propagated", None) => Ok(Start::BackPropagated),
-        ("quadratic", None) => Ok(Start::Quadratic(0.0)),
+        ("quadratic", None) => Ok(Start::Quadratic(None)),
         ("quadratic", Some(length)) => {
             Ok(Start::Quadratic(Some(Length::Distance.parse_m(length).map_err(|error| error.to_string())?)))
         }
@@ -217,8 +217,8 @@ mod tests {
     fn initial_phases_are_parsed() {
         assert_eq!(initial_phase("random"), Ok(Start::Random));
         assert_eq!(initial_phase("back-propagated"), Ok(Start::BackPropagated));
-        assert_eq!(initial_phase("quadratic"), Ok(Start::Quadratic(0.0)));
-        assert_eq!(initial_phase("quadratic:200mm"), Ok(Start::Quadratic(0.2)));
+        assert_eq!(initial_phase("quadratic"), Ok(Start::Quadratic(None)));
+        assert_eq!(initial_phase("quadratic:200mm"), Ok(Start::Quadratic(Some(0.2))));
         assert_eq!(initial_phase("constant:-1.5"), Ok(Start::Constant(-1.5)));
         assert_eq!(initial_phase("a.npy,b.npy"), Ok(Start::Given(vec!["a.npy".into(), "b.npy".into()])));
         for bad in ["", "lens", "quadratic:far", "constant:x", "a.png", "random:3"] {

@@ -141,8 +141,10 @@ mod tests {
         let headline = Judgement { headline: true, ..displayed };
         let others = Judgement { orders: Orders::Other.into(), ..judged(Detector::Pixel, 21.34) };
         let opinion = |db: f64| {
-            let engine =
-                Judgement { rows: Some(8), ..Judgement { psnr_db: judged(Detector::Pixel, 40.0).psnr_db, ..displayed } };
+            let engine = Judgement {
+                rows: Some(8),
+                ..Judgement { psnr_db: judged(Detector::Pixel, 40.0).psnr_db, ..displayed }
+            };
             let psnr_db = judged(Detector::Pixel, db).psnr_db;
             let contradicts = (db - 40.0).abs() > 0.5;
             [engine, Judgement { model: Model::Independent.into(), psnr_db, contradicts, ..engine }]

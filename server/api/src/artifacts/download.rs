@@ -19,7 +19,8 @@ impl Api {
         let field = Field::new("digest");
         let digest = field.digest(&digest)?;
         let limit_field = Field::new("limit_bytes");
-        let limit_bytes = limit_field.if_set(limit_bytes, "all bytes", |bytes| limit_field.integer(bytes, 1..=u64::MAX))?;
+        let limit_bytes =
+            limit_field.if_set(limit_bytes, "all bytes", |bytes| limit_field.integer(bytes, 1..=u64::MAX))?;
         self.service.files.existing(call, &field, &digest).await?;
         let open = self.streams.open(StreamKind::Download, &call.client)?;
         let reader = self.service.files.reader(call, &digest, (offset_bytes, limit_bytes.unwrap_or(0))).await?;

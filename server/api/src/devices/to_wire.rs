@@ -16,9 +16,9 @@ pub(super) fn device(device: Device) -> v1::Device {
 }
 
 fn installed(installed: InstalledKernel) -> v1::InstalledKernel {
-    let (version, form, digest) = installed.file.map_or_else(Default::default, |file| {
-        (Some(file.version), file.form.as_str().to_owned(), file.digest)
-    });
+    let (version, form, digest) = installed
+        .file
+        .map_or_else(Default::default, |file| (Some(file.version), file.form.as_str().to_owned(), file.digest));
     v1::InstalledKernel {
         kernel: installed.kernel.to_string(),
         version,

@@ -39,12 +39,15 @@ macro_rules! with_all_properties {
 /// Checks a bench from a client and converts it.
 pub(super) fn from_wire(message: v1::SimulatedBench, field: &Field) -> Result<SimulatedBench> {
     let v1::SimulatedBench { strength, camera_noise, full_well_electrons, aberrations_at_m, .. } = message;
-    let bench = with_all_properties!(message, SimulatedBench {
-        strength: strength.unwrap_or(SimulatedBench::FAIR.strength),
-        camera_noise: camera_noise.unwrap_or(SimulatedBench::FAIR.camera_noise),
-        full_well_electrons: full_well_electrons.unwrap_or(0.0),
-        aberrations_at_m: aberrations_at_m.unwrap_or(0.0),
-    });
+    let bench = with_all_properties!(
+        message,
+        SimulatedBench {
+            strength: strength.unwrap_or(SimulatedBench::FAIR.strength),
+            camera_noise: camera_noise.unwrap_or(SimulatedBench::FAIR.camera_noise),
+            full_well_electrons: full_well_electrons.unwrap_or(0.0),
+            aberrations_at_m: aberrations_at_m.unwrap_or(0.0),
+        }
+    );
     collect_all(bench.ranges().into_iter().map(|(name, value, least, most, _)| {
         let field = field.at(name);
         match name {
@@ -66,10 +69,13 @@ fn positive(field: &Field, value: Option<f64>, most: f64, unset: &str) -> Result
 /// Converts a bench into its message.
 pub(super) fn to_wire(bench: SimulatedBench) -> v1::SimulatedBench {
     let given = |value: f64| (value > 0.0).then_some(value);
-    with_all_properties!(bench, v1::SimulatedBench {
-        strength: Some(bench.strength),
-        camera_noise: Some(bench.camera_noise),
-        full_well_electrons: given(bench.full_well_electrons),
-        aberrations_at_m: given(bench.aberrations_at_m),
-    })
+    with_all_properties!(
+        bench,
+        v1::SimulatedBench {
+            strength: Some(bench.strength),
+            camera_noise: Some(bench.camera_noise),
+            full_well_electrons: given(bench.full_well_electrons),
+            aberrations_at_m: given(bench.aberrations_at_m),
+        }
+    )
 }

@@ -77,7 +77,8 @@ mod tests {
     fn scheduling_is_converted_and_invalid_fields_are_refused() {
         let after = vec!["jobs/b".to_owned(), "jobs/a".to_owned(), "jobs/b".to_owned()];
         let needs = ["gpu", "bench-2", "gpu"].map(str::to_owned).to_vec();
-        let request = v1::SubmitJobRequest { timeout_s: Some(1.5), owner: "ada".into(), after, needs, ..Default::default() };
+        let request =
+            v1::SubmitJobRequest { timeout_s: Some(1.5), owner: "ada".into(), after, needs, ..Default::default() };
         let converted = scheduling(&Call::without_token(), &request).unwrap();
         assert_eq!((converted.timeout_ms, converted.owner.as_str(), converted.batch), (Some(1500), "ada", None));
         assert_eq!(converted.after, ["a", "b"]);
