@@ -95,11 +95,11 @@ impl Learn {
     }
 }
 
-/// Parses a polynomial degree. 0 stands for auto.
 /// A polynomial degree; `None`: the one that predicts best.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Degree(Option<u32>);
 
+/// Parses a polynomial degree, or `auto`.
 fn degree(text: &str) -> Result<Degree, String> {
     match text.parse() {
         Ok(degree) if (1..=12).contains(&degree) => Ok(Degree(Some(degree))),

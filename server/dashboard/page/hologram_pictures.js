@@ -69,6 +69,6 @@ export async function photographsOf(display, patterns) {
 
 /** How well a hologram shows a plane, by the engine on the display's own orders; `undefined`: it was not measured. */
 export function judgementOf(plane, stage, detector) {
-  return plane.judgements.find((judged) => judged.model === "MODEL_ENGINE" && judged.orders === "ORDERS_OWN" && judged.rows === 0
+  return plane.judgements.find((judged) => judged.model === "MODEL_ENGINE" && judged.orders === "ORDERS_OWN" && judged.rows === undefined
     && judged.stage === `STAGE_${stage}` && judged.detector === `DETECTOR_${detector.toUpperCase()}`);
 }
