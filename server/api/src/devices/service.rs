@@ -35,10 +35,10 @@ impl Api {
         call.concerns(&request.name);
         let kernel = format!("displays/{display}/kernels/{}", request.kernel);
         let key = names::kernel_key(call, &Field::new("kernel"), &kernel)?;
-        let devices = &self.service.devices;
-        let generation = devices.signed_generation(&Field::new("generation"), &key, request.generation).await?;
         let version = Field::new("version").version_if_set(request.version, "no version in use")?;
         let tried_version = Field::new("tried_version").version_if_set(request.tried_version, "no version")?;
+        let devices = &self.service.devices;
+        let generation = devices.signed_generation(&Field::new("generation"), &key, request.generation).await?;
         let file = installed_file(version, &request.format, &request.digest)?;
         if let Some(file) = &file {
             devices.require_file(call, &key, file).await?;

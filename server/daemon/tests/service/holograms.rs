@@ -138,7 +138,7 @@ async fn restart_between_two_wavelengths_does_not_change_the_result() {
     let plane = |distance_m| v1::optimize_hologram::ImagePlane {
         place: Some(v1::Place::at_m(distance_m)),
         target: target.clone(),
-        weight: Some(0.0),
+        weight: None,
     };
     let spec = v1::OptimizeHologram {
         display: "displays/two".into(),
