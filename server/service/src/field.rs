@@ -104,16 +104,18 @@ impl Field {
         })
     }
 
-    /// Checks a value if it is given. A refusal says also for what to leave it out: `unset`, such as `the default 50`.
-    pub fn if_set<T, R>(
+    /// Checks a value if it is given. The refusal of a 0 says also for what to leave it out: `unset`, such as `the default
+    /// 50`. Clients that do not know of unset numbers send 0 for them.
+    pub fn if_set<T: PartialEq + Default, R>(
         &self,
         value: Option<T>,
         unset: impl Display,
         check: impl FnOnce(T) -> Result<R>,
     ) -> Result<Option<R>> {
+        let is_zero = value.as_ref().is_some_and(|value| *value == T::default());
         let checked = value.map(check).transpose();
         checked.map_err(|error| match error {
-            ServiceError::Invalid(WrongField { field, problem, fix: Fix::Allowed(allowed) }) if field == self.0 => {
+            ServiceError::Invalid(WrongField { problem, fix: Fix::Allowed(allowed), .. }) if is_zero => {
                 self.but(problem, format!("{allowed}; leave it out for {unset}"))
             }
             other => other,
@@ -286,6 +288,8 @@ mod tests {
         assert_eq!(number, "x is 0, but must be 0.1 to 1; leave it out for the default 0.3");
         let integer = refusal(field.integer_or(Some(0), 50, 1..=1000).map(|x| x.to_string()));
         assert_eq!(integer, "x is 0, but must be 1 to 1000; leave it out for the default 50");
+        let large = refusal(field.integer_or(Some(1001), 50, 1..=1000).map(|x| x.to_string()));
+        assert_eq!(large, "x is 1001, but must be 1 to 1000");
         let version = refusal(field.version_if_set(Some(0), "no version").map(|x| format!("{x:?}")));
         assert_eq!(version, "x is 0, but must be 1 or more; leave it out for no version");
         assert_eq!(field.version_if_set(None, "no version").unwrap(), None);

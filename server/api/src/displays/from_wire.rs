@@ -390,7 +390,7 @@ mod tests {
             (refusal(|d| d.name = "lab".into()), "display.name is \"lab\", but must be displays/{id}"),
             (
                 refusal(|d| d.bench = bench(v1::SimulatedBench { strength: Some(-1.0), ..Default::default() })),
-                "display.simulated_bench.strength is -1, but must be 0 to 4; leave it out for the default 1",
+                "display.simulated_bench.strength is -1, but must be 0 to 4",
             ),
             (
                 refusal(|d| {
