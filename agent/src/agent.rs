@@ -341,12 +341,13 @@ impl Agent {
     }
 
     fn standing(&self, kernel: String) -> Standing {
-        let rejected = self.state.state.rejected.as_ref().map(|rejected| (rejected.version, rejected.message.clone()));
-        let trouble = self.trouble.clone().map(|message| (0, message));
+        let rejected = self.state.state.rejected.as_ref();
+        let rejected = rejected.map(|rejected| (Some(rejected.version), rejected.message.clone()));
+        let trouble = self.trouble.clone().map(|message| (None, message));
         let (tried_version, message) = trouble.or(rejected).unwrap_or_default();
         let (version, digest) = match &self.in_use {
-            Some((_, manifest)) => (manifest.version, manifest.digest.clone()),
-            None => (0, String::new()),
+            Some((_, manifest)) => (Some(manifest.version), manifest.digest.clone()),
+            None => (None, String::new()),
         };
         let loss = self.state.state.loss.as_ref().filter(|(of, _)| *of == digest).map(|(_, loss)| *loss);
         Standing { kernel, version, digest, generation: self.state.state.generation, tried_version, message, loss }

@@ -16,14 +16,14 @@ const MESSAGE_BYTES_MAX: usize = 1024;
 pub(crate) struct Standing {
     /// Id of the kernel.
     pub(crate) kernel: String,
-    /// Version in use; 0: none.
-    pub(crate) version: u32,
+    /// Version in use; `None`: the device uses none.
+    pub(crate) version: Option<u32>,
     /// Digest of its file; empty: none.
     pub(crate) digest: String,
     /// Highest generation that was accepted.
     pub(crate) generation: u64,
-    /// Version that was given up; 0: none.
-    pub(crate) tried_version: u32,
+    /// Version that was given up; `None`: none was.
+    pub(crate) tried_version: Option<u32>,
     /// Why; also what else the server should know.
     pub(crate) message: String,
     /// What the self-test printed about the version in use.
@@ -35,14 +35,18 @@ impl Standing {
     fn json(&self, settings: &Settings) -> String {
         let mut json = json!({
             "kernel": self.kernel,
-            "version": self.version,
-            "format": if self.version == 0 { "" } else { settings.format.as_str() },
+            "format": if self.version.is_none() { "" } else { settings.format.as_str() },
             "digest": self.digest,
             "generation": self.generation.to_string(),
-            "triedVersion": self.tried_version,
             "message": shortened(&one_line(&self.message, MESSAGE_BYTES_MAX)),
             "agent": user_agent(),
         });
+        if let Some(version) = self.version {
+            json["version"] = version.into();
+        }
+        if let Some(version) = self.tried_version {
+            json["triedVersion"] = version.into();
+        }
         if let Some(loss) = self.loss {
             json["selfTestLoss"] = loss.into();
         }

@@ -180,8 +180,8 @@ async fn prepare(client: &Client) -> String {
 async fn submit(client: &Client, target: &str, iterations: u32, priority: i32, request_id: &str) -> String {
     let spec = OptimizeHologram {
         display: names::display("load"),
-        planes: vec![ImagePlane { place: Some(v1::Place::at_m(0.05)), target: target.to_owned(), weight: 0.0 }],
-        iterations,
+        planes: vec![ImagePlane { place: Some(v1::Place::at_m(0.05)), target: target.to_owned(), weight: None }],
+        iterations: Some(iterations),
         ..Default::default()
     };
     let spec = Some(spec_of(job_spec::Kind::OptimizeHologram(spec)));

@@ -23,9 +23,9 @@ pub(crate) struct Optics {
 }
 
 impl Optics {
-    /// Wavelength \[m\] for the API. 0 stands for the display's only wavelength.
-    pub(crate) fn wavelength_m(&self) -> f64 {
-        self.wavelength.unwrap_or(0.0)
+    /// Wavelength \[m\] for the API. `None`: the display's only wavelength.
+    pub(crate) fn wavelength_m(&self) -> Option<f64> {
+        self.wavelength
     }
 }
 
@@ -75,7 +75,7 @@ pub(crate) fn wavelength(text: &str) -> Result<f64, ParseError> {
     Length::Wavelength.parse_m(text)
 }
 
-/// Parses a number above 0. The API would read 0 as "use the default", and a user who writes 0 means 0.
+/// Parses a number above 0.
 pub(crate) fn above_zero(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(number) if number > 0.0 => Ok(number),

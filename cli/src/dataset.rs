@@ -62,8 +62,8 @@ pub(crate) struct Create {
 
     /// Set the camera's bit depth if its files have more bits, for example 12 for 16-bit files with values up to 4095;
     /// 8 to 16 [default: that of the files]
-    #[arg(long, value_name = "N", default_value_t = 0, hide_default_value = true)]
-    photo_bit_depth: u32,
+    #[arg(long, value_name = "N")]
+    photo_bit_depth: Option<u32>,
 }
 
 /// The dataset that a command applies to.
@@ -140,7 +140,7 @@ impl List {
                 table.row([
                     names::id(&dataset.name).to_owned(),
                     names::id(&dataset.display).to_owned(),
-                    optics(dataset.wavelength_m, dataset.place.as_ref()),
+                    optics(dataset.wavelength_m(), dataset.place.as_ref()),
                     dataset.state().word().to_owned(),
                     dataset.pair_count.to_string(),
                     clock_or_dash(dataset.create_time.as_ref()),

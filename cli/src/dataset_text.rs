@@ -10,7 +10,7 @@ pub(crate) fn facts(dataset: &Dataset) -> String {
     let mut facts = Facts::default();
     facts.add("dataset", names::id(&dataset.name));
     facts.add("display", names::id(&dataset.display));
-    facts.add("optics", show::optics(dataset.wavelength_m, dataset.place.as_ref()));
+    facts.add("optics", show::optics(dataset.wavelength_m(), dataset.place.as_ref()));
     facts.add(
         "state",
         match dataset.state() {

@@ -114,7 +114,7 @@ fn table(devices: &[v1::Device]) -> Table {
 
 fn message(installed: &v1::InstalledKernel) -> String {
     match installed.tried_version {
-        0 => installed.message.clone(),
-        version => format!("gave up version {version}: {}", installed.message),
+        None => installed.message.clone(),
+        Some(version) => format!("gave up version {version}: {}", installed.message),
     }
 }

@@ -5,7 +5,7 @@ mod orders;
 mod phase_response;
 mod plan;
 
-use super::arguments::{Limit, above_zero, pixel_pitch, resolution, wavelength};
+use super::arguments::{Limit, pixel_pitch, resolution, wavelength};
 use super::failure::Failure;
 use super::pages::pages;
 use super::session::Session;
@@ -122,23 +122,21 @@ pub(crate) struct Create {
     #[arg(long, value_name = "N", help_heading = "Simulated bench")]
     simulated_seed: Option<u64>,
 
-    /// Multiply every optical imperfection by this factor, above 0, at most 4
+    /// Multiply every optical imperfection by this factor, 0 to 4
     #[arg(
         long,
         value_name = "X",
         default_value_t = 1.0,
-        value_parser = above_zero,
         requires = "simulated_seed",
         help_heading = "Simulated bench"
     )]
     simulated_strength: f64,
 
-    /// Set the standard deviation of the camera's read noise as a fraction of full scale, above 0, at most 0.1
+    /// Set the standard deviation of the camera's read noise as a fraction of full scale, 0 to 0.1
     #[arg(
         long,
         value_name = "X",
         default_value_t = 0.003,
-        value_parser = above_zero,
         requires = "simulated_seed",
         help_heading = "Simulated bench"
     )]
@@ -191,8 +189,8 @@ impl Create {
             Some(path) => Some(bench_file::read(path)?),
             None => self.simulated_seed.map(|seed| v1::SimulatedBench {
                 seed,
-                strength: self.simulated_strength,
-                camera_noise: self.camera_noise,
+                strength: Some(self.simulated_strength),
+                camera_noise: Some(self.camera_noise),
                 misalignment_px: self.misalignment,
                 ..Default::default()
             }),
@@ -203,7 +201,7 @@ impl Create {
             wavelengths_m: self.wavelengths.clone(),
             carrier: self.carrier.unwrap_or_default().into(),
             orders: self.orders.message()?,
-            camera_fill_factor: self.camera_fill_factor,
+            camera_fill_factor: Some(self.camera_fill_factor),
             notes: self.notes.clone(),
             bench: bench.map(v1::display::Bench::SimulatedBench),
             create_time: None,
@@ -213,7 +211,7 @@ impl Create {
     fn modulator(&self) -> Result<Modulator, Failure> {
         let response_rad = self.phase_response.as_deref().map(phase_response::read).transpose()?.unwrap_or_default();
         Ok(Modulator {
-            bit_depth: self.bit_depth,
+            bit_depth: Some(self.bit_depth),
             kind: Some(v1::modulator::Kind::Phase(v1::PhaseModulator { response_rad })),
             ..Modulator::of_phase(self.resolution.0, self.resolution.1, self.pixel_pitch)
         })
@@ -234,7 +232,7 @@ async fn list(session: &Session, limit: u32) -> Result<(), Failure> {
                 format!("{}x{}", modulator.width_px, modulator.height_px),
                 units::show_m(modulator.pixel_pitch_x_m),
                 show::lengths(display.wavelengths_m.iter().copied()),
-                modulator.bit_depth.to_string(),
+                modulator.bit_depth().to_string(),
                 if display.simulated_bench().is_some() { "simulated".to_owned() } else { "real".to_owned() },
                 show::clock_or_dash(display.create_time.as_ref()),
                 show::age_or_dash(display.create_time.as_ref()),
@@ -251,13 +249,13 @@ fn facts(display: &Display) -> String {
     facts.add("resolution", format!("{}x{} px", modulator.width_px, modulator.height_px));
     facts.add("pixel pitch", units::show_m(modulator.pixel_pitch_x_m));
     facts.add("wavelengths", show::lengths(display.wavelengths_m.iter().copied()));
-    facts.add("bit depth", modulator.bit_depth.to_string());
+    facts.add("bit depth", modulator.bit_depth().to_string());
     facts.add("phase response", response_text(modulator.response_rad()));
     let carrier = Some(display.carrier()).filter(|carrier| *carrier != v1::Carrier::Unspecified);
     facts.add("carrier", carrier.map_or("none", Words::word));
     facts.add("orders", orders::text(display));
-    if display.camera_fill_factor != 1.0 {
-        facts.add("camera's fill factor", display.camera_fill_factor.to_string());
+    if let Some(side) = display.camera_fill_factor.filter(|&side| side != 1.0) {
+        facts.add("camera's fill factor", side.to_string());
     }
     if let Some(bench) = display.simulated_bench() {
         facts.add("simulated", format!("seed {}", bench.seed));

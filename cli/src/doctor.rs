@@ -120,7 +120,7 @@ impl Doctor {
             })
             .await?;
             known += found.kernels.len();
-            active += found.kernels.iter().filter(|kernel| kernel.active_version > 0).count();
+            active += found.kernels.iter().filter(|kernel| kernel.active_version.is_some()).count();
         }
         findings.add(kernels(displays.displays.len(), known, active));
         Ok(())

@@ -83,9 +83,8 @@ fn queue_facts(job: &Job, facts: &mut Facts) {
     if !job.needs.is_empty() {
         facts.add("needs", show::plain(&job.needs.join(", ")));
     }
-    if job.estimated_memory_bytes > 0 {
-        let memory = show::bytes(job.estimated_memory_bytes);
-        facts.add("estimate", format!("{memory} of memory, {}", show::duration(job.estimated_time_s)));
+    if let (Some(memory), Some(time_s)) = (job.estimated_memory_bytes, job.estimated_time_s) {
+        facts.add("estimate", format!("{} of memory, {}", show::bytes(memory), show::duration(time_s)));
     }
     if !job.computer.is_empty() {
         facts.add("computed by", show::plain(&job.computer));

@@ -37,7 +37,7 @@ impl KernelChoice {
         };
         let request = v1::ListKernelsRequest {
             display: names::display(display),
-            wavelength_m: self.wavelength.unwrap_or(0.0),
+            wavelength_m: self.wavelength,
             place: Some(v1::Place::at_m(distance_m)),
             ..Default::default()
         };

@@ -90,7 +90,8 @@ mod tests {
 
     #[tokio::test]
     async fn pages_are_joined_up_to_the_limit() {
-        let all: Vec<v1::JobEvent> = (0..2500).map(|attempt| v1::JobEvent { attempt, ..Default::default() }).collect();
+        let all: Vec<v1::JobEvent> =
+            (0..2500).map(|attempt| v1::JobEvent { attempt: Some(attempt), ..Default::default() }).collect();
         let ask = async |limit| {
             let list = pages(limit, async |size, token: String| {
                 let start: usize = token.parse().unwrap_or(0);

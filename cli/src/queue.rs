@@ -92,7 +92,7 @@ fn processes(queue: &v1::Queue) -> String {
             show::plain(&process.name),
             does.to_owned(),
             show::or_dash(&process.labels.join(", ")),
-            if works { show::bytes(process.memory_bytes) } else { "–".to_owned() },
+            process.memory_bytes.map_or_else(|| "–".to_owned(), show::bytes),
             if works { process.workers.to_string() } else { "–".to_owned() },
             process.version.clone(),
             show::age_or_dash(process.seen_time.as_ref()),

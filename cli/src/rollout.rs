@@ -152,7 +152,7 @@ impl Start {
             share_percent: self.share,
             group: self.group,
             failed_percent_max: Some(self.failed_max),
-            devices_min: self.devices_min,
+            devices_min: Some(self.devices_min),
             self_test_loss_max: self.self_test_loss_max,
             reason,
             expected_active_version: expected_active,
@@ -211,10 +211,7 @@ fn text(rollout: &v1::Rollout) -> String {
     let mut facts = Facts::default();
     facts.add("rollout", &rollout.name);
     facts.add("state", rollout.state().word());
-    let from = match rollout.from_version {
-        0 => "none".to_owned(),
-        version => version.to_string(),
-    };
+    let from = rollout.from_version.map_or_else(|| "none".to_owned(), |version| version.to_string());
     facts.add("versions", format!("{} for the first devices, {from} for the others", rollout.version));
     facts.add("first devices", devices(rollout));
     let loss = rollout.self_test_loss_max.map(|loss| format!(", self-test loss at most {}", show::loss(loss)));
@@ -243,9 +240,13 @@ fn halts_at(halting: &v1::rollout::Halting) -> String {
     let failed = |count: u32| if count == 1 { "1 failed device".to_owned() } else { format!("{count} failed devices") };
     match (devices_known, failures_of_all) {
         (0, _) => "no device that gets the version has reported yet".to_owned(),
-        (_, 0) => format!("no number of failures among the {devices_known} devices that get the version"),
-        (_, all) if all == failures_first => format!("{} of {devices_known}", failed(all)),
-        (_, all) => format!("{} of the first that report, {all} of all {devices_known}", failed(failures_first)),
+        (_, None) => format!("no number of failures among the {devices_known} devices that get the version"),
+        (_, Some(all)) => match failures_first {
+            Some(first) if first != all => {
+                format!("{} of the first that report, {all} of all {devices_known}", failed(first))
+            }
+            _ => format!("{} of {devices_known}", failed(all)),
+        },
     }
 }
 
@@ -258,7 +259,7 @@ fn warning(rollout: &v1::Rollout) -> Option<String> {
             "warning: no device that has reported about this kernel gets the version of {name}; lightpath device list \
              shows the devices"
         )),
-        (_, 0) => Some(format!(
+        (_, None) => Some(format!(
             "warning: {name} does not halt by itself, even if all {} devices fail: --failed-max is {} %",
             halting.devices_known, rollout.failed_percent_max
         )),
@@ -285,10 +286,14 @@ mod tests {
             failures_of_all,
         };
         for (halting, said, warns) in [
-            (halting(5, 1, 1), "1 failed device of 5", None),
-            (halting(1000, 2, 101), "2 failed devices of the first that report, 101 of all 1000", None),
-            (halting(5, 0, 0), "no number of failures among the 5", Some("even if all 5 devices fail")),
-            (halting(0, 0, 0), "no device that gets the version has reported", Some("no device that has reported")),
+            (halting(5, Some(1), Some(1)), "1 failed device of 5", None),
+            (halting(1000, Some(2), Some(101)), "2 failed devices of the first that report, 101 of all 1000", None),
+            (halting(5, None, None), "no number of failures among the 5", Some("even if all 5 devices fail")),
+            (
+                halting(0, None, None),
+                "no device that gets the version has reported",
+                Some("no device that has reported"),
+            ),
         ] {
             assert!(halts_at(&halting).starts_with(said), "{}", halts_at(&halting));
             let rollout = v1::Rollout { halting: Some(halting), ..Default::default() };

@@ -138,9 +138,9 @@ pub(crate) fn or_dash(text: &str) -> String {
     if text.is_empty() { "–".to_owned() } else { text.to_owned() }
 }
 
-/// A version number, for example `3`. 0 means none and is `–`.
-pub(crate) fn version_or_dash(version: u32) -> String {
-    if version == 0 { "–".to_owned() } else { version.to_string() }
+/// The number of a version or attempt, for example `3`. `–`: none.
+pub(crate) fn version_or_dash(number: Option<u32>) -> String {
+    number.map_or_else(|| "–".to_owned(), |number| number.to_string())
 }
 
 /// The time \[s since 1970\].

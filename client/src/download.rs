@@ -60,7 +60,7 @@ impl Client {
         take: &mut (dyn FnMut(&[u8]) -> Result<()> + Send),
     ) -> Result<()> {
         let request =
-            ReadArtifactRequest { digest: digest.to_owned(), offset_bytes: hasher.size_bytes(), limit_bytes: 0 };
+            ReadArtifactRequest { digest: digest.to_owned(), offset_bytes: hasher.size_bytes(), limit_bytes: None };
         let mut stream = self.read_artifact(request).await?;
         while let Some(message) = stream.message().await.map_err(|status| self.error(status))? {
             take(&message.chunk)?;

@@ -26,7 +26,7 @@ pub enum KernelChange<'a> {
 }
 
 impl Client {
-    /// Fetches a kernel version and its file in a format. Version 0 means the active version.
+    /// Fetches a kernel version and its file in a format. Without a `version` it is the active one.
     ///
     /// For a format other than safetensors a [`KernelFile`] gives the size of the converted file and the error of the
     /// conversion.
@@ -38,7 +38,7 @@ impl Client {
     pub async fn fetch_kernel_as(
         &self,
         kernel: &str,
-        version: u32,
+        version: Option<u32>,
         format: KernelFormat,
     ) -> Result<(KernelVersion, Option<KernelFile>, Vec<u8>)> {
         let mut backoff = Backoff::new();
@@ -50,26 +50,26 @@ impl Client {
         }
     }
 
-    /// Fetches a kernel version and its safetensors file. Version 0 means the active version.
+    /// Fetches a kernel version and its safetensors file. Without a `version` it is the active one.
     ///
     /// # Errors
     ///
     /// The errors of [`Self::fetch_kernel_as`].
-    pub async fn fetch_kernel(&self, kernel: &str, version: u32) -> Result<(KernelVersion, Vec<u8>)> {
+    pub async fn fetch_kernel(&self, kernel: &str, version: Option<u32>) -> Result<(KernelVersion, Vec<u8>)> {
         let (version, _, bytes) = self.fetch_kernel_as(kernel, version, KernelFormat::Safetensors).await?;
         Ok((version, bytes))
     }
 
-    /// Writes the safetensors file of a kernel version to `path`. Version 0 means the active version.
+    /// Writes the safetensors file of a kernel version to `path`. Without a `version` it is the active one.
     ///
     /// # Errors
     ///
     /// The errors of [`Self::fetch_kernel_to_as`].
-    pub async fn fetch_kernel_to(&self, kernel: &str, version: u32, path: &Path) -> Result<KernelVersion> {
+    pub async fn fetch_kernel_to(&self, kernel: &str, version: Option<u32>, path: &Path) -> Result<KernelVersion> {
         Ok(self.fetch_kernel_to_as(kernel, version, KernelFormat::Safetensors, path, |_| {}).await?.0)
     }
 
-    /// Writes the file of a kernel version in a format to `path`. Version 0 means the active version. The file appears,
+    /// Writes the file of a kernel version in a format to `path`. Without a `version` it is the active one. The file appears,
     /// or is replaced, only after the whole download is checked. For a format other than safetensors `before` is called
     /// before that, with what the format loses.
     ///
@@ -79,7 +79,7 @@ impl Client {
     pub async fn fetch_kernel_to_as(
         &self,
         kernel: &str,
-        version: u32,
+        version: Option<u32>,
         format: KernelFormat,
         path: &Path,
         before: impl FnOnce(&KernelFile),
@@ -95,7 +95,7 @@ impl Client {
     }
 
     /// Returns a kernel version and, for a format other than safetensors, what its file would be, without the file.
-    /// Version 0 means the active version.
+    /// Without a `version` it is the active one.
     ///
     /// # Errors
     ///
@@ -103,7 +103,7 @@ impl Client {
     pub async fn describe_kernel(
         &self,
         kernel: &str,
-        version: u32,
+        version: Option<u32>,
         format: KernelFormat,
     ) -> Result<(KernelVersion, Option<KernelFile>)> {
         let request = FetchKernelRequest { kernel: kernel.to_owned(), version, format: format.into(), offset_bytes: 0 };
@@ -198,7 +198,7 @@ impl Client {
     async fn fetch_kernel_once(
         &self,
         kernel: &str,
-        version: u32,
+        version: Option<u32>,
         format: KernelFormat,
     ) -> Result<(KernelVersion, Option<KernelFile>, Vec<u8>)> {
         let request = FetchKernelRequest { kernel: kernel.to_owned(), version, format: format.into(), offset_bytes: 0 };

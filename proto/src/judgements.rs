@@ -7,7 +7,7 @@ use crate::v1::{Detector, Judgement};
 #[must_use]
 pub fn judgement(list: &[Judgement], stage: Stage, detector: Detector) -> Option<&Judgement> {
     let is_wanted = |judged: &&Judgement| {
-        let own = judged.orders() == Orders::Own && judged.model() == Model::Engine && judged.rows == 0;
+        let own = judged.orders() == Orders::Own && judged.model() == Model::Engine && judged.rows.is_none();
         own && judged.stage() == stage && judged.detector() == detector
     };
     list.iter().find(is_wanted)

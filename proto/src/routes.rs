@@ -395,7 +395,7 @@ mod tests {
         let wanted = v1::ReportDeviceRequest {
             name: "displays/lab/devices/bench-7".into(),
             kernel: "515nm-50mm".into(),
-            tried_version: 3,
+            tried_version: Some(3),
             self_test_loss: Some(0.5),
             ..Default::default()
         };

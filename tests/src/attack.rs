@@ -135,7 +135,7 @@ async fn prepare(admin: &Client, scale: &Scale) -> (String, String) {
     let artifact = admin.upload_bytes(kernel_file(width_px, width_px / 2, 0.1)).await.unwrap();
     let import = v1::ImportKernelRequest {
         display: names::display("learned"),
-        wavelength_m: WAVELENGTH_M,
+        wavelength_m: Some(WAVELENGTH_M),
         place: Some(v1::Place::at_m(DISTANCE_M)),
         artifact,
         ..Default::default()

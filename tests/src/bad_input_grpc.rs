@@ -96,9 +96,9 @@ async fn invalid_specs_are_refused() {
             Code::InvalidArgument,
             &["wavelengths_m", "515nm"],
         ),
-        (OptimizeHologram { learning_rate: f64::NAN, ..good() }, Code::InvalidArgument, &["learning_rate"]),
-        (OptimizeHologram { learning_rate: -1.0, ..good() }, Code::InvalidArgument, &["learning_rate"]),
-        (OptimizeHologram { iterations: 1_000_000, ..good() }, Code::InvalidArgument, &["iterations", "10000"]),
+        (OptimizeHologram { learning_rate: Some(f64::NAN), ..good() }, Code::InvalidArgument, &["learning_rate"]),
+        (OptimizeHologram { learning_rate: Some(-1.0), ..good() }, Code::InvalidArgument, &["learning_rate"]),
+        (OptimizeHologram { iterations: Some(1_000_000), ..good() }, Code::InvalidArgument, &["iterations", "10000"]),
         (
             OptimizeHologram { initial_phase: Some(InitialPhase { kind: Some(Kind::Random(range)) }), ..good() },
             Code::InvalidArgument,
@@ -144,7 +144,7 @@ async fn invalid_displays_are_refused() {
         cases.push((v1::Display { name: name.into(), ..good() }, "display.name"));
     }
     let ok = v1::Modulator::of_phase(64, 48, 8e-6);
-    cases.push((with(v1::Modulator { bit_depth: 17, ..ok.clone() }), "display.modulator.bit_depth"));
+    cases.push((with(v1::Modulator { bit_depth: Some(17), ..ok.clone() }), "display.modulator.bit_depth"));
     cases.push((v1::Display { carrier: 9, ..good() }, "display.carrier"));
     cases.push((v1::Display { notes: "x".repeat(4097), ..good() }, "display.notes"));
     let with_nan = (0..256).map(|level| if level == 7 { f64::NAN } else { 0.02 * f64::from(level) }).collect();
@@ -203,9 +203,9 @@ async fn invalid_pairs_and_datasets_are_refused() {
         assert_refused(answer, code, &signs);
     }
     for (test_fraction, code, sign) in
-        [(0.0, Code::FailedPrecondition, "datasets/bench"), (f64::NAN, Code::InvalidArgument, "test_fraction")]
+        [(0.2, Code::FailedPrecondition, "datasets/bench"), (f64::NAN, Code::InvalidArgument, "test_fraction")]
     {
-        let finalize = v1::prepare_dataset::Finalize { test_fraction, ..Default::default() };
+        let finalize = v1::prepare_dataset::Finalize { test_fraction: Some(test_fraction), ..Default::default() };
         let step = Some(v1::prepare_dataset::Step::Finalize(finalize));
         let prepare = v1::PrepareDataset { dataset: names::dataset("bench"), step };
         let spec = Some(lightpath::job_spec(v1::job_spec::Kind::PrepareDataset(prepare)));
@@ -230,7 +230,7 @@ async fn unknown_kernels_are_not_found() {
     let server = start().await;
     let mut kernels = KernelServiceClient::new(server.channel());
     let kernel = "displays/lab/kernels/515nm-50mm".to_owned();
-    let fetch = v1::FetchKernelRequest { kernel: kernel.clone(), version: 3, ..Default::default() };
+    let fetch = v1::FetchKernelRequest { kernel: kernel.clone(), version: Some(3), ..Default::default() };
     assert_refused(kernels.fetch_kernel(fetch).await, Code::NotFound, &[&kernel]);
     let promote = v1::PromoteKernelRequest { kernel: kernel.clone(), version: 3, ..Default::default() };
     assert_refused(kernels.promote_kernel(promote).await, Code::NotFound, &[&kernel]);

@@ -118,7 +118,7 @@ async fn longest_end(daemon: &Daemon, spec: &job_spec::Kind, moments: u32) -> Du
     for moment in 0..moments {
         let job = submit(daemon, spec.clone()).await;
         wait_until_running(daemon, &job.name).await;
-        let run = Duration::from_secs_f64(job.estimated_time_s).min(RUN_MAX);
+        let run = Duration::from_secs_f64(job.estimated_time_s()).min(RUN_MAX);
         tokio::time::sleep(run * (2 * moment + 1) / (2 * moments)).await;
         let asked = Instant::now();
         if daemon.client.cancel_job(v1::CancelJobRequest { name: job.name.clone() }).await.is_err() {

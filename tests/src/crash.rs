@@ -122,7 +122,7 @@ async fn suspended_server_continues_its_jobs() {
     let (data, undisturbed) = (TempDir::new().unwrap(), TempDir::new().unwrap());
     let target = prepare(data.path(), &SETTINGS).await;
     assert_eq!(prepare(undisturbed.path(), &SETTINGS).await, target);
-    let spec = || SubmitJobRequest { attempts_max: 1, ..request(hologram("lab", &target, 1500, 9), "one") };
+    let spec = || SubmitJobRequest { attempts_max: Some(1), ..request(hologram("lab", &target, 1500, 9), "one") };
     let daemon = Daemon::start(undisturbed.path(), &SETTINGS).await;
     let job = daemon.client.submit(spec()).await.unwrap();
     let whole = daemon.client.wait(&job.name, |_| ()).await.unwrap();

@@ -157,9 +157,9 @@ async fn measure_job(data: &Path, spec: job_spec::Kind) -> Measured {
         time.seconds as f64 + 1e-9 * f64::from(time.nanos)
     });
     Measured {
-        estimate_mib: job.estimated_memory_bytes as f64 / 1_048_576.0,
+        estimate_mib: job.estimated_memory_bytes() as f64 / 1_048_576.0,
         memory_mib: peak_kib.saturating_sub(idle_kib) as f64 / 1024.0,
-        estimate_s: job.estimated_time_s,
+        estimate_s: job.estimated_time_s(),
         took_s: finished - started,
     }
 }

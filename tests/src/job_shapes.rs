@@ -88,7 +88,7 @@ pub(crate) fn all_orders() -> Orders {
 }
 
 pub(crate) fn half_order() -> Orders {
-    Orders::OrderFilter(v1::OrderFilter { height: 0.5, ..Default::default() })
+    Orders::OrderFilter(v1::OrderFilter { height: Some(0.5), ..Default::default() })
 }
 
 impl Shape {
@@ -119,7 +119,11 @@ async fn hologram_spec(client: &Client, size_px: (u32, u32), shape: &Hologram) -
     let mut planes = Vec::new();
     for p in 0..shape.planes {
         let target = client.upload_bytes(target(size_px.0, size_px.1, p)).await.unwrap();
-        planes.push(ImagePlane { place: Some(v1::Place::at_m(DISTANCE_M + 0.01 * f64::from(p))), target, weight: 0.0 });
+        planes.push(ImagePlane {
+            place: Some(v1::Place::at_m(DISTANCE_M + 0.01 * f64::from(p))),
+            target,
+            weight: None,
+        });
     }
     let wavelengths_m = [WAVELENGTH_M, 450e-9, 638e-9][..shape.wavelengths as usize].to_vec();
     let mask = if shape.masked { planes[0].target.clone() } else { String::new() };
@@ -131,8 +135,8 @@ async fn hologram_spec(client: &Client, size_px: (u32, u32), shape: &Hologram) -
         kernel: "ideal".into(),
         method: shape.method.into(),
         detector: shape.detector.into(),
-        iterations: shape.iterations,
-        subframes: shape.subframes,
+        iterations: Some(shape.iterations),
+        subframes: Some(shape.subframes),
         weight_mask: mask,
         initial_phase: shape.back_propagated.then_some(InitialPhase { kind: Some(from_target) }),
         quantization_aware: shape.quantization_aware,
@@ -153,7 +157,7 @@ async fn capture_spec(client: &Client, size_px: (u32, u32)) -> job_spec::Kind {
     let pattern = client.upload_bytes(target(size_px.0, size_px.1, 1)).await.unwrap();
     job_spec::Kind::SimulateCapture(v1::SimulateCapture {
         display: names::display("lab"),
-        wavelength_m: WAVELENGTH_M,
+        wavelength_m: Some(WAVELENGTH_M),
         place: Some(v1::Place::at_m(DISTANCE_M)),
         pattern,
         ..Default::default()
@@ -192,7 +196,7 @@ async fn dataset_specs(
             dataset: Some(v1::Dataset {
                 name: dataset.clone(),
                 display: names::display("lab"),
-                wavelength_m: WAVELENGTH_M,
+                wavelength_m: Some(WAVELENGTH_M),
                 place: Some(v1::Place::at_m(DISTANCE_M)),
                 ..Default::default()
             }),
@@ -213,8 +217,8 @@ async fn dataset_specs(
     let learn = v1::LearnKernel {
         datasets: vec![dataset.clone()],
         model: model.into(),
-        epochs: 1,
-        degree: if smooth { 5 } else { 0 },
+        epochs: Some(1),
+        degree: smooth.then_some(5),
         refinement_evaluations: smooth.then_some(4),
         ..Default::default()
     };
@@ -245,7 +249,7 @@ async fn dense_report_spec(client: &Client, size_px: (u32, u32), others: u32) ->
         let display = names::display("lab");
         let request = v1::ImportKernelRequest {
             display,
-            wavelength_m: WAVELENGTH_M,
+            wavelength_m: Some(WAVELENGTH_M),
             place: Some(v1::Place::at_m(DISTANCE_M)),
             artifact,
             ..Default::default()

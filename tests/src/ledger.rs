@@ -70,7 +70,7 @@ impl Ledger {
         };
         let promoting = async {
             let kernel = v1::GetKernelRequest { name: material.kernel.clone() };
-            let mut active = client.get_kernel(kernel).await?.active_version;
+            let mut active = client.get_kernel(kernel).await?.active_version();
             for n in 0..PROMOTIONS_PER_LIFE {
                 let reason = format!("life {life}, promotion {n}");
                 let request = v1::PromoteKernelRequest {
@@ -81,7 +81,7 @@ impl Ledger {
                     expected_active_version: Some(active),
                     force: false,
                 };
-                active = client.promote_kernel(request).await?.active_version;
+                active = client.promote_kernel(request).await?.active_version();
                 promotions.push(reason);
             }
             std::future::pending::<Result<(), lightpath::Error>>().await
@@ -181,7 +181,7 @@ fn submission(target: &str, request_id: &str) -> SubmitJobRequest {
     // The active version changes all the time, so do not use it.
     let kernel = "ideal".to_owned();
     let spec = OptimizeHologram { kernel, ..hologram("lab", target, ITERATIONS, seed_of(request_id)) };
-    SubmitJobRequest { attempts_max: 20, ..request(spec, request_id) }
+    SubmitJobRequest { attempts_max: Some(20), ..request(spec, request_id) }
 }
 
 fn seed_of(request_id: &str) -> u64 {

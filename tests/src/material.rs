@@ -85,8 +85,8 @@ pub(crate) fn kernel_file(width_px: usize, height_px: usize, tilt: f64) -> Vec<u
 pub(crate) fn hologram(display: &str, target: &str, iterations: u32, seed: u64) -> OptimizeHologram {
     OptimizeHologram {
         display: names::display(display),
-        planes: vec![ImagePlane { place: Some(v1::Place::at_m(DISTANCE_M)), target: target.to_owned(), weight: 0.0 }],
-        iterations,
+        planes: vec![ImagePlane { place: Some(v1::Place::at_m(DISTANCE_M)), target: target.to_owned(), weight: None }],
+        iterations: Some(iterations),
         seed,
         ..Default::default()
     }

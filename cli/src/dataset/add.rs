@@ -140,8 +140,8 @@ pub(super) async fn add_pairs(session: &Session, dataset: &str, entries: Vec<Ent
             photo: session.client.upload_file(&entry.photo).await?,
             split: entry.split.unwrap_or_default().into(),
             black_level: entry.black_level.unwrap_or(0.0),
-            exposure_s: entry.exposure_s.unwrap_or(0.0),
-            camera_gain: entry.camera_gain.unwrap_or(0.0),
+            exposure_s: entry.exposure_s,
+            camera_gain: entry.camera_gain,
             checks: None,
         };
         let request = v1::AddPairRequest { dataset: names::dataset(dataset), pair: Some(pair) };

@@ -49,11 +49,11 @@ impl Calibration {
         let request = v1::CreateCalibrationTargetRequest { display: dataset.display.clone() };
         let target = session.client.create_calibration_target(request).await?;
         let kind = job_spec::Kind::OptimizeHologram(OptimizeHologram {
+            wavelengths_m: vec![dataset.wavelength_m()],
             display: dataset.display,
-            wavelengths_m: vec![dataset.wavelength_m],
-            planes: vec![ImagePlane { place: dataset.place, target: target.target, weight: 0.0 }],
+            planes: vec![ImagePlane { place: dataset.place, target: target.target, weight: None }],
             kernel: "ideal".to_owned(),
-            iterations: self.iterations,
+            iterations: Some(self.iterations),
             seed: 1,
             ..Default::default()
         });

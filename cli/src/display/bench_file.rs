@@ -19,14 +19,6 @@ pub(super) fn read(path: &Path) -> Result<SimulatedBench, Failure> {
 
 fn parse(text: &str) -> Result<SimulatedBench, String> {
     let table: toml::Table = text.parse().map_err(|error: toml::de::Error| error.to_string())?;
-    let zeros = [toml::Value::Float(0.0), toml::Value::Integer(0)];
-    let is_zero = |name: &str| table.get(name).is_some_and(|value| zeros.contains(value));
-    // In the message 0 stands for the default of these properties.
-    if let Some(name) = ["strength", "camera_noise"].into_iter().find(|name| is_zero(name)) {
-        return Err(format!(
-            "{name} is 0, but the server would use its default for 0; give a small number instead, such as 1e-6"
-        ));
-    }
     if let Some(name) = table.keys().find(|name| !names().contains(name)) {
         return Err(format!("there is no property {name}; the properties are: {}", names().join(", ")));
     }
@@ -42,7 +34,15 @@ pub(super) fn properties(bench: &SimulatedBench) -> Vec<(String, f64)> {
 
 /// Names of all properties in the file.
 fn names() -> Vec<String> {
-    values(&SimulatedBench::default()).into_iter().map(|(name, _)| name).collect()
+    // Only properties that are set have a name in JSON.
+    let bench = SimulatedBench {
+        strength: Some(1.0),
+        camera_noise: Some(1.0),
+        full_well_electrons: Some(1.0),
+        aberrations_at_m: Some(1.0),
+        ..SimulatedBench::default()
+    };
+    values(&bench).into_iter().map(|(name, _)| name).collect()
 }
 
 /// Name and value of each property. The value of the seed is a string, as in protobuf's JSON form.
@@ -101,7 +101,7 @@ mod tests {
     fn error_for_misspelt_property_lists_valid_ones() {
         let error = parse("blurr_px = 1.0").unwrap_err();
         assert!(error.contains("no property blurr_px") && error.contains("blur_px, "), "{error}");
-        assert!(parse("strength = 0.0").unwrap_err().contains("strength is 0"));
+        assert_eq!(parse("strength = 0.0").unwrap().strength, Some(0.0));
         assert!(parse("strength = \"much\"").is_err());
     }
 }

@@ -59,7 +59,7 @@ impl Options {
         let is_placed = self.filter_centre != FilterCentre([0.0; 2]) || self.filter_shape.is_some();
         let problem = match (self.orders, self.filter) {
             (Orders::All, None) if !is_placed => {
-                let all = v1::AllOrders { fill_factor_x, fill_factor_y };
+                let all = v1::AllOrders { fill_factor_x: Some(fill_factor_x), fill_factor_y: Some(fill_factor_y) };
                 return Ok(Some(display::Orders::AllOrders(all)));
             }
             (Orders::All, _) => "--orders all is given, but a filter lets only a part of the first order through",
@@ -69,6 +69,7 @@ impl Options {
             (Orders::First, Some(Sides([width, height]))) => {
                 let FilterCentre([centre_x, centre_y]) = self.filter_centre;
                 let shape = self.filter_shape.unwrap_or(order_filter::Shape::Rectangle).into();
+                let (width, height) = (Some(width), Some(height));
                 let filter = v1::OrderFilter { shape, width, height, centre_x, centre_y };
                 return Ok(Some(display::Orders::OrderFilter(filter)));
             }
@@ -122,12 +123,12 @@ fn filter_centre(text: &str) -> Result<FilterCentre, String> {
 pub(super) fn text(display: &Display) -> String {
     match &display.orders {
         None | Some(display::Orders::FirstOrder(_)) => "first".to_owned(),
-        Some(display::Orders::AllOrders(v1::AllOrders { fill_factor_x, fill_factor_y })) => {
-            format!("all, fill factor {fill_factor_x}x{fill_factor_y}")
+        Some(display::Orders::AllOrders(all)) => {
+            format!("all, fill factor {}x{}", all.fill_factor_x(), all.fill_factor_y())
         }
         Some(display::Orders::OrderFilter(filter)) => {
-            let v1::OrderFilter { width, height, centre_x, centre_y, .. } = filter;
-            let shape = filter.shape().word();
+            let v1::OrderFilter { centre_x, centre_y, .. } = filter;
+            let (width, height, shape) = (filter.width(), filter.height(), filter.shape().word());
             format!("first, through a filter of {width}x{height} orders around {centre_x},{centre_y} ({shape})")
         }
     }

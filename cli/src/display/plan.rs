@@ -66,13 +66,13 @@ impl Plan {
             width_px,
             height_px,
             pitch_x_m: window_pitch.unwrap_or_default(),
-            pitch_y_m: 0.0,
+            pitch_y_m: None,
             centre_x_m: centre_x.unwrap_or_default(),
             centre_y_m: centre_y.unwrap_or_default(),
         });
         let request = v1::PlanPropagationRequest {
             display: names::display(&self.id),
-            wavelength_m: self.wavelength.unwrap_or(0.0),
+            wavelength_m: self.wavelength,
             place: Some(v1::Place::at_m(self.distance)),
             method: self.method.into(),
             window,

@@ -55,7 +55,7 @@ pub(crate) struct Learn {
     /// Set the highest polynomial degree of the smooth errors, 1 to 12; auto takes the one of 5, 8 and 12 that predicts
     /// the validation pairs best, and 8 without validation pairs
     #[arg(long, value_name = "N", default_value = "auto", value_parser = degree)]
-    degree: u32,
+    degree: Degree,
 
     /// Start from this version of the kernel, which must be smooth, display or varying [default: the ideal kernel]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
@@ -82,10 +82,10 @@ impl Learn {
         let kind = job_spec::Kind::LearnKernel(LearnKernel {
             datasets: self.datasets.iter().map(|name| names::dataset(name)).collect(),
             model: self.model.into(),
-            degree: self.degree,
-            start_version: self.start_version.unwrap_or(0),
-            epochs: self.epochs.unwrap_or(0),
-            learning_rate: self.learning_rate.unwrap_or(0.0),
+            degree: self.degree.0,
+            start_version: self.start_version,
+            epochs: self.epochs,
+            learning_rate: self.learning_rate,
             refinement_evaluations: self.refinement_evaluations,
             seed: self.seed,
             detector: self.detector.into(),
@@ -95,11 +95,15 @@ impl Learn {
     }
 }
 
-/// Parses a polynomial degree. 0 stands for auto.
-fn degree(text: &str) -> Result<u32, String> {
+/// A polynomial degree; `None`: the one that predicts best.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Degree(Option<u32>);
+
+/// Parses a polynomial degree, or `auto`.
+fn degree(text: &str) -> Result<Degree, String> {
     match text.parse() {
-        Ok(degree) if (1..=12).contains(&degree) => Ok(degree),
-        _ if text == "auto" => Ok(0),
+        Ok(degree) if (1..=12).contains(&degree) => Ok(Degree(Some(degree))),
+        _ if text == "auto" => Ok(Degree(None)),
         _ => Err("must be 1 to 12, or auto".to_owned()),
     }
 }
@@ -131,9 +135,7 @@ impl JobKind for LearnKernel {
                 facts.add("left out", format!("{ids}: the photographs do not match their holograms"));
             }
         }
-        if result.degree > 0 {
-            facts.add("degree", result.degree.to_string());
-        }
+        facts.add_some("degree", result.degree.map(|degree| degree.to_string()));
         strengths::add(result, facts);
         let parts = result.kernels.iter().filter_map(|kernel| kernel.metrics.as_ref()).map(metrics_text::parts);
         Ok(parts.filter(|table| !table.is_empty()).map(|table| format!("\n{table}")).collect())

@@ -249,7 +249,7 @@ impl JobKind for OptimizeHologram {
         let targets: BTreeSet<&str> = self.planes.iter().map(|plane| plane.target.as_str()).collect();
         targets.into_iter().for_each(|target| facts.add("target", target));
         let detector = self.detector().word();
-        facts.add("work", format!("{} iterations, {detector} detector, seed {}", self.iterations, self.seed));
+        facts.add("work", format!("{} iterations, {detector} detector, seed {}", self.iterations(), self.seed));
     }
 
     fn result_facts(&self, job: &Job, facts: &mut Facts) -> lightpath::Result<String> {

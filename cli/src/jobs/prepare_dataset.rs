@@ -1,6 +1,6 @@
 //! Jobs that align and finalize datasets, and the commands `lightpath dataset align` and `finalize`.
 
-use crate::arguments::{above_zero, resolution};
+use crate::arguments::resolution;
 use crate::dataset_text::{add_alignment, facts, findings};
 use crate::destination::{self, Destination, PNG};
 use crate::failure::Failure;
@@ -14,6 +14,7 @@ use lightpath::v1::prepare_dataset::{
     self, Step,
     align::{self, Source},
 };
+use lightpath::v1::prepare_dataset_result::SplitCounts;
 use lightpath::v1::{self, Job, PrepareDataset, job_spec};
 use lightpath::{names, prepare_result};
 use std::path::{Path, PathBuf};
@@ -105,8 +106,9 @@ pub(crate) struct Finalize {
     #[arg(long, value_name = "X")]
     validation_fraction: Option<f64>,
 
-    /// Draw this fraction of the pairs without a split for the test, but at least one pair; above 0, at most 0.8
-    #[arg(long, value_name = "X", default_value_t = 0.2, value_parser = above_zero)]
+    /// Draw this fraction of the pairs without a split for the test, 0 to 0.8; at least one pair is drawn if no
+    /// test pair was given
+    #[arg(long, value_name = "X", default_value_t = 0.2)]
     test_fraction: f64,
 
     /// Set the seed of the draw
@@ -157,7 +159,7 @@ impl Finalize {
         let dataset = names::dataset(&self.name);
         let step = Step::Finalize(prepare_dataset::Finalize {
             validation_fraction: self.validation_fraction,
-            test_fraction: self.test_fraction,
+            test_fraction: Some(self.test_fraction),
             seed: self.seed,
             keep_alignment: self.keep_alignment,
         });
@@ -191,8 +193,8 @@ impl JobKind for PrepareDataset {
                 }
             }
         }
-        if !result.digest.is_empty() {
-            let v1::PrepareDatasetResult { train_pairs, validation_pairs, test_pairs, left_out_pairs, .. } = result;
+        if let Some(splits) = &result.splits {
+            let SplitCounts { train_pairs, validation_pairs, test_pairs, left_out_pairs } = splits;
             facts.add("digest", &result.digest);
             let counts = format!("{train_pairs} train, {validation_pairs} validation, {test_pairs} test");
             let left_out = if *left_out_pairs > 0 { format!(", {left_out_pairs} left out") } else { String::new() };
@@ -211,8 +213,8 @@ fn preparation(spec: &PrepareDataset) -> String {
             Some(Source::None(_)) | None => "remove the alignment".to_owned(),
         },
         Some(Step::Finalize(finalize)) => {
-            let prepare_dataset::Finalize { validation_fraction, test_fraction, seed, keep_alignment } = finalize;
-            let validation_fraction = validation_fraction.unwrap_or_default();
+            let prepare_dataset::Finalize { seed, keep_alignment, .. } = finalize;
+            let (validation_fraction, test_fraction) = (finalize.validation_fraction(), finalize.test_fraction());
             let kept = if *keep_alignment { ", alignment kept" } else { "" };
             format!("finalize: {validation_fraction} for validation, {test_fraction} for the test, seed {seed}{kept}")
         }

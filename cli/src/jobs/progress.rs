@@ -208,8 +208,8 @@ fn draw(bar: &ProgressBar, job: &Job, state_changed: bool) {
             bar.set_length(progress.steps_total.into());
             bar.set_position(progress.step.into());
             let left = progress.eta_s.map(|eta_s| format!(", {} left", show::duration(eta_s)));
-            let loss = if progress.loss > 0.0 { format!("loss {}", show::loss(progress.loss)) } else { String::new() };
-            let details = format!("{loss}{}", left.unwrap_or_default());
+            let loss = progress.loss.map(|loss| format!("loss {}", show::loss(loss)));
+            let details = format!("{}{}", loss.unwrap_or_default(), left.unwrap_or_default());
             bar.set_message(format!("{}  {}", show::plain(&progress.stage), details.trim_start_matches(", ")));
         }
         _ => bar.set_message(show::plain(&jobs::one_line(job))),

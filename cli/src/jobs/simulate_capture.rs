@@ -108,7 +108,7 @@ impl JobKind for SimulateCapture {
 
     fn spec_facts(&self, _: &Job, facts: &mut Facts) {
         facts.add("display", names::id(&self.display));
-        facts.add("optics", show::optics(self.wavelength_m, self.place.as_ref()));
+        facts.add("optics", show::optics(self.wavelength_m(), self.place.as_ref()));
         facts.add("pattern", &self.pattern);
     }
 

@@ -60,7 +60,7 @@ impl Suggest {
         let files = HOLOGRAM.files(&session.stdout, &self.destination, &names)?;
         let kind = job_spec::Kind::SuggestHolograms(SuggestHolograms {
             kernel_version: self.kernel.version_name(session, self.version).await?,
-            holograms: self.holograms,
+            holograms: Some(self.holograms),
             seed: self.seed,
         });
         let job = self.submission.submit_and_wait(session, kind).await?;

@@ -72,7 +72,7 @@ fn opinions(found: &VerifyHologramResult) -> String {
                 show::decibel(engine.psnr()),
                 show::decibel(independent.psnr()),
                 format!("{:+.3} dB", independent.psnr() - engine.psnr()),
-                independent.rows.to_string(),
+                independent.rows().to_string(),
                 if independent.contradicts { "contradicts" } else { "agrees" }.to_owned(),
             ]);
         }
@@ -97,7 +97,7 @@ mod tests {
             let engine = Judgement {
                 model: judgement::Model::Engine.into(),
                 detector: detector.into(),
-                rows: 8,
+                rows: Some(8),
                 psnr_db: measure(40.0),
                 ..Judgement::default()
             };

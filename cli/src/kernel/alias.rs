@@ -66,7 +66,7 @@ impl Alias {
         let request = v1::SetKernelAliasRequest {
             kernel: self.kernel.name(session).await?,
             alias: self.alias,
-            version: self.version.unwrap_or(0),
+            version: self.version,
             reason: self.reason,
             expected_version: self.expected,
         };

@@ -141,8 +141,8 @@ fn verdict_text(verdict: &v1::PromotionVerdict) -> String {
         table.row([if check.passed { "passed" } else { "FAILED" }.to_owned(), check.finding.clone()]);
     }
     let active = match verdict.active_version {
-        0 => "no version is active".to_owned(),
-        version => format!("version {version} is active"),
+        None => "no version is active".to_owned(),
+        Some(version) => format!("version {version} is active"),
     };
     format!("{}{active}\n", table.text())
 }

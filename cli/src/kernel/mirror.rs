@@ -65,7 +65,8 @@ impl Mirror {
         let request = v1::GetKernelManifestRequest { kernel: kernel.clone(), format: self.format.into(), device };
         let message = client.kernel_manifest(request).await?;
         let active = client.get_kernel(v1::GetKernelRequest { name: kernel.clone() }).await?.active_version;
-        if message.version != active {
+        if Some(message.version) != active {
+            let active = show::version_or_dash(active);
             return Err(Failure::Refused(format!(
                 "a rollout gives this token version {}, but a mirror has the active version, {active}, for all devices; use \
                  a token whose name the rollout does not choose, or wait for the rollout's end",
@@ -109,7 +110,7 @@ async fn write_file(
     if std::fs::read(&file).is_ok_and(|bytes| digest_of(&bytes) == *digest) {
         return Ok(file);
     }
-    let (_, _, bytes) = session.client.fetch_kernel_as(kernel, *version, format).await?;
+    let (_, _, bytes) = session.client.fetch_kernel_as(kernel, Some(*version), format).await?;
     let found = digest_of(&bytes);
     if found != *digest {
         return Err(Failure::Refused(format!("the manifest names {digest}, but the server sent {found}; try again")));

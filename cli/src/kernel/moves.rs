@@ -76,7 +76,7 @@ impl Rollback {
         let name = self.kernel.name(session).await?;
         let active = match self.expected_active {
             Some(version) => version,
-            None => session.client.get_kernel(v1::GetKernelRequest { name: name.clone() }).await?.active_version,
+            None => session.client.get_kernel(v1::GetKernelRequest { name: name.clone() }).await?.active_version(),
         };
         let request =
             v1::RollbackKernelRequest { kernel: name, reason: self.reason, expected_active_version: Some(active) };

@@ -65,7 +65,7 @@ impl List {
                     kernel.name.clone(),
                     show::optics(kernel.wavelength_m, kernel.place.as_ref()),
                     show::version_or_dash(kernel.active_version),
-                    show::version_or_dash(kernel.latest_version),
+                    kernel.latest_version.to_string(),
                     if kernel.interpolated { "interpolated" } else { "" }.to_owned(),
                     show::clock_or_dash(kernel.create_time.as_ref()),
                     show::age_or_dash(kernel.create_time.as_ref()),
@@ -117,8 +117,8 @@ pub(super) fn kernel_facts(kernel: &Kernel) -> String {
     facts.add(
         "active",
         match kernel.active_version {
-            0 => "none; choose one: lightpath kernel promote --help".to_owned(),
-            version => show::kernel_version(version),
+            None => "none; choose one: lightpath kernel promote --help".to_owned(),
+            Some(version) => show::kernel_version(version),
         },
     );
     facts.add("latest", show::kernel_version(kernel.latest_version));
@@ -188,14 +188,12 @@ pub(super) fn version_facts(version: &KernelVersion) -> String {
         let origin = if lineage.interpolated { "interpolated from" } else { "learned together" };
         facts.add(origin, show::lengths(distances_m));
     }
-    if let Some(metrics) = version.metrics.as_ref().filter(|metrics| metrics.train_pairs > 0) {
+    if let Some(metrics) = &version.metrics {
         facts.add("held-out loss", against_ideal(metrics.test_loss, metrics.ideal_test_loss));
         facts.add("full frame", against_ideal(metrics.test_loss_full_frame, metrics.ideal_test_loss_full_frame));
         metrics_text::verdict(metrics, &mut facts);
         facts.add("training loss", show::loss(metrics.train_loss));
-        if metrics.validation_pairs > 0 {
-            facts.add("validation loss", show::loss(metrics.validation_loss));
-        }
+        facts.add_some("validation loss", metrics.validation_loss.map(show::loss));
         facts.add("pairs", metrics_text::pairs(metrics));
     }
     if !lineage.job.is_empty() {

@@ -104,17 +104,16 @@ pub(crate) struct Import {
 
 impl Fetch {
     pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
-        let version = self.version.unwrap_or(0);
         match self.dry_run {
-            true => describe(session, &self.kernel, version, &self.file).await,
-            false => write(session, &self.kernel, version, &self.file).await,
+            true => describe(session, &self.kernel, self.version, &self.file).await,
+            false => write(session, &self.kernel, self.version, &self.file).await,
         }
     }
 }
 
 impl Export {
     pub(super) async fn run(self, session: &Session) -> Result<(), Failure> {
-        write(session, &self.kernel, self.version, &self.file).await
+        write(session, &self.kernel, Some(self.version), &self.file).await
     }
 }
 
@@ -179,8 +178,13 @@ impl KernelFile {
 }
 
 /// Downloads a kernel version to a file and prints its size and deviation. Prints what the format loses before the file
-/// is put in place. Version 0 stands for the active version.
-async fn write(session: &Session, kernel: &KernelChoice, version: u32, file: &KernelFile) -> Result<(), Failure> {
+/// is put in place. Without a version it is the active one.
+async fn write(
+    session: &Session,
+    kernel: &KernelChoice,
+    version: Option<u32>,
+    file: &KernelFile,
+) -> Result<(), Failure> {
     let (format, path) = (file.format()?, FILE.file(&session.stdout, &file.path)?);
     let name = kernel.name(session).await?;
     let warn = |file: &v1::KernelFile| {
@@ -209,7 +213,12 @@ async fn write(session: &Session, kernel: &KernelChoice, version: u32, file: &Ke
 }
 
 /// Prints what [`write`] would write.
-async fn describe(session: &Session, kernel: &KernelChoice, version: u32, file: &KernelFile) -> Result<(), Failure> {
+async fn describe(
+    session: &Session,
+    kernel: &KernelChoice,
+    version: Option<u32>,
+    file: &KernelFile,
+) -> Result<(), Failure> {
     let (format, path) = (file.format()?, FILE.file(&session.stdout, &file.path)?);
     let name = kernel.name(session).await?;
     let (version, file) = session.client.describe_kernel(&name, version, format).await?;

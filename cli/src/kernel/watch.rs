@@ -56,7 +56,7 @@ impl Watch {
     }
 
     /// Prints the active version, and runs the command.
-    fn report(&self, session: &Session, kernel: &Kernel, before: Option<u32>) -> Result<(), Failure> {
+    fn report(&self, session: &Session, kernel: &Kernel, before: Option<Option<u32>>) -> Result<(), Failure> {
         match session.output {
             Output::Table => session.print_text(&line(kernel, before))?,
             Output::Json | Output::Jsonl => session.print_compact(kernel)?,
@@ -65,7 +65,7 @@ impl Watch {
             let mut shell = Command::new("sh");
             shell.args(["-c", command]).stdin(Stdio::null());
             shell.env("LIGHTPATH_KERNEL", &kernel.name);
-            shell.env("LIGHTPATH_ACTIVE_VERSION", kernel.active_version.to_string());
+            shell.env("LIGHTPATH_ACTIVE_VERSION", kernel.active_version().to_string());
             match shell.status() {
                 Ok(status) if status.success() => {}
                 Ok(status) => print_note(&format!("the command of --exec failed: {status}")),
@@ -77,11 +77,8 @@ impl Watch {
 }
 
 /// What became active, for example `2026-11-20 14:07:49 UTC  displays/…: version 3 is active (before: version 2)`.
-fn line(kernel: &Kernel, before: Option<u32>) -> String {
-    let word = |version| match version {
-        0 => "no version".to_owned(),
-        version => show::kernel_version(version),
-    };
+fn line(kernel: &Kernel, before: Option<Option<u32>>) -> String {
+    let word = |version: Option<u32>| version.map_or_else(|| "no version".to_owned(), show::kernel_version);
     let before = before.map(|before| format!(" (before: {})", word(before))).unwrap_or_default();
     let now = pbjson_types::Timestamp { seconds: show::now_s(), nanos: 0 };
     let time = show::clock_or_dash(Some(&now));
@@ -94,8 +91,8 @@ mod tests {
 
     #[test]
     fn line_names_the_active_version_and_the_one_before() {
-        let kernel = Kernel { name: "displays/a/kernels/k".into(), active_version: 3, ..Default::default() };
+        let kernel = Kernel { name: "displays/a/kernels/k".into(), active_version: Some(3), ..Default::default() };
         assert!(line(&kernel, None).ends_with("displays/a/kernels/k: version 3 is active"));
-        assert!(line(&kernel, Some(0)).ends_with("version 3 is active (before: no version)"));
+        assert!(line(&kernel, Some(None)).ends_with("version 3 is active (before: no version)"));
     }
 }

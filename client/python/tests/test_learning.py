@@ -35,7 +35,8 @@ def learn(bench: lightpath.Display) -> lightpath.KernelVersion:
         dataset.add(hologram, bench.photograph(hologram))
     assert len(dataset.refresh().pairs) == 8
     prepared = dataset.finalize(test_fraction=0.25)
-    assert (prepared.train_pairs + prepared.validation_pairs, prepared.test_pairs) == (6, 2)
+    splits = prepared.splits
+    assert (splits.train_pairs + splits.validation_pairs, splits.test_pairs) == (6, 2)
     version = dataset.learn(epochs=4, refinement_evaluations=10, degree=5)
     version.promote(reason="test")
     return version

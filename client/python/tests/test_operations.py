@@ -134,7 +134,7 @@ def test_devices_are_found_by_version_and_group(lab: lightpath.Lab, tmp_path: Pa
     assert found[0].report_time is not None
     assert found[1].kernels[0].self_test_loss is None
     assert [each.id for each in display.devices(version=2)] == ["b"]
-    assert [each.id for each in display.devices(version=0)] == ["c"]
+    assert [each.id for each in display.devices(version="none")] == ["c"]
     assert [each.id for each in display.devices(kernel=kernel)] == ["a", "b"]
     assert [each.id for each in display.devices(group="early")] == ["c"]
     assert found[0].set_group("early").group == "early"

@@ -27,7 +27,9 @@ pub(crate) struct Page {
 impl Page {
     /// Checks the request for a page. `list` names the list and its filter.
     pub(crate) fn new(list: &[&str], page_size: u32, page_token: &str) -> Result<Self> {
-        let size = Field::new("page_size").integer_or(page_size, PAGE_SIZE_DEFAULT, 1..=PAGE_SIZE_MAX)?;
+        // The size of a page alone has a zero for its default, as AIP-158 of Google's API guide says.
+        let given = (page_size > 0).then_some(page_size);
+        let size = Field::new("page_size").integer_or(given, PAGE_SIZE_DEFAULT, 1..=PAGE_SIZE_MAX)?;
         let list = list.join(" ");
         let after = match page_token {
             "" => None,

@@ -72,6 +72,6 @@ export const headlineOf = (plane) => plane.judgements.find((judged) => judged.he
 
 /** How well a hologram shows a plane, by its kernel in the engine, on the display's own orders; `undefined`: it was not measured. */
 export function judgementOf(plane, stage, detector) {
-  return plane.judgements.find((judged) => judged.model === "MODEL_ENGINE" && judged.orders === "ORDERS_OWN" && judged.rows === 0 && judged.kernelVersion === ""
+  return plane.judgements.find((judged) => judged.model === "MODEL_ENGINE" && judged.orders === "ORDERS_OWN" && judged.rows === undefined && judged.kernelVersion === ""
     && judged.stage === `STAGE_${stage}` && judged.detector === `DETECTOR_${detector.toUpperCase()}`);
 }

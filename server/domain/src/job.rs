@@ -209,8 +209,8 @@ pub struct Progress {
     pub step: u32,
     /// Number of all steps.
     pub steps_total: u32,
-    /// Loss of the latest step.
-    pub loss: f64,
+    /// Loss of the latest step; `None`: the stage has no loss.
+    pub loss: Option<f64>,
     /// Estimated time left \[s\].
     pub eta_s: Option<f64>,
 }

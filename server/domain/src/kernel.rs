@@ -128,6 +128,12 @@ pub struct CapturedQuality {
 }
 
 impl KernelMetrics {
+    /// Whether anything was measured. Imported and interpolated versions were not, unless a bundle brought their metrics.
+    #[must_use]
+    pub fn is_measured(&self) -> bool {
+        *self != Self::default()
+    }
+
     /// Whether the kernel was measured and not shown to be better than the ideal kernel, neither in predicting test
     /// photographs nor (if measured) in photographs of new holograms.
     #[must_use]
@@ -252,6 +258,7 @@ mod tests {
             captured: captured_db.map(|psnr_db| CapturedQuality { psnr_db, ideal_psnr_db: 20.0 }),
             ..KernelMetrics::default()
         };
+        assert!(!KernelMetrics::default().is_measured() && measured(0.4, None).is_measured());
         assert!(!KernelMetrics::default().no_better_than_ideal(), "imported: nothing was measured");
         assert!(!measured(0.4, None).no_better_than_ideal());
         assert!(!measured(0.4, Some(21.0)).no_better_than_ideal());

@@ -340,7 +340,7 @@ fn learning_results_are_stored_as_before() {
 #[test]
 fn progress_and_errors_of_jobs_are_stored_as_before() {
     let stage = "optimize".to_owned();
-    check_stored("progress", &Progress { stage, step: 3, steps_total: 200, loss: 0.5, eta_s: Some(1.5) });
+    check_stored("progress", &Progress { stage, step: 3, steps_total: 200, loss: Some(0.5), eta_s: Some(1.5) });
     let error =
         JobError { reason: FailureReason::Diverged, message: "the loss became NaN".to_owned(), retryable: false };
     check_stored("job_error", &error);

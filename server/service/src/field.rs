@@ -68,9 +68,18 @@ impl Field {
         Err(self.but(format!("is {value}"), format!("must be {} to {}", allowed.start(), allowed.end())))
     }
 
-    /// Checks a number. The value 0 stands for `default`.
-    pub fn number_or(&self, value: f64, default: f64, allowed: RangeInclusive<f64>) -> Result<f64> {
-        if value == 0.0 { Ok(default) } else { self.number(value, allowed) }
+    /// Checks a number, which must be above 0 and at most `most`.
+    pub fn positive(&self, value: f64, most: f64) -> Result<f64> {
+        if value > 0.0 && value <= most {
+            return Ok(value);
+        }
+        Err(self.but(format!("is {value}"), format!("must be above 0 and at most {most}")))
+    }
+
+    /// Checks a number that may be left out, and then is `default`.
+    pub fn number_or(&self, value: Option<f64>, default: f64, allowed: RangeInclusive<f64>) -> Result<f64> {
+        let checked = self.if_set(value, format!("the default {default}"), |value| self.number(value, allowed))?;
+        Ok(checked.unwrap_or(default))
     }
 
     /// Checks a whole number, which must lie in the allowed range.
@@ -81,9 +90,36 @@ impl Field {
         Err(self.but(format!("is {value}"), format!("must be {} to {}", allowed.start(), allowed.end())))
     }
 
-    /// Checks a whole number. The value 0 stands for `default`.
-    pub fn integer_or(&self, value: u32, default: u32, allowed: RangeInclusive<u32>) -> Result<u32> {
-        if value == 0 { Ok(default) } else { self.integer(value, allowed) }
+    /// Checks a whole number that may be left out, and then is `default`.
+    pub fn integer_or(&self, value: Option<u32>, default: u32, allowed: RangeInclusive<u32>) -> Result<u32> {
+        let checked = self.if_set(value, format!("the default {default}"), |value| self.integer(value, allowed))?;
+        Ok(checked.unwrap_or(default))
+    }
+
+    /// Checks the number of a version that may be left out. `unset` is what the request then means.
+    pub fn version_if_set(&self, value: Option<u32>, unset: &str) -> Result<Option<u32>> {
+        self.if_set(value, unset, |value| match value {
+            0 => Err(self.but("is 0", "must be 1 or more")),
+            version => Ok(version),
+        })
+    }
+
+    /// Checks a value if it is given. The refusal of a 0 says also for what to leave it out: `unset`, such as `the default
+    /// 50`. Clients that do not know of unset numbers send 0 for them.
+    pub fn if_set<T: PartialEq + Default, R>(
+        &self,
+        value: Option<T>,
+        unset: impl Display,
+        check: impl FnOnce(T) -> Result<R>,
+    ) -> Result<Option<R>> {
+        let is_zero = value.as_ref().is_some_and(|value| *value == T::default());
+        let checked = value.map(check).transpose();
+        checked.map_err(|error| match error {
+            ServiceError::Invalid(WrongField { problem, fix: Fix::Allowed(allowed), .. }) if is_zero => {
+                self.but(problem, format!("{allowed}; leave it out for {unset}"))
+            }
+            other => other,
+        })
     }
 
     /// Checks the length of a text.
@@ -133,11 +169,15 @@ impl Field {
         Wavelength::from_m(value).ok_or_else(|| self.but(format!("is {value}"), format!("must be {allowed}")))
     }
 
-    /// Checks a wavelength \[m\], which must be one of the display's. The value 0 stands for the only one.
-    pub fn wavelength_of(&self, value: f64, display: &lightpath_domain::display::Display) -> Result<Wavelength> {
+    /// Checks a wavelength \[m\], which must be one of the display's. It may be left out if the display has only one.
+    pub fn wavelength_of(
+        &self,
+        value: Option<f64>,
+        display: &lightpath_domain::display::Display,
+    ) -> Result<Wavelength> {
         let list = || display.wavelengths.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
         let name = format!("displays/{}", display.id);
-        if value == 0.0 {
+        let Some(value) = value else {
             let [only] = display.wavelengths[..] else {
                 return Err(self.invalid(
                     format!("is not given, but {name} has several wavelengths"),
@@ -145,6 +185,13 @@ impl Field {
                 ));
             };
             return Ok(only);
+        };
+        if value == 0.0 {
+            let rule = match &display.wavelengths[..] {
+                [only] => format!("must be {only}, the wavelength of {name}; leave it out for this one"),
+                _ => format!("must be one of {}, the wavelengths of {name}", list()),
+            };
+            return Err(self.but("is 0", rule));
         }
         let wavelength = self.wavelength(value)?;
         if !display.wavelengths.contains(&wavelength) {
@@ -226,7 +273,25 @@ mod tests {
         for bad in [f64::NAN, f64::INFINITY, -0.1, 1.1] {
             assert!(field.number(bad, 0.0..=1.0).is_err());
         }
-        assert_eq!(field.number_or(0.0, 0.3, 0.1..=1.0).unwrap(), 0.3);
-        assert!(field.number_or(f64::NAN, 0.3, 0.1..=1.0).is_err());
+        assert_eq!(field.number_or(None, 0.3, 0.1..=1.0).unwrap(), 0.3);
+        assert!(field.number_or(Some(f64::NAN), 0.3, 0.1..=1.0).is_err());
+        for bad in [f64::NAN, 0.0, -0.1, 1.1] {
+            assert!(field.positive(bad, 1.0).is_err());
+        }
+    }
+
+    #[test]
+    fn zero_stands_for_no_default_and_refusals_say_to_leave_it_out() {
+        let field = Field::new("x");
+        let refusal = |result: Result<String>| result.unwrap_err().to_string();
+        let number = refusal(field.number_or(Some(0.0), 0.3, 0.1..=1.0).map(|x| x.to_string()));
+        assert_eq!(number, "x is 0, but must be 0.1 to 1; leave it out for the default 0.3");
+        let integer = refusal(field.integer_or(Some(0), 50, 1..=1000).map(|x| x.to_string()));
+        assert_eq!(integer, "x is 0, but must be 1 to 1000; leave it out for the default 50");
+        let large = refusal(field.integer_or(Some(1001), 50, 1..=1000).map(|x| x.to_string()));
+        assert_eq!(large, "x is 1001, but must be 1 to 1000");
+        let version = refusal(field.version_if_set(Some(0), "no version").map(|x| format!("{x:?}")));
+        assert_eq!(version, "x is 0, but must be 1 or more; leave it out for no version");
+        assert_eq!(field.version_if_set(None, "no version").unwrap(), None);
     }
 }

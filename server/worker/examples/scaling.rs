@@ -90,7 +90,7 @@ async fn measure(workers: usize) -> Duration {
 fn sleep(_: &Job, context: &JobContext) -> Result<TaskOutput, lightpath_worker::TaskError> {
     for step in 1..=STEPS {
         std::thread::sleep(STEP);
-        let progress = Progress { stage: "sleep".into(), step, steps_total: STEPS, loss: 0.0, eta_s: None };
+        let progress = Progress { stage: "sleep".into(), step, steps_total: STEPS, loss: None, eta_s: None };
         context.step(progress, Vec::new)?;
     }
     Ok(TaskOutput { result: capture_result("sha256-photo"), effect: JobEffect::None })

@@ -44,7 +44,7 @@ pub(super) fn compare(
             step += 1;
             let stage = "photograph new holograms".to_owned();
             let steps_total = 2 * TARGETS.len() as u32;
-            context.report(Progress { stage, step, steps_total, loss: 0.0, eta_s: None })?;
+            context.report(Progress { stage, step, steps_total, loss: None, eta_s: None })?;
         }
         finite("the PSNR of photographs", sum)
     };

@@ -53,7 +53,7 @@ impl JobMemory {
         }
         let free_mib = self.free_mib.available_permits();
         let stage = format!("wait for memory: {wanted_mib} MiB needed, {free_mib} of {} MiB free", self.limit_mib);
-        report(Progress { stage, step: 0, steps_total: 0, loss: 0.0, eta_s: None });
+        report(Progress { stage, step: 0, steps_total: 0, loss: None, eta_s: None });
         // The semaphore is never closed.
         Arc::clone(&self.free_mib).acquire_many_owned(wanted_mib).await.ok().map(MemoryShare)
     }

@@ -49,7 +49,7 @@ impl<'a> LossMeter<'a> {
             let loss = Loss { region: region?, full_frame: full_frame? };
             let step = index as u32 + 1;
             let stage = stage.to_owned();
-            self.context.report(Progress { stage, step, steps_total, loss: loss.region, eta_s: None })?;
+            self.context.report(Progress { stage, step, steps_total, loss: Some(loss.region), eta_s: None })?;
             Ok(loss)
         };
         (0..pairs.len()).map(loss_of).collect()

@@ -98,7 +98,7 @@ impl Task for Work {
         };
         for step in 0..steps {
             std::thread::sleep(Duration::from_millis(20));
-            let progress = Progress { stage: "wait".into(), step, steps_total: steps, loss: 0.5, eta_s: None };
+            let progress = Progress { stage: "wait".into(), step, steps_total: steps, loss: Some(0.5), eta_s: None };
             context.step(progress, Vec::new)?;
         }
         Ok(TaskOutput { result: capture_result("done"), effect: JobEffect::None })

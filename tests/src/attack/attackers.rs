@@ -90,7 +90,7 @@ async fn hoard(field: Field) {
     while !field.end.is_cancelled() {
         let fetch = v1::FetchKernelRequest {
             kernel: "displays/learned/kernels/515nm-50mm".to_owned(),
-            version: 1,
+            version: Some(1),
             format: v1::KernelFormat::Complex64.into(),
             offset_bytes: 0,
         };
@@ -179,7 +179,7 @@ async fn import(field: Field, file: impl Fn(&HostileFiles) -> &Vec<u8>) {
     let attack = move |client: Client| {
         let import = v1::ImportKernelRequest {
             display: names::display("learned"),
-            wavelength_m: WAVELENGTH_M,
+            wavelength_m: Some(WAVELENGTH_M),
             place: Some(v1::Place::at_m(DISTANCE_M)),
             artifact: artifact.clone(),
             ..Default::default()

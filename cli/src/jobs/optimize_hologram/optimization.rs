@@ -112,8 +112,8 @@ fn method() -> WordParser<HologramMethod> {
 enum Start {
     Random,
     BackPropagated,
-    /// Focal length \[m\]. 0 stands for the server's default.
-    Quadratic(f64),
+    /// Focal length \[m\]; `None`: the server's default.
+    Quadratic(Option<f64>),
     /// Phase \[rad\].
     Constant(f64),
     /// Paths of .npy files, one for each wavelength.
@@ -128,9 +128,9 @@ fn initial_phase(text: &str) -> Result<Start, String> {
     match (kind, value) {
         ("random", None) => Ok(Start::Random),
         ("back-propagated", None) => Ok(Start::BackPropagated),
-        ("quadratic", None) => Ok(Start::Quadratic(0.0)),
+        ("quadratic", None) => Ok(Start::Quadratic(None)),
         ("quadratic", Some(length)) => {
-            Ok(Start::Quadratic(Length::Distance.parse_m(length).map_err(|error| error.to_string())?))
+            Ok(Start::Quadratic(Some(Length::Distance.parse_m(length).map_err(|error| error.to_string())?)))
         }
         ("constant", None) => Ok(Start::Constant(0.0)),
         ("constant", Some(phase)) => {
@@ -163,7 +163,7 @@ impl OptimizationOptions {
             quantity: self.loss.into(),
             total_variation: self.total_variation,
             speckle: self.speckle,
-            speckle_block_px: self.speckle_block,
+            speckle_block_px: Some(self.speckle_block),
         };
         let weight_mask = match &self.weight_mask {
             Some(file) => session.client.upload_file(file).await?,
@@ -174,9 +174,9 @@ impl OptimizationOptions {
             target_fit: self.fit.into(),
             propagation: self.propagation.into(),
             method: self.method.into(),
-            iterations: self.iterations,
-            learning_rate: self.learning_rate.unwrap_or(0.0),
-            subframes: self.subframes,
+            iterations: Some(self.iterations),
+            learning_rate: self.learning_rate,
+            subframes: Some(self.subframes),
             initial_phase: self.initial_phase(session).await?,
             seed: self.seed,
             loss: Some(loss),
@@ -217,8 +217,8 @@ mod tests {
     fn initial_phases_are_parsed() {
         assert_eq!(initial_phase("random"), Ok(Start::Random));
         assert_eq!(initial_phase("back-propagated"), Ok(Start::BackPropagated));
-        assert_eq!(initial_phase("quadratic"), Ok(Start::Quadratic(0.0)));
-        assert_eq!(initial_phase("quadratic:200mm"), Ok(Start::Quadratic(0.2)));
+        assert_eq!(initial_phase("quadratic"), Ok(Start::Quadratic(None)));
+        assert_eq!(initial_phase("quadratic:200mm"), Ok(Start::Quadratic(Some(0.2))));
         assert_eq!(initial_phase("constant:-1.5"), Ok(Start::Constant(-1.5)));
         assert_eq!(initial_phase("a.npy,b.npy"), Ok(Start::Given(vec!["a.npy".into(), "b.npy".into()])));
         for bad in ["", "lens", "quadratic:far", "constant:x", "a.png", "random:3"] {

@@ -128,14 +128,14 @@ impl Pictures {
             spec.planes.push(ImagePlane {
                 place: Some(Place::at_m(plane.distance_m)),
                 target: session.client.upload_file(&plane.file).await?,
-                weight: plane.weight,
+                weight: Some(plane.weight),
             });
         }
         if let Some(target) = self.targets.get(index) {
             let target = session.client.upload_file(target).await?;
             let plane = |&distance_m: &f64| {
                 let place = Some(Place::at_m(distance_m));
-                ImagePlane { place, target: target.clone(), weight: 0.0 }
+                ImagePlane { place, target: target.clone(), weight: None }
             };
             spec.planes.extend(self.distances.iter().map(plane));
         }

@@ -68,7 +68,7 @@ pub(super) fn other_orders(plane: &PlaneResult) -> Option<String> {
 /// rows`; `None`: there is none.
 pub(super) fn second_opinion(plane: &PlaneResult) -> Option<String> {
     let (engine, independent) = judgements::opinions(&plane.judgements).next()?;
-    let (rows, difference_db) = (independent.rows, independent.psnr() - engine.psnr());
+    let (rows, difference_db) = (independent.rows(), independent.psnr() - engine.psnr());
     Some(if independent.contradicts {
         let (engine, independent) = (show::decibel(engine.psnr()), show::decibel(independent.psnr()));
         format!("contradicts: {independent} by the independent model, {engine} by the engine, on the same {rows} rows")
@@ -160,7 +160,8 @@ mod tests {
         let headline = Judgement { headline: true, ..displayed.clone() };
         let others = Judgement { orders: Orders::Other.into(), ..judged(Detector::Pixel, 21.34) };
         let opinion = |db: f64| {
-            let engine = Judgement { rows: 8, psnr_db: judged(Detector::Pixel, 40.0).psnr_db, ..displayed.clone() };
+            let engine =
+                Judgement { rows: Some(8), psnr_db: judged(Detector::Pixel, 40.0).psnr_db, ..displayed.clone() };
             let psnr_db = judged(Detector::Pixel, db).psnr_db;
             let contradicts = (db - 40.0).abs() > 0.5;
             [engine.clone(), Judgement { model: Model::Independent.into(), psnr_db, contradicts, ..engine }]

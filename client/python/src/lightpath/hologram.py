@@ -127,12 +127,12 @@ class Hologram:
             words.number("stage", v1.Judgement.Stage, stage),
             words.number("detector", v1.Detector, detector),
             v1.Judgement.ORDERS_OWN,
-            0,
             "",
         )
         for each in self.result.wavelengths[0].planes[0].judgements:
-            found = (each.model, each.stage, each.detector, each.orders, each.rows, each.kernel_version)
-            if found == wanted:
+            found = (each.model, each.stage, each.detector, each.orders, each.kernel_version)
+            # Those on some rows are for the comparison with the independent model.
+            if found == wanted and not each.HasField("rows"):
                 return each
         raise InvalidArgument("detector", f"is {detector}, which was not judged", "see result.wavelengths[0].planes[0]")
 

@@ -125,12 +125,10 @@ class LearnedKernel:
         pictures += html.picture(
             "light on the modulator", png.encode((255 * amplitude / amplitude.max()).astype(np.uint8))
         )
-        metrics = self.version.metrics
         rows: list[tuple[str, object]] = [
             ("wavelength, distance", f"{show_length(self.wavelength_m)}, {show_length(self.distance_m)}"),
             ("model", self.model.get("model", "unknown")),
-            ("loss of the test pairs", f"{metrics.test_loss:.3g}"),
-            ("with the ideal kernel", f"{metrics.ideal_test_loss:.3g}"),
+            *metrics_rows(self.version),
         ]
         return pictures + html.table(self.version.name, rows)
 
@@ -143,6 +141,19 @@ class LearnedKernel:
         squared = self.wavelength_m**-2 - self.fx[np.newaxis, :] ** 2 - self.fy[:, np.newaxis] ** 2
         passes = squared > 0
         return np.where(passes, np.exp(2j * np.pi * self.distance_m * np.sqrt(np.where(passes, squared, 0))), 0)
+
+
+def metrics_rows(version: v1.KernelVersion) -> list[tuple[str, object]]:
+    """Return what is shown of the metrics of a version."""
+    if not version.HasField("metrics"):
+        return [("metrics", "not measured")]
+    metrics = version.metrics
+    pairs = f"{metrics.train_pairs} train, {metrics.validation_pairs} validation, {metrics.test_pairs} test"
+    return [
+        ("pairs", pairs),
+        ("loss of the test pairs", f"{metrics.test_loss:.3g}"),
+        ("with the ideal kernel", f"{metrics.ideal_test_loss:.3g}"),
+    ]
 
 
 def from_npz(version: v1.KernelVersion, content: bytes) -> LearnedKernel:

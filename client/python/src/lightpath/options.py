@@ -94,7 +94,7 @@ class LearnOptions(SubmitOptions, total=False):
     start_version: int
     """Version from which learning starts. Default: the ideal kernel."""
     epochs: int
-    """Passes over the training pairs with Adam, at most 1000. Default: the model's."""
+    """Passes over the training pairs with Adam, 1 to 1000. Default: the model's."""
     learning_rate: float
     """Learning rate of Adam. Default: the model's."""
     refinement_evaluations: int
@@ -154,9 +154,9 @@ def optimize_message(options: HologramOptions) -> v1.OptimizeHologram:
         kernel=str(options.get("kernel") or ""),
         propagation=words.number("propagation", v1.PropagationMethod, options.get("propagation")),
         method=words.number("method", v1.HologramMethod, options.get("method")),
-        iterations=options.get("iterations", 0),
-        learning_rate=options.get("learning_rate", 0.0),
-        subframes=options.get("subframes", 0),
+        iterations=options.get("iterations"),
+        learning_rate=options.get("learning_rate"),
+        subframes=options.get("subframes"),
         seed=options.get("seed", 0),
         loss=loss if loss.ByteSize() else None,
         detector=words.number("detector", v1.Detector, options.get("detector")),
@@ -170,10 +170,10 @@ def learn_message(datasets: Sequence[str], options: LearnOptions) -> v1.LearnKer
     return v1.LearnKernel(
         datasets=datasets,
         model=words.number("model", v1.KernelModel, options.get("model")),
-        degree=options.get("degree", 0),
-        start_version=options.get("start_version", 0),
-        epochs=options.get("epochs", 0),
-        learning_rate=options.get("learning_rate", 0.0),
+        degree=options.get("degree"),
+        start_version=options.get("start_version"),
+        epochs=options.get("epochs"),
+        learning_rate=options.get("learning_rate"),
         refinement_evaluations=options.get("refinement_evaluations"),
         seed=options.get("seed", 0),
         detector=words.number("detector", v1.Detector, options.get("detector")),

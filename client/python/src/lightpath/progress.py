@@ -62,7 +62,7 @@ def shows_pictures(progress: Progress) -> bool:
 def details(job: v1.Job) -> str:
     """Return loss and time left of a job, such as `loss 0.0123, 4 s left`."""
     parts = []
-    if job.progress.loss > 0:
+    if job.progress.HasField("loss"):
         parts.append(f"loss {job.progress.loss:.3g}")
     if job.progress.HasField("eta_s"):
         parts.append(f"{_duration(job.progress.eta_s)} left")
@@ -147,7 +147,7 @@ class _Card:
 
     def update(self, job: v1.Job) -> None:
         self._job, self._note = job, ""
-        if job.progress.loss > 0:
+        if job.progress.HasField("loss"):
             if self._losses and job.progress.step < self._losses[-1][0]:
                 self._losses.clear()
             self._losses.append((job.progress.step, job.progress.loss))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from lightpath.presence import if_set
 from lightpath.times import utc
 
 if TYPE_CHECKING:
@@ -55,8 +56,8 @@ class Verdict:
 
     passed: bool
     checks: tuple[GateCheck, ...]
-    active_version: int
-    """Number of the version with which it was compared; 0: no version is active."""
+    active_version: int | None
+    """Number of the version with which it was compared; None: no version is active."""
 
     @property
     def failures(self) -> list[str]:
@@ -73,13 +74,12 @@ def read_gate(message: v1.DisplayGate) -> PromotionGate:
 def read_verdict(message: v1.PromotionVerdict) -> Verdict:
     """Return the verdict that a message describes."""
     checks = tuple(GateCheck(each.passed, each.finding) for each in message.checks)
-    return Verdict(message.passed, checks, message.active_version)
+    return Verdict(message.passed, checks, if_set(message, "active_version"))
 
 
 def _gate(message: v1.PromotionGate, history: tuple[GateChange, ...] = ()) -> PromotionGate:
-    has_bound = message.HasField("better_than_active_percent")
     return PromotionGate(
-        better_than_active_percent=message.better_than_active_percent if has_bound else None,
+        better_than_active_percent=if_set(message, "better_than_active_percent"),
         worse_than_ideal_allowed=message.worse_than_ideal_allowed,
         test_pairs_min=message.test_pairs_min,
         formats=tuple(message.formats),

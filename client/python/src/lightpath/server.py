@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from lightpath import v1, words
+from lightpath.presence import if_set
 from lightpath.times import utc
 
 if TYPE_CHECKING:
@@ -62,8 +63,8 @@ class Process:
     version: str
     labels: tuple[str, ...]
     """It runs jobs whose `needs` are among these."""
-    memory_bytes: int
-    """Largest estimated memory of a job that it starts; 0: it runs no jobs."""
+    memory_bytes: int | None
+    """Largest estimated memory of a job that it starts; None: it runs no jobs."""
     workers: int
     """Number of jobs that it runs at the same time."""
     start_time: dt.datetime
@@ -164,7 +165,7 @@ def read_queue(message: v1.Queue) -> Queue:
                 kind=words.name_of(v1.Queue.Process.Kind, each.kind),
                 version=each.version,
                 labels=tuple(each.labels),
-                memory_bytes=each.memory_bytes,
+                memory_bytes=if_set(each, "memory_bytes"),
                 workers=each.workers,
                 start_time=utc(each.start_time),
                 seen_time=utc(each.seen_time),

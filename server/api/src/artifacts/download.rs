@@ -18,9 +18,12 @@ impl Api {
         let v1::ReadArtifactRequest { digest, offset_bytes, limit_bytes } = request;
         let field = Field::new("digest");
         let digest = field.digest(&digest)?;
+        let limit_field = Field::new("limit_bytes");
+        let limit_bytes =
+            limit_field.if_set(limit_bytes, "all bytes", |bytes| limit_field.integer(bytes, 1..=u64::MAX))?;
         self.service.files.existing(call, &field, &digest).await?;
         let open = self.streams.open(StreamKind::Download, &call.client)?;
-        let reader = self.service.files.reader(call, &digest, (offset_bytes, limit_bytes)).await?;
+        let reader = self.service.files.reader(call, &digest, (offset_bytes, limit_bytes.unwrap_or(0))).await?;
         let answers =
             chunks(reader, open, CHUNK_BYTES).map(|chunk| chunk.map(|chunk| v1::ReadArtifactResponse { chunk }));
         Ok(answers.boxed())

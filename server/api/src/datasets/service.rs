@@ -85,10 +85,16 @@ impl Api {
             });
             distance = distance(&field.at("place"), message.place.as_ref());
             encoding = field.at("photo_encoding").enum_value(message.photo_encoding);
-            photo_bit_depth = field.at("photo_bit_depth").integer_or(message.photo_bit_depth, 0, 8..=16);
+            photo_bit_depth = photo_bit_depth(&field.at("photo_bit_depth"), message.photo_bit_depth);
         }
         let (wavelength, display) = optics;
         let encoding = encoding.unwrap_or(Encoding::Linear);
         Ok(Dataset { photo_bit_depth, ..Dataset::empty(id, display, wavelength, distance, encoding) })
     }
+}
+
+/// Checks the bits of the camera; 0: those of the files.
+fn photo_bit_depth(field: &Field, bits: Option<u32>) -> Result<u32> {
+    let checked = field.if_set(bits, "the bits of the files", |bits| field.integer(bits, 8..=16))?;
+    Ok(checked.unwrap_or(0))
 }

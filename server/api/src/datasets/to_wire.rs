@@ -13,7 +13,7 @@ pub(crate) fn dataset(dataset: Dataset) -> v1::Dataset {
     v1::Dataset {
         name: format!("datasets/{}", dataset.id),
         display: format!("displays/{}", dataset.display),
-        wavelength_m: dataset.wavelength.m(),
+        wavelength_m: Some(dataset.wavelength.m()),
         place: place(dataset.distance),
         photo_encoding: dataset.photo_encoding.to_wire(),
         state: state.into(),
@@ -23,7 +23,7 @@ pub(crate) fn dataset(dataset: Dataset) -> v1::Dataset {
         finalize_time: dataset.finalize_time_ms.map(timestamp),
         pair_count: dataset.pair_count,
         alignment: dataset.alignment.map(alignment),
-        photo_bit_depth: dataset.photo_bit_depth,
+        photo_bit_depth: (dataset.photo_bit_depth > 0).then_some(dataset.photo_bit_depth),
         findings: dataset.findings.into_iter().map(finding).collect(),
     }
 }
@@ -36,10 +36,15 @@ fn pair(pair: Pair, finalized: bool) -> v1::Pair {
         photo: pair.photo,
         split: if excluded { v1::Split::Excluded.into() } else { pair.split.map_or(0, OnWire::to_wire) },
         black_level: pair.exposure.black_level,
-        exposure_s: pair.exposure.exposure_s,
-        camera_gain: pair.exposure.camera_gain,
+        exposure_s: known(pair.exposure.exposure_s),
+        camera_gain: known(pair.exposure.camera_gain),
         checks: pair.checks.map(checks),
     }
+}
+
+/// A property of the camera; the dataset has 0 for one that is unknown.
+fn known(value: f64) -> Option<f64> {
+    (value > 0.0).then_some(value)
 }
 
 fn checks(checks: PairChecks) -> v1::PairChecks {

@@ -35,9 +35,11 @@ impl Api {
         call.concerns(&request.name);
         let kernel = format!("displays/{display}/kernels/{}", request.kernel);
         let key = names::kernel_key(call, &Field::new("kernel"), &kernel)?;
+        let version = Field::new("version").version_if_set(request.version, "no version in use")?;
+        let tried_version = Field::new("tried_version").version_if_set(request.tried_version, "no version")?;
         let devices = &self.service.devices;
         let generation = devices.signed_generation(&Field::new("generation"), &key, request.generation).await?;
-        let file = installed_file(request.version, &request.format, &request.digest)?;
+        let file = installed_file(version, &request.format, &request.digest)?;
         if let Some(file) = &file {
             devices.require_file(call, &key, file).await?;
         }
@@ -49,7 +51,7 @@ impl Api {
                 kernel: key,
                 file,
                 generation,
-                tried_version: (request.tried_version > 0).then_some(request.tried_version),
+                tried_version,
                 message: Field::new("message").line(request.message, MESSAGE_BYTES_MAX)?,
                 self_test_loss: loss
                     .map(|loss| Field::new("self_test_loss").number(loss, 0.0..=f64::MAX))
@@ -91,11 +93,9 @@ impl Api {
     }
 }
 
-/// The file that a device uses; `None` for version 0.
-fn installed_file(version: u32, form: &str, digest: &str) -> Result<Option<InstalledFile>> {
-    if version == 0 {
-        return Ok(None);
-    }
+/// The file that a device uses; `None` without a version.
+fn installed_file(version: Option<u32>, form: &str, digest: &str) -> Result<Option<InstalledFile>> {
+    let Some(version) = version else { return Ok(None) };
     let form = Field::new("format").kernel_format(form)?;
     Ok(Some(InstalledFile { version, form, digest: Field::new("digest").digest(digest)? }))
 }

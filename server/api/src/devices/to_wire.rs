@@ -16,15 +16,16 @@ pub(super) fn device(device: Device) -> v1::Device {
 }
 
 fn installed(installed: InstalledKernel) -> v1::InstalledKernel {
-    let (version, form, digest) =
-        installed.file.map_or_else(Default::default, |file| (file.version, file.form.as_str().to_owned(), file.digest));
+    let (version, form, digest) = installed
+        .file
+        .map_or_else(Default::default, |file| (Some(file.version), file.form.as_str().to_owned(), file.digest));
     v1::InstalledKernel {
         kernel: installed.kernel.to_string(),
         version,
         format: form,
         digest,
         generation: installed.generation,
-        tried_version: installed.tried_version.unwrap_or(0),
+        tried_version: installed.tried_version,
         message: installed.message,
         self_test_loss: installed.self_test_loss,
         report_time: Some(timestamp(installed.report_time_ms)),

@@ -99,22 +99,20 @@ fn modulator(message: v1::Modulator, field: &Field) -> Result<Modulator> {
 }
 
 /// Refuses pixels that are not square: nothing computes their light.
-fn same_pitch(field: &Field, pitch_y_m: f64, pitch_x_m: f64) -> Result<()> {
-    if pitch_y_m == 0.0 || pitch_y_m == pitch_x_m {
-        return Ok(());
-    }
-    Err(field
-        .but(format!("is {pitch_y_m}"), format!("must be pixel_pitch_x_m, {pitch_x_m}, or 0: pixels must be square")))
+fn same_pitch(field: &Field, pitch_y_m: Option<f64>, pitch_x_m: f64) -> Result<()> {
+    let checked = field.if_set(pitch_y_m, "the same pitch", |pitch_y_m| match pitch_y_m == pitch_x_m {
+        true => Ok(()),
+        false => Err(field
+            .but(format!("is {pitch_y_m}"), format!("must be pixel_pitch_x_m, {pitch_x_m}: pixels must be square"))),
+    });
+    checked.map(Option::unwrap_or_default)
 }
 
 fn all_orders(field: &Field, message: v1::AllOrders, has_carrier: bool) -> Result<Orders> {
     if has_carrier {
         return Err(field.but("is given", "a carrier needs optics that let only one half of the orders through"));
     }
-    let fill = |name, value: f64| {
-        let field = field.at(name);
-        if value == 0.0 { Ok(1.0) } else { field.number(value, Orders::FILL_FACTOR_MIN..=1.0) }
-    };
+    let fill = |name, value| field.at(name).number_or(value, 1.0, Orders::FILL_FACTOR_MIN..=1.0);
     check_all! {
         fill_factor_x = fill("fill_factor_x", message.fill_factor_x);
         fill_factor_y = fill("fill_factor_y", message.fill_factor_y);
@@ -123,10 +121,7 @@ fn all_orders(field: &Field, message: v1::AllOrders, has_carrier: bool) -> Resul
 }
 
 fn order_filter(field: &Field, message: v1::OrderFilter) -> Result<Orders> {
-    let side = |name, value: f64| {
-        let field = field.at(name);
-        if value == 0.0 { Ok(1.0) } else { field.number(value, OrderFilter::SIDE_MIN..=1.0) }
-    };
+    let side = |name, value| field.at(name).number_or(value, 1.0, OrderFilter::SIDE_MIN..=1.0);
     check_all! {
         width = side("width", message.width);
         height = side("height", message.height);
@@ -224,14 +219,14 @@ mod tests {
                 width_px: 1920,
                 height_px: 1080,
                 pixel_pitch_x_m: 8e-6,
-                pixel_pitch_y_m: 0.0,
-                bit_depth: 2,
+                pixel_pitch_y_m: None,
+                bit_depth: Some(2),
                 kind: phase(vec![0.0, 1.0, 2.0, 4.0]),
             }),
             wavelengths_m: vec![639e-9, 515e-9],
             carrier: v1::Carrier::HalfOrderY.into(),
             orders: None,
-            camera_fill_factor: 0.0,
+            camera_fill_factor: None,
             notes: "bench 2".into(),
             bench: bench(v1::SimulatedBench { seed: 7, ..Default::default() }),
             create_time: None,
@@ -246,11 +241,11 @@ mod tests {
         Some(display::Bench::SimulatedBench(bench))
     }
 
-    fn all(fill_factor_x: f64, fill_factor_y: f64) -> display::Orders {
-        display::Orders::AllOrders(v1::AllOrders { fill_factor_x, fill_factor_y })
+    fn all(fill_factor_x: f64, fill_factor_y: Option<f64>) -> display::Orders {
+        display::Orders::AllOrders(v1::AllOrders { fill_factor_x: Some(fill_factor_x), fill_factor_y })
     }
 
-    fn filter(width: f64, centre_x: f64) -> display::Orders {
+    fn filter(width: Option<f64>, centre_x: f64) -> display::Orders {
         display::Orders::OrderFilter(v1::OrderFilter { width, centre_x, ..Default::default() })
     }
 
@@ -269,7 +264,7 @@ mod tests {
         let phase_rad = (0..1 << bit_depth).map(|level| phase_rad(f64::from(level))).collect();
         let mut message = message();
         let modulator = message.modulator.as_mut().unwrap();
-        (modulator.bit_depth, modulator.kind) = (bit_depth, phase(phase_rad));
+        (modulator.bit_depth, modulator.kind) = (Some(bit_depth), phase(phase_rad));
         message
     }
 
@@ -294,9 +289,9 @@ mod tests {
         assert_eq!(converted.wavelengths_m, [515e-9, 639e-9]);
         assert_eq!(
             converted.bench,
-            bench(v1::SimulatedBench { seed: 7, strength: 1.0, camera_noise: 0.003, ..Default::default() })
+            bench(v1::SimulatedBench { seed: 7, strength: Some(1.0), camera_noise: Some(0.003), ..Default::default() })
         );
-        assert_eq!(converted.camera_fill_factor, 1.0);
+        assert_eq!(converted.camera_fill_factor, Some(1.0));
         assert_eq!(converted.create_time.unwrap().nanos, 500_000_000);
         assert_eq!(display(&Call::without_token(), converted, &Field::new("display")).unwrap(), domain);
     }
@@ -304,7 +299,7 @@ mod tests {
     #[test]
     fn all_orders_survive_conversion_with_defaults_filled_in() {
         // On a simulated display, too.
-        let message = v1::Display { orders: Some(all(0.93, 0.0)), carrier: 0, ..message() };
+        let message = v1::Display { orders: Some(all(0.93, None)), carrier: 0, ..message() };
         let domain = display(&Call::without_token(), message, &Field::new("display")).unwrap();
         assert_eq!(domain.orders, Orders::All { fill_factor_x: 0.93, fill_factor_y: 1.0 });
         let converted = to_wire::display(domain.clone(), 1_500);
@@ -314,7 +309,7 @@ mod tests {
     #[test]
     fn filters_survive_conversion_with_defaults_filled_in() {
         // On a simulated display with a carrier, too.
-        let message = v1::Display { orders: Some(filter(0.5, -0.25)), ..message() };
+        let message = v1::Display { orders: Some(filter(Some(0.5), -0.25)), ..message() };
         let domain = display(&Call::without_token(), message, &Field::new("display")).unwrap();
         let expected = OrderFilter { centre_x: -0.25, ..OrderFilter::rectangle(0.5, 1.0) };
         assert_eq!(domain.orders, Orders::Filtered(expected));
@@ -326,9 +321,9 @@ mod tests {
     fn all_invalid_fields_are_refused_at_once() {
         let refusal = refusal(|d| {
             let modulator = d.modulator.as_mut().unwrap();
-            (modulator.width_px, modulator.pixel_pitch_x_m, modulator.bit_depth) = (15, f64::NAN, 17);
+            (modulator.width_px, modulator.pixel_pitch_x_m, modulator.bit_depth) = (15, f64::NAN, Some(17));
             d.wavelengths_m = vec![0.5, 515e-9, 1e-8];
-            d.bench = bench(v1::SimulatedBench { strength: -1.0, camera_noise: 2.0, ..Default::default() });
+            d.bench = bench(v1::SimulatedBench { strength: Some(-1.0), camera_noise: Some(2.0), ..Default::default() });
         });
         let fields: Vec<&str> = refusal.lines().skip(1).map(|line| line.split_whitespace().next().unwrap()).collect();
         let bench = ["simulated_bench.strength", "simulated_bench.camera_noise"];
@@ -352,41 +347,41 @@ mod tests {
             (modulator_refusal(|m| m.pixel_pitch_x_m = f64::NAN), "display.modulator.pixel_pitch_x_m is NaN, but"),
             (modulator_refusal(|m| m.width_px = 15), "display.modulator.width_px is 15, but must be 16 to 8192"),
             (modulator_refusal(|m| m.height_px = 8193), "display.modulator.height_px is 8193"),
-            (modulator_refusal(|m| m.bit_depth = 17), "display.modulator.bit_depth is 17"),
-            (modulator_refusal(|m| m.bit_depth = 8), "display.modulator.phase.response_rad has 4 entries, but"),
+            (modulator_refusal(|m| m.bit_depth = Some(17)), "display.modulator.bit_depth is 17"),
+            (modulator_refusal(|m| m.bit_depth = Some(8)), "display.modulator.phase.response_rad has 4 entries, but"),
             (refusal(|d| d.wavelengths_m.clear()), "display.wavelengths_m is empty"),
             (refusal(|d| d.wavelengths_m[1] = f64::INFINITY), "display.wavelengths_m[1] is inf"),
             (refusal(|d| d.wavelengths_m[1] = 639.000_000_1e-9), "display.wavelengths_m names 639nm twice"),
             (refusal(|d| d.wavelengths_m = vec![5e-7; 17]), "display.wavelengths_m has 17 entries"),
             (refusal(|d| d.carrier = 9), "display.carrier is 9, but must be a value"),
-            (refusal(|d| d.orders = Some(all(0.0, 0.0))), "display.all_orders is given, but a carrier"),
+            (refusal(|d| d.orders = Some(all(0.9, None))), "display.all_orders is given, but a carrier"),
             (
                 refusal(|d| {
                     d.carrier = 0;
-                    d.orders = Some(all(1.2, 1.0));
+                    d.orders = Some(all(1.2, None));
                 }),
                 "display.all_orders.fill_factor_x is 1.2, but",
             ),
-            (refusal(|d| d.orders = Some(filter(0.05, 0.0))), "display.order_filter.width is 0.05, but"),
-            (refusal(|d| d.camera_fill_factor = 1.2), "display.camera_fill_factor is 1.2, but"),
-            (refusal(|d| d.camera_fill_factor = f64::NAN), "display.camera_fill_factor is NaN, but"),
+            (refusal(|d| d.orders = Some(filter(Some(0.05), 0.0))), "display.order_filter.width is 0.05, but"),
+            (refusal(|d| d.camera_fill_factor = Some(1.2)), "display.camera_fill_factor is 1.2, but"),
+            (refusal(|d| d.camera_fill_factor = Some(f64::NAN)), "display.camera_fill_factor is NaN, but"),
             (
-                refusal(|d| d.orders = Some(filter(0.5, 0.26))),
+                refusal(|d| d.orders = Some(filter(Some(0.5), 0.26))),
                 "display.order_filter.centre_x is 0.26, but must be -0.250 to 0.250, so that the opening of 0.5 lies",
             ),
             (
-                refusal(|d| d.orders = Some(filter(0.0, f64::NAN))),
+                refusal(|d| d.orders = Some(filter(None, f64::NAN))),
                 "display.order_filter.centre_x is NaN, but must be 0,",
             ),
             (
-                modulator_refusal(|m| m.pixel_pitch_y_m = 9e-6),
+                modulator_refusal(|m| m.pixel_pitch_y_m = Some(9e-6)),
                 "display.modulator.pixel_pitch_y_m is 0.000009, but must be",
             ),
             (refusal(|d| d.modulator = None), "display.modulator is not set, but is required"),
             (refusal(|d| d.notes = "x".repeat(4097)), "display.notes has 4097 bytes"),
             (refusal(|d| d.name = "lab".into()), "display.name is \"lab\", but must be displays/{id}"),
             (
-                refusal(|d| d.bench = bench(v1::SimulatedBench { strength: -1.0, ..Default::default() })),
+                refusal(|d| d.bench = bench(v1::SimulatedBench { strength: Some(-1.0), ..Default::default() })),
                 "display.simulated_bench.strength is -1",
             ),
             (

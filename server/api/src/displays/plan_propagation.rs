@@ -62,10 +62,9 @@ fn alternative(setup: &OpticalSetup, method: PropagationMethod) -> v1::Propagati
 
 fn image_window(window: v1::ImageWindow, field: &Field) -> Result<propagation::ImageWindow> {
     let v1::ImageWindow { width_px, height_px, pitch_x_m, pitch_y_m, centre_x_m, centre_y_m } = window;
-    if pitch_y_m != 0.0 && pitch_y_m != pitch_x_m {
-        return Err(field
-            .at("pitch_y_m")
-            .but(format!("is {pitch_y_m}"), format!("must be pitch_x_m, {pitch_x_m}, or 0")));
+    if let Some(pitch_y_m) = pitch_y_m.filter(|&pitch_y_m| pitch_y_m != pitch_x_m) {
+        let rule = format!("must be pitch_x_m, {pitch_x_m}; leave it out for this pitch");
+        return Err(field.at("pitch_y_m").but(format!("is {pitch_y_m}"), rule));
     }
     let size = propagation::ImageWindow::try_new(height_px as usize, width_px as usize, pitch_x_m);
     let placed = size.and_then(|window| window.centred_at(centre_x_m, centre_y_m));

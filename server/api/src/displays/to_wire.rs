@@ -15,8 +15,8 @@ pub(crate) fn display(display: Display, create_time_ms: i64) -> v1::Display {
             width_px: display.width_px,
             height_px: display.height_px,
             pixel_pitch_x_m: display.pixel_pitch_m,
-            pixel_pitch_y_m: display.pixel_pitch_m,
-            bit_depth: display.bit_depth,
+            pixel_pitch_y_m: Some(display.pixel_pitch_m),
+            bit_depth: Some(display.bit_depth),
             kind: Some(modulator::Kind::Phase(v1::PhaseModulator {
                 response_rad: display.phase_response_rad.unwrap_or_default(),
             })),
@@ -24,7 +24,7 @@ pub(crate) fn display(display: Display, create_time_ms: i64) -> v1::Display {
         wavelengths_m: display.wavelengths.iter().map(|wavelength| wavelength.m()).collect(),
         carrier: display.carrier.map_or(0, OnWire::to_wire),
         orders: orders(display.orders),
-        camera_fill_factor: display.camera_fill_factor,
+        camera_fill_factor: Some(display.camera_fill_factor),
         notes: display.notes,
         bench: display.simulated_bench.map(simulated_bench::to_wire).map(display::Bench::SimulatedBench),
         create_time: Some(timestamp(create_time_ms)),
@@ -35,10 +35,11 @@ fn orders(orders: Orders) -> Option<display::Orders> {
     match orders {
         Orders::First => Some(display::Orders::FirstOrder(v1::FirstOrder {})),
         Orders::Filtered(OrderFilter { shape, width, height, centre_x, centre_y }) => {
-            let shape = shape.to_wire();
+            let (shape, width, height) = (shape.to_wire(), Some(width), Some(height));
             Some(display::Orders::OrderFilter(v1::OrderFilter { shape, width, height, centre_x, centre_y }))
         }
         Orders::All { fill_factor_x, fill_factor_y } => {
+            let (fill_factor_x, fill_factor_y) = (Some(fill_factor_x), Some(fill_factor_y));
             Some(display::Orders::AllOrders(v1::AllOrders { fill_factor_x, fill_factor_y }))
         }
     }

@@ -65,12 +65,12 @@ async fn seen(grpc: &Router, found: &Match, parts: &Parts, tags: &str) -> Result
     Ok(serde_json::from_slice(&answer).unwrap_or_default())
 }
 
-/// What a call expects of a resource, such as its revision in the field `expected_revision`.
+/// What a call expects of a resource, such as its revision in the field `expected_revision`. No version is expected as 0.
 fn expected(field: &str, seen: &Value, body: &[u8]) -> Value {
     match field {
         "expected_revision" => seen["revision"].clone(),
-        "expected_active_version" => seen["activeVersion"].clone(),
-        // The version that the alias of the request names; 0: none.
+        "expected_active_version" => seen.get("activeVersion").cloned().unwrap_or_else(|| 0.into()),
+        // The version that the alias of the request names.
         _ => {
             let request: Value = serde_json::from_slice(body).unwrap_or_default();
             let named = request["alias"].as_str().and_then(|alias| seen["aliases"].get(alias));

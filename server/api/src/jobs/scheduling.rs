@@ -39,12 +39,11 @@ fn not_before_ms(time: &lightpath_proto::Timestamp) -> Result<i64> {
     })
 }
 
-fn timeout_ms(seconds: f64) -> Result<Option<i64>> {
-    if seconds == 0.0 {
-        return Ok(None);
-    }
-    let seconds = Field::new("timeout_s").number(seconds, TIMEOUT_S_MIN..=TIMEOUT_S_MAX)?;
-    Ok(Some((seconds * 1e3).round() as i64))
+fn timeout_ms(seconds: Option<f64>) -> Result<Option<i64>> {
+    let field = Field::new("timeout_s");
+    let check = |seconds| field.number(seconds, TIMEOUT_S_MIN..=TIMEOUT_S_MAX);
+    let seconds = field.if_set(seconds, "the server's limit", check)?;
+    Ok(seconds.map(|seconds| (seconds * 1e3).round() as i64))
 }
 
 /// The ids of the jobs to wait for, ascending, each once.
@@ -78,14 +77,19 @@ mod tests {
     fn scheduling_is_converted_and_invalid_fields_are_refused() {
         let after = vec!["jobs/b".to_owned(), "jobs/a".to_owned(), "jobs/b".to_owned()];
         let needs = ["gpu", "bench-2", "gpu"].map(str::to_owned).to_vec();
-        let request = v1::SubmitJobRequest { timeout_s: 1.5, owner: "ada".into(), after, needs, ..Default::default() };
+        let request =
+            v1::SubmitJobRequest { timeout_s: Some(1.5), owner: "ada".into(), after, needs, ..Default::default() };
         let converted = scheduling(&Call::without_token(), &request).unwrap();
         assert_eq!((converted.timeout_ms, converted.owner.as_str(), converted.batch), (Some(1500), "ada", None));
         assert_eq!(converted.after, ["a", "b"]);
         assert_eq!(converted.needs.to_string(), "bench-2, gpu");
         for (request, start) in [
-            (v1::SubmitJobRequest { timeout_s: f64::NAN, ..Default::default() }, "timeout_s is NaN"),
-            (v1::SubmitJobRequest { timeout_s: -1.0, ..Default::default() }, "timeout_s is -1"),
+            (v1::SubmitJobRequest { timeout_s: Some(f64::NAN), ..Default::default() }, "timeout_s is NaN"),
+            (v1::SubmitJobRequest { timeout_s: Some(-1.0), ..Default::default() }, "timeout_s is -1"),
+            (
+                v1::SubmitJobRequest { timeout_s: Some(0.0), ..Default::default() },
+                "timeout_s is 0, but must be 0.001 to 2592000; leave it out for the server's limit",
+            ),
             (v1::SubmitJobRequest { owner: "a\nb".into(), ..Default::default() }, "owner has the control character"),
             (v1::SubmitJobRequest { batch: "x".repeat(129), ..Default::default() }, "batch has 129 bytes"),
             (

@@ -27,7 +27,7 @@ pub(crate) fn job(jobs: &Jobs, job: Job) -> v1::Job {
         batch: scheduling.batch.unwrap_or_default(),
         unique_key: scheduling.unique_key.unwrap_or_default(),
         priority: job.priority,
-        timeout_s: scheduling.timeout_ms.map_or(0.0, |ms| ms as f64 / 1e3),
+        timeout_s: scheduling.timeout_ms.map(|ms| ms as f64 / 1e3),
         after: scheduling.after.iter().map(|id| format!("jobs/{id}")).collect(),
         waiting_for: job.waiting_for,
         state: job.state.to_wire(),
@@ -42,8 +42,8 @@ pub(crate) fn job(jobs: &Jobs, job: Job) -> v1::Job {
         error: job.error.map(error),
         result: job.result.map(kinds::result),
         revision: job.revision,
-        estimated_memory_bytes: job.estimate.memory_bytes,
-        estimated_time_s: job.estimate.time_s,
+        estimated_memory_bytes: (job.estimate.memory_bytes > 0).then_some(job.estimate.memory_bytes),
+        estimated_time_s: (job.estimate.time_s > 0.0).then_some(job.estimate.time_s),
         label: scheduling.label.unwrap_or_default(),
         needs: scheduling.needs.iter().map(str::to_owned).collect(),
         waits_for,
@@ -105,7 +105,8 @@ fn used_kernel((key, version): (KernelKey, Option<u32>)) -> v1::UsedKernel {
 
 /// Converts an event into its message.
 pub(crate) fn event(event: JobEvent) -> v1::JobEvent {
-    v1::JobEvent { time: Some(timestamp(event.time_ms)), attempt: event.attempt, message: event.message }
+    let attempt = (event.attempt > 0).then_some(event.attempt);
+    v1::JobEvent { time: Some(timestamp(event.time_ms)), attempt, message: event.message }
 }
 
 fn progress(progress: Progress) -> v1::Progress {

@@ -42,7 +42,7 @@ impl Api {
         request: v1::FetchKernelRequest,
     ) -> Result<Answers<v1::FetchKernelResponse>> {
         let kernels = &self.service.kernels;
-        let number = (request.version > 0).then_some(request.version);
+        let number = Field::new("version").version_if_set(request.version, "the active version")?;
         let version = kernels.version_or_active(key, number).await?;
         let format = Field::new("format").enum_value(request.format)?.unwrap_or(KernelFormat::Safetensors);
         let open = self.streams.open(StreamKind::Download, &call.client)?;

@@ -28,7 +28,7 @@ impl Api {
         Ok(v1::PromotionVerdict {
             passed: verdict.checks.iter().all(|check| check.passed),
             checks: verdict.checks.into_iter().map(to_wire::gate_check).collect(),
-            active_version: verdict.active.unwrap_or(0),
+            active_version: verdict.active,
         })
     }
 

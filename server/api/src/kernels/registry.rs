@@ -41,8 +41,8 @@ impl Api {
         call.concerns(key.to_string());
         let alias = alias(&Field::new("alias"), &request.alias)?.to_owned();
         let reason = Field::new("reason").line(request.reason, REASON_BYTES_MAX)?;
-        let some = |version: u32| (version > 0).then_some(version);
-        let (version, expected) = (some(request.version), request.expected_version.map(some));
+        let version = Field::new("version").version_if_set(request.version, "no version, which removes the alias")?;
+        let expected = request.expected_version.map(|version| (version > 0).then_some(version));
         let kernel = self.service.promotions.set_alias(call, &key, alias, (version, expected), reason).await?;
         Ok(to_wire::kernel(&kernel))
     }

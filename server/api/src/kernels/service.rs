@@ -50,12 +50,13 @@ impl Api {
         call: &Call,
         request: v1::ListKernelsRequest,
     ) -> Result<v1::ListKernelsResponse> {
-        let wavelength = Some(request.wavelength_m).filter(|&wavelength_m| wavelength_m != 0.0);
-        let wavelength = wavelength.map(|wavelength_m| Field::new("wavelength_m").wavelength(wavelength_m));
+        let of_wavelength = Field::new("wavelength_m");
+        let wavelength =
+            of_wavelength.if_set(request.wavelength_m, "all wavelengths", |value| of_wavelength.wavelength(value));
         let place = request.place.as_ref();
         let filter = KernelFilter {
             display: names::display_filter(call, &Field::new("display"), &request.display)?,
-            wavelength: wavelength.transpose()?,
+            wavelength: wavelength?,
             distance: place.map(|place| distance(&Field::new("place"), Some(place))).transpose()?,
         };
         let optics = format!("{:?} {:?}", filter.wavelength, filter.distance);

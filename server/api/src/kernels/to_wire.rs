@@ -18,7 +18,7 @@ pub(crate) fn kernel(kernel: &Kernel) -> v1::Kernel {
         display: format!("displays/{}", kernel.key.display),
         wavelength_m: kernel.key.wavelength.m(),
         place: place(kernel.key.distance),
-        active_version: kernel.active_version.unwrap_or(0),
+        active_version: kernel.active_version,
         latest_version: kernel.latest_version,
         create_time: Some(timestamp(kernel.create_time_ms)),
         interpolated: kernel.interpolated,
@@ -36,7 +36,7 @@ pub(crate) fn version(version: KernelVersion) -> v1::KernelVersion {
         model: content.model.to_wire(),
         artifact: content.artifact,
         size_bytes: content.size_bytes,
-        metrics: Some(metrics(&content.metrics)),
+        metrics: metrics(&content.metrics),
         lineage: Some(lineage(content.lineage)),
         create_time: Some(timestamp(version.create_time_ms)),
         active: version.active,
@@ -73,14 +73,14 @@ pub(crate) fn gate_check(GateCheck { passed, finding }: GateCheck) -> v1::GateCh
     v1::GateCheck { passed, finding }
 }
 
-/// Converts the metrics of a version into their message.
-pub(crate) fn metrics(metrics: &KernelMetrics) -> v1::KernelMetrics {
-    v1::KernelMetrics {
+/// Converts the metrics of a version into their message; `None`: it was not measured.
+pub(crate) fn metrics(metrics: &KernelMetrics) -> Option<v1::KernelMetrics> {
+    metrics.is_measured().then(|| v1::KernelMetrics {
         train_pairs: metrics.train_pairs,
         validation_pairs: metrics.validation_pairs,
         test_pairs: metrics.test_pairs,
         train_loss: metrics.train_loss,
-        validation_loss: metrics.validation_loss,
+        validation_loss: (metrics.validation_pairs > 0).then_some(metrics.validation_loss),
         test_loss: metrics.test_loss,
         ideal_test_loss: metrics.ideal_test_loss,
         test_loss_full_frame: metrics.test_loss_full_frame,
@@ -90,7 +90,7 @@ pub(crate) fn metrics(metrics: &KernelMetrics) -> v1::KernelMetrics {
             .map(|CapturedQuality { psnr_db, ideal_psnr_db }| v1::CapturedQuality { psnr_db, ideal_psnr_db }),
         no_better_than_ideal: metrics.no_better_than_ideal(),
         parts: metrics.parts.iter().map(part_cost).collect(),
-    }
+    })
 }
 
 fn part_cost(&PartCost { part, cost_db, least_db, most_db }: &PartCost) -> v1::Part {
@@ -110,8 +110,8 @@ pub(crate) fn kernel_move(moved: KernelMove) -> v1::KernelMove {
         time: Some(timestamp(moved.time_ms)),
         alias: moved.alias,
         caller: moved.cause.caller,
-        from_version: moved.from_version.unwrap_or(0),
-        to_version: moved.to_version.unwrap_or(0),
+        from_version: moved.from_version,
+        to_version: moved.to_version,
         reason: moved.cause.reason,
         overridden: moved.overridden,
         rollback: moved.rollback,
@@ -130,7 +130,7 @@ fn lineage(lineage: KernelLineage) -> v1::KernelLineage {
         job: name_of("jobs", lineage.job),
         datasets: lineage.datasets.into_iter().map(dataset).collect(),
         interpolated: lineage.interpolated,
-        parent_version: lineage.parent_version.unwrap_or(0),
+        parent_version: lineage.parent_version,
         parameters_json: lineage.parameters_json,
         seed: lineage.seed,
         code_version: lineage.code_version,

@@ -13,7 +13,7 @@ pub(crate) fn validity_report(report: ValidityReport) -> v1::ValidityReport {
         width_px: report.window.width_px() as u32,
         height_px: report.window.height_px() as u32,
         pitch_x_m: report.window.pitch_x_m(),
-        pitch_y_m: report.window.pitch_y_m(),
+        pitch_y_m: Some(report.window.pitch_y_m()),
         centre_x_m: report.window.centre_x_m(),
         centre_y_m: report.window.centre_y_m(),
     };
@@ -78,7 +78,7 @@ pub(crate) fn other_orders(psnr_db: f64) -> v1::Judgement {
 /// How well the display would show the levels on some rows: by the engine, and by the independent model.
 pub(crate) fn opinions(opinion: SecondOpinion, detector: Detector) -> [v1::Judgement; 2] {
     let SecondOpinion { rows, engine_psnr_db, independent_psnr_db } = opinion;
-    let engine = v1::Judgement { rows, ..by_engine(detector, engine_psnr_db) };
+    let engine = v1::Judgement { rows: Some(rows), ..by_engine(detector, engine_psnr_db) };
     let independent = v1::Judgement {
         model: judgement::Model::Independent.into(),
         psnr_db: Some(measure(independent_psnr_db)),

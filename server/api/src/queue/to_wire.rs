@@ -35,7 +35,7 @@ fn process(process: Process) -> v1::queue::Process {
         name: process.name,
         version: process.version,
         labels: process.abilities.labels.iter().map(str::to_owned).collect(),
-        memory_bytes: process.abilities.memory_bytes,
+        memory_bytes: (process.workers > 0).then_some(process.abilities.memory_bytes),
         workers: process.workers,
         start_time: Some(timestamp(process.start_time_ms)),
         seen_time: Some(timestamp(process.seen_time_ms)),

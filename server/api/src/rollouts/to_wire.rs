@@ -11,7 +11,7 @@ pub(super) fn rollout(rollout: Rollout, halting: Option<Halting>, events: Vec<Ro
     v1::Rollout {
         name: format!("{}/rollouts/{}", rollout.key, rollout.number),
         version: plan.version,
-        from_version: rollout.from_version.unwrap_or(0),
+        from_version: rollout.from_version,
         state: rollout.state.to_wire(),
         share_percent: plan.share_percent,
         group: plan.group,
@@ -26,8 +26,8 @@ pub(super) fn rollout(rollout: Rollout, halting: Option<Halting>, events: Vec<Ro
         events: events.into_iter().map(event).collect(),
         halting: halting.map(|halting| v1::rollout::Halting {
             devices_known: halting.devices_known,
-            failures_first: halting.failures_first.unwrap_or(0),
-            failures_of_all: halting.failures_of_all.unwrap_or(0),
+            failures_first: halting.failures_first,
+            failures_of_all: halting.failures_of_all,
         }),
     }
 }

@@ -79,8 +79,8 @@ impl DemoClient {
             notes: "A simulated display with imperfections, created by lightpathd demo.".to_owned(),
             bench: Some(v1::display::Bench::SimulatedBench(v1::SimulatedBench {
                 seed: bench.seed,
-                strength: bench.strength,
-                camera_noise: bench.camera_noise,
+                strength: Some(bench.strength),
+                camera_noise: Some(bench.camera_noise),
                 misalignment_px: bench.misalignment_px,
                 ..Default::default()
             })),
@@ -122,13 +122,13 @@ impl DemoClient {
                 planes: vec![ImagePlane {
                     place: self.place(),
                     target: self.client.upload_bytes(request.target).await?,
-                    weight: 0.0,
+                    weight: None,
                 }],
                 target_fit: Fit::Cover.into(),
                 kernel: request.kernel,
                 // The figures in docs/results.md were made with Adam.
                 method: v1::HologramMethod::Adam.into(),
-                iterations: request.iterations,
+                iterations: Some(request.iterations),
                 seed: request.seed,
                 initial_phase: Some(InitialPhase {
                     kind: Some(initial_phase::Kind::Random(initial_phase::Random {
@@ -248,7 +248,7 @@ impl DemoClient {
 
     /// Saves the active version of a kernel to a file, and returns the version and the bytes.
     pub(super) async fn fetch_kernel(&self, kernel: &str, path: &Path) -> anyhow::Result<(v1::KernelVersion, Vec<u8>)> {
-        let version = self.client.fetch_kernel_to(kernel, 0, path).await?;
+        let version = self.client.fetch_kernel_to(kernel, None, path).await?;
         let bytes = std::fs::read(path).with_context(|| format!("cannot read {}", path.display()))?;
         Ok((version, bytes))
     }
@@ -257,7 +257,7 @@ impl DemoClient {
     pub(super) async fn import(&self, file: Vec<u8>) -> anyhow::Result<u32> {
         let request = v1::ImportKernelRequest {
             display: names::display(DISPLAY),
-            wavelength_m: self.wavelength_m,
+            wavelength_m: Some(self.wavelength_m),
             place: self.place(),
             artifact: self.client.upload_bytes(file).await?,
             ..Default::default()

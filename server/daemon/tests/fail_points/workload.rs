@@ -115,7 +115,7 @@ fn task(job: &Job, context: &JobContext) -> Result<TaskOutput, TaskError> {
     let first = context.take_saved_state().map_or(0, |state| state[0]);
     for step in first..3 {
         let progress =
-            Progress { stage: "count".to_owned(), step: u32::from(step), steps_total: 3, loss: 0.0, eta_s: None };
+            Progress { stage: "count".to_owned(), step: u32::from(step), steps_total: 3, loss: None, eta_s: None };
         context.step(progress, || vec![step + 1])?;
     }
     let photo = context.put_artifact(result_of(&job.request_id))?;

@@ -316,7 +316,7 @@ async fn scoped_token_sees_only_its_displays() {
     // A firmware token can fetch the kernels of its display only.
     let fetch = |display: &str| v1::FetchKernelRequest {
         kernel: format!("displays/{display}/kernels/515nm-50mm"),
-        version: 1,
+        version: Some(1),
         ..Default::default()
     };
     let firmware = &guarded.tokens["firmware"];

@@ -11,6 +11,7 @@ use tokio_stream::wrappers::ReceiverStream;
 use tonic::{Code, Status};
 
 async fn read(serving: &Serving, digest: &str, offset_bytes: u64, limit_bytes: u64) -> Result<Vec<u8>, Status> {
+    let limit_bytes = (limit_bytes > 0).then_some(limit_bytes);
     let request = v1::ReadArtifactRequest { digest: digest.to_owned(), offset_bytes, limit_bytes };
     let mut stream = serving.artifacts().read_artifact(request).await?.into_inner();
     let mut bytes = Vec::new();

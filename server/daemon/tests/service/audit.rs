@@ -63,7 +63,7 @@ async fn every_job_has_a_line_even_if_its_client_left() {
     serving.jobs().pause_queue(v1::PauseQueueRequest::default()).await.unwrap();
     let picture = Plane::from_fn(48, 64, |y, x| ((y + x) % 97) as f32 / 97.0);
     let target = serving.upload(&pictures::grey_png_srgb(&picture).unwrap()).await;
-    let plane = v1::optimize_hologram::ImagePlane { place: Some(v1::Place::at_m(0.05)), target, weight: 0.0 };
+    let plane = v1::optimize_hologram::ImagePlane { place: Some(v1::Place::at_m(0.05)), target, weight: None };
     let spec = v1::OptimizeHologram { display: "displays/lab".into(), planes: vec![plane], ..Default::default() };
     let spec = v1::JobSpec { kind: Some(job_spec::Kind::OptimizeHologram(spec)) };
     for n in 0..HASTY_SUBMITS {

@@ -55,7 +55,7 @@ fn empty_cache(data_dir: &Path) -> usize {
 }
 
 fn job(target: &str, iterations: u32) -> job_spec::Kind {
-    job_spec::Kind::OptimizeHologram(v1::OptimizeHologram { iterations, ..optimize(target) })
+    job_spec::Kind::OptimizeHologram(v1::OptimizeHologram { iterations: Some(iterations), ..optimize(target) })
 }
 
 #[tokio::test]

@@ -117,7 +117,7 @@ async fn the_files_that_devices_use_are_ready_before_a_version_is_active() {
     let report = v1::ReportDeviceRequest {
         name: "displays/ready/devices/bench-1".into(),
         kernel: "515nm-50mm".into(),
-        version: 1,
+        version: Some(1),
         format: "complex64".into(),
         digest: installed.digest,
         generation: installed.generation,

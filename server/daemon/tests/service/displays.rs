@@ -9,7 +9,7 @@ use tonic_types::StatusExt as _;
 async fn display_is_created_once() {
     let serving = Serving::start().await;
     let first = serving.display("lab-2").await;
-    assert_eq!((first.name.as_str(), first.modulator.as_ref().unwrap().bit_depth), ("displays/lab-2", 8));
+    assert_eq!((first.name.as_str(), first.modulator.as_ref().unwrap().bit_depth), ("displays/lab-2", Some(8)));
     assert_eq!(serving.display("lab-2").await, first, "a repeated request returns the same display");
     let other = sized_display("lab-2", 128, 48);
     let answer = serving.displays().create_display(v1::CreateDisplayRequest { display: Some(other) }).await;
@@ -65,7 +65,7 @@ async fn propagation_plans_report_method_distances_and_warnings() {
     let window = v1::ImageWindow { width_px: 32, height_px: 32, pitch_x_m: 2e-6, ..Default::default() };
     let zoom = plan(request_with(&|request| request.window = Some(window))).await.unwrap().report.unwrap();
     assert_eq!(zoom.method(), v1::PropagationMethod::Scaled);
-    assert_eq!(zoom.window.unwrap().pitch_y_m, 2e-6);
+    assert_eq!(zoom.window.unwrap().pitch_y_m, Some(2e-6));
 
     let endless = v1::ImageWindow { centre_x_m: f64::INFINITY, ..window };
     let fresnel = v1::PropagationMethod::FresnelImpulseResponse.into();
@@ -84,7 +84,7 @@ async fn propagation_plans_report_method_distances_and_warnings() {
             request_with(&|request| (request.method, request.window) = (fresnel, Some(window))),
             "method is given together with a window",
         ),
-        (request_with(&|request| request.wavelength_m = 1e-6), "wavelength_m is 1000nm"),
+        (request_with(&|request| request.wavelength_m = Some(1e-6)), "wavelength_m is 1000nm"),
     ] {
         expect(plan(request).await, Code::InvalidArgument, start);
     }

@@ -27,7 +27,12 @@ const FORMS: [KernelFormat; 8] = [
 
 /// The file of a version in a form, and what the form loses.
 async fn fetch(serving: &Serving, version: u32, form: KernelFormat) -> Result<(Vec<u8>, v1::KernelFile), Status> {
-    let request = v1::FetchKernelRequest { kernel: KERNEL.into(), version, format: form.into(), ..Default::default() };
+    let request = v1::FetchKernelRequest {
+        kernel: KERNEL.into(),
+        version: Some(version),
+        format: form.into(),
+        ..Default::default()
+    };
     let mut stream = client(serving).fetch_kernel(request).await?.into_inner();
     let (mut bytes, mut file) = (Vec::new(), v1::KernelFile::default());
     while let Some(message) = stream.message().await? {
@@ -70,8 +75,8 @@ async fn every_form_of_every_model_is_restored_or_its_losses_are_announced() {
         let learn = v1::LearnKernel {
             datasets: vec![dataset.clone()],
             model: model.into(),
-            degree: if matches!(model, KernelModel::Paper | KernelModel::Dense) { 0 } else { 4 },
-            epochs: 3,
+            degree: (!matches!(model, KernelModel::Paper | KernelModel::Dense)).then_some(4),
+            epochs: Some(3),
             ..Default::default()
         };
         let JobResult::LearnKernel(learned) = run_job(&serving, Kind::LearnKernel(learn)).await.unwrap() else {
@@ -120,7 +125,7 @@ async fn a_bundle_brings_all_of_a_version_to_another_server() {
     let serving = Serving::start().await;
     serving.display("lab").await;
     let dataset = create_dataset_at(&serving, 4).await;
-    let learn = v1::LearnKernel { datasets: vec![dataset], degree: 4, epochs: 2, ..Default::default() };
+    let learn = v1::LearnKernel { datasets: vec![dataset], degree: Some(4), epochs: Some(2), ..Default::default() };
     run_job(&serving, Kind::LearnKernel(learn)).await.unwrap();
     let (bundle, file) = fetch(&serving, 1, KernelFormat::Bundle).await.unwrap();
     assert_eq!((file.losses.len(), file.relative_error), (0, 0.0));
@@ -147,7 +152,7 @@ async fn a_bundle_brings_all_of_a_version_to_another_server() {
     );
     let accepted = import(&other, "displays/lab-3", &bundle, true).await.unwrap();
     assert_ne!(accepted.artifact, first.artifact, "the file names its new display");
-    assert_eq!(accepted.metrics.unwrap().test_pairs, 0, "photographs of another display say nothing about this one");
+    assert_eq!(accepted.metrics, None, "photographs of another display say nothing about this one");
     let npz = fetch(&serving, 1, KernelFormat::Npz).await.unwrap().0;
     assert_eq!(import(&other, "displays/lab-3", &npz, false).await.unwrap_err().code(), Code::InvalidArgument);
     for serving in [serving, other] {

@@ -19,7 +19,7 @@ async fn optimized_hologram_has_its_files_and_quality() {
     let serving = Serving::start().await;
     serving.display("lab").await;
     let target = serving.upload(&picture()).await;
-    let spec = v1::OptimizeHologram { iterations: 30, ..optimize(&target) };
+    let spec = v1::OptimizeHologram { iterations: Some(30), ..optimize(&target) };
     let job = submit(&serving, job_spec::Kind::OptimizeHologram(spec), "").await.unwrap();
     let job = watch_to_end(&serving, &job.name).await;
     assert_eq!(job.state(), v1::job::State::Succeeded, "{job:?}");
@@ -42,7 +42,7 @@ async fn optimized_hologram_has_its_files_and_quality() {
         assert!(serving.artifacts().get_artifact(request).await.unwrap().into_inner().size_bytes > 0);
     }
     let (engine, independent) = opinions(&plane.judgements).next().unwrap();
-    assert_eq!((engine.rows, independent.rows, independent.contradicts), (8, 8, false));
+    assert_eq!((engine.rows, independent.rows, independent.contradicts), (Some(8), Some(8), false));
     assert!((independent.psnr() - engine.psnr()).abs() < 0.3, "{plane:?}");
     let verified = verify(&serving, &job.name).await.unwrap();
     let [verified] = &verified.planes[..] else { panic!("{verified:?}") };
@@ -61,7 +61,7 @@ async fn active_kernel_judges_holograms_of_all_kernels() {
     serving.display("lab").await;
     let target = serving.upload(&picture()).await;
     let job = |kernel: &str| {
-        let spec = v1::OptimizeHologram { iterations: 30, kernel: kernel.to_owned(), ..optimize(&target) };
+        let spec = v1::OptimizeHologram { iterations: Some(30), kernel: kernel.to_owned(), ..optimize(&target) };
         job_spec::Kind::OptimizeHologram(spec)
     };
     let headline = async |kind: job_spec::Kind, request_id: &str| {
@@ -97,18 +97,19 @@ async fn hologram_is_made_for_the_fill_factor_of_the_camera() {
     let serving = Serving::start().await;
     let target = serving.upload(&picture()).await;
     let mut found = Vec::new();
-    for (id, camera_fill_factor) in [("lab", 0.0), ("gaps", 0.5)] {
+    for (id, camera_fill_factor) in [("lab", None), ("gaps", Some(0.5))] {
         let display = v1::Display { camera_fill_factor, ..small_display(id) };
         let request = v1::CreateDisplayRequest { display: Some(display) };
         serving.displays().create_display(request).await.unwrap();
-        let mut spec = v1::OptimizeHologram { display: format!("displays/{id}"), iterations: 30, ..optimize(&target) };
+        let mut spec =
+            v1::OptimizeHologram { display: format!("displays/{id}"), iterations: Some(30), ..optimize(&target) };
         // Within the critical distance, where light has details finer than a pixel.
         spec.planes[0].place = Some(v1::Place::at_m(5e-3));
         let job = submit(&serving, job_spec::Kind::OptimizeHologram(spec), "").await.unwrap();
         let job = watch_to_end(&serving, &job.name).await;
         let plane = hologram(&job).wavelengths[0].planes[0].clone();
         let (engine, independent) = opinions(&plane.judgements).next().unwrap();
-        assert!((independent.psnr() - engine.psnr()).abs() < 0.3, "{camera_fill_factor}: {plane:?}");
+        assert!((independent.psnr() - engine.psnr()).abs() < 0.3, "{camera_fill_factor:?}: {plane:?}");
         let [whole_db, point_db] = [v1::Detector::Pixel, v1::Detector::Point]
             .map(|detector| judgement(&plane.judgements, Stage::Optimized, detector).unwrap().psnr());
         found.push((whole_db, point_db));
@@ -133,7 +134,7 @@ async fn only_finished_holograms_are_verified() {
     let serving = Serving::start().await;
     serving.display("lab").await;
     let target = serving.upload(&picture()).await;
-    let spec = v1::OptimizeHologram { iterations: 10_000, ..optimize(&target) };
+    let spec = v1::OptimizeHologram { iterations: Some(10_000), ..optimize(&target) };
     let running = submit(&serving, job_spec::Kind::OptimizeHologram(spec), "").await.unwrap();
     expect(verify(&serving, &running.name).await, Code::InvalidArgument, "spec.verify_hologram.job has no holograms");
     expect(verify(&serving, "jobs/none").await, Code::NotFound, "jobs/none does not exist");
@@ -145,7 +146,7 @@ async fn restart_does_not_change_the_result() {
     let serving = Serving::start().await;
     serving.display("lab").await;
     let target = serving.upload(&picture()).await;
-    let kind = || job_spec::Kind::OptimizeHologram(v1::OptimizeHologram { iterations: 500, ..optimize(&target) });
+    let kind = || job_spec::Kind::OptimizeHologram(v1::OptimizeHologram { iterations: Some(500), ..optimize(&target) });
     let job = submit(&serving, kind(), "").await.unwrap();
     let request = v1::WatchJobRequest { name: job.name.clone() };
     let mut stream = serving.jobs().watch_job(request).await.unwrap().into_inner();
@@ -175,13 +176,13 @@ async fn restart_between_two_wavelengths_does_not_change_the_result() {
     let plane = |distance_m| v1::optimize_hologram::ImagePlane {
         place: Some(v1::Place::at_m(distance_m)),
         target: target.clone(),
-        weight: 0.0,
+        weight: None,
     };
     let spec = v1::OptimizeHologram {
         display: "displays/two".into(),
         wavelengths_m,
         planes: vec![plane(0.05), plane(0.07)],
-        iterations: 1500,
+        iterations: Some(1500),
         quantization_aware: true,
         ..Default::default()
     };

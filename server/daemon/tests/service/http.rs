@@ -59,7 +59,7 @@ async fn metrics_count_ended_jobs_and_kernel_fetches() {
     while stream.message().await.unwrap().is_some() {}
     for display in ["lab", "nowhere"] {
         let kernel = format!("displays/{display}/kernels/515nm-50mm");
-        let request = lightpath_proto::v1::FetchKernelRequest { kernel, version: 1, ..Default::default() };
+        let request = lightpath_proto::v1::FetchKernelRequest { kernel, version: Some(1), ..Default::default() };
         let mut kernels = KernelServiceClient::new(serving.channel.clone());
         assert!(kernels.fetch_kernel(request).await.is_err());
     }

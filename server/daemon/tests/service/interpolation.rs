@@ -68,7 +68,7 @@ pub(crate) async fn create_dataset_at(serving: &Serving, mm: u32) -> String {
 }
 
 async fn learn_together(serving: &Serving, datasets: &[String]) -> Result<v1::Job, Status> {
-    let learn = v1::LearnKernel { datasets: datasets.to_vec(), degree: 4, ..Default::default() };
+    let learn = v1::LearnKernel { datasets: datasets.to_vec(), degree: Some(4), ..Default::default() };
     let spec = Some(v1::JobSpec { kind: Some(v1::job_spec::Kind::LearnKernel(learn)) });
     let request = v1::SubmitJobRequest { spec, ..Default::default() };
     let mut job = serving.jobs().submit_job(request).await?.into_inner();

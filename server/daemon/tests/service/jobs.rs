@@ -24,9 +24,9 @@ pub(crate) fn optimize(target: &str) -> v1::OptimizeHologram {
         planes: vec![v1::optimize_hologram::ImagePlane {
             place: Some(v1::Place::at_m(0.05)),
             target: target.to_owned(),
-            weight: 0.0,
+            weight: None,
         }],
-        iterations: 10_000,
+        iterations: Some(10_000),
         ..Default::default()
     }
 }
@@ -63,7 +63,7 @@ async fn defaults_are_filled_in_and_a_repeated_request_returns_the_same_job() {
     assert_eq!((spec.kernel.as_str(), spec.wavelengths_m.as_slice()), ("ideal", [515e-9].as_slice()));
     assert_eq!(job.kernels.len(), 1);
     assert_eq!((job.kernels[0].place, job.kernels[0].kernel_version.as_str()), (Some(v1::Place::at_m(0.05)), ""));
-    assert_eq!((spec.method(), spec.subframes, spec.learning_rate), (v1::HologramMethod::Lbfgs, 1, 0.0));
+    assert_eq!((spec.method(), spec.subframes, spec.learning_rate), (v1::HologramMethod::Lbfgs, Some(1), None));
     assert_eq!(spec.region, Some(v1::Region { x_px: 6, y_px: 5, width_px: 52, height_px: 38 }));
     assert_eq!((job.attempts_max, job.request_id.as_str()), (3, "mine-1"));
     assert_eq!(submit(&serving, kind(), "mine-1").await.unwrap().name, job.name);
@@ -100,9 +100,9 @@ async fn job_beyond_the_memory_limit_is_refused_with_the_numbers() {
     let small = v1::OptimizeHologram { display: "displays/lab".into(), ..large };
     serving.display("lab").await;
     let job = submit(&serving, job_spec::Kind::OptimizeHologram(small), "").await.unwrap();
-    let mib = job.estimated_memory_bytes >> 20;
+    let mib = job.estimated_memory_bytes() >> 20;
     assert!((8..64).contains(&mib), "{mib} MiB");
-    assert!(job.estimated_time_s > 0.0, "{job:?}");
+    assert!(job.estimated_time_s() > 0.0, "{job:?}");
     serving.stop().await.unwrap();
 }
 
@@ -191,8 +191,12 @@ async fn refusals_name_the_field_and_the_allowed_values() {
         (Box::new(|s| s.kernel = "7".into()), Code::NotFound, "kernel: displays/lab/kernels/515nm-50mm/versions/7"),
         (Box::new(|s| s.kernel = "best".into()), Code::InvalidArgument, "kernel is \"best\""),
         (Box::new(|s| s.kernel = "active".into()), Code::FailedPrecondition, "kernel: no version of"),
-        (Box::new(|s| s.iterations = 10_001), Code::InvalidArgument, "iterations is 10001, but must be 1 to 10000"),
-        (Box::new(|s| s.learning_rate = -1.0), Code::InvalidArgument, "learning_rate is -1"),
+        (
+            Box::new(|s| s.iterations = Some(10_001)),
+            Code::InvalidArgument,
+            "iterations is 10001, but must be 1 to 10000",
+        ),
+        (Box::new(|s| s.learning_rate = Some(-1.0)), Code::InvalidArgument, "learning_rate is -1"),
         (
             Box::new(|s| s.initial_phase = Some(random_phase(7.0))),
             Code::InvalidArgument,
@@ -304,10 +308,18 @@ async fn datasets_accept_only_pairs_that_fit() {
 /// Refuses jobs on the dataset `first` and on the display `lab`, which has no kernel and no simulated bench.
 async fn refuses_impossible_jobs(serving: &Serving, learn: v1::LearnKernel, phase: &str) {
     let refused = async |kind, code, start: &str| expect(submit(serving, kind, "").await, code, start);
+    let zero = Some(0);
+    let bad =
+        v1::LearnKernel { degree: zero, start_version: zero, epochs: zero, learning_rate: Some(0.0), ..learn.clone() };
+    let message = submit(serving, job_spec::Kind::LearnKernel(bad), "").await.unwrap_err().message().to_owned();
+    for wrong in ["degree is 0", "start_version is 0", "epochs is 0", "learning_rate is 0"] {
+        let line = message.lines().find(|line| line.contains(wrong));
+        assert!(line.is_some_and(|line| line.contains("; leave it out for ")), "{message}");
+    }
     let bad = v1::LearnKernel { detector: v1::Detector::Supersampled.into(), ..learn.clone() };
     refused(job_spec::Kind::LearnKernel(bad), Code::InvalidArgument, "spec.learn_kernel.detector is supersampled")
         .await;
-    let bad = v1::LearnKernel { learning_rate: f64::INFINITY, ..learn };
+    let bad = v1::LearnKernel { learning_rate: Some(f64::INFINITY), ..learn };
     refused(job_spec::Kind::LearnKernel(bad), Code::InvalidArgument, "spec.learn_kernel.learning_rate is inf").await;
     let evaluate = v1::EvaluateKernel { dataset: "datasets/first".into(), ..Default::default() };
     refused(

@@ -46,7 +46,11 @@ pub(crate) async fn fetch_version(
     kernel: &str,
     version: u32,
 ) -> Result<(v1::KernelVersion, Vec<u8>), Status> {
-    let request = v1::FetchKernelRequest { kernel: kernel.into(), version, ..Default::default() };
+    let request = v1::FetchKernelRequest {
+        kernel: kernel.into(),
+        version: (version > 0).then_some(version),
+        ..Default::default()
+    };
     let mut stream = client(serving).fetch_kernel(request).await?.into_inner();
     let Some(Part::Version(version)) = stream.message().await?.unwrap().part else { panic!("no version first") };
     let mut bytes = Vec::new();
@@ -84,18 +88,18 @@ async fn versions_are_imported_promoted_fetched_and_rolled_back() {
     }
     let request = v1::WatchKernelRequest { name: KERNEL.into() };
     let mut watched = client(&serving).watch_kernel(request).await.unwrap().into_inner();
-    assert_eq!(watched.message().await.unwrap().unwrap().active_version, 0);
+    assert_eq!(watched.message().await.unwrap().unwrap().active_version, None);
     expect(
         fetch(&serving, 0).await,
         Code::FailedPrecondition,
         "no version of displays/lab/kernels/515nm-50mm is active",
     );
 
-    assert_eq!(promote(&serving, 1, Some(0)).await.unwrap().active_version, 1);
-    assert_eq!(watched.message().await.unwrap().unwrap().active_version, 1);
+    assert_eq!(promote(&serving, 1, Some(0)).await.unwrap().active_version, Some(1));
+    assert_eq!(watched.message().await.unwrap().unwrap().active_version, Some(1));
     expect(promote(&serving, 2, Some(0)).await, Code::Aborted, "");
     expect(promote(&serving, 3, None).await, Code::NotFound, "");
-    assert_eq!(promote(&serving, 2, Some(1)).await.unwrap().active_version, 2);
+    assert_eq!(promote(&serving, 2, Some(1)).await.unwrap().active_version, Some(2));
     let (version, bytes) = fetch(&serving, 0).await.unwrap();
     assert_eq!((version.version, version.active, &bytes), (2, true, &files[1]));
     assert_eq!(fetch(&serving, 1).await.unwrap().1, files[0]);
@@ -105,12 +109,12 @@ async fn versions_are_imported_promoted_fetched_and_rolled_back() {
     let answer = client(&serving).rollback_kernel(request.clone()).await;
     expect(answer, Code::InvalidArgument, "expected_active_version is not set");
     let request = v1::RollbackKernelRequest { expected_active_version: Some(2), ..request };
-    assert_eq!(client(&serving).rollback_kernel(request.clone()).await.unwrap().into_inner().active_version, 1);
+    assert_eq!(client(&serving).rollback_kernel(request.clone()).await.unwrap().into_inner().active_version, Some(1));
     expect(client(&serving).rollback_kernel(request).await, Code::Aborted, "version 1 of displays/");
     let request = v1::ListKernelMovesRequest { kernel: KERNEL.into(), page_size: 2, ..Default::default() };
     let page = client(&serving).list_kernel_moves(request.clone()).await.unwrap().into_inner();
     let moves: Vec<_> = page.moves.iter().map(|entry| (entry.from_version, entry.to_version, entry.rollback)).collect();
-    assert_eq!(moves, [(2, 1, true), (1, 2, false)]);
+    assert_eq!(moves, [(Some(2), Some(1), true), (Some(1), Some(2), false)]);
     let request = v1::ListKernelMovesRequest { page_token: page.next_page_token, ..request };
     assert_eq!(client(&serving).list_kernel_moves(request).await.unwrap().into_inner().moves.len(), 1);
     let versions = v1::ListKernelVersionsRequest { kernel: KERNEL.into(), ..Default::default() };
@@ -127,7 +131,7 @@ async fn kernels_of_other_displays_are_not_imported() {
     expect(import(&serving, &kernel(63, 0.1), 0.05).await, Code::InvalidArgument, "artifact is a kernel for 63×48 px");
     expect(import(&serving, &good[..good.len() - 1], 0.05).await, Code::InvalidArgument, "artifact (sha256-");
     expect(import(&serving, b"text", 0.05).await, Code::InvalidArgument, "artifact (sha256-");
-    let filter = v1::OrderFilter { height: 0.5, ..Default::default() };
+    let filter = v1::OrderFilter { height: Some(0.5), ..Default::default() };
     let orders = Some(v1::display::Orders::OrderFilter(filter));
     let display = Some(v1::Display { orders, ..small_display("relay") });
     serving.displays().create_display(v1::CreateDisplayRequest { display }).await.unwrap();
@@ -135,7 +139,7 @@ async fn kernels_of_other_displays_are_not_imported() {
     let (display, wavelength_m) = ("displays/relay".to_owned(), 515e-9);
     let request = v1::ImportKernelRequest {
         display,
-        wavelength_m,
+        wavelength_m: Some(wavelength_m),
         place: Some(v1::Place::at_m(0.05)),
         artifact,
         ..Default::default()
@@ -152,7 +156,12 @@ async fn fetch_as(
     version: u32,
     format: v1::KernelFormat,
 ) -> Result<(v1::KernelFile, Vec<u8>), Status> {
-    let request = v1::FetchKernelRequest { kernel: KERNEL.into(), version, format: format.into(), offset_bytes: 0 };
+    let request = v1::FetchKernelRequest {
+        kernel: KERNEL.into(),
+        version: (version > 0).then_some(version),
+        format: format.into(),
+        offset_bytes: 0,
+    };
     let mut stream = client(serving).fetch_kernel(request).await?.into_inner();
     let Some(Part::Version(_)) = stream.message().await?.unwrap().part else { panic!("no version first") };
     let Some(Part::File(file)) = stream.message().await?.unwrap().part else { panic!("no file second") };

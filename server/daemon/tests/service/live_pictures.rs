@@ -15,7 +15,7 @@ async fn a_running_hologram_shows_what_it_has_reached() {
     serving.display("lab").await;
     let target = serving.upload(&picture()).await;
     // Adam takes all of its steps, so the job runs for longer than the time before its first picture.
-    let spec = OptimizeHologram { method: HologramMethod::Adam as i32, subframes: 24, ..optimize(&target) };
+    let spec = OptimizeHologram { method: HologramMethod::Adam as i32, subframes: Some(24), ..optimize(&target) };
     let job = submit(&serving, Kind::OptimizeHologram(spec), "").await.unwrap();
     let path = format!("/v1/{}/picture", job.name);
     let mut changes =

@@ -30,6 +30,7 @@ mod page;
 mod photos;
 mod preconditions;
 mod preparing;
+mod presence;
 mod raw;
 mod read_only;
 mod rollouts;

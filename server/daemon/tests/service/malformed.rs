@@ -47,9 +47,9 @@ fn seeds(target: &str, spot: &str) -> Vec<(&'static str, Vec<u8>)> {
         planes: vec![v1::optimize_hologram::ImagePlane {
             place: Some(v1::Place::at_m(0.05)),
             target: target.to_owned(),
-            weight: 0.0,
+            weight: None,
         }],
-        iterations: 1,
+        iterations: Some(1),
         ..Default::default()
     };
     let spec = Some(v1::JobSpec { kind: Some(job_spec::Kind::OptimizeHologram(spec)) });
@@ -66,7 +66,7 @@ fn seeds(target: &str, spot: &str) -> Vec<(&'static str, Vec<u8>)> {
         ..Default::default()
     };
     let fetch = v1::FetchKernelRequest { kernel: "displays/lab/kernels/515nm-50mm".into(), ..Default::default() };
-    let read = v1::ReadArtifactRequest { digest: target.to_owned(), offset_bytes: 1, limit_bytes: 5 };
+    let read = v1::ReadArtifactRequest { digest: target.to_owned(), offset_bytes: 1, limit_bytes: Some(5) };
     let list = v1::ListJobsRequest { page_size: 7, display: "displays/lab".into(), ..Default::default() };
     // Finding a target in a photograph takes a while. It is soon found in a spot.
     let score = v1::ScorePhotoRequest { photo: spot.to_owned(), target: spot.to_owned(), ..Default::default() };

@@ -279,7 +279,7 @@ async fn cut_fetch_over_grpc_continues_at_an_offset() {
         let mut files = Vec::new();
         for offset_bytes in [0, 100] {
             let request =
-                v1::FetchKernelRequest { kernel: KERNEL.into(), version: 1, format: format.into(), offset_bytes };
+                v1::FetchKernelRequest { kernel: KERNEL.into(), version: Some(1), format: format.into(), offset_bytes };
             let mut stream = kernels(&serving).fetch_kernel(request).await.unwrap().into_inner();
             let mut bytes = Vec::new();
             while let Some(message) = stream.message().await.unwrap() {
@@ -291,7 +291,8 @@ async fn cut_fetch_over_grpc_continues_at_an_offset() {
         }
         assert_eq!(files[1], files[0][100..]);
         let offset_bytes = 1 << 40;
-        let request = v1::FetchKernelRequest { kernel: KERNEL.into(), version: 1, format: format.into(), offset_bytes };
+        let request =
+            v1::FetchKernelRequest { kernel: KERNEL.into(), version: Some(1), format: format.into(), offset_bytes };
         expect(kernels(&serving).fetch_kernel(request).await, Code::OutOfRange, "");
     }
     serving.stop().await.unwrap();

@@ -35,7 +35,7 @@ async fn answer_beyond_the_memory_limit_is_refused_before_it_begins() {
     let request = v1::ReadArtifactRequest { digest: digest.clone(), ..Default::default() };
     let mut stream = serving.artifacts().read_artifact(request).await.unwrap().into_inner();
     assert_refused(&stream.message().await.unwrap_err());
-    let part = v1::ReadArtifactRequest { digest, limit_bytes: 100_000, ..Default::default() };
+    let part = v1::ReadArtifactRequest { digest, limit_bytes: Some(100_000), ..Default::default() };
     let mut stream = serving.artifacts().read_artifact(part).await.unwrap().into_inner();
     assert_eq!(stream.message().await.unwrap().unwrap().chunk.len(), 100_000);
     serving.stop().await.unwrap();

@@ -66,9 +66,9 @@ impl Bearer<'_> {
             planes: vec![v1::optimize_hologram::ImagePlane {
                 place: Some(v1::Place::at_m(0.05)),
                 target: target.to_owned(),
-                weight: 0.0,
+                weight: None,
             }],
-            iterations: 3,
+            iterations: Some(3),
             ..Default::default()
         };
         let spec = Some(v1::JobSpec { kind: Some(job_spec::Kind::OptimizeHologram(spec)) });

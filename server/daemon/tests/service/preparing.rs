@@ -106,8 +106,9 @@ async fn waiting_job_finalizes_the_pairs_present_at_its_start() {
     let Some(JobResult::PrepareDataset(result)) = job.result.and_then(|result| result.kind) else {
         panic!("the result is of another kind")
     };
-    let used = result.train_pairs + result.validation_pairs + result.test_pairs;
-    assert_eq!(used + result.left_out_pairs, 3);
+    let splits = result.splits.unwrap();
+    let used = splits.train_pairs + splits.validation_pairs + splits.test_pairs;
+    assert_eq!(used + splits.left_out_pairs, 3);
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -135,7 +136,8 @@ async fn restart_during_finalization_leaves_the_dataset_consistent() {
     // The dataset agrees with the result of the job, and finalizing it again changes nothing.
     let finalized = finalize(&serving, "datasets/d").await.unwrap();
     assert_eq!((&finalized.digest, &finalized.alignment), (&result.digest, &result.alignment));
-    assert!(finalized.alignment.is_some() && result.train_pairs >= 1 && result.test_pairs >= 1);
+    let splits = result.splits.unwrap();
+    assert!(finalized.alignment.is_some() && splits.train_pairs >= 1 && splits.test_pairs >= 1);
 }
 
 #[tokio::test]

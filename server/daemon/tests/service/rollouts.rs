@@ -101,7 +101,7 @@ async fn a_version_passes_the_gate_or_is_forced_and_the_history_says_what_failed
     assert_eq!((set.gate, set.history.len(), set.history[0].reason.as_str()), (Some(gate), 1, "why"));
     let verdict = check(&serving, 3).await;
     let failed: Vec<_> = verdict.checks.iter().filter(|check| !check.passed).map(|check| &check.finding).collect();
-    assert!(!verdict.passed && verdict.active_version == 2, "{verdict:?}");
+    assert!(!verdict.passed && verdict.active_version == Some(2), "{verdict:?}");
     assert!(failed.len() == 1 && failed[0].contains("4.0 % lower; 10 % are required"), "{verdict:?}");
     assert!(check(&serving, 4).await.passed);
     // The imported version was not measured.
@@ -112,7 +112,7 @@ async fn a_version_passes_the_gate_or_is_forced_and_the_history_says_what_failed
     let list = v1::ListKernelMovesRequest { kernel: KERNEL.into(), ..Default::default() };
     let moved = kernels(&serving).list_kernel_moves(list).await.unwrap().into_inner().moves.remove(0);
     assert!(moved.overridden.len() == 2 && moved.overridden[0].contains("0 test pairs"), "{moved:?}");
-    assert_eq!((moved.alias.as_str(), moved.to_version), ("active", 1));
+    assert_eq!((moved.alias.as_str(), moved.to_version), ("active", Some(1)));
 
     let deprecate = |undo| v1::DeprecateKernelVersionRequest {
         name: format!("{KERNEL}/versions/4"),
@@ -182,6 +182,7 @@ fn dense() -> Vec<u8> {
 }
 
 async fn report(serving: &Serving, device: &str, version: u32, tried_version: u32) -> Result<(), Status> {
+    let tried_version = (tried_version > 0).then_some(tried_version);
     let request = v1::ReportDeviceRequest { tried_version, ..report_of(serving, device, version).await };
     devices(serving).report_device(request).await.map(drop)
 }
@@ -189,14 +190,14 @@ async fn report(serving: &Serving, device: &str, version: u32, tried_version: u3
 /// The report of a device that uses the compact form of a version.
 async fn report_of(serving: &Serving, device: &str, version: u32) -> v1::ReportDeviceRequest {
     let format = v1::KernelFormat::Compact.into();
-    let fetch = v1::FetchKernelRequest { kernel: KERNEL.into(), version, format, ..Default::default() };
+    let fetch = v1::FetchKernelRequest { kernel: KERNEL.into(), version: Some(version), format, ..Default::default() };
     let mut stream = kernels(serving).fetch_kernel(fetch).await.unwrap().into_inner();
     stream.message().await.unwrap();
     let Some(Part::File(file)) = stream.message().await.unwrap().unwrap().part else { panic!("no file") };
     v1::ReportDeviceRequest {
         name: format!("{LAB}/devices/{device}"),
         kernel: "515nm-50mm".into(),
-        version,
+        version: Some(version),
         format: "compact".into(),
         digest: file.digest,
         generation: 1,
@@ -222,7 +223,7 @@ async fn a_rollout_goes_to_some_devices_and_halts_when_they_fail() {
         kernel: KERNEL.into(),
         version: 3,
         group: "first".into(),
-        devices_min: 2,
+        devices_min: Some(2),
         failed_percent_max: Some(40.0),
         ..Default::default()
     };
@@ -234,7 +235,7 @@ async fn a_rollout_goes_to_some_devices_and_halts_when_they_fail() {
     let mistyped = v1::StartRolloutRequest { group: "frist".into(), ..start.clone() };
     refused(rollouts(&serving).start_rollout(mistyped).await, Code::InvalidArgument, "its groups are first;");
     let started = rollouts(&serving).start_rollout(start.clone()).await.unwrap().into_inner();
-    assert_eq!((started.state(), started.from_version), (v1::rollout::State::Running, 2));
+    assert_eq!((started.state(), started.from_version), (v1::rollout::State::Running, Some(2)));
     assert_eq!(started.halting, Some(v1::rollout::Halting::default()), "no device has reported");
     assert_eq!(version_for(&serving, "bench-1").await, (3, 2));
     assert_eq!(version_for(&serving, "bench-3").await, (2, 2));
@@ -248,7 +249,7 @@ async fn a_rollout_goes_to_some_devices_and_halts_when_they_fail() {
     report(&serving, "bench-2", 2, 0).await.unwrap();
     let get = v1::GetRolloutRequest { name: started.name.clone() };
     let halting = rollouts(&serving).get_rollout(get.clone()).await.unwrap().into_inner().halting.unwrap();
-    assert_eq!((halting.devices_known, halting.failures_first, halting.failures_of_all), (2, 1, 1));
+    assert_eq!((halting.devices_known, halting.failures_first, halting.failures_of_all), (2, Some(1), Some(1)));
     let good = report_of(&serving, "bench-2", 3).await;
     let other = v1::ReportDeviceRequest { digest: format!("sha256-{}", "0".repeat(64)), ..good.clone() };
     refused(devices(&serving).report_device(other).await, Code::InvalidArgument, "digest is sha256-000");
@@ -305,7 +306,7 @@ async fn a_rollout_ends_through_the_gate(serving: &Serving, start: v1::StartRoll
     rollouts(serving).complete_rollout(complete(Some(2))).await.unwrap();
     let get = v1::GetKernelRequest { name: KERNEL.into() };
     let kernel = kernels(serving).get_kernel(get).await.unwrap().into_inner();
-    assert_eq!((kernel.active_version, kernel.rollout.as_str()), (3, ""));
+    assert_eq!((kernel.active_version, kernel.rollout.as_str()), (Some(3), ""));
 }
 
 async fn post_report(serving: &Serving, device: &str, token: &str, body: &str) -> Answer {
@@ -381,7 +382,7 @@ async fn aliases_name_versions_and_nearest_distances_are_found() {
     let set = |alias: &str, version, expected_version| v1::SetKernelAliasRequest {
         kernel: KERNEL.into(),
         alias: alias.to_owned(),
-        version,
+        version: Some(version),
         expected_version,
         ..Default::default()
     };

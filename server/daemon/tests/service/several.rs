@@ -75,7 +75,7 @@ async fn server(settings: &Config) -> (Serving, String) {
 }
 
 fn request(target: &str, needs: &[&str]) -> v1::SubmitJobRequest {
-    let hologram = v1::OptimizeHologram { iterations: 3, ..crate::jobs::optimize(target) };
+    let hologram = v1::OptimizeHologram { iterations: Some(3), ..crate::jobs::optimize(target) };
     let kind = Some(job_spec::Kind::OptimizeHologram(hologram));
     let needs = needs.iter().map(|need| (*need).to_owned()).collect();
     v1::SubmitJobRequest { spec: Some(v1::JobSpec { kind }), needs, ..Default::default() }
@@ -123,7 +123,7 @@ async fn jobs_run_where_their_labels_are() {
         (processes[0].kind(), processes[1].kind()),
         (v1::queue::process::Kind::Worker, v1::queue::process::Kind::Server)
     );
-    assert_eq!((processes[0].memory_bytes, processes[1].memory_bytes), ((4096 - 256) << 20, 0));
+    assert_eq!((processes[0].memory_bytes, processes[1].memory_bytes), (Some((4096 - 256) << 20), None));
     assert_eq!(processes[2].version, env!("CARGO_PKG_VERSION"));
     let waiting = serving.jobs().get_job(v1::GetJobRequest { name: both.name.clone() }).await.unwrap().into_inner();
     assert_eq!(waiting.waits_for, "no living process that runs jobs has the labels bench-2, gpu");
@@ -161,7 +161,7 @@ async fn jobs_run_where_their_memory_is() {
         let mut request = request(&target, &[]);
         if let Some(job_spec::Kind::OptimizeHologram(spec)) = request.spec.as_mut().and_then(|spec| spec.kind.as_mut())
         {
-            (spec.display, spec.subframes) = ("displays/large".to_owned(), frames);
+            (spec.display, spec.subframes) = ("displays/large".to_owned(), Some(frames));
         }
         request
     };
@@ -172,7 +172,7 @@ async fn jobs_run_where_their_memory_is() {
     wait_for_processes(&serving, &["big", "server", "small"]).await;
     let jobs = [submit(&serving, large(1)).await, submit(&serving, large(2)).await];
     for job in &jobs {
-        assert!(job.estimated_memory_bytes > 112 << 20, "{}", job.estimated_memory_bytes);
+        assert!(job.estimated_memory_bytes() > 112 << 20, "{}", job.estimated_memory_bytes());
         assert_eq!((worker_of(&serving, job).await.as_str(), job.waits_for.as_str()), ("big", ""));
     }
     big.stop().await;

@@ -57,7 +57,7 @@ export function kernelPage(root, [display, kernelId]) {
   }
 
   function versionTable(kernel, list, moved) {
-    const canRollBack = moved.some((move) => move.alias === "active" && move.fromVersion > 0);
+    const canRollBack = moved.some((move) => move.alias === "active" && move.fromVersion);
     const row = (version) => {
       const { metrics } = version;
       const aliases = Object.entries(kernel.aliases ?? {}).filter(([, number]) => number === version.version).map(([alias]) => alias);
@@ -109,7 +109,7 @@ export function kernelPage(root, [display, kernelId]) {
         h("ul", { class: "checks" }, verdict.checks.map((check) => h("li", { class: check.passed ? "passed" : "failed" }, check.passed ? "Passed: " : "Failed: ", check.finding))),
       ], "Promote", verdict.passed);
       if (reason === null) return;
-      await post(`${name}:promote`, { version, reason, expectedActiveVersion: kernel.activeVersion });
+      await post(`${name}:promote`, { version, reason, expectedActiveVersion: kernel.activeVersion ?? 0 });
       show(notice, h("p", {}, `Version ${version} is active.`));
     } catch (error) {
       show(notice, errorNote(error));
@@ -121,7 +121,7 @@ export function kernelPage(root, [display, kernelId]) {
     const reason = await ask("Roll back?", [h("p", {}, `The version that was active before version ${kernel.activeVersion} becomes active again.`)], "Roll back", true);
     if (reason === null) return;
     try {
-      const moved = await post(`${name}:rollback`, { reason, expectedActiveVersion: kernel.activeVersion });
+      const moved = await post(`${name}:rollback`, { reason, expectedActiveVersion: kernel.activeVersion ?? 0 });
       show(notice, h("p", {}, `Version ${moved.activeVersion} is active again.`));
     } catch (error) {
       show(notice, errorNote(error));

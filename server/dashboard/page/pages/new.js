@@ -54,7 +54,7 @@ export function newPage(root) {
   async function fillDistances() {
     const { kernels } = await get(`displays/${display.value}/kernels`, { pageSize: 100 });
     show(distances, kernels.map((kernel) => h("option", { value: kernel.place.distanceM * 1000 }, placeText(kernel.place))));
-    const active = kernels.find((kernel) => kernel.activeVersion > 0);
+    const active = kernels.find((kernel) => kernel.activeVersion);
     if (active) distance.value = Number((active.place.distanceM * 1000).toPrecision(6));
   }
 

@@ -70,7 +70,7 @@ pub enum PictureError {
     FloatRange { least: f32, largest: f32 },
     #[error(
         "the value {value} at x = {x_px} px, y = {y_px} px is above the largest value of {bit_depth} bits; if the \
-         values are scaled to the range of the file, set photo_bit_depth to 0"
+         values are scaled to the range of the file, leave out photo_bit_depth"
     )]
     AboveBitDepth { value: u32, x_px: usize, y_px: usize, bit_depth: u32 },
     #[error(transparent)]

@@ -109,7 +109,7 @@ async fn lost_lease_changes_nothing() {
     let forged = Lease { lease_id: stale.lease_id.clone(), ..fresh.clone() };
     for bad in [&stale, &forged] {
         let now = late + 1;
-        let progress = Progress { stage: "x".into(), step: 1, steps_total: 2, loss: 0.5, eta_s: None };
+        let progress = Progress { stage: "x".into(), step: 1, steps_total: 2, loss: Some(0.5), eta_s: None };
         assert!(matches!(store.heartbeat(bad, now, LEASE_MS).await, Err(StoreError::LeaseLost)));
         assert!(matches!(store.progress(bad, &progress).await, Err(StoreError::LeaseLost)));
         assert!(matches!(store.checkpoint(bad, &digest(5)).await, Err(StoreError::LeaseLost)));
@@ -157,7 +157,7 @@ async fn lease_is_valid_until_it_is_taken_back() {
     let id = submit(&store, "r", 1).await;
     let (_, lease) = claim(&store, 1).await.unwrap();
     let late = 1 + 5 * LEASE_MS;
-    let progress = Progress { stage: "x".into(), step: 1, steps_total: 2, loss: 0.5, eta_s: None };
+    let progress = Progress { stage: "x".into(), step: 1, steps_total: 2, loss: Some(0.5), eta_s: None };
     store.progress(&lease, &progress).await.unwrap();
     store.checkpoint(&lease, &digest(5)).await.unwrap();
     store.heartbeat(&lease, late, LEASE_MS).await.unwrap();
@@ -318,7 +318,7 @@ async fn job_changes_are_recorded_as_events_and_announced() {
     let id = submit(&store, "r", 1).await;
     claimable.notified().await;
     let (_, lease) = claim(&store, 2).await.unwrap();
-    let progress = Progress { stage: "optimize".into(), step: 3, steps_total: 9, loss: 0.25, eta_s: Some(1.5) };
+    let progress = Progress { stage: "optimize".into(), step: 3, steps_total: 9, loss: Some(0.25), eta_s: Some(1.5) };
     store.progress(&lease, &progress).await.unwrap();
     assert_eq!(store.job(&id).await.unwrap().progress, Some(progress));
     store.fail(&lease, io_error(), Some(5), 4).await.unwrap();
@@ -386,7 +386,7 @@ async fn zombies_write_nothing() {
         assert_eq!((&rescued, fresh.attempt), (&id, 3 - n % 2));
         let saved = store.checkpoint(&fresh, &digest(n)).await.unwrap();
         let before = store.job(&id).await.unwrap();
-        let progress = Progress { stage: "x".into(), step: 1, steps_total: 2, loss: 0.5, eta_s: None };
+        let progress = Progress { stage: "x".into(), step: 1, steps_total: 2, loss: Some(0.5), eta_s: None };
         let writes = [
             elsewhere.heartbeat(&zombie, late, LEASE_MS).await.map(drop),
             elsewhere.progress(&zombie, &progress).await,

@@ -329,7 +329,7 @@ async fn batch_progress_averages_its_jobs() {
     let (_, lease) = claim(&store, 20).await.unwrap();
     store.finish(&lease, result(), JobEffect::None, 21).await.unwrap();
     let (_, lease) = claim(&store, 22).await.unwrap();
-    let progress = Progress { stage: "x".into(), step: 5, steps_total: 10, loss: 0.5, eta_s: None };
+    let progress = Progress { stage: "x".into(), step: 5, steps_total: 10, loss: Some(0.5), eta_s: None };
     store.progress(&lease, &progress).await.unwrap();
     let jobs = QueueCounts { queued: 2, running: 1, succeeded: 1, ..QueueCounts::default() };
     let expected = BatchProgress { jobs, done: 1.5 / 4.0 };

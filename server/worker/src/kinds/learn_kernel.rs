@@ -119,7 +119,7 @@ fn check_photographs(context: &JobContext, pairs: &JointPairs, region: RegionOfI
             return Err(pairs.parts()[plane].named(index_there, lightpath_optics::Error::Saturated.into()));
         }
         let (stage, step) = ("check the photographs".to_owned(), index as u32 + 1);
-        context.report(Progress { stage, step, steps_total, loss: 0.0, eta_s: None })?;
+        context.report(Progress { stage, step, steps_total, loss: None, eta_s: None })?;
     }
     Ok(())
 }
@@ -155,7 +155,7 @@ fn learn(
             stage,
             step: done.step,
             steps_total: done.steps_total,
-            loss: finite("the loss", done.loss)?,
+            loss: Some(finite("the loss", done.loss)?),
             eta_s: eta.left_s(done.step, done.steps_total),
         };
         context.step(progress, || to_bytes(&learner.state()))?;
@@ -239,7 +239,7 @@ fn strengths(
     for (done, &index) in used.iter().enumerate() {
         uncertainty.add(&training.pair(index)?)?;
         let (stage, step) = ("measure the certainty".to_owned(), done as u32 + 1);
-        context.report(Progress { stage, step, steps_total, loss: 0.0, eta_s: None })?;
+        context.report(Progress { stage, step, steps_total, loss: None, eta_s: None })?;
     }
     Ok(uncertainty.strengths().unwrap_or_else(|| PartStrength::all_of(model)))
 }

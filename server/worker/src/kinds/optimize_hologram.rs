@@ -88,7 +88,7 @@ impl RunningJob<'_> {
             self.state.compute_s += took.as_secs_f64();
             self.state.steps += 1;
             let step = before + done.iteration;
-            let (loss, eta_s) = (self.state.loss, eta.left_s(step, steps_total));
+            let (loss, eta_s) = (Some(self.state.loss), eta.left_s(step, steps_total));
             let progress = Progress { stage: stage.clone(), step, steps_total, loss, eta_s };
             let gain = intensity_scale(self.spec.loss.quantity, done.evaluation.best_gain);
             self.context.show(|| picture_so_far(optimization, gain));

@@ -319,7 +319,7 @@ impl<'a> Preparation<'a> {
 }
 
 fn progress(stage: &str, step: u32, steps_total: u32) -> Progress {
-    Progress { stage: stage.to_owned(), step, steps_total, loss: 0.0, eta_s: None }
+    Progress { stage: stage.to_owned(), step, steps_total, loss: None, eta_s: None }
 }
 
 /// Draws the split of the pairs, and adds findings about it. Pairs that are excluded from learning have no split.

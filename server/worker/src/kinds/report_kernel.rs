@@ -48,7 +48,7 @@ pub(super) fn run(context: &JobContext, spec: &ReportKernel) -> Result<TaskOutpu
 /// Reports the progress. A report has no checkpoints, because it takes little time to make it again.
 fn report_progress(context: &JobContext, stage: &str, done: usize, total: usize) -> Result<(), TaskError> {
     let (step, steps_total) = (done as u32, total as u32);
-    context.report(Progress { stage: stage.to_owned(), step, steps_total, loss: 0.0, eta_s: None })
+    context.report(Progress { stage: stage.to_owned(), step, steps_total, loss: None, eta_s: None })
 }
 
 /// Compares other versions of the same kernel with `model`, newest first. One of them is in memory at a time.

@@ -24,5 +24,5 @@ pub(super) fn run(context: &JobContext, spec: &SimulateCapture) -> Result<TaskOu
 }
 
 fn report(context: &JobContext, step: u32) -> Result<(), TaskError> {
-    context.report(Progress { stage: "photograph".to_owned(), step, steps_total: 2, loss: 0.0, eta_s: None })
+    context.report(Progress { stage: "photograph".to_owned(), step, steps_total: 2, loss: None, eta_s: None })
 }

@@ -113,7 +113,7 @@ impl SuggestionProgress<'_> {
     fn report(&mut self, stage: &str) -> Result<(), TaskError> {
         self.step += 1;
         let Self { step, steps_total, .. } = *self;
-        self.context.report(Progress { stage: stage.to_owned(), step, steps_total, loss: 0.0, eta_s: None })
+        self.context.report(Progress { stage: stage.to_owned(), step, steps_total, loss: None, eta_s: None })
     }
 }
 

@@ -82,7 +82,7 @@ impl Verification<'_> {
 
     fn report(&self) -> Result<(), TaskError> {
         let (step, steps_total) = (self.done, self.steps);
-        self.context.report(Progress { stage: "verify".to_owned(), step, steps_total, loss: 0.0, eta_s: None })
+        self.context.report(Progress { stage: "verify".to_owned(), step, steps_total, loss: None, eta_s: None })
     }
 }
 

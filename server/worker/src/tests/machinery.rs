@@ -28,7 +28,7 @@ fn config() -> WorkerConfig {
 
 fn progress(step: u8) -> Progress {
     let (step, steps_total) = (u32::from(step), u32::from(STEPS));
-    Progress { stage: "count".to_owned(), step, steps_total, loss: 0.5, eta_s: None }
+    Progress { stage: "count".to_owned(), step, steps_total, loss: Some(0.5), eta_s: None }
 }
 
 fn output(photo: impl AsRef<str>) -> TaskOutput {

@@ -71,8 +71,8 @@ class Dataset:
         pair_id: str | None = None,
         split: words.Split | None = None,
         black_level: float = 0.0,
-        exposure_s: float = 0.0,
-        camera_gain: float = 0.0,
+        exposure_s: float | None = None,
+        camera_gain: float | None = None,
     ) -> Dataset:
         """Add a hologram and its photograph. The same pair again changes nothing.
 
@@ -141,7 +141,7 @@ class Dataset:
         self,
         *,
         validation_fraction: float | None = None,
-        test_fraction: float = 0.0,
+        test_fraction: float | None = None,
         seed: int = 0,
         keep_alignment: bool = False,
         progress: Progress = True,

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from lightpath import html, names, v1
 from lightpath.aio.resource import Resource
+from lightpath.presence import if_set
 from lightpath.times import utc_if_set
 
 if TYPE_CHECKING:
@@ -22,15 +23,15 @@ class InstalledKernel:
 
     kernel: str
     """Resource name of the kernel."""
-    version: int
-    """Number of the version in use; 0: none."""
+    version: int | None
+    """Number of the version in use; None: it uses none."""
     format: str
     """Format of the file in use, such as `compact`."""
     digest: str
     generation: int
     """Generation of the manifest that the device accepted last."""
-    tried_version: int
-    """Number of a version that the device tried and gave up; 0: none."""
+    tried_version: int | None
+    """Number of a version that the device tried and gave up; None: it gave up none."""
     message: str
     """Why it gave up, or what else it had to say."""
     self_test_loss: float | None
@@ -44,7 +45,7 @@ class Device(Resource):
     message: v1.Device
 
     def __repr__(self) -> str:
-        used = ", ".join(f"{names.last_part(each.kernel)} version {each.version}" for each in self.kernels)
+        used = ", ".join(f"{names.last_part(each.kernel)} version {each.version or 'none'}" for each in self.kernels)
         return f"<Device {self.name}: {used or 'no report'}>"
 
     @property
@@ -68,13 +69,13 @@ class Device(Resource):
         return [
             InstalledKernel(
                 kernel=each.kernel,
-                version=each.version,
+                version=if_set(each, "version"),
                 format=each.format,
                 digest=each.digest,
                 generation=each.generation,
-                tried_version=each.tried_version,
+                tried_version=if_set(each, "tried_version"),
                 message=each.message,
-                self_test_loss=each.self_test_loss if each.HasField("self_test_loss") else None,
+                self_test_loss=if_set(each, "self_test_loss"),
                 report_time=utc_if_set(each, "report_time"),
             )
             for each in self.message.kernels
@@ -104,11 +105,11 @@ class DisplayDevices(Resource):
     """What a display knows about its devices."""
 
     async def devices(
-        self, *, version: int | None = None, kernel: str | Resource = "", group: str | None = None
+        self, *, version: int | Literal["none"] | None = None, kernel: str | Resource = "", group: str | None = None
     ) -> list[Device]:
         """Return the devices of the display, in the order of their ids.
 
-        - `version`: only devices that use this version; 0: only those that use none
+        - `version`: only devices that use this version; `"none"`: only those that use none
         - `kernel`: only devices that reported about this kernel: a `Kernel`, or its id such as `515nm-150mm`
         - `group`: only devices of this group; `""`: only those without one
 
@@ -134,11 +135,11 @@ class DisplayDevices(Resource):
         device_id: str,
         kernel: str | Resource,
         *,
-        version: int = 0,
+        version: int | None = None,
         format: words.KernelFormat | None = None,
         digest: str = "",
         generation: int = 0,
-        tried_version: int = 0,
+        tried_version: int | None = None,
         message: str = "",
         self_test_loss: float | None = None,
         agent: str = "",
@@ -146,7 +147,7 @@ class DisplayDevices(Resource):
         """Report which version of a kernel a device uses, as firmware and `lightpath-agent` do.
 
         - `kernel`: a `Kernel`, or its id such as `515nm-150mm`
-        - `version`, `format`, `digest`: the file in use; version 0: none
+        - `version`, `format`, `digest`: the file in use; None: it uses none
         - `generation`: that of the manifest that the device accepted last
         - `tried_version`, `message`: a version that the device gave up, and why. In a rollout it counts as a failure
         - `self_test_loss`: loss of a test photograph
@@ -176,8 +177,8 @@ async def _set_group(connection: Connection, name: str, group: str) -> v1.Device
     return await connection.call(connection.devices.SetDeviceGroup, request)
 
 
-def _uses(device: Device, version: int | None, kernel: str) -> bool:
-    versions = {each.version for each in device.kernels if kernel in {"", each.kernel}}
+def _uses(device: Device, version: int | Literal["none"] | None, kernel: str) -> bool:
+    versions = {each.version or "none" for each in device.kernels if kernel in {"", each.kernel}}
     if version is None:
         return not kernel or bool(versions)
-    return version in versions or (version == 0 and not versions)
+    return version in versions or (version == "none" and not versions)

@@ -195,7 +195,7 @@ class Display(DisplayKernels, DisplayDevices):
         request = v1.PlanPropagationRequest(
             display=self.name,
             place=place(distance),
-            wavelength_m=0.0 if wavelength is None else metres("wavelength", wavelength),
+            wavelength_m=None if wavelength is None else metres("wavelength", wavelength),
             method=words.number("method", v1.PropagationMethod, method),
         )
         return await self._connection.call(self._connection.displays.PlanPropagation, request)
@@ -207,7 +207,7 @@ class Display(DisplayKernels, DisplayDevices):
         distance: Length,
         wavelength: Length | None = None,
         photo_encoding: words.Encoding | None = None,
-        photo_bit_depth: int = 0,
+        photo_bit_depth: int | None = None,
     ) -> Dataset:
         """Create an open dataset of photographs of this display.
 
@@ -218,7 +218,7 @@ class Display(DisplayKernels, DisplayDevices):
             name=names.with_collection("datasets", dataset_id),
             display=self.name,
             place=place(distance),
-            wavelength_m=0.0 if wavelength is None else metres("wavelength", wavelength),
+            wavelength_m=None if wavelength is None else metres("wavelength", wavelength),
             photo_encoding=words.number("photo_encoding", v1.Encoding, photo_encoding),
             photo_bit_depth=photo_bit_depth,
         )
@@ -240,7 +240,7 @@ class Display(DisplayKernels, DisplayDevices):
         request = v1.ListKernelsRequest(
             display=self.name,
             place=place(distance),
-            wavelength_m=0.0 if wavelength is None else metres("wavelength", wavelength),
+            wavelength_m=None if wavelength is None else metres("wavelength", wavelength),
         )
         found = (await self._connection.call(self._connection.kernels.ListKernels, request)).kernels
         if not found:
@@ -267,7 +267,7 @@ class Display(DisplayKernels, DisplayDevices):
         request = v1.ImportKernelRequest(
             display=self.name,
             place=place(distance),
-            wavelength_m=0.0 if wavelength is None else metres("wavelength", wavelength),
+            wavelength_m=None if wavelength is None else metres("wavelength", wavelength),
             artifact=await self._connection.upload(file_bytes("path", path)),
             from_another_display=from_another_display,
         )

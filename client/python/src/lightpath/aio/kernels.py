@@ -11,8 +11,9 @@ from lightpath.aio.jobs import submit
 from lightpath.aio.results import read_report
 from lightpath.aio.rollouts import KernelRollouts
 from lightpath.errors import ProtocolError, Unreachable
-from lightpath.learned import LearnedKernel, from_npz
+from lightpath.learned import LearnedKernel, from_npz, metrics_rows
 from lightpath.options import SubmitOptions, check
+from lightpath.presence import if_set
 from lightpath.promotion import Verdict, read_verdict
 from lightpath.retry import WAIT_TRIES_MAX, Backoff
 from lightpath.server import KernelManifest, read_manifest
@@ -44,9 +45,10 @@ class Kernel(KernelRollouts):
         return self.message.name
 
     @property
-    def active_version(self) -> int:
-        """Number of the version that holograms use; 0: none."""
-        return self.message.active_version
+    def active_version(self) -> int | None:
+        """Number of the version that holograms use; None: no version is active."""
+        version: int | None = if_set(self.message, "active_version")
+        return version
 
     @property
     def latest_version(self) -> int:
@@ -84,19 +86,23 @@ class Kernel(KernelRollouts):
 
     async def rollback(self, *, reason: str = "") -> Kernel:
         """Undo the last promotion. Raises `Aborted` if somebody has moved `active` since this object was read."""
-        request = v1.RollbackKernelRequest(kernel=self.name, reason=reason, expected_active_version=self.active_version)
+        expected = self.active_version or 0
+        request = v1.RollbackKernelRequest(kernel=self.name, reason=reason, expected_active_version=expected)
         self.message = await self._connection.call(self._connection.kernels.RollbackKernel, request, repeatable=False)
         return self
 
     async def set_alias(self, alias: str, version: int, *, reason: str = "") -> Kernel:
         """Let a name for people, such as `best`, stand for a version: `display.optimize(…, kernel="best")`."""
-        request = v1.SetKernelAliasRequest(kernel=self.name, alias=alias, version=version, reason=reason)
-        self.message = await self._connection.call(self._connection.kernels.SetKernelAlias, request)
-        return self
+        return await self._set_alias(alias, version, reason)
 
     async def remove_alias(self, alias: str, *, reason: str = "") -> Kernel:
         """Let a name stand for no version any more."""
-        return await self.set_alias(alias, 0, reason=reason)
+        return await self._set_alias(alias, None, reason)
+
+    async def _set_alias(self, alias: str, version: int | None, reason: str) -> Kernel:
+        request = v1.SetKernelAliasRequest(kernel=self.name, alias=alias, version=version, reason=reason)
+        self.message = await self._connection.call(self._connection.kernels.SetKernelAlias, request)
+        return self
 
     async def manifest(self, *, format: words.KernelFormat | None = None, device: str = "") -> KernelManifest:
         """Return the signed document that tells devices which file holds the active version.
@@ -108,18 +114,18 @@ class Kernel(KernelRollouts):
         call = self._connection.kernels.GetKernelManifest
         return read_manifest(await self._connection.call(call, request, timeout_s=PREPARING_TIMEOUT_S))
 
-    async def fetch(self, version: int = 0) -> LearnedKernel:
-        """Return a version as arrays; 0 is the active one."""
+    async def fetch(self, version: int | None = None) -> LearnedKernel:
+        """Return a version as arrays, by default the active one."""
         return await fetch_arrays(self._connection, self.name, version)
 
     async def save(
         self,
         path: str | os.PathLike[str],
         *,
-        version: int = 0,
+        version: int | None = None,
         format: words.KernelFormat = "safetensors",
     ) -> v1.KernelVersion:
-        """Write a version to a file, and return what is known about it; version 0 is the active one."""
+        """Write a version to a file, and return what is known about it. Default: the active one."""
         found, content = await fetch_file(self._connection, self.name, version, format)
         Path(path).write_bytes(content)
         return found
@@ -148,7 +154,7 @@ class Kernel(KernelRollouts):
                 "wavelength, distance",
                 f"{show_length(message.wavelength_m)}, {show_length(message.place.distance_m)}",
             ),
-            ("active version", message.active_version or "none"),
+            ("active version", self.active_version or "none"),
             ("latest version", message.latest_version),
         ]
         rows += [(f"alias {alias}", f"version {version}") for alias, version in sorted(message.aliases.items())]
@@ -163,7 +169,8 @@ class KernelVersion:
         self.message = message
 
     def __repr__(self) -> str:
-        return f"<KernelVersion {self.name}, model {self.model}: test loss {self.metrics.test_loss:.3g}>"
+        loss = f"test loss {self.metrics.test_loss:.3g}" if self.is_measured else "not measured"
+        return f"<KernelVersion {self.name}, model {self.model}: {loss}>"
 
     @property
     def name(self) -> str:
@@ -181,8 +188,13 @@ class KernelVersion:
         return words.name_of(v1.KernelModel, self.message.model)
 
     @property
+    def is_measured(self) -> bool:
+        """Whether the version has metrics. Versions that were imported or interpolated were not measured."""
+        return self.message.HasField("metrics")
+
+    @property
     def metrics(self) -> v1.KernelMetrics:
-        """Losses on the photographs, also with the ideal kernel."""
+        """Losses on the photographs, also with the ideal kernel. They mean something only if `is_measured`."""
         return self.message.metrics
 
     async def kernel(self) -> Kernel:
@@ -231,16 +243,8 @@ class KernelVersion:
         return self.name.partition("/versions/")[0]
 
     def _repr_html_(self) -> str:
+        rows: list[tuple[str, object]] = [("model", self.model), *metrics_rows(self.message)]
         metrics = self.metrics
-        rows: list[tuple[str, object]] = [
-            ("model", self.model),
-            (
-                "pairs",
-                f"{metrics.train_pairs} train, {metrics.validation_pairs} validation, {metrics.test_pairs} test",
-            ),
-            ("loss of the test pairs", f"{metrics.test_loss:.3g}"),
-            ("with the ideal kernel", f"{metrics.ideal_test_loss:.3g}"),
-        ]
         rows += [(f"without {part.name.replace('_', ' ')}", f"{part.cost_db.value:+.1f} dB") for part in metrics.parts]
         if self.message.HasField("deprecation"):
             rows.append(("deprecated", self.message.deprecation.reason))
@@ -266,14 +270,14 @@ async def list_kernels(connection: Connection, display: str) -> list[Kernel]:
     return kernels
 
 
-async def fetch_arrays(connection: Connection, kernel: str, version: int) -> LearnedKernel:
+async def fetch_arrays(connection: Connection, kernel: str, version: int | None) -> LearnedKernel:
     """Return a version as arrays."""
     found, content = await fetch_file(connection, kernel, version, "npz")
     return from_npz(found, content)
 
 
 async def fetch_file(
-    connection: Connection, kernel: str, version: int, format: words.KernelFormat
+    connection: Connection, kernel: str, version: int | None, format: words.KernelFormat
 ) -> tuple[v1.KernelVersion, bytes]:
     """Return a version and its file, checked against its digest. A download that was cut continues."""
     backoff, content = Backoff(), bytearray()

@@ -81,11 +81,11 @@ class Lab(Operations):
         resolution: str | tuple[int, int],
         pixel_pitch: Length,
         wavelength: Length | Sequence[Length],
-        bit_depth: int = 0,
+        bit_depth: int | None = None,
         phase_response_rad: Sequence[float] | npt.NDArray[Any] | None = None,
         carrier: words.Carrier | None = None,
         orders: v1.AllOrders | v1.OrderFilter | None = None,
-        camera_fill_factor: float = 0.0,
+        camera_fill_factor: float | None = None,
         notes: str = "",
         simulated: int | v1.SimulatedBench | None = None,
     ) -> Display:

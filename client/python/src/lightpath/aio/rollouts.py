@@ -9,6 +9,7 @@ from lightpath import html, v1, words
 from lightpath.aio.connection import PREPARING_TIMEOUT_S
 from lightpath.aio.operations import follow_events
 from lightpath.aio.resource import Resource
+from lightpath.presence import if_set
 from lightpath.rollout_progress import RolloutBar
 from lightpath.times import utc
 
@@ -47,9 +48,10 @@ class Rollout(Resource):
         return self.message.version
 
     @property
-    def from_version(self) -> int:
-        """Number of the version that the other devices have; 0: none."""
-        return self.message.from_version
+    def from_version(self) -> int | None:
+        """Number of the version that the other devices have; None: they have none."""
+        version: int | None = if_set(self.message, "from_version")
+        return version
 
     @property
     def state(self) -> str:
@@ -211,12 +213,11 @@ class KernelRollouts(Resource):
             share_percent=share_percent,
             group=group,
             failed_percent_max=failed_percent_max,
+            devices_min=devices_min,
             self_test_loss_max=self_test_loss_max,
             reason=reason,
             force=force,
         )
-        if devices_min is not None:
-            request.devices_min = devices_min
         call = self._connection.rollouts.StartRollout
         started = await self._connection.call(call, request, repeatable=False, timeout_s=PREPARING_TIMEOUT_S)
         # Only reading it gives its events.

@@ -18,6 +18,8 @@ const EPOCHS_MAX: u32 = 1000;
 const REFINEMENT_EVALUATIONS_MAX: u32 = 10_000;
 /// Limit on the degree of the polynomials: those of higher degrees do not describe smooth errors.
 const DEGREE_MAX: u32 = 12;
+/// What the settings of the optimizer are if they are left out.
+const OF_MODEL: &str = "the model's default";
 
 /// Checks a request, looks up the named resources, fills in defaults, and converts the request.
 pub(super) async fn from_wire(api: &Api, call: &Call, message: v1::LearnKernel, field: &Field) -> Result<LearnKernel> {
@@ -34,18 +36,22 @@ pub(super) async fn from_wire(api: &Api, call: &Call, message: v1::LearnKernel, 
     let start_version = match &learned {
         Ok((datasets, _)) => {
             let key = datasets[0].kernel_key();
-            api.service.jobs.start_version(&at("start_version"), message.start_version, is_smooth, &key).await
+            let field = at("start_version");
+            match field.version_if_set(message.start_version, "the ideal kernel") {
+                Ok(version) => api.service.jobs.start_version(&field, version, is_smooth, &key).await,
+                refused => refused,
+            }
         }
         Err(_) => Ok(None),
     };
     check_all! {
         model = model;
         learned = learned;
-        epochs = at("epochs").integer(message.epochs, 0..=EPOCHS_MAX);
+        epochs = at("epochs").if_set(message.epochs, OF_MODEL, |epochs| at("epochs").integer(epochs, 1..=EPOCHS_MAX));
         refinement_evaluations =
             refinement(&at("refinement_evaluations"), message.refinement_evaluations, is_smooth);
-        learning_rate = learning_rate(&at("learning_rate"), message.learning_rate);
-        degree = (message.degree > 0).then(|| at("degree").integer(message.degree, 1..=DEGREE_MAX)).transpose();
+        learning_rate = learning_rate(&at("learning_rate"), message.learning_rate, OF_MODEL);
+        degree = degree(&at("degree"), message.degree);
         start_version = start_version;
         detector = detector(&at("detector"), message.detector);
         region_of_interest = region_of_interest.transpose();
@@ -54,7 +60,7 @@ pub(super) async fn from_wire(api: &Api, call: &Call, message: v1::LearnKernel, 
     api.service.jobs.require_learnable(&at("model"), model, &display)?;
     Ok(LearnKernel {
         model,
-        epochs: (epochs > 0).then_some(epochs),
+        epochs,
         refinement_evaluations,
         learning_rate,
         seed: message.seed,
@@ -65,6 +71,11 @@ pub(super) async fn from_wire(api: &Api, call: &Call, message: v1::LearnKernel, 
         display: display.id,
         datasets: datasets.into_iter().map(|dataset| dataset.id).collect(),
     })
+}
+
+/// Checks the degree of the polynomials, which the validation pairs choose if it is left out.
+fn degree(field: &Field, degree: Option<u32>) -> Result<Option<u32>> {
+    field.if_set(degree, "the one that predicts best", |degree| field.integer(degree, 1..=DEGREE_MAX))
 }
 
 /// Checks the number of refining evaluations, which only smooth models have.
@@ -88,10 +99,10 @@ pub(super) fn to_wire(spec: LearnKernel) -> v1::LearnKernel {
     v1::LearnKernel {
         datasets: spec.datasets.iter().map(|id| format!("datasets/{id}")).collect(),
         model: spec.model.to_wire(),
-        degree: spec.degree.unwrap_or(0),
-        start_version: spec.start_version.unwrap_or(0),
-        epochs: spec.epochs.unwrap_or(0),
-        learning_rate: spec.learning_rate.unwrap_or(0.0),
+        degree: spec.degree,
+        start_version: spec.start_version,
+        epochs: spec.epochs,
+        learning_rate: spec.learning_rate,
         refinement_evaluations: spec.refinement_evaluations,
         seed: spec.seed,
         detector: spec.detector.to_wire(),
@@ -104,7 +115,7 @@ pub(super) fn result(result: LearnResult) -> v1::LearnKernelResult {
     v1::LearnKernelResult {
         kernels: result.kernels.into_iter().map(kernel).collect(),
         loss_history: result.loss_history,
-        degree: result.degree,
+        degree: (result.degree > 0).then_some(result.degree),
         parts: result.parts.into_iter().map(part).collect(),
     }
 }
@@ -123,7 +134,7 @@ fn kernel(kernel: LearnedKernel) -> v1::learn_kernel_result::LearnedKernel {
     v1::learn_kernel_result::LearnedKernel {
         kernel_version: kernel.kernel_version,
         dataset: format!("datasets/{}", kernel.dataset),
-        metrics: Some(metrics(&kernel.metrics)),
+        metrics: metrics(&kernel.metrics),
         left_out_pairs: kernel.left_out_pairs,
         propagation: Some(validity_report(kernel.propagation)),
     }

@@ -5,6 +5,7 @@ use crate::datasets::to_wire::{alignment, finding};
 use crate::names;
 use lightpath_camera::alignment::{Homography, PointPair};
 use lightpath_domain::dataset::Finalization;
+use lightpath_domain::job::kinds::prepare_dataset::SplitCounts;
 use lightpath_domain::job::{AlignBy, Job, PrepareDataset, PrepareResult, PrepareStep};
 use lightpath_media::pictures;
 use lightpath_proto::v1;
@@ -97,7 +98,7 @@ pub(super) fn to_wire(spec: PrepareDataset) -> v1::PrepareDataset {
         PrepareStep::Align(by) => Step::Align(Align { source: Some(source(by)) }),
         PrepareStep::Finalize(finalization) => {
             let Finalization { validation_fraction, test_fraction, seed, keep_alignment } = finalization;
-            let validation_fraction = Some(validation_fraction);
+            let (validation_fraction, test_fraction) = (Some(validation_fraction), Some(test_fraction));
             Step::Finalize(Finalize { validation_fraction, test_fraction, seed, keep_alignment })
         }
     };
@@ -126,10 +127,17 @@ pub(super) fn result(result: PrepareResult) -> v1::PrepareDatasetResult {
     v1::PrepareDatasetResult {
         alignment: result.alignment.map(alignment),
         findings: result.findings.into_iter().map(finding).collect(),
+        splits: result.dataset_digest.is_some().then(|| split_counts(result.splits)),
         digest: result.dataset_digest.unwrap_or_default(),
-        train_pairs: result.splits.train,
-        validation_pairs: result.splits.validation,
-        test_pairs: result.splits.test,
-        left_out_pairs: result.splits.left_out,
+    }
+}
+
+fn split_counts(splits: SplitCounts) -> v1::prepare_dataset_result::SplitCounts {
+    let SplitCounts { train, validation, test, left_out } = splits;
+    v1::prepare_dataset_result::SplitCounts {
+        train_pairs: train,
+        validation_pairs: validation,
+        test_pairs: test,
+        left_out_pairs: left_out,
     }
 }

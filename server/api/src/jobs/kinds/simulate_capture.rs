@@ -36,7 +36,7 @@ pub(super) async fn from_wire(
 pub(super) fn to_wire(spec: SimulateCapture) -> v1::SimulateCapture {
     v1::SimulateCapture {
         display: format!("displays/{}", spec.display),
-        wavelength_m: spec.wavelength.m(),
+        wavelength_m: Some(spec.wavelength.m()),
         place: place(spec.distance),
         pattern: spec.pattern,
         seed: spec.seed,

@@ -25,7 +25,8 @@ pub(super) async fn from_wire(
 /// Converts the request into its message.
 pub(super) fn to_wire(spec: SuggestHolograms) -> v1::SuggestHolograms {
     let SuggestHolograms { kernel, version, holograms, seed } = spec;
-    v1::SuggestHolograms { kernel_version: format!("{kernel}/versions/{version}"), holograms, seed }
+    let kernel_version = format!("{kernel}/versions/{version}");
+    v1::SuggestHolograms { kernel_version, holograms: Some(holograms), seed }
 }
 
 /// Converts the result into its message.

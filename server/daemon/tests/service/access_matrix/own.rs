@@ -97,7 +97,7 @@ async fn report_need(worlds: &TwoWorlds) -> (u64, f64) {
     let report = v1::ReportKernel { kernel_version: format!("{}/versions/1", worlds.own.text("$kernel")) };
     let spec = Some(v1::JobSpec { kind: Some(v1::job_spec::Kind::ReportKernel(report)) });
     let job = worlds.admin().submit(v1::SubmitJobRequest { spec, ..Default::default() }).await;
-    (job.estimated_memory_bytes, job.estimated_time_s)
+    (job.estimated_memory_bytes(), job.estimated_time_s())
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

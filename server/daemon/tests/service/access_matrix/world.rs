@@ -199,8 +199,8 @@ impl Builder<'_> {
     /// exists on the display `faraway` only.
     async fn add_kernels(&self, world: &mut World) {
         let datasets = vec![world.text("$near").to_owned(), world.text("$far").to_owned()];
-        let (epochs, refinement_evaluations) = (1, Some(0));
-        let learn = v1::LearnKernel { datasets, degree: 4, epochs, refinement_evaluations, ..Default::default() };
+        let (epochs, refinement_evaluations) = (Some(1), Some(0));
+        let learn = v1::LearnKernel { datasets, degree: Some(4), epochs, refinement_evaluations, ..Default::default() };
         let job = self.run(job_spec::Kind::LearnKernel(learn)).await;
         world.set("ended", job.name);
         let name = format!("{}/versions/1", self.kernel());
@@ -259,13 +259,13 @@ impl Builder<'_> {
         let plane = v1::optimize_hologram::ImagePlane {
             place: Some(v1::Place::at_m(4e-3)),
             target: target.to_owned(),
-            weight: 0.0,
+            weight: None,
         };
         self.request(job_spec::Kind::OptimizeHologram(v1::OptimizeHologram {
             display: format!("displays/{}", self.prefix),
             planes: vec![plane],
             kernel: "ideal".into(),
-            iterations: 3,
+            iterations: Some(3),
             ..Default::default()
         }))
     }

@@ -102,13 +102,11 @@ impl Jobs {
     pub async fn start_version(
         &self,
         field: &Field,
-        version: u32,
+        version: Option<u32>,
         is_smooth: bool,
         key: &KernelKey,
     ) -> Result<Option<u32>> {
-        if version == 0 {
-            return Ok(None);
-        }
+        let Some(version) = version else { return Ok(None) };
         if !is_smooth {
             return Err(field.but("is given", "only smooth, display and varying models can start from a version"));
         }

@@ -128,9 +128,9 @@ pub(super) fn to_wire(spec: OptimizeHologram) -> v1::OptimizeHologram {
         kernel: kernel(&spec.kernel_versions),
         propagation: spec.propagation.map_or(0, |method| PropagationMethod::from(method).to_wire()),
         method: method.into(),
-        iterations: spec.iterations,
+        iterations: Some(spec.iterations),
         learning_rate,
-        subframes: spec.subframes,
+        subframes: Some(spec.subframes),
         initial_phase: Some(initial_phase(spec.initial_phase)),
         seed: spec.seed,
         loss: Some(loss_to_wire(spec.loss)),
@@ -143,7 +143,7 @@ pub(super) fn to_wire(spec: OptimizeHologram) -> v1::OptimizeHologram {
 
 fn plane(plane: ImagePlane) -> optimize_hologram::ImagePlane {
     let ImagePlane { distance, target, weight } = plane;
-    optimize_hologram::ImagePlane { place: place(distance), target, weight }
+    optimize_hologram::ImagePlane { place: place(distance), target, weight: Some(weight) }
 }
 
 /// Text for the version in the field `kernel`. It is empty for several versions; the message of the job lists them.
@@ -155,13 +155,13 @@ fn kernel(versions: &[Vec<Option<u32>>]) -> String {
 }
 
 /// The method and its learning rate.
-fn method(method: HologramMethod) -> (v1::HologramMethod, f64) {
+fn method(method: HologramMethod) -> (v1::HologramMethod, Option<f64>) {
     match method {
-        HologramMethod::Adam { learning_rate } => (v1::HologramMethod::Adam, learning_rate),
-        HologramMethod::Lbfgs => (v1::HologramMethod::Lbfgs, 0.0),
-        HologramMethod::GerchbergSaxton => (v1::HologramMethod::GerchbergSaxton, 0.0),
-        HologramMethod::WeightedGerchbergSaxton => (v1::HologramMethod::WeightedGerchbergSaxton, 0.0),
-        HologramMethod::DoublePhase => (v1::HologramMethod::DoublePhase, 0.0),
+        HologramMethod::Adam { learning_rate } => (v1::HologramMethod::Adam, Some(learning_rate)),
+        HologramMethod::Lbfgs => (v1::HologramMethod::Lbfgs, None),
+        HologramMethod::GerchbergSaxton => (v1::HologramMethod::GerchbergSaxton, None),
+        HologramMethod::WeightedGerchbergSaxton => (v1::HologramMethod::WeightedGerchbergSaxton, None),
+        HologramMethod::DoublePhase => (v1::HologramMethod::DoublePhase, None),
     }
 }
 
@@ -170,9 +170,7 @@ fn initial_phase(initial: InitialPhase<Vec<String>>) -> optimize_hologram::Initi
     let kind = match initial {
         InitialPhase::Random { range_rad } => Kind::Random(random(range_rad)),
         InitialPhase::BackPropagated { range_rad } => Kind::BackPropagated(random(range_rad)),
-        InitialPhase::Quadratic { focal_length_m } => {
-            Kind::Quadratic(Lens { focal_length_m: focal_length_m.unwrap_or(0.0) })
-        }
+        InitialPhase::Quadratic { focal_length_m } => Kind::Quadratic(Lens { focal_length_m }),
         InitialPhase::Constant { phase_rad } => Kind::Constant(Constant { phase_rad }),
         InitialPhase::Given(phases) => Kind::Given(Given { phases }),
     };
@@ -181,7 +179,7 @@ fn initial_phase(initial: InitialPhase<Vec<String>>) -> optimize_hologram::Initi
 
 fn loss_to_wire(loss: Loss) -> optimize_hologram::Loss {
     let Loss { quantity, total_variation, speckle, speckle_block_px } = loss;
-    let (quantity, speckle_block_px) = (quantity.to_wire(), speckle_block_px as u32);
+    let (quantity, speckle_block_px) = (quantity.to_wire(), Some(speckle_block_px as u32));
     optimize_hologram::Loss { quantity, total_variation, speckle, speckle_block_px }
 }
 

@@ -17,7 +17,7 @@ const PLANE_WEIGHT_MAX: f64 = 1000.0;
 pub(super) fn wavelengths(field: &Field, message: &v1::OptimizeHologram, display: &Display) -> Result<Vec<Wavelength>> {
     let list = field.at("wavelengths_m");
     if message.wavelengths_m.is_empty() {
-        return Ok(vec![list.wavelength_of(0.0, display)?]);
+        return Ok(vec![list.wavelength_of(None, display)?]);
     }
     at_most(&list, message.wavelengths_m.len(), WAVELENGTHS_MAX)?;
     let checked = collect_all(message.wavelengths_m.iter().enumerate().map(|(i, &value)| {
@@ -25,7 +25,7 @@ pub(super) fn wavelengths(field: &Field, message: &v1::OptimizeHologram, display
         if value == 0.0 {
             return Err(field.but("is 0", "must be one of the display's wavelengths"));
         }
-        field.wavelength_of(value, display)
+        field.wavelength_of(Some(value), display)
     }))?;
     let again = |(i, wavelength): (usize, &Wavelength)| match checked[..i].contains(wavelength) {
         true => Err(list.index(i).but(format!("is {wavelength} again"), "no two may be equal")),
@@ -46,7 +46,7 @@ pub(super) fn planes(field: &Field, planes: &[optimize_hologram::ImagePlane]) ->
         check_all! {
             distance = distance(&field.at("place"), plane.place.as_ref());
             target = field.at("target").digest(&plane.target);
-            weight = field.at("weight").number_or(plane.weight, 1.0, f64::MIN_POSITIVE..=PLANE_WEIGHT_MAX);
+            weight = weight(&field.at("weight"), plane.weight);
         }
         Ok(ImagePlane { distance, target, weight })
     }))?;
@@ -59,6 +59,11 @@ pub(super) fn planes(field: &Field, planes: &[optimize_hologram::ImagePlane]) ->
     };
     collect_all(found.iter().enumerate().map(again))?;
     Ok(found)
+}
+
+fn weight(field: &Field, value: Option<f64>) -> Result<f64> {
+    let checked = field.if_set(value, "the default 1", |value| field.positive(value, PLANE_WEIGHT_MAX))?;
+    Ok(checked.unwrap_or(1.0))
 }
 
 /// Checks the digest of the depth map, which needs at least two planes.

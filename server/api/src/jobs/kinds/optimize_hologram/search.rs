@@ -26,7 +26,7 @@ pub(super) fn method(field: &Field, message: &v1::OptimizeHologram) -> Result<Ho
     let rate = field.at("learning_rate");
     let field = field.at("method");
     check_all! {
-        given = learning_rate(&rate, message.learning_rate);
+        given = learning_rate(&rate, message.learning_rate, &format!("the default {LEARNING_RATE_DEFAULT}"));
         method = field.wire_value::<v1::HologramMethod>(message.method);
     }
     let method = match method {
@@ -39,7 +39,7 @@ pub(super) fn method(field: &Field, message: &v1::OptimizeHologram) -> Result<Ho
         v1::HologramMethod::DoublePhase => HologramMethod::DoublePhase,
     };
     match given {
-        Some(value) => Err(rate.but(format!("is {value}"), "must be 0 unless the method is adam")),
+        Some(value) => Err(rate.but(format!("is {value}"), "must be left out unless the method is adam")),
         None => Ok(method),
     }
 }
@@ -80,10 +80,9 @@ pub(super) fn initial_phase(
             }
             InitialPhase::BackPropagated { range_rad: range("back_propagated", random, 0.0)? }
         }
-        Some(Kind::Quadratic(lens)) => {
-            let length = field.at("quadratic").at("focal_length_m").number(lens.focal_length_m, -1e3..=1e3)?;
-            InitialPhase::Quadratic { focal_length_m: (length != 0.0).then_some(length) }
-        }
+        Some(Kind::Quadratic(lens)) => InitialPhase::Quadratic {
+            focal_length_m: focal_length(&field.at("quadratic").at("focal_length_m"), lens.focal_length_m)?,
+        },
         Some(Kind::Constant(constant)) => InitialPhase::Constant {
             phase_rad: field.at("constant").at("phase_rad").number(constant.phase_rad, -TAU..=TAU)?,
         },
@@ -97,6 +96,14 @@ pub(super) fn initial_phase(
             let digests = given.phases.iter().enumerate().map(|(i, digest)| list.index(i).digest(digest));
             InitialPhase::Given(collect_all(digests)?)
         }
+    })
+}
+
+/// Checks the focal length \[m\] of a lens. Unset: one that steers by half of the band.
+fn focal_length(field: &Field, length_m: Option<f64>) -> Result<Option<f64>> {
+    field.if_set(length_m, "one that steers by half of the band", |length_m| match length_m {
+        0.0 => Err(field.but("is 0", "must be within ±1000 m and not 0")),
+        length_m => field.number(length_m, -1e3..=1e3),
     })
 }
 
