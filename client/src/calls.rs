@@ -39,12 +39,12 @@ calls! {
 
     /// Creates an open dataset.
     datasets.create_dataset(CreateDatasetRequest) -> Dataset;
-    /// Returns a dataset with its pairs.
+    /// Returns a dataset without its pairs.
     datasets.get_dataset(GetDatasetRequest) -> Dataset;
-    /// Returns a page of datasets without their pairs, ordered by id.
+    /// Returns a page of datasets, ordered by id.
     datasets.list_datasets(ListDatasetsRequest) -> ListDatasetsResponse;
-    /// Adds a pair of hologram and photograph to an open dataset.
-    datasets.add_pair(AddPairRequest) -> Dataset;
+    /// Returns a page of a dataset's pairs, ordered by id.
+    datasets.list_pairs(ListPairsRequest) -> ListPairsResponse;
     /// Deletes a dataset with its pairs. Kernels learned from it are kept.
     datasets.delete_dataset(DeleteDatasetRequest) -> DeleteDatasetResponse;
     /// Creates the target picture of dots. Its hologram is displayed and photographed to align a camera.
@@ -149,6 +149,8 @@ calls! {
 calls! {
     PREPARING_TIMEOUT;
 
+    /// Adds pairs of holograms and photographs to an open dataset, all or none.
+    datasets.add_pairs(AddPairsRequest) -> AddPairsResponse;
     /// Makes a version the active one.
     kernels.promote_kernel(PromoteKernelRequest) -> Kernel;
     /// Checks a version with the display's promotion gate, and changes nothing.

@@ -9,6 +9,7 @@ use crate::jobs::JobKind;
 use crate::jobs::submission::Submission;
 use crate::session::Session;
 use crate::table::Facts;
+use crate::whole_dataset::print_whole_dataset;
 use clap::Args;
 use lightpath::v1::prepare_dataset::{
     self, Step,
@@ -148,7 +149,7 @@ impl Align {
             }
         }
         let dataset = session.client.get_dataset(v1::GetDatasetRequest { name: dataset }).await?;
-        session.print(&dataset, |dataset| facts(&v1::Dataset { pairs: Vec::new(), ..dataset.clone() }))
+        session.print(&dataset, facts)
     }
 }
 
@@ -163,7 +164,7 @@ impl Finalize {
         });
         let kind = job_spec::Kind::PrepareDataset(PrepareDataset { dataset: dataset.clone(), step: Some(step) });
         self.submission.submit_and_wait(session, kind).await?;
-        session.print(&session.client.get_dataset(v1::GetDatasetRequest { name: dataset }).await?, facts)
+        print_whole_dataset(session, &dataset).await
     }
 }
 

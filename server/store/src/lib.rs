@@ -88,6 +88,7 @@ mod write;
 pub use artifacts::ArtifactRecord;
 pub use changes::Changed;
 pub use collection::Deleted;
+pub use datasets::{PairFilter, PairsOf};
 pub use deliveries::Attempt;
 pub use devices::DEVICES_MAX;
 pub use error::{AbortReason, Result, StoreError};

@@ -169,23 +169,8 @@ impl DemoClient {
         Ok(())
     }
 
-    pub(super) async fn add_pair(
-        &self,
-        dataset: &str,
-        id: String,
-        pattern: &str,
-        photo: &str,
-        split: v1::Split,
-    ) -> anyhow::Result<()> {
-        let pair = v1::Pair {
-            id,
-            pattern: pattern.to_owned(),
-            photo: photo.to_owned(),
-            split: split.into(),
-            ..Default::default()
-        };
-        let dataset = names::dataset(dataset);
-        self.client.add_pair(v1::AddPairRequest { dataset, pair: Some(pair) }).await?;
+    pub(super) async fn add_pairs(&self, dataset: &str, pairs: Vec<v1::Pair>) -> anyhow::Result<()> {
+        self.client.add_pairs(v1::AddPairsRequest { dataset: names::dataset(dataset), pairs }).await?;
         Ok(())
     }
 

@@ -27,6 +27,7 @@ mod mutation;
 mod openapi;
 mod ownership;
 mod page;
+mod pairs;
 mod photos;
 mod preconditions;
 mod preparing;

@@ -140,7 +140,7 @@ async fn migration_keeps_the_data_of_every_version() {
         assert_eq!(store.artifact(&digest(3)).await.unwrap().unwrap().size_bytes, 7);
         let dataset = store.dataset("d").await.unwrap();
         assert_eq!((dataset.pairs.len(), dataset.digest.as_deref()), (2, Some("sha256-d")));
-        store.add_pair("open", &pair(0), &[]).await.unwrap();
+        store.add_pairs("open", &[pair(0)], &[]).await.unwrap();
         assert_registry_kept(&store).await;
         assert_kernels_kept(&store).await;
         assert_eq!(store.tokens().await.unwrap().len(), 1);

@@ -138,7 +138,7 @@ impl Lab {
         let dataset = Dataset::empty(id.to_owned(), "lab".to_owned(), WAVELENGTH, DISTANCE, Encoding::Linear);
         self.bench.store.create_dataset(&dataset, 1).await.unwrap();
         for pair in pairs {
-            self.bench.store.add_pair(id, pair, &[]).await.unwrap();
+            self.bench.store.add_pairs(id, std::slice::from_ref(pair), &[]).await.unwrap();
         }
     }
 
@@ -405,7 +405,7 @@ async fn preparation_fails_if_its_dataset_was_changed() {
     let task = move |job: &Job, context: &JobContext| {
         let output = OpticsTask.run(job, context)?;
         if job.attempt == 1 {
-            context.wait(context.store().add_pair("d", &add, &[]))?;
+            context.wait(context.store().add_pairs("d", std::slice::from_ref(&add), &[]))?;
         }
         Ok(output)
     };

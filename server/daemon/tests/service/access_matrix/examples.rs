@@ -103,7 +103,11 @@ fn datasets() -> Vec<Example> {
             "DatasetService/ListDatasets",
             json!({ "display": "$display", "page_size": 1, "page_token": "" }),
         ),
-        Example::new::<v1::AddPairRequest>("DatasetService/AddPair", json!({ "dataset": "$open", "pair": pair })),
+        Example::new::<v1::ListPairsRequest>(
+            "DatasetService/ListPairs",
+            json!({ "dataset": "$near", "page_size": 1, "page_token": "" }),
+        ),
+        Example::new::<v1::AddPairsRequest>("DatasetService/AddPairs", json!({ "dataset": "$open", "pairs": [pair] })),
         Example::new::<v1::DeleteDatasetRequest>("DatasetService/DeleteDataset", json!({ "name": "$new_dataset" })),
         Example::new::<v1::CreateCalibrationTargetRequest>(
             "DatasetService/CreateCalibrationTarget",
