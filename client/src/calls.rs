@@ -34,6 +34,8 @@ calls! {
     displays.list_displays(ListDisplaysRequest) -> ListDisplaysResponse;
     /// Returns how light would be propagated to a distance: the method, the reason and the limits of its validity.
     displays.plan_propagation(PlanPropagationRequest) -> PlanPropagationResponse;
+    /// Changes the notes of a display.
+    displays.update_display(UpdateDisplayRequest) -> Display;
     /// Deletes a display that has no datasets, kernels or jobs.
     displays.delete_display(DeleteDisplayRequest) -> DeleteDisplayResponse;
 
@@ -133,6 +135,8 @@ calls! {
     webhooks.get_webhook(GetWebhookRequest) -> Webhook;
     /// Returns all webhooks, ordered by id.
     webhooks.list_webhooks(ListWebhooksRequest) -> ListWebhooksResponse;
+    /// Changes the address, the events or the display of a webhook.
+    webhooks.update_webhook(UpdateWebhookRequest) -> Webhook;
     /// Sends an event to a webhook that only tries it.
     webhooks.test_webhook(TestWebhookRequest) -> WebhookDelivery;
     /// Returns a page of what a webhook is to learn and has learned lately, newest first.

@@ -35,6 +35,7 @@ mod fixes;
 pub mod http;
 mod jobs;
 mod kernels;
+mod mask;
 mod names;
 mod optics;
 mod pages;

@@ -91,6 +91,7 @@ pub use collection::Deleted;
 pub use datasets::{PairFilter, PairsOf};
 pub use deliveries::Attempt;
 pub use devices::DEVICES_MAX;
+pub use displays::DisplayRecord;
 pub use error::{AbortReason, Result, StoreError};
 pub use inspect::{Counts, DanglingReference, Inspection, StoredBlob};
 pub use job_lists::JobFilter;
@@ -107,7 +108,7 @@ pub use store::Store;
 pub use tokens::TokenRecord;
 pub use totals::{QueueDepth, WaitingWork};
 pub use transfer::{ComparedTable, Side, Transfer, TransferError};
-pub use webhooks::WEBHOOKS_MAX;
+pub use webhooks::{WEBHOOKS_MAX, WebhookChange};
 
 /// Limit on the rows that one call returns, for any requested limit: a page of the largest records fits into a message.
 pub const LIMIT_MAX: u32 = 1001;

@@ -52,6 +52,28 @@ async fn a_version_becomes_active_only_if_nothing_has_changed_since() {
 }
 
 #[tokio::test]
+async fn a_display_is_patched_only_if_nothing_has_changed_since() {
+    let serving = Serving::start().await;
+    serving.display("lab").await;
+    let seen = curl(&serving, "/v1/displays/lab", &[]).await.field("etag").unwrap().to_owned();
+    let patch = async |query: &str, body: Value, header: &str| {
+        let body = body.to_string();
+        let mut arguments = json(&body).to_vec();
+        arguments.extend(["--request", "PATCH", "--header", header]);
+        let answer = curl(&serving, &format!("/v1/displays/lab{query}"), &arguments).await;
+        (answer.status, serde_json::from_slice::<Value>(&answer.body).unwrap())
+    };
+    let (status, display) = patch("", json!({ "notes": "new lamp" }), &format!("if-match: {seen}")).await;
+    assert_eq!((status, &display["notes"], &display["revision"]), (200, &"new lamp".into(), &2.into()), "{display}");
+    let (status, problem) = patch("", json!({ "notes": "old" }), &format!("if-match: {seen}")).await;
+    assert_eq!((status, &problem["reason"]), (412, &"CHANGED".into()), "{problem}");
+    let (status, display) = patch("?updateMask=notes&expectedRevision=2", json!({}), "x: y").await;
+    assert_eq!((status, &display["notes"]), (200, &"".into()), "{display}");
+    let (status, problem) = patch("?updateMask=notes", json!({ "name": "displays/other" }), "x: y").await;
+    assert_eq!((status, &problem["fields"][0]["field"]), (400, &"display.name".into()), "{problem}");
+}
+
+#[tokio::test]
 async fn a_repeated_idempotency_key_submits_one_job() {
     let serving = Serving::start().await;
     let job = crate::jobs::submit_long(&serving).await;

@@ -2,20 +2,20 @@
 
 use super::*;
 use crate::sql::{query, query_as};
-use crate::{AbortReason, KernelFilter, PairFilter, PrivateKey, QueueLimits, StoredKeyring};
-use lightpath_domain::dataset::FindingKind;
+use crate::{AbortReason, DisplayRecord, KernelFilter, PairFilter, PrivateKey, QueueLimits, StoredKeyring};
+use lightpath_domain::dataset::{Finding, FindingKind};
 use lightpath_domain::display::Display;
 use lightpath_domain::units::Wavelength;
 
 #[tokio::test]
 async fn display_is_created_once_and_deleted_when_unused() {
     let (store, _folder) = store().await;
-    let (stored, time) = store.create_display(&display("lab"), 99).await.unwrap();
-    assert_eq!((stored, time), (display("lab"), 1));
+    let (stored, record) = store.create_display(&display("lab"), 99).await.unwrap();
+    assert_eq!((stored, record), (display("lab"), DisplayRecord { create_time_ms: 1, revision: 1 }));
     let other = Display { bit_depth: 10, ..display("lab") };
     assert!(matches!(store.create_display(&other, 2).await, Err(StoreError::AlreadyExists { .. })));
     store.create_display(&display("a-first"), 2).await.unwrap();
-    let ids = |page: Vec<(Display, i64)>| page.into_iter().map(|(display, _)| display.id).collect::<Vec<_>>();
+    let ids = |page: Vec<(Display, DisplayRecord)>| page.into_iter().map(|(display, _)| display.id).collect::<Vec<_>>();
     assert_eq!(ids(store.displays(None, 50).await.unwrap()), ["a-first", "lab"]);
     assert_eq!(ids(store.displays(None, 1).await.unwrap()), ["a-first"]);
     assert_eq!(ids(store.displays(Some("a-first"), 50).await.unwrap()), ["lab"]);
@@ -205,7 +205,7 @@ async fn pairs_are_added_all_or_none_and_read_in_pages() {
     assert_eq!(ids(PairFilter::All, None, 2).await, all[..2]);
     assert_eq!(ids(PairFilter::All, Some(&all[1].0), 9).await, all[2..]);
     assert_eq!(ids(PairFilter::WithFindings, None, 9).await, all[2..3]);
-    let finalized = finalize(&store, "d").await;
+    let finalized = preparing::finalize(&store, "d").await;
     let counts = finalized.split_counts.unwrap();
     assert_eq!(counts.train + counts.validation + counts.test + counts.excluded, 4, "{counts:?}");
     assert_eq!(store.dataset("d").await.unwrap().split_counts, Some(counts));

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, cast
 
+from google.protobuf.field_mask_pb2 import FieldMask
+
 from lightpath import html, names, png, v1, words
 from lightpath.aio.datasets import Dataset
 from lightpath.aio.devices import DisplayDevices
@@ -67,6 +69,26 @@ class Display(DisplayKernels, DisplayDevices):
     def wavelengths_m(self) -> list[float]:
         """Wavelengths that light the display [m]."""
         return list(self.message.wavelengths_m)
+
+    @property
+    def notes(self) -> str:
+        """Notes of people."""
+        return self.message.notes
+
+    async def update(self, *, notes: str, expected_revision: int | None = None) -> Display:
+        """Change the notes of the display. A display with other optics is a new display.
+
+        With `expected_revision`, such as `display.message.revision`, raises `Aborted` if somebody changed the display
+        since.
+        """
+        request = v1.UpdateDisplayRequest(
+            display=v1.Display(name=self.name, notes=notes),
+            update_mask=FieldMask(paths=["notes"]),
+            expected_revision=expected_revision,
+        )
+        call = self._connection.displays.UpdateDisplay
+        self.message = await self._connection.call(call, request, repeatable=expected_revision is None)
+        return self
 
     async def optimize(
         self,

@@ -125,6 +125,10 @@ fn displays() -> Vec<Example> {
             "DisplayService/ListDisplays",
             json!({ "page_size": 1, "page_token": "" }),
         ),
+        Example::new::<v1::UpdateDisplayRequest>(
+            "DisplayService/UpdateDisplay",
+            json!({ "display": { "name": "$spare", "notes": "why" } }),
+        ),
         Example::new::<v1::PlanPropagationRequest>(
             "DisplayService/PlanPropagation",
             json!({ "display": "$display", "place": { "distance_m": 4e-3 } }),
@@ -309,6 +313,10 @@ fn webhooks() -> Vec<Example> {
         Example::new::<v1::CreateWebhookRequest>("WebhookService/CreateWebhook", create),
         Example::new::<v1::GetWebhookRequest>("WebhookService/GetWebhook", named("$webhook")),
         Example::new::<v1::ListWebhooksRequest>("WebhookService/ListWebhooks", json!({})),
+        Example::new::<v1::UpdateWebhookRequest>(
+            "WebhookService/UpdateWebhook",
+            json!({ "webhook": { "name": "$webhook", "display": "$display" } }),
+        ),
         Example::new::<v1::TestWebhookRequest>("WebhookService/TestWebhook", named("$webhook")),
         Example::new::<v1::ListWebhookDeliveriesRequest>("WebhookService/ListWebhookDeliveries", list),
         Example::new::<v1::DeleteWebhookRequest>("WebhookService/DeleteWebhook", named("$new_webhook")),
