@@ -37,6 +37,7 @@ mod jobs;
 mod kernels;
 mod mask;
 mod names;
+mod once;
 mod optics;
 mod pages;
 mod photos;

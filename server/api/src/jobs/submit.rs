@@ -2,13 +2,12 @@
 
 use super::{kinds, scheduling, to_wire};
 use crate::api::Api;
+use crate::once;
 use lightpath_proto::v1;
 use lightpath_service::permissions::priority_of_job;
 use lightpath_service::{Call, Field, Result, Submission, check_all, is_about_fields};
 use uuid::Uuid;
 
-/// Limit on the length of a request id \[bytes\]: a UUID and a few words.
-const REQUEST_ID_BYTES_MAX: usize = 128;
 /// Limit on the attempts: a job that failed so often has a permanent problem.
 const ATTEMPTS_MAX: u32 = 20;
 const ATTEMPTS_DEFAULT: u32 = 3;
@@ -49,13 +48,7 @@ fn submission(call: &Call, request: v1::SubmitJobRequest) -> Result<Submission> 
     Ok(Submission { scheduling, request_id, priority, attempts_max })
 }
 
+/// The id that the client chose, or one of the server.
 fn request_id(given: String) -> Result<String> {
-    let field = Field::new("request_id");
-    if given.is_empty() {
-        return Ok(Uuid::now_v7().to_string());
-    }
-    if given.chars().any(char::is_control) {
-        return Err(field.but("contains control characters", "must be plain text"));
-    }
-    field.text(given, REQUEST_ID_BYTES_MAX)
+    Ok(once::request_id(given)?.unwrap_or_else(|| Uuid::now_v7().to_string()))
 }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import uuid
 from typing import TYPE_CHECKING, cast
 
 from google.protobuf.field_mask_pb2 import FieldMask
@@ -287,6 +288,8 @@ class Display(DisplayKernels, DisplayDevices):
     ) -> KernelVersion:
         """Store a file of `Kernel.save`, or the paper's `kernel.pt`, as the next version for a distance."""
         request = v1.ImportKernelRequest(
+            # A call whose answer was lost is made again, and stores no second version.
+            request_id=str(uuid.uuid4()),
             display=self.name,
             place=place(distance),
             wavelength_m=0.0 if wavelength is None else metres("wavelength", wavelength),
@@ -294,7 +297,7 @@ class Display(DisplayKernels, DisplayDevices):
             from_another_display=from_another_display,
         )
         call = self._connection.kernels.ImportKernel
-        return KernelVersion(self._connection, await self._connection.call(call, request, repeatable=False))
+        return KernelVersion(self._connection, await self._connection.call(call, request))
 
     async def delete(self) -> None:
         """Delete the display. It must have no datasets, kernels or jobs."""

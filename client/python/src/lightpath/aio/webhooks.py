@@ -64,8 +64,8 @@ class Webhook(Resource):
     ) -> Webhook:
         """Change the address, the events or the display. What is not given stays.
 
-        Empty `events` mean all events, an empty `display` (`displays/{id}`) all displays. With `expected_revision`, such
-        as `webhook.message.revision`, raises `Aborted` if somebody changed the webhook since.
+        Empty `events` mean all events, an empty `display` (`displays/{id}`) all displays. With `expected_revision`,
+        such as `webhook.message.revision`, raises `Aborted` if somebody changed the webhook since.
         """
         given = {"url": url, "events": events, "display": display}
         request = v1.UpdateWebhookRequest(
