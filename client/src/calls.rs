@@ -153,6 +153,8 @@ calls! {
 calls! {
     PREPARING_TIMEOUT;
 
+    /// Submits jobs without retries, all or none. [`Client::submit_all`] retries after a lost connection.
+    jobs.submit_jobs(SubmitJobsRequest) -> SubmitJobsResponse;
     /// Adds pairs of holograms and photographs to an open dataset, all or none.
     datasets.add_pairs(AddPairsRequest) -> AddPairsResponse;
     /// Makes a version the active one.

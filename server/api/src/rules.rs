@@ -66,6 +66,7 @@ pub(crate) const METHODS: &[(&str, Rule)] = &[
     ("DisplayService/PlanPropagation", rule(READERS, Effect::Reads)),
     ("EventService/WatchEvents", rule(READERS, Effect::Reads)),
     ("JobService/SubmitJob", rule(SUBMITTERS, Effect::Creates)),
+    ("JobService/SubmitJobs", rule(SUBMITTERS, Effect::Creates)),
     ("JobService/GetJob", rule(READERS, Effect::Reads)),
     ("JobService/ListJobs", rule(READERS, Effect::Reads)),
     ("JobService/WatchJob", rule(READERS, Effect::Reads)),

@@ -46,7 +46,7 @@ pub use displays::Displays;
 pub use error::{Fix, LimitReason, Result, ServiceError, WrongField, text_of_wrong};
 pub use field::{Field, shortened};
 pub use files::{Files, Minus, UploadState};
-pub use jobs::{JobLimits, Jobs, QueueState, Submission};
+pub use jobs::{CheckedJob, JobLimits, Jobs, QueueState, Submission};
 pub use kernels::{Converted, KernelImport, Kernels, VersionFile, for_device};
 pub use manifests::{Issued, ManifestRules, Manifests};
 pub use photos::{PhotoScore, Photos, ScoreRequest};

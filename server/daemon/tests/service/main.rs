@@ -6,6 +6,7 @@ mod access_matrix;
 mod artifact_pictures;
 mod artifacts;
 mod audit;
+mod batches;
 mod bucket;
 mod captures;
 mod conversions;

@@ -11,7 +11,7 @@ from lightpath import html, names, png, v1, words
 from lightpath.aio.datasets import Dataset
 from lightpath.aio.devices import DisplayDevices
 from lightpath.aio.display_kernels import DisplayKernels
-from lightpath.aio.jobs import submit
+from lightpath.aio.jobs import submit, submit_all
 from lightpath.aio.kernels import Kernel, KernelVersion, list_kernels
 from lightpath.aio.results import read_hologram, read_photograph
 from lightpath.errors import InvalidArgument, MissingKernel
@@ -127,6 +127,17 @@ class Display(DisplayKernels, DisplayDevices):
         **options: Unpack[HologramOptions],
     ) -> Job[Hologram]:
         """Submit the optimization of a hologram, and return its job without waiting. Arguments as for `optimize`."""
+        spec = await self._optimization(target, distance, wavelength, options)
+        return await submit(self._connection, spec, options, read_hologram)
+
+    async def _optimization(
+        self,
+        target: Picture | Sequence[Picture],
+        distance: Length | Sequence[Length],
+        wavelength: Length | Sequence[Length] | None,
+        options: HologramOptions,
+    ) -> v1.JobSpec:
+        """Upload the files of an optimization. Adds a label to the options that have none."""
         check(options, HologramOptions)
         message = optimize_message(options)
         message.display = self.name
@@ -142,7 +153,7 @@ class Display(DisplayKernels, DisplayDevices):
         for i, distance_m in enumerate(distances):
             message.planes.add(place=v1.Place(distance_m=distance_m), target=digests[i % len(digests)])
         await self._upload_files(message, options)
-        return await submit(self._connection, v1.JobSpec(optimize_hologram=message), options, read_hologram)
+        return v1.JobSpec(optimize_hologram=message)
 
     async def _upload_files(self, message: v1.OptimizeHologram, options: HologramOptions) -> None:
         if "depth_map" in options:
@@ -165,11 +176,15 @@ class Display(DisplayKernels, DisplayDevices):
         progress: Progress = True,
         **options: Unpack[HologramOptions],
     ) -> list[Hologram]:
-        """Optimize one hologram for each picture. All jobs are submitted first, so that the server never waits."""
-        jobs = [
-            await self.submit_optimize(target, distance=distance, wavelength=wavelength, **options)
-            for target in targets
-        ]
+        """Optimize one hologram for each picture. All jobs are submitted first, so that the server never waits.
+
+        Up to 200 jobs are submitted together: if one is refused, so are they all.
+        """
+        submitted: list[tuple[v1.JobSpec, SubmitOptions]] = []
+        for target in targets:
+            own = options.copy()
+            submitted.append((await self._optimization(target, distance, wavelength, own), own))
+        jobs = await submit_all(self._connection, submitted, read_hologram)
         return [await job.result(progress=progress) for job in jobs]
 
     async def photograph(

@@ -169,6 +169,11 @@ fn jobs() -> Vec<Example> {
     ]
 }
 
+fn submit_all(specs: &[Value]) -> Example {
+    let requests: Vec<Value> = specs.iter().map(|spec| json!({ "spec": spec, "owner": "$owner" })).collect();
+    Example::new::<v1::SubmitJobsRequest>("JobService/SubmitJobs", json!({ "requests": requests }))
+}
+
 fn submit(spec: Value) -> Example {
     let message = json!({ "spec": spec, "owner": "$owner", "after": ["$waiting"] });
     Example::new::<v1::SubmitJobRequest>("JobService/SubmitJob", message)
@@ -194,6 +199,10 @@ fn other_jobs() -> Vec<Example> {
             json!({ "simulate_capture": { "display": "$display", "place": { "distance_m": 4e-3 }, "pattern": "$levels" } }),
         ),
         submit(json!({ "evaluate_kernel": { "dataset": "$near", "kernel": "$choice" } })),
+        submit_all(&[
+            json!({ "evaluate_kernel": { "dataset": "$near", "kernel": "$choice" } }),
+            json!({ "report_kernel": { "kernel_version": "$version" } }),
+        ]),
         submit(json!({ "prepare_dataset": { "dataset": "$open", "align": { "dots_photo": "$pair_photo" } } })),
         submit(json!({ "report_kernel": { "kernel_version": "$version" } })),
         submit(json!({ "suggest_holograms": { "kernel_version": "$learned_version", "holograms": 1 } })),

@@ -150,6 +150,7 @@ const FIELDS: &[(&str, Names)] = &[
     ("ReportKernel.kernel_version", KernelVersion),
     ("VerifyHologram.job", Job),
     ("SuggestHolograms.kernel_version", KernelVersion),
+    ("SubmitJobsRequest.requests", Parts),
     ("GetJobRequest.name", Job),
     ("ListJobsRequest.page_token", PageToken),
     ("ListJobsRequest.display", Display),
