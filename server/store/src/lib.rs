@@ -36,7 +36,7 @@
 //!   and JSON. `job_rows`: jobs as rows.
 //! - `displays`, `artifacts`, `datasets`, `jobs`, `leases`, `endings`, `cancels`, `events`, `kernels`, `moves`,
 //!   `totals`: each an `impl Store` for one table or for one part of a record's life. `prepared`: results of jobs that
-//!   align and finalize datasets.
+//!   align and finalize datasets. `made`: requests that made something, which may be repeated.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod artifacts;
