@@ -1,6 +1,5 @@
 //! Why a request is refused or fails.
 
-use crate::field::Field;
 use lightpath_artifacts::ArtifactError;
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_store::StoreError;
@@ -165,24 +164,6 @@ pub enum ServiceError {
 }
 
 impl ServiceError {
-    /// The error about a request that is part of another one, in its field `outer`.
-    #[must_use]
-    pub fn within(self, outer: &Field) -> Self {
-        let inner = |field: &str| outer.at(field).to_string();
-        let wrong = |wrong: WrongField| WrongField { field: inner(&wrong.field), ..wrong };
-        match self {
-            Self::Invalid(field) => Self::Invalid(wrong(field)),
-            Self::SeveralInvalid { fields, count, are_missing } => {
-                Self::SeveralInvalid { fields: fields.into_iter().map(wrong).collect(), count, are_missing }
-            }
-            Self::Missing { field, what, fix } => Self::Missing { field: inner(&field), what, fix },
-            Self::Precondition { reason, message } => {
-                Self::Precondition { reason, message: format!("{outer}: {message}") }
-            }
-            other => other,
-        }
-    }
-
     /// The error, also if several calls waited for the work that failed.
     #[must_use]
     pub fn itself(&self) -> &Self {

@@ -54,7 +54,7 @@ pub use promotions::{Passage, Promotions, Verdict};
 pub use region::region_of;
 pub use rollouts::Rollouts;
 pub use webhooks::{NewWebhook, Webhooks};
-pub use wrong_fields::{all_of, collect_all, is_about_fields, missing};
+pub use wrong_fields::{all_of, collect_all, is_about_fields, missing, within};
 
 use lightpath_artifacts::Artifacts;
 use lightpath_domain::origin::Origins;

@@ -5,7 +5,7 @@ use crate::api::Api;
 use crate::once;
 use lightpath_proto::v1;
 use lightpath_service::permissions::priority_of_job;
-use lightpath_service::{Call, CheckedJob, Field, Result, Submission, all_of, check_all, is_about_fields};
+use lightpath_service::{Call, CheckedJob, Field, Result, Submission, all_of, check_all, is_about_fields, within};
 use uuid::Uuid;
 
 /// Limit on the jobs of one call: about as many as a JSON body holds.
@@ -36,7 +36,7 @@ impl Api {
         }
         let (mut checked, mut refused) = (Vec::new(), Vec::new());
         for (i, request) in request.requests.into_iter().enumerate() {
-            match self.checked_job(call, request).await.map_err(|error| error.within(&field.index(i))) {
+            match self.checked_job(call, request).await.map_err(|error| within(&field.index(i), error)) {
                 Ok(job) => checked.push(job),
                 Err(error) if is_about_fields(&error) => refused.push(error),
                 // It does not depend on the fields, and the other requests would have it, too.

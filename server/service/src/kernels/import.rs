@@ -40,16 +40,23 @@ impl Kernels {
     /// Stores an uploaded kernel file as the next version. Refuses a kernel of another display, wavelength or distance. A
     /// repeated request with a mark returns the version that the first one stored.
     pub async fn import(&self, call: &Call, import: KernelImport, mark: Option<RequestMark>) -> Result<KernelVersion> {
-        let KernelImport { display, wavelength, distance, digest, from_another_display } = import;
-        let key = KernelKey { display: display.id.clone(), wavelength, distance };
+        let (wavelength, distance) = (import.wavelength, import.distance);
+        let key = KernelKey { display: import.display.id.clone(), wavelength, distance };
+        call.concerns(key.to_string());
         if let Some(made) = self.version_made_by(&key, mark.as_ref()).await? {
             return Ok(made);
         }
+        let version = self.read_version(call, &key, import).await?;
+        self.add_version(&key, version, mark.as_ref()).await
+    }
+
+    /// Reads an uploaded kernel file, and stores it in the native form.
+    async fn read_version(&self, call: &Call, key: &KernelKey, import: KernelImport) -> Result<NewKernelVersion> {
+        let KernelImport { display, wavelength, distance, digest, from_another_display } = import;
         let field = Field::new("artifact");
         let Some(record) = self.files.readable(call, &digest).await? else {
             return Err(field.missing(format!("artifact {digest}"), "upload it first"));
         };
-        call.concerns(key.to_string());
         let setup = planning::setup(&display, wavelength, distance).map_err(|error| {
             Field::new("place").at("distance_m").invalid(format!("is not possible: {error}"), "give another distance")
         })?;
@@ -102,8 +109,7 @@ impl Kernels {
             // Without a record the version is not measured.
             None => (KernelMetrics::default(), lineage(parameters.to_string(), origin.interpolated_from_m)),
         };
-        let version = NewKernelVersion { model: kind, artifact, size_bytes, metrics, lineage };
-        self.add_version(&key, version, mark.as_ref()).await
+        Ok(NewKernelVersion { model: kind, artifact, size_bytes, metrics, lineage })
     }
 
     /// The version that an earlier request with this mark stored.
