@@ -63,11 +63,9 @@ impl Api {
 
     /// Adds pairs to a dataset, with their measurements and findings.
     async fn add_pairs(&self, call: &Call, request: v1::AddPairsRequest) -> Result<v1::AddPairsResponse> {
-        check_all! {
-            id = names::dataset_id(&Field::new("dataset"), &request.dataset);
-            pairs = from_wire::pairs(&request.pairs, &Field::new("pairs"));
-        }
+        let id = names::dataset_id(&Field::new("dataset"), &request.dataset)?;
         call.concerns(format!("datasets/{id}"));
+        let pairs = from_wire::pairs(&request.pairs, &Field::new("pairs"))?;
         let PairsOf { dataset, pairs } = self.service.datasets.add_pairs(call, &id, pairs).await?;
         let pairs = pairs.into_iter().map(|pair| to_wire::pair(pair, &dataset)).collect();
         Ok(v1::AddPairsResponse { dataset: Some(to_wire::dataset(dataset)), pairs })

@@ -5,7 +5,9 @@ use crate::api::Api;
 use crate::once;
 use lightpath_proto::v1;
 use lightpath_service::permissions::priority_of_job;
-use lightpath_service::{Call, CheckedJob, Field, Result, Submission, all_of, check_all, is_about_fields, within};
+use lightpath_service::{
+    Call, CheckedJob, Field, Result, ServiceError, Submission, all_of, check_all, is_about_fields, within,
+};
 use uuid::Uuid;
 
 /// Limit on the jobs of one call: about as many as a JSON body holds.
@@ -38,8 +40,10 @@ impl Api {
         for (i, request) in request.requests.into_iter().enumerate() {
             match self.checked_job(call, request).await.map_err(|error| within(&field.index(i), error)) {
                 Ok(job) => checked.push(job),
-                Err(error) if is_about_fields(&error) => refused.push(error),
-                // It does not depend on the fields, and the other requests would have it, too.
+                Err(error) if is_about_fields(&error) || matches!(error, ServiceError::Precondition { .. }) => {
+                    refused.push(error);
+                }
+                // Who may not submit a job, or whose client left, learns nothing of the others.
                 Err(error) => return Err(error),
             }
         }
