@@ -15,6 +15,7 @@ use super::pages::pages;
 use super::session::Session;
 use super::show::{age_or_dash, clock_or_dash, optics};
 use super::table::Table;
+use super::whole_dataset::print_whole_dataset;
 use super::words::WordParser;
 use clap::{Args, Subcommand};
 use lightpath::v1::{self, Dataset};
@@ -97,10 +98,7 @@ impl DatasetCommand {
             Self::Align(align) => align.run(session).await,
             Self::Finalize(finalize) => finalize.run(session).await,
             Self::Suggest(suggest) => suggest.run(session).await,
-            Self::Show(name) => {
-                let request = v1::GetDatasetRequest { name: names::dataset(&name.name) };
-                session.print(&session.client.get_dataset(request).await?, facts)
-            }
+            Self::Show(name) => print_whole_dataset(session, &names::dataset(&name.name)).await,
             Self::List(list) => list.run(session).await,
             Self::Delete(name) => {
                 let request = v1::DeleteDatasetRequest { name: names::dataset(&name.name) };

@@ -5,8 +5,23 @@ use super::table::{Facts, Table, indented};
 use lightpath::v1::{self, Dataset, dataset::State};
 use lightpath::{Words as _, names};
 
-/// Text about a dataset, with its pairs and findings.
+/// Text about a dataset and its findings as a whole.
 pub(crate) fn facts(dataset: &Dataset) -> String {
+    table(dataset).text() + &findings(&dataset.findings)
+}
+
+/// Text about a dataset, with its pairs and the findings about all of them.
+pub(crate) fn facts_with_pairs(dataset: &Dataset, pairs: &[v1::Pair]) -> String {
+    let mut text = table(dataset).text();
+    if !pairs.is_empty() {
+        text = format!("{text}\n{}", pair_table(pairs).text());
+    }
+    let all: Vec<v1::Finding> =
+        pairs.iter().flat_map(|pair| &pair.findings).chain(&dataset.findings).cloned().collect();
+    text + &findings(&all)
+}
+
+fn table(dataset: &Dataset) -> Facts {
     let mut facts = Facts::default();
     facts.add("dataset", names::id(&dataset.name));
     facts.add("display", names::id(&dataset.display));
@@ -19,7 +34,7 @@ pub(crate) fn facts(dataset: &Dataset) -> String {
         },
     );
     facts.add("photographs", dataset.photo_encoding().word());
-    facts.add("pairs", dataset.pair_count.to_string());
+    facts.add("pairs", pairs(dataset));
     facts.add_some("created", dataset.create_time.as_ref().map(show::time));
     facts.add_some("finalized", dataset.finalize_time.as_ref().map(show::time));
     if !dataset.digest.is_empty() {
@@ -28,11 +43,17 @@ pub(crate) fn facts(dataset: &Dataset) -> String {
     if let Some(alignment) = &dataset.alignment {
         add_alignment(alignment, &mut facts);
     }
-    let mut text = facts.text();
-    if !dataset.pairs.is_empty() {
-        text = format!("{text}\n{}", pair_table(dataset).text());
-    }
-    text + &findings(&dataset.findings)
+    facts
+}
+
+/// The number of pairs, and of a finalized dataset those of each use.
+fn pairs(dataset: &Dataset) -> String {
+    let count = dataset.pair_count;
+    let Some(v1::SplitCounts { train, validation, test, excluded }) = dataset.split_counts else {
+        return count.to_string();
+    };
+    let left_out = if excluded > 0 { format!(", {excluded} left out") } else { String::new() };
+    format!("{count}: {train} for training, {validation} for validation, {test} for the test{left_out}")
 }
 
 /// Text with a line for each finding. Empty without findings.
@@ -78,9 +99,9 @@ fn quality(alignment: &v1::Alignment) -> String {
     )
 }
 
-fn pair_table(dataset: &Dataset) -> Table {
+fn pair_table(pairs: &[v1::Pair]) -> Table {
     let mut table = Table::new("pair|split|>saturated?|>black??|>contrast??|>match|>off|hologram???|photograph???");
-    for pair in &dataset.pairs {
+    for pair in pairs {
         let split = match pair.split() {
             v1::Split::Unspecified => "–".to_owned(),
             split => split.word().to_owned(),

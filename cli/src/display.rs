@@ -4,6 +4,7 @@ mod bench_file;
 mod orders;
 mod phase_response;
 mod plan;
+mod update;
 
 use super::arguments::{Limit, pixel_pitch, resolution, wavelength};
 use super::failure::Failure;
@@ -29,6 +30,7 @@ pub(crate) enum DisplayCommand {
     /// Show one display
     Show(Id),
     Plan(plan::Plan),
+    Update(update::Update),
     /// Delete a display that has no datasets, kernels or jobs
     Delete(Id),
 }
@@ -174,6 +176,7 @@ impl DisplayCommand {
                 session.print(&session.client.get_display(request).await?, facts)
             }
             Self::Plan(plan) => plan.run(session).await,
+            Self::Update(update) => update.run(session).await,
             Self::Delete(id) => {
                 let request = v1::DeleteDisplayRequest { name: names::display(&id.id) };
                 let answer = session.client.delete_display(request).await?;
@@ -204,7 +207,7 @@ impl Create {
             camera_fill_factor: Some(self.camera_fill_factor),
             notes: self.notes.clone(),
             bench: bench.map(v1::display::Bench::SimulatedBench),
-            create_time: None,
+            ..Default::default()
         })
     }
 

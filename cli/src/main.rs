@@ -5,7 +5,7 @@
 //! - `arguments`, `words`, `kernel_choice`, `jobs::submission`: command-line arguments.
 //! - `session`: the connection and the forms of output. `pages`: lists. `failure`: exit codes and error output.
 //! - `inputs`, `destination`: input files, and places of output files. `identifiers`: ids of which only the beginning is given.
-//! - `terminal`: the width of the terminal. `table`, `show`, `dataset_text`, `metrics_text`, `propagation_text`: text output for people.
+//! - `terminal`: the width of the terminal. `table`, `show`, `dataset_text`, `whole_dataset`, `metrics_text`, `propagation_text`: text output for people.
 //!   `jobs::progress`: waiting for jobs, with progress bars.
 
 #![cfg_attr(test, allow(clippy::unwrap_used))]
@@ -54,6 +54,7 @@ mod table;
 mod terminal;
 mod times;
 mod webhook;
+mod whole_dataset;
 mod words;
 
 use clap::{CommandFactory as _, Parser, Subcommand};

@@ -37,6 +37,7 @@ answers! {
     ListKernelMovesResponse { moves: KernelMove }
     ListKernelVersionsResponse { versions: KernelVersion }
     ListKernelsResponse { kernels: Kernel }
+    ListPairsResponse { pairs: Pair }
     ListRolloutsResponse { rollouts: Rollout }
     ListWebhookDeliveriesResponse { deliveries: WebhookDelivery }
 }

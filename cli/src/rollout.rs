@@ -157,6 +157,7 @@ impl Start {
             reason,
             expected_active_version: expected_active,
             force,
+            ..Default::default()
         };
         Ok(session.client.start_rollout(request).await?.name)
     }

@@ -8,6 +8,7 @@ use super::show;
 use super::table::Table;
 use clap::{Args, Subcommand};
 use lightpath::{names, v1};
+use pbjson_types::FieldMask;
 use std::time::Duration;
 use tokio::time::{Instant, sleep};
 
@@ -23,6 +24,7 @@ pub(crate) enum WebhookCommand {
     /// List webhooks
     List,
     Show(Show),
+    Update(Update),
     Test(Named),
     /// Delete a webhook, with what it has not received yet
     Delete(Named),
@@ -61,6 +63,44 @@ pub(crate) struct Create {
     display: Option<String>,
 }
 
+/// Change the address, the events or the display of a webhook.
+///
+/// Its secret stays. What it has not received yet goes to the new address.
+#[derive(Debug, Args)]
+#[command(after_long_help = "\
+Examples:
+  lightpath webhook update ci --url https://hooks.example/new
+  lightpath webhook update ci --event job.failed --all-displays")]
+pub(crate) struct Update {
+    /// Id of the webhook
+    #[arg(value_name = "ID")]
+    id: String,
+
+    /// Send the events to this address
+    #[arg(long)]
+    url: Option<String>,
+
+    /// Send only this event; repeat the option for several
+    #[arg(long = "event", value_name = "EVENT", conflicts_with = "all_events")]
+    events: Vec<String>,
+
+    /// Send all events
+    #[arg(long)]
+    all_events: bool,
+
+    /// Send only the events of the display with this id
+    #[arg(long, value_name = "ID", conflicts_with = "all_displays")]
+    display: Option<String>,
+
+    /// Send the events of all displays
+    #[arg(long)]
+    all_displays: bool,
+
+    /// Change it only if it has this revision, as `webhook show --output json` says it [default: any]
+    #[arg(long, value_name = "N")]
+    expected_revision: Option<u32>,
+}
+
 /// Show a webhook, with what it is to learn and what it has learned lately.
 #[derive(Debug, Args)]
 pub(crate) struct Show {
@@ -93,6 +133,7 @@ impl WebhookCommand {
                 )
             }
             Self::Show(show) => show.run(session).await,
+            Self::Update(update) => update.run(session).await,
             Self::Test(named) => named.test(session).await,
             Self::Delete(Named { id }) => {
                 let request = v1::DeleteWebhookRequest { name: names::webhook(&id) };
@@ -115,6 +156,37 @@ impl Create {
                 webhook.secret
             )
         })
+    }
+}
+
+impl Update {
+    async fn run(self, session: &Session) -> Result<(), Failure> {
+        let changes = [
+            ("url", self.url.is_some()),
+            ("events", self.all_events || !self.events.is_empty()),
+            ("display", self.all_displays || self.display.is_some()),
+        ];
+        let paths: Vec<String> =
+            changes.iter().filter(|(_, changes)| *changes).map(|(name, _)| (*name).to_owned()).collect();
+        if paths.is_empty() {
+            return Err(Failure::Usage(
+                "give what changes: --url, --event, --all-events, --display or --all-displays".to_owned(),
+            ));
+        }
+        let webhook = v1::Webhook {
+            name: names::webhook(&self.id),
+            url: self.url.unwrap_or_default(),
+            events: self.events,
+            display: self.display.as_deref().map(names::display).unwrap_or_default(),
+            ..Default::default()
+        };
+        let request = v1::UpdateWebhookRequest {
+            webhook: Some(webhook),
+            update_mask: Some(FieldMask { paths }),
+            expected_revision: self.expected_revision,
+        };
+        let webhook = session.client.update_webhook(request).await?;
+        session.print(&webhook, |webhook| table(std::slice::from_ref(webhook)).text())
     }
 }
 

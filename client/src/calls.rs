@@ -34,17 +34,19 @@ calls! {
     displays.list_displays(ListDisplaysRequest) -> ListDisplaysResponse;
     /// Returns how light would be propagated to a distance: the method, the reason and the limits of its validity.
     displays.plan_propagation(PlanPropagationRequest) -> PlanPropagationResponse;
+    /// Changes the notes of a display.
+    displays.update_display(UpdateDisplayRequest) -> Display;
     /// Deletes a display that has no datasets, kernels or jobs.
     displays.delete_display(DeleteDisplayRequest) -> DeleteDisplayResponse;
 
     /// Creates an open dataset.
     datasets.create_dataset(CreateDatasetRequest) -> Dataset;
-    /// Returns a dataset with its pairs.
+    /// Returns a dataset without its pairs.
     datasets.get_dataset(GetDatasetRequest) -> Dataset;
-    /// Returns a page of datasets without their pairs, ordered by id.
+    /// Returns a page of datasets, ordered by id.
     datasets.list_datasets(ListDatasetsRequest) -> ListDatasetsResponse;
-    /// Adds a pair of hologram and photograph to an open dataset.
-    datasets.add_pair(AddPairRequest) -> Dataset;
+    /// Returns a page of a dataset's pairs, ordered by id.
+    datasets.list_pairs(ListPairsRequest) -> ListPairsResponse;
     /// Deletes a dataset with its pairs. Kernels learned from it are kept.
     datasets.delete_dataset(DeleteDatasetRequest) -> DeleteDatasetResponse;
     /// Creates the target picture of dots. Its hologram is displayed and photographed to align a camera.
@@ -133,6 +135,8 @@ calls! {
     webhooks.get_webhook(GetWebhookRequest) -> Webhook;
     /// Returns all webhooks, ordered by id.
     webhooks.list_webhooks(ListWebhooksRequest) -> ListWebhooksResponse;
+    /// Changes the address, the events or the display of a webhook.
+    webhooks.update_webhook(UpdateWebhookRequest) -> Webhook;
     /// Sends an event to a webhook that only tries it.
     webhooks.test_webhook(TestWebhookRequest) -> WebhookDelivery;
     /// Returns a page of what a webhook is to learn and has learned lately, newest first.
@@ -149,6 +153,10 @@ calls! {
 calls! {
     PREPARING_TIMEOUT;
 
+    /// Submits jobs without retries, all or none. [`Client::submit_all`] retries after a lost connection.
+    jobs.submit_jobs(SubmitJobsRequest) -> SubmitJobsResponse;
+    /// Adds pairs of holograms and photographs to an open dataset, all or none.
+    datasets.add_pairs(AddPairsRequest) -> AddPairsResponse;
     /// Makes a version the active one.
     kernels.promote_kernel(PromoteKernelRequest) -> Kernel;
     /// Checks a version with the display's promotion gate, and changes nothing.

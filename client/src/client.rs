@@ -32,7 +32,7 @@ const KEEP_ALIVE_TIMEOUT: Duration = Duration::from_secs(10);
 /// Time limit for the answer to a call that does not stream.
 pub(crate) const CALL_TIMEOUT: Duration = Duration::from_secs(60);
 
-/// Longest wait for the answer of a call that first makes all files that devices will need.
+/// Longest wait for the answer of a call that first makes all files that devices will need, or measures photographs.
 pub(crate) const PREPARING_TIMEOUT: Duration = Duration::from_secs(600);
 
 /// Largest accepted answer. A page of 1000 jobs with their loss histories fits; the limit bounds the client's memory.

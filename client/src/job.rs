@@ -1,12 +1,15 @@
 //! Submission of jobs, waiting for their end, and their results.
 
 use crate::retry::Backoff;
-use crate::v1::{self, Job, SubmitJobRequest, WatchJobRequest};
+use crate::v1::{self, Job, SubmitJobRequest, SubmitJobsRequest, WatchJobRequest};
 use crate::{Client, Error, Result};
 
 /// Tries to reach the server again while waiting for a job or following a kernel. They take about ten minutes, which is enough for a restart
 /// with recovery.
 pub(crate) const WAIT_TRIES_MAX: u32 = 200;
+
+/// Jobs that [`Client::submit_all`] submits with one call: the limit of the server.
+const JOBS_AT_ONCE: usize = 200;
 
 /// A change that [`Client::wait`] reports while it waits.
 #[derive(Debug)]
@@ -41,6 +44,29 @@ impl Client {
                 Err(error) => backoff.pause(error).await?,
             }
         }
+    }
+
+    /// Submits jobs, some at a time, and returns them in the same order after the server has stored them on disk. Of the
+    /// jobs of one call all are accepted or none; those of earlier calls stay.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::submit`]. The fields in a refusal have the numbers of the requests in their call, from 0 for each 200.
+    pub async fn submit_all(&self, mut requests: Vec<SubmitJobRequest>) -> Result<Vec<Job>> {
+        for request in requests.iter_mut().filter(|request| request.request_id.is_empty()) {
+            request.request_id = uuid::Uuid::now_v7().to_string();
+        }
+        let mut jobs = Vec::with_capacity(requests.len());
+        for requests in requests.chunks(JOBS_AT_ONCE) {
+            let mut backoff = Backoff::new();
+            loop {
+                match self.submit_jobs(SubmitJobsRequest { requests: requests.to_vec() }).await {
+                    Ok(answer) => break jobs.extend(answer.jobs),
+                    Err(error) => backoff.pause(error).await?,
+                }
+            }
+        }
+        Ok(jobs)
     }
 
     /// Waits until the job `jobs/{id}` has ended, and returns it. The job may have succeeded, failed or been cancelled.

@@ -32,6 +32,8 @@ create table display (
     -- all properties as JSON; equal displays have equal text
     content            text collate "C" not null check (json_valid(content)),
     create_time_ms     bigint           not null,
+    -- grows with every change of the properties; a change of an older revision is refused
+    revision           bigint           not null default 1 check (revision >= 1),
     -- number of changes so far of what devices get (moves of `active`, rollbacks and rollouts of the display's kernels),
     -- and the time of the last one
     generation         bigint           not null default 0 check (generation >= 0),

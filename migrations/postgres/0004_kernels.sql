@@ -108,3 +108,17 @@ create index promotion_gate_by_display on promotion_gate (display, sequence);
 
 create trigger promotion_gate_stays before update on promotion_gate for each row
 execute function refuse('the history of promotion gates is append-only');
+
+-- Requests with an id of their caller that made a version or a rollout. Repeated, they return what they made.
+create table made_by_request (
+    caller     text collate "C" not null,
+    request_id text collate "C" not null check (length(request_id) between 1 and 128),
+    -- kind and digest of the request: another one with the same id is refused
+    content    text collate "C" not null,
+    -- number of the version or the rollout, in the kernel that the request names
+    number     bigint           not null check (number >= 1),
+    time_ms    bigint           not null,
+    primary key (caller, request_id)
+);
+
+create index made_by_request_by_time on made_by_request (time_ms);

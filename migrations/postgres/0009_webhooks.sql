@@ -10,6 +10,8 @@ create table webhook (
     secret         text collate "C" not null,
     caller         text collate "C" not null,
     create_time_ms bigint           not null,
+    -- grows with every change; a change of an older revision is refused
+    revision       bigint           not null default 1 check (revision >= 1),
     -- where several processes share the database: the one that sends the events of this webhook, and until when no
     -- other process may send them
     teller         text collate "C",

@@ -11,6 +11,8 @@ create table display (
     -- all properties as JSON; equal displays have equal text
     content        text    not null check (json_valid(content)),
     create_time_ms integer not null,
+    -- grows with every change of the properties; a change of an older revision is refused
+    revision       integer not null default 1 check (revision >= 1),
     -- number of changes so far of what devices get (moves of `active`, rollbacks and rollouts of the display's kernels),
     -- and the time of the last one
     generation         integer not null default 0 check (generation >= 0),

@@ -18,6 +18,8 @@ create table dataset (
     -- settings with which the dataset was finalized: fractions and seed of the split, and whether the alignment was
     -- kept
     finalization     text    check (json_valid(finalization)),
+    -- numbers of the pairs by their use; null: the dataset is open
+    split_counts     text    check (json_valid(split_counts)),
     create_time_ms   integer not null,
     finalize_time_ms integer,
     check ((digest is null) = (finalization is null)),

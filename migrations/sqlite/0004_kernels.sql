@@ -107,3 +107,17 @@ create index promotion_gate_by_display on promotion_gate (display, sequence);
 
 create trigger promotion_gate_stays before update on promotion_gate
 begin select raise(abort, 'the history of promotion gates is append-only'); end;
+
+-- Requests with an id of their caller that made a version or a rollout. Repeated, they return what they made.
+create table made_by_request (
+    caller     text    not null,
+    request_id text    not null check (length(request_id) between 1 and 128),
+    -- kind and digest of the request: another one with the same id is refused
+    content    text    not null,
+    -- number of the version or the rollout, in the kernel that the request names
+    number     integer not null check (number >= 1),
+    time_ms    integer not null,
+    primary key (caller, request_id)
+) strict, without rowid;
+
+create index made_by_request_by_time on made_by_request (time_ms);

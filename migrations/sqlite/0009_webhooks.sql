@@ -10,6 +10,8 @@ create table webhook (
     secret         text    not null,
     caller         text    not null,
     create_time_ms integer not null,
+    -- grows with every change; a change of an older revision is refused
+    revision       integer not null default 1 check (revision >= 1),
     -- where several processes share the database: the one that sends the events of this webhook, and until when no
     -- other process may send them
     teller         text,

@@ -26,10 +26,13 @@ pub(crate) struct QueryField {
     pub(crate) field: FieldDescriptor,
 }
 
+/// Messages that a query has in one value.
+const IN_ONE_VALUE: [&str; 2] = ["google.protobuf.Timestamp", "google.protobuf.FieldMask"];
+
 impl QueryField {
     fn all_of(field: &FieldDescriptor) -> Vec<Self> {
         match field.kind() {
-            Kind::Message(message) if !field.is_list() && message.full_name() != "google.protobuf.Timestamp" => {
+            Kind::Message(message) if !field.is_list() && !IN_ONE_VALUE.contains(&message.full_name()) => {
                 let within = |inner: FieldDescriptor| Self {
                     name: format!("{}.{}", field.name(), inner.name()),
                     json_name: format!("{}.{}", field.json_name(), inner.json_name()),
@@ -47,32 +50,32 @@ impl QueryField {
 }
 
 impl Binding {
-    /// Name of the field that the path has.
+    /// Name of the field that the path has, such as `name`, or `display.name` of a message within the request.
     pub(crate) fn variable(&self) -> Option<&str> {
         self.template.variable.as_ref().map(|(field, ..)| field.as_str())
     }
 
-    /// The fields that the query may have: those that neither the path nor the body has. Of a message within the request these
-    /// are its fields, such as `place.distance_m`.
+    /// The fields that the query may have: those that neither the path nor the body has. Of a message within the request
+    /// these are its fields, such as `place.distance_m`.
     pub(crate) fn query(&self) -> Vec<QueryField> {
-        if !self.body.is_empty() {
+        if self.body == "*" {
             return Vec::new();
         }
         let in_path = self.variable();
         let input = self.method.input();
-        let fields = input.fields().filter(|field| Some(field.name()) != in_path);
+        let fields = input.fields().filter(|field| Some(field.name()) != in_path && field.name() != self.body);
         fields.flat_map(|field| QueryField::all_of(&field)).collect()
     }
 
     /// The field with an id of the request, by which the server knows a repeated request.
     pub(crate) fn request_id(&self) -> Option<FieldDescriptor> {
-        self.method.input().get_field_by_name("request_id").filter(|_| self.body == "*")
+        self.method.input().get_field_by_name("request_id").filter(|_| !self.body.is_empty())
     }
 
     /// The field with what the request expects of the resource in its path, such as `expected_revision`.
     pub(crate) fn expected(&self) -> Option<FieldDescriptor> {
         let mut fields = self.method.input().fields().collect::<Vec<_>>().into_iter();
-        fields.find(|field| field.name().starts_with("expected_")).filter(|_| self.body == "*")
+        fields.find(|field| field.name().starts_with("expected_")).filter(|_| !self.body.is_empty())
     }
 }
 
@@ -99,7 +102,7 @@ pub(crate) fn bindings(pool: &DescriptorPool) -> Result<Vec<Binding>, Box<dyn Er
 
 fn binding(method: &MethodDescriptor, rule: &DynamicMessage, is_first: bool) -> Result<Binding, Box<dyn Error>> {
     let text = |field: &str| Some(rule.get_field_by_name(field)?.as_str()?.to_owned());
-    let verbs = ["get", "put", "post", "delete"];
+    let verbs = ["get", "put", "post", "patch", "delete"];
     let found = verbs.iter().find_map(|verb| Some((*verb, text(verb).filter(|path| !path.is_empty())?)));
     let (verb, path) = found.ok_or_else(|| format!("{} has no path", method.full_name()))?;
     let template = Template::parse(&path).ok_or_else(|| format!("the path {path} has another form"))?;

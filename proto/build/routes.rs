@@ -69,6 +69,9 @@ fn parameter_kind(field: &FieldDescriptor) -> Option<String> {
         Kind::Message(message) if message.full_name() == "google.protobuf.Timestamp" => {
             Some("ParameterKind::Time".to_owned())
         }
+        Kind::Message(message) if message.full_name() == "google.protobuf.FieldMask" => {
+            Some("ParameterKind::Mask".to_owned())
+        }
         Kind::Enum(values) => {
             // The name of the first value is that of the enumeration and `UNSPECIFIED`.
             let first = values.values().next()?;

@@ -145,6 +145,7 @@ fn kind_schema(schemas: &mut Schemas, field: &FieldDescriptor, side: Side) -> Va
         Kind::Uint32 | Kind::Fixed32 => json!({ "type": "integer", "minimum": 0, "maximum": u32::MAX }),
         Kind::Message(message) => match message.full_name() {
             "google.protobuf.Timestamp" => json!({ "type": "string", "format": "date-time" }),
+            "google.protobuf.FieldMask" => json!({ "type": "string" }),
             "google.protobuf.Duration" => json!({ "type": "string", "pattern": "^-?[0-9]+(\\.[0-9]+)?s$" }),
             _ => schemas.reference(&message, side),
         },

@@ -13,6 +13,8 @@ pub mod routes;
 mod words;
 
 pub use codes::code_name;
+/// Which fields of a message an update changes.
+pub use pbjson_types::FieldMask;
 /// A time in messages.
 pub use pbjson_types::Timestamp;
 pub use words::{Word, Words};

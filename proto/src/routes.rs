@@ -76,6 +76,8 @@ pub enum ParameterKind {
     Flag,
     /// A time in the form of RFC 3339.
     Time,
+    /// Names of fields with commas between them, such as `url,events`.
+    Mask,
     /// A value of an enumeration with this prefix. `STATE_RUNNING` and `running` are the same value.
     Word(&'static str),
 }
@@ -217,10 +219,13 @@ impl Match {
         }
         if let (Some((field, ..)), Some(value)) = (self.route.variable, &self.value) {
             let value = Value::from(value.clone());
-            if request.get(field).is_some_and(|other| *other != value) {
-                return Err(RequestError::new(field, "differs from the path", "leave it out of the body"));
+            let differs = || RequestError::new(field, "differs from the path", "leave it out of the body");
+            let no_object = || RequestError::new("the body", "is no JSON object", "send an object with fields");
+            let (fields, name) = inner_fields(&mut request, field).ok_or_else(no_object)?;
+            if fields.get(name).is_some_and(|other| *other != value) {
+                return Err(differs());
             }
-            request.insert(field.to_owned(), value);
+            fields.insert(name.to_owned(), value);
         }
         Ok(EncodedRequest { message: (self.route.encode)(Value::Object(request))?, ignored })
     }
@@ -272,6 +277,7 @@ impl Match {
             ParameterKind::Text | ParameterKind::Count | ParameterKind::Number | ParameterKind::Time => {
                 Value::from(text)
             }
+            ParameterKind::Mask => serde_json::json!({ "paths": mask_paths(&text) }),
             ParameterKind::Flag => match text.as_str() {
                 "true" => Value::from(true),
                 "false" => Value::from(false),
@@ -318,6 +324,21 @@ fn add_header(request: &mut Map<String, Value>, given: &FromHeader) -> Result<()
         Some(_) => return Err(RequestError::new(field[0], format!("differs from {header}"), "give one of them")),
     }
     Ok(())
+}
+
+/// The paths of a mask. In JSON fields have names in camel case, and in a mask the server knows those of the `.proto`
+/// file.
+fn mask_paths(text: &str) -> Vec<String> {
+    let snake = |name: &str| {
+        name.chars().fold(String::new(), |mut snake, letter| {
+            if letter.is_ascii_uppercase() {
+                snake.push('_');
+            }
+            snake.push(letter.to_ascii_lowercase());
+            snake
+        })
+    };
+    text.split(',').map(str::trim).filter(|name| !name.is_empty()).map(snake).collect()
 }
 
 fn is_time(text: &str) -> bool {
@@ -384,6 +405,24 @@ mod tests {
         assert_eq!(pause, wanted.encode_to_vec());
         let batch = encoded("GET", "/v1/batches/night%2F3%3Ared", &[], "");
         assert_eq!(batch, v1::GetBatchRequest { batch: "night/3:red".into() }.encode_to_vec());
+    }
+
+    #[test]
+    fn updates_have_their_resource_in_the_body_and_their_mask_in_the_query() {
+        let update = find("PATCH", "/v1/displays/lab").unwrap();
+        let given = query(&[("updateMask", "notes, simulatedBench"), ("expectedRevision", "3")]);
+        let request = update.request(given, br#"{"notes": "new lamp"}"#, &[]).unwrap();
+        let display = v1::Display { name: "displays/lab".into(), notes: "new lamp".into(), ..Default::default() };
+        let paths = vec!["notes".to_owned(), "simulated_bench".to_owned()];
+        let wanted = v1::UpdateDisplayRequest {
+            display: Some(display),
+            update_mask: Some(pbjson_types::FieldMask { paths }),
+            expected_revision: Some(3),
+        };
+        assert_eq!(request.message, wanted.encode_to_vec());
+        let other = update.request(Vec::new(), br#"{"name": "displays/other"}"#, &[]).unwrap_err();
+        assert!(other.to_string().contains("display.name differs from the path"), "{other}");
+        assert_eq!(update.route.expected, Some(["expected_revision", "expectedRevision"]));
     }
 
     #[test]

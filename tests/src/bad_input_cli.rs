@@ -127,8 +127,8 @@ async fn invalid_pairs_and_datasets_are_refused() {
     let add = ["dataset", "add", "bench"];
     let with = |pair: &[&str]| -> Vec<String> { add.iter().chain(pair).map(|part| (*part).to_owned()).collect() };
     for (pair, code, signs) in [
-        (["--pattern", &phase, "--photo", &small].as_slice(), 1, ["INVALID_ARGUMENT", "pair.photo", "32×32"]),
-        (&["--pattern", &small, "--photo", &photo], 1, ["INVALID_ARGUMENT", "pair.pattern", "32×32"]),
+        (["--pattern", &phase, "--photo", &small].as_slice(), 1, ["INVALID_ARGUMENT", "pairs[0].photo", "32×32"]),
+        (&["--pattern", &small, "--photo", &photo], 1, ["INVALID_ARGUMENT", "pairs[0].pattern", "32×32"]),
         (&["--pattern", "/nowhere/p.png", "--photo", &photo], 2, ["could not read", "/nowhere/p.png", ""]),
         (&["--photo", &photo], 2, ["--pattern", "", ""]),
     ] {

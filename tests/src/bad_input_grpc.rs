@@ -191,15 +191,16 @@ async fn invalid_pairs_and_datasets_are_refused() {
     let text = server.client.upload_bytes(*b"no photograph at all").await.unwrap();
     let absent = digest_of(b"never uploaded");
     for (phase, photo, code, signs) in [
-        (&phase, &small, Code::InvalidArgument, ["pair.photo", "63×48", "64×48"]),
-        (&small, &photo, Code::InvalidArgument, ["pair.pattern", "63×48", "64×48"]),
-        (&phase, &text, Code::InvalidArgument, ["pair.photo", "not a readable picture", ""]),
-        (&absent, &photo, Code::NotFound, ["pair.pattern", "upload it first", ""]),
-        (&String::new(), &photo, Code::InvalidArgument, ["pair.pattern is empty", "", ""]),
-        (&phase, &String::new(), Code::InvalidArgument, ["pair.photo is empty", "", ""]),
+        (&phase, &small, Code::InvalidArgument, ["pairs[0].photo", "63×48", "64×48"]),
+        (&small, &photo, Code::InvalidArgument, ["pairs[0].pattern", "63×48", "64×48"]),
+        (&phase, &text, Code::InvalidArgument, ["pairs[0].photo", "not a readable picture", ""]),
+        (&absent, &photo, Code::NotFound, ["pairs[0].pattern", "upload it first", ""]),
+        (&String::new(), &photo, Code::InvalidArgument, ["pairs[0].pattern is empty", "", ""]),
+        (&phase, &String::new(), Code::InvalidArgument, ["pairs[0].photo is empty", "", ""]),
     ] {
         let pair = v1::Pair { id: "p1".into(), pattern: phase.clone(), photo: photo.clone(), ..Default::default() };
-        let answer = datasets.add_pair(v1::AddPairRequest { dataset: names::dataset("bench"), pair: Some(pair) }).await;
+        let answer =
+            datasets.add_pairs(v1::AddPairsRequest { dataset: names::dataset("bench"), pairs: vec![pair] }).await;
         assert_refused(answer, code, &signs);
     }
     for (test_fraction, code, sign) in

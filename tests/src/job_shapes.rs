@@ -208,8 +208,8 @@ async fn dataset_specs(
         let photo = engine.light(&phase).unwrap().map(|light| 0.2 * light);
         let phase = client.upload_bytes(pictures::npy_f32(&phase).unwrap()).await.unwrap();
         let photo = client.upload_bytes(pictures::grey_png_linear(&photo).unwrap()).await.unwrap();
-        let pair = Some(v1::Pair { id: format!("p{seed}"), pattern: phase, photo, ..Default::default() });
-        client.add_pair(v1::AddPairRequest { dataset: dataset.clone(), pair }).await.unwrap();
+        let pairs = vec![v1::Pair { id: format!("p{seed}"), pattern: phase, photo, ..Default::default() }];
+        client.add_pairs(v1::AddPairsRequest { dataset: dataset.clone(), pairs }).await.unwrap();
     }
     let finalize = v1::prepare_dataset::Finalize { validation_fraction: Some(0.2), ..Default::default() };
     let step = Some(v1::prepare_dataset::Step::Finalize(finalize));

@@ -11,6 +11,9 @@ use clap::Args;
 use lightpath::{names, v1};
 use std::path::PathBuf;
 
+/// Pairs that are added with one call. Measuring one takes up to some seconds, and each call shows what was added.
+const PAIRS_AT_ONCE: usize = 16;
+
 /// Add holograms with their photographs: one pair, two folders or a list of pairs.
 ///
 /// A photograph has one camera pixel for each pixel of the display, or any size if the dataset has an alignment. Each
@@ -126,57 +129,75 @@ impl Add {
     }
 }
 
-/// Uploads the files of the pairs and adds the pairs to a dataset, one after the other.
+/// Uploads the files of the pairs and adds the pairs to a dataset, some at a time.
 pub(super) async fn add_pairs(session: &Session, dataset: &str, entries: Vec<Entry>) -> Result<(), Failure> {
     inputs::require_pictures(entries.iter().flat_map(|entry| [&entry.pattern, &entry.photo]))?;
     let count = entries.len();
-    let mut findings = Vec::new();
-    let mut last = None;
-    for entry in entries {
-        let id = entry.id.clone();
-        let pair = v1::Pair {
-            id: entry.id,
-            pattern: session.client.upload_file(&entry.pattern).await?,
-            photo: session.client.upload_file(&entry.photo).await?,
-            split: entry.split.unwrap_or_default().into(),
-            black_level: entry.black_level.unwrap_or(0.0),
-            exposure_s: entry.exposure_s,
-            camera_gain: entry.camera_gain,
-            checks: None,
-        };
-        let request = v1::AddPairRequest { dataset: names::dataset(dataset), pair: Some(pair) };
-        let dataset = session.client.add_pair(request).await.map_err(|error| refused_pair(&id, count, error))?;
-        if count == 1 {
-            session.print(&dataset, |dataset| text(&id, dataset))?;
-        } else {
-            session.print_line(&dataset)?;
-            session.print_text(&text(&id, &dataset))?;
+    let mut all = v1::AddPairsResponse::default();
+    for entries in entries.chunks(PAIRS_AT_ONCE) {
+        let mut pairs = Vec::new();
+        for entry in entries {
+            pairs.push(pair(session, entry).await?);
         }
-        findings.extend(dataset.findings.iter().cloned());
-        last = Some(dataset);
+        let request = v1::AddPairsRequest { dataset: names::dataset(dataset), pairs };
+        let added = session.client.add_pairs(request).await.map_err(|error| refused(entries, count, error))?;
+        if count > 1 {
+            added.pairs.iter().try_for_each(|pair| session.print_line(pair))?;
+            session.print_text(&text(&added))?;
+        }
+        all.pairs.extend(added.pairs);
+        all.dataset = added.dataset;
     }
-    if !findings.is_empty() && count > 1 {
-        let found = show::counted(findings.len(), "finding");
+    let findings: usize = all.pairs.iter().map(|pair| pair.findings.len()).sum();
+    if findings > 0 && count > 1 {
+        let found = show::counted(findings, "finding");
         print_note(&format!("{found}; list them: lightpath dataset show {dataset}"));
     }
-    match last {
-        // One document: the dataset after the last pair, with the findings of all pairs.
-        Some(last) if count > 1 && session.output == Output::Json => {
-            session.print(&v1::Dataset { findings, ..last }, |_| String::new())
-        }
+    match session.output {
+        // One document: the dataset after the last pair, and all pairs.
+        Output::Json => session.print(&all, |_| String::new()),
+        _ if count == 1 => session.print(&all, text),
         _ => Ok(()),
     }
 }
 
-/// Converts an error into a failure. If there are several pairs, it first prints which one was refused.
-fn refused_pair(id: &str, count: usize, error: lightpath::Error) -> Failure {
+/// Uploads the files of a pair.
+async fn pair(session: &Session, entry: &Entry) -> Result<v1::Pair, Failure> {
+    Ok(v1::Pair {
+        id: entry.id.clone(),
+        pattern: session.client.upload_file(&entry.pattern).await?,
+        photo: session.client.upload_file(&entry.photo).await?,
+        split: entry.split.unwrap_or_default().into(),
+        black_level: entry.black_level.unwrap_or(0.0),
+        exposure_s: entry.exposure_s,
+        camera_gain: entry.camera_gain,
+        ..Default::default()
+    })
+}
+
+/// Converts an error into a failure. If there are several pairs, it first prints which pairs the numbers in the error
+/// mean.
+fn refused(entries: &[Entry], count: usize, error: lightpath::Error) -> Failure {
     if count > 1 {
-        print_note(&format!("pair {id} was refused; the pairs before it are in the dataset:"));
+        let named = |(number, entry): (usize, &Entry)| format!("pairs[{number}] is {}", entry.id);
+        let names: Vec<String> = entries.iter().enumerate().map(named).collect();
+        print_note(&format!(
+            "none of these pairs was added; those before them are in the dataset: {}",
+            names.join(", ")
+        ));
     }
     error.into()
 }
 
-fn text(id: &str, dataset: &v1::Dataset) -> String {
-    let added = format!("added pair {id} to {}; pairs now: {}", names::id(&dataset.name), dataset.pair_count);
-    dataset.findings.iter().fold(added, |text, finding| format!("{text}\n  it {}", finding.message))
+/// Text about pairs that were added, with their findings.
+fn text(added: &v1::AddPairsResponse) -> String {
+    let mut lines = Vec::new();
+    for pair in &added.pairs {
+        lines.push(format!("added pair {}", pair.id));
+        lines.extend(pair.findings.iter().map(|finding| format!("  it {}", finding.message)));
+    }
+    if let Some(dataset) = &added.dataset {
+        lines.push(format!("pairs of {} now: {}", names::id(&dataset.name), dataset.pair_count));
+    }
+    lines.join("\n")
 }

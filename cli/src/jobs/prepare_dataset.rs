@@ -9,12 +9,13 @@ use crate::jobs::JobKind;
 use crate::jobs::submission::Submission;
 use crate::session::Session;
 use crate::table::Facts;
+use crate::whole_dataset::print_whole_dataset;
 use clap::Args;
+use lightpath::v1::SplitCounts;
 use lightpath::v1::prepare_dataset::{
     self, Step,
     align::{self, Source},
 };
-use lightpath::v1::prepare_dataset_result::SplitCounts;
 use lightpath::v1::{self, Job, PrepareDataset, job_spec};
 use lightpath::{names, prepare_result};
 use std::path::{Path, PathBuf};
@@ -150,7 +151,7 @@ impl Align {
             }
         }
         let dataset = session.client.get_dataset(v1::GetDatasetRequest { name: dataset }).await?;
-        session.print(&dataset, |dataset| facts(&v1::Dataset { pairs: Vec::new(), ..dataset.clone() }))
+        session.print(&dataset, facts)
     }
 }
 
@@ -165,7 +166,7 @@ impl Finalize {
         });
         let kind = job_spec::Kind::PrepareDataset(PrepareDataset { dataset: dataset.clone(), step: Some(step) });
         self.submission.submit_and_wait(session, kind).await?;
-        session.print(&session.client.get_dataset(v1::GetDatasetRequest { name: dataset }).await?, facts)
+        print_whole_dataset(session, &dataset).await
     }
 }
 
@@ -193,11 +194,10 @@ impl JobKind for PrepareDataset {
                 }
             }
         }
-        if let Some(splits) = &result.splits {
-            let SplitCounts { train_pairs, validation_pairs, test_pairs, left_out_pairs } = splits;
+        if let Some(SplitCounts { train, validation, test, excluded }) = result.split_counts {
             facts.add("digest", &result.digest);
-            let counts = format!("{train_pairs} train, {validation_pairs} validation, {test_pairs} test");
-            let left_out = if *left_out_pairs > 0 { format!(", {left_out_pairs} left out") } else { String::new() };
+            let counts = format!("{train} train, {validation} validation, {test} test");
+            let left_out = if excluded > 0 { format!(", {excluded} left out") } else { String::new() };
             facts.add("pairs", counts + &left_out);
         }
         Ok(findings(&result.findings))

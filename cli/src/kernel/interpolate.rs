@@ -29,6 +29,7 @@ impl Interpolate {
             display: names::display(&self.optics.display),
             wavelength_m: self.optics.wavelength_m(),
             place: Some(v1::Place::at_m(self.optics.distance)),
+            ..Default::default()
         };
         session.print(&session.client.interpolate_kernel(request).await?, version_facts)
     }

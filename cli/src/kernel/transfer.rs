@@ -125,6 +125,7 @@ impl Import {
             place: Some(v1::Place::at_m(self.optics.distance)),
             artifact: session.client.upload_file(&self.path).await?,
             from_another_display: self.from_another_display,
+            ..Default::default()
         };
         session.print(&session.client.import_kernel(request).await?, version_facts)
     }

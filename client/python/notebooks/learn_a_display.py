@@ -38,8 +38,7 @@ holograms = display.optimize_all([blocks(seed) for seed in range(8)], distance=D
 
 # %%
 dataset = display.create_dataset("notebook-pairs", distance=DISTANCE)
-for hologram in holograms:
-    dataset.add(hologram, display.photograph(hologram))
+dataset.add_all((hologram, display.photograph(hologram)) for hologram in holograms)
 dataset.finalize()
 dataset
 

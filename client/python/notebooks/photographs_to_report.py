@@ -37,7 +37,7 @@ for i in range(8):
 dataset = display.create_dataset("notebook-files", distance=DISTANCE)
 for path in sorted(holograms.glob("*.png")):
     dataset.add(path, photos / path.name, pair_id=path.stem)
-for pair in dataset.refresh().pairs:
+for pair in dataset.pairs():
     print(pair.id, f"correlation {pair.checks.correlation:.2f}, {pair.checks.saturated:.1%} saturated")
 dataset.finalize()
 dataset

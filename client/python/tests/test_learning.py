@@ -29,14 +29,18 @@ def version(server: Server) -> Iterator[lightpath.KernelVersion]:
 
 def learn(bench: lightpath.Display) -> lightpath.KernelVersion:
     dataset = bench.create_dataset("bench-1", distance=DISTANCE)
-    for hologram in bench.optimize_all(map(target, range(8)), distance=DISTANCE, iterations=30):
-        dataset.add(hologram, bench.photograph(hologram))
-        # The same pair again changes nothing.
-        dataset.add(hologram, bench.photograph(hologram))
-    assert len(dataset.refresh().pairs) == 8
+    holograms = list(bench.optimize_all(map(target, range(8)), distance=DISTANCE, iterations=30))
+    pairs = [(hologram, bench.photograph(hologram)) for hologram in holograms]
+    dataset.add(*pairs[0])
+    # The same pair again changes nothing.
+    dataset.add_all(pairs)
+    assert len(dataset.pairs()) == dataset.message.pair_count == 8
+    assert all(pair.findings for pair in dataset.pairs(with_findings=True))
+    with pytest.raises(lightpath.InvalidArgument, match="pair_ids"):
+        dataset.add_all(pairs, pair_ids=["one"])
     prepared = dataset.finalize(test_fraction=0.25)
-    splits = prepared.splits
-    assert (splits.train_pairs + splits.validation_pairs, splits.test_pairs) == (6, 2)
+    counts = prepared.split_counts
+    assert (counts.train + counts.validation, counts.test) == (6, 2)
     version = dataset.learn(epochs=4, refinement_evaluations=10, degree=5)
     version.promote(reason="test")
     return version
@@ -67,7 +71,7 @@ def test_kernels_have_versions_moves_and_evaluations(
     assert kernel.name in {each.name for each in lab.kernels()}
     dataset = lab.dataset("bench-1")
     assert dataset.evaluate().loss() < dataset.evaluate("ideal").loss() / 10
-    assert dataset.evaluate(1).losses.keys() == {pair.id for pair in dataset.pairs}
+    assert dataset.evaluate(1).losses.keys() == {pair.id for pair in dataset.pairs()}
     found = kernel.save(tmp_path / "kernel.lpk", format="compact")
     assert found.version == 1
     assert (tmp_path / "kernel.lpk").stat().st_size < 10_000
@@ -194,8 +198,8 @@ def test_own_photographs_and_phases_make_pairs(bench: lightpath.Display, tmp_pat
     other = bench.optimize(target(10), distance=DISTANCE, iterations=10)
     pixels = bench.photograph(other.levels, distance=DISTANCE).pixels
     dataset.add(other.levels, pixels, pair_id="levels", exposure_s=0.02)
-    assert {pair.id for pair in dataset.refresh().pairs} == {"radians", "levels"}
-    assert all(pair.checks.correlation > 0.5 for pair in dataset.pairs)
+    assert {pair.id for pair in dataset.pairs()} == {"radians", "levels"}
+    assert all(pair.checks.correlation > 0.5 for pair in dataset.pairs())
     with pytest.raises(lightpath.AlreadyExists):
         dataset.add(hologram.phase, tmp_path / "photo.png", pair_id="again")
     with pytest.raises(lightpath.InvalidArgument, match="distance is missing"):

@@ -268,6 +268,13 @@ def test_webhooks_are_created_tried_and_verified(lab: lightpath.Lab, receiver: R
     assert [each.id for each in webhook.deliveries()] == [delivery.id]
     assert [each.id for each in lab.webhooks()] == ["ci"]
     assert lab.webhook("ci").secret == ""
+    webhook.update(events=[], display="", expected_revision=1)
+    assert (webhook.events, webhook.display, webhook.url) == ([], "", f"{receiver.origin}/ci")
+    with pytest.raises(lightpath.Aborted):
+        webhook.update(events=["job.failed"], expected_revision=1)
+    with pytest.raises(lightpath.InvalidArgument, match="what changes"):
+        webhook.update()
+    assert display.update(notes="heard of").notes == lab.display("heard").notes == "heard of"
     webhook.delete()
     with pytest.raises(lightpath.NotFound):
         lab.webhook("ci")

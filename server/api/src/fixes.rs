@@ -67,6 +67,8 @@ pub(crate) fn of_change(reason: AbortReason) -> &'static str {
         AbortReason::AliasChanged => "read the kernel's aliases again, and decide again",
         AbortReason::RolloutChanged => "read the rollout again, and decide again",
         AbortReason::DatasetChanged => "read the dataset again, and try again",
+        AbortReason::DisplayChanged => "read the display again, and decide again",
+        AbortReason::WebhookChanged => "read the webhook again, and decide again",
         AbortReason::KeyringChanged => "read the keyring again, and try again",
     }
 }

@@ -9,7 +9,8 @@
 //! - `api`: state shared by all services. `call`: passing gRPC requests with their callers to methods. `routes`: the routes
 //!   of all services.
 //! - `rules`: which roles may make each call.
-//! - `enumerations`, `names`, `pages`, `time`: numbers of values, resource names, pages of lists, and times.
+//! - `enumerations`, `names`, `pages`, `time`: numbers of values, resource names, pages of lists, and times. `mask`: which
+//!   fields an update changes. `once`: by what repeated requests are known.
 //! - `server_facts`: facts about the server and the caller's token.
 //! - `event_log`: the latest changes. `events`: the stream of all changes, for dashboards.
 //! - `accounts`: what each client uses: calls, memory for messages, streams. `watch`: streams that follow changes.
@@ -35,7 +36,9 @@ mod fixes;
 pub mod http;
 mod jobs;
 mod kernels;
+mod mask;
 mod names;
+mod once;
 mod optics;
 mod pages;
 mod photos;

@@ -6,7 +6,7 @@ mod prepared;
 
 pub use alignment::{Alignment, AlignmentMethod, CameraMap};
 pub use checks::{Finding, FindingKind, LargestValue, PairChecks};
-pub use prepared::{Finalization, PreparedDataset, Splits};
+pub use prepared::{Finalization, PreparedDataset, SplitCounts, Splits};
 
 use crate::kernel::KernelKey;
 use crate::units::{Distance, Wavelength};
@@ -15,6 +15,9 @@ use sha2::{Digest, Sha256};
 
 /// Limit on the pairs of a dataset: they are read as a whole, and learning holds them in memory.
 pub const PAIRS_MAX: u32 = 10_000;
+
+/// Limit on the pairs that one call adds: as many as a JSON body holds. They are measured one after the other.
+pub const ADDED_PAIRS_MAX: usize = 500;
 
 /// Limit on the datasets of a display: several a day for years. They are kept until someone deletes them.
 pub const DATASETS_MAX: u32 = 10_000;
@@ -48,6 +51,8 @@ pub struct Dataset {
     pub revision: u64,
     /// Options with which the dataset was finalized; `None` while it is open.
     pub finalization: Option<Finalization>,
+    /// Numbers of pairs by their use; `None` while the dataset is open.
+    pub split_counts: Option<SplitCounts>,
     /// Digest of the properties, alignment, pairs and split; `None` until the dataset is finalized.
     pub digest: Option<String>,
     /// Time when the dataset was created \[ms since 1970\].
@@ -85,6 +90,7 @@ impl Dataset {
             findings: Vec::new(),
             revision: 1,
             finalization: None,
+            split_counts: None,
             digest: None,
             create_time_ms: 0,
             finalize_time_ms: None,
@@ -131,6 +137,14 @@ impl Pair {
     #[must_use]
     pub fn is_measured_with(&self, map: Option<CameraMap>) -> bool {
         self.checks.as_ref().is_some_and(|checks| checks.map == map)
+    }
+
+    /// Whether somebody who adds `given` adds this pair again. A pair that is given without a use may have one.
+    #[must_use]
+    pub fn is_given_again_by(&self, given: &Self) -> bool {
+        (given.split.is_none() || given.split == self.split)
+            && (&self.id, &self.pattern, &self.photo, self.exposure)
+                == (&given.id, &given.pattern, &given.photo, given.exposure)
     }
 }
 

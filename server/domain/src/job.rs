@@ -30,7 +30,7 @@ pub use kinds::learn_kernel::{LearnKernel, LearnResult, LearnedKernel};
 pub use kinds::optimize_hologram::{
     Fit, HologramResult, ImagePlane, JudgedBy, OptimizeHologram, PlaneResult, Subframe, WavelengthResult,
 };
-pub use kinds::prepare_dataset::{AlignBy, PrepareDataset, PrepareResult, PrepareStep, SplitCounts};
+pub use kinds::prepare_dataset::{AlignBy, PrepareDataset, PrepareResult, PrepareStep};
 pub use kinds::report_kernel::{OTHER_VERSIONS_MAX, ReportFigure, ReportKernel, ReportResult};
 pub use kinds::simulate_capture::{CaptureResult, SimulateCapture};
 pub use kinds::suggest_holograms::{SuggestHolograms, SuggestResult, SuggestedHologram};

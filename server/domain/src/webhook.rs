@@ -62,6 +62,8 @@ pub struct Webhook {
     pub caller: String,
     /// Time of its creation \[ms since 1970\].
     pub create_time_ms: i64,
+    /// Number of changes so far and 1.
+    pub revision: u32,
 }
 
 /// Something that a webhook is to learn.

@@ -7,15 +7,15 @@ use lightpath_bench::SimulatedBench;
 use lightpath_camera::alignment::PointPair;
 use lightpath_domain::dataset::{
     Alignment, AlignmentMethod, CameraMap, Encoding, Finalization, Finding, FindingKind, LargestValue, PairChecks,
-    Split,
+    Split, SplitCounts,
 };
 use lightpath_domain::display::Display;
 use lightpath_domain::job::{
     AlignBy, CaptureResult, EvaluateKernel, EvaluateResult, FailureReason, Fit, HologramResult, ImagePlane, JobError,
     JobResult, JobSpec, JudgedBy, LearnKernel, LearnResult, LearnedKernel, OptimizeHologram, PairLoss, PlaneOpinion,
     PlaneResult, PrepareDataset, PrepareResult, PrepareStep, Progress, ReportFigure, ReportKernel, ReportResult,
-    SimulateCapture, SplitCounts, Subframe, SuggestHolograms, SuggestResult, SuggestedHologram, VerifyHologram,
-    VerifyResult, WavelengthResult,
+    SimulateCapture, Subframe, SuggestHolograms, SuggestResult, SuggestedHologram, VerifyHologram, VerifyResult,
+    WavelengthResult,
 };
 use lightpath_domain::kernel::{CapturedQuality, KernelKey, KernelLineage, KernelMetrics, LearnedDataset};
 use lightpath_domain::planning;
@@ -240,7 +240,7 @@ fn dataset_and_report_results_are_stored_as_before() {
         alignment: Some(alignment()),
         findings: vec![finding()],
         dataset_digest: Some(digest(4)),
-        splits: SplitCounts { train: 6, validation: 1, test: 2, left_out: 1 },
+        split_counts: Some(SplitCounts { train: 6, validation: 1, test: 2, excluded: 1 }),
     };
     check_stored("prepare_result", &JobResult::PrepareDataset(prepared));
     let figure = ReportFigure { name: "mtf.svg".to_owned(), title: "Contrast".to_owned(), artifact: digest(3) };

@@ -4,7 +4,7 @@ use crate::call::Call;
 use crate::error::Result;
 use crate::field::Field;
 use lightpath_domain::display::Display;
-use lightpath_store::{Store, StoreError};
+use lightpath_store::{DisplayRecord, Store, StoreError};
 
 /// Displays.
 #[derive(Clone, Debug)]
@@ -17,8 +17,8 @@ impl Displays {
         Self { store }
     }
 
-    /// Declares a display. Returns also the time when it was first declared \[ms since 1970\].
-    pub async fn create(&self, display: &Display) -> Result<(Display, i64)> {
+    /// Declares a display.
+    pub async fn create(&self, display: &Display) -> Result<(Display, DisplayRecord)> {
         Ok(self.store.create_display(display, self.store.now_ms()).await?)
     }
 
@@ -30,9 +30,13 @@ impl Displays {
         }
     }
 
-    /// At most `limit` displays that the caller may use, from the first one after `after` on, with the times when they
-    /// were declared \[ms since 1970\]. Other displays appear neither here nor in a page token.
-    pub async fn visible(&self, call: &Call, mut after: Option<String>, limit: u32) -> Result<Vec<(Display, i64)>> {
+    /// At most `limit` displays that the caller may use, from the first one after `after` on. Other displays appear neither here nor in a page token.
+    pub async fn visible(
+        &self,
+        call: &Call,
+        mut after: Option<String>,
+        limit: u32,
+    ) -> Result<Vec<(Display, DisplayRecord)>> {
         let mut visible = Vec::new();
         loop {
             let displays = self.store.displays(after.as_deref(), limit).await?;
@@ -44,6 +48,11 @@ impl Displays {
                 return Ok(visible);
             }
         }
+    }
+
+    /// Gives a display other notes, if it has the expected revision.
+    pub async fn set_notes(&self, id: &str, notes: String, expected: Option<u32>) -> Result<(Display, DisplayRecord)> {
+        Ok(self.store.set_display_notes(id, notes, expected).await?)
     }
 
     /// Deletes a display.

@@ -46,7 +46,7 @@ pub use displays::Displays;
 pub use error::{Fix, LimitReason, Result, ServiceError, WrongField, text_of_wrong};
 pub use field::{Field, shortened};
 pub use files::{Files, Minus, UploadState};
-pub use jobs::{JobLimits, Jobs, QueueState, Submission};
+pub use jobs::{CheckedJob, JobLimits, Jobs, QueueState, Submission};
 pub use kernels::{Converted, KernelImport, Kernels, VersionFile, for_device};
 pub use manifests::{Issued, ManifestRules, Manifests};
 pub use photos::{PhotoScore, Photos, ScoreRequest};
@@ -54,7 +54,7 @@ pub use promotions::{Passage, Promotions, Verdict};
 pub use region::region_of;
 pub use rollouts::Rollouts;
 pub use webhooks::{NewWebhook, Webhooks};
-pub use wrong_fields::{all_of, collect_all, is_about_fields, missing};
+pub use wrong_fields::{all_of, collect_all, is_about_fields, missing, within};
 
 use lightpath_artifacts::Artifacts;
 use lightpath_domain::origin::Origins;

@@ -7,7 +7,7 @@ use crate::promotions::{Passage, Passed, Promotions, cause};
 use lightpath_domain::kernel::KernelKey;
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_domain::rollout::{Halting, Rollout, RolloutPlan, RolloutState};
-use lightpath_store::{Store, Widening};
+use lightpath_store::{RequestMark, Store, Widening};
 
 /// Rollouts.
 #[derive(Clone, Debug)]
@@ -21,19 +21,30 @@ impl Rollouts {
         Self { store, promotions }
     }
 
-    /// Starts a rollout of a version that passes the gate of its display.
+    /// Starts a rollout of a version that passes the gate of its display. A repeated request with a mark returns the
+    /// rollout that the first one started.
     pub async fn start(
         &self,
         call: &Call,
         key: &KernelKey,
         mut plan: RolloutPlan,
         passage: Passage,
+        mark: Option<RequestMark>,
     ) -> Result<Rollout> {
+        if let Some(mark) = &mark
+            && let Some(number) = self.store.made_by(mark).await?
+        {
+            return Ok(self.store.rollout(key, number).await?.0);
+        }
         self.require_group(&key.display, &plan.group).await?;
         let Passed { expected_active, overridden } = self.promotions.pass_gate(call, key, &passage).await?;
         plan.overridden = overridden;
         plan.cause = cause(call, passage.reason);
-        Ok(self.store.start_rollout(key, plan, expected_active, self.store.now_ms()).await?)
+        let now_ms = self.store.now_ms();
+        Ok(match mark {
+            Some(mark) => self.store.start_rollout_once(key, plan, expected_active, &mark, now_ms).await?,
+            None => self.store.start_rollout(key, plan, expected_active, now_ms).await?,
+        })
     }
 
     /// At which numbers of failed devices a rollout halts by itself; `None`: it has ended.

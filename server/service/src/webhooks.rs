@@ -5,7 +5,7 @@ use crate::error::{Result, ServiceError};
 use lightpath_domain::origin::Origins;
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_domain::webhook::{Delivery, Webhook, WebhookEvent, WebhookSecret, WebhookUrl};
-use lightpath_store::{Store, StoreError};
+use lightpath_store::{Store, StoreError, WebhookChange};
 
 /// Webhooks, which may go to some origins.
 #[derive(Clone, Debug)]
@@ -53,7 +53,7 @@ impl Webhooks {
         let NewWebhook { id, url, events, display } = new;
         self.require_origin(&url)?;
         let (caller, create_time_ms) = (call.caller.name.clone(), self.store.now_ms());
-        let webhook = Webhook { id, url, events, display, caller, create_time_ms };
+        let webhook = Webhook { id, url, events, display, caller, create_time_ms, revision: 1 };
         let secret = WebhookSecret::generate().map_err(|_| ServiceError::NoRandomness)?;
         self.store.create_webhook(&webhook, &secret).await?;
         Ok((webhook, secret))
@@ -72,6 +72,15 @@ impl Webhooks {
             true => Ok(webhook),
             false => Err(StoreError::NotFound { resource: format!("webhooks/{id}") }.into()),
         }
+    }
+
+    /// Changes a webhook that the caller has been shown. Refuses an address that the operator does not allow, and a
+    /// webhook that has another revision than it had then, or than `expected`: it may have become one of other displays.
+    pub async fn update(&self, webhook: &Webhook, change: WebhookChange, expected: Option<u32>) -> Result<Webhook> {
+        if let Some(url) = &change.url {
+            self.require_origin(url)?;
+        }
+        Ok(self.store.update_webhook(&webhook.id, change, expected.unwrap_or(webhook.revision)).await?)
     }
 
     /// Sends a test event.

@@ -1,6 +1,7 @@
 //! Checks that go on after a wrong field, so that a refusal names every wrong field of a request at once.
 
 use crate::error::{Fix, Result, ServiceError, WrongField};
+use crate::field::Field;
 
 /// Limit on the wrong fields that one refusal names: enough for a screen. Long ones are cut where the answer is made, because
 /// clients accept few headers.
@@ -91,10 +92,27 @@ pub fn missing(field: String, what: &str, fix: &str) -> WrongField {
     WrongField { field, problem: format!("names {what}, which does not exist"), fix: Fix::Action(fix.to_owned()) }
 }
 
+/// The error about a request that is part of another one, in its field `outer`.
+#[must_use]
+pub fn within(outer: &Field, error: ServiceError) -> ServiceError {
+    let inner = |field: &str| outer.at(field).to_string();
+    let wrong = |wrong: WrongField| WrongField { field: inner(&wrong.field), ..wrong };
+    match error {
+        ServiceError::Invalid(field) => ServiceError::Invalid(wrong(field)),
+        ServiceError::SeveralInvalid { fields, count, are_missing } => {
+            ServiceError::SeveralInvalid { fields: fields.into_iter().map(wrong).collect(), count, are_missing }
+        }
+        ServiceError::Missing { field, what, fix } => ServiceError::Missing { field: inner(&field), what, fix },
+        ServiceError::Precondition { reason, message } => {
+            ServiceError::Precondition { reason, message: format!("{outer}: {message}") }
+        }
+        other => other,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::field::Field;
 
     fn checked(width: u32, height: u32, name: Result<String>) -> Result<(u32, u32, String)> {
         check_all! {
@@ -119,6 +137,20 @@ mod tests {
         );
         let nested = all_of([checked(2, 99, Ok(String::new())).unwrap_err(), missing(), missing()]).to_string();
         assert!(nested.starts_with("3 fields"), "{nested}");
+    }
+
+    #[test]
+    fn fields_of_a_part_are_named_with_the_part() {
+        let part = Field::new("requests").index(3);
+        let wrong = within(
+            &part,
+            checked(2, 99, Err(Field::new("name").missing("displays/lab", "create it first"))).unwrap_err(),
+        );
+        let text = wrong.to_string();
+        assert!(
+            text.contains("requests[3].width is 2") && text.contains("requests[3].name names displays/lab"),
+            "{text}"
+        );
     }
 
     #[test]

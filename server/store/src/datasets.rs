@@ -9,6 +9,24 @@ use lightpath_domain::dataset::{DATASETS_MAX, Dataset, Encoding, Exposure, Findi
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_domain::units::{Distance, Wavelength};
 
+/// Which pairs of a dataset are wanted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PairFilter {
+    /// All pairs.
+    All,
+    /// Pairs that have findings.
+    WithFindings,
+}
+
+/// Some pairs of a dataset.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PairsOf {
+    /// The dataset without its pairs.
+    pub dataset: Dataset,
+    /// The pairs with their findings.
+    pub pairs: Vec<(Pair, Vec<Finding>)>,
+}
+
 impl Store {
     /// Creates an open dataset without pairs. The id, display, wavelength, distance, encoding and bit depth of
     /// `dataset` are used. Creating the same dataset again returns the existing one.
@@ -33,6 +51,37 @@ impl Store {
         with_pairs(&mut read, id).await
     }
 
+    /// A dataset without its pairs and their findings.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`].
+    pub async fn dataset_alone(&self, id: &str) -> Result<Dataset> {
+        let mut read = self.readers().begin().await?;
+        find(&mut read, id).await
+    }
+
+    /// A dataset without its pairs, and at most `limit` of them with their findings, in the order of their ids and
+    /// behind `after`.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`].
+    pub async fn pairs(&self, id: &str, filter: PairFilter, after: Option<&str>, limit: u32) -> Result<PairsOf> {
+        // One transaction, so that the uses of the pairs agree with the state of the dataset.
+        let mut read = self.readers().begin().await?;
+        let dataset = find(&mut read, id).await?;
+        let mut query = Builder::new("select * from pair where dataset = ");
+        query.push_bind(id).push(" and id > ").push_bind(after.unwrap_or(""));
+        if filter == PairFilter::WithFindings {
+            query.push(" and findings <> '[]'");
+        }
+        query.push(" order by id limit ").push_bind(page(limit));
+        let rows = query.build().fetch_all(&mut read).await?;
+        let pairs = rows.iter().map(|row| Ok((pair_of(row)?, json(row, "pair.findings")?))).collect::<Result<_>>()?;
+        Ok(PairsOf { dataset, pairs })
+    }
+
     /// At most `limit` datasets, without their pairs, in the order of their ids and behind `after`.
     pub async fn datasets(&self, display: Option<&str>, after: Option<&str>, limit: u32) -> Result<Vec<Dataset>> {
         let mut query = Builder::new("select * from dataset where id > ");
@@ -55,18 +104,19 @@ impl Store {
         self.write(async move |write| delete(write, &id, now_ms).await).await
     }
 
-    /// Adds a pair to an open dataset and returns the dataset without its pairs. Adding the same pair again changes
-    /// nothing. `findings` contains the findings about this pair, and all findings about the whole dataset, which have
-    /// no pair id.
+    /// Adds pairs to an open dataset, all or none, and returns the dataset without its pairs. Pairs that the dataset
+    /// already has change nothing. `findings` contains the findings about these pairs, and all findings about the whole
+    /// dataset, which have no pair id.
     ///
     /// # Errors
     ///
     /// [`StoreError::NotFound`] if the dataset or an artifact is missing; [`StoreError::AlreadyExists`] if another pair
-    /// has this id, hologram or photograph; [`StoreError::Precondition`] if the dataset is finalized or full;
-    /// [`StoreError::Aborted`] if the pair was measured with another alignment than the dataset now has.
-    pub async fn add_pair(&self, dataset_id: &str, pair: &Pair, findings: &[Finding]) -> Result<Dataset> {
-        let (id, pair, findings) = (dataset_id.to_owned(), pair.clone(), findings.to_vec());
-        self.write(async move |write| add_pair(write, &id, &pair, &findings).await).await
+    /// has the id, hologram or photograph of one of them; [`StoreError::Precondition`] if the dataset is finalized or
+    /// has no room for all; [`StoreError::Aborted`] if a pair was measured with another alignment than the dataset now
+    /// has.
+    pub async fn add_pairs(&self, dataset_id: &str, pairs: &[Pair], findings: &[Finding]) -> Result<Dataset> {
+        let (id, pairs, findings) = (dataset_id.to_owned(), pairs.to_vec(), findings.to_vec());
+        self.write(async move |write| add_pairs(write, &id, &pairs, &findings).await).await
     }
 }
 
@@ -141,32 +191,44 @@ pub(super) fn changed(dataset: &Dataset) -> Changed {
     Changed::Dataset { id: dataset.id.clone(), display: dataset.display.clone() }
 }
 
-async fn add_pair(write: &mut Write, id: &str, pair: &Pair, findings: &[Finding]) -> Result<Dataset> {
-    let dataset = find(write.sql(), id).await?;
-    if contains_pair(write.sql(), id, pair).await? {
+async fn add_pairs(write: &mut Write, id: &str, pairs: &[Pair], findings: &[Finding]) -> Result<Dataset> {
+    let mut dataset = find(write.sql(), id).await?;
+    let count_before = dataset.pair_count;
+    for pair in pairs {
+        if !contains_pair(write.sql(), id, pair).await? {
+            require_pair_allowed(&dataset, pair)?;
+            insert_pair(write, id, pair, findings).await?;
+            dataset.pair_count += 1;
+        }
+    }
+    if dataset.pair_count == count_before {
         return Ok(dataset);
     }
-    require_pair_allowed(&dataset, pair)?;
+    let dataset_findings: Vec<&Finding> = findings.iter().filter(|finding| finding.pair.is_empty()).collect();
+    let sql = "update dataset set pair_count = $2, findings = $3, revision = revision + 1 where id = $1 returning *";
+    let findings = to_json("dataset.findings", &dataset_findings)?;
+    let row = query(sql).bind((id, dataset.pair_count, findings)).fetch_one(write.sql()).await?;
+    write.announce_changed(changed(&dataset));
+    dataset_of(&row)
+}
+
+/// Inserts a pair with those of the findings that are about it.
+async fn insert_pair(write: &mut Write, id: &str, pair: &Pair, findings: &[Finding]) -> Result<()> {
     for digest in [&pair.pattern, &pair.photo] {
         require_artifact(write.sql(), digest).await?;
     }
     let exposure =
         (pair.exposure != Exposure::default()).then(|| to_json("pair.exposure", &pair.exposure)).transpose()?;
     let checks = pair.checks.as_ref().map(|checks| to_json("pair.checks", checks)).transpose()?;
-    let (pair_findings, dataset_findings): (Vec<_>, Vec<_>) =
-        findings.iter().partition(|finding| !finding.pair.is_empty());
+    let findings: Vec<&Finding> = findings.iter().filter(|finding| finding.pair == pair.id).collect();
     let sql = "insert into pair (dataset, id, pattern, photo, split, exposure, checks, findings) values ($1, $2, $3, $4, $5, $6, $7, $8)";
     query(sql)
         .bind((id, &pair.id, &pair.pattern, &pair.photo))
         .bind((pair.split.map(|split| to_word("pair.split", &split)).transpose()?, exposure, checks))
-        .bind(to_json("pair.findings", &pair_findings)?)
+        .bind(to_json("pair.findings", &findings)?)
         .execute(write.sql())
         .await?;
-    let sql = "update dataset set pair_count = pair_count + 1, findings = $2, revision = revision + 1 \
-               where id = $1 returning *";
-    let row = query(sql).bind((id, to_json("dataset.findings", &dataset_findings)?)).fetch_one(write.sql()).await?;
-    write.announce_changed(changed(&dataset));
-    dataset_of(&row)
+    Ok(())
 }
 
 /// Whether the dataset contains the same pair. Returns an error if another pair has its id, hologram or photograph.
@@ -176,14 +238,9 @@ async fn contains_pair(sql: &mut Connection, id: &str, pair: &Pair) -> Result<bo
         .fetch_all(sql)
         .await?;
     let stored: Vec<Pair> = rows.iter().map(pair_of).collect::<Result<_, _>>()?;
-    let is_same = |stored: &Pair| {
-        (pair.split.is_none() || pair.split == stored.split)
-            && (&stored.id, &stored.pattern, &stored.photo, stored.exposure)
-                == (&pair.id, &pair.pattern, &pair.photo, pair.exposure)
-    };
     match stored.as_slice() {
         [] => Ok(false),
-        [one] if is_same(one) => Ok(true),
+        [one] if one.is_given_again_by(pair) => Ok(true),
         [one, ..] => {
             let (resource, detail) = describe_conflict(id, pair, one);
             Err(StoreError::exists(resource, detail))
@@ -257,6 +314,7 @@ fn dataset_of(row: &Row) -> Result<Dataset> {
         pairs: Vec::new(),
         findings: json(row, "dataset.findings")?,
         finalization: json_option(row, "dataset.finalization")?,
+        split_counts: json_option(row, "dataset.split_counts")?,
     }))
 }
 

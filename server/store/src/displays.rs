@@ -3,18 +3,27 @@
 use super::changes::Changed;
 use super::rows::{json, to_json};
 use super::sql::{Connection, Row, query, scalar};
-use super::{Result, Store, StoreError, page};
+use super::{AbortReason, Result, Store, StoreError, page};
 use lightpath_domain::display::Display;
 use lightpath_domain::reason::PreconditionReason;
 
+/// What is known of a stored display besides its properties.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DisplayRecord {
+    /// Time when it was first stored \[ms since 1970\].
+    pub create_time_ms: i64,
+    /// Number of changes so far and 1.
+    pub revision: u32,
+}
+
 impl Store {
-    /// Stores a display and returns it with its creation time \[ms since 1970\]. Storing the same display again changes
+    /// Stores a display and returns it. Storing the same display again changes
     /// nothing.
     ///
     /// # Errors
     ///
     /// [`StoreError::AlreadyExists`] if a display with other properties has this id.
-    pub async fn create_display(&self, display: &Display, now_ms: i64) -> Result<(Display, i64)> {
+    pub async fn create_display(&self, display: &Display, now_ms: i64) -> Result<(Display, DisplayRecord)> {
         let (id, content) = (display.id.clone(), to_json("display.content", display)?);
         self.write(async move |write| {
             query("insert into display (id, content, create_time_ms) values ($1, $2, $3) on conflict do nothing")
@@ -31,24 +40,53 @@ impl Store {
         .await
     }
 
-    /// A display and its creation time \[ms since 1970\].
+    /// A display.
     ///
     /// # Errors
     ///
     /// [`StoreError::NotFound`].
-    pub async fn display(&self, id: &str) -> Result<(Display, i64)> {
+    pub async fn display(&self, id: &str) -> Result<(Display, DisplayRecord)> {
         let row = query("select * from display where id = $1").bind(id).fetch_optional(self.readers()).await?;
         display_of(&row.ok_or_else(|| StoreError::not_found(format!("displays/{id}")))?)
     }
 
-    /// At most `limit` displays with their creation times \[ms since 1970\], in the order of their ids and behind
-    /// `after`.
-    pub async fn displays(&self, after: Option<&str>, limit: u32) -> Result<Vec<(Display, i64)>> {
+    /// At most `limit` displays, in the order of their ids and behind `after`.
+    pub async fn displays(&self, after: Option<&str>, limit: u32) -> Result<Vec<(Display, DisplayRecord)>> {
         let rows = query("select * from display where id > $1 order by id limit $2")
             .bind((after.unwrap_or(""), page(limit)))
             .fetch_all(self.readers())
             .await?;
         rows.iter().map(display_of).collect()
+    }
+
+    /// Gives a display other notes, and returns it. The same notes again change nothing. The display must have the
+    /// revision `expected`; `None`: any.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`]; [`StoreError::Aborted`] if it has another revision.
+    pub async fn set_display_notes(
+        &self,
+        id: &str,
+        notes: String,
+        expected: Option<u32>,
+    ) -> Result<(Display, DisplayRecord)> {
+        let id = id.to_owned();
+        self.write(async move |write| {
+            let row = query("select * from display where id = $1").bind(&id).fetch_optional(write.sql()).await?;
+            let row = row.ok_or_else(|| StoreError::not_found(format!("displays/{id}")))?;
+            let (before, record) = display_of(&row)?;
+            require_revision(AbortReason::DisplayChanged, &format!("displays/{id}"), record.revision, expected)?;
+            if before.notes == notes {
+                return Ok((before, record));
+            }
+            let content = to_json("display.content", &Display { notes, ..before })?;
+            let sql = "update display set content = $2, revision = revision + 1 where id = $1 returning *";
+            let row = query(sql).bind((&id, content)).fetch_one(write.sql()).await?;
+            write.announce_changed(Changed::Display(id));
+            display_of(&row)
+        })
+        .await
     }
 
     /// Deletes a display that no dataset, kernel or job refers to, with its pause.
@@ -84,8 +122,20 @@ impl Store {
     }
 }
 
-fn display_of(row: &Row) -> Result<(Display, i64)> {
-    Ok((json(row, "display.content")?, row.try_get("create_time_ms")?))
+/// Checks that a resource has the revision that the caller has seen; `None`: any.
+pub(super) fn require_revision(reason: AbortReason, name: &str, revision: u32, expected: Option<u32>) -> Result<()> {
+    match expected {
+        Some(expected) if expected != revision => {
+            let message = format!("{name} has the revision {revision}, not {expected}: it changed meanwhile");
+            Err(StoreError::Aborted { reason, message })
+        }
+        _ => Ok(()),
+    }
+}
+
+fn display_of(row: &Row) -> Result<(Display, DisplayRecord)> {
+    let record = DisplayRecord { create_time_ms: row.try_get("create_time_ms")?, revision: row.try_get("revision")? };
+    Ok((json(row, "display.content")?, record))
 }
 
 /// Checks that the display exists.

@@ -15,6 +15,10 @@ lightpath_domain::reasons! {
         RolloutChanged = "ROLLOUT_CHANGED",
         /// The pairs or the alignment of the dataset changed.
         DatasetChanged = "DATASET_CHANGED",
+        /// The display changed.
+        DisplayChanged = "DISPLAY_CHANGED",
+        /// The webhook changed.
+        WebhookChanged = "WEBHOOK_CHANGED",
         /// Another keyring was added.
         KeyringChanged = "KEYRING_CHANGED",
     }

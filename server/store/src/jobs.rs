@@ -81,6 +81,28 @@ impl Store {
         self.write(async move |write| submit(write, new, now_ms, limits).await).await
     }
 
+    /// [`Self::submit`] for several jobs, all or none.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::submit`].
+    pub async fn submit_all(
+        &self,
+        new: &[NewJob],
+        now_ms: i64,
+        limits: impl Into<QueueLimits>,
+    ) -> Result<Vec<(Job, Submitted)>> {
+        let (new, limits) = (new.to_vec(), limits.into());
+        self.write(async move |write| {
+            let mut submitted = Vec::with_capacity(new.len());
+            for job in new {
+                submitted.push(submit(write, job, now_ms, limits).await?);
+            }
+            Ok(submitted)
+        })
+        .await
+    }
+
     /// Reads a job.
     ///
     /// # Errors

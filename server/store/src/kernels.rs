@@ -4,6 +4,7 @@ use super::changes::Change;
 use super::datasets::require_artifact;
 use super::displays::require_display;
 use super::kernel_filter::KernelFilter;
+use super::made::{RequestMark, made_by, note_made};
 use super::rows::{json, key_of, to_json, to_word, word};
 use super::sql::{Builder, Connection, Row, from_row, query, scalar};
 use super::write::Write;
@@ -162,7 +163,34 @@ impl Store {
         .await
     }
 
-    /// Appends a version to a kernel and creates the kernel for its first version. The active version stays the same.
+    /// Appends a version to a kernel and creates the kernel for its first version. The active version stays the same. If
+    /// a request with this mark has made a version already, returns that version instead.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`] if the display or the artifact does not exist; [`StoreError::Precondition`] if the
+    /// kernel has [`VERSIONS_MAX`] versions; [`StoreError::AlreadyExists`] if the caller used the id of the request for
+    /// another one.
+    pub async fn add_kernel_version_once(
+        &self,
+        key: &KernelKey,
+        version: NewKernelVersion,
+        mark: &RequestMark,
+        now_ms: i64,
+    ) -> Result<KernelVersion> {
+        let (key, mark) = (key.clone(), mark.clone());
+        self.write(async move |write| {
+            if let Some(number) = made_by(write.sql(), &mark).await? {
+                return find_version(write.sql(), &key, number).await;
+            }
+            let made = append_version(write, &key, version, now_ms).await?;
+            note_made(write, &mark, made.version, now_ms).await?;
+            Ok(made)
+        })
+        .await
+    }
+
+    /// [`Self::add_kernel_version_once`] without a mark: every call appends a version.
     ///
     /// # Errors
     ///

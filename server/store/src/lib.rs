@@ -36,7 +36,7 @@
 //!   and JSON. `job_rows`: jobs as rows.
 //! - `displays`, `artifacts`, `datasets`, `jobs`, `leases`, `endings`, `cancels`, `events`, `kernels`, `moves`,
 //!   `totals`: each an `impl Store` for one table or for one part of a record's life. `prepared`: results of jobs that
-//!   align and finalize datasets.
+//!   align and finalize datasets. `made`: requests that made something, which may be repeated.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod artifacts;
@@ -65,6 +65,7 @@ mod kernel_filter;
 mod kernels;
 mod leases;
 mod living;
+mod made;
 mod migrations;
 mod moves;
 mod notices;
@@ -88,8 +89,10 @@ mod write;
 pub use artifacts::ArtifactRecord;
 pub use changes::Changed;
 pub use collection::Deleted;
+pub use datasets::{PairFilter, PairsOf};
 pub use deliveries::Attempt;
 pub use devices::DEVICES_MAX;
+pub use displays::DisplayRecord;
 pub use error::{AbortReason, Result, StoreError};
 pub use inspect::{Counts, DanglingReference, Inspection, StoredBlob};
 pub use job_lists::JobFilter;
@@ -97,6 +100,7 @@ pub use jobs::{QueueCounts, QueueLimits, Submitted};
 pub use kernel_filter::KernelFilter;
 pub use leases::{ClaimLimits, Claimant, Heartbeat};
 pub use living::{LIFE, Process, ProcessKind};
+pub use made::RequestMark;
 pub use moves::{ALIASES_MAX, AliasMove, Promotion};
 pub use passed_on::PassedOn;
 pub use queue::{BatchProgress, OwnerQueue, Pause};
@@ -106,7 +110,7 @@ pub use store::Store;
 pub use tokens::TokenRecord;
 pub use totals::{QueueDepth, WaitingWork};
 pub use transfer::{ComparedTable, Side, Transfer, TransferError};
-pub use webhooks::WEBHOOKS_MAX;
+pub use webhooks::{WEBHOOKS_MAX, WebhookChange};
 
 /// Limit on the rows that one call returns, for any requested limit: a page of the largest records fits into a message.
 pub const LIMIT_MAX: u32 = 1001;

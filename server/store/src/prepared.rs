@@ -10,7 +10,7 @@ use super::sql::query;
 use super::write::Write;
 use super::{AbortReason, Result, StoreError};
 use lightpath_domain::dataset::{
-    self, Dataset, Finalization, Finding, Pair, PairChecks, PreparedDataset, Split, Splits,
+    self, Dataset, Finalization, Finding, Pair, PairChecks, PreparedDataset, Split, SplitCounts, Splits,
 };
 use lightpath_domain::reason::PreconditionReason;
 use std::collections::BTreeMap;
@@ -84,6 +84,7 @@ fn finalize(dataset: &mut Dataset, finalization: Finalization, mut splits: Split
             return Err(StoreError::precondition(PreconditionReason::DatasetSplitEmpty, message));
         }
     }
+    dataset.split_counts = Some(SplitCounts::of(splits.iter().map(|(_, split)| *split)));
     for (pair, (_, split)) in dataset.pairs.iter_mut().zip(splits) {
         pair.split = split;
     }
@@ -107,13 +108,14 @@ async fn update_dataset(write: &mut Write, dataset: &Dataset) -> Result<()> {
     let dataset_findings: Vec<&Finding> = dataset.findings.iter().filter(|finding| finding.pair.is_empty()).collect();
     query(
         "update dataset set alignment = $2, findings = $3, revision = $4, digest = $5, finalization = $6, \
-         finalize_time_ms = $7 where id = $1",
+         finalize_time_ms = $7, split_counts = $8 where id = $1",
     )
     .bind(&dataset.id)
     .bind(dataset.alignment.as_ref().map(|alignment| to_json("dataset.alignment", alignment)).transpose()?)
     .bind((to_json("dataset.findings", &dataset_findings)?, dataset.revision as i64, &dataset.digest))
     .bind(dataset.finalization.as_ref().map(|finalization| to_json("dataset.finalization", finalization)).transpose()?)
     .bind(dataset.finalize_time_ms)
+    .bind(dataset.split_counts.as_ref().map(|counts| to_json("dataset.split_counts", counts)).transpose()?)
     .execute(write.sql())
     .await?;
     write.announce_changed(changed(dataset));

@@ -2,6 +2,7 @@
 
 use super::changes::Changed;
 use super::kernels::find;
+use super::made::{RequestMark, made_by, note_made};
 use super::moves::{Promotion, promote, raise_generation, require_active, require_no_rollout, require_version};
 use super::rows::{cause_of, json, key_of, to_json, to_word, word};
 use super::sql::{Builder, Connection, Row, from_row, query, query_as, scalar};
@@ -35,6 +36,32 @@ pub struct Widening {
 }
 
 impl Store {
+    /// Starts a rollout. If a request with this mark has started one already, returns that rollout instead.
+    ///
+    /// # Errors
+    ///
+    /// The errors of [`Self::start_rollout`]; [`StoreError::AlreadyExists`] if the caller used the id of the request for
+    /// another one.
+    pub async fn start_rollout_once(
+        &self,
+        key: &KernelKey,
+        plan: RolloutPlan,
+        expected_active: Option<u32>,
+        mark: &RequestMark,
+        now_ms: i64,
+    ) -> Result<Rollout> {
+        let (key, mark) = (key.clone(), mark.clone());
+        self.write(async move |write| {
+            if let Some(number) = made_by(write.sql(), &mark).await? {
+                return find_rollout(write.sql(), &key, number).await;
+            }
+            let started = start(write, &key, plan, expected_active, now_ms).await?;
+            note_made(write, &mark, started.number, now_ms).await?;
+            Ok(started)
+        })
+        .await
+    }
+
     /// Starts a rollout.
     ///
     /// # Errors

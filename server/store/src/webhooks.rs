@@ -2,16 +2,27 @@
 
 use super::changes::Change;
 use super::deliveries::delivery_of;
-use super::displays::require_display;
+use super::displays::{require_display, require_revision};
 use super::rows::{json, to_json};
 use super::sql::{Row, from_row, query, scalar};
-use super::{Result, Store, StoreError};
+use super::{AbortReason, Result, Store, StoreError};
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_domain::webhook::{Delivery, Webhook, WebhookEvent, WebhookSecret, WebhookUrl};
 use std::collections::BTreeMap;
 
 /// Limit on the webhooks of a server. Every event writes a row for each of them.
 pub const WEBHOOKS_MAX: u32 = 32;
+
+/// New properties of a webhook; `None`: as before.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct WebhookChange {
+    /// The address.
+    pub url: Option<WebhookUrl>,
+    /// The events that it learns of; empty: all.
+    pub events: Option<Vec<WebhookEvent>>,
+    /// Id of the display whose events it learns of; `None` within: all displays.
+    pub display: Option<Option<String>>,
+}
 
 impl Store {
     /// Stores a new webhook with the key that signs what it gets.
@@ -73,6 +84,36 @@ impl Store {
     pub async fn webhooks(&self) -> Result<Vec<Webhook>> {
         let rows = query("select * from webhook order by id").fetch_all(self.readers()).await?;
         rows.iter().map(webhook_of).collect()
+    }
+
+    /// Changes a webhook, which must have the revision `expected`, and returns it. What it has already changes nothing.
+    ///
+    /// # Errors
+    ///
+    /// [`StoreError::NotFound`] if the webhook or its display does not exist; [`StoreError::Aborted`] if it has another
+    /// revision.
+    pub async fn update_webhook(&self, id: &str, change: WebhookChange, expected: u32) -> Result<Webhook> {
+        let id = id.to_owned();
+        self.write(async move |write| {
+            let row = query("select * from webhook where id = $1").bind(&id).fetch_optional(write.sql()).await?;
+            let before = webhook_of(&row.ok_or_else(|| StoreError::not_found(name(&id)))?)?;
+            require_revision(AbortReason::WebhookChanged, &name(&id), before.revision, Some(expected))?;
+            let after = change.of(before.clone());
+            if after == before {
+                return Ok(before);
+            }
+            if let Some(display) = &after.display {
+                require_display(write.sql(), display).await?;
+            }
+            let sql = "update webhook set url = $2, events = $3, display = $4, revision = revision + 1 \
+                       where id = $1 returning *";
+            let row = query(sql)
+                .bind((&id, after.url.as_str(), to_json("webhook.events", &after.events)?, &after.display))
+                .fetch_one(write.sql())
+                .await?;
+            webhook_of(&row)
+        })
+        .await
     }
 
     /// Deletes a webhook, with what it has not received yet.
@@ -147,6 +188,18 @@ impl Store {
     }
 }
 
+impl WebhookChange {
+    /// The changed webhook.
+    fn of(self, before: Webhook) -> Webhook {
+        Webhook {
+            url: self.url.unwrap_or(before.url),
+            events: self.events.unwrap_or(before.events),
+            display: self.display.unwrap_or(before.display),
+            ..before
+        }
+    }
+}
+
 fn name(id: &str) -> String {
     format!("webhooks/{id}")
 }
@@ -154,7 +207,7 @@ fn name(id: &str) -> String {
 fn webhook_of(row: &Row) -> Result<Webhook> {
     let url: String = row.try_get("url")?;
     Ok(from_row!(row, Webhook {
-        id, display, caller, create_time_ms;
+        id, display, caller, create_time_ms, revision;
         url: WebhookUrl::parse(&url).map_err(|error| StoreError::corrupt("webhook.url", error))?,
         events: json(row, "webhook.events")?,
     }))

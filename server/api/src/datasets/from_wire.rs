@@ -2,12 +2,36 @@
 
 use crate::enumerations::WireField as _;
 use crate::names;
-use lightpath_domain::dataset::{Exposure, Pair};
+use lightpath_domain::dataset::{ADDED_PAIRS_MAX, Exposure, Pair};
 use lightpath_proto::v1;
-use lightpath_service::{Field, Result, check_all};
+use lightpath_service::{Field, Result, check_all, collect_all};
+use std::collections::HashMap;
+
+/// Checks the pairs of one call and converts them. No two may share an id, a hologram or a photograph.
+pub(crate) fn pairs(messages: &[v1::Pair], field: &Field) -> Result<Vec<Pair>> {
+    if !(1..=ADDED_PAIRS_MAX).contains(&messages.len()) {
+        return Err(field.but(format!("has {} pairs", messages.len()), format!("must have 1 to {ADDED_PAIRS_MAX}")));
+    }
+    let pairs = collect_all(messages.iter().enumerate().map(|(i, message)| pair(message, &field.index(i))))?;
+    let mut first = HashMap::new();
+    let mut distinct = |i, name: &'static str, value: &str| {
+        let before = *first.entry((name, value.to_owned())).or_insert(i);
+        if before == i {
+            return Ok(());
+        }
+        let problem = format!("is that of {}", field.index(before));
+        Err(field.index(i).at(name).invalid(problem, "give each hologram and each photograph once"))
+    };
+    let checks = pairs.iter().enumerate().flat_map(|(i, pair)| {
+        [("id", &pair.id), ("pattern", &pair.pattern), ("photo", &pair.photo)]
+            .map(|(name, value)| distinct(i, name, value))
+    });
+    collect_all(checks)?;
+    Ok(pairs)
+}
 
 /// Checks a pair from a client and converts it.
-pub(crate) fn pair(pair: &v1::Pair, field: &Field) -> Result<Pair> {
+fn pair(pair: &v1::Pair, field: &Field) -> Result<Pair> {
     check_all! {
         id = names::pair_id(&field.at("id"), &pair.id);
         pattern = field.at("pattern").digest(&pair.pattern);

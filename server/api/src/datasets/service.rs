@@ -11,13 +11,15 @@ use lightpath_domain::dataset::{Dataset, Encoding};
 use lightpath_proto::v1;
 use lightpath_proto::v1::dataset_service_server::DatasetService;
 use lightpath_service::{CalibrationTarget, Call, Field, Result, check_all};
+use lightpath_store::{PairFilter, PairsOf};
 
 answers! {
     DatasetService {
         create_dataset(v1::CreateDatasetRequest) -> v1::Dataset;
         get_dataset(v1::GetDatasetRequest) -> v1::Dataset;
         list_datasets(v1::ListDatasetsRequest) -> v1::ListDatasetsResponse;
-        add_pair(v1::AddPairRequest) -> v1::Dataset;
+        list_pairs(v1::ListPairsRequest) -> v1::ListPairsResponse;
+        add_pairs(v1::AddPairsRequest) -> v1::AddPairsResponse;
         delete_dataset(v1::DeleteDatasetRequest) -> v1::DeleteDatasetResponse;
         create_calibration_target(v1::CreateCalibrationTargetRequest) -> v1::CalibrationTarget;
     }
@@ -34,7 +36,7 @@ impl Api {
 
     async fn get_dataset(&self, call: &Call, request: v1::GetDatasetRequest) -> Result<v1::Dataset> {
         let id = names::dataset_id(&Field::new("name"), &request.name)?;
-        Ok(to_wire::dataset(self.service.datasets.visible(call, &id).await?))
+        Ok(to_wire::dataset(self.service.datasets.alone(call, &id).await?))
     }
 
     async fn list_datasets(&self, call: &Call, request: v1::ListDatasetsRequest) -> Result<v1::ListDatasetsResponse> {
@@ -45,13 +47,28 @@ impl Api {
         Ok(v1::ListDatasetsResponse { datasets, next_page_token })
     }
 
-    /// Adds a pair to a dataset, with its measurements and findings.
-    async fn add_pair(&self, call: &Call, request: v1::AddPairRequest) -> Result<v1::Dataset> {
+    async fn list_pairs(&self, call: &Call, request: v1::ListPairsRequest) -> Result<v1::ListPairsResponse> {
+        let id = names::dataset_id(&Field::new("dataset"), &request.dataset)?;
+        let (filter, word) = match request.with_findings {
+            true => (PairFilter::WithFindings, "with findings"),
+            false => (PairFilter::All, "all"),
+        };
+        let page = Page::new(&["pairs", &id, word], request.page_size, &request.page_token)?;
+        let PairsOf { dataset, pairs } =
+            self.service.datasets.pairs(call, &id, filter, page.after.as_deref(), page.limit()).await?;
+        let to_wire = |pair| to_wire::pair(pair, &dataset);
+        let (pairs, next_page_token) = page.fill(pairs, |(pair, _)| pair.id.clone(), to_wire);
+        Ok(v1::ListPairsResponse { pairs, next_page_token })
+    }
+
+    /// Adds pairs to a dataset, with their measurements and findings.
+    async fn add_pairs(&self, call: &Call, request: v1::AddPairsRequest) -> Result<v1::AddPairsResponse> {
         let id = names::dataset_id(&Field::new("dataset"), &request.dataset)?;
         call.concerns(format!("datasets/{id}"));
-        let field = Field::new("pair");
-        let pair = from_wire::pair(&field.required(request.pair)?, &field)?;
-        Ok(to_wire::dataset(self.service.datasets.add_pair(call, &id, pair).await?))
+        let pairs = from_wire::pairs(&request.pairs, &Field::new("pairs"))?;
+        let PairsOf { dataset, pairs } = self.service.datasets.add_pairs(call, &id, pairs).await?;
+        let pairs = pairs.into_iter().map(|pair| to_wire::pair(pair, &dataset)).collect();
+        Ok(v1::AddPairsResponse { dataset: Some(to_wire::dataset(dataset)), pairs })
     }
 
     async fn create_calibration_target(

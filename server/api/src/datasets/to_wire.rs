@@ -3,7 +3,7 @@
 use crate::enumerations::OnWire;
 use crate::optics::to_wire::place;
 use crate::time::timestamp;
-use lightpath_domain::dataset::{Alignment, Dataset, Finding, LargestValue, Pair, PairChecks};
+use lightpath_domain::dataset::{Alignment, Dataset, Finding, LargestValue, Pair, PairChecks, SplitCounts};
 use lightpath_proto::v1;
 
 /// Converts a dataset into its message.
@@ -17,7 +17,7 @@ pub(crate) fn dataset(dataset: Dataset) -> v1::Dataset {
         place: place(dataset.distance),
         photo_encoding: dataset.photo_encoding.to_wire(),
         state: state.into(),
-        pairs: dataset.pairs.into_iter().map(|found| pair(found, finalized)).collect(),
+        split_counts: dataset.split_counts.map(split_counts),
         digest: dataset.digest.unwrap_or_default(),
         create_time: Some(timestamp(dataset.create_time_ms)),
         finalize_time: dataset.finalize_time_ms.map(timestamp),
@@ -28,8 +28,14 @@ pub(crate) fn dataset(dataset: Dataset) -> v1::Dataset {
     }
 }
 
-fn pair(pair: Pair, finalized: bool) -> v1::Pair {
-    let excluded = finalized && pair.split.is_none();
+pub(crate) fn split_counts(counts: SplitCounts) -> v1::SplitCounts {
+    let SplitCounts { train, validation, test, excluded } = counts;
+    v1::SplitCounts { train, validation, test, excluded }
+}
+
+/// Converts a pair of a dataset and its findings into their message.
+pub(crate) fn pair((pair, findings): (Pair, Vec<Finding>), dataset: &Dataset) -> v1::Pair {
+    let excluded = dataset.digest.is_some() && pair.split.is_none();
     v1::Pair {
         id: pair.id,
         pattern: pair.pattern,
@@ -39,6 +45,7 @@ fn pair(pair: Pair, finalized: bool) -> v1::Pair {
         exposure_s: known(pair.exposure.exposure_s),
         camera_gain: known(pair.exposure.camera_gain),
         checks: pair.checks.map(checks),
+        findings: findings.into_iter().map(finding).collect(),
     }
 }
 

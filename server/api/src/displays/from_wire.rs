@@ -46,7 +46,7 @@ pub(crate) fn display(call: &Call, message: v1::Display, field: &Field) -> Resul
             Some(display::Orders::OrderFilter(filter)) => order_filter(&at("order_filter"), filter),
         };
         camera_fill_factor = at("camera_fill_factor").number_or(message.camera_fill_factor, 1.0, CAMERA_FILL_FACTOR);
-        notes = at("notes").lines(message.notes, NOTES_BYTES_MAX);
+        notes = notes(&at("notes"), message.notes);
         simulated_bench = bench.map(|bench| simulated_bench::from_wire(bench, &at("simulated_bench"))).transpose();
     }
     let Modulator { width_px, height_px, pixel_pitch_m, bit_depth, phase_response_rad } = modulator;
@@ -64,6 +64,11 @@ pub(crate) fn display(call: &Call, message: v1::Display, field: &Field) -> Resul
         notes,
         simulated_bench,
     })
+}
+
+/// Checks the notes of a display.
+pub(super) fn notes(field: &Field, given: String) -> Result<String> {
+    field.lines(given, NOTES_BYTES_MAX)
 }
 
 /// What a message says of a modulator.
@@ -211,6 +216,9 @@ fn require_radians(field: &Field, phase_rad: &[f64]) -> Result<()> {
 mod tests {
     use super::*;
     use crate::displays::to_wire;
+    use lightpath_store::DisplayRecord;
+
+    const RECORD: DisplayRecord = DisplayRecord { create_time_ms: 1_500, revision: 3 };
 
     fn message() -> v1::Display {
         v1::Display {
@@ -230,6 +238,7 @@ mod tests {
             notes: "bench 2".into(),
             bench: bench(v1::SimulatedBench { seed: 7, ..Default::default() }),
             create_time: None,
+            revision: 0,
         }
     }
 
@@ -285,7 +294,7 @@ mod tests {
     #[test]
     fn displays_survive_conversion_with_defaults_filled_in() {
         let domain = display(&Call::without_token(), message(), &Field::new("display")).unwrap();
-        let converted = to_wire::display(domain.clone(), 1_500);
+        let converted = to_wire::display((domain.clone(), RECORD));
         assert_eq!(converted.wavelengths_m, [515e-9, 639e-9]);
         assert_eq!(
             converted.bench,
@@ -302,7 +311,7 @@ mod tests {
         let message = v1::Display { orders: Some(all(0.93, None)), carrier: 0, ..message() };
         let domain = display(&Call::without_token(), message, &Field::new("display")).unwrap();
         assert_eq!(domain.orders, Orders::All { fill_factor_x: 0.93, fill_factor_y: 1.0 });
-        let converted = to_wire::display(domain.clone(), 1_500);
+        let converted = to_wire::display((domain.clone(), RECORD));
         assert_eq!(display(&Call::without_token(), converted, &Field::new("display")).unwrap(), domain);
     }
 
@@ -313,7 +322,7 @@ mod tests {
         let domain = display(&Call::without_token(), message, &Field::new("display")).unwrap();
         let expected = OrderFilter { centre_x: -0.25, ..OrderFilter::rectangle(0.5, 1.0) };
         assert_eq!(domain.orders, Orders::Filtered(expected));
-        let converted = to_wire::display(domain.clone(), 1_500);
+        let converted = to_wire::display((domain.clone(), RECORD));
         assert_eq!(display(&Call::without_token(), converted, &Field::new("display")).unwrap(), domain);
     }
 

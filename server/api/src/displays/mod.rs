@@ -6,3 +6,4 @@ mod plan_propagation;
 mod service;
 mod simulated_bench;
 mod to_wire;
+mod update;

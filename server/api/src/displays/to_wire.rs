@@ -6,9 +6,10 @@ use crate::time::timestamp;
 use lightpath_domain::display::Display;
 use lightpath_optics::{OrderFilter, Orders};
 use lightpath_proto::v1::{self, display, modulator};
+use lightpath_store::DisplayRecord;
 
 /// Converts a display into its message.
-pub(crate) fn display(display: Display, create_time_ms: i64) -> v1::Display {
+pub(crate) fn display((display, record): (Display, DisplayRecord)) -> v1::Display {
     v1::Display {
         name: format!("displays/{}", display.id),
         modulator: Some(v1::Modulator {
@@ -27,7 +28,8 @@ pub(crate) fn display(display: Display, create_time_ms: i64) -> v1::Display {
         camera_fill_factor: Some(display.camera_fill_factor),
         notes: display.notes,
         bench: display.simulated_bench.map(simulated_bench::to_wire).map(display::Bench::SimulatedBench),
-        create_time: Some(timestamp(create_time_ms)),
+        create_time: Some(timestamp(record.create_time_ms)),
+        revision: record.revision,
     }
 }
 

@@ -10,7 +10,7 @@ use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 use lightpath_domain::origin::Origins;
 
-const METHODS: &str = "GET, HEAD, POST, PUT, DELETE";
+const METHODS: &str = "GET, HEAD, POST, PUT, PATCH, DELETE";
 /// Fields that calls of the API and of gRPC-Web have, besides those that browsers always allow.
 const REQUEST_FIELDS: &str = "authorization, content-type, content-range, grpc-timeout, idempotency-key, if-match, \
                               if-none-match, last-event-id, range, x-grpc-web, x-user-agent";

@@ -18,6 +18,7 @@ use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 answers! {
     JobService {
         submit_job(v1::SubmitJobRequest) -> v1::Job;
+        submit_jobs(v1::SubmitJobsRequest) -> v1::SubmitJobsResponse;
         get_job(v1::GetJobRequest) -> v1::Job;
         list_jobs(v1::ListJobsRequest) -> v1::ListJobsResponse;
         cancel_job(v1::CancelJobRequest) -> v1::Job;

@@ -2,21 +2,62 @@
 
 use super::{kinds, scheduling, to_wire};
 use crate::api::Api;
+use crate::once;
 use lightpath_proto::v1;
 use lightpath_service::permissions::priority_of_job;
-use lightpath_service::{Call, Field, Result, Submission, check_all, is_about_fields};
+use lightpath_service::{
+    Call, CheckedJob, Field, Result, ServiceError, Submission, all_of, check_all, is_about_fields, within,
+};
 use uuid::Uuid;
 
-/// Limit on the length of a request id \[bytes\]: a UUID and a few words.
-const REQUEST_ID_BYTES_MAX: usize = 128;
+/// Limit on the jobs of one call: about as many as a JSON body holds.
+const JOBS_MAX: usize = 200;
 /// Limit on the attempts: a job that failed so often has a permanent problem.
 const ATTEMPTS_MAX: u32 = 20;
 const ATTEMPTS_DEFAULT: u32 = 3;
 
 impl Api {
-    /// Checks a submission, and puts the job into the queue. Named resources are looked up and pictures are decoded, so
-    /// that the request is refused now rather than by a worker an hour later.
-    pub(crate) async fn submit_job(&self, call: &Call, mut request: v1::SubmitJobRequest) -> Result<v1::Job> {
+    /// Puts a job into the queue.
+    pub(crate) async fn submit_job(&self, call: &Call, request: v1::SubmitJobRequest) -> Result<v1::Job> {
+        let checked = self.checked_job(call, request).await?;
+        let jobs = self.service.jobs.submit(call, vec![checked]).await?;
+        // One job was submitted.
+        Ok(jobs.into_iter().map(|job| to_wire::job(&self.service.jobs, job)).next().unwrap_or_default())
+    }
+
+    /// Puts jobs into the queue, all or none.
+    pub(crate) async fn submit_jobs(
+        &self,
+        call: &Call,
+        request: v1::SubmitJobsRequest,
+    ) -> Result<v1::SubmitJobsResponse> {
+        let field = Field::new("requests");
+        let count = request.requests.len();
+        if !(1..=JOBS_MAX).contains(&count) {
+            return Err(field.but(format!("has {count} jobs"), format!("must have 1 to {JOBS_MAX}")));
+        }
+        let (mut checked, mut refused) = (Vec::new(), Vec::new());
+        for (i, request) in request.requests.into_iter().enumerate() {
+            match self.checked_job(call, request).await.map_err(|error| within(&field.index(i), error)) {
+                Ok(job) => checked.push(job),
+                Err(error) if is_about_fields(&error) || matches!(error, ServiceError::Precondition { .. }) => {
+                    refused.push(error);
+                }
+                // Who may not submit a job, or whose client left, learns nothing of the others.
+                Err(error) => return Err(error),
+            }
+        }
+        if !refused.is_empty() {
+            return Err(all_of(refused));
+        }
+        let jobs = &self.service.jobs;
+        let submitted = jobs.submit(call, checked).await?;
+        Ok(v1::SubmitJobsResponse { jobs: submitted.into_iter().map(|job| to_wire::job(jobs, job)).collect() })
+    }
+
+    /// Checks a submission. Named resources are looked up and pictures are decoded, so that the request is refused now
+    /// rather than by a worker an hour later.
+    async fn checked_job(&self, call: &Call, mut request: v1::SubmitJobRequest) -> Result<CheckedJob> {
         let jobs = &self.service.jobs;
         let kind = request.spec.take().and_then(|spec| spec.kind);
         let submission = match submission(call, request) {
@@ -33,7 +74,8 @@ impl Api {
             submission = submission;
             spec = spec;
         }
-        Ok(to_wire::job(jobs, jobs.submit(call, submission, spec, before).await?))
+        let (spec, decoding_bytes) = spec;
+        Ok(CheckedJob { submission, spec, decoding_bytes, before })
     }
 }
 
@@ -49,13 +91,7 @@ fn submission(call: &Call, request: v1::SubmitJobRequest) -> Result<Submission> 
     Ok(Submission { scheduling, request_id, priority, attempts_max })
 }
 
+/// The id that the client chose, or one of the server.
 fn request_id(given: String) -> Result<String> {
-    let field = Field::new("request_id");
-    if given.is_empty() {
-        return Ok(Uuid::now_v7().to_string());
-    }
-    if given.chars().any(char::is_control) {
-        return Err(field.but("contains control characters", "must be plain text"));
-    }
-    field.text(given, REQUEST_ID_BYTES_MAX)
+    Ok(once::request_id(given)?.unwrap_or_else(|| Uuid::now_v7().to_string()))
 }

@@ -3,6 +3,7 @@
 use super::to_wire;
 use crate::api::Api;
 use crate::names;
+use crate::once::mark;
 use crate::optics::from_wire::distance;
 use lightpath_media::report::Comparison;
 use lightpath_proto::v1;
@@ -16,13 +17,14 @@ impl Api {
         call: &Call,
         request: v1::ImportKernelRequest,
     ) -> Result<v1::KernelVersion> {
+        let mark = mark(call, "ImportKernel", &request, &request.request_id)?;
         let display = self.display_named(call, &Field::new("display"), &request.display).await?;
         let wavelength = Field::new("wavelength_m").wavelength_of(request.wavelength_m, &display)?;
         let distance = distance(&Field::new("place"), request.place.as_ref())?;
         let digest = Field::new("artifact").digest(&request.artifact)?;
         let from_another_display = request.from_another_display;
         let import = KernelImport { display, wavelength, distance, digest, from_another_display };
-        Ok(to_wire::version(self.service.kernels.import(call, import).await?))
+        Ok(to_wire::version(self.service.kernels.import(call, import, mark).await?))
     }
 
     /// Interpolates a kernel for a distance between those of a joint fit, and stores it as the next version.
@@ -31,10 +33,12 @@ impl Api {
         call: &Call,
         request: v1::InterpolateKernelRequest,
     ) -> Result<v1::KernelVersion> {
+        let mark = mark(call, "InterpolateKernel", &request, &request.request_id)?;
         let display = self.display_named(call, &Field::new("display"), &request.display).await?;
         let wavelength = Field::new("wavelength_m").wavelength_of(request.wavelength_m, &display)?;
         let distance = distance(&Field::new("place"), request.place.as_ref())?;
-        Ok(to_wire::version(self.service.kernels.interpolate(call, display, wavelength, distance).await?))
+        let version = self.service.kernels.interpolate(call, display, wavelength, distance, mark).await?;
+        Ok(to_wire::version(version))
     }
 
     pub(crate) async fn compare_kernel_versions(

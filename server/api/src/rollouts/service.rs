@@ -5,6 +5,7 @@ use crate::api::Api;
 use crate::call::answers;
 use crate::kernels::REASON_BYTES_MAX;
 use crate::names;
+use crate::once::mark;
 use crate::pages::Page;
 use lightpath_domain::rollout::{Rollout, RolloutEvent, RolloutPlan};
 use lightpath_proto::v1;
@@ -34,9 +35,10 @@ impl Api {
         call.concerns(format!("{key}/versions/{version}"));
         let reason = Field::new("reason").line(request.reason.clone(), REASON_BYTES_MAX)?;
         let plan = plan(&request, version)?;
+        let mark = mark(call, "StartRollout", &request, &request.request_id)?;
         let (expected_active, force) = (request.expected_active_version, request.force);
         let passage = Passage { version, expected_active, force, reason };
-        let rollout = self.service.rollouts.start(call, &key, plan, passage).await?;
+        let rollout = self.service.rollouts.start(call, &key, plan, passage, mark).await?;
         self.rollout_message(rollout, Vec::new()).await
     }
 

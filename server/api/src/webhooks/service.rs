@@ -3,18 +3,21 @@
 use super::to_wire;
 use crate::api::Api;
 use crate::call::answers;
+use crate::mask::Changes;
 use crate::names;
 use crate::pages::Page;
 use lightpath_domain::webhook::{Delivery, Webhook, WebhookEvent, WebhookUrl};
 use lightpath_proto::v1;
 use lightpath_proto::v1::webhook_service_server::WebhookService;
-use lightpath_service::{Call, Field, NewWebhook, Result, shortened};
+use lightpath_service::{Call, Field, NewWebhook, Result, check_all, collect_all, shortened};
+use lightpath_store::WebhookChange;
 
 answers! {
     WebhookService {
         create_webhook(v1::CreateWebhookRequest) -> v1::Webhook;
         get_webhook(v1::GetWebhookRequest) -> v1::Webhook;
         list_webhooks(v1::ListWebhooksRequest) -> v1::ListWebhooksResponse;
+        update_webhook(v1::UpdateWebhookRequest) -> v1::Webhook;
         test_webhook(v1::TestWebhookRequest) -> v1::WebhookDelivery;
         list_webhook_deliveries(v1::ListWebhookDeliveriesRequest) -> v1::ListWebhookDeliveriesResponse;
         delete_webhook(v1::DeleteWebhookRequest) -> v1::DeleteWebhookResponse;
@@ -25,16 +28,12 @@ impl Api {
     async fn create_webhook(&self, call: &Call, request: v1::CreateWebhookRequest) -> Result<v1::Webhook> {
         let id = names::label(&Field::new("id"), &request.id)?.to_owned();
         call.concerns(format!("webhooks/{id}"));
-        let field = Field::new("url");
-        let url = WebhookUrl::parse(&request.url)
-            .map_err(|error| field.invalid(error, "give an address such as https://ci.example/lightpath"))?;
-        let events = request.events.iter().enumerate().map(|(i, code)| event(&Field::new("events").index(i), code));
-        let new = NewWebhook {
-            id,
-            url,
-            events: events.collect::<Result<_, _>>()?,
-            display: names::display_filter(call, &Field::new("display"), &request.display)?,
-        };
+        check_all! {
+            url = url(&Field::new("url"), &request.url);
+            events = events(&Field::new("events"), &request.events);
+            display = names::display_filter(call, &Field::new("display"), &request.display);
+        }
+        let new = NewWebhook { id, url, events, display };
         let (webhook, secret) = self.service.webhooks.create(call, new).await?;
         Ok(v1::Webhook { secret: secret.reveal().to_owned(), ..to_wire::webhook(webhook) })
     }
@@ -67,6 +66,29 @@ impl Api {
         Ok(v1::ListWebhookDeliveriesResponse { deliveries, next_page_token })
     }
 
+    async fn update_webhook(&self, call: &Call, request: v1::UpdateWebhookRequest) -> Result<v1::Webhook> {
+        let field = Field::new("webhook");
+        let message = field.required(request.webhook)?;
+        let webhook = self.webhook(call, &field.at("name"), &message.name).await?;
+        call.concerns(&message.name);
+        let fields = [
+            ("url", !message.url.is_empty()),
+            ("events", !message.events.is_empty()),
+            ("display", !message.display.is_empty()),
+        ];
+        let output = ["name", "caller", "create_time", "secret", "revision"];
+        let changes =
+            Changes::of(request.update_mask.map(|mask| mask.paths), &fields, &output, "url, events, display or *")?;
+        let at = |name| changes.has(name).then(|| field.at(name));
+        check_all! {
+            url = at("url").map(|field| url(&field, &message.url)).transpose();
+            events = at("events").map(|field| events(&field, &message.events)).transpose();
+            display = at("display").map(|field| names::display_filter(call, &field, &message.display)).transpose();
+        }
+        let change = WebhookChange { url, events, display };
+        Ok(to_wire::webhook(self.service.webhooks.update(&webhook, change, request.expected_revision).await?))
+    }
+
     async fn delete_webhook(
         &self,
         call: &Call,
@@ -82,6 +104,15 @@ impl Api {
     async fn webhook(&self, call: &Call, field: &Field, name: &str) -> Result<Webhook> {
         self.service.webhooks.existing(call, &names::webhook_id(field, name)?).await
     }
+}
+
+fn url(field: &Field, given: &str) -> Result<WebhookUrl> {
+    WebhookUrl::parse(given)
+        .map_err(|error| field.invalid(error, "give an address such as https://ci.example/lightpath"))
+}
+
+fn events(field: &Field, codes: &[String]) -> Result<Vec<WebhookEvent>> {
+    collect_all(codes.iter().enumerate().map(|(i, code)| event(&field.index(i), code)))
 }
 
 fn event(field: &Field, code: &str) -> Result<WebhookEvent> {

@@ -14,6 +14,7 @@ pub(super) fn webhook(webhook: Webhook) -> v1::Webhook {
         caller: webhook.caller,
         create_time: Some(timestamp(webhook.create_time_ms)),
         secret: String::new(),
+        revision: webhook.revision,
     }
 }
 

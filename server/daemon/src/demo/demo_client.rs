@@ -169,23 +169,8 @@ impl DemoClient {
         Ok(())
     }
 
-    pub(super) async fn add_pair(
-        &self,
-        dataset: &str,
-        id: String,
-        pattern: &str,
-        photo: &str,
-        split: v1::Split,
-    ) -> anyhow::Result<()> {
-        let pair = v1::Pair {
-            id,
-            pattern: pattern.to_owned(),
-            photo: photo.to_owned(),
-            split: split.into(),
-            ..Default::default()
-        };
-        let dataset = names::dataset(dataset);
-        self.client.add_pair(v1::AddPairRequest { dataset, pair: Some(pair) }).await?;
+    pub(super) async fn add_pairs(&self, dataset: &str, pairs: Vec<v1::Pair>) -> anyhow::Result<()> {
+        self.client.add_pairs(v1::AddPairsRequest { dataset: names::dataset(dataset), pairs }).await?;
         Ok(())
     }
 
@@ -272,11 +257,8 @@ impl DemoClient {
     /// Submits all jobs, waits until all have ended, and returns them in the same order.
     async fn run_jobs(&self, specs: Vec<Kind>, bar: &mut Bar) -> anyhow::Result<Vec<Job>> {
         let count = specs.len();
-        let mut submitted = Vec::with_capacity(count);
-        for kind in specs {
-            let request = v1::SubmitJobRequest { spec: Some(lightpath::job_spec(kind)), ..Default::default() };
-            submitted.push(self.client.submit(request).await?);
-        }
+        let request = |kind| v1::SubmitJobRequest { spec: Some(lightpath::job_spec(kind)), ..Default::default() };
+        let submitted = self.client.submit_all(specs.into_iter().map(request).collect()).await?;
         let mut done = Vec::with_capacity(count);
         for job in submitted {
             let show = |change: JobChange<'_>| {

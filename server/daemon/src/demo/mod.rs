@@ -146,6 +146,7 @@ async fn photograph_holograms(
         holograms.iter().zip(1..).map(|(hologram, seed)| PhotoRequest { pattern: hologram.pattern.clone(), seed });
     let photos = client.photographs(requests.collect(), &mut console.bar("photograph")).await?;
     client.create_dataset(DATASET).await?;
+    let mut pairs = Vec::new();
     for (i, (hologram, photo)) in holograms.iter().zip(&photos).enumerate() {
         // No pair is for validation: trying the parts of the display model takes two to three times as long, and the
         // demo should take about a minute. Its display has none of the flaws that they describe.
@@ -153,8 +154,10 @@ async fn photograph_holograms(
         let id = format!("pair-{:02}", i + 1);
         files.write(&format!("pairs/{id}-pattern.png"), client.download(&hologram.pattern).await?)?;
         files.write(&format!("pairs/{id}-photo.png"), client.download(photo).await?)?;
-        client.add_pair(DATASET, id, &hologram.pattern, photo, split).await?;
+        let (pattern, photo) = (hologram.pattern.clone(), photo.clone());
+        pairs.push(v1::Pair { id, pattern, photo, split: split.into(), ..Default::default() });
     }
+    client.add_pairs(DATASET, pairs).await?;
     let digest = client.finalize(DATASET, &mut console.bar("finalize")).await?;
     console.print_result(format!("dataset {DATASET}, {}…", digest.get(..15).unwrap_or(&digest)))
 }

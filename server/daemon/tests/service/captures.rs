@@ -75,7 +75,7 @@ async fn photograph_of_the_dots_aligns_photographs_of_any_size() {
     let photo = bench.photo(&bench.phase(&dots, 60), 1, &map, height, width);
     let digest = dataset.serving.upload(&pictures::grey_png_linear(&photo).unwrap()).await;
     let aligned = dataset.align(Source::DotsPhoto(digest)).await.unwrap();
-    let alignment = aligned.alignment.unwrap();
+    let alignment = aligned.alignment.clone().unwrap();
     assert_eq!((alignment.method(), alignment.photo_width_px), (v1::alignment::Method::Dots, 600));
     let error = largest_distance_px(&alignment, &map);
     assert!(error < 0.6, "{error} px off, {alignment:?}");
@@ -87,10 +87,10 @@ async fn photograph_of_the_dots_aligns_photographs_of_any_size() {
     let other = dataset.serving.upload(&pictures::grey_png_linear(&Plane::filled(HEIGHT, WIDTH, 0.5)).unwrap()).await;
     let hologram = dataset.serving.upload(&pictures::levels_png(&levels(&bench.hologram(1)), 8).unwrap()).await;
     let pair = v1::Pair { id: "p1".into(), pattern: hologram, photo: other, ..Default::default() };
-    let request = v1::AddPairRequest { dataset: "datasets/d".into(), pair: Some(pair) };
-    let answer = dataset.client.add_pair(request).await;
+    let request = v1::AddPairsRequest { dataset: "datasets/d".into(), pairs: vec![pair] };
+    let answer = dataset.client.add_pairs(request).await;
     assert!(answer.as_ref().unwrap_err().message().contains("600×380"), "{answer:?}");
-    expect(answer, Code::InvalidArgument, "pair.photo (sha256-");
+    expect(answer, Code::InvalidArgument, "pairs[0].photo (sha256-");
     let answer = dataset.align(Source::None(NoAlignment {})).await;
     assert_refused(answer, "ALIGNMENT_SIZE: pair \"p0\" has a photograph of 600×380 px");
 }
@@ -127,7 +127,7 @@ async fn valid_points_align_and_invalid_points_are_refused() {
     );
     let aligned = dataset.align(points(4, false)).await.unwrap();
     let truth = Homography::try_new([2.0, 0.0, 10.0, 0.0, 2.0, 7.0, 0.0, 0.0, 1.0]).unwrap();
-    assert!(largest_distance_px(&aligned.alignment.unwrap(), &truth) < 1e-6);
+    assert!(largest_distance_px(&aligned.alignment.clone().unwrap(), &truth) < 1e-6);
     let plain = dataset.align(Source::None(NoAlignment {})).await.unwrap();
     assert!(plain.alignment.is_none());
 }
@@ -184,22 +184,22 @@ async fn non_finite_values_and_wrong_sizes_are_refused_when_added() {
     for (file, expected) in cases {
         let photo = dataset.serving.upload(&file).await;
         let pair = v1::Pair { id: "p".into(), pattern: hologram.clone(), photo, ..Default::default() };
-        let request = v1::AddPairRequest { dataset: "datasets/d".into(), pair: Some(pair) };
-        let answer = dataset.client.add_pair(request).await;
+        let request = v1::AddPairsRequest { dataset: "datasets/d".into(), pairs: vec![pair] };
+        let answer = dataset.client.add_pairs(request).await;
         assert!(answer.as_ref().unwrap_err().message().contains(expected), "{answer:?}");
-        expect(answer, Code::InvalidArgument, "pair.photo (sha256-");
+        expect(answer, Code::InvalidArgument, "pairs[0].photo (sha256-");
     }
     // A hologram can be an array of radians. Values that are not finite are refused.
     let photo = dataset.serving.upload(&pictures::npy_f32(&Plane::filled(HEIGHT, WIDTH, 0.5)).unwrap()).await;
     for (plane, good) in [(&broken, false), (&phase, true)] {
         let hologram = dataset.serving.upload(&pictures::npy_f32(plane).unwrap()).await;
         let pair = v1::Pair { id: "p".into(), pattern: hologram, photo: photo.clone(), ..Default::default() };
-        let request = v1::AddPairRequest { dataset: "datasets/d".into(), pair: Some(pair) };
-        let answer = dataset.client.add_pair(request).await;
+        let request = v1::AddPairsRequest { dataset: "datasets/d".into(), pairs: vec![pair] };
+        let answer = dataset.client.add_pairs(request).await;
         if good {
             answer.unwrap();
         } else {
-            expect(answer, Code::InvalidArgument, "pair.pattern (sha256-");
+            expect(answer, Code::InvalidArgument, "pairs[0].pattern (sha256-");
         }
     }
 }

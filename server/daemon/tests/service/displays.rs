@@ -24,6 +24,38 @@ async fn display_is_created_once() {
 }
 
 #[tokio::test]
+async fn only_the_notes_of_a_display_change_and_only_from_what_was_seen() {
+    let serving = Serving::start().await;
+    let first = serving.display("lab").await;
+    let update = async |display: v1::Display, paths: &[&str], expected_revision| {
+        let paths: Vec<String> = paths.iter().map(|path| (*path).to_owned()).collect();
+        let update_mask = (!paths.is_empty()).then_some(lightpath_proto::FieldMask { paths });
+        let request = v1::UpdateDisplayRequest { display: Some(display), update_mask, expected_revision };
+        serving.displays().update_display(request).await.map(tonic::Response::into_inner)
+    };
+    let named = |notes: &str| v1::Display { name: "displays/lab".into(), notes: notes.into(), ..Default::default() };
+    let second = update(named("new lamp"), &[], Some(1)).await.unwrap();
+    assert_eq!(second, v1::Display { notes: "new lamp".into(), revision: 2, ..first.clone() });
+    assert_eq!(update(named("new lamp"), &["notes"], None).await.unwrap(), second, "the same again changes nothing");
+    expect(update(named("old"), &["notes"], Some(1)).await, Code::Aborted, "displays/lab has the revision 2, not 1");
+    let whole = v1::Display { notes: String::new(), ..second.clone() };
+    assert_eq!(update(whole.clone(), &[], None).await.unwrap(), second, "an empty text counts as not set");
+    assert_eq!(update(whole.clone(), &["*"], None).await.unwrap(), v1::Display { revision: 3, ..whole.clone() });
+
+    let refused =
+        "display.wavelengths_m is not that of the display, and kernels were learned for its optics; create a new";
+    let other = v1::Display { wavelengths_m: vec![638e-9], ..whole };
+    for mask in [&[][..], &["*"], &["wavelengths_m", "notes"]] {
+        expect(update(other.clone(), mask, None).await, Code::InvalidArgument, refused);
+    }
+    assert_eq!(update(other, &["notes"], None).await.unwrap().revision, 3, "what the mask leaves out is not read");
+    let unknown = update(named("x"), &["colour"], None).await;
+    expect(unknown, Code::InvalidArgument, "update_mask.paths[0] is \"colour\", but must be notes or *");
+    let simulated = update(named("x"), &["simulated_bench.seed"], None).await.unwrap();
+    assert_eq!(simulated.revision, 3, "it has no bench, before and after");
+}
+
+#[tokio::test]
 async fn details_of_a_refusal_name_the_field() {
     let serving = Serving::start().await;
     let bad = v1::Display { modulator: Some(v1::Modulator::of_phase(64, 48, -8e-6)), ..small_display("lab") };

@@ -59,8 +59,8 @@ pub(crate) async fn create_dataset_at(serving: &Serving, mm: u32) -> String {
         let phase = serving.upload(&pictures::levels_png(&levels, 8).unwrap()).await;
         let photo = serving.upload(&pictures::grey_png_linear(&photo).unwrap()).await;
         let pair = v1::Pair { id: format!("p{seed}"), pattern: phase, photo, ..Default::default() };
-        let request = v1::AddPairRequest { dataset: name.clone(), pair: Some(pair) };
-        client.add_pair(request).await.unwrap();
+        let request = v1::AddPairsRequest { dataset: name.clone(), pairs: vec![pair] };
+        client.add_pairs(request).await.unwrap();
     }
     let how = Finalize { keep_alignment: true, ..Default::default() };
     prepare(serving, &name, Step::Finalize(how)).await.unwrap();

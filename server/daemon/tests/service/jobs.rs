@@ -269,15 +269,15 @@ async fn datasets_accept_only_pairs_that_fit() {
     let levels = |plane: &Plane<u16>| pictures::levels_png(plane, 8).unwrap();
     let (small, first) = (serving.upload(&levels(&lens(48, 63, 32.0))).await, lens(48, 64, 24.0));
     let (phase, good_photo) = (serving.upload(&levels(&first)).await, serving.upload(&photo(&first)).await);
-    let add = |id: &str, phase: &str, photo: &str| v1::AddPairRequest {
+    let add = |id: &str, phase: &str, photo: &str| v1::AddPairsRequest {
         dataset: "datasets/first".into(),
-        pair: Some(v1::Pair { id: id.into(), pattern: phase.into(), photo: photo.into(), ..Default::default() }),
+        pairs: vec![v1::Pair { id: id.into(), pattern: phase.into(), photo: photo.into(), ..Default::default() }],
     };
-    expect(datasets.add_pair(add("a", &small, &good_photo)).await, Code::InvalidArgument, "pair.pattern (sha256-");
-    expect(datasets.add_pair(add("a", &phase, &small)).await, Code::InvalidArgument, "pair.photo (sha256-");
-    expect(datasets.add_pair(add("a", "", &good_photo)).await, Code::InvalidArgument, "pair.pattern is empty");
-    expect(datasets.add_pair(add("a/b", &phase, &good_photo)).await, Code::InvalidArgument, "pair.id is");
-    datasets.add_pair(add("a", &phase, &good_photo)).await.unwrap();
+    expect(datasets.add_pairs(add("a", &small, &good_photo)).await, Code::InvalidArgument, "pairs[0].pattern (sha256-");
+    expect(datasets.add_pairs(add("a", &phase, &small)).await, Code::InvalidArgument, "pairs[0].photo (sha256-");
+    expect(datasets.add_pairs(add("a", "", &good_photo)).await, Code::InvalidArgument, "pairs[0].pattern is empty");
+    expect(datasets.add_pairs(add("a/b", &phase, &good_photo)).await, Code::InvalidArgument, "pairs[0].id is");
+    datasets.add_pairs(add("a", &phase, &good_photo)).await.unwrap();
     refused(
         job_spec::Kind::LearnKernel(learn.clone()),
         Code::FailedPrecondition,
@@ -288,9 +288,9 @@ async fn datasets_accept_only_pairs_that_fit() {
     assert_refused(finalize(&serving, "datasets/first").await, "DATASET_SPLIT_EMPTY: datasets/first has no ");
     let second = lens(48, 64, 40.0);
     let (phase, other_photo) = (serving.upload(&levels(&second)).await, serving.upload(&photo(&second)).await);
-    datasets.add_pair(add("b", &phase, &other_photo)).await.unwrap();
+    datasets.add_pairs(add("b", &phase, &other_photo)).await.unwrap();
     let dataset = finalize(&serving, "datasets/first").await.unwrap();
-    assert!(dataset.digest.starts_with("sha256-") && dataset.pairs.len() == 2);
+    assert!(dataset.digest.starts_with("sha256-") && dataset.pair_count == 2);
     assert_eq!(finalize(&serving, "datasets/first").await.unwrap(), dataset, "finalizing again changes nothing");
     for step in [
         Step::Finalize(Finalize { validation_fraction: Some(0.3), ..Default::default() }),

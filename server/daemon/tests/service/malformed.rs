@@ -74,7 +74,7 @@ fn seeds(target: &str, spot: &str) -> Vec<(&'static str, Vec<u8>)> {
         ("CreateDisplay", v1::CreateDisplayRequest { display: display() }.encode_to_vec()),
         ("SubmitJob", v1::SubmitJobRequest { spec, batch: "night".into(), ..Default::default() }.encode_to_vec()),
         ("CreateDataset", v1::CreateDatasetRequest { dataset: Some(dataset) }.encode_to_vec()),
-        ("AddPair", v1::AddPairRequest { dataset: "datasets/bench".into(), pair: Some(pair) }.encode_to_vec()),
+        ("AddPairs", v1::AddPairsRequest { dataset: "datasets/bench".into(), pairs: vec![pair] }.encode_to_vec()),
         ("PlanPropagation", plan.encode_to_vec()),
         ("FetchKernel", fetch.encode_to_vec()),
         ("ReadArtifact", read.encode_to_vec()),

@@ -52,6 +52,64 @@ async fn a_version_becomes_active_only_if_nothing_has_changed_since() {
 }
 
 #[tokio::test]
+async fn a_display_is_patched_only_if_nothing_has_changed_since() {
+    let serving = Serving::start().await;
+    serving.display("lab").await;
+    let seen = curl(&serving, "/v1/displays/lab", &[]).await.field("etag").unwrap().to_owned();
+    let patch = async |query: &str, body: Value, header: &str| {
+        let body = body.to_string();
+        let mut arguments = json(&body).to_vec();
+        arguments.extend(["--request", "PATCH", "--header", header]);
+        let answer = curl(&serving, &format!("/v1/displays/lab{query}"), &arguments).await;
+        (answer.status, serde_json::from_slice::<Value>(&answer.body).unwrap())
+    };
+    let (status, display) = patch("", json!({ "notes": "new lamp" }), &format!("if-match: {seen}")).await;
+    assert_eq!((status, &display["notes"], &display["revision"]), (200, &"new lamp".into(), &2.into()), "{display}");
+    let (status, problem) = patch("", json!({ "notes": "old" }), &format!("if-match: {seen}")).await;
+    assert_eq!((status, &problem["reason"]), (412, &"CHANGED".into()), "{problem}");
+    let (status, display) = patch("?updateMask=notes&expectedRevision=2", json!({}), "x: y").await;
+    assert_eq!((status, &display["notes"]), (200, &"".into()), "{display}");
+    let (status, problem) = patch("?updateMask=notes", json!({ "name": "displays/other" }), "x: y").await;
+    assert_eq!((status, &problem["fields"][0]["field"]), (400, &"display.name".into()), "{problem}");
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn a_repeated_request_imports_one_version_and_starts_one_rollout() {
+    let serving = serving().await;
+    let read = async |path: String| serde_json::from_slice::<Value>(&curl(&serving, &path, &[]).await.body).unwrap();
+    let kernel = read(format!("/v1/{KERNEL}")).await;
+    let version = read(format!("/v1/{KERNEL}/versions/1")).await;
+    let display = KERNEL.split_once("/kernels/").unwrap().0;
+    let import = async |body: &Value, header: &str| {
+        post(&serving, &format!("/v1/{display}/kernels:import"), body, &[header]).await
+    };
+    let body = json!({ "place": kernel["place"], "artifact": version["artifact"] });
+    let (status, first) = import(&body, "idempotency-key: once").await;
+    assert_eq!(status, 200, "{first}");
+    assert_eq!(import(&body, "idempotency-key: once").await, (200, first.clone()));
+    let (status, other) = import(&body, "idempotency-key: twice").await;
+    assert_eq!(
+        (status, other["version"].as_u64()),
+        (200, first["version"].as_u64().map(|version| version + 1)),
+        "{other}"
+    );
+    let changed = json!({ "place": kernel["place"], "artifact": version["artifact"], "fromAnotherDisplay": true });
+    let (status, problem) = import(&changed, "idempotency-key: once").await;
+    assert_eq!(status, 409, "{problem}");
+
+    let start = async |header: &str| {
+        let body = json!({ "version": 3, "sharePercent": 10, "reason": "try", "force": true });
+        post(&serving, &format!("/v1/{KERNEL}/rollouts"), &body, &[header]).await
+    };
+    let (status, rollout) = start("idempotency-key: roll").await;
+    assert_eq!(status, 200, "{rollout}");
+    assert_eq!(start("idempotency-key: roll").await.1["name"], rollout["name"]);
+    let (status, problem) = start("idempotency-key: again").await;
+    assert_eq!(status, 400, "another rollout is running: {problem}");
+    assert_eq!(start("idempotency-key: once").await.0, 409, "the id is that of an import");
+}
+
+#[tokio::test]
 async fn a_repeated_idempotency_key_submits_one_job() {
     let serving = Serving::start().await;
     let job = crate::jobs::submit_long(&serving).await;

@@ -28,8 +28,24 @@ pub(crate) async fn run_job(serving: &Serving, kind: Kind) -> Result<JobResult, 
     }
 }
 
+/// A dataset with all its pairs, and the findings about all of them and about the dataset.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct WholeDataset {
+    dataset: v1::Dataset,
+    pub(crate) pairs: Vec<v1::Pair>,
+    pub(crate) findings: Vec<v1::Finding>,
+}
+
+impl std::ops::Deref for WholeDataset {
+    type Target = v1::Dataset;
+
+    fn deref(&self) -> &v1::Dataset {
+        &self.dataset
+    }
+}
+
 /// Aligns or finalizes a dataset with a job, and returns the changed dataset.
-pub(crate) async fn prepare(serving: &Serving, name: &str, step: Step) -> Result<v1::Dataset, String> {
+pub(crate) async fn prepare(serving: &Serving, name: &str, step: Step) -> Result<WholeDataset, String> {
     let spec = v1::PrepareDataset { dataset: name.to_owned(), step: Some(step) };
     let JobResult::PrepareDataset(result) = run_job(serving, Kind::PrepareDataset(spec)).await? else {
         panic!("the result is of another kind")
@@ -37,15 +53,16 @@ pub(crate) async fn prepare(serving: &Serving, name: &str, step: Step) -> Result
     let mut client = DatasetServiceClient::new(serving.channel.clone());
     let request = v1::GetDatasetRequest { name: name.to_owned() };
     let dataset = client.get_dataset(request).await.unwrap().into_inner();
-    assert_eq!(
-        (&result.alignment, &result.findings, &result.digest),
-        (&dataset.alignment, &dataset.findings, &dataset.digest)
-    );
-    Ok(dataset)
+    let list = v1::ListPairsRequest { dataset: name.to_owned(), page_size: 1000, ..Default::default() };
+    let pairs = client.list_pairs(list).await.unwrap().into_inner().pairs;
+    assert_eq!(pairs.len(), dataset.pair_count as usize);
+    let findings: Vec<_> = pairs.iter().flat_map(|pair| &pair.findings).chain(&dataset.findings).cloned().collect();
+    assert_eq!((&result.alignment, &result.findings, &result.digest), (&dataset.alignment, &findings, &dataset.digest));
+    Ok(WholeDataset { dataset, pairs, findings })
 }
 
 /// Finalizes a dataset with a job and the default settings, and returns the finalized dataset.
-pub(crate) async fn finalize(serving: &Serving, name: &str) -> Result<v1::Dataset, String> {
+pub(crate) async fn finalize(serving: &Serving, name: &str) -> Result<WholeDataset, String> {
     prepare(serving, name, Step::Finalize(Finalize::default())).await
 }
 
@@ -106,9 +123,8 @@ async fn waiting_job_finalizes_the_pairs_present_at_its_start() {
     let Some(JobResult::PrepareDataset(result)) = job.result.and_then(|result| result.kind) else {
         panic!("the result is of another kind")
     };
-    let splits = result.splits.unwrap();
-    let used = splits.train_pairs + splits.validation_pairs + splits.test_pairs;
-    assert_eq!(used + splits.left_out_pairs, 3);
+    let counts = result.split_counts.unwrap();
+    assert_eq!(counts.train + counts.validation + counts.test + counts.excluded, 3);
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
@@ -136,8 +152,9 @@ async fn restart_during_finalization_leaves_the_dataset_consistent() {
     // The dataset agrees with the result of the job, and finalizing it again changes nothing.
     let finalized = finalize(&serving, "datasets/d").await.unwrap();
     assert_eq!((&finalized.digest, &finalized.alignment), (&result.digest, &result.alignment));
-    let splits = result.splits.unwrap();
-    assert!(finalized.alignment.is_some() && splits.train_pairs >= 1 && splits.test_pairs >= 1);
+    let counts = result.split_counts.unwrap();
+    assert!(finalized.alignment.is_some() && counts.train >= 1 && counts.test >= 1);
+    assert_eq!(finalized.split_counts, Some(counts));
 }
 
 #[tokio::test]

@@ -198,6 +198,7 @@ async fn a_server_that_stops_lets_go_of_its_webhooks() {
         display: None,
         caller: "ada".to_owned(),
         create_time_ms: 1,
+        revision: 1,
     };
     one.create_webhook(&webhook, &WebhookSecret::generate().unwrap()).await.unwrap();
     one.test_webhook("ci", "ada", one.now_ms()).await.unwrap();

@@ -1,6 +1,6 @@
 //! A simulated bench for tests, and a dataset of its photographs on a server.
 
-use crate::preparing::{finalize, prepare};
+use crate::preparing::{WholeDataset, finalize, prepare};
 use crate::serving::{Serving, sized_display};
 use lightpath_bench::{SimulatedBench, SimulatedDisplay, TestCard};
 use lightpath_camera::alignment::{Homography, warp};
@@ -128,19 +128,19 @@ impl Dataset {
         Self { serving, client }
     }
 
-    pub(crate) async fn add(&mut self, id: &str, phase: &Plane<f32>, photo: &Plane<f32>) -> v1::Dataset {
+    pub(crate) async fn add(&mut self, id: &str, phase: &Plane<f32>, photo: &Plane<f32>) -> v1::Pair {
         let phase = self.serving.upload(&pictures::levels_png(&levels(phase), 8).unwrap()).await;
         let photo = self.serving.upload(&pictures::grey_png_linear(photo).unwrap()).await;
         let pair = v1::Pair { id: id.into(), pattern: phase, photo, ..Default::default() };
-        let request = v1::AddPairRequest { dataset: "datasets/d".into(), pair: Some(pair) };
-        self.client.add_pair(request).await.unwrap().into_inner()
+        let request = v1::AddPairsRequest { dataset: "datasets/d".into(), pairs: vec![pair] };
+        self.client.add_pairs(request).await.unwrap().into_inner().pairs.remove(0)
     }
 
-    pub(crate) async fn finalize(&mut self) -> Result<v1::Dataset, String> {
+    pub(crate) async fn finalize(&mut self) -> Result<WholeDataset, String> {
         finalize(&self.serving, "datasets/d").await
     }
 
-    pub(crate) async fn align(&mut self, source: Source) -> Result<v1::Dataset, String> {
+    pub(crate) async fn align(&mut self, source: Source) -> Result<WholeDataset, String> {
         let step = Step::Align(Align { source: Some(source) });
         prepare(&self.serving, "datasets/d", step).await
     }

@@ -6,6 +6,7 @@ import { onEvent } from "../events.js";
 import { age, idOf, length, number, percent, placeText, words } from "../format.js";
 import { refresher } from "../loading.js";
 import { phasePicture, photographPicture } from "../hologram_pictures.js";
+import { pager } from "../pager.js";
 import { pictureViewer } from "../pictures.js";
 import { table } from "../table.js";
 
@@ -14,6 +15,7 @@ export function datasetPage(root, [id]) {
   const head = h("div", {});
   const alignment = h("div", {});
   const pairs = h("div", {});
+  const pages = [""];
   const pictures = h("section", { "aria-live": "polite" });
   show(root, head, alignment, pictures, pairs);
   let chosen = null;
@@ -21,7 +23,9 @@ export function datasetPage(root, [id]) {
   let pairViewer = null;
 
   const refresh = refresher(head, async () => {
-    const dataset = await get(name);
+    const [dataset, page, flagged] = await Promise.all([
+      get(name), get(`${name}/pairs`, { pageSize: 100, pageToken: pages.at(-1) }), get(`${name}/pairs`, { withFindings: true })]);
+    const findings = [...dataset.findings, ...flagged.pairs.flatMap((pair) => pair.findings)];
     const facts = [
       ["Display", h("a", { href: `#/${dataset.display}` }, idOf(dataset.display))],
       ["Wavelength", length(dataset.wavelengthM)],
@@ -31,11 +35,13 @@ export function datasetPage(root, [id]) {
       ["Created", age(dataset.createTime)],
     ];
     show(head, h("h1", { class: "name" }, id), h("dl", { class: "facts" }, facts.map(([term, value]) => [h("dt", {}, term), h("dd", {}, value)])),
-      dataset.findings.length > 0 && h("section", {}, h("h2", {}, "Findings"), h("ul", {}, dataset.findings.map((finding) =>
-        h("li", {}, h("strong", {}, words(finding.kind, "KIND")), finding.pair ? ` in ${finding.pair}` : "", finding.excludes ? " (left out)" : "", `: ${finding.message}`)))));
+      findings.length > 0 && h("section", {}, h("h2", {}, "Findings"), h("ul", {}, findings.map((finding) =>
+        h("li", {}, h("strong", {}, words(finding.kind, "KIND")), finding.pair ? ` in ${finding.pair}` : "", finding.excludes ? " (left out)" : "", `: ${finding.message}`))),
+        flagged.nextPageToken && h("p", {}, "More pairs have findings: ", h("code", {}, `lightpath dataset show ${id}`))));
     showAlignment(dataset.alignment);
-    show(pairs, h("section", {}, h("h2", {}, `${dataset.pairs.length} pairs`), dataset.pairs.length > 0 && pairTable(dataset)));
-    if (!chosen && dataset.pairs.length) await showPair(dataset.pairs[0], dataset);
+    show(pairs, h("section", {}, h("h2", {}, `${dataset.pairCount} pairs${shares(dataset.splitCounts)}`), page.pairs.length > 0 && pairTable(dataset, page.pairs),
+      pager(pages, page.nextPageToken, refresh)));
+    if (!chosen && page.pairs.length) await showPair(page.pairs[0], dataset);
   });
 
   function showAlignment(found) {
@@ -58,14 +64,14 @@ export function datasetPage(root, [id]) {
     show(pictures, h("h2", {}, pair.id), pairViewer.element);
   }
 
-  function pairTable(dataset) {
+  function pairTable(dataset, listed) {
     const row = (pair) => {
       const checks = pair.checks ?? {};
       const cells = [percent(checks.saturated), percent(checks.black), number(checks.contrast), number(checks.correlation), `${number(checks.misalignmentPx)} px`, `${number(checks.stretchPx)} px`, number(checks.vignetting)];
       return h("tr", {}, h("th", { scope: "row" }, h("button", { type: "button", class: "link", "data-key": pair.id, onclick: () => void showPair(pair, dataset) }, pair.id)),
         h("td", {}, words(pair.split, "SPLIT")), cells.map((cell) => h("td", { class: "right" }, pair.checks ? cell : "–")));
     };
-    return table("Pairs with the checks of their photographs; choose one to see it", ["Pair", "Split", ">Saturated", ">Black", ">Contrast", ">Correlation", ">Misaligned", ">Stretched", ">Vignetting"], dataset.pairs.map(row));
+    return table("Pairs with the checks of their photographs; choose one to see it", ["Pair", "Split", ">Saturated", ">Black", ">Contrast", ">Correlation", ">Misaligned", ">Stretched", ">Vignetting"], listed.map(row));
   }
 
   const ends = onEvent((kind, data) => (kind === "reset" || (kind === "dataset" && data.name === name)) && refresh.soon());
@@ -74,4 +80,11 @@ export function datasetPage(root, [id]) {
     alignmentViewer?.end();
     pairViewer?.end();
   };
+}
+
+// How many pairs of a finalized dataset have which use.
+function shares(counts) {
+  if (!counts) return "";
+  const { train, validation, test, excluded } = counts;
+  return `: ${train} for training, ${validation} for validation, ${test} for the test${excluded ? `, ${excluded} left out` : ""}`;
 }

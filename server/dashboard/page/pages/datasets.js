@@ -23,12 +23,12 @@ export function datasetsPage(root) {
 }
 
 function row(dataset) {
-  const excluded = dataset.findings.filter((finding) => finding.excludes).length;
+  const excluded = dataset.splitCounts?.excluded;
   return h("tr", {},
     h("th", { scope: "row" }, h("a", { href: `#/${dataset.name}`, "data-key": dataset.name }, idOf(dataset.name))),
     h("td", {}, h("a", { href: `#/${dataset.display}` }, idOf(dataset.display))),
     h("td", {}, length(dataset.wavelengthM)), h("td", {}, placeText(dataset.place)),
     h("td", { class: "right" }, dataset.pairCount), h("td", {}, words(dataset.state, "STATE")),
-    h("td", {}, dataset.findings.length ? `${dataset.findings.length}${excluded ? `, ${excluded} of them leave pairs out` : ""}` : "none"),
+    h("td", {}, [dataset.findings.length || "none", excluded && `${excluded} pairs left out`].filter(Boolean).join(", ")),
     h("td", { class: "right" }, age(dataset.createTime)));
 }

@@ -20,6 +20,36 @@ pub struct Finalization {
 /// Ids of all pairs with their splits, in the order of the ids. `None`: the pair is not used.
 pub type Splits = Vec<(String, Option<Split>)>;
 
+/// Numbers of a finalized dataset's pairs by their use.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SplitCounts {
+    /// Pairs for learning.
+    pub train: u32,
+    /// Pairs for validation.
+    pub validation: u32,
+    /// Pairs for testing.
+    pub test: u32,
+    /// Pairs that are not used.
+    pub excluded: u32,
+}
+
+impl SplitCounts {
+    /// Counts pairs by their use; `None`: the pair is not used.
+    #[must_use]
+    pub fn of(splits: impl IntoIterator<Item = Option<Split>>) -> Self {
+        let mut counts = Self::default();
+        for split in splits {
+            *match split {
+                Some(Split::Train) => &mut counts.train,
+                Some(Split::Validation) => &mut counts.validation,
+                Some(Split::Test) => &mut counts.test,
+                None => &mut counts.excluded,
+            } += 1;
+        }
+        counts
+    }
+}
+
 /// Changes of a dataset that a job prepared. The store makes them when the job ends.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PreparedDataset {

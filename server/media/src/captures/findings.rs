@@ -10,6 +10,7 @@ use super::fingerprint::{self, Normalized};
 use super::{SHIFT_PX_MAX, STRETCH_PX_MAX, TURN_PX_MAX};
 use crate::pictures::SATURATION;
 use lightpath_domain::dataset::{Dataset, Finding, FindingKind, LargestValue, Pair, PairChecks};
+use std::collections::HashSet;
 
 /// Light of black photographs: the brightest light is below this fraction of full scale.
 const BLACK: f64 = 0.01;
@@ -61,12 +62,12 @@ pub fn findings(dataset: &Dataset) -> Vec<Finding> {
     findings
 }
 
-/// Findings about one pair, compared with all others, followed by findings about the whole dataset.
+/// Findings about some pairs, each compared with all others, followed by findings about the whole dataset.
 #[must_use]
-pub fn findings_with(dataset: &Dataset, pair: &str) -> Vec<Finding> {
+pub fn findings_with(dataset: &Dataset, pairs: &HashSet<String>) -> Vec<Finding> {
     let checked = CheckedPairs::of(dataset);
-    let index = checked.pairs.iter().position(|(other, _)| other.id == pair);
-    let mut findings = index.map(|index| checked.findings(index)).unwrap_or_default();
+    let wanted = (0..checked.pairs.len()).filter(|index| pairs.contains(&checked.pairs[*index].0.id));
+    let mut findings: Vec<Finding> = wanted.flat_map(|index| checked.findings(index)).collect();
     findings.extend(dataset_findings(dataset, &checked.pairs));
     findings
 }

@@ -43,7 +43,7 @@ impl Datasets {
 
     /// Deletes a dataset.
     pub async fn delete(&self, call: &Call, id: &str) -> Result<()> {
-        self.visible(call, id).await?;
+        self.alone(call, id).await?;
         Ok(self.store.delete_dataset(id, self.store.now_ms()).await?)
     }
 }

@@ -19,7 +19,7 @@ mod waits_for;
 
 pub use limits::JobLimits;
 pub use queue::QueueState;
-pub use submit::Submission;
+pub use submit::{CheckedJob, Submission};
 
 use crate::call::Call;
 use crate::datasets::Datasets;

@@ -18,6 +18,19 @@ pub struct Submission {
     pub attempts_max: u32,
 }
 
+/// A job that was checked and can be put into the queue.
+#[derive(Debug)]
+pub struct CheckedJob {
+    /// What is the same for all kinds.
+    pub submission: Submission,
+    /// What is to be done.
+    pub spec: JobSpec,
+    /// The largest memory for decoding one of its pictures \[bytes\].
+    pub decoding_bytes: u64,
+    /// The job of an earlier submission of the same request.
+    pub before: Option<Job>,
+}
+
 impl Jobs {
     /// The job of an earlier submission of the same request. Refuses a submission that waits for jobs which the caller
     /// may not see.
@@ -32,32 +45,30 @@ impl Jobs {
         Ok(self.store.job_by_request(&scheduling.owner, request_id).await?)
     }
 
-    /// Puts a job into the queue. `decoding_bytes` is the largest memory for decoding one of its pictures, `before` the
-    /// job of an earlier submission of the same request.
-    pub async fn submit(
-        &self,
-        call: &Call,
-        submission: Submission,
-        (spec, decoding_bytes): (JobSpec, u64),
-        before: Option<Job>,
-    ) -> Result<Job> {
-        // A repeated request returns its job, even if the limits have changed since.
-        let estimate = match before {
-            Some(job) => job.estimate,
-            None => self.estimated(&spec, decoding_bytes).await?,
-        };
-        let Submission { scheduling, request_id, priority, attempts_max } = submission;
-        let new = NewJob { spec, request_id, priority, attempts_max, scheduling, estimate };
-        match self.store.submit(&new, self.store.now_ms(), self.queue_limits).await {
-            Ok((job, _)) => {
-                call.concerns(format!("jobs/{}", job.id));
-                if !self.waits_for(&job).is_empty() {
-                    // A process may have come in the last seconds. The job is stored, so an error changes nothing.
-                    drop(self.store.read_living().await);
-                }
-                Ok(job)
-            }
-            Err(error) => Err(self.error_for(&call.caller, error).await),
+    /// Puts jobs into the queue, all or none.
+    pub async fn submit(&self, call: &Call, jobs: Vec<CheckedJob>) -> Result<Vec<Job>> {
+        let mut new = Vec::with_capacity(jobs.len());
+        for CheckedJob { submission, spec, decoding_bytes, before } in jobs {
+            // A repeated request returns its job, even if the limits have changed since.
+            let estimate = match before {
+                Some(job) => job.estimate,
+                None => self.estimated(&spec, decoding_bytes).await?,
+            };
+            let Submission { scheduling, request_id, priority, attempts_max } = submission;
+            new.push(NewJob { spec, request_id, priority, attempts_max, scheduling, estimate });
         }
+        let submitted = match self.store.submit_all(&new, self.store.now_ms(), self.queue_limits).await {
+            Ok(submitted) => submitted,
+            Err(error) => return Err(self.error_for(&call.caller, error).await),
+        };
+        let jobs: Vec<Job> = submitted.into_iter().map(|(job, _)| job).collect();
+        for job in &jobs {
+            call.concerns(format!("jobs/{}", job.id));
+        }
+        if jobs.iter().any(|job| !self.waits_for(job).is_empty()) {
+            // A process may have come in the last seconds. The jobs are stored, so an error changes nothing.
+            drop(self.store.read_living().await);
+        }
+        Ok(jobs)
     }
 }

@@ -16,6 +16,7 @@ use lightpath_media::budget::Budget;
 use lightpath_media::kernel_file::{self, Origin};
 use lightpath_media::kernel_formats::{self, Imported, KernelFormatError};
 use lightpath_optics::{KernelModel, OpticalSetup};
+use lightpath_store::RequestMark;
 
 /// Memory for the directory of an archive \[bytes\], besides its file.
 const DIRECTORY_BYTES: u64 = 4 << 20;
@@ -36,15 +37,26 @@ pub struct KernelImport {
 }
 
 impl Kernels {
-    /// Stores an uploaded kernel file as the next version. Refuses a kernel of another display, wavelength or distance.
-    pub async fn import(&self, call: &Call, import: KernelImport) -> Result<KernelVersion> {
+    /// Stores an uploaded kernel file as the next version. Refuses a kernel of another display, wavelength or distance. A
+    /// repeated request with a mark returns the version that the first one stored.
+    pub async fn import(&self, call: &Call, import: KernelImport, mark: Option<RequestMark>) -> Result<KernelVersion> {
+        let (wavelength, distance) = (import.wavelength, import.distance);
+        let key = KernelKey { display: import.display.id.clone(), wavelength, distance };
+        call.concerns(key.to_string());
+        if let Some(made) = self.version_made_by(&key, mark.as_ref()).await? {
+            return Ok(made);
+        }
+        let version = self.read_version(call, &key, import).await?;
+        self.add_version(&key, version, mark.as_ref()).await
+    }
+
+    /// Reads an uploaded kernel file, and stores it in the native form.
+    async fn read_version(&self, call: &Call, key: &KernelKey, import: KernelImport) -> Result<NewKernelVersion> {
         let KernelImport { display, wavelength, distance, digest, from_another_display } = import;
-        let key = KernelKey { display: display.id.clone(), wavelength, distance };
         let field = Field::new("artifact");
         let Some(record) = self.files.readable(call, &digest).await? else {
             return Err(field.missing(format!("artifact {digest}"), "upload it first"));
         };
-        call.concerns(key.to_string());
         let setup = planning::setup(&display, wavelength, distance).map_err(|error| {
             Field::new("place").at("distance_m").invalid(format!("is not possible: {error}"), "give another distance")
         })?;
@@ -97,8 +109,32 @@ impl Kernels {
             // Without a record the version is not measured.
             None => (KernelMetrics::default(), lineage(parameters.to_string(), origin.interpolated_from_m)),
         };
-        let version = NewKernelVersion { model: kind, artifact, size_bytes, metrics, lineage };
-        Ok(self.store.add_kernel_version(&key, version, self.store.now_ms()).await?)
+        Ok(NewKernelVersion { model: kind, artifact, size_bytes, metrics, lineage })
+    }
+
+    /// The version that an earlier request with this mark stored.
+    pub(super) async fn version_made_by(
+        &self,
+        key: &KernelKey,
+        mark: Option<&RequestMark>,
+    ) -> Result<Option<KernelVersion>> {
+        let Some(mark) = mark else { return Ok(None) };
+        let Some(number) = self.store.made_by(mark).await? else { return Ok(None) };
+        Ok(Some(self.store.kernel_version(key, number).await?))
+    }
+
+    /// Stores a version, of a request with a mark only once.
+    pub(super) async fn add_version(
+        &self,
+        key: &KernelKey,
+        version: NewKernelVersion,
+        mark: Option<&RequestMark>,
+    ) -> Result<KernelVersion> {
+        let now_ms = self.store.now_ms();
+        Ok(match mark {
+            Some(mark) => self.store.add_kernel_version_once(key, version, mark, now_ms).await?,
+            None => self.store.add_kernel_version(key, version, now_ms).await?,
+        })
     }
 
     /// Memory for reading an uploaded kernel file and writing its kernel \[bytes\]. An archive is much larger when it is

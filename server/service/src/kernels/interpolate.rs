@@ -14,6 +14,7 @@ use lightpath_domain::reason::PreconditionReason;
 use lightpath_domain::units::{Distance, Wavelength};
 use lightpath_media::kernel_file::{self, KernelFileError, Origin};
 use lightpath_optics::learning::interpolated;
+use lightpath_store::RequestMark;
 
 /// Limit on the versions that are searched for a joint fit, the newest first.
 const VERSIONS_MAX: u32 = 1000;
@@ -26,12 +27,16 @@ impl Kernels {
         display: Display,
         wavelength: Wavelength,
         distance: Distance,
+        mark: Option<RequestMark>,
     ) -> Result<KernelVersion> {
         let field = Field::new("place").at("distance_m");
         let planned = planning::setup(&display, wavelength, distance).and_then(|setup| planning::planned(setup, None));
         let (setup, _) = planned.map_err(|error| distance_refusal(&field, distance, &error))?;
         let key = KernelKey { display: display.id.clone(), wavelength, distance };
         call.concerns(key.to_string());
+        if let Some(made) = self.version_made_by(&key, mark.as_ref()).await? {
+            return Ok(made);
+        }
         let versions = self.store.joint_versions(&key.display, wavelength, VERSIONS_MAX).await?;
         let fit = fit_around(&field, &key, &versions)?;
         let mut models = Vec::with_capacity(fit.versions.len());
@@ -61,7 +66,7 @@ impl Kernels {
                 ..content.lineage.clone()
             },
         };
-        Ok(self.store.add_kernel_version(&key, version, self.store.now_ms()).await?)
+        self.add_version(&key, version, mark.as_ref()).await
     }
 
     /// The kernels at the nearest distances, and whether [`Self::interpolate`] could make this one.

@@ -143,7 +143,7 @@ async fn dataset_is_deleted_when_no_job_needs_it() {
     for id in ["d", "e"] {
         store.create_dataset(&dataset(id), 5).await.unwrap();
         for n in 0..5 {
-            store.add_pair(id, &pair(n), &[]).await.unwrap();
+            store.add_pairs(id, &[pair(n)], &[]).await.unwrap();
         }
     }
     finalize(&store, "d").await;

@@ -88,7 +88,7 @@ const ROWS: &[(usize, &str)] = &[(
     insert into signing_key values (printf('%064x', 2), 'private', 15);
 
     insert into webhook values
-        ('ci', 'https://hooks.example/', '["job.failed"]', null, 'secret', 'ada', 16, null, null);
+        ('ci', 'https://hooks.example/', '["job.failed"]', null, 'secret', 'ada', 16, 1, null, null);
     insert into webhook_delivery values (1, 'ci', printf('%032x', 1), 'job.failed', '{"job":"jobs/d"}', 13, 2, 17, 0, 'HTTP 503');
 
     insert into process values ('0193f0a0-0000-7000-8000-000000000000', 'both', 'lab', '0.1.0', '["gpu"]', 7, 1, 1, 2);
@@ -136,11 +136,11 @@ async fn migration_keeps_the_data_of_every_version() {
         create_database(&path, steps).await;
         let store = Store::open(&path).await.unwrap();
         let square = Display { height_px: 64, ..display("lab") };
-        assert_eq!(store.display("lab").await.unwrap(), (square, 1), "after {steps} steps");
+        assert_eq!(store.display("lab").await.unwrap().0, square, "after {steps} steps");
         assert_eq!(store.artifact(&digest(3)).await.unwrap().unwrap().size_bytes, 7);
         let dataset = store.dataset("d").await.unwrap();
         assert_eq!((dataset.pairs.len(), dataset.digest.as_deref()), (2, Some("sha256-d")));
-        store.add_pair("open", &pair(0), &[]).await.unwrap();
+        store.add_pairs("open", &[pair(0)], &[]).await.unwrap();
         assert_registry_kept(&store).await;
         assert_kernels_kept(&store).await;
         assert_eq!(store.tokens().await.unwrap().len(), 1);

@@ -75,7 +75,7 @@ async fn open_dataset(store: &Store, id: &str) -> Dataset {
     record(store, 12).await;
     store.create_dataset(&dataset(id), 5).await.unwrap();
     for n in 0..5 {
-        store.add_pair(id, &pair(n), &[]).await.unwrap();
+        store.add_pairs(id, &[pair(n)], &[]).await.unwrap();
     }
     store.dataset(id).await.unwrap()
 }
@@ -207,7 +207,7 @@ async fn digest_matches_the_dataset_in_every_order_of_aligning_finalizing_and_ad
                     let ended = finish(&store, &leases[1], finalized(seen)).await;
                     assert_eq!(ended.is_ok(), now.revision == seen.revision, "{order:?}");
                 }
-                Step::AddPair => assert_eq!(store.add_pair(&id, &pair(5), &[]).await.is_ok(), now.digest.is_none()),
+                Step::AddPair => assert_eq!(store.add_pairs(&id, &[pair(5)], &[]).await.is_ok(), now.digest.is_none()),
             }
         }
         let end = store.dataset(&id).await.unwrap();
@@ -259,10 +259,10 @@ async fn pair_added_during_a_job_is_kept_and_the_job_changes_nothing() {
     let (store, _folder) = store().await;
     let open = open_dataset(&store, "d").await;
     let lease = start_job(&store, "finalize", "d").await;
-    store.add_pair("d", &pair(5), &[]).await.unwrap();
+    store.add_pairs("d", &[pair(5)], &[]).await.unwrap();
     let end = finish(&store, &lease, finalized(&open)).await;
     assert!(matches!(end, Err(StoreError::Aborted { reason: AbortReason::DatasetChanged, .. })), "{end:?}");
-    store.add_pair("d", &pair(5), &[]).await.unwrap();
+    store.add_pairs("d", &[pair(5)], &[]).await.unwrap();
     let now = store.dataset("d").await.unwrap();
     assert_eq!((now.pairs.len(), now.digest.is_none(), now.revision), (6, true, open.revision + 1));
 }
@@ -277,9 +277,9 @@ async fn pair_measured_with_another_alignment_is_refused() {
         let checks = PairChecks { map, ..PairChecks::default() };
         Pair { checks: Some(checks), ..pair(5) }
     };
-    let refused = store.add_pair("d", &measured(None), &[]).await;
+    let refused = store.add_pairs("d", &[measured(None)], &[]).await;
     assert!(matches!(refused, Err(StoreError::Aborted { reason: AbortReason::DatasetChanged, .. })), "{refused:?}");
-    store.add_pair("d", &measured(Some(alignment(2.0).map)), &[]).await.unwrap();
+    store.add_pairs("d", &[measured(Some(alignment(2.0).map))], &[]).await.unwrap();
 }
 
 #[tokio::test]

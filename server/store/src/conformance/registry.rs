@@ -2,19 +2,20 @@
 
 use super::*;
 use crate::sql::{query, query_as};
-use crate::{AbortReason, KernelFilter, PrivateKey, QueueLimits, StoredKeyring};
+use crate::{AbortReason, DisplayRecord, KernelFilter, PairFilter, PrivateKey, QueueLimits, StoredKeyring};
+use lightpath_domain::dataset::{Finding, FindingKind};
 use lightpath_domain::display::Display;
 use lightpath_domain::units::Wavelength;
 
 #[tokio::test]
 async fn display_is_created_once_and_deleted_when_unused() {
     let (store, _folder) = store().await;
-    let (stored, time) = store.create_display(&display("lab"), 99).await.unwrap();
-    assert_eq!((stored, time), (display("lab"), 1));
+    let (stored, record) = store.create_display(&display("lab"), 99).await.unwrap();
+    assert_eq!((stored, record), (display("lab"), DisplayRecord { create_time_ms: 1, revision: 1 }));
     let other = Display { bit_depth: 10, ..display("lab") };
     assert!(matches!(store.create_display(&other, 2).await, Err(StoreError::AlreadyExists { .. })));
     store.create_display(&display("a-first"), 2).await.unwrap();
-    let ids = |page: Vec<(Display, i64)>| page.into_iter().map(|(display, _)| display.id).collect::<Vec<_>>();
+    let ids = |page: Vec<(Display, DisplayRecord)>| page.into_iter().map(|(display, _)| display.id).collect::<Vec<_>>();
     assert_eq!(ids(store.displays(None, 50).await.unwrap()), ["a-first", "lab"]);
     assert_eq!(ids(store.displays(None, 1).await.unwrap()), ["a-first"]);
     assert_eq!(ids(store.displays(Some("a-first"), 50).await.unwrap()), ["lab"]);
@@ -168,9 +169,46 @@ async fn artifacts_count_towards_owner_limits_and_belong_to_displays() {
     assert!(concerns(1, "bob", &["other"]).await && !concerns(1, "cyd", &["lab"]).await);
     store.create_dataset(&dataset("d"), 5).await.unwrap();
     record(&store, 12).await;
-    store.add_pair("d", &pair(4), &[]).await.unwrap();
+    store.add_pairs("d", &[pair(4)], &[]).await.unwrap();
     assert!(store.artifact_concerns(&pair(4).photo, "cyd", &lab).await.unwrap());
     assert!(!store.artifact_concerns(&pair(4).photo, "cyd", &["other".to_owned()]).await.unwrap());
+}
+
+#[tokio::test]
+async fn pairs_are_added_all_or_none_and_read_in_pages() {
+    let (store, _folder) = store().await;
+    record(&store, 12).await;
+    store.create_dataset(&dataset("d"), 5).await.unwrap();
+    let unknown = Pair { pattern: digest(98), ..pair(1) };
+    let refused = store.add_pairs("d", &[pair(0), unknown], &[]).await;
+    assert!(matches!(refused, Err(StoreError::NotFound { .. })), "{refused:?}");
+    assert_eq!(store.dataset_alone("d").await.unwrap().pair_count, 0, "none was added");
+
+    let finding = |pair: &str, message: &str| Finding {
+        pair: pair.to_owned(),
+        kind: FindingKind::LowContrast,
+        excludes: false,
+        message: message.to_owned(),
+    };
+    let findings = [finding(&pair(2).id, "is grey"), finding("", "is small")];
+    let added = store.add_pairs("d", &[pair(2), pair(0), pair(1)], &findings).await.unwrap();
+    assert_eq!((added.pair_count, added.pairs.len(), added.findings.len()), (3, 0, 1));
+    let again = store.add_pairs("d", &[pair(1), pair(3)], &findings[1..]).await.unwrap();
+    assert_eq!((again.pair_count, again.revision), (4, added.revision + 1), "one of the two was new");
+
+    let ids = async |filter, after: Option<&str>, limit| {
+        let found = store.pairs("d", filter, after, limit).await.unwrap();
+        assert_eq!(found.dataset, again);
+        found.pairs.into_iter().map(|(pair, findings)| (pair.id, findings.len())).collect::<Vec<_>>()
+    };
+    let all: Vec<(String, usize)> = (0..4).map(|n| (pair(n).id, usize::from(n == 2))).collect();
+    assert_eq!(ids(PairFilter::All, None, 2).await, all[..2]);
+    assert_eq!(ids(PairFilter::All, Some(&all[1].0), 9).await, all[2..]);
+    assert_eq!(ids(PairFilter::WithFindings, None, 9).await, all[2..3]);
+    let finalized = preparing::finalize(&store, "d").await;
+    let counts = finalized.split_counts.unwrap();
+    assert_eq!(counts.train + counts.validation + counts.test + counts.excluded, 4, "{counts:?}");
+    assert_eq!(store.dataset("d").await.unwrap().split_counts, Some(counts));
 }
 
 #[tokio::test]
@@ -186,24 +224,28 @@ async fn dataset_accepts_pairs_until_finalized() {
     assert!(matches!(store.create_dataset(&lost, 9).await, Err(StoreError::NotFound { .. })));
 
     for n in 0..5 {
-        store.add_pair("d", &pair(n), &[]).await.unwrap();
+        store.add_pairs("d", &[pair(n)], &[]).await.unwrap();
     }
-    assert_eq!(store.add_pair("d", &pair(4), &[]).await.unwrap().pair_count, 5, "the same pair again changes nothing");
+    assert_eq!(
+        store.add_pairs("d", &[pair(4)], &[]).await.unwrap().pair_count,
+        5,
+        "the same pair again changes nothing"
+    );
     let same_id = Pair { photo: digest(11), ..pair(4) };
     let same_phase = Pair { id: "x".into(), photo: digest(11), ..pair(4) };
     let same_photo = Pair { id: "x".into(), pattern: digest(11), ..pair(4) };
     for taken in [same_id, same_phase, same_photo] {
-        assert!(matches!(store.add_pair("d", &taken, &[]).await, Err(StoreError::AlreadyExists { .. })));
+        assert!(matches!(store.add_pairs("d", &[taken], &[]).await, Err(StoreError::AlreadyExists { .. })));
     }
     let unknown = Pair { id: "y".into(), pattern: digest(98), photo: digest(99), ..Pair::default() };
-    assert!(matches!(store.add_pair("d", &unknown, &[]).await, Err(StoreError::NotFound { .. })));
+    assert!(matches!(store.add_pairs("d", &[unknown], &[]).await, Err(StoreError::NotFound { .. })));
 
     let finalized = preparing::finalize(&store, "d").await;
     assert_eq!(finalized.finalize_time_ms, Some(20));
     assert_eq!(store.dataset("d").await.unwrap(), finalized);
     let late = Pair { id: "late".into(), pattern: digest(10), photo: digest(11), ..Pair::default() };
-    assert!(matches!(store.add_pair("d", &late, &[]).await, Err(StoreError::Precondition { .. })));
-    store.add_pair("d", &pair(0), &[]).await.unwrap();
+    assert!(matches!(store.add_pairs("d", &[late], &[]).await, Err(StoreError::Precondition { .. })));
+    store.add_pairs("d", &[pair(0)], &[]).await.unwrap();
 
     store.create_dataset(&dataset("e"), 5).await.unwrap();
     let ids: Vec<String> =

@@ -18,7 +18,8 @@ async fn full(folder: &Path) -> PathBuf {
     let path = folder.join("full.db");
     create_database(&path, MIGRATIONS.len()).await;
     let more = format!(
-        "insert into job_dependency values ('a', 'b'); \
+        "insert into made_by_request values ('ada', 'once', 'ImportKernel sha256-0', 1, 8); \
+         insert into job_dependency values ('a', 'b'); \
          update job set waiting_for = 1 where id = 'a'; \
          update job set state = 'queued', finish_time_ms = null where id = 'd'; \
          insert into job_event (job, time_ms, attempt, message) \

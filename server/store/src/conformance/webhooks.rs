@@ -1,7 +1,7 @@
 //! Tests of webhooks: which events they learn of, and what becomes of a delivery.
 
 use super::*;
-use crate::{Attempt, WEBHOOKS_MAX};
+use crate::{Attempt, WEBHOOKS_MAX, WebhookChange};
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_domain::rollout::RolloutPlan;
 use lightpath_domain::webhook::{Delivery, Webhook, WebhookEvent, WebhookSecret, WebhookUrl};
@@ -15,6 +15,7 @@ fn webhook(id: &str, events: &[WebhookEvent], display: Option<&str>) -> Webhook 
         display: display.map(str::to_owned),
         caller: "ada".to_owned(),
         create_time_ms: 1,
+        revision: 1,
     }
 }
 
@@ -194,4 +195,21 @@ async fn webhooks_are_kept_apart_and_limited() {
         assert!(matches!(&missing, Err(StoreError::NotFound { resource }) if resource == "webhooks/ci"), "{missing:?}");
     }
     assert_eq!(store.webhooks().await.unwrap().len() as u32, WEBHOOKS_MAX - 1);
+}
+
+#[tokio::test]
+async fn a_webhook_changes_only_from_the_revision_that_was_seen() {
+    let (store, _folder) = store().await;
+    add(&store, &webhook("ci", &[WebhookEvent::JobFailed], Some("lab"))).await;
+    let change = WebhookChange { events: Some(Vec::new()), display: Some(None), ..Default::default() };
+    let changed = store.update_webhook("ci", change.clone(), 1).await.unwrap();
+    assert_eq!(changed, Webhook { revision: 2, ..webhook("ci", &[], None) });
+    assert_eq!(store.update_webhook("ci", change, 2).await.unwrap(), changed, "the same again changes nothing");
+    let url = WebhookUrl::parse("https://hooks.example/other").unwrap();
+    let change = WebhookChange { url: Some(url), ..Default::default() };
+    let late = store.update_webhook("ci", change.clone(), 1).await;
+    assert!(matches!(late, Err(StoreError::Aborted { .. })), "{late:?}");
+    assert_eq!(store.update_webhook("ci", change, 2).await.unwrap(), store.webhook("ci").await.unwrap());
+    let lost = WebhookChange { display: Some(Some("nowhere".to_owned())), ..Default::default() };
+    assert!(matches!(store.update_webhook("ci", lost, 3).await, Err(StoreError::NotFound { .. })));
 }

@@ -36,6 +36,7 @@ pub(crate) const TABLES: &[&str] = &[
     "rollout",
     "rollout_event",
     "rollout_report",
+    "made_by_request",
     "webhook",
     "webhook_delivery",
 ];

@@ -6,12 +6,12 @@ use crate::{JobContext, TaskError, TaskOutput};
 use lightpath_camera::alignment::PointPair;
 use lightpath_domain::dataset::{
     Alignment, AlignmentMethod, Dataset, Finalization, Finding, FindingKind, Pair, PairChecks, PreparedDataset, Split,
-    Splits, draw_split, replace_missing,
+    SplitCounts, Splits, draw_split, replace_missing,
 };
 use lightpath_domain::display::Display;
 use lightpath_domain::job::estimate::{ALIGNMENT_BYTES_MAX, ALIGNMENT_PAIRS_MAX};
 use lightpath_domain::job::{
-    AlignBy, FailureReason, JobEffect, JobResult, PrepareDataset, PrepareResult, PrepareStep, Progress, SplitCounts,
+    AlignBy, FailureReason, JobEffect, JobResult, PrepareDataset, PrepareResult, PrepareStep, Progress,
 };
 use lightpath_media::captures::{self, CaptureError, Captures, Correction, FoundAlignment, ROUNDS_MAX, Reconstructor};
 use lightpath_optics::Plane;
@@ -52,12 +52,12 @@ pub(super) fn run(context: &JobContext, spec: &PrepareDataset) -> Result<TaskOut
 fn finalized_before(context: &JobContext, dataset: Dataset) -> Result<TaskOutput, TaskError> {
     let pairs = dataset.pairs.len() as u32;
     context.report(progress(CHECK, pairs, pairs))?;
-    let splits = counts(dataset.pairs.iter().map(|pair| pair.split));
+    let split_counts = dataset.split_counts;
     let result = PrepareResult {
         alignment: dataset.alignment,
         findings: dataset.findings,
         dataset_digest: dataset.digest,
-        splits,
+        split_counts,
     };
     Ok(TaskOutput { result: JobResult::PrepareDataset(result), effect: JobEffect::None })
 }
@@ -299,12 +299,12 @@ impl<'a> Preparation<'a> {
             None => None,
             Some(finalization) => Some((finalization, splits(&self.dataset, &mut findings, finalization)?)),
         };
-        let splits = closing.iter().flat_map(|(_, splits)| splits.iter().map(|(_, split)| *split));
+        let split_counts = closing.as_ref().map(|(_, splits)| SplitCounts::of(splits.iter().map(|(_, split)| *split)));
         let result = PrepareResult {
             alignment: self.dataset.alignment.clone(),
             findings: findings.clone(),
             dataset_digest: None,
-            splits: counts(splits),
+            split_counts,
         };
         let prepared = PreparedDataset {
             dataset: self.dataset.id,
@@ -383,19 +383,6 @@ fn is_excluded(findings: &[Finding], pair: &str) -> bool {
     findings.iter().any(|finding| finding.excludes && finding.pair == pair)
 }
 
-fn counts(splits: impl Iterator<Item = Option<Split>>) -> SplitCounts {
-    let mut counts = SplitCounts::default();
-    for split in splits {
-        *match split {
-            Some(Split::Train) => &mut counts.train,
-            Some(Split::Validation) => &mut counts.validation,
-            Some(Split::Test) => &mut counts.test,
-            None => &mut counts.left_out,
-        } += 1;
-    }
-    counts
-}
-
 fn unreadable(pair: &str, error: &CaptureError) -> TaskError {
     TaskError::permanent(FailureReason::DatasetUnreadable, format!("pair \"{pair}\": {error}"))
 }
@@ -437,8 +424,8 @@ mod tests {
         let mut findings = vec![black("p0"), black("p1")];
         let splits = splits(&dataset(&given), &mut findings, fractions(0.0, 0.0)).unwrap();
         assert_eq!(splits[..2], [("p0".to_owned(), None), ("p1".to_owned(), None)]);
-        let used = counts(splits.iter().map(|(_, split)| *split));
-        assert_eq!((used.train, used.validation, used.test, used.left_out), (4, 1, 1, 2));
+        let used = SplitCounts::of(splits.iter().map(|(_, split)| *split));
+        assert_eq!((used.train, used.validation, used.test, used.excluded), (4, 1, 1, 2));
         let validation = splits.iter().find(|(_, split)| *split == Some(Split::Validation)).unwrap();
         let moved: Vec<_> =
             findings.iter().filter(|finding| finding.message.contains("no pair that was given")).collect();
@@ -452,7 +439,7 @@ mod tests {
             let mut findings = Vec::new();
             let splits = splits(&dataset(given), &mut findings, options).unwrap();
             let messages: Vec<String> = findings.into_iter().map(|finding| finding.message).collect();
-            (counts(splits.into_iter().map(|(_, split)| split)), messages)
+            (SplitCounts::of(splits.into_iter().map(|(_, split)| split)), messages)
         };
         let (used, enough) = messages(&[None; 12], fractions(0.2, 0.2));
         assert_eq!((used.train, used.validation, used.test), (8, 2, 2));

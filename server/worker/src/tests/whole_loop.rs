@@ -138,7 +138,7 @@ impl Lab {
         let dataset = Dataset::empty(id.to_owned(), "lab".to_owned(), WAVELENGTH, DISTANCE, Encoding::Linear);
         self.bench.store.create_dataset(&dataset, 1).await.unwrap();
         for pair in pairs {
-            self.bench.store.add_pair(id, pair, &[]).await.unwrap();
+            self.bench.store.add_pairs(id, std::slice::from_ref(pair), &[]).await.unwrap();
         }
     }
 
@@ -384,7 +384,8 @@ async fn interrupted_preparation_resumes_and_gives_the_same_dataset() {
     let pairs = lab.photographed(4).await;
     lab.create_open("whole", &pairs).await;
     let JobResult::PrepareDataset(whole) = lab.run_job("whole", prepare("whole")).await else { panic!() };
-    assert_eq!((whole.splits.train, whole.splits.test, whole.splits.left_out), (3, 1, 0), "{:?}", whole.findings);
+    let counts = whole.split_counts.unwrap();
+    assert_eq!((counts.train, counts.test, counts.excluded), (3, 1, 0), "{:?}", whole.findings);
 
     // The file of the last photograph is missing during the first attempt.
     let last = lab.bench.artifacts.read_all(&pairs[3].photo).await.unwrap();
@@ -418,7 +419,7 @@ async fn preparation_fails_if_its_dataset_was_changed() {
     let task = move |job: &Job, context: &JobContext| {
         let output = OpticsTask.run(job, context)?;
         if job.attempt == 1 {
-            context.wait(context.store().add_pair("d", &add, &[]))?;
+            context.wait(context.store().add_pairs("d", std::slice::from_ref(&add), &[]))?;
         }
         Ok(output)
     };
@@ -431,7 +432,8 @@ async fn preparation_fails_if_its_dataset_was_changed() {
     lab.bench.store.retry(&id, 3).await.unwrap();
     let job = lab.bench.ended(&id).await;
     let Some(JobResult::PrepareDataset(result)) = job.result else { panic!("{:?}", job.error) };
-    assert_eq!(result.splits.train + result.splits.test, 4);
+    let counts = result.split_counts.unwrap();
+    assert_eq!(counts.train + counts.test, 4);
     working.stop().await;
 }
 

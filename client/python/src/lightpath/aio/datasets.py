@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from lightpath import html, names, v1, words
+from lightpath.aio.connection import PREPARING_TIMEOUT_S
 from lightpath.aio.jobs import submit
 from lightpath.aio.kernels import read_learned
 from lightpath.aio.results import read_evaluation, read_preparation
@@ -16,7 +17,7 @@ from lightpath.pictures import Phase, Picture, phase_bytes, picture_bytes
 from lightpath.units import show_length
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from typing_extensions import Unpack
 
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
     from lightpath.aio.kernels import KernelVersion
     from lightpath.progress import Progress
     from lightpath.reports import Evaluation
+
+PAIRS_AT_ONCE = 16
+"""Pairs that `add_all` adds with one call. The server measures each before it answers."""
 
 
 class Dataset:
@@ -48,14 +52,23 @@ class Dataset:
         return names.last_part(self.name)
 
     @property
-    def pairs(self) -> list[v1.Pair]:
-        """The pairs with their measurements, when this object was read last (`refresh`)."""
-        return list(self.message.pairs)
-
-    @property
     def findings(self) -> list[v1.Finding]:
-        """Problems of the pairs and of the dataset, with what to do, when this object was read last (`refresh`)."""
+        """Problems of the dataset as a whole, with what to do, when this object was read last (`refresh`).
+
+        Each of the `pairs` has findings of its own.
+        """
         return list(self.message.findings)
+
+    async def pairs(self, *, with_findings: bool = False) -> list[v1.Pair]:
+        """Read the pairs with their measurements and findings, in the order of their ids.
+
+        `with_findings` leaves out the pairs without findings.
+        """
+        request = v1.ListPairsRequest(dataset=self.name, page_size=1000, with_findings=with_findings)
+        pairs: list[v1.Pair] = []
+        async for page in self._connection.pages(self._connection.datasets.ListPairs, request):
+            pairs += page.pairs
+        return pairs
 
     async def refresh(self) -> Dataset:
         """Read the dataset again."""
@@ -83,19 +96,63 @@ class Dataset:
         - `black_level`: reading of the camera in the dark, as a fraction of full scale
         - `exposure_s`, `camera_gain`: exposure time [s] and amplification, if known
         """
-        pattern = await self._pattern_digest(hologram)
         pair = v1.Pair(
-            # From the hologram's digest, so that the same pair has the same id when a notebook runs again.
-            id=pair_id or pattern.removeprefix("sha256-")[:8],
-            pattern=pattern,
-            photo=await self._photo_digest(photo),
+            id=pair_id or "",
             split=words.number("split", v1.Split, split),
             black_level=black_level,
             exposure_s=exposure_s,
             camera_gain=camera_gain,
         )
-        request = v1.AddPairRequest(dataset=self.name, pair=pair)
-        self.message = await self._connection.call(self._connection.datasets.AddPair, request)
+        return await self._add([await self._with_files(pair, hologram, photo)])
+
+    async def add_all(
+        self,
+        pairs: Iterable[tuple[Hologram | Phase, Photograph | Picture]],
+        *,
+        pair_ids: Iterable[str] | None = None,
+        split: words.Split | None = None,
+        black_level: float = 0.0,
+        exposure_s: float = 0.0,
+        camera_gain: float = 0.0,
+    ) -> Dataset:
+        """Add holograms, each with its photograph, some at a time. The same pairs again change nothing.
+
+        - `pairs`: a hologram and its photograph, as `add` takes them, for each pair
+        - `pair_ids`: an id for each pair. Default: eight digits of each hologram's digest
+        - the other arguments are those of `add`, and the same for all pairs
+        """
+        message = v1.Pair(
+            split=words.number("split", v1.Split, split),
+            black_level=black_level,
+            exposure_s=exposure_s,
+            camera_gain=camera_gain,
+        )
+        ids = None if pair_ids is None else list(pair_ids)
+        given = list(pairs)
+        if ids is not None and len(ids) != len(given):
+            raise InvalidArgument("pair_ids", f"has {len(ids)} ids for {len(given)} pairs", "give one for each pair")
+        for start in range(0, len(given), PAIRS_AT_ONCE):
+            messages: list[v1.Pair] = []
+            for index, (hologram, photo) in enumerate(given[start : start + PAIRS_AT_ONCE], start):
+                pair = v1.Pair(id=ids[index] if ids else "")
+                pair.MergeFrom(message)
+                messages.append(await self._with_files(pair, hologram, photo))
+            await self._add(messages)
+        return self
+
+    async def _with_files(self, pair: v1.Pair, hologram: Hologram | Phase, photo: Photograph | Picture) -> v1.Pair:
+        """Upload the files of a pair, and give it their digests and an id."""
+        pair.pattern = await self._pattern_digest(hologram)
+        pair.photo = await self._photo_digest(photo)
+        # From the hologram's digest, so that the same pair has the same id when a notebook runs again.
+        pair.id = pair.id or pair.pattern.removeprefix("sha256-")[:8]
+        return pair
+
+    async def _add(self, pairs: list[v1.Pair]) -> Dataset:
+        request = v1.AddPairsRequest(dataset=self.name, pairs=pairs)
+        call = self._connection.datasets.AddPairs
+        answer = await self._connection.call(call, request, timeout_s=PREPARING_TIMEOUT_S)
+        self.message = answer.dataset
         return self
 
     async def _pattern_digest(self, hologram: Hologram | Phase) -> str:
@@ -203,7 +260,7 @@ class Dataset:
             ("state", words.name_of(v1.Dataset.State, message.state)),
             ("pairs", message.pair_count),
         ]
-        rows += [(f"finding: {finding.pair or 'dataset'}", finding.message) for finding in message.findings]
+        rows += [("finding", finding.message) for finding in message.findings]
         return html.table(self.name, rows)
 
 

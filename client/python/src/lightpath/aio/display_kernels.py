@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import uuid
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -50,11 +51,11 @@ class DisplayKernels(Resource):
         Raises `InvalidRequest` if the distance was photographed or is not between the others, and `PreconditionFailed`
         if no distances were learned together.
         """
-        request = v1.InterpolateKernelRequest(display=self.name, place=place(distance))
+        request = v1.InterpolateKernelRequest(display=self.name, place=place(distance), request_id=str(uuid.uuid4()))
         if wavelength is not None:
             request.wavelength_m = metres("wavelength", wavelength)
         call = self._connection.kernels.InterpolateKernel
-        return KernelVersion(self._connection, await self._connection.call(call, request, repeatable=False))
+        return KernelVersion(self._connection, await self._connection.call(call, request))
 
     async def promotion_gate(self) -> PromotionGate:
         """Return what versions must show before they become active, with the gates that were set before."""

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import uuid
 from typing import TYPE_CHECKING, cast
+
+from google.protobuf.field_mask_pb2 import FieldMask
 
 from lightpath import html, names, png, v1, words
 from lightpath.aio.datasets import Dataset
 from lightpath.aio.devices import DisplayDevices
 from lightpath.aio.display_kernels import DisplayKernels
-from lightpath.aio.jobs import submit
+from lightpath.aio.jobs import submit, submit_all
 from lightpath.aio.kernels import Kernel, KernelVersion, list_kernels
 from lightpath.aio.results import read_hologram, read_photograph
 from lightpath.errors import InvalidArgument, MissingKernel
@@ -68,6 +71,26 @@ class Display(DisplayKernels, DisplayDevices):
         """Wavelengths that light the display [m]."""
         return list(self.message.wavelengths_m)
 
+    @property
+    def notes(self) -> str:
+        """Notes of people."""
+        return self.message.notes
+
+    async def update(self, *, notes: str, expected_revision: int | None = None) -> Display:
+        """Change the notes of the display. A display with other optics is a new display.
+
+        With `expected_revision`, such as `display.message.revision`, raises `Aborted` if somebody changed the display
+        since.
+        """
+        request = v1.UpdateDisplayRequest(
+            display=v1.Display(name=self.name, notes=notes),
+            update_mask=FieldMask(paths=["notes"]),
+            expected_revision=expected_revision,
+        )
+        call = self._connection.displays.UpdateDisplay
+        self.message = await self._connection.call(call, request, repeatable=expected_revision is None)
+        return self
+
     async def optimize(
         self,
         target: Picture | Sequence[Picture],
@@ -104,6 +127,17 @@ class Display(DisplayKernels, DisplayDevices):
         **options: Unpack[HologramOptions],
     ) -> Job[Hologram]:
         """Submit the optimization of a hologram, and return its job without waiting. Arguments as for `optimize`."""
+        spec = await self._optimization(target, distance, wavelength, options)
+        return await submit(self._connection, spec, options, read_hologram)
+
+    async def _optimization(
+        self,
+        target: Picture | Sequence[Picture],
+        distance: Length | Sequence[Length],
+        wavelength: Length | Sequence[Length] | None,
+        options: HologramOptions,
+    ) -> v1.JobSpec:
+        """Upload the files of an optimization. Adds a label to the options that have none."""
         check(options, HologramOptions)
         message = optimize_message(options)
         message.display = self.name
@@ -119,7 +153,7 @@ class Display(DisplayKernels, DisplayDevices):
         for i, distance_m in enumerate(distances):
             message.planes.add(place=v1.Place(distance_m=distance_m), target=digests[i % len(digests)])
         await self._upload_files(message, options)
-        return await submit(self._connection, v1.JobSpec(optimize_hologram=message), options, read_hologram)
+        return v1.JobSpec(optimize_hologram=message)
 
     async def _upload_files(self, message: v1.OptimizeHologram, options: HologramOptions) -> None:
         if "depth_map" in options:
@@ -142,11 +176,15 @@ class Display(DisplayKernels, DisplayDevices):
         progress: Progress = True,
         **options: Unpack[HologramOptions],
     ) -> list[Hologram]:
-        """Optimize one hologram for each picture. All jobs are submitted first, so that the server never waits."""
-        jobs = [
-            await self.submit_optimize(target, distance=distance, wavelength=wavelength, **options)
-            for target in targets
-        ]
+        """Optimize one hologram for each picture. All jobs are submitted first, so that the server never waits.
+
+        Up to 200 jobs are submitted together: if one is refused, so are they all.
+        """
+        submitted: list[tuple[v1.JobSpec, SubmitOptions]] = []
+        for target in targets:
+            own = options.copy()
+            submitted.append((await self._optimization(target, distance, wavelength, own), own))
+        jobs = await submit_all(self._connection, submitted, read_hologram)
         return [await job.result(progress=progress) for job in jobs]
 
     async def photograph(
@@ -265,6 +303,8 @@ class Display(DisplayKernels, DisplayDevices):
     ) -> KernelVersion:
         """Store a file of `Kernel.save`, or the paper's `kernel.pt`, as the next version for a distance."""
         request = v1.ImportKernelRequest(
+            # A call whose answer was lost is made again, and stores no second version.
+            request_id=str(uuid.uuid4()),
             display=self.name,
             place=place(distance),
             wavelength_m=None if wavelength is None else metres("wavelength", wavelength),
@@ -272,7 +312,7 @@ class Display(DisplayKernels, DisplayDevices):
             from_another_display=from_another_display,
         )
         call = self._connection.kernels.ImportKernel
-        return KernelVersion(self._connection, await self._connection.call(call, request, repeatable=False))
+        return KernelVersion(self._connection, await self._connection.call(call, request))
 
     async def delete(self) -> None:
         """Delete the display. It must have no datasets, kernels or jobs."""

@@ -7,17 +7,21 @@ from functools import partial
 from typing import TYPE_CHECKING, Generic, TypeVar, cast
 
 from lightpath import html, names, v1, words
+from lightpath.aio.connection import PREPARING_TIMEOUT_S
 from lightpath.errors import JobUnsuccessful, Unreachable, WaitInterrupted
 from lightpath.options import SubmitOptions, submit_request
 from lightpath.progress import Progress, details, watcher
 from lightpath.retry import WAIT_TRIES_MAX, Backoff
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator, Awaitable, Callable
+    from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 
     from lightpath.aio.connection import Connection
 
 Result = TypeVar("Result")
+
+JOBS_AT_ONCE = 200
+"""Jobs that `submit_all` submits with one call: the limit of the server."""
 
 _ENDED = {v1.Job.STATE_SUCCEEDED, v1.Job.STATE_FAILED, v1.Job.STATE_CANCELLED}
 
@@ -161,6 +165,27 @@ async def submit(
     request = submit_request(spec, options)
     request.request_id = request.request_id or str(uuid.uuid4())
     return Job(connection, await connection.call(connection.jobs.SubmitJob, request), read)
+
+
+async def submit_all(
+    connection: Connection,
+    jobs: Sequence[tuple[v1.JobSpec, SubmitOptions]],
+    read: Callable[[Connection, v1.Job], Awaitable[Result]],
+) -> list[Job[Result]]:
+    """Submit jobs, `JOBS_AT_ONCE` at a time. Of those of one call all are accepted or none.
+
+    A call is made again after a lost connection, and never makes a second job.
+    """
+    requests = [submit_request(spec, options) for spec, options in jobs]
+    for request in requests:
+        request.request_id = request.request_id or str(uuid.uuid4())
+    submitted: list[Job[Result]] = []
+    for start in range(0, len(requests), JOBS_AT_ONCE):
+        message = v1.SubmitJobsRequest(requests=requests[start : start + JOBS_AT_ONCE])
+        call = connection.jobs.SubmitJobs
+        answer = await connection.call(call, message, timeout_s=PREPARING_TIMEOUT_S)
+        submitted += [Job(connection, each, read) for each in answer.jobs]
+    return submitted
 
 
 def check_success(job: v1.Job) -> None:

@@ -142,7 +142,7 @@ class Lab(Operations):
         return Dataset(self.connection, await self.connection.call(self.connection.datasets.GetDataset, request))
 
     async def datasets(self) -> list[Dataset]:
-        """Return all datasets, in the order of their ids. They lack their pairs before `refresh`."""
+        """Return all datasets, in the order of their ids."""
         request, datasets = v1.ListDatasetsRequest(page_size=1000), []
         async for page in self.connection.pages(self.connection.datasets.ListDatasets, request):
             datasets += [Dataset(self.connection, each) for each in page.datasets]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import uuid
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -217,9 +218,11 @@ class KernelRollouts(Resource):
             self_test_loss_max=self_test_loss_max,
             reason=reason,
             force=force,
+            # A call whose answer was lost is made again, and starts no second rollout.
+            request_id=str(uuid.uuid4()),
         )
         call = self._connection.rollouts.StartRollout
-        started = await self._connection.call(call, request, repeatable=False, timeout_s=PREPARING_TIMEOUT_S)
+        started = await self._connection.call(call, request, timeout_s=PREPARING_TIMEOUT_S)
         # Only reading it gives its events.
         return await Rollout(self._connection, started).refresh()
 

@@ -5,13 +5,17 @@ from __future__ import annotations
 import asyncio
 from typing import TYPE_CHECKING
 
+from google.protobuf.field_mask_pb2 import FieldMask
+
 from lightpath import html, v1
 from lightpath.aio.resource import Resource
+from lightpath.errors import InvalidArgument
 from lightpath.times import utc_if_set
 from lightpath.webhooks import Delivery, read_delivery
 
 if TYPE_CHECKING:
     import datetime as dt
+    from collections.abc import Iterable
 
 # Pause between two looks at the answer of a receiver [s].
 _LOOK_EVERY_S = 0.1
@@ -49,6 +53,31 @@ class Webhook(Resource):
     def create_time(self) -> dt.datetime | None:
         """Time of its creation."""
         return utc_if_set(self.message, "create_time")
+
+    async def update(
+        self,
+        *,
+        url: str | None = None,
+        events: Iterable[str] | None = None,
+        display: str | None = None,
+        expected_revision: int | None = None,
+    ) -> Webhook:
+        """Change the address, the events or the display. What is not given stays.
+
+        Empty `events` mean all events, an empty `display` (`displays/{id}`) all displays. With `expected_revision`,
+        such as `webhook.message.revision`, raises `Aborted` if somebody changed the webhook since.
+        """
+        given = {"url": url, "events": events, "display": display}
+        request = v1.UpdateWebhookRequest(
+            webhook=v1.Webhook(name=self.name, url=url or "", events=events or (), display=display or ""),
+            update_mask=FieldMask(paths=[name for name, value in given.items() if value is not None]),
+            expected_revision=expected_revision,
+        )
+        if not request.update_mask.paths:
+            raise InvalidArgument("url", "is missing, and events and display too", "give what changes")
+        call = self._connection.webhooks.UpdateWebhook
+        self.message = await self._connection.call(call, request, repeatable=False)
+        return self
 
     async def test(self, *, timeout_s: float = 10.0) -> Delivery:
         """Send the event `webhook.test`, and return its delivery with the answer of the receiver.

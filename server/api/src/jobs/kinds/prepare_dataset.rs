@@ -1,11 +1,10 @@
 //! Dataset jobs, which align or finalize a dataset.
 
 use crate::api::Api;
-use crate::datasets::to_wire::{alignment, finding};
+use crate::datasets::to_wire::{alignment, finding, split_counts};
 use crate::names;
 use lightpath_camera::alignment::{Homography, PointPair};
 use lightpath_domain::dataset::Finalization;
-use lightpath_domain::job::kinds::prepare_dataset::SplitCounts;
 use lightpath_domain::job::{AlignBy, Job, PrepareDataset, PrepareResult, PrepareStep};
 use lightpath_media::pictures;
 use lightpath_proto::v1;
@@ -127,17 +126,7 @@ pub(super) fn result(result: PrepareResult) -> v1::PrepareDatasetResult {
     v1::PrepareDatasetResult {
         alignment: result.alignment.map(alignment),
         findings: result.findings.into_iter().map(finding).collect(),
-        splits: result.dataset_digest.is_some().then(|| split_counts(result.splits)),
+        split_counts: result.split_counts.map(split_counts),
         digest: result.dataset_digest.unwrap_or_default(),
-    }
-}
-
-fn split_counts(splits: SplitCounts) -> v1::prepare_dataset_result::SplitCounts {
-    let SplitCounts { train, validation, test, left_out } = splits;
-    v1::prepare_dataset_result::SplitCounts {
-        train_pairs: train,
-        validation_pairs: validation,
-        test_pairs: test,
-        left_out_pairs: left_out,
     }
 }

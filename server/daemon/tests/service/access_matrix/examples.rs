@@ -103,7 +103,11 @@ fn datasets() -> Vec<Example> {
             "DatasetService/ListDatasets",
             json!({ "display": "$display", "page_size": 1, "page_token": "" }),
         ),
-        Example::new::<v1::AddPairRequest>("DatasetService/AddPair", json!({ "dataset": "$open", "pair": pair })),
+        Example::new::<v1::ListPairsRequest>(
+            "DatasetService/ListPairs",
+            json!({ "dataset": "$near", "page_size": 1, "page_token": "" }),
+        ),
+        Example::new::<v1::AddPairsRequest>("DatasetService/AddPairs", json!({ "dataset": "$open", "pairs": [pair] })),
         Example::new::<v1::DeleteDatasetRequest>("DatasetService/DeleteDataset", json!({ "name": "$new_dataset" })),
         Example::new::<v1::CreateCalibrationTargetRequest>(
             "DatasetService/CreateCalibrationTarget",
@@ -120,6 +124,10 @@ fn displays() -> Vec<Example> {
         Example::new::<v1::ListDisplaysRequest>(
             "DisplayService/ListDisplays",
             json!({ "page_size": 1, "page_token": "" }),
+        ),
+        Example::new::<v1::UpdateDisplayRequest>(
+            "DisplayService/UpdateDisplay",
+            json!({ "display": { "name": "$spare", "notes": "why" } }),
         ),
         Example::new::<v1::PlanPropagationRequest>(
             "DisplayService/PlanPropagation",
@@ -161,6 +169,11 @@ fn jobs() -> Vec<Example> {
     ]
 }
 
+fn submit_all(specs: &[Value]) -> Example {
+    let requests: Vec<Value> = specs.iter().map(|spec| json!({ "spec": spec, "owner": "$owner" })).collect();
+    Example::new::<v1::SubmitJobsRequest>("JobService/SubmitJobs", json!({ "requests": requests }))
+}
+
 fn submit(spec: Value) -> Example {
     let message = json!({ "spec": spec, "owner": "$owner", "after": ["$waiting"] });
     Example::new::<v1::SubmitJobRequest>("JobService/SubmitJob", message)
@@ -186,6 +199,10 @@ fn other_jobs() -> Vec<Example> {
             json!({ "simulate_capture": { "display": "$display", "place": { "distance_m": 4e-3 }, "pattern": "$levels" } }),
         ),
         submit(json!({ "evaluate_kernel": { "dataset": "$near", "kernel": "$choice" } })),
+        submit_all(&[
+            json!({ "evaluate_kernel": { "dataset": "$near", "kernel": "$choice" } }),
+            json!({ "report_kernel": { "kernel_version": "$version" } }),
+        ]),
         submit(json!({ "prepare_dataset": { "dataset": "$open", "align": { "dots_photo": "$pair_photo" } } })),
         submit(json!({ "report_kernel": { "kernel_version": "$version" } })),
         submit(json!({ "suggest_holograms": { "kernel_version": "$learned_version", "holograms": 1 } })),
@@ -305,6 +322,10 @@ fn webhooks() -> Vec<Example> {
         Example::new::<v1::CreateWebhookRequest>("WebhookService/CreateWebhook", create),
         Example::new::<v1::GetWebhookRequest>("WebhookService/GetWebhook", named("$webhook")),
         Example::new::<v1::ListWebhooksRequest>("WebhookService/ListWebhooks", json!({})),
+        Example::new::<v1::UpdateWebhookRequest>(
+            "WebhookService/UpdateWebhook",
+            json!({ "webhook": { "name": "$webhook", "display": "$display" } }),
+        ),
         Example::new::<v1::TestWebhookRequest>("WebhookService/TestWebhook", named("$webhook")),
         Example::new::<v1::ListWebhookDeliveriesRequest>("WebhookService/ListWebhookDeliveries", list),
         Example::new::<v1::DeleteWebhookRequest>("WebhookService/DeleteWebhook", named("$new_webhook")),

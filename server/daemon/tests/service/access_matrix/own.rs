@@ -120,8 +120,9 @@ async fn a_foreign_dataset_with_the_id_of_a_deleted_one_is_not_used() {
     admin.ask::<v1::Dataset>("DatasetService/CreateDataset", create).await.unwrap();
     let artifact = |key: &str| worlds.foreign.text(key).to_owned();
     let (phase, photo) = (artifact("$pair_phase"), artifact("$pair_photo"));
-    let pair = Some(v1::Pair { id: "p".into(), pattern: phase, photo, ..Default::default() });
-    admin.ask::<v1::Dataset>("DatasetService/AddPair", v1::AddPairRequest { dataset: name, pair }).await.unwrap();
+    let pairs = vec![v1::Pair { id: "p".into(), pattern: phase, photo, ..Default::default() }];
+    let add = v1::AddPairsRequest { dataset: name, pairs };
+    admin.ask::<v1::AddPairsResponse>("DatasetService/AddPairs", add).await.unwrap();
     assert_eq!(report_need(&worlds).await, without_dataset);
     let people = worlds.people();
     let person = people.iter().find(|person| person.name == "lab-submitter").unwrap();

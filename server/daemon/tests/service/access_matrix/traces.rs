@@ -49,6 +49,8 @@ pub(super) async fn snapshot(admin: &Person<'_>, id: &str) -> Vec<u8> {
     for dataset in &listed.datasets {
         let get = v1::GetDatasetRequest { name: dataset.name.clone() };
         add(&mut all, &admin.ask::<v1::Dataset>("DatasetService/GetDataset", get).await.unwrap());
+        let list = v1::ListPairsRequest { dataset: dataset.name.clone(), page_size, ..Default::default() };
+        add(&mut all, &admin.ask::<v1::ListPairsResponse>("DatasetService/ListPairs", list).await.unwrap());
     }
     let list = v1::ListJobsRequest { page_size, display: display.clone(), ..Default::default() };
     let listed: v1::ListJobsResponse = admin.ask("JobService/ListJobs", list).await.unwrap();

@@ -191,8 +191,8 @@ impl Builder<'_> {
     }
 
     async fn add_pair(&self, dataset: &str, pair: &v1::Pair) {
-        let request = v1::AddPairRequest { dataset: dataset.to_owned(), pair: Some(pair.clone()) };
-        self.owner.ask::<v1::Dataset>("DatasetService/AddPair", request).await.unwrap();
+        let request = v1::AddPairsRequest { dataset: dataset.to_owned(), pairs: vec![pair.clone()] };
+        self.owner.ask::<v1::AddPairsResponse>("DatasetService/AddPairs", request).await.unwrap();
     }
 
     /// Learns kernels for both distances together, and imports a second version for the near one. A third version

@@ -1,7 +1,7 @@
 //! Jobs that prepare a dataset for learning: request, result, memory and time.
 
 use super::Kind;
-use crate::dataset::{Alignment, Finalization, Finding};
+use crate::dataset::{Alignment, Finalization, Finding, SplitCounts};
 use crate::job::estimate::{ALIGNMENT_BYTES_MAX, ALIGNMENT_PAIRS_MAX, Need, PairsSize, REAL};
 use lightpath_camera::alignment::PointPair;
 use lightpath_optics::memory::EngineSize;
@@ -63,21 +63,8 @@ pub struct PrepareResult {
     /// Digest of the finalized dataset, filled in by the store. It is not the digest of an artifact. The store's search
     /// for references to artifacts therefore skips fields of this name.
     pub dataset_digest: Option<String>,
-    /// Numbers of pairs in a finalized dataset, by their use.
-    pub splits: SplitCounts,
-}
-
-/// Numbers of pairs by their use.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct SplitCounts {
-    /// Number of pairs for learning.
-    pub train: u32,
-    /// Number of pairs for watching the loss during learning.
-    pub validation: u32,
-    /// Number of pairs for measuring the kernel once, after learning.
-    pub test: u32,
-    /// Number of pairs that are not used, because of their findings.
-    pub left_out: u32,
+    /// Numbers of pairs by their use; `None`: the dataset is open.
+    pub split_counts: Option<SplitCounts>,
 }
 
 impl Kind for PrepareDataset {
