@@ -26,6 +26,7 @@ mod vectors;
 
 use cases::Case;
 use compiler::{CHECK_MANIFESTS, MANIFEST_VERDICTS};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Whether the vectors are written instead of compared.
@@ -68,6 +69,19 @@ fn trust_gives_every_vector_the_verdict_that_is_written_down() {
         let found = case.verdict();
         assert_eq!((found.name, found.line), (verdict.name, verdict.line), "{}", case.line());
     }
+}
+
+#[test]
+fn document_names_every_verdict_of_the_vectors_and_no_other() {
+    let document = include_str!("../../../docs/firmware.md");
+    let table = document.split("| answer | meaning |").nth(1).unwrap().trim_start();
+    let rows = table.lines().take_while(|line| line.starts_with('|')).skip(1);
+    // The names stand in the first cell, in code type.
+    let cells = rows.map(|row| row.split('|').nth(1).unwrap());
+    let named: BTreeSet<&str> = cells.flat_map(|cell| cell.split('`').skip(1).step_by(2)).collect();
+    let all = vectors::all();
+    let asked: BTreeSet<&str> = all.cases.iter().map(|(_, verdict)| verdict.name).collect();
+    assert_eq!(named, asked);
 }
 
 #[test]
