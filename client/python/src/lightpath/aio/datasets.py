@@ -112,8 +112,8 @@ class Dataset:
         pair_ids: Iterable[str] | None = None,
         split: words.Split | None = None,
         black_level: float = 0.0,
-        exposure_s: float = 0.0,
-        camera_gain: float = 0.0,
+        exposure_s: float | None = None,
+        camera_gain: float | None = None,
     ) -> Dataset:
         """Add holograms, each with its photograph, some at a time. The same pairs again change nothing.
 
