@@ -121,11 +121,12 @@ fn requests(target: &str) -> Vec<(&'static str, &'static str, &'static str, Valu
         "display": "displays/lab", "planes": [{ "place": place, "target": target }], "method": "HOLOGRAM_METHOD_ADAM",
         "loss": {},
     });
+    let pair = json!({ "id": "a", "pattern": target, "photo": target });
     vec![
         ("/v1/displays", "display", "DisplayInput", display("allOrders")),
         ("/v1/displays", "display", "DisplayInput", display("orderFilter")),
         ("/v1/datasets", "dataset", "DatasetInput", dataset),
-        ("/v1/datasets/new:addPair", "pair", "PairInput", json!({ "id": "a", "pattern": target, "photo": target })),
+        ("/v1/datasets/new:addPairs", "", "AddPairsRequest", json!({ "pairs": [pair] })),
         ("/v1/jobs", "", "SubmitJobRequest", json!({ "spec": { "optimizeHologram": hologram } })),
     ]
 }
