@@ -154,7 +154,7 @@ async fn jobs_run_where_their_memory_is() {
     let Some(settings) = settings().await else { return };
     // The server alone would accept no job at all.
     let (serving, target) = server(&Config { job_memory_mib_max: 64.0, ..settings.clone() }).await;
-    let display = crate::serving::sized_display("large", 1024, 1024);
+    let display = crate::serving::sized_display("large", 704, 704);
     let request_display = v1::CreateDisplayRequest { display: Some(display) };
     serving.displays().create_display(request_display).await.unwrap();
     let large = |frames| {
