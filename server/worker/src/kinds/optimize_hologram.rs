@@ -196,7 +196,8 @@ fn judged_by(
     wanted: Wanted<'_>,
 ) -> Result<Option<JudgedBy>, TaskError> {
     let Some(version) = plane.judging_version else { return Ok(None) };
-    let display = DisplaySetup::read(context, &spec.display, setup.wavelength, plane.plane.distance)?;
+    let (wavelength, distance) = (setup.wavelength, plane.plane.distance);
+    let display = DisplaySetup::read_with(context, &spec.display, wavelength, distance, spec.propagation)?;
     let model = display.model(context, Some(version))?;
     let engine = context.engines().engine(&model, spec.detector, display.carrier)?;
     let shown = ShownLight::of_sets(&engine, &[displayed])?;

@@ -33,7 +33,6 @@ pub struct OptimizeHologram {
     pub kernel_versions: Vec<Vec<Option<u32>>>,
     /// Kernel versions that judge the holograms of other kernels, because they are the best models of the display: for
     /// each wavelength one for each plane; `None`: the kernel of the hologram judges it.
-    #[serde(default)]
     pub judging_versions: Vec<Vec<Option<u32>>>,
     /// Propagation method; `None`: the method of the learned kernel, or the planner's choice for an ideal kernel.
     pub propagation: Option<ConvolutionMethod>,

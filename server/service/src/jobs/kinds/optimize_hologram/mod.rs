@@ -31,11 +31,10 @@ impl Kind for OptimizeHologram {
 pub(super) async fn kernels_of(jobs: &Jobs, spec: &OptimizeHologram) -> Result<Vec<Vec<KernelSize>>> {
     let (display, _) = jobs.store.display(&spec.display).await?;
     let mut kernels = Vec::with_capacity(spec.wavelengths.len());
-    for (&wavelength, versions) in spec.wavelengths.iter().zip(&spec.kernel_versions) {
+    for (keys, versions) in keys(spec).iter().zip(&spec.kernel_versions) {
         let mut of_planes = Vec::with_capacity(spec.planes.len());
-        for (plane, &version) in spec.planes.iter().zip(versions) {
-            let key = KernelKey { display: display.id.clone(), wavelength, distance: plane.distance };
-            of_planes.push(jobs.kernel_size(&display, &key, version, spec.detector, spec.propagation).await?);
+        for (key, &version) in keys.iter().zip(versions) {
+            of_planes.push(jobs.kernel_size(&display, key, version, spec.detector, spec.propagation).await?);
         }
         kernels.push(of_planes);
     }
@@ -46,16 +45,30 @@ pub(super) async fn kernels_of(jobs: &Jobs, spec: &OptimizeHologram) -> Result<V
 async fn judging_kernels_of(jobs: &Jobs, spec: &OptimizeHologram) -> Result<Vec<Vec<KernelSize>>> {
     let (display, _) = jobs.store.display(&spec.display).await?;
     let mut kernels = Vec::with_capacity(spec.wavelengths.len());
-    for (w, &wavelength) in spec.wavelengths.iter().enumerate() {
+    for (w, keys) in keys(spec).iter().enumerate() {
         let mut of_planes = Vec::new();
-        for (p, plane) in spec.planes.iter().enumerate() {
+        for (p, key) in keys.iter().enumerate() {
             let Some(version) = spec.judging_version(w, p) else { continue };
-            let key = KernelKey { display: display.id.clone(), wavelength, distance: plane.distance };
-            of_planes.push(jobs.kernel_size(&display, &key, Some(version), spec.detector, None).await?);
+            of_planes.push(jobs.kernel_size(&display, key, Some(version), spec.detector, spec.propagation).await?);
         }
         kernels.push(of_planes);
     }
     Ok(kernels)
+}
+
+/// Keys of the kernels: for each wavelength one for each plane.
+fn keys(spec: &OptimizeHologram) -> Vec<Vec<KernelKey>> {
+    let key = |wavelength, distance| KernelKey { display: spec.display.clone(), wavelength, distance };
+    let of_planes = |&wavelength| spec.planes.iter().map(|plane| key(wavelength, plane.distance)).collect();
+    spec.wavelengths.iter().map(of_planes).collect()
+}
+
+/// The job of an earlier submission of the request, if it has the same kernels.
+fn earlier<'a>(before: Option<&'a Job>, spec: &OptimizeHologram) -> Option<&'a OptimizeHologram> {
+    match before.map(|job| &job.spec) {
+        Some(JobSpec::OptimizeHologram(job)) if keys(job) == keys(spec) => Some(job),
+        _ => None,
+    }
 }
 
 impl Jobs {
@@ -87,17 +100,14 @@ impl Jobs {
         before: Option<&Job>,
     ) -> Result<Vec<Vec<Option<u32>>>> {
         // A repeated request is judged as the first time, even if `active` has moved.
-        if let Some(JobSpec::OptimizeHologram(job)) = before.map(|job| &job.spec)
-            && (&job.wavelengths, job.planes.len()) == (&spec.wavelengths, spec.planes.len())
-        {
+        if let Some(job) = earlier(before, spec) {
             return Ok(job.judging_versions.clone());
         }
         let mut judging = Vec::new();
-        for (&wavelength, versions) in spec.wavelengths.iter().zip(&spec.kernel_versions) {
+        for (keys, versions) in keys(spec).iter().zip(&spec.kernel_versions) {
             let mut of_planes = Vec::new();
-            for (plane, &version) in spec.planes.iter().zip(versions) {
-                let key = KernelKey { display: spec.display.clone(), wavelength, distance: plane.distance };
-                let active = self.kernels.chosen(field, "", &key, false).await?;
+            for (key, &version) in keys.iter().zip(versions) {
+                let active = self.kernels.chosen(field, "", key, false).await?;
                 of_planes.push(active.filter(|_| active != version));
             }
             judging.push(of_planes);
@@ -119,20 +129,18 @@ impl Jobs {
             return Err(field.but(format!("is {:?}", shortened(kernel)), fix));
         }
         // A repeated request has the same versions as the first time, even if `active` has moved.
-        if let Some(JobSpec::OptimizeHologram(job)) = before.map(|job| &job.spec)
+        if let Some(job) = earlier(before, spec)
             && ["", "active"].contains(&kernel)
-            && (&job.wavelengths, job.planes.len()) == (&spec.wavelengths, spec.planes.len())
         {
             return Ok(job.kernel_versions.clone());
         }
         let mut versions = Vec::new();
-        for &wavelength in &spec.wavelengths {
-            let mut wavelength_versions = Vec::new();
-            for plane in &spec.planes {
-                let key = KernelKey { display: spec.display.clone(), wavelength, distance: plane.distance };
-                wavelength_versions.push(self.kernels.chosen(field, kernel, &key, false).await?);
+        for keys in keys(spec) {
+            let mut of_planes = Vec::new();
+            for key in &keys {
+                of_planes.push(self.kernels.chosen(field, kernel, key, false).await?);
             }
-            versions.push(wavelength_versions);
+            versions.push(of_planes);
         }
         Ok(versions)
     }
