@@ -5,7 +5,8 @@ use super::failure::Failure;
 use super::session::Session;
 use super::show;
 use clap::Args;
-use lightpath::{names, units, v1};
+use lightpath::v1::{self, kernel_choice::Kind};
+use lightpath::{names, units};
 
 /// A kernel, by its name or by its display, distance and wavelength.
 #[derive(Debug, Args)]
@@ -64,6 +65,11 @@ impl KernelChoice {
         self.wavelength.map_or(distance.clone(), |wavelength| format!("of {} {distance}", units::show_m(wavelength)))
     }
 
+    /// Selects the kernel of a display at a distance; without a wavelength, the only one there.
+    pub(crate) fn at(display: &str, distance_m: f64, wavelength: Option<f64>) -> Self {
+        Self { kernel: None, display: Some(display.to_owned()), distance: Some(distance_m), wavelength }
+    }
+
     /// Returns the name of a version of the kernel: of this one, or of the newest.
     pub(crate) async fn version_name(&self, session: &Session, version: Option<u32>) -> Result<String, Failure> {
         let name = self.name(session).await?;
@@ -73,4 +79,33 @@ impl KernelChoice {
         };
         Ok(names::kernel_version(&name, version))
     }
+}
+
+/// Returns which kernel a job uses. `text` is `ideal`, `active`, the number or name of a version, or an alias; empty for
+/// the server's choice. `kernel` finds the kernel of which a number names a version, if the job has only one.
+pub(crate) async fn used(
+    session: &Session,
+    text: &str,
+    kernel: impl AsyncFnOnce() -> Result<Option<KernelChoice>, Failure>,
+) -> Result<Option<v1::KernelChoice>, Failure> {
+    let kind = match text {
+        "" => return Ok(None),
+        "ideal" => Kind::Ideal(Default::default()),
+        "active" => Kind::Active(Default::default()),
+        name if name.contains('/') => Kind::Version(name.to_owned()),
+        text => match text.parse::<u32>() {
+            Err(_) => Kind::Alias(text.to_owned()),
+            Ok(version) => {
+                let kernel = kernel().await?.ok_or_else(|| {
+                    Failure::Usage(format!(
+                        "--kernel is {version}, but each of several wavelengths and distances has its own kernel, and \
+                         its own version {version}: write ideal, active or an alias, which each kernel can have \
+                         (lightpath kernel alias --help)"
+                    ))
+                })?;
+                Kind::Version(kernel.version_name(session, Some(version)).await?)
+            }
+        },
+    };
+    Ok(Some(kind.into()))
 }

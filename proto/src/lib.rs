@@ -8,6 +8,7 @@
 mod codes;
 mod displays;
 pub mod judgements;
+mod kernel_choice;
 mod place;
 pub mod routes;
 mod words;

@@ -136,7 +136,7 @@ test("a running job is watched through a restart of the server, and cancelled", 
   const { summaries: [{ name }] } = await server.get("jobs?view=basic&kind=optimize_hologram");
   const { spec } = await server.get(name);
   spec.optimizeHologram.iterations = 10_000;
-  spec.optimizeHologram.kernel = "ideal";
+  spec.optimizeHologram.kernel = { ideal: {} };
   spec.optimizeHologram.subframes = 8;
   const job = await server.post("jobs", { spec, owner: "ada" });
   const page = await openPage(browser, server.url);

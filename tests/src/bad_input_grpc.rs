@@ -85,6 +85,7 @@ async fn invalid_specs_are_refused() {
         OptimizeHologram { planes: vec![plane], ..good() }
     };
     let range = Random { range_rad: Some(-1.0) };
+    let seventh = v1::KernelChoice::version("displays/lab/kernels/515nm-50mm/versions/7");
     let region = |x_px, width_px| v1::Region { x_px, y_px: 0, width_px, height_px: 48 };
     let cases: [(OptimizeHologram, Code, &[&str]); 14] = [
         (at(f64::NAN), Code::InvalidArgument, &["distance_m", "NaN"]),
@@ -108,7 +109,7 @@ async fn invalid_specs_are_refused() {
         (OptimizeHologram { region: Some(region(0, 0)), ..good() }, Code::InvalidArgument, &["region"]),
         (OptimizeHologram { method: 99, ..good() }, Code::InvalidArgument, &["method", "99"]),
         (OptimizeHologram { display: names::display("nowhere"), ..good() }, Code::NotFound, &["display", "nowhere"]),
-        (OptimizeHologram { kernel: "7".into(), ..good() }, Code::NotFound, &["kernel", "7"]),
+        (OptimizeHologram { kernel: Some(seventh), ..good() }, Code::NotFound, &["kernel.version", "7"]),
     ];
     for (spec, code, signs) in cases {
         assert_refused(jobs.submit_job(request(spec, "")).await, code, signs);

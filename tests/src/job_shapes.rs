@@ -132,7 +132,7 @@ async fn hologram_spec(client: &Client, size_px: (u32, u32), shape: &Hologram) -
         display: names::display("lab"),
         wavelengths_m,
         planes,
-        kernel: "ideal".into(),
+        kernel: Some(v1::KernelChoice::ideal()),
         method: shape.method.into(),
         detector: shape.detector.into(),
         iterations: Some(shape.iterations),
@@ -223,13 +223,11 @@ async fn dataset_specs(
         ..Default::default()
     };
     let kernel_version = format!("{}/kernels/515nm-50mm/versions/1", names::display("lab"));
+    let kernel = Some(v1::KernelChoice::version(kernel_version.clone()));
     let mut jobs = vec![
         ("finalize", job_spec::Kind::PrepareDataset(v1::PrepareDataset { dataset: dataset.clone(), step })),
         ("learn", job_spec::Kind::LearnKernel(learn)),
-        (
-            "evaluate",
-            job_spec::Kind::EvaluateKernel(v1::EvaluateKernel { dataset, kernel: "1".into(), ..Default::default() }),
-        ),
+        ("evaluate", job_spec::Kind::EvaluateKernel(v1::EvaluateKernel { dataset, kernel, ..Default::default() })),
         ("report", job_spec::Kind::ReportKernel(v1::ReportKernel { kernel_version: kernel_version.clone() })),
     ];
     if smooth {

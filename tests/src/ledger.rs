@@ -191,7 +191,7 @@ fn by_own_kernel(result: &OptimizeHologramResult) -> Vec<WavelengthResult> {
 
 fn submission(target: &str, request_id: &str) -> SubmitJobRequest {
     // The active version changes all the time, so do not use it.
-    let kernel = "ideal".to_owned();
+    let kernel = Some(v1::KernelChoice::ideal());
     let spec = OptimizeHologram { kernel, ..hologram("lab", target, ITERATIONS, seed_of(request_id)) };
     SubmitJobRequest { attempts_max: Some(20), ..request(spec, request_id) }
 }

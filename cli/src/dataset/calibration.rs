@@ -52,7 +52,7 @@ impl Calibration {
             wavelengths_m: vec![dataset.wavelength_m()],
             display: dataset.display,
             planes: vec![ImagePlane { place: dataset.place, target: target.target, weight: None }],
-            kernel: "ideal".to_owned(),
+            kernel: Some(v1::KernelChoice::ideal()),
             iterations: Some(self.iterations),
             seed: 1,
             ..Default::default()

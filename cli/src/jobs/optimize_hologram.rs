@@ -11,6 +11,7 @@ use crate::identifiers::job_names;
 use crate::jobs::progress::{Awaited, Progress, WATCHES_MAX, or_interrupted};
 use crate::jobs::submission::{Submission, submit_target, watch_hint};
 use crate::jobs::{self, JobKind};
+use crate::kernel_choice::{KernelChoice, used};
 use crate::session::{Session, print_note};
 use crate::table::{Facts, Table};
 use crate::{inputs, show};
@@ -92,8 +93,8 @@ pub(crate) struct Optimize {
     #[command(flatten)]
     pictures: Pictures,
 
-    /// Optimize for this kernel: active, ideal or a version number [default: the active version if there is one, else
-    /// ideal]
+    /// Optimize for this kernel: active, ideal, the number or name of a version, or an alias [default: the active version
+    /// if there is one, else ideal]
     #[arg(long, value_name = "KERNEL", default_value = "", hide_default_value = true)]
     kernel: String,
 
@@ -149,8 +150,9 @@ impl Optimize {
         let several = names.len() > 1;
         for (i, (name, files)) in names.into_iter().zip(files).enumerate() {
             let submitting = async {
-                let spec = OptimizeHologram { kernel: self.kernel.clone(), ..Default::default() };
-                let spec = self.pictures.fill(session, i, spec).await?;
+                let spec = self.pictures.fill(session, i, OptimizeHologram::default()).await?;
+                let kernel = used(session, &self.kernel, async || Ok(only_kernel(&spec))).await?;
+                let spec = OptimizeHologram { kernel, ..spec };
                 let spec = self.optimization.fill(session, spec).await?;
                 let kind = job_spec::Kind::OptimizeHologram(spec);
                 self.submission.submit(session, kind, &self.pictures.label(i), several.then_some(name.as_str())).await
@@ -184,6 +186,14 @@ impl Save {
         }
         finish(session, items).await
     }
+}
+
+/// The kernel of a job that has only one.
+fn only_kernel(spec: &OptimizeHologram) -> Option<KernelChoice> {
+    let (OptimizeHologram { wavelengths_m, planes, .. }, display) = (spec, names::id(&spec.display));
+    let [plane] = planes.as_slice() else { return None };
+    let distance_m = plane.place.and_then(|place| place.distance_m())?;
+    (wavelengths_m.len() < 2).then(|| KernelChoice::at(display, distance_m, wavelengths_m.first().copied()))
 }
 
 /// Waits for all jobs, saves the files of those that succeeded, and prints the quality of the holograms.

@@ -110,7 +110,7 @@ def test_options_reach_the_server(bench: lightpath.Display) -> None:
         priority=5,
     )
     spec = hologram.spec
-    assert (spec.iterations, spec.learning_rate, spec.seed, spec.kernel) == (5, 0.2, 7, "ideal")
+    assert (spec.iterations, spec.learning_rate, spec.seed, spec.kernel.HasField("ideal")) == (5, 0.2, 7, True)
     assert spec.method == v1.HOLOGRAM_METHOD_ADAM
     assert (spec.region.x_px, spec.region.height_px) == (8, 60)
     assert spec.initial_phase.given.phases

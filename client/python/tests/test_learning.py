@@ -71,7 +71,12 @@ def test_kernels_have_versions_moves_and_evaluations(
     assert kernel.name in {each.name for each in lab.kernels()}
     dataset = lab.dataset("bench-1")
     assert dataset.evaluate().loss() < dataset.evaluate("ideal").loss() / 10
-    assert dataset.evaluate(1).losses.keys() == {pair.id for pair in dataset.pairs()}
+    losses = dataset.evaluate(1).losses
+    assert losses.keys() == {pair.id for pair in dataset.pairs()}
+    kernel.set_alias("best", 1)
+    assert dataset.evaluate("best").losses == dataset.evaluate(version).losses == losses
+    with pytest.raises(lightpath.InvalidRequest, match="must be an alias of .*: best"):
+        dataset.evaluate("worst")
     found = kernel.save(tmp_path / "kernel.lpk", format="compact")
     assert found.version == 1
     assert (tmp_path / "kernel.lpk").stat().st_size < 10_000

@@ -47,7 +47,7 @@ pub use error::{Fix, LimitReason, Result, ServiceError, WrongField, text_of_wron
 pub use field::{Field, shortened};
 pub use files::{Files, Minus, UploadState};
 pub use jobs::{CheckedJob, JobLimits, Jobs, QueueState, Submission};
-pub use kernels::{Converted, KernelImport, Kernels, VersionFile, for_device};
+pub use kernels::{Converted, KernelChoice, KernelImport, Kernels, VersionFile, for_device};
 pub use manifests::{Issued, ManifestRules, Manifests};
 pub use photos::{PhotoScore, Photos, ScoreRequest};
 pub use promotions::{Passage, Promotions, Verdict};

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypedDict
+from typing import TYPE_CHECKING, Any, Protocol, TypedDict
 
 from lightpath import v1, words
 from lightpath.errors import InvalidArgument
@@ -43,6 +43,14 @@ class SubmitOptions(TypedDict, total=False):
     """What the job is about, for lists of jobs, at most 128 bytes. Default: the names of the target's files."""
 
 
+class Named(Protocol):
+    """A version of a kernel, as learning and importing return it."""
+
+    @property
+    def name(self) -> str:
+        """Resource name."""
+
+
 class HologramOptions(SubmitOptions, total=False):
     """Options of the optimization of a hologram."""
 
@@ -52,8 +60,9 @@ class HologramOptions(SubmitOptions, total=False):
     """What the target's values mean: `srgb` (default) or `linear` light."""
     fit: words.Fit
     """How a target of another size is fitted to the display: `contain` (default), `cover`, `stretch` or `exact`."""
-    kernel: str | int | None
-    """`active`, `ideal`, an alias or the number of a version. Default: the active kernel, or the ideal one."""
+    kernel: str | int | Named | None
+    """`active`, `ideal`, an alias, or a version: itself, its name or its number. Default: the active kernel, or the ideal
+    one."""
     propagation: words.Propagation
     """Propagation method. Default: the planner chooses."""
     method: words.Method
@@ -142,7 +151,7 @@ def region_message(region: tuple[int, int, int, int] | None) -> v1.Region | None
 
 
 def optimize_message(options: HologramOptions) -> v1.OptimizeHologram:
-    """Return the message of an optimization, without display, planes and files, which need the server."""
+    """Return the message of an optimization, without display, planes, kernel and files, which need the server."""
     loss = v1.OptimizeHologram.Loss(
         quantity=words.number("loss", v1.OptimizeHologram.Loss.Quantity, options.get("loss")),
         total_variation=options.get("total_variation", 0.0),
@@ -151,7 +160,6 @@ def optimize_message(options: HologramOptions) -> v1.OptimizeHologram:
     return v1.OptimizeHologram(
         target_encoding=words.number("target_encoding", v1.Encoding, options.get("target_encoding")),
         target_fit=words.number("fit", v1.OptimizeHologram.Fit, options.get("fit")),
-        kernel=str(options.get("kernel") or ""),
         propagation=words.number("propagation", v1.PropagationMethod, options.get("propagation")),
         method=words.number("method", v1.HologramMethod, options.get("method")),
         iterations=options.get("iterations"),

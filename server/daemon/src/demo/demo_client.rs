@@ -31,7 +31,7 @@ pub(super) struct DemoClient {
 /// Request to optimize a hologram.
 pub(super) struct HologramRequest<'a> {
     pub(super) target: &'a [u8],
-    pub(super) kernel: String,
+    pub(super) kernel: v1::KernelChoice,
     pub(super) iterations: u32,
     pub(super) seed: u64,
     pub(super) initial_phase_range_rad: f64,
@@ -125,7 +125,7 @@ impl DemoClient {
                     weight: None,
                 }],
                 target_fit: Fit::Cover.into(),
-                kernel: request.kernel,
+                kernel: Some(request.kernel),
                 // The figures in docs/results.md were made with Adam.
                 method: v1::HologramMethod::Adam.into(),
                 iterations: Some(request.iterations),
@@ -195,18 +195,18 @@ impl DemoClient {
         Ok(lightpath::learn_result(&jobs[0])?.clone())
     }
 
-    /// Losses of kernel versions (0: the ideal kernel) on the photographs of the dataset.
+    /// Losses of kernels on the photographs of the dataset.
     pub(super) async fn losses(
         &self,
         dataset: &str,
-        versions: impl Iterator<Item = u32>,
+        kernels: impl Iterator<Item = v1::KernelChoice>,
         bar: &mut Bar,
     ) -> anyhow::Result<Vec<Losses>> {
-        let spec = |version| {
-            let (dataset, kernel) = (names::dataset(dataset), kernel_choice(version));
+        let spec = |kernel| {
+            let (dataset, kernel) = (names::dataset(dataset), Some(kernel));
             Kind::EvaluateKernel(v1::EvaluateKernel { dataset, kernel, ..Default::default() })
         };
-        let jobs = self.run_jobs(versions.map(spec).collect(), bar).await?;
+        let jobs = self.run_jobs(kernels.map(spec).collect(), bar).await?;
         let mean = |job: &Job, split: v1::Split| -> anyhow::Result<Loss> {
             let pairs: Vec<_> = lightpath::evaluate_result(job)?.pairs.iter().filter(|p| p.split() == split).collect();
             let mean = |of: fn(&v1::evaluate_kernel_result::PairLoss) -> f64| {
@@ -238,8 +238,8 @@ impl DemoClient {
         Ok((version, bytes))
     }
 
-    /// Stores a kernel file as the next version, and returns the number of that version.
-    pub(super) async fn import(&self, file: Vec<u8>) -> anyhow::Result<u32> {
+    /// Stores a kernel file as the next version, and returns the name of that version.
+    pub(super) async fn import(&self, file: Vec<u8>) -> anyhow::Result<String> {
         let request = v1::ImportKernelRequest {
             display: names::display(DISPLAY),
             wavelength_m: Some(self.wavelength_m),
@@ -247,7 +247,7 @@ impl DemoClient {
             artifact: self.client.upload_bytes(file).await?,
             ..Default::default()
         };
-        Ok(self.client.import_kernel(request).await?.version)
+        Ok(self.client.import_kernel(request).await?.name)
     }
 
     pub(super) async fn download(&self, digest: &str) -> anyhow::Result<Vec<u8>> {
@@ -280,9 +280,4 @@ fn hologram_of(job: &Job) -> anyhow::Result<Hologram> {
     let (subframe, plane) = parts.context("the result contains no hologram")?;
     let judged = judgements::judgement(&plane.judgements, Stage::Displayed, v1::Detector::Pixel);
     Ok(Hologram { pattern: subframe.pattern.clone(), psnr_db: judged.map_or(f64::NAN, v1::Judgement::psnr) })
-}
-
-/// Name of a kernel version in a request: its number, or `ideal` for 0.
-pub(super) fn kernel_choice(version: u32) -> String {
-    if version == 0 { "ideal".to_owned() } else { version.to_string() }
 }

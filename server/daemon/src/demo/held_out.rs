@@ -2,9 +2,10 @@
 
 use super::args::{DATASET, DemoArgs};
 use super::console::Console;
-use super::demo_client::{DemoClient, Hologram, HologramRequest, Losses, NARROW_RAD, PhotoRequest, kernel_choice};
+use super::demo_client::{DemoClient, Hologram, HologramRequest, Losses, NARROW_RAD, PhotoRequest};
 use super::files::Files;
 use super::targets::Picture;
+use lightpath::v1;
 use lightpath_domain::dataset::Encoding;
 use lightpath_media::pictures;
 use lightpath_optics::metrics::{Gain, fitted_intensity_scale, psnr_db};
@@ -14,13 +15,17 @@ use lightpath_optics::{Grid, Plane, RegionOfInterest};
 #[derive(Clone, Debug)]
 pub(super) struct Candidate {
     pub(super) name: &'static str,
-    /// Version of the kernel; 0: the ideal kernel.
-    pub(super) version: u32,
+    /// Resource name of the version; `None`: the ideal kernel.
+    pub(super) version: Option<String>,
 }
 
 impl Candidate {
-    pub(super) fn new(name: &'static str, version: u32) -> Self {
+    pub(super) fn new(name: &'static str, version: Option<String>) -> Self {
         Self { name, version }
+    }
+
+    fn kernel(&self) -> v1::KernelChoice {
+        self.version.as_ref().map_or_else(v1::KernelChoice::ideal, v1::KernelChoice::version)
     }
 }
 
@@ -69,12 +74,12 @@ pub(super) async fn evaluate(
     candidates: &[Candidate],
     console: &Console,
 ) -> anyhow::Result<Vec<Evaluated>> {
-    let versions = candidates.iter().map(|candidate| candidate.version);
-    let losses = client.losses(DATASET, versions, &mut console.bar("evaluate")).await?;
+    let kernels = candidates.iter().map(Candidate::kernel);
+    let losses = client.losses(DATASET, kernels, &mut console.bar("evaluate")).await?;
     let combinations = || candidates.iter().flat_map(|candidate| targets.iter().map(move |target| (candidate, target)));
     let requests = combinations().map(|(candidate, target)| HologramRequest {
         target: &target.file,
-        kernel: kernel_choice(candidate.version),
+        kernel: candidate.kernel(),
         iterations: args.iterations,
         seed: args.seed,
         initial_phase_range_rad: NARROW_RAD,

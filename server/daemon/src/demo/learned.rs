@@ -10,9 +10,8 @@ use lightpath::{names, v1};
 /// A learned kernel.
 pub(super) struct Learned {
     pub(super) name: &'static str,
-    pub(super) version: u32,
     /// Resource name of the version.
-    pub(super) version_name: String,
+    pub(super) version: String,
     pub(super) metrics: v1::KernelMetrics,
     pub(super) loss_history: Vec<f64>,
     pub(super) seconds: f64,
@@ -28,15 +27,13 @@ pub(super) async fn learn(args: &DemoArgs, client: &DemoClient, console: &mut Co
         let result = client.learn(DATASET, model, args.seed, &mut console.bar("learn")).await?;
         let kernel = result.kernels.first().context("the result contains no kernel")?;
         let metrics = kernel.metrics.clone().context("the result contains no metrics of the kernel")?;
-        let version_name = kernel.kernel_version.clone();
-        let version = names::id(&version_name).parse();
-        let version = version.with_context(|| format!("{version_name:?} is not the name of a kernel version"))?;
+        let version = kernel.kernel_version.clone();
         console.print_result(format!(
-            "version {version} · training loss {:.6} · held-out loss {:.6}, through the ideal kernel {:.6}",
-            metrics.train_loss, metrics.test_loss, metrics.ideal_test_loss
+            "version {} · training loss {:.6} · held-out loss {:.6}, through the ideal kernel {:.6}",
+            names::id(&version), metrics.train_loss, metrics.test_loss, metrics.ideal_test_loss
         ))?;
         let (loss_history, seconds) = (result.loss_history, started.elapsed().as_secs_f64());
-        learned.push(Learned { name, version, version_name, metrics, loss_history, seconds });
+        learned.push(Learned { name, version, metrics, loss_history, seconds });
     }
     Ok(learned)
 }

@@ -88,17 +88,17 @@ async fn learn_and_compare(
 
     console.step("Make the learned kernel active")?;
     let first = learned.first().context("no kernel was learned")?;
-    client.promote(&first.version_name).await?;
-    let kernel = names::kernel_of(&first.version_name);
+    client.promote(&first.version).await?;
+    let kernel = names::kernel_of(&first.version);
     let (version, kernel) = client.fetch_kernel(kernel, &files.at("kernel.safetensors")).await?;
     let size_kb = version.size_bytes as f64 / 1000.0;
     console.print_result(format!("{} is active · {size_kb:.1} kB in kernel.safetensors", version.name))?;
     let simulated = single_kernel::bench(&client.setup()?, bench)?;
     let true_kernel = client.import(single_kernel::file(&simulated)?).await?;
 
-    let mut candidates = vec![Candidate::new("ideal", 0)];
-    candidates.extend(learned.iter().map(|learned| Candidate::new(learned.name, learned.version)));
-    candidates.push(Candidate::new(single_kernel::NAME, true_kernel));
+    let mut candidates = vec![Candidate::new("ideal", None)];
+    candidates.extend(learned.iter().map(|learned| Candidate::new(learned.name, Some(learned.version.clone()))));
+    candidates.push(Candidate::new(single_kernel::NAME, Some(true_kernel)));
     console.step("Optimize holograms of held-out targets through each kernel, and photograph them")?;
     let evaluated = held_out::evaluate(args, &client, &targets.held_out, &candidates, console).await?;
 
@@ -127,7 +127,7 @@ async fn photograph_holograms(
     let pictures: Vec<&Picture> = targets.training.iter().chain(&targets.test).collect();
     let requests = pictures.iter().enumerate().map(|(i, picture)| HologramRequest {
         target: &picture.file,
-        kernel: "ideal".to_owned(),
+        kernel: v1::KernelChoice::ideal(),
         iterations: args.training_iterations,
         seed: args.seed + i as u64,
         // Every other hologram starts from a fully random phase. A kernel should be learned from both kinds of phases,

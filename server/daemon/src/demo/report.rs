@@ -7,6 +7,7 @@ use super::held_out::Evaluated;
 use super::learned::Learned;
 use super::single_kernel;
 use super::targets::Targets;
+use lightpath::names;
 use serde::Serialize;
 use std::fmt::Write as _;
 
@@ -44,8 +45,8 @@ pub(super) struct Report {
 #[derive(Debug, Serialize)]
 struct Model {
     name: &'static str,
-    /// Version of the kernel; 0: the ideal kernel.
-    kernel_version: u32,
+    /// Resource name of the version; `None`: the ideal kernel.
+    kernel_version: Option<String>,
     held_out_loss: f64,
     losses: Losses,
     train_loss: Option<f64>,
@@ -129,7 +130,7 @@ impl Report {
             "model", "version", "held-out loss", "simulated PSNR", "captured PSNR", "gain"
         );
         for model in &self.models {
-            let version = if model.kernel_version == 0 { "–".to_owned() } else { model.kernel_version.to_string() };
+            let version = model.kernel_version.as_deref().map_or("–", names::id);
             let _ = writeln!(
                 text,
                 "{:<20}{version:>8}{:>15.6}{:>13.1} dB{:>12.1} dB{:>11}",
@@ -164,7 +165,7 @@ impl Report {
 }
 
 fn gain(model: &Model, gain_db: f64) -> String {
-    if model.kernel_version == 0 { String::new() } else { figures::signed_db(gain_db) }
+    if model.kernel_version.is_none() { String::new() } else { figures::signed_db(gain_db) }
 }
 
 impl Model {
@@ -174,7 +175,7 @@ impl Model {
         let gains = captured_psnr_db.iter().zip(&ideal.shown).map(|(psnr_db, ideal)| psnr_db - ideal.captured_psnr_db);
         Self {
             name: evaluated.candidate.name,
-            kernel_version: evaluated.candidate.version,
+            kernel_version: evaluated.candidate.version.clone(),
             held_out_loss: evaluated.losses.test.region,
             losses: evaluated.losses,
             train_loss: learned.map(|learned| learned.metrics.train_loss),
@@ -192,5 +193,6 @@ impl Model {
 
 /// A kernel with the report of its learning, if it was learned.
 fn row_of<'a>(evaluated: &'a Evaluated, learned: &'a [Learned]) -> ModelRow<'a> {
-    ModelRow { evaluated, learned: learned.iter().find(|learned| learned.version == evaluated.candidate.version) }
+    let is_it = |learned: &&Learned| evaluated.candidate.version.as_ref() == Some(&learned.version);
+    ModelRow { evaluated, learned: learned.iter().find(is_it) }
 }

@@ -58,7 +58,8 @@ async fn import(serving: &Serving, display: &str, bytes: &[u8], any: bool) -> Re
 
 /// Loss of a version, as a sum over the photographs.
 async fn loss(serving: &Serving, dataset: &str, version: u32) -> f64 {
-    let spec = v1::EvaluateKernel { dataset: dataset.to_owned(), kernel: version.to_string(), ..Default::default() };
+    let kernel = Some(v1::KernelChoice::version(format!("{KERNEL}/versions/{version}")));
+    let spec = v1::EvaluateKernel { dataset: dataset.to_owned(), kernel, ..Default::default() };
     match run_job(serving, Kind::EvaluateKernel(spec)).await.unwrap() {
         JobResult::EvaluateKernel(result) => result.pairs.iter().map(|pair| pair.loss).sum(),
         other => panic!("{other:?}"),

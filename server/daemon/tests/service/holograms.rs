@@ -60,8 +60,8 @@ async fn active_kernel_judges_holograms_of_all_kernels() {
     let serving = Serving::start().await;
     serving.display("lab").await;
     let target = serving.upload(&picture()).await;
-    let job = |kernel: &str| {
-        let spec = v1::OptimizeHologram { iterations: Some(30), kernel: kernel.to_owned(), ..optimize(&target) };
+    let job = |kernel: Option<v1::KernelChoice>| {
+        let spec = v1::OptimizeHologram { iterations: Some(30), kernel, ..optimize(&target) };
         job_spec::Kind::OptimizeHologram(spec)
     };
     let headline = async |kind: job_spec::Kind, request_id: &str| {
@@ -74,21 +74,21 @@ async fn active_kernel_judges_holograms_of_all_kernels() {
         assert_eq!(own.kernel_version, "");
         (own, headline.clone())
     };
-    let (own, expected) = headline(job(""), "before").await;
+    let (own, expected) = headline(job(None), "before").await;
     assert_eq!(own, expected, "without an active kernel the hologram's own judges");
 
     import(&serving, &kernel(64, 2.0), 0.05).await.unwrap();
     let name = "displays/lab/kernels/515nm-50mm";
     let request = v1::PromoteKernelRequest { kernel: name.into(), version: 1, ..Default::default() };
     client(&serving).promote_kernel(request).await.unwrap();
-    let (own, expected) = headline(job("ideal"), "ideal").await;
+    let (own, expected) = headline(job(Some(v1::KernelChoice::ideal())), "ideal").await;
     assert_eq!((expected.kernel_version.as_str(), own.headline), (&*format!("{name}/versions/1"), false));
     assert!(expected.psnr() < own.psnr() - 1.0, "{expected:?} {own:?}");
     assert!(expected.ssim.is_some() && expected.diffraction_efficiency.is_some(), "{expected:?}");
-    let (own, expected) = headline(job(""), "active").await;
+    let (own, expected) = headline(job(None), "active").await;
     assert_eq!(own, expected, "the active kernel judges its own hologram once");
     // A repeated request is the same job, although another version is active now.
-    let (_, again) = headline(job(""), "before").await;
+    let (_, again) = headline(job(None), "before").await;
     assert_eq!(again.kernel_version, "");
 }
 

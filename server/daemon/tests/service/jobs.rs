@@ -60,7 +60,7 @@ async fn defaults_are_filled_in_and_a_repeated_request_returns_the_same_job() {
     let kind = || job_spec::Kind::OptimizeHologram(optimize(&target));
     let job = submit(&serving, kind(), "mine-1").await.unwrap();
     let Some(job_spec::Kind::OptimizeHologram(spec)) = job.spec.clone().unwrap().kind else { panic!("{job:?}") };
-    assert_eq!((spec.kernel.as_str(), spec.wavelengths_m.as_slice()), ("ideal", [515e-9].as_slice()));
+    assert_eq!((spec.kernel.as_ref(), spec.wavelengths_m.as_slice()), (Some(&v1::KernelChoice::ideal()), [515e-9].as_slice()));
     assert_eq!(job.kernels.len(), 1);
     assert_eq!((job.kernels[0].place, job.kernels[0].kernel_version.as_str()), (Some(v1::Place::at_m(0.05)), ""));
     assert_eq!((spec.method(), spec.subframes, spec.learning_rate), (v1::HologramMethod::Lbfgs, Some(1), None));
@@ -188,9 +188,28 @@ async fn refusals_name_the_field_and_the_allowed_values() {
         (Box::new(|s| s.planes[0].target = dot.clone()), Code::InvalidArgument, "planes[0].target (sha256-"),
         (Box::new(|s| s.target_fit = 4), Code::InvalidArgument, "planes[0].target (sha256-"),
         (Box::new(|s| s.target_fit = 9), Code::InvalidArgument, "target_fit is 9"),
-        (Box::new(|s| s.kernel = "7".into()), Code::NotFound, "kernel: displays/lab/kernels/515nm-50mm/versions/7"),
-        (Box::new(|s| s.kernel = "best".into()), Code::InvalidArgument, "kernel is \"best\""),
-        (Box::new(|s| s.kernel = "active".into()), Code::FailedPrecondition, "kernel: no version of"),
+        (
+            Box::new(|s| s.kernel = Some(v1::KernelChoice::version("displays/lab/kernels/515nm-50mm/versions/7"))),
+            Code::NotFound,
+            "kernel.version: displays/lab/kernels/515nm-50mm/versions/7",
+        ),
+        (
+            Box::new(|s| s.kernel = Some(v1::KernelChoice::version("displays/lab/kernels/515nm-60mm/versions/1"))),
+            Code::InvalidArgument,
+            "kernel.version is a version of displays/lab/kernels/515nm-60mm, but must be a version of \
+             displays/lab/kernels/515nm-50mm, the kernel of this wavelength and place",
+        ),
+        (
+            Box::new(|s| s.kernel = Some(v1::kernel_choice::Kind::Alias("best".into()).into())),
+            Code::InvalidArgument,
+            "kernel.alias is \"best\", but must be an alias of displays/lab/kernels/515nm-50mm: it has none",
+        ),
+        (
+            Box::new(|s| s.kernel = Some(v1::KernelChoice::active())),
+            Code::FailedPrecondition,
+            "kernel: no version of displays/lab/kernels/515nm-50mm is active",
+        ),
+        (Box::new(|s| s.kernel = Some(v1::KernelChoice::default())), Code::InvalidArgument, "kernel"),
         (
             Box::new(|s| s.iterations = Some(10_001)),
             Code::InvalidArgument,

@@ -66,7 +66,7 @@ export function newPage(root) {
       show(notice, h("p", {}, "The picture is uploaded…"));
       const target = await upload(picture);
       const planes = [{ place: { distanceM: Number(distance.value) / 1000 }, target }];
-      const optimizeHologram = { display: `displays/${display.value}`, planes, kernel: kernel.value, iterations: Number(iterations.value) };
+      const optimizeHologram = { display: `displays/${display.value}`, planes, ...(kernel.value && { kernel: { [kernel.value]: {} } }), iterations: Number(iterations.value) };
       const job = await post("jobs", { spec: { optimizeHologram }, label: labelOf(picture.name) });
       location.hash = `#/${job.name}`;
     } catch (error) {

@@ -8,29 +8,49 @@ use lightpath_domain::reason::PreconditionReason;
 use lightpath_store::StoreError;
 use std::collections::BTreeMap;
 
+/// Which kernel a job uses.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum KernelChoice {
+    /// The active version, or the ideal kernel if none is active.
+    ActiveOrIdeal,
+    /// The ideal kernel.
+    Ideal,
+    /// The active version.
+    Active,
+    /// The version that an alias names.
+    Alias(String),
+    /// A version, by its kernel and number.
+    Version(KernelKey, u32),
+}
+
+impl KernelChoice {
+    /// Whether it can stand for another version each time that it is asked.
+    pub fn follows_active(&self) -> bool {
+        matches!(self, Self::Active | Self::ActiveOrIdeal)
+    }
+}
+
 impl Kernels {
-    /// The kernel version for which `kernel` stands; `None`: the ideal kernel. An empty text stands for the active
-    /// version or, if no version is active and the version is not `required`, for the ideal kernel.
-    pub async fn chosen(&self, field: &Field, kernel: &str, key: &KernelKey, required: bool) -> Result<Option<u32>> {
-        match kernel {
-            "ideal" => Ok(None),
-            "" | "active" => {
-                let active = self.active_version(key).await?;
-                if active.is_none() && (required || kernel == "active") {
-                    let fix = "promote a version first, or give a version number or `ideal`";
-                    let message = format!("{field}: no version of {key} is active; {fix}");
-                    return Err(ServiceError::Precondition { reason: PreconditionReason::NoActiveKernel, message });
+    /// The version of the kernel `key` for which `choice` stands; `None`: the ideal kernel.
+    pub async fn chosen(&self, field: &Field, choice: &KernelChoice, key: &KernelKey) -> Result<Option<u32>> {
+        match choice {
+            KernelChoice::Ideal => Ok(None),
+            KernelChoice::ActiveOrIdeal => self.active_version(key).await,
+            KernelChoice::Active => self.active_version(key).await?.map(Some).ok_or_else(|| {
+                let fix = "promote a version first, or name a version or the ideal kernel";
+                let message = format!("{field}: no version of {key} is active; {fix}");
+                ServiceError::Precondition { reason: PreconditionReason::NoActiveKernel, message }
+            }),
+            KernelChoice::Alias(alias) => self.version_of_alias(&field.at("alias"), alias, key).await.map(Some),
+            KernelChoice::Version(kernel, version) => {
+                let field = field.at("version");
+                if kernel != key {
+                    let fix = format!("must be a version of {key}, the kernel of this wavelength and place");
+                    return Err(field.but(format!("is a version of {kernel}"), fix));
                 }
-                Ok(active)
-            }
-            text => {
-                let version = match text.parse() {
-                    Ok(number) => number,
-                    Err(_) => self.version_of_alias(field, text, key).await?,
-                };
-                match self.store.kernel_version(key, version).await {
+                match self.store.kernel_version(key, *version).await {
                     Err(StoreError::NotFound { resource }) => {
-                        Err(field.missing(resource, "name one of the kernel's versions, `active` or `ideal`"))
+                        Err(field.missing(resource, "name one of the kernel's versions"))
                     }
                     other => Ok(Some(other?.version)),
                 }
@@ -46,7 +66,9 @@ impl Kernels {
             Err(error) => return Err(error.into()),
         };
         aliases.get(alias).copied().ok_or_else(|| {
-            let rule = format!("must be `ideal`, `active`, a version number from 1, or an alias of {key}");
+            let there: Vec<&str> = aliases.keys().map(String::as_str).collect();
+            let there = if there.is_empty() { "it has none".to_owned() } else { there.join(", ") };
+            let rule = format!("must be an alias of {key}: {there}");
             field.but(format!("is {:?}", shortened(alias)), rule)
         })
     }

@@ -20,6 +20,7 @@ mod interpolate;
 mod model_file;
 mod versions;
 
+pub use choice::KernelChoice;
 pub use conversion::{VersionFile, for_device};
 pub use converted::Converted;
 pub use import::KernelImport;

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 from lightpath import html, names, v1, words
 from lightpath.aio.connection import PREPARING_TIMEOUT_S
 from lightpath.aio.jobs import submit
+from lightpath.aio.kernel_choice import of_dataset
 from lightpath.aio.kernels import read_learned
 from lightpath.aio.results import read_evaluation, read_preparation
 from lightpath.errors import InvalidArgument
 from lightpath.hologram import Hologram
-from lightpath.options import LearnOptions, SubmitOptions, check, learn_message, region_message
+from lightpath.options import LearnOptions, Named, SubmitOptions, check, learn_message, region_message
 from lightpath.photograph import Photograph
 from lightpath.pictures import Phase, Picture, phase_bytes, picture_bytes
 from lightpath.units import show_length
@@ -235,15 +236,19 @@ class Dataset:
 
     async def evaluate(
         self,
-        kernel: str | int = "active",
+        kernel: str | int | Named = "active",
         *,
         region: tuple[int, int, int, int] | None = None,
         progress: Progress = True,
         **options: Unpack[SubmitOptions],
     ) -> Evaluation:
-        """Measure how well a kernel predicts these photographs: `active`, `ideal` or the number of a version."""
+        """Measure how well a kernel predicts these photographs.
+
+        `kernel` is `active`, `ideal`, an alias, or a version: itself, its name or its number.
+        """
         check(options, SubmitOptions)
-        message = v1.EvaluateKernel(dataset=self.name, kernel=str(kernel), region=region_message(region))
+        choice = await of_dataset(self._connection, kernel, self.message)
+        message = v1.EvaluateKernel(dataset=self.name, kernel=choice, region=region_message(region))
         job = await submit(self._connection, v1.JobSpec(evaluate_kernel=message), options, read_evaluation)
         return await job.result(progress=progress)
 

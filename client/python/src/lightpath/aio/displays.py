@@ -12,6 +12,7 @@ from lightpath.aio.datasets import Dataset
 from lightpath.aio.devices import DisplayDevices
 from lightpath.aio.display_kernels import DisplayKernels
 from lightpath.aio.jobs import submit, submit_all
+from lightpath.aio.kernel_choice import find_kernel, of_hologram
 from lightpath.aio.kernels import Kernel, KernelVersion, list_kernels
 from lightpath.aio.results import read_hologram, read_photograph
 from lightpath.errors import InvalidArgument, MissingKernel
@@ -152,6 +153,9 @@ class Display(DisplayKernels, DisplayDevices):
         digests = [await self._connection.upload(picture_bytes("target", each)) for each in targets]
         for i, distance_m in enumerate(distances):
             message.planes.add(place=v1.Place(distance_m=distance_m), target=digests[i % len(digests)])
+        choice = await of_hologram(self._connection, options.get("kernel"), message)
+        if choice is not None:
+            message.kernel.CopyFrom(choice)
         await self._upload_files(message, options)
         return v1.JobSpec(optimize_hologram=message)
 
@@ -275,19 +279,8 @@ class Display(DisplayKernels, DisplayDevices):
 
         Raises `MissingKernel` if there is none, and `InvalidArgument` if several wavelengths have one.
         """
-        request = v1.ListKernelsRequest(
-            display=self.name,
-            place=place(distance),
-            wavelength_m=None if wavelength is None else metres("wavelength", wavelength),
-        )
-        found = (await self._connection.call(self._connection.kernels.ListKernels, request)).kernels
-        if not found:
-            problem = f"is {show_length(request.place.distance_m)}, but {self.name} has no kernel there"
-            raise MissingKernel("distance", problem, "learn one with dataset.learn(), or see display.kernels()")
-        if len(found) > 1:
-            choices = ", ".join(show_length(each.wavelength_m) for each in found)
-            raise InvalidArgument("wavelength", "is missing", f"choose one of {choices}")
-        return Kernel(self._connection, found[0])
+        wavelength_m = None if wavelength is None else metres("wavelength", wavelength)
+        return Kernel(self._connection, await find_kernel(self._connection, self.name, place(distance), wavelength_m))
 
     async def kernels(self) -> list[Kernel]:
         """Return all kernels of the display, in the order of their names."""

@@ -1,15 +1,16 @@
 //! Evaluation jobs: how well a kernel predicts a dataset.
 
-use super::kernel_text;
+use super::kernel_choice;
 use crate::api::Api;
 use crate::enumerations::OnWire as _;
 use crate::names;
 use crate::optics::from_wire::region;
 use crate::optics::to_wire::{region_message, validity_report};
 use lightpath_domain::job::{EvaluateKernel, EvaluateResult, Job};
+use lightpath_domain::kernel::KernelKey;
 use lightpath_proto::v1;
 use lightpath_service::propagation::check_distance;
-use lightpath_service::{Call, Field, Result};
+use lightpath_service::{Call, Field, KernelChoice, Result};
 
 /// Checks a request, looks up the named resources, fills in defaults, and converts the request. `before` is the job
 /// of an earlier submission of the same request.
@@ -26,15 +27,16 @@ pub(super) async fn from_wire(
     check_distance(&at("dataset"), &display, dataset.wavelength, dataset.distance)?;
     let region_of_interest = region(&at("region"), message.region, &display)?;
     let key = dataset.kernel_key();
-    let kernel_version = api.service.jobs.evaluated_version(&at("kernel"), &message.kernel, &key, before).await?;
+    let choice = kernel_choice::from_wire(call, &at("kernel"), message.kernel, KernelChoice::Active)?;
+    let kernel_version = api.service.jobs.evaluated_version(&at("kernel"), &choice, &key, before).await?;
     Ok(EvaluateKernel { dataset: dataset.id, kernel: key, kernel_version, region_of_interest })
 }
 
-/// Converts the request, with its defaults, into its message.
-pub(super) fn to_wire(spec: EvaluateKernel) -> v1::EvaluateKernel {
+/// Converts the request, with its defaults and the kernel that it uses, into its message.
+pub(super) fn to_wire(spec: EvaluateKernel, kernels: &[(KernelKey, Option<u32>)]) -> v1::EvaluateKernel {
     v1::EvaluateKernel {
         dataset: format!("datasets/{}", spec.dataset),
-        kernel: kernel_text(spec.kernel_version),
+        kernel: kernel_choice::to_wire(kernels),
         region: Some(region_message(spec.region_of_interest)),
     }
 }

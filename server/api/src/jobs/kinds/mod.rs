@@ -1,6 +1,7 @@
 //! Each kind of job in messages: its request, which is checked, and its result. A kind has a file or a folder.
 
 mod evaluate_kernel;
+mod kernel_choice;
 mod learn_kernel;
 mod learning_rate;
 mod optimize_hologram;
@@ -60,11 +61,12 @@ pub(super) async fn from_wire(
 
 /// Converts a request, with its defaults, into its message.
 pub(super) fn to_wire(spec: JobSpec) -> v1::JobSpec {
+    let kernels = spec.kernels();
     let kind = match spec {
-        JobSpec::OptimizeHologram(spec) => job_spec::Kind::OptimizeHologram(optimize_hologram::to_wire(*spec)),
+        JobSpec::OptimizeHologram(spec) => job_spec::Kind::OptimizeHologram(optimize_hologram::to_wire(*spec, &kernels)),
         JobSpec::LearnKernel(spec) => job_spec::Kind::LearnKernel(learn_kernel::to_wire(spec)),
         JobSpec::SimulateCapture(spec) => job_spec::Kind::SimulateCapture(simulate_capture::to_wire(spec)),
-        JobSpec::EvaluateKernel(spec) => job_spec::Kind::EvaluateKernel(evaluate_kernel::to_wire(spec)),
+        JobSpec::EvaluateKernel(spec) => job_spec::Kind::EvaluateKernel(evaluate_kernel::to_wire(spec, &kernels)),
         JobSpec::PrepareDataset(spec) => job_spec::Kind::PrepareDataset(prepare_dataset::to_wire(spec)),
         JobSpec::ReportKernel(spec) => job_spec::Kind::ReportKernel(report_kernel::to_wire(spec)),
         JobSpec::SuggestHolograms(spec) => job_spec::Kind::SuggestHolograms(suggest_holograms::to_wire(spec)),
@@ -86,9 +88,4 @@ pub(super) fn result(result: JobResult) -> v1::JobResult {
         JobResult::VerifyHologram(result) => job_result::Kind::VerifyHologram(verify_hologram::result(result)),
     };
     v1::JobResult { kind: Some(kind) }
-}
-
-/// Text for a kernel version in the field `kernel`.
-fn kernel_text(version: Option<u32>) -> String {
-    version.map_or_else(|| "ideal".to_owned(), |version| version.to_string())
 }

@@ -264,7 +264,7 @@ impl Builder<'_> {
         self.request(job_spec::Kind::OptimizeHologram(v1::OptimizeHologram {
             display: format!("displays/{}", self.prefix),
             planes: vec![plane],
-            kernel: "ideal".into(),
+            kernel: Some(v1::KernelChoice::ideal()),
             iterations: Some(3),
             ..Default::default()
         }))

@@ -4,6 +4,7 @@ use super::Kind;
 use crate::error::Result;
 use crate::field::Field;
 use crate::jobs::Jobs;
+use crate::kernels::KernelChoice;
 use lightpath_domain::job::estimate::{Need, PairsSize};
 use lightpath_domain::job::kinds::evaluate_kernel;
 use lightpath_domain::job::{EvaluateKernel, Job, JobSpec};
@@ -23,18 +24,18 @@ impl Kind for EvaluateKernel {
 }
 
 impl Jobs {
-    /// The kernel version that `kernel` stands for. `before` is the job of an earlier submission of the same request.
+    /// The kernel version that `choice` stands for. `before` is the job of an earlier submission of the same request.
     pub async fn evaluated_version(
         &self,
         field: &Field,
-        kernel: &str,
+        choice: &KernelChoice,
         key: &KernelKey,
         before: Option<&Job>,
     ) -> Result<Option<u32>> {
         match before.map(|job| &job.spec) {
             // A repeated request has the same version as the first time, even if `active` has moved.
-            Some(JobSpec::EvaluateKernel(job)) if ["", "active"].contains(&kernel) => Ok(job.kernel_version),
-            _ => self.kernels.chosen(field, kernel, key, true).await,
+            Some(JobSpec::EvaluateKernel(job)) if choice.follows_active() => Ok(job.kernel_version),
+            _ => self.kernels.chosen(field, choice, key).await,
         }
     }
 }

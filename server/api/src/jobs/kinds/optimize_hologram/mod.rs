@@ -3,7 +3,7 @@
 mod planes;
 mod search;
 
-use super::kernel_text;
+use super::kernel_choice;
 use crate::api::Api;
 use crate::enumerations::{OnWire as _, WireField as _};
 use crate::optics::from_wire::{convolution_method, region};
@@ -13,6 +13,7 @@ use lightpath_domain::display::Display;
 use lightpath_domain::job::{
     HologramResult, ImagePlane, Job, JudgedBy, OptimizeHologram, PlaneResult, Subframe, WavelengthResult,
 };
+use lightpath_domain::kernel::KernelKey;
 use lightpath_domain::units::Wavelength;
 use lightpath_optics::hologram::Loss;
 use lightpath_optics::{Detector, HologramMethod, InitialPhase, PropagationMethod, RegionOfInterest};
@@ -25,7 +26,7 @@ use lightpath_proto::v1::{
     },
     optimize_hologram_result,
 };
-use lightpath_service::{Call, Field, Result, check_all};
+use lightpath_service::{Call, Field, KernelChoice, Result, check_all};
 
 /// Limit on the iterations, fifty times as many as a good hologram needs. It bounds the time that one job uses a
 /// worker.
@@ -89,6 +90,7 @@ pub(super) async fn from_wire(
         loss = search::loss(&at("loss"), message.loss, region);
         detector = detector;
         weight_mask = planes::optional_digest(&at("weight_mask"), &message.weight_mask);
+        kernel = kernel_choice::from_wire(call, &at("kernel"), message.kernel, KernelChoice::ActiveOrIdeal);
     }
     let Shown { display, wavelengths, region_of_interest } = shown;
     let spec = OptimizeHologram {
@@ -112,11 +114,11 @@ pub(super) async fn from_wire(
         weight_mask,
         quantization_aware: message.quantization_aware,
     };
-    api.service.jobs.complete_hologram(call, field, (spec, &display), &message.kernel, before).await
+    api.service.jobs.complete_hologram(call, field, (spec, &display), &kernel, before).await
 }
 
-/// Converts the request, with its defaults, into its message.
-pub(super) fn to_wire(spec: OptimizeHologram) -> v1::OptimizeHologram {
+/// Converts the request, with its defaults and the kernels that it uses, into its message.
+pub(super) fn to_wire(spec: OptimizeHologram, kernels: &[(KernelKey, Option<u32>)]) -> v1::OptimizeHologram {
     let (method, learning_rate) = method(spec.method);
     v1::OptimizeHologram {
         display: format!("displays/{}", spec.display),
@@ -125,7 +127,7 @@ pub(super) fn to_wire(spec: OptimizeHologram) -> v1::OptimizeHologram {
         depth_map: spec.depth_map.unwrap_or_default(),
         target_encoding: spec.target_encoding.to_wire(),
         target_fit: spec.target_fit.to_wire(),
-        kernel: kernel(&spec.kernel_versions),
+        kernel: kernel_choice::to_wire(kernels),
         propagation: spec.propagation.map_or(0, |method| PropagationMethod::from(method).to_wire()),
         method: method.into(),
         iterations: Some(spec.iterations),
@@ -144,14 +146,6 @@ pub(super) fn to_wire(spec: OptimizeHologram) -> v1::OptimizeHologram {
 fn plane(plane: ImagePlane) -> optimize_hologram::ImagePlane {
     let ImagePlane { distance, target, weight } = plane;
     optimize_hologram::ImagePlane { place: place(distance), target, weight: Some(weight) }
-}
-
-/// Text for the version in the field `kernel`. It is empty for several versions; the message of the job lists them.
-fn kernel(versions: &[Vec<Option<u32>>]) -> String {
-    match versions.concat()[..] {
-        [version] => kernel_text(version),
-        _ => String::new(),
-    }
 }
 
 /// The method and its learning rate.

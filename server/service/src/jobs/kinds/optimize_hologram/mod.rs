@@ -6,8 +6,9 @@ mod pictures;
 use super::Kind;
 use crate::call::Call;
 use crate::error::Result;
-use crate::field::{Field, shortened};
+use crate::field::Field;
 use crate::jobs::Jobs;
+use crate::kernels::KernelChoice;
 use crate::wrong_fields::collect_all;
 use lightpath_domain::display::Display;
 use lightpath_domain::job::estimate::{KernelSize, Need};
@@ -72,7 +73,7 @@ fn earlier<'a>(before: Option<&'a Job>, spec: &OptimizeHologram) -> Option<&'a O
 }
 
 impl Jobs {
-    /// Chooses the kernel versions of a request, and refuses what its display or its pictures do not allow. `kernel` says
+    /// Chooses the kernel versions of a request, and refuses what its display or its pictures do not allow. `choice` says
     /// which versions. Returns also the largest memory for decoding one of its pictures \[bytes\]. `before` is the job of
     /// an earlier submission of the same request.
     pub async fn complete_hologram(
@@ -80,12 +81,12 @@ impl Jobs {
         call: &Call,
         field: &Field,
         (mut spec, display): (OptimizeHologram, &Display),
-        kernel: &str,
+        choice: &KernelChoice,
         before: Option<&Job>,
     ) -> Result<(OptimizeHologram, u64)> {
         collect_all([checks::method(field, &spec), checks::size(field, &spec, display)])?;
         let at_kernel = field.at("kernel");
-        spec.kernel_versions = self.chosen_kernels(&at_kernel, kernel, &spec, before).await?;
+        spec.kernel_versions = self.chosen_kernels(&at_kernel, choice, &spec, before).await?;
         spec.judging_versions = self.judging_versions(&at_kernel, &spec, before).await?;
         checks::propagation(field, &spec, display)?;
         let decoding_bytes = PictureChecks { jobs: self, call, spec: &spec, display }.check(field).await?;
@@ -107,7 +108,7 @@ impl Jobs {
         for (keys, versions) in keys(spec).iter().zip(&spec.kernel_versions) {
             let mut of_planes = Vec::new();
             for (key, &version) in keys.iter().zip(versions) {
-                let active = self.kernels.chosen(field, "", key, false).await?;
+                let active = self.kernels.chosen(field, &KernelChoice::ActiveOrIdeal, key).await?;
                 of_planes.push(active.filter(|_| active != version));
             }
             judging.push(of_planes);
@@ -119,18 +120,18 @@ impl Jobs {
     async fn chosen_kernels(
         &self,
         field: &Field,
-        kernel: &str,
+        choice: &KernelChoice,
         spec: &OptimizeHologram,
         before: Option<&Job>,
     ) -> Result<Vec<Vec<Option<u32>>>> {
         let several = spec.wavelengths.len() * spec.planes.len() > 1;
-        if several && !["", "active", "ideal"].contains(&kernel) {
-            let fix = "must be empty, active or ideal: each of several wavelengths and planes has its own kernel";
-            return Err(field.but(format!("is {:?}", shortened(kernel)), fix));
+        if several && let KernelChoice::Version(key, version) = choice {
+            let fix = "choose ideal, active or an alias: each of several wavelengths and planes has its own kernel";
+            return Err(field.at("version").but(format!("is \"{key}/versions/{version}\""), fix));
         }
         // A repeated request has the same versions as the first time, even if `active` has moved.
         if let Some(job) = earlier(before, spec)
-            && ["", "active"].contains(&kernel)
+            && choice.follows_active()
         {
             return Ok(job.kernel_versions.clone());
         }
@@ -138,7 +139,7 @@ impl Jobs {
         for keys in keys(spec) {
             let mut of_planes = Vec::new();
             for key in &keys {
-                of_planes.push(self.kernels.chosen(field, kernel, key, false).await?);
+                of_planes.push(self.kernels.chosen(field, choice, key).await?);
             }
             versions.push(of_planes);
         }
