@@ -84,6 +84,15 @@ pub(crate) fn above_zero(text: &str) -> Result<f64, String> {
     }
 }
 
+/// Parses a percentage such as `5%` into a part of one.
+pub(crate) fn percent(text: &str) -> Result<f64, String> {
+    let number = text.strip_suffix('%').ok_or_else(|| format!("has no unit: write {text}%, if it is in per cent"))?;
+    match number.trim_end().parse::<f64>() {
+        Ok(percent) if (0.0..=100.0).contains(&percent) => Ok(percent / 100.0),
+        _ => Err("must be 0% to 100%".to_owned()),
+    }
+}
+
 /// Parses a region `x,y,width,height` in pixels.
 pub(crate) fn region(text: &str) -> Result<v1::Region, String> {
     let numbers: Option<Vec<u32>> = text.split(',').map(|part| part.trim().parse().ok()).collect();

@@ -1,6 +1,6 @@
 //! The commands `lightpath rollout …`.
 
-use super::arguments::{Limit, Passage};
+use super::arguments::{Limit, Passage, percent};
 use super::failure::Failure;
 use super::kernel_choice::KernelChoice;
 use super::pages::pages;
@@ -8,6 +8,7 @@ use super::session::{Session, print_note};
 use super::show;
 use super::table::{Facts, Table};
 use clap::{Args, Subcommand};
+use lightpath::units::show_percent;
 use lightpath::{Words as _, names, v1};
 
 /// Commands for staged rollouts.
@@ -19,8 +20,8 @@ pub(crate) enum RolloutCommand {
         #[command(flatten)]
         rollout: Choice,
 
-        /// The new share, at most 100 %
-        #[arg(long, value_name = "PERCENT")]
+        /// The new share, for example 25%
+        #[arg(long, value_name = "PERCENT", value_parser = percent)]
         share: f64,
     },
     /// Make the version active, which ends the rollout
@@ -47,8 +48,8 @@ pub(crate) enum RolloutCommand {
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Example:
-  lightpath rollout start --display lab-2 --distance 150mm --version 4 --share 5
-  lightpath rollout widen --display lab-2 --distance 150mm --share 25
+  lightpath rollout start --display lab-2 --distance 150mm --version 4 --share 5%
+  lightpath rollout widen --display lab-2 --distance 150mm --share 25%
   lightpath rollout show --display lab-2 --distance 150mm
   lightpath rollout complete --display lab-2 --distance 150mm")]
 pub(crate) struct Start {
@@ -59,11 +60,12 @@ pub(crate) struct Start {
     #[arg(long, value_name = "N")]
     version: u32,
 
-    /// Give it to this share of the devices, 0 to 100 %
+    /// Give it to this share of the devices, for example 5%
     #[arg(
         long,
         value_name = "PERCENT",
-        default_value_t = 0.0,
+        value_parser = percent,
+        default_value = "0%",
         hide_default_value = true,
         required_unless_present = "group"
     )]
@@ -73,8 +75,8 @@ pub(crate) struct Start {
     #[arg(long, value_name = "GROUP", default_value = "", hide_default_value = true)]
     group: String,
 
-    /// Halt when more than this share of the devices that reported have failed, 0 to 100 %
-    #[arg(long, value_name = "PERCENT", default_value_t = 10.0)]
+    /// Halt when more than this share of the devices that reported have failed
+    #[arg(long, value_name = "PERCENT", value_parser = percent, default_value = "10%")]
     failed_max: f64,
 
     /// Compute the share for --failed-max as if at least this many devices had reported, or all that get the version if
@@ -119,7 +121,7 @@ impl RolloutCommand {
             Self::Widen { rollout, share } => {
                 let (name, revision) = rollout.find(session).await?;
                 let expected_revision = Some(revision);
-                let request = v1::WidenRolloutRequest { name, share_percent: share, expected_revision };
+                let request = v1::WidenRolloutRequest { name, share: share, expected_revision };
                 client.widen_rollout(request).await?.name
             }
             Self::Complete(rollout) => {
@@ -149,9 +151,9 @@ impl Start {
         let request = v1::StartRolloutRequest {
             kernel: self.kernel.name(session).await?,
             version: self.version,
-            share_percent: self.share,
+            share: self.share,
             group: self.group,
-            failed_percent_max: Some(self.failed_max),
+            failed_share_max: Some(self.failed_max),
             devices_min: Some(self.devices_min),
             self_test_loss_max: self.self_test_loss_max,
             reason,
@@ -216,7 +218,7 @@ fn text(rollout: &v1::Rollout) -> String {
     facts.add("versions", format!("{} for the first devices, {from} for the others", rollout.version));
     facts.add("first devices", devices(rollout));
     let loss = rollout.self_test_loss_max.map(|loss| format!(", self-test loss at most {}", show::loss(loss)));
-    let limit = format!("{} % of at least {} devices", rollout.failed_percent_max, rollout.devices_min);
+    let limit = format!("{} of at least {} devices", show_percent(rollout.failed_share_max), rollout.devices_min);
     facts.add("halts above", limit + &loss.unwrap_or_default());
     if let Some(halting) = &rollout.halting {
         facts.add("halts at", halts_at(halting));
@@ -261,17 +263,19 @@ fn warning(rollout: &v1::Rollout) -> Option<String> {
              shows the devices"
         )),
         (_, None) => Some(format!(
-            "warning: {name} does not halt by itself, even if all {} devices fail: --failed-max is {} %",
-            halting.devices_known, rollout.failed_percent_max
+            "warning: {name} does not halt by itself, even if all {} devices fail: --failed-max is {}",
+            halting.devices_known,
+            show_percent(rollout.failed_share_max)
         )),
         _ => None,
     }
 }
 
 fn devices(rollout: &v1::Rollout) -> String {
+    let share = show_percent(rollout.share);
     match rollout.group.as_str() {
-        "" => format!("{} %", rollout.share_percent),
-        group => format!("{} % and the group {group}", rollout.share_percent),
+        "" => share,
+        group => format!("{share} and the group {group}"),
     }
 }
 

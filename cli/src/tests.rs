@@ -89,7 +89,7 @@ const COMMANDS: &[&str] = &[
     "lightpath kernel versions --display lab-2 --distance 150mm",
     "lightpath kernel history --display lab-2 --distance 150mm --wavelength 515nm",
     "lightpath kernel promote --display lab-2 --distance 150mm --version 3 --reason better",
-    "lightpath kernel gate lab-2 --better-than-active 5 --test-pairs 4 --format compact --allow-worse-than-ideal \
+    "lightpath kernel gate lab-2 --better-than-active 5% --test-pairs 4 --format compact --allow-worse-than-ideal \
      --reason firmware",
     "lightpath kernel gate lab-2 --default",
     "lightpath kernel check --display lab-2 --distance 150mm --version 4",
@@ -98,9 +98,9 @@ const COMMANDS: &[&str] = &[
     "lightpath kernel deprecate --display lab-2 --distance 150mm --version 2 --reason old --undo",
     "lightpath kernel mirror --display lab-2 --distance 150mm --format compact -o mirror/",
     "lightpath kernel nearest --display lab-2 --distance 151mm --wavelength 515nm",
-    "lightpath rollout start --display lab-2 --distance 150mm --version 4 --share 5 --group first --failed-max 20 \
+    "lightpath rollout start --display lab-2 --distance 150mm --version 4 --share 5% --group first --failed-max 20% \
      --devices-min 5 --self-test-loss-max 0.01 --reason try --force --expected-active 3",
-    "lightpath rollout widen --display lab-2 --distance 150mm --share 25 --number 2",
+    "lightpath rollout widen --display lab-2 --distance 150mm --share 25% --number 2",
     "lightpath rollout complete --display lab-2 --distance 150mm",
     "lightpath rollout halt --display lab-2 --distance 150mm --reason noise",
     "lightpath rollout show --display lab-2 --distance 150mm",

@@ -41,9 +41,9 @@ create table rollout (
     version            bigint           not null,
     from_version       bigint,
     state              text collate "C" not null check (state in ('running', 'completed', 'halted')),
-    share_percent      double precision not null check (share_percent between 0 and 100),
+    share              double precision    not null check (share between 0 and 1),
     group_name         text collate "C" not null,
-    failed_percent_max double precision not null check (failed_percent_max between 0 and 100),
+    failed_share_max   double precision    not null check (failed_share_max between 0 and 1),
     devices_min        bigint           not null check (devices_min >= 1),
     self_test_loss_max double precision,
     -- who started it and why, and what was overridden: for the move of `active` at its end

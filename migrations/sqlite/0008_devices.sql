@@ -41,9 +41,9 @@ create table rollout (
     version            integer not null,
     from_version       integer,
     state              text    not null check (state in ('running', 'completed', 'halted')),
-    share_percent      real    not null check (share_percent between 0 and 100),
+    share              real    not null check (share between 0 and 1),
     group_name         text    not null,
-    failed_percent_max real    not null check (failed_percent_max between 0 and 100),
+    failed_share_max   real    not null check (failed_share_max between 0 and 1),
     devices_min        integer not null check (devices_min >= 1),
     self_test_loss_max real,
     -- who started it and why, and what was overridden: for the move of `active` at its end

@@ -73,7 +73,7 @@ fn bench(seed: u64, distance_m: f64) -> Result<SimulatedDisplay, BoxError> {
     let rail = SimulatedBench {
         seed,
         misalignment_px: 0.5,
-        rail_tilt_deg: 0.01,
+        rail_tilt_rad: 0.01_f64.to_radians(),
         aberrations_at_m: 40e-3,
         ..SimulatedBench::FAIR
     };

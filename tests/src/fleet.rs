@@ -119,7 +119,7 @@ async fn twenty_devices_follow_promotions_rollouts_and_rollbacks() {
 
 /// Brings version 2 to a third of the devices, and then to all.
 async fn a_rollout_reaches_all(cli: &CommandLine) {
-    cli.text(&format!("rollout start {KERNEL} --version 2 --share 35 --reason staged")).await;
+    cli.text(&format!("rollout start {KERNEL} --version 2 --share 35% --reason staged")).await;
     let some = |versions: &[u64]| versions.contains(&1) && versions.contains(&2);
     until(cli, "some should have version 2", some).await;
     // Nobody else changes.
@@ -128,7 +128,7 @@ async fn a_rollout_reaches_all(cli: &CommandLine) {
     assert!((2..=13).contains(&first), "{first} of {DEVICES} devices for a share of 35 %");
     let shown = cli.json(&format!("rollout show {KERNEL}")).await;
     assert_eq!(shown["devicesPassed"].as_u64().unwrap() as usize, first, "{shown}");
-    cli.text(&format!("rollout widen {KERNEL} --share 100")).await;
+    cli.text(&format!("rollout widen {KERNEL} --share 100%")).await;
     until_all_have(cli, 2).await;
     let completed = cli.text(&format!("rollout complete {KERNEL}")).await;
     assert!(completed.contains("completed") && completed.contains("20 passed, 0 failed"), "{completed}");
@@ -138,7 +138,7 @@ async fn a_rollout_reaches_all(cli: &CommandLine) {
 /// Brings version 3 to half of the devices, whose self-tests fail.
 async fn a_bad_version_halts_its_rollout(cli: &CommandLine) {
     cli.text(&format!("kernel export {KERNEL} --version 3 --format compact -o @/bad.lpk")).await;
-    cli.text(&format!("rollout start {KERNEL} --version 3 --share 50 --reason worse")).await;
+    cli.text(&format!("rollout start {KERNEL} --version 3 --share 50% --reason worse")).await;
     let begin = Instant::now();
     let halted = loop {
         let shown = cli.text(&format!("rollout show {KERNEL}")).await;

@@ -96,7 +96,7 @@ async fn an_agent_gets_its_kernels_from_a_mirror_of_files() {
     // Nothing has changed: the same files are written again.
     cli.text(&write).await;
     // A rollout that gives the caller another version does not reach the devices of the mirror.
-    cli.text(&format!("rollout start {KERNEL} --version 1 --share 100")).await;
+    cli.text(&format!("rollout start {KERNEL} --version 1 --share 100%")).await;
     let rolled = cli.run(&write).await;
     assert!(rolled.code == Some(1) && rolled.stderr.contains("a rollout gives this token version 1"), "{rolled:?}");
     assert!(ask_once(&cli, mirror, root).await == fs::read(cli.path("2.lpk")).unwrap(), "the active version stays");

@@ -118,6 +118,12 @@ impl fmt::Display for Length {
     }
 }
 
+/// Formats a part of one for people, for example `7 %`, to a millionth of a per cent.
+#[must_use]
+pub fn show_percent(part: f64) -> String {
+    format!("{} %", (part * 1e8).round() / 1e6)
+}
+
 /// Formats a length for people, for example `150 mm`, `8 µm` or `515 nm`, to a millionth of its unit.
 #[must_use]
 pub fn show_m(metres: f64) -> String {

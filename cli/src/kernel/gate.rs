@@ -1,11 +1,13 @@
 //! The commands `lightpath kernel gate` and `check`.
 
+use crate::arguments::percent;
 use crate::failure::Failure;
 use crate::kernel_choice::KernelChoice;
 use crate::session::Session;
 use crate::show;
 use crate::table::{Facts, Table};
 use clap::Args;
+use lightpath::units::show_percent;
 use lightpath::{names, v1};
 
 /// Show or set what versions must show before they become active on a display.
@@ -16,16 +18,16 @@ use lightpath::{names, v1};
 #[command(after_long_help = "\
 Examples:
   lightpath kernel gate lab-2
-  lightpath kernel gate lab-2 --better-than-active 5 --test-pairs 4 \\
+  lightpath kernel gate lab-2 --better-than-active 5% --test-pairs 4 \\
       --format compact --reason \"firmware 3 reads only the compact form\"")]
 pub(crate) struct Gate {
     /// Id of the display
     #[arg(value_name = "DISPLAY")]
     display: String,
 
-    /// Require a held-out loss that is this much lower than that of the active version, 0 to 100 % [default: not
+    /// Require a held-out loss that is this much lower than that of the active version, for example 5% [default: not
     /// checked]
-    #[arg(long, value_name = "PERCENT")]
+    #[arg(long, value_name = "PERCENT", value_parser = percent)]
     better_than_active: Option<f64>,
 
     /// Require at least this many test pairs [default: 0]
@@ -76,7 +78,7 @@ impl Gate {
         }
         let gate = if sets {
             let gate = v1::PromotionGate {
-                better_than_active_percent: self.better_than_active,
+                loss_reduction_min: self.better_than_active,
                 worse_than_ideal_allowed: self.allow_worse_than_ideal,
                 test_pairs_min: self.test_pairs.unwrap_or(0),
                 formats: self.formats,
@@ -122,8 +124,8 @@ fn gate_text(display: &v1::DisplayGate) -> String {
 }
 
 fn rules(gate: &v1::PromotionGate) -> Vec<(&'static str, String)> {
-    let percent = gate.better_than_active_percent;
-    let better = percent.map_or_else(|| "not compared".to_owned(), |percent| format!("{percent} % less loss"));
+    let least = gate.loss_reduction_min.map(show_percent);
+    let better = least.map_or_else(|| "not compared".to_owned(), |least| format!("{least} less loss"));
     let ideal = if gate.worse_than_ideal_allowed { "may be worse" } else { "must not be worse" };
     let mut formats = gate.formats.clone();
     formats.push("those in use".to_owned());

@@ -150,8 +150,8 @@ def test_devices_are_found_by_version_and_group(lab: lightpath.Lab, tmp_path: Pa
 def test_a_gate_decides_which_version_becomes_active(lab: lightpath.Lab, tmp_path: Path) -> None:
     display = display_with_versions(lab, "gated", tmp_path, versions=1)
     assert display.promotion_gate().history == ()
-    gate = display.set_promotion_gate(better_than_active_percent=5, test_pairs_min=3, formats=["npz"], reason="first")
-    assert (gate.better_than_active_percent, gate.test_pairs_min, gate.formats) == (5, 3, ("npz",))
+    gate = display.set_promotion_gate(loss_reduction_min=0.05, test_pairs_min=3, formats=["npz"], reason="first")
+    assert (gate.loss_reduction_min, gate.test_pairs_min, gate.formats) == (0.05, 3, ("npz",))
     assert display.promotion_gate().history[0].reason == "first"
     kernel = display.kernel(distance=DISTANCE)
     verdict = kernel.version(1).check_promotion()
@@ -160,7 +160,7 @@ def test_a_gate_decides_which_version_becomes_active(lab: lightpath.Lab, tmp_pat
     with pytest.raises(lightpath.PreconditionFailed):
         kernel.promote(1)
     cleared = display.set_promotion_gate(reason="too strict")
-    assert (cleared.better_than_active_percent, len(cleared.history)) == (None, 2)
+    assert (cleared.loss_reduction_min, len(cleared.history)) == (None, 2)
     assert kernel.version(1).check_promotion().passed
     assert dict(kernel.set_alias("best", 1).message.aliases) == {"best": 1}
     assert not kernel.remove_alias("best").message.aliases
@@ -186,11 +186,11 @@ def test_a_rollout_is_widened_and_completed(lab: lightpath.Lab, tmp_path: Path) 
     display = display_with_versions(lab, "rolled", tmp_path)
     kernel = display.kernel(distance=DISTANCE).promote(1)
     display.set_device_group("a", "early")
-    rollout = kernel.start_rollout(2, share_percent=10, group="early", reason="try")
+    rollout = kernel.start_rollout(2, share=0.1, group="early", reason="try")
     assert (rollout.state, rollout.from_version, rollout.group, rollout.ended) == ("running", 1, "early", False)
     assert [each.name for each in kernel.rollouts()] == [rollout.name]
     other = kernel.rollout(int(rollout.id))
-    assert rollout.widen(50).share_percent == 50
+    assert rollout.widen(0.5).share == 0.5
     with pytest.raises(lightpath.Aborted):
         other.widen(60)
     digest = kernel.version(2).message.artifact
@@ -210,7 +210,7 @@ def test_a_rollout_is_widened_and_completed(lab: lightpath.Lab, tmp_path: Path) 
     assert seen == [(0, "running"), (1, "running"), (1, "completed")]
     assert kernel.refresh().active_version == 2
     assert len(rollout.events) == 3
-    back = kernel.start_rollout(1, share_percent=10)
+    back = kernel.start_rollout(1, share=0.1)
     assert back.halt("dark images").state == "halted"
     assert "dark images" in back.events[-1].message
     assert back.wait(progress=False).ended
@@ -220,7 +220,7 @@ def test_failures_of_devices_halt_a_rollout_while_a_program_waits(lab: lightpath
     display = display_with_versions(lab, "failing", tmp_path)
     kernel = display.kernel(distance=DISTANCE)
     display.set_device_group("a", "early")
-    rollout = kernel.start_rollout(1, share_percent=0, group="early", failed_percent_max=0, devices_min=1)
+    rollout = kernel.start_rollout(1, share=0, group="early", failed_share_max=0, devices_min=1)
 
     def fail(state: lightpath.Rollout) -> None:
         if not state.ended:
@@ -238,7 +238,7 @@ def test_the_asynchronous_client_waits_for_rollouts_and_receivers(
     async def work() -> None:
         async with lightpath.aio.connect(server.url) as other:
             kernel = await (await other.display("async")).kernel(distance=DISTANCE)
-            rollout = await kernel.start_rollout(1, share_percent=10)
+            rollout = await kernel.start_rollout(1, share=0.1)
             waiting = asyncio.create_task(rollout.wait(progress=False))
             async for event in other.events():
                 if event.kind == "reset":

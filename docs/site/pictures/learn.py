@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from PIL import Image
 
 DISTANCE = "25mm"
-PRACTICE: dict[str, Any] = {"seed": 4, "misalignment_px": 3.0, "rotation_deg": 0.8, "drift_px_per_hour": 0.1}
+PRACTICE: dict[str, Any] = {"seed": 4, "misalignment_px": 3.0, "rotation_rad": 0.014, "drift_px_per_hour": 0.1}
 FULL_RANGE_RAD = 6.28
 
 

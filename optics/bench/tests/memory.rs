@@ -39,7 +39,7 @@ fn counted_memory_of_simulated_displays_is_that_of_the_functions() {
     let fair = SimulatedBench { speckle_contrast: 0.1, ..SimulatedBench::FAIR };
     let varying = SimulatedBench { field_aberration_rad: 2.0, ..fair };
     let flaws = SimulatedBench { surface_waves: 1.0, dust_contrast: 0.1, response_variation: 0.1, ..fair };
-    let six_modes = SimulatedBench { source_angle_mrad: 0.3, bandwidth: 0.01, ..flaws };
+    let six_modes = SimulatedBench { source_angle_rad: 0.3e-3, bandwidth: 0.01, ..flaws };
     let two_modes = SimulatedBench { bandwidth: 0.01, ..fair };
     let cases = [
         ("bench", Orders::First, fair),

@@ -90,7 +90,7 @@ fn changed_by(flaw: SimulatedBench, hours: f64) -> (f64, f64) {
 #[test]
 fn each_flaw_changes_photographs_and_time_alone_does_not() {
     for (name, flaw, hours) in [
-        ("rotation", SimulatedBench { rotation_deg: 2.0, ..FAIR }, 0.0),
+        ("rotation", SimulatedBench { rotation_rad: 2.0_f64.to_radians(), ..FAIR }, 0.0),
         ("blur", SimulatedBench { blur_px: 1.0, ..FAIR }, 0.0),
         ("shot noise", SimulatedBench { full_well_electrons: 500.0, ..FAIR }, 0.0),
         ("camera's response", SimulatedBench { camera_nonlinearity: 0.1, ..FAIR }, 0.0),
@@ -101,7 +101,7 @@ fn each_flaw_changes_photographs_and_time_alone_does_not() {
         ("varying response", SimulatedBench { response_variation: 0.1, ..FAIR }, 0.0),
         ("dust", SimulatedBench { dust_contrast: 0.1, ..FAIR }, 0.0),
         ("ghost", SimulatedBench { ghost_share: 0.05, ..FAIR }, 0.0),
-        ("extended source", SimulatedBench { source_angle_mrad: 1.0, ..FAIR }, 0.0),
+        ("extended source", SimulatedBench { source_angle_rad: 1e-3, ..FAIR }, 0.0),
         ("wide line", SimulatedBench { bandwidth: 0.03, ..FAIR }, 0.0),
         ("distortion", SimulatedBench { distortion: 0.02, ..FAIR }, 0.0),
         ("vignetting", SimulatedBench { vignetting: 0.3, ..FAIR }, 0.0),

@@ -72,7 +72,7 @@ fn ghost_is_found_and_recovered() {
 
 #[test]
 fn partial_coherence_is_found_and_recovered() {
-    let angle = SimulatedBench { seed: 5, source_angle_mrad: 4.0, ..SimulatedBench::FAIR };
+    let angle = SimulatedBench { seed: 5, source_angle_rad: 4e-3, ..SimulatedBench::FAIR };
     let model = learned_with_validation(&simulated_display(6e-3, angle));
     assert_eq!(Blocks::of(&model).without(Block::FineSource), Blocks::NONE.with(Block::PartialCoherence));
     // A uniform disc of directions has a standard deviation of a quarter of its diameter along each axis.

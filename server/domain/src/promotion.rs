@@ -2,13 +2,14 @@
 
 use crate::kernel::{Cause, KernelMetrics, KernelVersion};
 use crate::kernel_format::KernelFormat;
+use lightpath_units::show_percent;
 use serde::{Deserialize, Serialize};
 
 /// What a version must show.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct PromotionGate {
-    /// How much lower its held-out loss must be than that of the active version \[%\]; `None`: not checked.
-    pub better_than_active_percent: Option<f64>,
+    /// How much lower its held-out loss must be than that of the active version, as a part of it; `None`: not checked.
+    pub loss_reduction_min: Option<f64>,
     /// Whether it may have been measured to be no better than the ideal kernel.
     pub worse_than_ideal_allowed: bool,
     /// Least number of test pairs with which it was measured.
@@ -64,8 +65,8 @@ impl PromotionGate {
                 format!("it was measured with {found} test pairs; at least {least} are required"),
             ));
         }
-        let percent = self.better_than_active_percent;
-        checks.extend(percent.zip(active).map(|(percent, active)| against_active(metrics, active, percent)));
+        let least = self.loss_reduction_min;
+        checks.extend(least.zip(active).map(|(least, active)| against_active(metrics, active, least)));
         checks
     }
 }
@@ -88,18 +89,20 @@ fn against_ideal(metrics: &KernelMetrics) -> GateCheck {
 
 /// Compares the losses relative to the ideal kernel. So versions that were measured with different photographs can be
 /// compared.
-fn against_active(metrics: &KernelMetrics, active: &KernelVersion, percent: f64) -> GateCheck {
+fn against_active(metrics: &KernelMetrics, active: &KernelVersion, reduction_min: f64) -> GateCheck {
     let number = active.version;
     let (Some(candidate), Some(present)) = (relative_loss(metrics), relative_loss(&active.content.metrics)) else {
         let finding = format!("it cannot be compared with the active version {number}: not both were measured");
         return GateCheck::new(false, finding);
     };
-    let lower_percent = (1.0 - candidate / present) * 100.0;
+    let reduction = 1.0 - candidate / present;
     let finding = format!(
         "its held-out loss relative to the ideal kernel is {candidate:.4}, that of the active version {number} is \
-         {present:.4}: {lower_percent:.1} % lower; {percent} % are required"
+         {present:.4}: {:.1} % lower; {} are required",
+        100.0 * reduction,
+        show_percent(reduction_min),
     );
-    GateCheck::new(lower_percent >= percent, finding)
+    GateCheck::new(reduction >= reduction_min, finding)
 }
 
 /// Held-out loss relative to that of the ideal kernel.
@@ -150,7 +153,7 @@ mod tests {
 
     #[test]
     fn losses_are_compared_relative_to_the_ideal_kernel() {
-        let gate = PromotionGate { better_than_active_percent: Some(10.0), ..PromotionGate::default() };
+        let gate = PromotionGate { loss_reduction_min: Some(0.1), ..PromotionGate::default() };
         let active = version(1, 4, 0.01, 0.02);
         assert_eq!(failures(&gate, &version(2, 4, 0.04, 0.1), Some(&active)), [""; 0], "0.4 against 0.5: 20 % lower");
         let refused = failures(&gate, &version(2, 4, 0.046, 0.1), Some(&active));

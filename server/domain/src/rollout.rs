@@ -9,12 +9,12 @@ use sha2::{Digest as _, Sha256};
 pub struct RolloutPlan {
     /// Number of the version that the rollout brings.
     pub version: u32,
-    /// Share of the devices that get the version \[%\].
-    pub share_percent: f64,
+    /// Share of the devices that get the version, 0 to 1.
+    pub share: f64,
     /// Devices of this group get the version besides the share; empty: no group.
     pub group: String,
-    /// Limit on the share of failed devices \[%\]. Above it the rollout halts.
-    pub failed_percent_max: f64,
+    /// Limit on the share of failed devices, 0 to 1. Above it the rollout halts.
+    pub failed_share_max: f64,
     /// Least number of devices of which that share is computed, if so many get the version.
     pub devices_min: u32,
     /// Limit on the loss of self-tests.
@@ -114,23 +114,24 @@ impl RolloutPlan {
     #[must_use]
     pub fn includes(&self, kernel: &KernelKey, rollout: u32, device: &str, group: &str) -> bool {
         let is_in_group = !self.group.is_empty() && self.group == group;
-        is_in_group || is_in_share(kernel, rollout, device, self.share_percent)
+        is_in_group || is_in_share(kernel, rollout, device, self.share)
     }
 
     /// Whether so many failures among some devices are too many.
     fn is_above(&self, failed: u32, devices: u32) -> bool {
-        f64::from(failed) * 100.0 > self.failed_percent_max * f64::from(devices)
+        // 29 of 100 are not more than 0.29, although 0.29 · 100 is a little less than 29 in floating point.
+        f64::from(failed) > (self.failed_share_max + 1e-9) * f64::from(devices)
     }
 }
 
-/// Whether a device is among the first `share_percent` of a rollout. A device that is among the first stays among them
+/// Whether a device is among the first `share` of a rollout. A device that is among the first stays among them
 /// when the share grows, and each rollout draws anew.
 #[must_use]
-pub fn is_in_share(kernel: &KernelKey, rollout: u32, device: &str, share_percent: f64) -> bool {
+pub fn is_in_share(kernel: &KernelKey, rollout: u32, device: &str, share: f64) -> bool {
     let digest = Sha256::digest(format!("{kernel}/rollouts/{rollout}/{device}"));
     let drawn = digest[..8].iter().fold(0_u64, |number, byte| number << 8 | u64::from(*byte));
-    // 2^64, so that the draw is below 100 %.
-    (drawn as f64 / 18_446_744_073_709_551_616.0) * 100.0 < share_percent
+    // 2^64, so that the draw is below 1.
+    drawn as f64 / 18_446_744_073_709_551_616.0 < share
 }
 
 #[cfg(test)]
@@ -148,21 +149,21 @@ mod tests {
         let in_share = |rollout: u32, share: f64| -> Vec<usize> {
             (0..2000).filter(|n| is_in_share(&key(), rollout, &format!("bench-{n}"), share)).collect()
         };
-        let (few, many) = (in_share(1, 10.0), in_share(1, 50.0));
+        let (few, many) = (in_share(1, 0.1), in_share(1, 0.5));
         // Binomial: 200 ± 13.4 and 1000 ± 22.4 devices; these are four standard deviations.
         assert!((146..=254).contains(&few.len()) && (910..=1090).contains(&many.len()), "{} {}", few.len(), many.len());
         assert!(few.iter().all(|device| many.contains(device)));
-        assert_ne!(few, in_share(2, 10.0));
-        assert_eq!((in_share(1, 0.0).len(), in_share(1, 100.0).len()), (0, 2000));
+        assert_ne!(few, in_share(2, 0.1));
+        assert_eq!((in_share(1, 0.0).len(), in_share(1, 1.0).len()), (0, 2000));
     }
 
     /// A rollout of which no device has reported.
-    fn with_plan(failed_percent_max: f64, devices_min: u32) -> Rollout {
+    fn with_plan(failed_share_max: f64, devices_min: u32) -> Rollout {
         let plan = RolloutPlan {
             version: 2,
-            share_percent: 10.0,
+            share: 0.1,
             group: String::new(),
-            failed_percent_max,
+            failed_share_max,
             devices_min,
             self_test_loss_max: None,
             cause: Cause { caller: String::new(), reason: String::new() },
@@ -184,7 +185,7 @@ mod tests {
 
     #[test]
     fn failures_above_the_limit_halt_a_rollout() {
-        let with = |devices_passed, devices_failed| Rollout { devices_passed, devices_failed, ..with_plan(10.0, 10) };
+        let with = |devices_passed, devices_failed| Rollout { devices_passed, devices_failed, ..with_plan(0.1, 10) };
         for (passed, failed, halts) in [(0, 0, false), (0, 1, false), (0, 2, true), (18, 2, false), (17, 2, true)] {
             assert_eq!(with(passed, failed).has_failed(1000), halts, "{passed} {failed}");
         }
@@ -201,14 +202,14 @@ mod tests {
         }
         assert!(with(4, 1).has_failed(5) && !with(0, 1).has_failed(10), "one of five is more than 10 %");
         let mut never = with(0, 5);
-        never.plan.failed_percent_max = 100.0;
+        never.plan.failed_share_max = 1.0;
         assert!(!never.has_failed(5));
         assert_eq!(never.halting(5), halting(5, None, None));
     }
 
     #[test]
     fn the_said_number_of_failures_is_the_one_that_halts() {
-        let mut rollout = with_plan(7.0, 12);
+        let mut rollout = with_plan(0.07, 12);
         for devices in 1..60 {
             let said = rollout.halting(devices);
             let first = (1..=devices).find(|&failed| {

@@ -299,7 +299,7 @@ fn hologram_capture_and_evaluation_results_are_stored_as_before() {
         colour_reconstructions: Vec::new(),
         detector: Detector::Pixel,
         iterations: 200,
-        iteration_ms: 2.5,
+        iteration_time_s: 0.0025,
     };
     check_stored("hologram_result", &JobResult::OptimizeHologram(Box::new(holograms)));
     check_stored(

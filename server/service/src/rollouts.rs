@@ -75,10 +75,10 @@ impl Rollouts {
         call: &Call,
         key: &KernelKey,
         number: u32,
-        (share_percent, expected_revision): (f64, Option<u32>),
+        (share, expected_revision): (f64, Option<u32>),
     ) -> Result<Rollout> {
         self.require_still_passes(call, key, number).await?;
-        let widening = Widening { share_percent, expected_revision, caller: call.caller.name.clone() };
+        let widening = Widening { share, expected_revision, caller: call.caller.name.clone() };
         Ok(self.store.widen_rollout(key, number, widening, self.store.now_ms()).await?)
     }
 

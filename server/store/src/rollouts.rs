@@ -12,6 +12,7 @@ use lightpath_domain::device::Report;
 use lightpath_domain::kernel::{Cause, Kernel, KernelKey};
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_domain::rollout::{Rollout, RolloutEvent, RolloutPlan, RolloutState};
+use lightpath_units::show_percent;
 
 /// Selects rollouts with the numbers of their reports.
 const ROLLOUTS: &str = "select r.*, k.display, k.wavelength_pm, k.distance_nm, \
@@ -27,8 +28,8 @@ const EVENTS_MAX: u32 = 900;
 /// A larger share for a rollout, for [`Store::widen_rollout`].
 #[derive(Clone, Debug)]
 pub struct Widening {
-    /// The new share of the devices \[%\].
-    pub share_percent: f64,
+    /// The new share of the devices, 0 to 1.
+    pub share: f64,
     /// Revision that the rollout must have; `None`: whichever it has.
     pub expected_revision: Option<u32>,
     /// Name of the caller's token; empty: no token was required.
@@ -90,25 +91,30 @@ impl Store {
         &self,
         key: &KernelKey,
         number: u32,
-        Widening { share_percent, expected_revision, caller }: Widening,
+        Widening { share, expected_revision, caller }: Widening,
         now_ms: i64,
     ) -> Result<Rollout> {
         let key = key.clone();
         self.write(async move |write| {
             let rollout = running(write.sql(), &key, number, expected_revision).await?;
-            let present = rollout.plan.share_percent;
-            if share_percent <= present {
-                let message = format!("{} has {present} % already; halt it to go back", name(&key, number));
+            let present = rollout.plan.share;
+            if share <= present {
+                let present = show_percent(present);
+                let message = format!("{} has {present} already; halt it to go back", name(&key, number));
                 return Err(StoreError::Aborted { reason: AbortReason::RolloutChanged, message });
             }
-            let set = "update rollout set share_percent = $3, revision = revision + 1 where number = $2 \
+            let set = "update rollout set share = $3, revision = revision + 1 where number = $2 \
                        and kernel = (select id from kernel where name = $1)";
-            query(set).bind((key.to_string(), number, share_percent)).execute(write.sql()).await?;
+            query(set).bind((key.to_string(), number, share)).execute(write.sql()).await?;
             let generation = raise_generation(write, &key, now_ms).await?;
             let event = RolloutEvent {
                 time_ms: now_ms,
                 caller,
-                message: format!("{share_percent} % of the devices get the version, instead of {present} %"),
+                message: format!(
+                    "{} of the devices get the version, instead of {}",
+                    show_percent(share),
+                    show_percent(present)
+                ),
                 generation: generation.unsigned_abs(),
             };
             append_event(write, &key, number, event).await?;
@@ -249,21 +255,22 @@ async fn start(
         return Err(StoreError::precondition(PreconditionReason::AlreadyActive, message));
     }
     let number: u32 = scalar(
-        "insert into rollout (kernel, number, version, from_version, state, share_percent, group_name, \
-         failed_percent_max, devices_min, self_test_loss_max, caller, reason, overridden, start_time_ms) \
+        "insert into rollout (kernel, number, version, from_version, state, share, group_name, \
+         failed_share_max, devices_min, self_test_loss_max, caller, reason, overridden, start_time_ms) \
          select $1, 1 + coalesce((select max(number) from rollout where kernel = $1), 0), $2, $3, 'running', \
          $4, $5, $6, $7, $8, $9, $10, $11, $12 returning number",
     )
-    .bind((id, plan.version, kernel.active_version, plan.share_percent, &plan.group, plan.failed_percent_max))
+    .bind((id, plan.version, kernel.active_version, plan.share, &plan.group, plan.failed_share_max))
     .bind((plan.devices_min, plan.self_test_loss_max, &plan.cause.caller, &plan.cause.reason))
     .bind((to_json("rollout.overridden", &plan.overridden)?, now_ms))
     .fetch_one(write.sql())
     .await?;
     let generation = raise_generation(write, key, now_ms).await?.unsigned_abs();
-    let RolloutPlan { version, share_percent, group, cause, .. } = plan;
+    let RolloutPlan { version, share, group, cause, .. } = plan;
     let group = if group.is_empty() { String::new() } else { format!(" and the group {group}") };
     let why = if cause.reason.is_empty() { String::new() } else { format!(": {}", cause.reason) };
-    let message = format!("{share_percent} % of the devices{group} get version {version}{why}");
+    let share = show_percent(share);
+    let message = format!("{share} of the devices{group} get version {version}{why}");
     let event = RolloutEvent { time_ms: now_ms, caller: cause.caller, message, generation };
     append_event(write, key, number, event).await?;
     find_rollout(write.sql(), key, number).await
@@ -331,9 +338,9 @@ pub(super) async fn note_report(write: &mut Write, kernel_id: i64, kernel: &Kern
     }
     let (failed, reported) = (rollout.devices_failed, rollout.devices_failed + rollout.devices_passed);
     let message = format!(
-        "halted: {failed} of {reported} devices failed, the last one {}; above {} % of at least {} devices",
+        "halted: {failed} of {reported} devices failed, the last one {}; above {} of at least {} devices",
         report.device,
-        plan.failed_percent_max,
+        show_percent(plan.failed_share_max),
         plan.devices_min.min(known)
     );
     let ending = Ending { state: RolloutState::Halted, caller: String::new(), message };
@@ -464,7 +471,7 @@ fn rollout_of(row: &Row) -> Result<Rollout> {
         number, from_version, devices_passed, devices_failed, start_time_ms, end_time_ms, revision;
         key: key_of(row)?,
         plan: from_row!(row, RolloutPlan {
-            version, share_percent, failed_percent_max, devices_min, self_test_loss_max;
+            version, share, failed_share_max, devices_min, self_test_loss_max;
             group: row.try_get("group_name")?,
             cause: cause_of(row)?,
             overridden: json(row, "rollout.overridden")?,

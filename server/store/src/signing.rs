@@ -87,7 +87,7 @@ impl Store {
         let row = query(
             "select k.active_version, d.generation, d.generation_time_ms, \
              (select max(version) from keyring) as keyring_version, \
-             r.number as rollout, r.version as rollout_version, r.share_percent, \
+             r.number as rollout, r.version as rollout_version, r.share, \
              r.group_name <> '' and r.group_name = e.group_name as is_in_group \
              from kernel k join display d on d.id = k.display \
              left join rollout r on r.kernel = k.id and r.state = 'running' \
@@ -108,10 +108,10 @@ impl Store {
 fn version_for(row: &Row, key: &KernelKey, device: Option<&str>) -> Result<Option<u32>> {
     let active = row.try_get("active_version")?;
     let Some(rollout) = row.try_get("rollout")? else { return Ok(active) };
-    let share_percent: f64 = row.try_get("share_percent")?;
+    let share: f64 = row.try_get("share")?;
     let is_in_group: Option<bool> = row.try_get("is_in_group")?;
     let is_first = is_in_group == Some(true)
-        || device.map_or(share_percent >= 100.0, |device| is_in_share(key, rollout, device, share_percent));
+        || device.map_or(share >= 1.0, |device| is_in_share(key, rollout, device, share));
     Ok(if is_first { row.try_get("rollout_version")? } else { active })
 }
 

@@ -37,7 +37,7 @@ pub(super) fn results(items: &[Item]) -> String {
             supersampled,
             displayed,
             similarity,
-            format!("{:.1}", result.iteration_ms),
+            format!("{:.1}", 1e3 * result.iteration_time_s),
             names::id(&item.job.name).to_owned(),
         ]);
     }
@@ -56,7 +56,7 @@ fn notes(result: &v1::OptimizeHologramResult) -> impl Iterator<Item = &str> {
 
 /// The time of an iteration.
 pub(super) fn speed(result: &v1::OptimizeHologramResult) -> String {
-    format!("{:.1} ms per iteration, {} iterations", result.iteration_ms, result.iterations)
+    format!("{:.1} ms per iteration, {} iterations", 1e3 * result.iteration_time_s, result.iterations)
 }
 
 /// Files and quality of each hologram, plane by plane.

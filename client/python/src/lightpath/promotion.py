@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 class PromotionGate:
     """What versions must show before they become active on a display."""
 
-    better_than_active_percent: float | None
+    loss_reduction_min: float | None
     """How much lower the held-out loss must be than that of the active version [%]. None: not checked."""
     worse_than_ideal_allowed: bool
     """Whether a version may be active that was measured and is no better than the ideal kernel."""
@@ -79,7 +79,7 @@ def read_verdict(message: v1.PromotionVerdict) -> Verdict:
 
 def _gate(message: v1.PromotionGate, history: tuple[GateChange, ...] = ()) -> PromotionGate:
     return PromotionGate(
-        better_than_active_percent=if_set(message, "better_than_active_percent"),
+        loss_reduction_min=if_set(message, "loss_reduction_min"),
         worse_than_ideal_allowed=message.worse_than_ideal_allowed,
         test_pairs_min=message.test_pairs_min,
         formats=tuple(message.formats),

@@ -25,7 +25,7 @@ class RolloutBar:
         reported = rollout.devices_passed + rollout.devices_failed
         self._bar.total, self._bar.n = max(rollout.halting.devices_known, reported, 1), reported
         self._bar.set_description_str(f"rollout of version {rollout.version}", refresh=False)
-        self._bar.postfix = f"{rollout.share_percent:g} %, {rollout.devices_failed} failed"
+        self._bar.postfix = f"{100 * rollout.share:g} %, {rollout.devices_failed} failed"
         self._bar.refresh()
 
     def close(self) -> None:

@@ -16,8 +16,8 @@ pub struct SimulatedBench {
     pub camera_noise: f64,
     /// Largest shift of the camera in x and in y \[px\], 0 to 4.
     pub misalignment_px: f64,
-    /// Rotation of the camera about the middle of the image, −10 to 10 degrees.
-    pub rotation_deg: f64,
+    /// Rotation of the camera about the middle of the image \[rad\], −0.175 to 0.175, which is 10°.
+    pub rotation_rad: f64,
     /// Standard deviation of the blur by the camera's lens \[px\], 0 to 4.
     pub blur_px: f64,
     /// Number of electrons of a camera pixel at full scale, which determines the shot noise, 0 to 10⁷. With 0 the shot
@@ -45,9 +45,9 @@ pub struct SimulatedBench {
     pub dust_contrast: f64,
     /// Light of a ghost: a shifted and defocused second image, as a part of the image's light, 0 to 0.3.
     pub ghost_share: f64,
-    /// Angular width of the source as the modulator sees it \[mrad\], 0 to 5. The light of different directions does
+    /// Angular width of the source as the modulator sees it \[rad\], 0 to 0.005. The light of different directions does
     /// not interfere.
-    pub source_angle_mrad: f64,
+    pub source_angle_rad: f64,
     /// Width of the source's line, full width at half maximum, as a part of its wavelength, 0 to 0.1: below 0.001 for
     /// a laser diode, 0.03 to 0.06 for an LED.
     pub bandwidth: f64,
@@ -63,9 +63,9 @@ pub struct SimulatedBench {
     pub drift_px_per_hour: f64,
     /// Part of its light that the source loses in an hour, 0 to 1.
     pub dimming_per_hour: f64,
-    /// Angle between the camera's rail and the optical axis, 0 to 5 degrees. The image moves sideways by tan of the
+    /// Angle between the camera's rail and the optical axis \[rad\], 0 to 0.0875, which is 5°. The image moves sideways by tan of the
     /// angle times the distance.
-    pub rail_tilt_deg: f64,
+    pub rail_tilt_rad: f64,
     /// Distance for which the aberrations are drawn, 0 to 10 m. At other distances, the part of their aperture that the
     /// light fills is proportional to the distance. With 0 the aberrations are the same at all distances.
     pub aberrations_at_m: f64,
@@ -81,7 +81,7 @@ impl SimulatedBench {
         strength: 1.0,
         camera_noise: 0.003,
         misalignment_px: 0.0,
-        rotation_deg: 0.0,
+        rotation_rad: 0.0,
         blur_px: 0.0,
         full_well_electrons: 0.0,
         camera_nonlinearity: 0.0,
@@ -92,14 +92,14 @@ impl SimulatedBench {
         response_variation: 0.0,
         dust_contrast: 0.0,
         ghost_share: 0.0,
-        source_angle_mrad: 0.0,
+        source_angle_rad: 0.0,
         bandwidth: 0.0,
         distortion: 0.0,
         vignetting: 0.0,
         flicker: 0.0,
         drift_px_per_hour: 0.0,
         dimming_per_hour: 0.0,
-        rail_tilt_deg: 0.0,
+        rail_tilt_rad: 0.0,
         aberrations_at_m: 0.0,
         field_aberration_rad: 0.0,
     };
@@ -113,7 +113,7 @@ impl SimulatedBench {
         strength: 1.0,
         camera_noise: 0.01,
         misalignment_px: 0.5,
-        rotation_deg: 0.05,
+        rotation_rad: 0.05_f64.to_radians(),
         blur_px: 0.5,
         full_well_electrons: 10_000.0,
         crosstalk_px: 0.35,
@@ -133,7 +133,7 @@ impl SimulatedBench {
             ("strength", self.strength, 0.0, 4.0, "0 to 4"),
             ("camera_noise", self.camera_noise, 0.0, 0.1, "0 to 0.1"),
             ("misalignment_px", self.misalignment_px, 0.0, 4.0, "0 to 4 px"),
-            ("rotation_deg", self.rotation_deg, -10.0, 10.0, "-10 to 10 degrees"),
+            ("rotation_rad", self.rotation_rad, -0.175, 0.175, "-0.175 to 0.175 rad, which is 10°"),
             ("blur_px", self.blur_px, 0.0, 4.0, "0 to 4 px"),
             ("full_well_electrons", self.full_well_electrons, 0.0, 1e7, "0 to 10000000"),
             ("camera_nonlinearity", self.camera_nonlinearity, -0.3, 0.3, "-0.3 to 0.3"),
@@ -144,14 +144,14 @@ impl SimulatedBench {
             ("response_variation", self.response_variation, 0.0, 0.5, "0 to 0.5"),
             ("dust_contrast", self.dust_contrast, 0.0, 0.5, "0 to 0.5"),
             ("ghost_share", self.ghost_share, 0.0, 0.3, "0 to 0.3"),
-            ("source_angle_mrad", self.source_angle_mrad, 0.0, 5.0, "0 to 5 mrad"),
+            ("source_angle_rad", self.source_angle_rad, 0.0, 5e-3, "0 to 0.005 rad"),
             ("bandwidth", self.bandwidth, 0.0, 0.1, "0 to 0.1"),
             ("distortion", self.distortion, -0.1, 0.1, "-0.1 to 0.1"),
             ("vignetting", self.vignetting, 0.0, 0.9, "0 to 0.9"),
             ("flicker", self.flicker, 0.0, 0.5, "0 to 0.5"),
             ("drift_px_per_hour", self.drift_px_per_hour, 0.0, 100.0, "0 to 100 px"),
             ("dimming_per_hour", self.dimming_per_hour, 0.0, 1.0, "0 to 1"),
-            ("rail_tilt_deg", self.rail_tilt_deg, 0.0, 5.0, "0 to 5 degrees"),
+            ("rail_tilt_rad", self.rail_tilt_rad, 0.0, 0.0875, "0 to 0.0875 rad, which is 5°"),
             ("aberrations_at_m", self.aberrations_at_m, 0.0, 10.0, "0 to 10 m"),
             ("field_aberration_rad", self.field_aberration_rad, 0.0, 6.0, "0 to 6 rad"),
         ]
@@ -161,7 +161,7 @@ impl SimulatedBench {
     /// photograph.
     #[must_use]
     pub fn modes(&self) -> usize {
-        modes::draw(self.seed, self.source_angle_mrad, self.bandwidth, self.ghost_share).len()
+        modes::draw(self.seed, self.source_angle_rad, self.bandwidth, self.ghost_share).len()
     }
 
     /// # Errors
@@ -192,11 +192,11 @@ mod tests {
     fn missing_bench_properties_have_defaults_and_unknown_ones_are_refused() {
         let bench = SimulatedBench { seed: 7, ..SimulatedBench::FAIR };
         let stored = json!({
-            "seed": 7, "strength": 1.0, "camera_noise": 0.003, "misalignment_px": 0.0, "rotation_deg": 0.0,
+            "seed": 7, "strength": 1.0, "camera_noise": 0.003, "misalignment_px": 0.0, "rotation_rad": 0.0,
             "blur_px": 0.0, "full_well_electrons": 0.0, "speckle_contrast": 0.0, "crosstalk_px": 0.0, "flicker": 0.0,
-            "drift_px_per_hour": 0.0, "dimming_per_hour": 0.0, "rail_tilt_deg": 0.0, "aberrations_at_m": 0.0,
+            "drift_px_per_hour": 0.0, "dimming_per_hour": 0.0, "rail_tilt_rad": 0.0, "aberrations_at_m": 0.0,
             "field_aberration_rad": 0.0, "crosstalk_y_px": 0.0, "surface_waves": 0.0, "response_variation": 0.0,
-            "dust_contrast": 0.0, "ghost_share": 0.0, "source_angle_mrad": 0.0, "bandwidth": 0.0, "distortion": 0.0,
+            "dust_contrast": 0.0, "ghost_share": 0.0, "source_angle_rad": 0.0, "bandwidth": 0.0, "distortion": 0.0,
             "vignetting": 0.0, "camera_nonlinearity": 0.0,
         });
         assert_eq!(serde_json::to_value(bench).unwrap(), stored);

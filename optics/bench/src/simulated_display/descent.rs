@@ -96,7 +96,7 @@ mod tests {
         SimulatedBench {
             seed: 3,
             misalignment_px: 0.3,
-            rotation_deg: 0.3,
+            rotation_rad: 0.3_f64.to_radians(),
             blur_px: 0.4,
             speckle_contrast: 0.05,
             crosstalk_px: 0.45,
@@ -106,7 +106,7 @@ mod tests {
             response_variation: 0.12,
             dust_contrast: 0.1,
             ghost_share: 0.02,
-            source_angle_mrad: 0.4,
+            source_angle_rad: 0.4e-3,
             bandwidth: 0.005,
             distortion: 0.01,
             vignetting: 0.2,
@@ -127,7 +127,7 @@ mod tests {
         let all = OpticalSetup::try_new(grid, 515e-9, 6e-3).unwrap();
         let all = all.with_orders(Orders::All { fill_factor_x: 0.9, fill_factor_y: 0.8 }).unwrap();
         // Two wavelengths and three directions say the same as one of each, and take six times as long.
-        let coherent = SimulatedBench { source_angle_mrad: 0.0, bandwidth: 0.0, ..all_flaws() };
+        let coherent = SimulatedBench { source_angle_rad: 0.0, bandwidth: 0.0, ..all_flaws() };
         for (setup, bench) in [
             (first, SimulatedBench::FAIR),
             (first, all_flaws()),

@@ -170,7 +170,7 @@ impl SimulatedDisplay {
     fn view(&self, hours: f64) -> View {
         let distance_px = self.bench.drift_px_per_hour * hours;
         View {
-            rotation_rad: self.bench.rotation_deg.to_radians(),
+            rotation_rad: self.bench.rotation_rad,
             drift_px: (distance_px * self.drift_towards.cos(), distance_px * self.drift_towards.sin()),
             distortion: self.bench.distortion,
         }

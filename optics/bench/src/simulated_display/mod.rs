@@ -114,7 +114,7 @@ impl SimulatedDisplay {
             dust: dust::draw(&grid, seed, bench.dust_contrast),
             modulator: Modulator::draw(&grid, seed, strength, bench.response_variation),
             ghost: (bench.ghost_share > 0.0).then(|| Ghost::draw(seed, bench.ghost_share)),
-            modes: modes::draw(seed, bench.source_angle_mrad, bench.bandwidth, bench.ghost_share),
+            modes: modes::draw(seed, bench.source_angle_rad, bench.bandwidth, bench.ghost_share),
             passages: Vec::new(),
             shift_px: (shift_px.0 + along_rail_px * towards.cos(), shift_px.1 + along_rail_px * towards.sin()),
             camera: Camera::draw(&mut draws, &bench),
@@ -319,7 +319,7 @@ mod tests {
         let setup = OpticalSetup::try_new(Grid::try_new(20, 26, 8e-6).unwrap(), 515e-9, 3e-3).unwrap();
         let flaws =
             SimulatedBench { surface_waves: 1.5, dust_contrast: 0.1, response_variation: 0.12, ..SimulatedBench::FAIR };
-        let bench = SimulatedBench { seed: 5, source_angle_mrad: 2.0, bandwidth: 0.02, ghost_share: 0.05, ..flaws };
+        let bench = SimulatedBench { seed: 5, source_angle_rad: 2e-3, bandwidth: 0.02, ghost_share: 0.05, ..flaws };
         let display = SimulatedDisplay::draw(setup, None, bench).unwrap();
         let phase = Plane::from_fn(20, 26, |y, x| ((y * 17 + x * x * 5) % 61) as f32 / 10.0);
         let (surface, dust) = (display.surface.clone().unwrap(), display.dust.clone().unwrap());
@@ -404,7 +404,7 @@ mod tests {
             (SimulatedBench { strength: f64::NAN, ..fair }, "strength is NaN"),
             (SimulatedBench { camera_noise: -0.1, ..fair }, "camera_noise is -0.1"),
             (SimulatedBench { misalignment_px: 5.0, ..fair }, "misalignment_px is 5"),
-            (SimulatedBench { rotation_deg: -11.0, ..fair }, "rotation_deg is -11"),
+            (SimulatedBench { rotation_rad: -0.2, ..fair }, "rotation_rad is -0.2"),
             (SimulatedBench { blur_px: 4.5, ..fair }, "blur_px is 4.5"),
             (SimulatedBench { full_well_electrons: -1.0, ..fair }, "full_well_electrons is -1"),
             (SimulatedBench { camera_nonlinearity: 0.4, ..fair }, "camera_nonlinearity is 0.4"),
@@ -415,14 +415,14 @@ mod tests {
             (SimulatedBench { response_variation: 0.6, ..fair }, "response_variation is 0.6"),
             (SimulatedBench { dust_contrast: f64::NAN, ..fair }, "dust_contrast is NaN"),
             (SimulatedBench { ghost_share: 0.4, ..fair }, "ghost_share is 0.4"),
-            (SimulatedBench { source_angle_mrad: 6.0, ..fair }, "source_angle_mrad is 6"),
+            (SimulatedBench { source_angle_rad: 6e-3, ..fair }, "source_angle_rad is 0.006"),
             (SimulatedBench { bandwidth: 0.2, ..fair }, "bandwidth is 0.2"),
             (SimulatedBench { distortion: 0.2, ..fair }, "distortion is 0.2"),
             (SimulatedBench { vignetting: 1.0, ..fair }, "vignetting is 1"),
             (SimulatedBench { flicker: 0.7, ..fair }, "flicker is 0.7"),
             (SimulatedBench { drift_px_per_hour: -2.0, ..fair }, "drift_px_per_hour is -2"),
             (SimulatedBench { dimming_per_hour: 1.5, ..fair }, "dimming_per_hour is 1.5"),
-            (SimulatedBench { rail_tilt_deg: 6.0, ..fair }, "rail_tilt_deg is 6"),
+            (SimulatedBench { rail_tilt_rad: 0.1, ..fair }, "rail_tilt_rad is 0.1"),
             (SimulatedBench { aberrations_at_m: -0.1, ..fair }, "aberrations_at_m is -0.1"),
             (SimulatedBench { field_aberration_rad: 7.0, ..fair }, "field_aberration_rad is 7"),
         ] {

@@ -36,8 +36,8 @@ pub(super) struct Mode {
 }
 
 /// The modes of a source.
-pub(super) fn draw(seed: u64, angle_mrad: f64, bandwidth_relative: f64, ghost_share: f64) -> Vec<Mode> {
-    let radius_rad = 1e-3 * angle_mrad / (2.0 * SQRT_2);
+pub(super) fn draw(seed: u64, angle_rad: f64, bandwidth_relative: f64, ghost_share: f64) -> Vec<Mode> {
+    let radius_rad = angle_rad / (2.0 * SQRT_2);
     let turned = Draws::new(seed, Stream::Modes).angle();
     let directions: Vec<(f64, f64)> = match radius_rad > 0.0 {
         true => (0..3)
@@ -97,10 +97,10 @@ mod tests {
 
     #[test]
     fn shares_add_up_and_directions_have_no_mean() {
-        for (angle_mrad, bandwidth, ghost, count) in
-            [(0.0, 0.0, 0.0, 1), (0.4, 0.0, 0.0, 3), (0.0, 0.01, 0.0, 2), (0.4, 0.01, 0.02, 7)]
+        for (angle_rad, bandwidth, ghost, count) in
+            [(0.0, 0.0, 0.0, 1), (4e-4, 0.0, 0.0, 3), (0.0, 0.01, 0.0, 2), (4e-4, 0.01, 0.02, 7)]
         {
-            let modes = draw(3, angle_mrad, bandwidth, ghost);
+            let modes = draw(3, angle_rad, bandwidth, ghost);
             assert_eq!(modes.len(), count);
             let sum = |of: fn(&Mode) -> f64| modes.iter().map(of).sum::<f64>();
             assert!((sum(|m| m.share) - 1.0 - ghost * GHOST_COHERENCE).abs() < 1e-12);

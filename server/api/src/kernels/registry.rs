@@ -90,11 +90,11 @@ fn display_gate(display: &str, (gate, history): (PromotionGate, Vec<GateChange>)
 }
 
 fn gate_from_wire(field: &Field, gate: v1::PromotionGate) -> Result<PromotionGate> {
-    let percent = gate.better_than_active_percent;
-    let percent = percent.map(|percent| field.at("better_than_active_percent").number(percent, 0.0..=100.0));
+    let least = gate.loss_reduction_min;
+    let least = least.map(|least| field.at("loss_reduction_min").number(least, 0.0..=1.0));
     let forms = gate.formats.iter().map(|name| field.at("formats").kernel_format(name));
     Ok(PromotionGate {
-        better_than_active_percent: percent.transpose()?,
+        loss_reduction_min: least.transpose()?,
         worse_than_ideal_allowed: gate.worse_than_ideal_allowed,
         test_pairs_min: field.at("test_pairs_min").integer(gate.test_pairs_min, 0..=TEST_PAIRS_MAX)?,
         forms: forms.collect::<Result<_, _>>()?,

@@ -51,7 +51,7 @@ fn deprecation(Deprecation { time_ms, cause }: Deprecation) -> v1::Deprecation {
 /// Converts a promotion gate into its message.
 pub(crate) fn gate(gate: PromotionGate) -> v1::PromotionGate {
     v1::PromotionGate {
-        better_than_active_percent: gate.better_than_active_percent,
+        loss_reduction_min: gate.loss_reduction_min,
         worse_than_ideal_allowed: gate.worse_than_ideal_allowed,
         test_pairs_min: gate.test_pairs_min,
         formats: gate.forms.iter().map(|form| form.as_str().to_owned()).collect(),

@@ -12,8 +12,8 @@ use lightpath_proto::v1;
 use lightpath_proto::v1::rollout_service_server::RolloutService;
 use lightpath_service::{Call, Field, Passage, Result};
 
-/// Default of the limit on failed devices \[%\].
-const FAILED_PERCENT_MAX: f64 = 10.0;
+/// Default of the limit on the share of failed devices.
+const FAILED_SHARE_MAX: f64 = 0.1;
 /// Default of the least number of devices of which the share of failures is computed.
 const DEVICES_MIN: u32 = 10;
 
@@ -45,8 +45,8 @@ impl Api {
     async fn widen_rollout(&self, call: &Call, request: v1::WidenRolloutRequest) -> Result<v1::Rollout> {
         let (key, number) = names::rollout(call, &Field::new("name"), &request.name)?;
         call.concerns(&request.name);
-        let share_percent = Field::new("share_percent").number(request.share_percent, 0.0..=100.0)?;
-        let widened = (share_percent, request.expected_revision);
+        let share = Field::new("share").number(request.share, 0.0..=1.0)?;
+        let widened = (share, request.expected_revision);
         let rollout = self.service.rollouts.widen(call, &key, number, widened).await?;
         self.rollout_message(rollout, Vec::new()).await
     }
@@ -89,11 +89,11 @@ impl Api {
 
 /// The checked plan of a request, without its cause.
 fn plan(request: &v1::StartRolloutRequest, version: u32) -> Result<RolloutPlan> {
-    let percent = |name: &'static str, value| Field::new(name).number(value, 0.0..=100.0);
-    let share_percent = percent("share_percent", request.share_percent)?;
-    if request.group.is_empty() && share_percent == 0.0 {
+    let part = |name: &'static str, value| Field::new(name).number(value, 0.0..=1.0);
+    let share = part("share", request.share)?;
+    if request.group.is_empty() && share == 0.0 {
         let problem = "is 0 and no group is given, so no device would get the version";
-        return Err(Field::new("share_percent").invalid(problem, "give one of them"));
+        return Err(Field::new("share").invalid(problem, "give one of them"));
     }
     let group = match request.group.as_str() {
         "" => "",
@@ -102,9 +102,9 @@ fn plan(request: &v1::StartRolloutRequest, version: u32) -> Result<RolloutPlan> 
     let loss = request.self_test_loss_max;
     Ok(RolloutPlan {
         version,
-        share_percent,
+        share,
         group: group.to_owned(),
-        failed_percent_max: percent("failed_percent_max", request.failed_percent_max.unwrap_or(FAILED_PERCENT_MAX))?,
+        failed_share_max: part("failed_share_max", request.failed_share_max.unwrap_or(FAILED_SHARE_MAX))?,
         devices_min: Field::new("devices_min").integer_or(request.devices_min, DEVICES_MIN, 1..=u32::MAX)?,
         self_test_loss_max: loss
             .map(|loss| Field::new("self_test_loss_max").number(loss, 0.0..=f64::MAX))

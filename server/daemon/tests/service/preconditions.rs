@@ -98,7 +98,7 @@ async fn a_repeated_request_imports_one_version_and_starts_one_rollout() {
     assert_eq!(status, 409, "{problem}");
 
     let start = async |header: &str| {
-        let body = json!({ "version": 3, "sharePercent": 10, "reason": "try", "force": true });
+        let body = json!({ "version": 3, "share": 0.1, "reason": "try", "force": true });
         post(&serving, &format!("/v1/{KERNEL}/rollouts"), &body, &[header]).await
     };
     let (status, rollout) = start("idempotency-key: roll").await;

@@ -92,7 +92,7 @@ async fn a_version_passes_the_gate_or_is_forced_and_the_history_says_what_failed
     promote(&serving, 2, false, "").await.unwrap();
     refused(promote(&serving, 5, false, "").await, Code::FailedPrecondition, "no better than the ideal kernel");
     let gate = v1::PromotionGate {
-        better_than_active_percent: Some(10.0),
+        loss_reduction_min: Some(0.1),
         test_pairs_min: 4,
         formats: vec!["compact".to_owned()],
         ..Default::default()
@@ -128,8 +128,8 @@ async fn a_version_passes_the_gate_or_is_forced_and_the_history_says_what_failed
     for (gate, problem) in [
         (v1::PromotionGate { formats: vec!["round".into()], ..Default::default() }, "gate.formats is \"round\""),
         (
-            v1::PromotionGate { better_than_active_percent: Some(f64::NAN), ..Default::default() },
-            "gate.better_than_active_percent is NaN",
+            v1::PromotionGate { loss_reduction_min: Some(f64::NAN), ..Default::default() },
+            "gate.loss_reduction_min is NaN",
         ),
     ] {
         refused(set_gate(&serving, gate).await, Code::InvalidArgument, problem);
@@ -224,7 +224,7 @@ async fn a_rollout_goes_to_some_devices_and_halts_when_they_fail() {
         version: 3,
         group: "first".into(),
         devices_min: Some(2),
-        failed_percent_max: Some(40.0),
+        failed_share_max: Some(0.4),
         ..Default::default()
     };
     wrong_plans_are_refused(&serving, &start).await;
@@ -268,7 +268,7 @@ async fn a_rollout_goes_to_some_devices_and_halts_when_they_fail() {
     assert_eq!(halted.events[1].message, "bench-2 failed: too noisy");
     assert!(halted.events[2].message.contains("1 of 2 devices failed, the last one bench-2"), "{halted:?}");
     assert_eq!(version_for(&serving, "bench-1").await, (2, 3));
-    let widen = v1::WidenRolloutRequest { name: started.name, share_percent: 50.0, ..Default::default() };
+    let widen = v1::WidenRolloutRequest { name: started.name, share: 0.5, ..Default::default() };
     refused(rollouts(&serving).widen_rollout(widen).await, Code::FailedPrecondition, "has ended");
     a_rollout_ends_through_the_gate(&serving, start).await;
     serving.stop().await.unwrap();
@@ -276,9 +276,9 @@ async fn a_rollout_goes_to_some_devices_and_halts_when_they_fail() {
 
 async fn wrong_plans_are_refused(serving: &Serving, start: &v1::StartRolloutRequest) {
     for (request, problem) in [
-        (v1::StartRolloutRequest { group: String::new(), ..start.clone() }, "share_percent is 0 and no group is given"),
+        (v1::StartRolloutRequest { group: String::new(), ..start.clone() }, "share is 0 and no group is given"),
         (v1::StartRolloutRequest { group: "First".into(), ..start.clone() }, "group is \"First\""),
-        (v1::StartRolloutRequest { share_percent: 101.0, ..start.clone() }, "share_percent is 101"),
+        (v1::StartRolloutRequest { share: 1.01, ..start.clone() }, "share is 1.01"),
         (start.clone(), "group is \"first\", but no device of displays/lab is in it: it has no groups"),
     ] {
         refused(rollouts(serving).start_rollout(request).await, Code::InvalidArgument, problem);
@@ -289,7 +289,7 @@ async fn wrong_plans_are_refused(serving: &Serving, start: &v1::StartRolloutRequ
 async fn a_rollout_ends_through_the_gate(serving: &Serving, start: v1::StartRolloutRequest) {
     let second = rollouts(serving).start_rollout(start).await.unwrap().into_inner();
     let complete = |expected_revision| v1::CompleteRolloutRequest { name: second.name.clone(), expected_revision };
-    let widen = v1::WidenRolloutRequest { name: second.name.clone(), share_percent: 100.0, ..Default::default() };
+    let widen = v1::WidenRolloutRequest { name: second.name.clone(), share: 1.0, ..Default::default() };
     rollouts(serving).widen_rollout(widen).await.unwrap();
     assert_eq!(version_for(serving, "").await.0, 3);
     // The gate is checked again at the end.

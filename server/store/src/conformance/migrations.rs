@@ -49,7 +49,7 @@ const ROWS: &[(usize, &str)] = &[(
     insert into kernel_deprecation (kernel, version, deprecated, time_ms, caller, reason)
     values (1, 1, 1, 10, 'ada', 'old lens');
     insert into promotion_gate (display, time_ms, caller, reason, gate) values ('lab', 10, 'ada', 'why',
-    '{"better_than_active_percent":5.0,"worse_than_ideal_allowed":false,"test_pairs_min":2,"forms":["compact"]}');
+    '{"loss_reduction_min":0.05,"worse_than_ideal_allowed":false,"test_pairs_min":2,"forms":["compact"]}');
     insert into device values ('lab', 'bench-7', 'first', 'lightpath-agent 0.1.0', 10);
     insert into device_kernel values ('lab', 'bench-7', 1, 1, 'compact', 'sha256-c', 1, null, '', 0.5, 10);
     insert into rollout values (1, 1, 1, null, 'completed', 5.0, 'first', 10.0, 10, 0.5, 'ada', 'good', '[]', 9, 10, 2);
@@ -190,7 +190,7 @@ async fn assert_registry_kept(store: &Store) {
     let deprecation = store.kernel_version(&key(), 1).await.unwrap().deprecation.unwrap();
     assert_eq!((deprecation.time_ms, deprecation.cause.reason.as_str()), (10, "old lens"));
     let gate = &store.gates("lab", 9).await.unwrap()[0].gate;
-    assert_eq!((gate.better_than_active_percent, gate.forms.as_slice()), (Some(5.0), &[KernelFormat::Compact][..]));
+    assert_eq!((gate.loss_reduction_min, gate.forms.as_slice()), (Some(0.05), &[KernelFormat::Compact][..]));
     let device = &store.devices("lab", None, 9).await.unwrap()[0];
     let installed = &device.kernels[0];
     assert_eq!((device.group.as_str(), installed.file.as_ref().unwrap().digest.as_str()), ("first", "sha256-c"));

@@ -23,16 +23,16 @@ fn step(alias: &str, version: Option<u32>, expected: Option<Option<u32>>) -> Ali
     AliasMove { alias: alias.to_owned(), version, expected, cause: cause("to try") }
 }
 
-fn widening(share_percent: f64, expected_revision: Option<u32>) -> Widening {
-    Widening { share_percent, expected_revision, caller: "ada".to_owned() }
+fn widening(share: f64, expected_revision: Option<u32>) -> Widening {
+    Widening { share, expected_revision, caller: "ada".to_owned() }
 }
 
-fn plan(version: u32, share_percent: f64) -> RolloutPlan {
+fn plan(version: u32, share: f64) -> RolloutPlan {
     RolloutPlan {
         version,
-        share_percent,
+        share,
         group: String::new(),
-        failed_percent_max: 10.0,
+        failed_share_max: 0.1,
         devices_min: 10,
         self_test_loss_max: Some(0.1),
         cause: cause("a better lens"),
@@ -134,10 +134,10 @@ async fn gates_are_kept_in_order_and_go_with_their_display() {
 #[tokio::test]
 async fn a_rollout_reaches_its_share_and_its_group_and_then_all() {
     let (store, _folder) = with_versions().await;
-    let first = RolloutPlan { group: "first".to_owned(), ..plan(2, 20.0) };
+    let first = RolloutPlan { group: "first".to_owned(), ..plan(2, 0.2) };
     let refused = store.start_rollout(&key(), first.clone(), Some(3), 20).await;
     assert!(matches!(refused, Err(StoreError::Aborted { .. })), "{refused:?}");
-    assert!(store.start_rollout(&key(), plan(1, 20.0), Some(1), 20).await.is_err(), "it is active already");
+    assert!(store.start_rollout(&key(), plan(1, 0.2), Some(1), 20).await.is_err(), "it is active already");
     let rollout = store.start_rollout(&key(), first, Some(1), 20).await.unwrap();
     assert_eq!((rollout.number, rollout.from_version, rollout.revision), (1, Some(1), 1));
     let devices: Vec<String> = (0..100).map(|n| format!("bench-{n}")).collect();
@@ -153,18 +153,18 @@ async fn a_rollout_reaches_its_share_and_its_group_and_then_all() {
     for refused in [
         store.promote(&key(), promotion(3, Some(1)), 22).await.map(|_| ()),
         store.rollback(&key(), Some(1), &cause(""), 22).await.map(|_| ()),
-        store.start_rollout(&key(), plan(3, 20.0), Some(1), 22).await.map(|_| ()),
+        store.start_rollout(&key(), plan(3, 0.2), Some(1), 22).await.map(|_| ()),
     ] {
         assert!(
             matches!(refused, Err(StoreError::Precondition { reason: PreconditionReason::RolloutRunning, .. })),
             "{refused:?}"
         );
     }
-    assert!(store.widen_rollout(&key(), 1, widening(10.0, None), 23).await.is_err(), "it does not shrink");
-    assert!(store.widen_rollout(&key(), 1, widening(60.0, Some(2)), 23).await.is_err(), "another revision");
-    let widened = store.widen_rollout(&key(), 1, widening(60.0, Some(1)), 24).await.unwrap();
-    assert_eq!((widened.revision, widened.plan.share_percent), (2, 60.0));
-    store.widen_rollout(&key(), 1, widening(100.0, None), 25).await.unwrap();
+    assert!(store.widen_rollout(&key(), 1, widening(0.1, None), 23).await.is_err(), "it does not shrink");
+    assert!(store.widen_rollout(&key(), 1, widening(0.6, Some(2)), 23).await.is_err(), "another revision");
+    let widened = store.widen_rollout(&key(), 1, widening(0.6, Some(1)), 24).await.unwrap();
+    assert_eq!((widened.revision, widened.plan.share), (2, 0.6));
+    store.widen_rollout(&key(), 1, widening(1.0, None), 25).await.unwrap();
     assert_eq!(seen(&store, None).await, (2, 5), "also devices without a name");
     let done = store.complete_rollout(&key(), 1, Some(3), "ada", 26).await.unwrap();
     assert_eq!((done.state, done.end_time_ms), (RolloutState::Completed, Some(26)));
@@ -177,7 +177,7 @@ async fn a_rollout_reaches_its_share_and_its_group_and_then_all() {
     assert_eq!((events.len(), generations), (4, vec![2, 4, 5, 6]), "{events:?}");
     assert_eq!(moved.generation, 6);
     assert!(store.complete_rollout(&key(), 1, None, "ada", 27).await.is_err());
-    assert_eq!(store.start_rollout(&key(), plan(3, 5.0), Some(2), 28).await.unwrap().number, 2);
+    assert_eq!(store.start_rollout(&key(), plan(3, 0.05), Some(2), 28).await.unwrap().number, 2);
 }
 
 #[tokio::test]
@@ -191,7 +191,7 @@ async fn failing_devices_halt_a_rollout_and_all_go_back() {
     // Devices that do not get the version have no say.
     store.report_device(report("elsewhere", 1, Some(2), None)).await.unwrap();
     assert_eq!(store.rollouts(&key(), None, 9).await.unwrap()[0].devices_failed, 0);
-    store.widen_rollout(&key(), 1, widening(100.0, None), 20).await.unwrap();
+    store.widen_rollout(&key(), 1, widening(1.0, None), 20).await.unwrap();
     store.report_device(report("elsewhere", 1, None, None)).await.unwrap();
     store.report_device(report("a", 2, None, Some(0.05))).await.unwrap();
     store.report_device(report("b", 1, Some(2), None)).await.unwrap();
@@ -215,11 +215,11 @@ async fn failing_devices_halt_a_rollout_and_all_go_back() {
     assert_eq!(store.kernel(&key()).await.unwrap().active_version, Some(1));
     assert!(store.halt_rollout(&key(), 1, &cause("late"), 50).await.is_err());
 
-    store.start_rollout(&key(), plan(3, 100.0), Some(1), 51).await.unwrap();
+    store.start_rollout(&key(), plan(3, 1.0), Some(1), 51).await.unwrap();
     let halted = store.halt_rollout(&key(), 2, &cause("noise"), 52).await.unwrap();
     assert_eq!(halted.state, RolloutState::Halted);
     assert_eq!(seen(&store, None).await, (1, 6));
-    store.start_rollout(&key(), plan(3, 100.0), Some(1), 53).await.unwrap();
+    store.start_rollout(&key(), plan(3, 1.0), Some(1), 53).await.unwrap();
     store.halt_all_rollouts("restored", 54).await.unwrap();
     store.halt_all_rollouts("restored", 55).await.unwrap();
     let (rollout, events) = store.rollout(&key(), 3).await.unwrap();
@@ -239,7 +239,7 @@ async fn one_failed_device_of_five_halts_a_rollout_of_which_a_tenth_may_fail() {
     let of_group = RolloutPlan { group: "first".to_owned(), ..plan(2, 0.0) };
     let rollout = store.start_rollout(&key(), of_group, Some(1), 20).await.unwrap();
     assert_eq!(store.rollout_devices(&rollout).await.unwrap(), 1, "a device that never reported is not known");
-    let rollout = store.widen_rollout(&key(), 1, widening(100.0, None), 20).await.unwrap();
+    let rollout = store.widen_rollout(&key(), 1, widening(1.0, None), 20).await.unwrap();
     let known = store.rollout_devices(&rollout).await.unwrap();
     assert_eq!((known, rollout.halting(known).failures_first), (5, Some(1)));
     store.report_device(report("a", 2, None, Some(0.05))).await.unwrap();
@@ -279,7 +279,7 @@ async fn reports_say_who_runs_what() {
 #[tokio::test]
 async fn a_deleted_device_counts_no_more_in_a_running_rollout() {
     let (store, _folder) = with_versions().await;
-    let plan = RolloutPlan { failed_percent_max: 100.0, ..plan(2, 100.0) };
+    let plan = RolloutPlan { failed_share_max: 1.0, ..plan(2, 0.01) };
     store.start_rollout(&key(), plan, Some(1), 30).await.unwrap();
     for device in ["a", "b"] {
         store.report_device(report(device, 1, Some(2), None)).await.unwrap();

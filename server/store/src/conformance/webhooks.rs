@@ -64,9 +64,9 @@ async fn live(store: &Store) {
     store.promote(&key(), promotion(1, None), 21).await.unwrap();
     let plan = |version| RolloutPlan {
         version,
-        share_percent: 10.0,
+        share: 0.1,
         group: String::new(),
-        failed_percent_max: 10.0,
+        failed_share_max: 0.1,
         devices_min: 1,
         self_test_loss_max: None,
         cause: cause("a better lens"),

@@ -99,9 +99,9 @@ impl RunningJob<'_> {
     fn result(self) -> Result<HologramResult, TaskError> {
         let colour_reconstructions = self.colour_reconstructions()?;
         let HologramState { finished, compute_s, steps: done, .. } = self.state;
-        let iteration_ms = 1e3 * compute_s / f64::from(done.max(1));
+        let iteration_time_s = compute_s / f64::from(done.max(1));
         let (detector, iterations) = (self.spec.detector, steps(self.spec));
-        Ok(HologramResult { wavelengths: finished, colour_reconstructions, detector, iterations, iteration_ms })
+        Ok(HologramResult { wavelengths: finished, colour_reconstructions, detector, iterations, iteration_time_s })
     }
 
     /// Colour pictures: for each plane one picture that combines the three wavelengths.

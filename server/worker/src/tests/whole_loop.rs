@@ -351,7 +351,7 @@ async fn interruptions_and_thread_count_do_not_change_results() {
     let whole = lab.hologram("whole", spec.clone()).await;
     let JobResult::OptimizeHologram(resumed) = lab.interrupted("interrupted", spec).await else { panic!() };
     // Only the measured times may differ.
-    assert_eq!(HologramResult { iteration_ms: whole.iteration_ms, ..*resumed }, whole);
+    assert_eq!(HologramResult { iteration_time_s: whole.iteration_time_s, ..*resumed }, whole);
 
     lab.dataset(4).await;
     let key = KernelKey { display: "lab".to_owned(), wavelength: WAVELENGTH, distance: DISTANCE };

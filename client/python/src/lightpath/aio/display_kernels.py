@@ -65,7 +65,7 @@ class DisplayKernels(Resource):
     async def set_promotion_gate(
         self,
         *,
-        better_than_active_percent: float | None = None,
+        loss_reduction_min: float | None = None,
         worse_than_ideal_allowed: bool = False,
         test_pairs_min: int = 0,
         formats: Sequence[words.KernelFormat] = (),
@@ -73,18 +73,19 @@ class DisplayKernels(Resource):
     ) -> PromotionGate:
         """Set what versions must show before they become active. What is not given is not checked.
 
-        - `better_than_active_percent`: how much lower the held-out loss must be than that of the active version [%]
+        - `loss_reduction_min`: how much lower the held-out loss must be than that of the active version, as a part
+          of it, 0 to 1
         - `worse_than_ideal_allowed`: whether a version may be active that is no better than the ideal kernel
         - `test_pairs_min`: least number of test pairs with which the version was measured
         - `formats`: formats in which the version must be available, besides those that devices use
 
         ```python
-        display.set_promotion_gate(better_than_active_percent=2, test_pairs_min=4, reason="first series")
+        display.set_promotion_gate(loss_reduction_min=0.02, test_pairs_min=4, reason="first series")
         print(version.check_promotion().failures)
         ```
         """
         gate = v1.PromotionGate(
-            better_than_active_percent=better_than_active_percent,
+            loss_reduction_min=loss_reduction_min,
             worse_than_ideal_allowed=worse_than_ideal_allowed,
             test_pairs_min=test_pairs_min,
             formats=formats,

@@ -41,7 +41,7 @@ class Rollout(Resource):
 
     def __repr__(self) -> str:
         devices = f"{self.devices_passed} devices passed, {self.devices_failed} failed"
-        return f"<Rollout {self.name} of version {self.version}, {self.state}, {self.share_percent:g} %: {devices}>"
+        return f"<Rollout {self.name} of version {self.version}, {self.state}, {100 * self.share:g} %: {devices}>"
 
     @property
     def version(self) -> int:
@@ -65,9 +65,9 @@ class Rollout(Resource):
         return self.message.state != v1.Rollout.STATE_RUNNING
 
     @property
-    def share_percent(self) -> float:
-        """Share of the devices that get the version [%]."""
-        return self.message.share_percent
+    def share(self) -> float:
+        """Share of the devices that get the version, 0 to 1."""
+        return self.message.share
 
     @property
     def group(self) -> str:
@@ -96,13 +96,13 @@ class Rollout(Resource):
         self.message = await _read(self._connection, self.name)
         return self
 
-    async def widen(self, share_percent: float) -> Rollout:
-        """Give the version to a larger share of the devices [%].
+    async def widen(self, share: float) -> Rollout:
+        """Give the version to a larger share of the devices, 0 to 1.
 
         Raises `Aborted` if the rollout has changed since this object was read.
         """
         request = v1.WidenRolloutRequest(
-            name=self.name, share_percent=share_percent, expected_revision=self.message.revision
+            name=self.name, share=share, expected_revision=self.message.revision
         )
         await self._connection.call(
             self._connection.rollouts.WidenRollout, request, repeatable=False, timeout_s=PREPARING_TIMEOUT_S
@@ -150,7 +150,7 @@ class Rollout(Resource):
         ends.
 
         ```python
-        rollout = kernel.start_rollout(version=2, share_percent=10)
+        rollout = kernel.start_rollout(version=2, share=0.1)
         if rollout.wait().state == "halted":
             print(rollout.events[-1].message)
         ```
@@ -166,7 +166,7 @@ class Rollout(Resource):
         return self
 
     def _repr_html_(self) -> str:
-        share = f"{self.share_percent:g} %" + (f" and the group {self.group}" if self.group else "")
+        share = f"{100 * self.share:g} %" + (f" and the group {self.group}" if self.group else "")
         rows: list[tuple[str, object]] = [
             ("version", f"{self.version}, from {self.from_version or 'none'}"),
             ("state", self.state),
@@ -184,9 +184,9 @@ class KernelRollouts(Resource):
         self,
         version: int,
         *,
-        share_percent: float,
+        share: float,
         group: str = "",
-        failed_percent_max: float | None = None,
+        failed_share_max: float | None = None,
         devices_min: int | None = None,
         self_test_loss_max: float | None = None,
         reason: str = "",
@@ -194,9 +194,9 @@ class KernelRollouts(Resource):
     ) -> Rollout:
         """Give a version to some devices first. It halts by itself if too many of them fail.
 
-        - `share_percent`: share of the devices that get the version at first [%], 0 to 100
+        - `share`: share of the devices that get the version at first, 0 to 1
         - `group`: devices of this group get it as well
-        - `failed_percent_max`: limit on the share of failed devices among those that reported [%]. Default: 10
+        - `failed_share_max`: limit on the share of failed devices among those that reported, 0 to 1. Default: 0.1
         - `devices_min`: the share is computed as if at least this many had reported. Default: 10
         - `self_test_loss_max`: limit on the loss that a device's self-test may report. Default: no limit
 
@@ -204,16 +204,16 @@ class KernelRollouts(Resource):
         overrides that), or if another rollout of the kernel is running.
 
         ```python
-        rollout = kernel.start_rollout(2, share_percent=10, group="early")
+        rollout = kernel.start_rollout(2, share=0.1, group="early")
         rollout.wait()  # or later: rollout.widen(50), rollout.complete(), rollout.halt("images are dark")
         ```
         """
         request = v1.StartRolloutRequest(
             kernel=self.name,
             version=version,
-            share_percent=share_percent,
+            share=share,
             group=group,
-            failed_percent_max=failed_percent_max,
+            failed_share_max=failed_share_max,
             devices_min=devices_min,
             self_test_loss_max=self_test_loss_max,
             reason=reason,

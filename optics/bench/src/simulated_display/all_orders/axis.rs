@@ -38,13 +38,13 @@ impl AxisSize {
 /// Sizes along x and y for each mode of a bench's light.
 pub(in crate::simulated_display) fn sizes(setup: &OpticalSetup, bench: &SimulatedBench) -> Vec<[AxisSize; 2]> {
     let shift_px = bench.misalignment_px + along_rail_px(setup, bench).abs();
-    let modes = modes::draw(bench.seed, bench.source_angle_mrad, bench.bandwidth, bench.ghost_share);
+    let modes = modes::draw(bench.seed, bench.source_angle_rad, bench.bandwidth, bench.ghost_share);
     modes.iter().map(|mode| axis_sizes(setup, mode.wavelength * setup.wavelength_m(), shift_px)).collect()
 }
 
 /// How far a tilted rail moves the image \[px\].
 pub(in crate::simulated_display) fn along_rail_px(setup: &OpticalSetup, bench: &SimulatedBench) -> f64 {
-    setup.distance_m() * bench.rail_tilt_deg.to_radians().tan() / setup.grid().pixel_pitch_m()
+    setup.distance_m() * bench.rail_tilt_rad.tan() / setup.grid().pixel_pitch_m()
 }
 
 /// `shift_px` is the largest shift of the image along an axis.

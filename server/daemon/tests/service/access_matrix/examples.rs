@@ -268,7 +268,7 @@ fn changes_of_kernels() -> Vec<Example> {
 }
 
 fn started() -> Value {
-    json!({ "kernel": "$kernel", "version": "$number", "share_percent": 5.0, "group": "first", "reason": "why", "force": true })
+    json!({ "kernel": "$kernel", "version": "$number", "share": 0.05, "group": "first", "reason": "why", "force": true })
 }
 
 fn rollouts() -> Vec<Example> {
@@ -282,7 +282,7 @@ fn rollouts() -> Vec<Example> {
         Example::new::<v1::ListRolloutsRequest>("RolloutService/ListRollouts", list),
         Example::new::<v1::WidenRolloutRequest>(
             "RolloutService/WidenRollout",
-            json!({ "name": "$rollout", "share_percent": 50.0 }),
+            json!({ "name": "$rollout", "share": 0.5 }),
         ),
         Example::new::<v1::CompleteRolloutRequest>("RolloutService/CompleteRollout", json!({ "name": "$rollout" })),
         Example::new::<v1::StartRolloutRequest>("RolloutService/StartRollout", start),

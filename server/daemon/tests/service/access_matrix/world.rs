@@ -235,7 +235,7 @@ impl Builder<'_> {
         let start = v1::StartRolloutRequest {
             kernel: kernel.clone(),
             version: 1,
-            share_percent: 10.0,
+            share: 0.1,
             reason: format!("{} rollout", self.prefix),
             force: true,
             ..Default::default()

@@ -95,8 +95,8 @@ pub struct HologramResult {
     pub detector: Detector,
     /// Number of iterations of each hologram.
     pub iterations: u32,
-    /// Mean time of an iteration \[ms\].
-    pub iteration_ms: f64,
+    /// Mean time of an iteration \[s\].
+    pub iteration_time_s: f64,
 }
 
 /// The hologram of one wavelength.

@@ -184,7 +184,7 @@ pub(super) fn result(result: HologramResult) -> v1::OptimizeHologramResult {
         wavelengths: result.wavelengths.into_iter().map(|each| wavelength_result(each, detector)).collect(),
         colour_reconstructions: result.colour_reconstructions,
         iterations: result.iterations,
-        iteration_ms: result.iteration_ms,
+        iteration_time_s: result.iteration_time_s,
     }
 }
 
