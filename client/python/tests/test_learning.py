@@ -75,7 +75,7 @@ def test_kernels_have_versions_moves_and_evaluations(
     assert losses.keys() == {pair.id for pair in dataset.pairs()}
     kernel.set_alias("best", 1)
     assert dataset.evaluate("best").losses == dataset.evaluate(version).losses == losses
-    with pytest.raises(lightpath.InvalidRequest, match="must be an alias of .*: best"):
+    with pytest.raises(lightpath.InvalidRequest, match=r"must be an alias of .*: best"):
         dataset.evaluate("worst")
     found = kernel.save(tmp_path / "kernel.lpk", format="compact")
     assert found.version == 1

@@ -56,6 +56,11 @@ def python_words() -> set[str]:
     return {word for source in sources for words in re.findall(pattern, source) for word in words if word}
 
 
+@pytest.mark.parametrize("unit", ["ms", "percent", "deg", "degrees", "mrad", "mm", "um", "nm", "kib", "mib"])
+def test_units_are_those_of_the_si(unit: str) -> None:
+    assert [word for word in api_words() if word.endswith(f"_{unit}")] == []
+
+
 def test_table_has_rows() -> None:
     assert len(table()) >= 10
     assert all(row["api"] for row in table())

@@ -61,8 +61,7 @@ class HologramOptions(SubmitOptions, total=False):
     fit: words.Fit
     """How a target of another size is fitted to the display: `contain` (default), `cover`, `stretch` or `exact`."""
     kernel: str | int | Named | None
-    """`active`, `ideal`, an alias, or a version: itself, its name or its number. Default: the active kernel, or the ideal
-    one."""
+    """`active`, `ideal`, an alias, or a version: itself, its name or number. Default: active, or ideal if none is."""
     propagation: words.Propagation
     """Propagation method. Default: the planner chooses."""
     method: words.Method

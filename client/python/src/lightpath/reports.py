@@ -42,6 +42,7 @@ class Evaluation:
 
     dataset: str
     kernel: str
+    """Resource name of the version, or `ideal`."""
     result: v1.EvaluateKernelResult = field(repr=False)
 
     def __repr__(self) -> str:

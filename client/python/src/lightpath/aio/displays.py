@@ -15,7 +15,7 @@ from lightpath.aio.jobs import submit, submit_all
 from lightpath.aio.kernel_choice import find_kernel, of_hologram
 from lightpath.aio.kernels import Kernel, KernelVersion, list_kernels
 from lightpath.aio.results import read_hologram, read_photograph
-from lightpath.errors import InvalidArgument, MissingKernel
+from lightpath.errors import InvalidArgument
 from lightpath.hologram import Hologram
 from lightpath.options import HologramOptions, SubmitOptions, check, label_of, optimize_message
 from lightpath.pictures import Phase, Picture, file_bytes, phase_bytes, picture_bytes

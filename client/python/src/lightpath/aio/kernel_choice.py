@@ -10,8 +10,6 @@ from lightpath.presence import if_set
 from lightpath.units import show_length
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from lightpath.aio.connection import Connection
     from lightpath.options import Named
 

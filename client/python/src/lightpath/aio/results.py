@@ -40,8 +40,8 @@ async def read_photograph(connection: Connection, job: v1.Job) -> Photograph:
 
 async def read_evaluation(_connection: Connection, job: v1.Job) -> Evaluation:
     """Return how well a kernel predicts photographs."""
-    spec = job.spec.evaluate_kernel
-    return Evaluation(spec.dataset, spec.kernel or "active", job.result.evaluate_kernel)
+    [used] = job.kernels
+    return Evaluation(job.spec.evaluate_kernel.dataset, used.kernel_version or "ideal", job.result.evaluate_kernel)
 
 
 async def read_report(connection: Connection, job: v1.Job) -> Report:

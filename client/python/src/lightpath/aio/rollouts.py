@@ -101,9 +101,7 @@ class Rollout(Resource):
 
         Raises `Aborted` if the rollout has changed since this object was read.
         """
-        request = v1.WidenRolloutRequest(
-            name=self.name, share=share, expected_revision=self.message.revision
-        )
+        request = v1.WidenRolloutRequest(name=self.name, share=share, expected_revision=self.message.revision)
         await self._connection.call(
             self._connection.rollouts.WidenRollout, request, repeatable=False, timeout_s=PREPARING_TIMEOUT_S
         )
