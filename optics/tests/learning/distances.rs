@@ -10,7 +10,12 @@ use rayon::ThreadPoolBuilder;
 
 /// A simulated display whose image moves by some pixels and whose aberrations grow with the distance.
 fn bench_on_a_rail(distance_m: f64) -> SimulatedDisplay {
-    let rail = SimulatedBench { seed: 11, rail_tilt_rad: 0.06_f64.to_radians(), aberrations_at_m: 6e-3, ..SimulatedBench::FAIR };
+    let rail = SimulatedBench {
+        seed: 11,
+        rail_tilt_rad: 0.06_f64.to_radians(),
+        aberrations_at_m: 6e-3,
+        ..SimulatedBench::FAIR
+    };
     simulated_display(distance_m, rail)
 }
 

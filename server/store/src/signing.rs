@@ -110,8 +110,8 @@ fn version_for(row: &Row, key: &KernelKey, device: Option<&str>) -> Result<Optio
     let Some(rollout) = row.try_get("rollout")? else { return Ok(active) };
     let share: f64 = row.try_get("share")?;
     let is_in_group: Option<bool> = row.try_get("is_in_group")?;
-    let is_first = is_in_group == Some(true)
-        || device.map_or(share >= 1.0, |device| is_in_share(key, rollout, device, share));
+    let is_first =
+        is_in_group == Some(true) || device.map_or(share >= 1.0, |device| is_in_share(key, rollout, device, share));
     Ok(if is_first { row.try_get("rollout_version")? } else { active })
 }
 

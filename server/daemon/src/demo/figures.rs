@@ -43,8 +43,11 @@ pub(super) fn contact_sheet(
         let captures = shown.iter().map(|(_, evaluated)| {
             let capture = &evaluated.shown[t];
             let gain_db = capture.captured_psnr_db - ideal.shown[t].captured_psnr_db;
-            let gain =
-                if evaluated.candidate.version.is_none() { String::new() } else { format!(" · {}", signed_db(gain_db)) };
+            let gain = if evaluated.candidate.version.is_none() {
+                String::new()
+            } else {
+                format!(" · {}", signed_db(gain_db))
+            };
             let caption = format!("captured {:.1} dB{gain}", capture.captured_psnr_db);
             CaptionedPicture { intensity: &capture.capture, caption }
         });

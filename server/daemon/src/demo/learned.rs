@@ -30,7 +30,10 @@ pub(super) async fn learn(args: &DemoArgs, client: &DemoClient, console: &mut Co
         let version = kernel.kernel_version.clone();
         console.print_result(format!(
             "version {} · training loss {:.6} · held-out loss {:.6}, through the ideal kernel {:.6}",
-            names::id(&version), metrics.train_loss, metrics.test_loss, metrics.ideal_test_loss
+            names::id(&version),
+            metrics.train_loss,
+            metrics.test_loss,
+            metrics.ideal_test_loss
         ))?;
         let (loss_history, seconds) = (result.loss_history, started.elapsed().as_secs_f64());
         learned.push(Learned { name, version, metrics, loss_history, seconds });

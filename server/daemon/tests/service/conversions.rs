@@ -126,8 +126,7 @@ async fn the_files_that_devices_use_are_ready_before_a_version_is_active() {
     DeviceServiceClient::new(serving.channel.clone()).report_device(report).await.unwrap();
     promote(&serving, "ready", 2).await;
     assert_eq!(conversions(&serving, "ready").await, 2, "before the answer");
-    let start =
-        v1::StartRolloutRequest { kernel: name("ready"), version: 3, share: 1.0, ..Default::default() };
+    let start = v1::StartRolloutRequest { kernel: name("ready"), version: 3, share: 1.0, ..Default::default() };
     let mut rollouts = v1::rollout_service_client::RolloutServiceClient::new(serving.channel.clone());
     let rollout = rollouts.start_rollout(start).await.unwrap().into_inner();
     assert_eq!(conversions(&serving, "ready").await, 3, "before the answer");

@@ -21,8 +21,13 @@ const PAIRS: u64 = 6;
 pub(crate) fn bench(distance_m: f64) -> SimulatedDisplay {
     let grid = Grid::try_new(48, 64, 8e-6).unwrap();
     let (setup, _) = OpticalSetup::try_new(grid, 515e-9, distance_m).unwrap().planned().unwrap();
-    let rail =
-        SimulatedBench { seed: 2, strength: 0.6, rail_tilt_rad: 0.1_f64.to_radians(), aberrations_at_m: 5e-3, ..SimulatedBench::FAIR };
+    let rail = SimulatedBench {
+        seed: 2,
+        strength: 0.6,
+        rail_tilt_rad: 0.1_f64.to_radians(),
+        aberrations_at_m: 5e-3,
+        ..SimulatedBench::FAIR
+    };
     SimulatedDisplay::draw(setup, None, rail).unwrap()
 }
 

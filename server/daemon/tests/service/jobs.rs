@@ -60,7 +60,10 @@ async fn defaults_are_filled_in_and_a_repeated_request_returns_the_same_job() {
     let kind = || job_spec::Kind::OptimizeHologram(optimize(&target));
     let job = submit(&serving, kind(), "mine-1").await.unwrap();
     let Some(job_spec::Kind::OptimizeHologram(spec)) = job.spec.clone().unwrap().kind else { panic!("{job:?}") };
-    assert_eq!((spec.kernel.as_ref(), spec.wavelengths_m.as_slice()), (Some(&v1::KernelChoice::ideal()), [515e-9].as_slice()));
+    assert_eq!(
+        (spec.kernel.as_ref(), spec.wavelengths_m.as_slice()),
+        (Some(&v1::KernelChoice::ideal()), [515e-9].as_slice())
+    );
     assert_eq!(job.kernels.len(), 1);
     assert_eq!((job.kernels[0].place, job.kernels[0].kernel_version.as_str()), (Some(v1::Place::at_m(0.05)), ""));
     assert_eq!((spec.method(), spec.subframes, spec.learning_rate), (v1::HologramMethod::Lbfgs, Some(1), None));

@@ -63,7 +63,9 @@ pub(super) async fn from_wire(
 pub(super) fn to_wire(spec: JobSpec) -> v1::JobSpec {
     let kernels = spec.kernels();
     let kind = match spec {
-        JobSpec::OptimizeHologram(spec) => job_spec::Kind::OptimizeHologram(optimize_hologram::to_wire(*spec, &kernels)),
+        JobSpec::OptimizeHologram(spec) => {
+            job_spec::Kind::OptimizeHologram(optimize_hologram::to_wire(*spec, &kernels))
+        }
         JobSpec::LearnKernel(spec) => job_spec::Kind::LearnKernel(learn_kernel::to_wire(spec)),
         JobSpec::SimulateCapture(spec) => job_spec::Kind::SimulateCapture(simulate_capture::to_wire(spec)),
         JobSpec::EvaluateKernel(spec) => job_spec::Kind::EvaluateKernel(evaluate_kernel::to_wire(spec, &kernels)),

@@ -184,11 +184,11 @@ fn holograms() -> Vec<Example> {
     let one_plane = json!({
         "display": "$display",
         "planes": [plane(4e-3)],
-        "kernel": "$choice",
+        "kernel": { "version": "$version" },
         "initial_phase": { "given": { "phases": ["$phase_npy"] } },
         "weight_mask": "$target",
     });
-    let two_planes = json!({ "display": "$display", "planes": [plane(4e-3), plane(6e-3)], "depth_map": "$target", "kernel": "ideal" });
+    let two_planes = json!({ "display": "$display", "planes": [plane(4e-3), plane(6e-3)], "depth_map": "$target", "kernel": { "ideal": {} } });
     vec![submit(json!({ "optimize_hologram": one_plane })), submit(json!({ "optimize_hologram": two_planes }))]
 }
 
@@ -198,9 +198,9 @@ fn other_jobs() -> Vec<Example> {
         submit(
             json!({ "simulate_capture": { "display": "$display", "place": { "distance_m": 4e-3 }, "pattern": "$levels" } }),
         ),
-        submit(json!({ "evaluate_kernel": { "dataset": "$near", "kernel": "$choice" } })),
+        submit(json!({ "evaluate_kernel": { "dataset": "$near", "kernel": { "version": "$version" } } })),
         submit_all(&[
-            json!({ "evaluate_kernel": { "dataset": "$near", "kernel": "$choice" } }),
+            json!({ "evaluate_kernel": { "dataset": "$near", "kernel": { "version": "$version" } } }),
             json!({ "report_kernel": { "kernel_version": "$version" } }),
         ]),
         submit(json!({ "prepare_dataset": { "dataset": "$open", "align": { "dots_photo": "$pair_photo" } } })),

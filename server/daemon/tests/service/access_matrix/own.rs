@@ -105,7 +105,8 @@ async fn a_foreign_dataset_with_the_id_of_a_deleted_one_is_not_used() {
     let worlds = TwoWorlds::build().await;
     let (admin, name) = (worlds.admin(), worlds.own.text("$near").to_owned());
     let with_dataset = report_need(&worlds).await;
-    let evaluate = v1::EvaluateKernel { dataset: name.clone(), kernel: Some(v1::KernelChoice::ideal()), ..Default::default() };
+    let evaluate =
+        v1::EvaluateKernel { dataset: name.clone(), kernel: Some(v1::KernelChoice::ideal()), ..Default::default() };
     let spec = Some(v1::JobSpec { kind: Some(v1::job_spec::Kind::EvaluateKernel(evaluate)) });
     let job = admin.submit(v1::SubmitJobRequest { spec, ..Default::default() }).await.name;
     let cancel = v1::CancelJobRequest { name: job.clone() };

@@ -226,7 +226,6 @@ impl Builder<'_> {
         world.set("file", learned.artifact);
         world.set("learned_version", name);
         world.set("number", *versions.end());
-        world.set("choice", versions.end().to_string());
     }
 
     /// Halts one rollout of the far kernel and starts another one, and puts two devices into a group.
@@ -319,7 +318,7 @@ pub(super) async fn add_jobs_that_wait_for(guarded: &Guarded, own: &mut World, f
         let spec = json!({ "optimize_hologram": {
             "display": own.text("$display"),
             "planes": [{ "place": { "distance_m": 4e-3 }, "target": own.text("$target") }],
-            "kernel": "ideal",
+            "kernel": { "ideal": {} },
         }});
         let spec = Some(serde_json::from_value(spec).unwrap());
         let after = vec![foreign.text(other).to_owned()];
