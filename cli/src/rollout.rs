@@ -48,10 +48,10 @@ pub(crate) enum RolloutCommand {
 #[derive(Debug, Args)]
 #[command(after_long_help = "\
 Example:
-  lightpath rollout start --display lab-2 --distance 150mm --version 4 --share 5%
-  lightpath rollout widen --display lab-2 --distance 150mm --share 25%
-  lightpath rollout show --display lab-2 --distance 150mm
-  lightpath rollout complete --display lab-2 --distance 150mm")]
+  lightpath rollout start --display lab --distance 150mm --version 4 --share 5%
+  lightpath rollout widen --display lab --distance 150mm --share 25%
+  lightpath rollout show --display lab --distance 150mm
+  lightpath rollout complete --display lab --distance 150mm")]
 pub(crate) struct Start {
     #[command(flatten)]
     kernel: KernelChoice,

@@ -63,8 +63,8 @@ pub struct SimulatedBench {
     pub drift_px_per_hour: f64,
     /// Part of its light that the source loses in an hour, 0 to 1.
     pub dimming_per_hour: f64,
-    /// Angle between the camera's rail and the optical axis \[rad\], 0 to 0.0875, which is 5°. The image moves sideways by tan of the
-    /// angle times the distance.
+    /// Angle between the camera's rail and the optical axis \[rad\], 0 to 0.0875, which is 5°. The image moves sideways
+    /// by tan of the angle times the distance.
     pub rail_tilt_rad: f64,
     /// Distance for which the aberrations are drawn, 0 to 10 m. At other distances, the part of their aperture that the
     /// light fills is proportional to the distance. With 0 the aberrations are the same at all distances.

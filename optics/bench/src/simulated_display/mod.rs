@@ -325,7 +325,7 @@ mod tests {
         let (surface, dust) = (display.surface.clone().unwrap(), display.dust.clone().unwrap());
         let offsets_px: [f64; 12] = std::array::from_fn(|i| (i as f64 + 0.5) / 12.0 - 0.5);
         let mut light = Plane::filled(20, 26, 0.0);
-        for mode in modes::draw(5, 2.0, 0.02, 0.05) {
+        for mode in modes::draw(5, 2e-3, 0.02, 0.05) {
             let wavelength_m = mode.wavelength * 515e-9;
             let field = Plane::from_fn(20, 26, |y, x| {
                 let nominal = f64::from(phase.at(y, x));

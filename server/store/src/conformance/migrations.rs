@@ -52,7 +52,7 @@ const ROWS: &[(usize, &str)] = &[(
     '{"loss_reduction_min":0.05,"worse_than_ideal_allowed":false,"test_pairs_min":2,"forms":["compact"]}');
     insert into device values ('lab', 'bench-7', 'first', 'lightpath-agent 0.1.0', 10);
     insert into device_kernel values ('lab', 'bench-7', 1, 1, 'compact', 'sha256-c', 1, null, '', 0.5, 10);
-    insert into rollout values (1, 1, 1, null, 'completed', 5.0, 'first', 10.0, 10, 0.5, 'ada', 'good', '[]', 9, 10, 2);
+    insert into rollout values (1, 1, 1, null, 'completed', 0.05, 'first', 0.1, 10, 0.5, 'ada', 'good', '[]', 9, 10, 2);
     insert into rollout_event (kernel, number, time_ms, caller, message, generation)
     values (1, 1, 9, 'ada', 'started', 1);
     insert into rollout_report values (1, 1, 'bench-7', 1, 10);

@@ -142,11 +142,11 @@ async fn a_rollout_reaches_its_share_and_its_group_and_then_all() {
     assert_eq!((rollout.number, rollout.from_version, rollout.revision), (1, Some(1), 1));
     let devices: Vec<String> = (0..100).map(|n| format!("bench-{n}")).collect();
     for device in &devices {
-        let version = if is_in_share(&key(), 1, device, 20.0) { 2 } else { 1 };
+        let version = if is_in_share(&key(), 1, device, 0.2) { 2 } else { 1 };
         assert_eq!(seen(&store, Some(device)).await, (version, 2), "{device}");
     }
     assert_eq!(seen(&store, None).await, (1, 2));
-    let other = devices.iter().find(|device| !is_in_share(&key(), 1, device, 60.0)).unwrap();
+    let other = devices.iter().find(|device| !is_in_share(&key(), 1, device, 0.6)).unwrap();
     store.set_device_group("lab", other, "first", 21).await.unwrap();
     assert_eq!(seen(&store, Some(other)).await, (2, 3), "what a device gets has changed");
 
@@ -279,7 +279,7 @@ async fn reports_say_who_runs_what() {
 #[tokio::test]
 async fn a_deleted_device_counts_no_more_in_a_running_rollout() {
     let (store, _folder) = with_versions().await;
-    let plan = RolloutPlan { failed_share_max: 1.0, ..plan(2, 0.01) };
+    let plan = RolloutPlan { failed_share_max: 1.0, ..plan(2, 1.0) };
     store.start_rollout(&key(), plan, Some(1), 30).await.unwrap();
     for device in ["a", "b"] {
         store.report_device(report(device, 1, Some(2), None)).await.unwrap();
