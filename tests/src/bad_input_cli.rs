@@ -78,7 +78,7 @@ async fn invalid_numbers_and_unknown_names_are_refused() {
         ("lab", &["--distance", "11m"], 1, ["INVALID_ARGUMENT", "distance_m is 11"]),
         ("lab", &["--distance", "50mm", "--wavelength", "633nm"], 1, ["wavelengths_m[0]", "515nm"]),
         ("lab", &["--distance", "50mm", "--iterations", "20000"], 1, ["iterations is 20000", "10000"]),
-        ("lab", &["--distance", "50mm", "--kernel", "7"], 1, ["NOT_FOUND", "kernel"]),
+        ("lab", &["--distance", "50mm", "--kernel", "7"], 1, ["display lab has no kernel at 50 mm", "learn one"]),
         ("lab", &["--distance", "50mm", "--region", "60,0,10,10"], 1, ["INVALID_ARGUMENT", "region"]),
         ("nowhere", &["--distance", "50mm"], 1, ["NOT_FOUND", "displays/nowhere"]),
     ] {

@@ -78,7 +78,7 @@ fn uneven_surface_is_no_turn_and_turned_camera_is_turned_back() {
     let region = holograms.region;
     let uneven =
         SimulatedBench { crosstalk_px: 0.45, crosstalk_y_px: 0.35, surface_waves: 1.5, ..SimulatedBench::FAIR };
-    for seed in 1..=3 {
+    for seed in 1..=2 {
         for rotation_rad in [0.0, 8.7e-3] {
             let (first, camera) = holograms.registered(SimulatedBench { seed, rotation_rad, ..uneven });
             // A camera that turns one way sees the image turn the other way.
