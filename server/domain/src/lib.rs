@@ -3,7 +3,7 @@
 //! # Layout
 //!
 //! - [`units`]: exact wavelengths and distances. [`display`], [`dataset`], [`kernel`], [`job`]: the resources of the
-//!   service. [`kernel_format`]: the file forms of kernels.
+//!   service. [`kernel_format`]: the file forms of kernels. [`lineage`]: where versions come from.
 //! - [`promotion`]: what a version must show before it becomes active. [`rollout`], [`device`]: versions on their way
 //!   to the displays in the field.
 //! - [`webhook`]: addresses that learn of events. [`origin`]: lists of allowed origins.
@@ -21,6 +21,7 @@ pub mod display;
 pub mod job;
 pub mod kernel;
 pub mod kernel_format;
+pub mod lineage;
 pub mod origin;
 pub mod planning;
 pub mod promotion;

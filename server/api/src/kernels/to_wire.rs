@@ -1,11 +1,11 @@
 //! Conversion of kernels into messages.
 
+mod lineage;
+
 use crate::enumerations::OnWire as _;
 use crate::optics::to_wire::place;
 use crate::time::timestamp;
-use lightpath_domain::kernel::{
-    CapturedQuality, Deprecation, Kernel, KernelLineage, KernelMetrics, KernelMove, KernelVersion, LearnedDataset,
-};
+use lightpath_domain::kernel::{CapturedQuality, Deprecation, Kernel, KernelMetrics, KernelMove, KernelVersion};
 use lightpath_domain::promotion::{GateChange, GateCheck, PromotionGate};
 use lightpath_media::kernel_formats::Loss;
 use lightpath_optics::learning::PartCost;
@@ -37,7 +37,7 @@ pub(crate) fn version(version: KernelVersion) -> v1::KernelVersion {
         artifact: content.artifact,
         size_bytes: content.size_bytes,
         metrics: metrics(&content.metrics),
-        lineage: Some(lineage(content.lineage)),
+        lineage: Some(lineage::message(content.lineage)),
         create_time: Some(timestamp(version.create_time_ms)),
         active: version.active,
         deprecation: version.deprecation.map(deprecation),
@@ -116,23 +116,5 @@ pub(crate) fn kernel_move(moved: KernelMove) -> v1::KernelMove {
         overridden: moved.overridden,
         rollback: moved.rollback,
         generation: moved.generation,
-    }
-}
-
-fn lineage(lineage: KernelLineage) -> v1::KernelLineage {
-    let name_of = |collection: &str, id: String| if id.is_empty() { id } else { format!("{collection}/{id}") };
-    let dataset = |dataset: LearnedDataset| v1::kernel_lineage::LearnedDataset {
-        place: place(dataset.distance),
-        name: name_of("datasets", dataset.id),
-        digest: dataset.digest,
-    };
-    v1::KernelLineage {
-        job: name_of("jobs", lineage.job),
-        datasets: lineage.datasets.into_iter().map(dataset).collect(),
-        interpolated: lineage.interpolated,
-        parent_version: lineage.parent_version,
-        parameters_json: lineage.parameters_json,
-        seed: lineage.seed,
-        code_version: lineage.code_version,
     }
 }

@@ -8,6 +8,7 @@ use lightpath_domain::kernel::KernelModel;
 use lightpath_media::kernel_file;
 use lightpath_optics::{DisplayModel, Grid, KernelShape, OpticalSetup, SmoothField};
 use lightpath_proto::v1::fetch_kernel_response::Part;
+use lightpath_proto::v1::kernel_lineage::Origin;
 use lightpath_proto::v1::kernel_service_client::KernelServiceClient;
 use lightpath_proto::v1::{self, job_spec};
 use tonic::transport::Channel;
@@ -198,13 +199,10 @@ async fn every_format_is_fetched_and_imported_again() {
         let imported = import(&serving, &bytes, 0.05).await.unwrap();
         let is_whole = matches!(format, v1::KernelFormat::Compact | v1::KernelFormat::Npz);
         assert_eq!(imported.model() == v1::KernelModel::Smooth, is_whole, "{format:?}");
-        let form = imported.lineage.unwrap().parameters_json;
-        assert!(form.contains("imported_from") && form.contains(&file.digest), "{form}");
-        assert_eq!(
-            form.contains("\"note\":\"the file does not hold source, crosstalk, uneven response, light blur"),
-            !is_whole,
-            "{form}"
-        );
+        let Some(Origin::Imported(from)) = imported.lineage.unwrap().origin else { panic!("{format:?}") };
+        assert_eq!((from.format(), &from.artifact), (format, &file.digest));
+        let note = "the file does not hold source, crosstalk, uneven response, light blur";
+        assert_eq!(from.note.starts_with(note), !is_whole, "{from:?}");
         // The server stores the native format, which can be fetched and read.
         let (_, native) = fetch(&serving, imported.version).await.unwrap();
         kernel_file::decode(&native).unwrap();

@@ -70,7 +70,7 @@ export function kernelPage(root, [display, kernelId]) {
         h("td", { class: "right" }, gain),
         h("td", { class: "right" }, metrics ? `${metrics.trainPairs} + ${metrics.validationPairs} + ${metrics.testPairs}` : "–"),
         h("td", { class: "right" }, bytes(Number(version.sizeBytes))),
-        h("td", {}, version.lineage?.job ? h("a", { href: `#/${version.lineage.job}` }, "job") : "imported"),
+        h("td", {}, version.lineage?.learned ? h("a", { href: `#/${version.lineage.learned.job}` }, "job") : version.lineage?.interpolated ? "interpolated" : "imported"),
         h("td", {}, age(version.createTime)),
         h("td", { class: "right" }, button("Report", `of version ${version.version}`, () => report.demand(version)), " ", version.active
           ? canRollBack && button("Roll back", `roll back ${version.version}`, () => rollBack(kernel))

@@ -13,6 +13,7 @@ use lightpath_domain::job::{
     SimulateCapture,
 };
 use lightpath_domain::kernel::{KernelKey, KernelModel};
+use lightpath_domain::lineage::LearningParameters;
 use lightpath_fixtures::{WAVELENGTH, display};
 use lightpath_media::pictures;
 use lightpath_optics::hologram::Loss;
@@ -232,15 +233,17 @@ pub(super) fn learn(model: KernelModel, epochs: u32, refinement_evaluations: u32
     JobSpec::LearnKernel(LearnKernel {
         datasets: vec!["photos".to_owned()],
         display: "lab".to_owned(),
-        model,
-        epochs: Some(epochs),
-        refinement_evaluations: Some(refinement_evaluations),
-        learning_rate: None,
-        seed: 1,
-        degree: Some(4),
         start_version: None,
-        detector: Detector::Pixel,
-        region_of_interest: region(),
+        parameters: LearningParameters {
+            model,
+            degree: Some(4),
+            epochs: Some(epochs),
+            learning_rate: None,
+            refinement_evaluations: Some(refinement_evaluations),
+            seed: 1,
+            detector: Detector::Pixel,
+            region_of_interest: region(),
+        },
     })
 }
 
