@@ -1,14 +1,13 @@
 //! Conversion of kernels into messages.
 
 mod lineage;
+pub(crate) mod parts;
 
 use crate::enumerations::OnWire as _;
 use crate::optics::to_wire::place;
 use crate::time::timestamp;
 use lightpath_domain::kernel::{CapturedQuality, Deprecation, Kernel, KernelMetrics, KernelMove, KernelVersion};
 use lightpath_domain::promotion::{GateChange, GateCheck, PromotionGate};
-use lightpath_media::kernel_formats::Loss;
-use lightpath_optics::learning::PartCost;
 use lightpath_proto::v1;
 
 /// Converts a kernel into its message.
@@ -89,19 +88,8 @@ pub(crate) fn metrics(metrics: &KernelMetrics) -> Option<v1::KernelMetrics> {
             .captured
             .map(|CapturedQuality { psnr_db, ideal_psnr_db }| v1::CapturedQuality { psnr_db, ideal_psnr_db }),
         no_better_than_ideal: metrics.no_better_than_ideal(),
-        parts: metrics.parts.iter().map(part_cost).collect(),
+        parts: metrics.parts.iter().map(parts::cost).collect(),
     })
-}
-
-fn part_cost(&PartCost { part, cost_db, least_db, most_db }: &PartCost) -> v1::Part {
-    let cost_db = v1::Measure { value: cost_db, low: Some(least_db), high: Some(most_db), std: None };
-    let (name, title) = (part.name().to_owned(), part.title().to_owned());
-    v1::Part { name, title, cost_db: Some(cost_db), ..v1::Part::default() }
-}
-
-/// Converts what a form does not hold into its message.
-pub(crate) fn loss(loss: Loss) -> v1::KernelLoss {
-    v1::KernelLoss { name: loss.name().to_owned(), title: loss.to_string() }
 }
 
 /// Converts a move into its message.

@@ -3,13 +3,12 @@
 use super::learning_rate::learning_rate;
 use crate::api::Api;
 use crate::enumerations::{OnWire as _, WireField as _};
-use crate::kernels::to_wire::metrics;
+use crate::kernels::to_wire::{metrics, parts};
 use crate::names;
 use crate::optics::from_wire::region;
 use crate::optics::to_wire::{region_message, validity_report};
 use lightpath_domain::job::{LearnKernel, LearnResult, LearnedKernel};
 use lightpath_domain::lineage::LearningParameters;
-use lightpath_optics::learning::{Measure, PartStrength};
 use lightpath_optics::{Detector, KernelModel};
 use lightpath_proto::v1;
 use lightpath_service::{Call, Field, Result, check_all};
@@ -119,18 +118,8 @@ pub(super) fn result(result: LearnResult) -> v1::LearnKernelResult {
         kernels: result.kernels.into_iter().map(kernel).collect(),
         loss_history: result.loss_history,
         degree: (result.degree > 0).then_some(result.degree),
-        parts: result.parts.into_iter().map(part).collect(),
+        parts: result.parts.into_iter().map(parts::learned).collect(),
     }
-}
-
-fn part(strength: PartStrength) -> v1::Part {
-    let (name, title, text) = (strength.part.name().to_owned(), strength.title().to_owned(), strength.text(0));
-    let value = |Measure { name, unit, value, std, hidden }: Measure| {
-        let value = value.map(|value| v1::Measure { value, std, ..v1::Measure::default() });
-        v1::PartValue { name, unit: unit.name().to_owned(), value, detectable: hidden }
-    };
-    let values = strength.measures.into_iter().map(value).collect();
-    v1::Part { name, title, kept: Some(strength.kept), values, text, cost_db: None }
 }
 
 fn kernel(kernel: LearnedKernel) -> v1::learn_kernel_result::LearnedKernel {
