@@ -7,6 +7,7 @@
 //! - [`promotion`]: what a version must show before it becomes active. [`rollout`], [`device`]: versions on their way
 //!   to the displays in the field.
 //! - [`webhook`]: addresses that learn of events. [`origin`]: lists of allowed origins.
+//! - [`expected_psnr`]: what a photograph of a hologram is expected to show.
 //! - [`planning`], [`slm`]: conversion from displays to the types of the optics engine.
 //! - [`ability`]: labels and memory of processes, and what jobs need of them. [`access`]: roles and tokens. [`causes`]: error messages in one line.
 //! - [`reason`]: codes for errors and refusals, for programs.
@@ -18,6 +19,7 @@ pub mod causes;
 pub mod dataset;
 pub mod device;
 pub mod display;
+pub mod expected_psnr;
 pub mod job;
 pub mod kernel;
 pub mod kernel_format;

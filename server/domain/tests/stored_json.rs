@@ -10,6 +10,7 @@ use lightpath_domain::dataset::{
     Split, SplitCounts,
 };
 use lightpath_domain::display::Display;
+use lightpath_domain::expected_psnr::ExpectedPsnr;
 use lightpath_domain::job::{
     AlignBy, CaptureResult, EvaluateKernel, EvaluateResult, FailureReason, Fit, HologramResult, ImagePlane, JobError,
     JobResult, JobSpec, JudgedBy, LearnKernel, LearnResult, LearnedKernel, OptimizeHologram, PairLoss, PlaneOpinion,
@@ -292,6 +293,7 @@ fn hologram_capture_and_evaluation_results_are_stored_as_before() {
             version: 2,
             quality,
         }),
+        in_photograph: Some(ExpectedPsnr { psnr_db: 28.5, std_db: 0.75 }),
         other_orders_psnr_db: Some(21.5),
         second_opinion: Some(OPINION),
     };

@@ -305,7 +305,12 @@ async fn learned_kernel_gives_better_holograms() {
     let expected_db = own.judged_by.as_ref().unwrap().quality.pixel.psnr_db;
     assert!((expected_db - photo_db).abs() < 1.0, "{expected_db} dB expected, {photo_db} dB in the photograph");
     assert!(own.quantized_quality.pixel.psnr_db > photo_db + 5.0, "{own:?}, {photo_db} dB in the photograph");
-    assert_eq!(plane(&better).judged_by, None);
+    // The learned kernel promises too much of its own hologram, unless its error on test photographs counts.
+    let (own, photo_db) = (plane(&better), -10.0 * after.log10());
+    let expected = own.in_photograph.unwrap();
+    assert!((expected.psnr_db - photo_db).abs() < 2.0, "{expected:?}, {photo_db} dB in the photograph");
+    assert!(own.quantized_quality.pixel.psnr_db > photo_db + 2.0, "{own:?}, {photo_db} dB in the photograph");
+    assert_eq!(own.judged_by, None);
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
