@@ -8,6 +8,7 @@ mod manifest;
 mod mirror;
 mod moves;
 mod nearest;
+mod origin;
 mod show;
 mod transfer;
 mod watch;

@@ -1,7 +1,7 @@
 //! Times, lengths, sizes and numbers as text.
 
 use chrono::DateTime;
-use lightpath::v1::{Place, UsedKernel};
+use lightpath::v1::{Measure, Place, UsedKernel};
 use lightpath::{names, units};
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -75,6 +75,15 @@ pub(crate) fn duration(seconds: f64) -> String {
 /// A ratio in decibels, for example `46.3 dB`.
 pub(crate) fn decibel(value: f64) -> String {
     format!("{value:.1} dB")
+}
+
+/// A ratio in decibels with one standard deviation if it is known, for example `40.3 ± 1.5 dB`.
+pub(crate) fn measured_decibel(measure: Measure) -> String {
+    match measure.std {
+        // A smaller deviation would be shown as 0.0.
+        Some(std) if std >= 0.05 => format!("{:.1} ± {std:.1} dB", measure.value),
+        _ => decibel(measure.value),
+    }
 }
 
 /// A loss: with five decimals, or in scientific notation below 0.001.

@@ -97,7 +97,7 @@ async fn versions(cli: &CommandLine) {
     let active = cli.json(&format!("kernel promote {kernel} --version 1 --reason first --expected-active 0")).await;
     assert_eq!(active["activeVersion"], 1);
     let used = cli.text(&format!("hologram optimize @/t1.png {kernel} --iterations 20 --wait")).await;
-    assert!(used.contains("version 1"), "{used}");
+    assert!(used.contains("version 1") && used.contains("dB expected, by the kernel of the hologram"), "{used}");
 
     cli.text(&format!("kernel fetch {kernel} -o @/k.safetensors")).await;
     cli.text(&format!("kernel export {kernel} --version 1 -o @/e.safetensors")).await;

@@ -273,6 +273,6 @@ impl JobKind for OptimizeHologram {
 pub(crate) fn psnr(job: &Job) -> String {
     let wavelengths = hologram_result(job).into_iter().flat_map(|result| &result.wavelengths);
     let planes = wavelengths.flat_map(|wavelength| &wavelength.planes);
-    let found = planes.filter_map(quality::headline_db);
+    let found = planes.filter_map(quality::headline_psnr).map(|psnr| psnr.value);
     found.min_by(f64::total_cmp).map_or_else(|| "–".to_owned(), show::decibel)
 }

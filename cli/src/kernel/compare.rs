@@ -75,8 +75,9 @@ fn text(found: &v1::KernelComparison) -> String {
         relative.map_or_else(|| "–".to_owned(), |relative| format!("{relative:.4}"))
     });
     row("size of the file", &|version| show::bytes(version.size_bytes));
-    for v1::kernel_comparison::Parameter { name, first, second } in &found.parameters {
-        table.row([name.clone(), show::or_dash(first), show::or_dash(second)]);
+    for v1::kernel_comparison::PartComparison { title, first, second, .. } in &found.parts {
+        let text = |part: &Option<v1::Part>| show::or_dash(part.as_ref().map_or("", |part| &part.text));
+        table.row([title.clone(), text(first), text(second)]);
     }
     let mut facts = Facts::default();
     let difference = |relative: f64, phase_rad: f64| format!("{:.2} %, phase {phase_rad:.3} rad rms", 100.0 * relative);

@@ -1,5 +1,6 @@
 //! The commands `lightpath kernel list`, `show` and `versions`.
 
+use super::origin;
 use crate::arguments::{Limit, distance};
 use crate::failure::Failure;
 use crate::kernel_choice::KernelChoice;
@@ -138,7 +139,6 @@ fn version_table(versions: &[KernelVersion]) -> Table {
     for version in versions {
         let metrics = version.metrics.clone().unwrap_or_default();
         let lineage = version.lineage.clone().unwrap_or_default();
-        let dataset = lineage.datasets.first().map(|dataset| names::id(&dataset.name)).unwrap_or_default();
         let measured = |loss| if metrics.test_pairs == 0 { "–".to_owned() } else { show::loss(loss) };
         table.row([
             version.version.to_string(),
@@ -147,11 +147,7 @@ fn version_table(versions: &[KernelVersion]) -> Table {
             measured(metrics.test_loss),
             measured(metrics.ideal_test_loss),
             show::bytes(version.size_bytes),
-            match (lineage.interpolated, dataset) {
-                (true, _) => "(interpolated)".to_owned(),
-                (false, "") => "(imported)".to_owned(),
-                (false, dataset) => dataset.to_owned(),
-            },
+            origin::word(&lineage),
             show::clock_or_dash(version.create_time.as_ref()),
             show::age_or_dash(version.create_time.as_ref()),
         ]);
@@ -180,14 +176,6 @@ pub(super) fn version_facts(version: &KernelVersion) -> String {
         facts.add("deprecated", format!("{} ({time}{by})", deprecation.reason));
     }
     facts.add("file", format!("{}, {}", version.artifact, show::bytes(version.size_bytes)));
-    let lineage = version.lineage.clone().unwrap_or_default();
-    if lineage.interpolated || lineage.datasets.len() > 1 {
-        let mut distances_m: Vec<f64> =
-            lineage.datasets.iter().filter_map(|dataset| dataset.place.as_ref()?.distance_m()).collect();
-        distances_m.sort_by(f64::total_cmp);
-        let origin = if lineage.interpolated { "interpolated from" } else { "learned together" };
-        facts.add(origin, show::lengths(distances_m));
-    }
     if let Some(metrics) = &version.metrics {
         facts.add("held-out loss", against_ideal(metrics.test_loss, metrics.ideal_test_loss));
         facts.add("full frame", against_ideal(metrics.test_loss_full_frame, metrics.ideal_test_loss_full_frame));
@@ -196,25 +184,10 @@ pub(super) fn version_facts(version: &KernelVersion) -> String {
         facts.add_some("validation loss", metrics.validation_loss.map(show::loss));
         facts.add("pairs", metrics_text::pairs(metrics));
     }
-    if !lineage.job.is_empty() {
-        facts.add("job", names::id(&lineage.job));
-        if let Some(dataset) = lineage.datasets.first().filter(|_| !lineage.interpolated) {
-            facts.add("dataset", format!("{} ({})", names::id(&dataset.name), dataset.digest));
-        }
-        facts.add("parameters", &lineage.parameters_json);
-        facts.add("seed", lineage.seed.to_string());
-        facts.add("server", &lineage.code_version);
-        facts.add("parent", show::version_or_dash(lineage.parent_version));
+    if let Some(lineage) = &version.lineage {
+        origin::add(lineage, &mut facts);
     }
-    facts.add_some("bundle of", text_of(&lineage.parameters_json, "/bundle/version"));
-    facts.add_some("note", text_of(&lineage.parameters_json, "/note"));
     facts.add_some("created", version.create_time.as_ref().map(show::time));
     let parts = version.metrics.as_ref().map(metrics_text::parts).filter(|table| !table.is_empty());
     facts.text() + &parts.map(|table| format!("\n{table}")).unwrap_or_default()
-}
-
-/// A text in the parameters of a version.
-fn text_of(parameters_json: &str, pointer: &str) -> Option<String> {
-    let parameters: serde_json::Value = serde_json::from_str(parameters_json).ok()?;
-    Some(parameters.pointer(pointer)?.as_str()?.to_owned())
 }

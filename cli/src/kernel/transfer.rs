@@ -258,7 +258,8 @@ mod tests {
     use super::*;
 
     fn file(format: v1::KernelFormat, losses: &[&str], relative_error: f64) -> v1::KernelFile {
-        let loss = |name: &&str| v1::KernelLoss { name: (*name).to_owned(), title: name.replace('_', " ") };
+        let loss =
+            |name: &&str| v1::Part { name: (*name).to_owned(), title: name.replace('_', " "), ..v1::Part::default() };
         let losses = losses.iter().map(loss).collect();
         v1::KernelFile { format: format.into(), losses, relative_error, ..Default::default() }
     }

@@ -78,6 +78,20 @@ impl ShownLight {
         let pixel = detector_quality(&self.integrated, wanted, efficiency)?;
         Ok(Quality { point, pixel, supersampled: detector_quality(&self.samples, wanted, efficiency)? })
     }
+
+    /// The factor from the light that pixels integrate to the light that is wanted, with the smallest squared error.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Self::quality`].
+    pub fn pixel_gain(&self, Wanted { target, region, belonging }: Wanted<'_>) -> Result<f64> {
+        let pair = ImagePair::new(&self.integrated, target, region, Gain::Fitted)?;
+        Ok(match belonging {
+            Some(belonging) => pair.only(belonging)?,
+            None => pair,
+        }
+        .gain())
+    }
 }
 
 impl DetectorQuality {

@@ -6,13 +6,13 @@ use crate::display::parts::measures::{Measures, Scale, Unit};
 use crate::display::parts::{Block, ModelPart};
 use serde::{Deserialize, Serialize};
 
-/// A part that only some displays need: whether a display needed it, and how strong it is.
+/// A part of a display: whether the display needed it, and how strong it is.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PartStrength {
     /// The part.
     pub part: ModelPart,
-    /// Whether the display needed the part's block.
+    /// Whether the model has the part, or of a part that only some displays need: its block.
     pub kept: bool,
     /// What tells how strong the part is; empty for a part that no number describes.
     pub measures: Vec<Measure>,
@@ -43,19 +43,26 @@ impl PartStrength {
     #[must_use]
     pub fn all_of(model: &DisplayModel) -> Vec<Self> {
         let blocks = Blocks::of(model);
-        let strength = |block: Block| {
-            let (part, kept) = (block.part(), blocks.contains(block));
-            let values = if kept { part.row().strengths(model) } else { Vec::new() };
-            let measure = |(i, scale): (usize, &Scale)| Measure {
-                name: scale.name.to_owned(),
-                unit: scale.unit,
-                value: values.get(i).copied(),
-                std: None,
-                hidden: None,
-            };
-            Self { part, kept, measures: part.row().measures().scales.iter().enumerate().map(measure).collect() }
+        Block::ALL.into_iter().map(|block| Self::of(block.part(), blocks.contains(block), model)).collect()
+    }
+
+    /// The parts that a display model has, also those that every display needs.
+    #[must_use]
+    pub fn present_in(model: &DisplayModel) -> Vec<Self> {
+        let present = ModelPart::ALL.iter().filter(|part| part.is_in(model));
+        present.map(|&part| Self::of(part, true, model)).collect()
+    }
+
+    fn of(part: ModelPart, kept: bool, model: &DisplayModel) -> Self {
+        let values = if kept { part.row().strengths(model) } else { Vec::new() };
+        let measure = |(i, scale): (usize, &Scale)| Measure {
+            name: scale.name.to_owned(),
+            unit: scale.unit,
+            value: values.get(i).copied(),
+            std: None,
+            hidden: None,
         };
-        Block::ALL.into_iter().map(strength).collect()
+        Self { part, kept, measures: part.row().measures().scales.iter().enumerate().map(measure).collect() }
     }
 
     /// Name of the part for people.

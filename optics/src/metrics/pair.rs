@@ -93,7 +93,7 @@ impl<'a> ImagePair<'a> {
     }
 
     /// Gain that the light is multiplied by.
-    pub(super) fn gain(&self) -> f64 {
+    pub(crate) fn gain(&self) -> f64 {
         self.gain
     }
 

@@ -21,6 +21,11 @@ export function decibels(value) {
   return Number.isFinite(value) ? `${value.toFixed(1)} dB` : "–";
 }
 
+/** A ratio in decibels with one standard deviation, if it is known and not too small to show. */
+export function measuredDecibels({ value, std }) {
+  return std >= 0.05 ? `${value.toFixed(1)} ± ${std.toFixed(1)} dB` : decibels(value);
+}
+
 export function percent(part) {
   return Number.isFinite(part) ? `${number(100 * part)} %` : "–";
 }

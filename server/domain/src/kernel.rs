@@ -2,6 +2,7 @@
 
 pub use lightpath_optics::KernelModel;
 
+use crate::lineage::KernelLineage;
 use crate::units::{Distance, Wavelength};
 use lightpath_optics::learning::PartCost;
 use serde::{Deserialize, Serialize};
@@ -143,58 +144,6 @@ impl KernelMetrics {
         let shows_better = self.captured.is_none_or(|captured| captured.psnr_db > captured.ideal_psnr_db);
         (self.test_pairs > 0 && !predicts_better) || !shows_better
     }
-}
-
-/// Origin of a kernel version.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct KernelLineage {
-    /// Id of the learning job; empty: imported.
-    pub job: String,
-    /// Datasets from which the version was learned. The first one has the version's own distance. If one model was
-    /// learned for several distances, the datasets of the other distances follow, ascending. For an interpolated
-    /// version, all are ascending. Empty for an import that is not interpolated.
-    pub datasets: Vec<LearnedDataset>,
-    /// Whether the version was interpolated: its distance lies between the distances of `datasets`.
-    pub interpolated: bool,
-    /// Version from which learning started; `None`: the ideal kernel.
-    pub parent_version: Option<u32>,
-    /// Learning parameters as JSON.
-    pub parameters_json: String,
-    /// Seed with which the version was learned.
-    pub seed: u64,
-    /// Version of the server that made the kernel version.
-    pub code_version: String,
-}
-
-impl KernelLineage {
-    /// The dataset of the version's own distance; `None` for imported and interpolated versions.
-    #[must_use]
-    pub fn own_dataset(&self) -> Option<&LearnedDataset> {
-        self.datasets.first().filter(|_| !self.interpolated)
-    }
-
-    /// The distances for which one model was learned jointly, ascending; `None`: the version was learned for one
-    /// distance.
-    #[must_use]
-    pub fn joint_distances(&self) -> Option<Vec<Distance>> {
-        let is_joint = self.interpolated || self.datasets.len() > 1;
-        is_joint.then(|| {
-            let mut distances: Vec<Distance> = self.datasets.iter().map(|dataset| dataset.distance).collect();
-            distances.sort_unstable();
-            distances
-        })
-    }
-}
-
-/// A dataset from which a version was learned.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct LearnedDataset {
-    /// Distance from the SLM to the plane of the camera.
-    pub distance: Distance,
-    /// Id of the dataset; empty for an import.
-    pub id: String,
-    /// Digest of the dataset; empty for an import.
-    pub digest: String,
 }
 
 /// Who changed something, and why.

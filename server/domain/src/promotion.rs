@@ -114,12 +114,14 @@ fn relative_loss(metrics: &KernelMetrics) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::kernel::{Deprecation, KernelKey, KernelLineage, KernelModel, NewKernelVersion};
+    use crate::kernel::{Deprecation, KernelKey, KernelModel, NewKernelVersion};
+    use crate::lineage::{KernelLineage, KernelOrigin, Learning};
     use crate::units::{Distance, Wavelength};
 
     fn version(number: u32, test_pairs: u32, test_loss: f64, ideal_test_loss: f64) -> KernelVersion {
         let metrics = KernelMetrics { test_pairs, test_loss, ideal_test_loss, ..KernelMetrics::default() };
-        let (model, lineage) = (KernelModel::Dense, KernelLineage::default());
+        let lineage = KernelLineage::of(KernelOrigin::Learned(Learning::default()));
+        let model = KernelModel::Dense;
         let (wavelength, distance) = (Wavelength { pm: 515_000 }, Distance { nm: 150_000_000 });
         KernelVersion {
             key: KernelKey { display: "lab".to_owned(), wavelength, distance },

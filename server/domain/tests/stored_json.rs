@@ -10,6 +10,7 @@ use lightpath_domain::dataset::{
     Split, SplitCounts,
 };
 use lightpath_domain::display::Display;
+use lightpath_domain::expected_psnr::ExpectedPsnr;
 use lightpath_domain::job::{
     AlignBy, CaptureResult, EvaluateKernel, EvaluateResult, FailureReason, Fit, HologramResult, ImagePlane, JobError,
     JobResult, JobSpec, JudgedBy, LearnKernel, LearnResult, LearnedKernel, OptimizeHologram, PairLoss, PlaneOpinion,
@@ -17,7 +18,11 @@ use lightpath_domain::job::{
     SimulateCapture, Subframe, SuggestHolograms, SuggestResult, SuggestedHologram, VerifyHologram, VerifyResult,
     WavelengthResult,
 };
-use lightpath_domain::kernel::{CapturedQuality, KernelKey, KernelLineage, KernelMetrics, LearnedDataset};
+use lightpath_domain::kernel::{CapturedQuality, KernelKey, KernelMetrics};
+use lightpath_domain::kernel_format::KernelFormat;
+use lightpath_domain::lineage::{
+    Import, KernelLineage, KernelOrigin, LearnedDataset, Learning, LearningParameters, Made, OriginalVersion,
+};
 use lightpath_domain::planning;
 use lightpath_domain::units::{Distance, Wavelength};
 use lightpath_optics::engine::photometry::Quantity;
@@ -138,21 +143,27 @@ fn hologram_jobs_are_stored_as_before() {
     check_job("optimize_hologram", &JobSpec::OptimizeHologram(Box::new(spec)));
 }
 
-#[test]
-fn learning_capture_and_evaluation_jobs_are_stored_as_before() {
-    let (display, kernel_version) = ("lab".to_owned(), Some(3));
-    let learn = LearnKernel {
-        datasets: vec!["near".to_owned(), "far".to_owned()],
-        display: display.clone(),
+fn learning_parameters() -> LearningParameters {
+    LearningParameters {
         model: KernelModel::Varying,
         degree: Some(8),
-        start_version: None,
         epochs: Some(4),
         learning_rate: Some(0.05),
         refinement_evaluations: None,
         seed: 1,
         detector: Detector::Pixel,
         region_of_interest: region(),
+    }
+}
+
+#[test]
+fn learning_capture_and_evaluation_jobs_are_stored_as_before() {
+    let (display, kernel_version) = ("lab".to_owned(), Some(3));
+    let learn = LearnKernel {
+        datasets: vec!["near".to_owned(), "far".to_owned()],
+        display: display.clone(),
+        start_version: Some(2),
+        parameters: learning_parameters(),
     };
     check_job("learn_kernel", &JobSpec::LearnKernel(learn));
     let (pattern, dataset) = (digest(1), "near".to_owned());
@@ -282,6 +293,7 @@ fn hologram_capture_and_evaluation_results_are_stored_as_before() {
             version: 2,
             quality,
         }),
+        in_photograph: Some(ExpectedPsnr { psnr_db: 28.5, std_db: 0.75 }),
         other_orders_psnr_db: Some(21.5),
         second_opinion: Some(OPINION),
     };
@@ -366,14 +378,24 @@ fn metrics() -> KernelMetrics {
 fn kernels_are_stored_as_before() {
     check_stored("kernel_metrics", &metrics());
     let dataset = |distance, id: &str, n| LearnedDataset { distance, id: id.to_owned(), digest: digest(n) };
-    let lineage = KernelLineage {
+    let learning = Learning {
         job: "0193".to_owned(),
         datasets: vec![dataset(NEAR, "near", 1), dataset(FAR, "far", 2)],
-        interpolated: false,
-        parent_version: Some(2),
-        parameters_json: "{}".to_owned(),
-        seed: u64::MAX,
-        code_version: "0.1.0".to_owned(),
+        parent_version: Some("displays/lab/kernels/515nm-4mm/versions/2".to_owned()),
+        parameters: Some(LearningParameters { seed: u64::MAX, ..learning_parameters() }),
     };
-    check_stored("kernel_lineage", &lineage);
+    let lineage = |origin| KernelLineage { origin, code_version: "0.1.0".to_owned() };
+    check_stored("lineage_learned", &lineage(KernelOrigin::Learned(learning)));
+    let distances = vec![dataset(NEAR, "", 1), dataset(FAR, "", 2)];
+    let interpolated = Learning { datasets: distances, ..Learning::default() };
+    check_stored("lineage_interpolated", &lineage(KernelOrigin::Interpolated(interpolated.clone())));
+    let version = OriginalVersion { name: "displays/lab/kernels/515nm-5mm/versions/1".to_owned(), create_time_ms: 5 };
+    let import = Import {
+        format: KernelFormat::Bundle,
+        artifact: digest(3),
+        note: Some("the file does not hold dust".to_owned()),
+        version: Some(version),
+        made: Some(Made::Interpolated(interpolated)),
+    };
+    check_stored("lineage_imported", &lineage(KernelOrigin::Imported(import)));
 }

@@ -228,7 +228,7 @@ pub(super) async fn append_version(
     )
     .bind((id, to_word("kernel_version.model", &content.model)?, &content.artifact, content.size_bytes as i64))
     .bind((to_json("kernel_version.metrics", &content.metrics)?, to_json("kernel_version.lineage", &content.lineage)?))
-    .bind((now_ms, content.lineage.interpolated, content.lineage.datasets.len() as i64, &content.lineage.job))
+    .bind((now_ms, content.lineage.is_interpolated(), content.lineage.datasets().len() as i64, content.lineage.job()))
     .fetch_one(write.sql())
     .await?;
     query("update kernel set latest_version = $2 where id = $1").bind((id, version)).execute(write.sql()).await?;

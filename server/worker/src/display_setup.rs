@@ -84,6 +84,13 @@ impl DisplaySetup {
         Ok(model)
     }
 
+    /// Loss of a kernel version on its test photographs; `None`: not known.
+    pub(super) fn test_loss(&self, context: &JobContext, version: Option<u32>) -> Result<Option<f64>, TaskError> {
+        let Some(version) = version else { return Ok(None) };
+        let metrics = context.wait(context.store().kernel_version(&self.key, version))?.content.metrics;
+        Ok((metrics.test_pairs > 0).then_some(metrics.test_loss))
+    }
+
     /// Validity of a model's propagation: the one in the setup, or the one with which a kernel was learned.
     pub(super) fn validity_of(&self, model: &DisplayModel) -> ValidityReport {
         let validity = match model.setup.method() == self.setup.method() {

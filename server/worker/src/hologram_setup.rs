@@ -26,6 +26,8 @@ pub(super) struct PlaneSetup {
     pub(super) engine: Engine,
     /// Kernel version that judges the hologram; `None`: the kernel of the hologram.
     pub(super) judging_version: Option<u32>,
+    /// Loss of the kernel that judges on its test photographs; `None`: not known.
+    pub(super) test_loss: Option<f64>,
     pub(super) target: Plane<f32>,
     weight: Option<Plane<f32>>,
     share: f64,
@@ -62,11 +64,14 @@ impl HologramSetup {
             let validity = here.validity_of(&model);
             let with_other_orders = with_other_orders(&model);
             let judging_version = spec.judging_version(index, p);
+            let best = judging_version.or(spec.kernel_versions[index][p]);
+            let test_loss = here.test_loss(context, best)?;
             planes.push(PlaneSetup {
                 plane,
                 model,
                 engine,
                 judging_version,
+                test_loss,
                 target,
                 weight,
                 share,

@@ -3,7 +3,7 @@
 use super::display_setup::DisplaySetup;
 use super::{JobContext, TaskError};
 use lightpath_domain::dataset::{Dataset, Split};
-use lightpath_domain::job::{JobResult, LearnKernel, LearnResult, LearnedKernel};
+use lightpath_domain::job::{JobResult, LearnResult, LearnedKernel};
 use lightpath_domain::kernel::KernelVersion;
 use lightpath_media::captures::Captures;
 use lightpath_optics::{Detector, RegionOfInterest};
@@ -29,10 +29,10 @@ impl LearnedFrom {
     ) -> Result<Option<Self>, TaskError> {
         let Some(mut dataset) = dataset_of(context, version)? else { return Ok(None) };
         leave_out(&mut dataset, learned);
-        let parameters: Option<LearnKernel> = serde_json::from_str(&version.content.lineage.parameters_json).ok();
+        let parameters = version.content.lineage.parameters();
         let display = DisplaySetup::read(context, &dataset.display, dataset.wavelength, dataset.distance)?;
         let captures = Captures::of(&display.declared, &dataset)?;
-        let region = match &parameters {
+        let region = match parameters {
             None => RegionOfInterest::middle(&captures.setup().grid()),
             Some(parameters) => display.region(parameters.region_of_interest)?,
         };
@@ -59,7 +59,7 @@ fn dataset_of(context: &JobContext, version: &KernelVersion) -> Result<Option<Da
 
 /// Result of the job that learned the version. `None`: the version was imported, or the job was deleted.
 pub(super) fn learn_result(context: &JobContext, version: &KernelVersion) -> Result<Option<LearnResult>, TaskError> {
-    let id = &version.content.lineage.job;
+    let id = version.content.lineage.job();
     if id.is_empty() {
         return Ok(None);
     }

@@ -5,7 +5,8 @@ use crate::table::Table;
 use lightpath::Words as _;
 use lightpath::judgements::{self, judgement};
 use lightpath::v1::{
-    Detector, Judgement, PropagationMethod, UsedKernel, judgement::Stage, optimize_hologram_result::PlaneResult,
+    Detector, Judgement, Measure, PropagationMethod, UsedKernel, judgement::Stage,
+    optimize_hologram_result::PlaneResult,
 };
 
 /// A table of all metrics for each detector: for the phase as optimized and as displayed in levels.
@@ -38,19 +39,26 @@ fn headline(plane: &PlaneResult) -> Option<&Judgement> {
 }
 
 /// The PSNR to believe \[dB\]; `None`: it was not measured.
-pub(crate) fn headline_db(plane: &PlaneResult) -> Option<f64> {
-    headline(plane).map(Judgement::psnr)
+pub(crate) fn headline_psnr(plane: &PlaneResult) -> Option<Measure> {
+    headline(plane)?.psnr_db
 }
 
-/// What a photograph is expected to show, for example `19.1 dB expected, by displays/lab/kernels/515nm-150mm/versions/3,
-/// the active kernel of the display`; `None`: it was not measured. `kernel` is that of the hologram.
+/// What a photograph is expected to show, for example `19.1 ± 0.8 dB expected, by
+/// displays/lab/kernels/515nm-150mm/versions/3, the active kernel of the display`; `None`: it was not measured. `kernel` is
+/// that of the hologram.
 pub(super) fn in_photograph(plane: &PlaneResult, kernel: Option<&UsedKernel>) -> Option<String> {
     let judged = headline(plane)?;
-    let psnr = show::decibel(judged.psnr());
-    Some(match (judged.kernel_version.as_str(), kernel.map_or("", |kernel| &kernel.kernel_version)) {
-        ("", "") => format!("{psnr} if the optics are ideal; no kernel of the display is active to say more"),
-        ("", _) => format!("{psnr} expected, by the kernel of the hologram"),
-        (version, _) => format!("{psnr} expected, by {version}, the active kernel of the display"),
+    let psnr = show::measured_decibel(judged.psnr_db?);
+    let by = match (judged.kernel_version.as_str(), kernel.map_or("", |kernel| &kernel.kernel_version)) {
+        ("", "") => {
+            return Some(format!("{psnr} if the optics are ideal; no kernel of the display is active to say more"));
+        }
+        ("", _) => "the kernel of the hologram".to_owned(),
+        (version, _) => format!("{version}, the active kernel of the display"),
+    };
+    Some(match judged.stage() {
+        Stage::Photographed => format!("{psnr} expected, by {by}"),
+        _ => format!("{psnr} at most, by {by}, whose own error no test photograph has shown"),
     })
 }
 
@@ -91,7 +99,7 @@ pub(super) fn summary(plane: &PlaneResult) -> [String; 6] {
         point,
         pixel,
         supersampled,
-        or_dash(expected.map(Judgement::psnr), show::decibel),
+        headline_psnr(plane).map_or_else(|| "–".to_owned(), show::measured_decibel),
         similarity(expected.and_then(|judged| judged.ssim)),
         or_dash(efficiency, percent),
     ]
@@ -114,8 +122,8 @@ fn or_dash(value: Option<f64>, show: impl Fn(f64) -> String) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use lightpath::v1::ValidityReport;
     use lightpath::v1::judgement::{Model, Orders};
-    use lightpath::v1::{Measure, ValidityReport};
 
     fn judged(detector: Detector, psnr_db: f64) -> Judgement {
         Judgement {
@@ -151,7 +159,7 @@ mod tests {
         assert_eq!(words(lines[2]), "pixel as optimized 27.7 dB 0.9123 0.9877 71.2 % 95.0 % 0.031");
         assert_eq!(table(&PlaneResult::default()), "");
         assert_eq!(summary(&shown), ["46.3 dB", "27.7 dB", "–", "–", "–", "–"]);
-        assert_eq!((other_orders(&shown), second_opinion(&shown), headline_db(&shown)), (None, None, None));
+        assert_eq!((other_orders(&shown), second_opinion(&shown), headline_psnr(&shown)), (None, None, None));
     }
 
     #[test]
@@ -171,7 +179,7 @@ mod tests {
             let judgements = [headline.clone(), others.clone()].into_iter().chain(opinion(db)).collect();
             PlaneResult { propagation: Some(report.clone()), ..plane(judgements) }
         };
-        assert_eq!(headline_db(&with(39.98)), Some(40.25));
+        assert_eq!(headline_psnr(&with(39.98)).map(|psnr| psnr.value), Some(40.25));
         let text = "21.3 dB (pixel, displayed) on a display that shows only the first diffraction order";
         assert_eq!(other_orders(&with(39.98)).as_deref(), Some(text));
         let agrees = "agrees: the independent model finds -0.02 dB on 8 rows";
@@ -188,18 +196,20 @@ mod tests {
         assert_eq!(in_photograph(&alone, Some(&UsedKernel::default())).as_deref(), Some(ideal));
         let kernel_version = "displays/lab/kernels/515nm-150mm/versions/2".to_owned();
         let learned = UsedKernel { kernel_version, ..UsedKernel::default() };
-        let text = "48.3 dB expected, by the kernel of the hologram";
+        let text = "48.3 dB at most, by the kernel of the hologram, whose own error no test photograph has shown";
         assert_eq!(in_photograph(&alone, Some(&learned)).as_deref(), Some(text));
         let active = Judgement {
             headline: true,
+            stage: Stage::Photographed.into(),
             kernel_version: "displays/lab/kernels/515nm-150mm/versions/3".to_owned(),
-            psnr_db: judged(Detector::Pixel, 19.14).psnr_db,
+            psnr_db: Some(Measure { value: 19.14, std: Some(0.83), ..Measure::default() }),
             ..own.clone()
         };
         let both = plane(vec![own, active]);
-        let text = "19.1 dB expected, by displays/lab/kernels/515nm-150mm/versions/3, the active kernel of the display";
+        let text =
+            "19.1 ± 0.8 dB expected, by displays/lab/kernels/515nm-150mm/versions/3, the active kernel of the display";
         assert_eq!(in_photograph(&both, Some(&UsedKernel::default())).as_deref(), Some(text));
-        assert_eq!((headline_db(&both), summary(&both)[3].as_str()), (Some(19.14), "19.1 dB"));
+        assert_eq!(summary(&both)[3], "19.1 ± 0.8 dB");
         assert!(table(&both).contains("48.3 dB"), "the table is that of the kernel of the hologram");
     }
 }

@@ -39,7 +39,7 @@ class Hologram:
 
     def __repr__(self) -> str:
         kernels = ", ".join(_version(used) for used in self.job.kernels)
-        quality = f"PSNR {self.expected.psnr_db.value:.1f} dB expected in a photograph, kernel {kernels}"
+        quality = f"PSNR {_in_photograph(self.expected)}, kernel {kernels}"
         return f"<Hologram of {self.spec.display}, {self.width_px}x{self.height_px} px, {self._optics()}: {quality}>"
 
     @property
@@ -109,6 +109,9 @@ class Hologram:
 
         That is the kernel that was active when the job was submitted, whatever the kernel of the hologram. If none was
         active it is the kernel of the hologram, and `expected.kernel_version` is empty.
+
+        `expected.psnr_db` includes the error that the kernel had on its own test photographs, and `expected.stage` is
+        `STAGE_PHOTOGRAPHED`. If the kernel has none, the stage is `STAGE_DISPLAYED`, and a photograph will show less.
         """
         return next(each for each in self.result.wavelengths[0].planes[0].judgements if each.headline)
 
@@ -189,7 +192,7 @@ class Hologram:
         by = f", by {seen.kernel_version}" if seen.kernel_version else ""
         rows: list[tuple[str, object]] = [
             ("display", f"{self.spec.display}, {self._optics()}"),
-            ("PSNR", f"{seen.psnr_db.value:.1f} dB expected in a photograph{by}"),
+            ("PSNR", f"{_in_photograph(seen)}{by}"),
             ("SSIM", f"{seen.ssim:.3f}" if seen.HasField("ssim") else "not measured"),
             ("diffraction efficiency", f"{seen.diffraction_efficiency:.1%}"),
             *(("note", note) for note in self.notes),
@@ -200,3 +203,13 @@ class Hologram:
 
 def _version(used: v1.UsedKernel) -> str:
     return f"version {names.last_part(used.kernel_version)}" if used.kernel_version else "ideal"
+
+
+def _in_photograph(judged: v1.Judgement) -> str:
+    """Return what a photograph is expected to show, for example `40.3 ± 1.5 dB expected in a photograph`."""
+    psnr = judged.psnr_db
+    if judged.stage != v1.Judgement.STAGE_PHOTOGRAPHED:
+        return f"{psnr.value:.1f} dB at most in a photograph"
+    # A smaller deviation would be shown as 0.0.
+    std = f" ± {psnr.std:.1f}" if psnr.std >= 0.05 else ""  # noqa: PLR2004
+    return f"{psnr.value:.1f}{std} dB expected in a photograph"

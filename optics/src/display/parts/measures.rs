@@ -14,6 +14,9 @@ pub enum Unit {
     /// A part of one, which people read in percent.
     #[serde(rename = "fraction")]
     Fraction,
+    /// None: a plain number, such as a degree.
+    #[serde(rename = "1")]
+    One,
 }
 
 impl Unit {
@@ -24,6 +27,7 @@ impl Unit {
             Self::Radians => "rad",
             Self::Pixels => "px",
             Self::Fraction => "fraction",
+            Self::One => "1",
         }
     }
 }
@@ -35,11 +39,6 @@ pub(crate) struct Measures {
     pub(crate) scales: &'static [Scale],
     /// What people should know besides; empty for nothing.
     pub(crate) note: &'static str,
-}
-
-impl Measures {
-    /// Those of a part that every display has.
-    pub(super) const NONE: Self = Self { phrase: "", scales: &[], note: "" };
 }
 
 /// Where a number that tells how strong a part is can be read.
@@ -59,19 +58,21 @@ impl Scale {
     /// decimal places than usual.
     pub(crate) fn text(&self, value: f64, std: Option<f64>, more_digits: usize) -> String {
         let (factor, unit) = match self.unit {
-            Unit::Radians => (1.0, "rad"),
-            Unit::Pixels => (1.0, "px"),
-            Unit::Fraction => (100.0, "%"),
+            Unit::Radians => (1.0, " rad"),
+            Unit::Pixels => (1.0, " px"),
+            Unit::Fraction => (100.0, " %"),
+            // A plain number is counted, and has no more digits.
+            Unit::One => return format!("{value:.0}"),
         };
         let value = factor * value;
         let Some(std) = std.map(|std| factor * std) else {
             let digits = self.digits + more_digits;
-            return format!("{value:.digits$} {unit}");
+            return format!("{value:.digits$}{unit}");
         };
         // As many digits as a small deviation needs.
         let digits = (self.digits..self.digits + 2).find(|&digits| std >= 0.5 * 0.1f64.powi(digits as i32));
         let digits = digits.unwrap_or(DIGITS_MAX);
-        format!("{value:.digits$} ± {std:.digits$} {unit}")
+        format!("{value:.digits$} ± {std:.digits$}{unit}")
     }
 }
 

@@ -106,11 +106,9 @@ pub(crate) trait Part: Sync {
     }
 
     /// What tells how strong the part is.
-    fn measures(&self) -> &'static Measures {
-        &Measures::NONE
-    }
+    fn measures(&self) -> &'static Measures;
 
-    /// The measures of a model that has the part's block.
+    /// The measures of a model that has the part.
     fn strengths(&self, _model: &DisplayModel) -> Vec<f64> {
         Vec::new()
     }
@@ -367,18 +365,18 @@ mod tests {
     }
 
     #[test]
-    fn each_block_says_how_strong_it_is() {
+    fn each_part_says_how_strong_it_is() {
         let setup = OpticalSetup::try_new(Grid::try_new(4, 6, 8e-6).unwrap(), 515e-9, 2e-3).unwrap();
         let ideal = DisplayModel::ideal(setup);
-        for block in Block::ALL {
-            let row = block.part().row();
+        for &part in ModelPart::ALL {
+            let row = part.row();
             let measures = row.measures();
-            assert!(!measures.phrase.is_empty(), "{block:?}");
-            assert_eq!(measures.scales.is_empty(), block == Block::Varying, "{block:?}");
-            assert_eq!(measures.phrase.matches("{}").count(), measures.scales.len(), "{block:?}");
-            assert_eq!(row.strengths(&ideal).len(), measures.scales.len(), "{block:?}");
+            assert!(!measures.phrase.is_empty(), "{part:?}");
+            assert_eq!(measures.scales.is_empty(), part == ModelPart::VaryingTransferFunction, "{part:?}");
+            assert_eq!(measures.phrase.matches("{}").count(), measures.scales.len(), "{part:?}");
+            assert_eq!(row.strengths(&ideal).len(), measures.scales.len(), "{part:?}");
             let hidden = row.hidden().map(|hidden| hidden(&|_| 0.1));
-            assert!(hidden.is_none_or(|hidden| hidden.len() == measures.scales.len()), "{block:?}");
+            assert!(hidden.is_none_or(|hidden| hidden.len() == measures.scales.len()), "{part:?}");
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::Part;
 use super::layout::Layout;
+use super::measures::{Measures, Scale, Unit};
 use super::stored::{Numbers, Restored, Stored, StoredParts};
 use crate::display::DisplayModel;
 
@@ -53,5 +54,18 @@ impl Part for Row {
 
     fn has_form_of(&self, layout: &Layout, model: &DisplayModel) -> bool {
         2 * model.response.len() == self.count(layout)
+    }
+
+    fn measures(&self) -> &'static Measures {
+        &Measures {
+            phrase: "first harmonic of {}",
+            scales: &[Scale { name: "first_harmonic", unit: Unit::Radians, digits: 2 }],
+            note: "",
+        }
+    }
+
+    fn strengths(&self, model: &DisplayModel) -> Vec<f64> {
+        let [sine, cosine] = model.response.first().copied().unwrap_or_default();
+        vec![sine.hypot(cosine)]
     }
 }

@@ -1,6 +1,7 @@
 //! Errors of the transfer function, which every model has: aberrations, and light that the optics lose.
 
 use super::layout::{Layout, field, fields_in, of_field};
+use super::measures::{Measures, Scale, Unit};
 use super::stored::{Entry, Numbers, Restored, Stored, StoredParts};
 use super::{InBins, Part};
 use crate::display::{DisplayModel, KernelShape, SpatialVariation};
@@ -90,5 +91,20 @@ impl Part for Row {
     fn converted(&self, from: &Layout, to: &Layout, numbers: &[f64]) -> Vec<f64> {
         let (kernel, beyond) = numbers.split_at(from.beyond());
         [fields_in(to.kernel, from.kernel, 1, kernel), fields_in(to.beyond, from.beyond, 1, beyond)].concat()
+    }
+
+    fn measures(&self) -> &'static Measures {
+        &Measures {
+            phrase: "errors up to degree {}",
+            scales: &[Scale { name: "degree", unit: Unit::One, digits: 0 }],
+            note: "",
+        }
+    }
+
+    fn strengths(&self, model: &DisplayModel) -> Vec<f64> {
+        match &model.kernel {
+            KernelShape::Smooth(errors) => vec![errors.order as f64],
+            KernelShape::Ideal | KernelShape::Bins(_) => vec![0.0],
+        }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::Part;
 use super::layout::Layout;
+use super::measures::{Measures, Scale, Unit};
 use super::stored::{PHOTOMETRY, Restored, Stored, StoredParts};
 use crate::display::DisplayModel;
 use num_complex::Complex64;
@@ -46,5 +47,17 @@ impl Part for Row {
 
     fn set(&self, _layout: &Layout, numbers: &[f64], model: &mut DisplayModel) {
         model.zero_order = numbers.first_chunk().map_or(Complex64::ZERO, |&[re, im]| Complex64::new(re, im));
+    }
+
+    fn measures(&self) -> &'static Measures {
+        &Measures {
+            phrase: "amplitude of {} of the light's",
+            scales: &[Scale { name: "amplitude", unit: Unit::Fraction, digits: 1 }],
+            note: "",
+        }
+    }
+
+    fn strengths(&self, model: &DisplayModel) -> Vec<f64> {
+        vec![model.zero_order.norm()]
     }
 }

@@ -54,7 +54,7 @@ impl Api {
                 digest: converted.digest,
                 size_bytes: converted.size_bytes,
                 relative_error: converted.relative_error,
-                losses: converted.losses.into_iter().map(to_wire::loss).collect(),
+                losses: converted.losses.into_iter().map(to_wire::parts::loss).collect(),
             })
         });
         let head = [Part::Version(to_wire::version(version))].into_iter().chain(converted);

@@ -7,7 +7,6 @@ use crate::once::mark;
 use crate::optics::from_wire::distance;
 use lightpath_media::report::Comparison;
 use lightpath_proto::v1;
-use lightpath_proto::v1::kernel_comparison::Parameter;
 use lightpath_service::{Call, Field, KernelImport, Result};
 
 impl Api {
@@ -49,12 +48,8 @@ impl Api {
         let first = names::kernel_version(call, &Field::new("first"), &request.first)?;
         let second = names::kernel_version(call, &Field::new("second"), &request.second)?;
         let ([first, second], comparison) = self.service.kernels.compare(call, [first, second]).await?;
-        let Comparison { transfer, source, parameters, picture_png } = comparison;
-        let parameter = |(name, [first, second]): (&str, [Option<String>; 2])| Parameter {
-            name: name.to_owned(),
-            first: first.unwrap_or_default(),
-            second: second.unwrap_or_default(),
-        };
+        let parts = to_wire::parts::compared(&comparison);
+        let Comparison { transfer, source, picture_png, .. } = comparison;
         Ok(v1::KernelComparison {
             first: Some(to_wire::version(first)),
             second: Some(to_wire::version(second)),
@@ -62,7 +57,7 @@ impl Api {
             transfer_phase_rad: transfer.phase_rad,
             source_difference: source.relative,
             source_phase_rad: source.phase_rad,
-            parameters: parameters.into_iter().map(parameter).collect(),
+            parts,
             picture_png: picture_png.into(),
         })
     }

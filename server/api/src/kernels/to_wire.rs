@@ -1,14 +1,13 @@
 //! Conversion of kernels into messages.
 
+mod lineage;
+pub(crate) mod parts;
+
 use crate::enumerations::OnWire as _;
 use crate::optics::to_wire::place;
 use crate::time::timestamp;
-use lightpath_domain::kernel::{
-    CapturedQuality, Deprecation, Kernel, KernelLineage, KernelMetrics, KernelMove, KernelVersion, LearnedDataset,
-};
+use lightpath_domain::kernel::{CapturedQuality, Deprecation, Kernel, KernelMetrics, KernelMove, KernelVersion};
 use lightpath_domain::promotion::{GateChange, GateCheck, PromotionGate};
-use lightpath_media::kernel_formats::Loss;
-use lightpath_optics::learning::PartCost;
 use lightpath_proto::v1;
 
 /// Converts a kernel into its message.
@@ -37,7 +36,7 @@ pub(crate) fn version(version: KernelVersion) -> v1::KernelVersion {
         artifact: content.artifact,
         size_bytes: content.size_bytes,
         metrics: metrics(&content.metrics),
-        lineage: Some(lineage(content.lineage)),
+        lineage: Some(lineage::message(content.lineage)),
         create_time: Some(timestamp(version.create_time_ms)),
         active: version.active,
         deprecation: version.deprecation.map(deprecation),
@@ -89,19 +88,8 @@ pub(crate) fn metrics(metrics: &KernelMetrics) -> Option<v1::KernelMetrics> {
             .captured
             .map(|CapturedQuality { psnr_db, ideal_psnr_db }| v1::CapturedQuality { psnr_db, ideal_psnr_db }),
         no_better_than_ideal: metrics.no_better_than_ideal(),
-        parts: metrics.parts.iter().map(part_cost).collect(),
+        parts: metrics.parts.iter().map(parts::cost).collect(),
     })
-}
-
-fn part_cost(&PartCost { part, cost_db, least_db, most_db }: &PartCost) -> v1::Part {
-    let cost_db = v1::Measure { value: cost_db, low: Some(least_db), high: Some(most_db), std: None };
-    let (name, title) = (part.name().to_owned(), part.title().to_owned());
-    v1::Part { name, title, cost_db: Some(cost_db), ..v1::Part::default() }
-}
-
-/// Converts what a form does not hold into its message.
-pub(crate) fn loss(loss: Loss) -> v1::KernelLoss {
-    v1::KernelLoss { name: loss.name().to_owned(), title: loss.to_string() }
 }
 
 /// Converts a move into its message.
@@ -116,23 +104,5 @@ pub(crate) fn kernel_move(moved: KernelMove) -> v1::KernelMove {
         overridden: moved.overridden,
         rollback: moved.rollback,
         generation: moved.generation,
-    }
-}
-
-fn lineage(lineage: KernelLineage) -> v1::KernelLineage {
-    let name_of = |collection: &str, id: String| if id.is_empty() { id } else { format!("{collection}/{id}") };
-    let dataset = |dataset: LearnedDataset| v1::kernel_lineage::LearnedDataset {
-        place: place(dataset.distance),
-        name: name_of("datasets", dataset.id),
-        digest: dataset.digest,
-    };
-    v1::KernelLineage {
-        job: name_of("jobs", lineage.job),
-        datasets: lineage.datasets.into_iter().map(dataset).collect(),
-        interpolated: lineage.interpolated,
-        parent_version: lineage.parent_version,
-        parameters_json: lineage.parameters_json,
-        seed: lineage.seed,
-        code_version: lineage.code_version,
     }
 }

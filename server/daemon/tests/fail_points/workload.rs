@@ -4,7 +4,8 @@
 use lightpath_api::audit::{Audit, Change};
 use lightpath_artifacts::{Artifacts, digest_of};
 use lightpath_domain::job::{Job, JobEffect, JobState, NewJob, Progress, Scheduling};
-use lightpath_domain::kernel::{Cause, KernelKey, KernelLineage, KernelMetrics, KernelModel, NewKernelVersion};
+use lightpath_domain::kernel::{Cause, KernelKey, KernelMetrics, KernelModel, NewKernelVersion};
+use lightpath_domain::lineage::{KernelLineage, KernelOrigin, Learning};
 use lightpath_fixtures::{DISTANCE, WAVELENGTH, capture_job, capture_result, display};
 use lightpath_server::database::DATABASE;
 use lightpath_server::upkeep::{Retention, backup, restore};
@@ -210,6 +211,6 @@ fn new_version(artifact: &str) -> NewKernelVersion {
         artifact: artifact.to_owned(),
         size_bytes: TARGET.len() as u64,
         metrics: KernelMetrics::default(),
-        lineage: KernelLineage::default(),
+        lineage: KernelLineage::of(KernelOrigin::Learned(Learning::default())),
     }
 }

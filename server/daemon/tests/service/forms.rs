@@ -8,6 +8,8 @@ use crate::serving::Serving;
 use lightpath_proto::v1::fetch_kernel_response::Part;
 use lightpath_proto::v1::job_result::Kind as JobResult;
 use lightpath_proto::v1::job_spec::Kind;
+use lightpath_proto::v1::kernel_lineage::import::Original;
+use lightpath_proto::v1::kernel_lineage::{Import, Origin};
 use lightpath_proto::v1::{self, KernelFormat, KernelModel};
 use tonic::{Code, Status};
 
@@ -139,11 +141,19 @@ async fn a_bundle_brings_all_of_a_version_to_another_server() {
     }
     let same = import(&other, "displays/lab", &bundle, false).await.unwrap();
     assert_eq!((&same.artifact, &same.metrics, same.model), (&first.artifact, &first.metrics, first.model));
-    let (lineage, origin) = (same.lineage.unwrap(), first.lineage.unwrap());
-    assert_eq!((&lineage.job, &lineage.datasets, lineage.seed), (&origin.job, &origin.datasets, origin.seed));
-    let parameters: serde_json::Value = serde_json::from_str(&lineage.parameters_json).unwrap();
-    assert_eq!(parameters["bundle"]["version"], first.name);
-    assert_eq!(parameters["order"], 4, "{parameters}");
+    let Some(Origin::Learned(learned)) = first.lineage.unwrap().origin else { panic!("it was learned here") };
+    assert_eq!(learned.parameters.unwrap().degree, Some(4));
+    let lineage = same.lineage.clone().unwrap();
+    let Some(Origin::Imported(file)) = lineage.origin.clone() else { panic!("{lineage:?}") };
+    assert_eq!((file.format(), &file.original_version, &*file.note), (KernelFormat::Bundle, &first.name, ""));
+    assert_eq!((file.original_create_time, file.original), (first.create_time, Some(Original::Learned(learned))));
+
+    // A bundle of the imported version names the server that learned it.
+    let (again, _) = fetch(&other, 1, KernelFormat::Bundle).await.unwrap();
+    let twice = import(&other, "displays/lab", &again, false).await.unwrap();
+    let Some(Origin::Imported(passed_on)) = twice.lineage.unwrap().origin else { panic!("it was imported") };
+    let Some(Origin::Imported(file)) = lineage.origin else { panic!("it was imported") };
+    assert_eq!(passed_on, Import { artifact: passed_on.artifact.clone(), ..file });
 
     let refused = import(&other, "displays/lab-3", &bundle, false).await.unwrap_err();
     assert_eq!(refused.code(), Code::InvalidArgument);

@@ -87,6 +87,7 @@ async fn active_kernel_judges_holograms_of_all_kernels() {
     assert!(expected.ssim.is_some() && expected.diffraction_efficiency.is_some(), "{expected:?}");
     let (own, expected) = headline(job(None), "active").await;
     assert_eq!(own, expected, "the active kernel judges its own hologram once");
+    assert_eq!(expected.stage(), Stage::Displayed, "an imported kernel does not know its error");
     // A repeated request is the same job, although another version is active now.
     let (_, again) = headline(job(None), "before").await;
     assert_eq!(again.kernel_version, "");

@@ -9,6 +9,7 @@ use lightpath_optics::learning::{Pair, compare};
 use lightpath_optics::{Detector, DisplayModel, Engine, Grid, OpticalSetup, Plane, RegionOfInterest};
 use lightpath_proto::v1;
 use lightpath_proto::v1::dataset_service_client::DatasetServiceClient;
+use lightpath_proto::v1::kernel_lineage::Origin;
 use lightpath_proto::v1::kernel_service_client::KernelServiceClient;
 use lightpath_proto::v1::prepare_dataset::{Finalize, Step};
 use std::f32::consts::TAU;
@@ -140,8 +141,7 @@ async fn interpolated_kernel_predicts_photographs_at_a_new_distance() {
 
     let version = interpolate(&serving, 4.6e-3).await.unwrap();
     assert_eq!(version.name, "displays/lab/kernels/515nm-4.6mm/versions/1");
-    let lineage = version.lineage.unwrap();
-    assert!(lineage.interpolated);
+    let Some(Origin::Interpolated(lineage)) = version.lineage.unwrap().origin else { panic!("it was interpolated") };
     assert!(lineage.datasets.iter().map(|dataset| dataset.place).eq([4e-3, 5e-3, 6e-3].map(v1::Place::at_m).map(Some)));
     assert!(lineage.datasets.iter().map(|dataset| &dataset.name).eq(&datasets));
     let listed = kernels(&serving).list_kernels(v1::ListKernelsRequest::default()).await.unwrap().into_inner().kernels;

@@ -8,8 +8,10 @@ use lightpath_domain::kernel::KernelModel;
 use lightpath_media::kernel_file;
 use lightpath_optics::{DisplayModel, Grid, KernelShape, OpticalSetup, SmoothField};
 use lightpath_proto::v1::fetch_kernel_response::Part;
+use lightpath_proto::v1::kernel_lineage::Origin;
 use lightpath_proto::v1::kernel_service_client::KernelServiceClient;
 use lightpath_proto::v1::{self, job_spec};
+use num_complex::Complex64;
 use tonic::transport::Channel;
 use tonic::{Code, Status};
 
@@ -198,13 +200,10 @@ async fn every_format_is_fetched_and_imported_again() {
         let imported = import(&serving, &bytes, 0.05).await.unwrap();
         let is_whole = matches!(format, v1::KernelFormat::Compact | v1::KernelFormat::Npz);
         assert_eq!(imported.model() == v1::KernelModel::Smooth, is_whole, "{format:?}");
-        let form = imported.lineage.unwrap().parameters_json;
-        assert!(form.contains("imported_from") && form.contains(&file.digest), "{form}");
-        assert_eq!(
-            form.contains("\"note\":\"the file does not hold source, crosstalk, uneven response, light blur"),
-            !is_whole,
-            "{form}"
-        );
+        let Some(Origin::Imported(from)) = imported.lineage.unwrap().origin else { panic!("{format:?}") };
+        assert_eq!((from.format(), &from.artifact), (format, &file.digest));
+        let note = "the file does not hold source, crosstalk, uneven response, light blur";
+        assert_eq!(from.note.starts_with(note), !is_whole, "{from:?}");
         // The server stores the native format, which can be fetched and read.
         let (_, native) = fetch(&serving, imported.version).await.unwrap();
         kernel_file::decode(&native).unwrap();
@@ -218,6 +217,31 @@ async fn every_format_is_fetched_and_imported_again() {
         Code::FailedPrecondition,
         "format: a kernel with a value",
     );
+}
+
+#[tokio::test]
+async fn two_versions_are_compared_part_by_part_with_numbers_and_units() {
+    let serving = Serving::start().await;
+    serving.display("lab").await;
+    let ideal = DisplayModel::ideal(OpticalSetup::try_new(Grid::try_new(48, 64, 8e-6).unwrap(), 515e-9, 0.05).unwrap());
+    let bright = DisplayModel { zero_order: Complex64::new(0.03, 0.04), gain: 1.25, ..ideal };
+    import(&serving, &kernel(64, 0.3), 0.05).await.unwrap();
+    import(&serving, &kernel_file::encode(&bright, KernelModel::Display).unwrap(), 0.05).await.unwrap();
+    let [first, second] = [1, 2].map(|number| format!("{KERNEL}/versions/{number}"));
+    let request = v1::CompareKernelVersionsRequest { first, second };
+    let found = client(&serving).compare_kernel_versions(request).await.unwrap().into_inner();
+    let numbers = |part: Option<v1::Part>| {
+        let number = |value: v1::PartValue| (value.name, value.unit, value.value.unwrap().value);
+        part.map(|part| part.values.into_iter().map(number).collect::<Vec<_>>())
+    };
+    let parts = found.parts.into_iter().map(|part| (part.name, numbers(part.first), numbers(part.second)));
+    let number = |name: &str, unit: &str, value| Some(vec![(name.to_owned(), unit.to_owned(), value)]);
+    let expected = [
+        ("transfer_function".to_owned(), number("degree", "1", 3.0), None),
+        ("zero_order".to_owned(), None, number("amplitude", "fraction", 0.05)),
+        ("gain".to_owned(), number("gain", "1", 1.0), number("gain", "1", 1.25)),
+    ];
+    assert_eq!(parts.collect::<Vec<_>>(), expected);
 }
 
 #[tokio::test]

@@ -5,7 +5,8 @@ use crate::kernels::{KERNEL, import, kernel};
 use crate::manifests::{Answer, curl, store_of};
 use crate::serving::{Serving, small_display};
 use lightpath_domain::access::Role;
-use lightpath_domain::kernel::{Cause, KernelKey, KernelLineage, KernelMetrics, KernelModel, NewKernelVersion};
+use lightpath_domain::kernel::{Cause, KernelKey, KernelMetrics, KernelModel, NewKernelVersion};
+use lightpath_domain::lineage::{KernelLineage, KernelOrigin, Learning};
 use lightpath_domain::units::{Distance, Wavelength};
 use lightpath_manifest::SignedManifest;
 use lightpath_proto::v1;
@@ -59,7 +60,7 @@ async fn add_measured(serving: &Serving, imported: &v1::KernelVersion, losses: &
             artifact: imported.artifact.clone(),
             size_bytes: imported.size_bytes,
             metrics,
-            lineage: KernelLineage::default(),
+            lineage: KernelLineage::of(KernelOrigin::Learned(Learning::default())),
         };
         store.add_kernel_version(&key, content, 1).await.unwrap();
     }
@@ -337,7 +338,7 @@ async fn a_device_reports_for_itself_alone() {
         artifact: digest.clone(),
         size_bytes: 1,
         metrics: KernelMetrics::default(),
-        lineage: KernelLineage::default(),
+        lineage: KernelLineage::of(KernelOrigin::Learned(Learning::default())),
     };
     store.add_kernel_version(&key, content, 1).await.unwrap();
     let (cause, overridden) = (Cause::default(), Vec::new());

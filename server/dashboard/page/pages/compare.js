@@ -2,7 +2,7 @@
 
 import { get } from "../api.js";
 import { h, show } from "../dom.js";
-import { decibels, idOf, length, number, placeText } from "../format.js";
+import { decibels, idOf, length, measuredDecibels, number, placeText } from "../format.js";
 import { headlineOf, hologramPictures, judgementOf } from "../hologram_pictures.js";
 import { stateOf } from "../job_rows.js";
 import { emptyNote, refresher } from "../loading.js";
@@ -28,7 +28,7 @@ export function comparePage(root, _, query) {
     viewer = pictures.length ? pictureViewer([...targetOfA(jobs[0]), ...pictures]) : null;
     const head = jobs.map((job, i) => h("li", {}, `${"AB"[i]}: `, h("a", { href: `#/${job.name}` }, idOf(job.name)), stateOf(job)));
     const quality = planes.flatMap((list, i) => list.map((plane) => h("tr", {}, h("th", { scope: "row" }, "AB"[i]), h("td", {}, placeText(plane.place)),
-      h("td", { class: "right" }, decibels(headlineOf(plane)?.psnrDb.value)),
+      h("td", { class: "right" }, headlineOf(plane) ? measuredDecibels(headlineOf(plane).psnrDb) : "–"),
       ["point", "pixel", "supersampled"].map((detector) => h("td", { class: "right" }, decibels(judgementOf(plane, "DISPLAYED", detector)?.psnrDb.value))),
       h("td", { class: "right" }, number(judgementOf(plane, "DISPLAYED", "pixel")?.ssim)))));
     show(body, h("ul", { class: "log" }, head),

@@ -4,7 +4,7 @@ import { get, post } from "../api.js";
 import { chart } from "../chart.js";
 import { h, show } from "../dom.js";
 import { onEvent } from "../events.js";
-import { age, between, bytes, decibels, duration, idOf, length, number, percent, placeText } from "../format.js";
+import { age, between, bytes, decibels, duration, idOf, length, measuredDecibels, number, percent, placeText } from "../format.js";
 import { progressOf, stateOf, updateProgress } from "../job_rows.js";
 import { headlineOf, hologramPictures, judgementOf, phasePicture, photographPicture, photographsOf } from "../hologram_pictures.js";
 import { livePicture } from "../live_picture.js";
@@ -202,10 +202,11 @@ export function jobPage(root, [id]) {
 /** What a photograph of each plane is expected to show, and by which model. `versions` are the kernels of the hologram. */
 function expectations(planes, versions) {
   return planes.map(([at, plane], i) => {
-    const { psnrDb, kernelVersion } = headlineOf(plane);
+    const { psnrDb, stage, kernelVersion } = headlineOf(plane);
     if (!kernelVersion && !versions[i][1]) return h("p", {}, h("strong", {}, `${decibels(psnrDb.value)} if the optics are ideal`), ` at ${at}. No kernel of the display is active to say what a photograph shows.`);
     const by = kernelVersion ? h("a", { href: `#/${kernelVersion.split("/versions/")[0]}` }, `version ${idOf(kernelVersion)} of the display's kernel`) : "the kernel of the hologram";
-    return h("p", {}, h("strong", {}, `${decibels(psnrDb.value)} expected in a photograph`), ` at ${at}, by `, by,
+    const expected = stage === "STAGE_PHOTOGRAPHED" ? `${measuredDecibels(psnrDb)} expected in a photograph` : `${decibels(psnrDb.value)} at most in a photograph`;
+    return h("p", {}, h("strong", {}, expected), ` at ${at}, by `, by, stage !== "STAGE_PHOTOGRAPHED" && ", whose own error no test photograph has shown",
       kernelVersion && ", which was active when the job was submitted. The table is by the kernel of the hologram.");
   });
 }

@@ -70,7 +70,7 @@ export function kernelPage(root, [display, kernelId]) {
         h("td", { class: "right" }, gain),
         h("td", { class: "right" }, metrics ? `${metrics.trainPairs} + ${metrics.validationPairs} + ${metrics.testPairs}` : "–"),
         h("td", { class: "right" }, bytes(Number(version.sizeBytes))),
-        h("td", {}, version.lineage?.job ? h("a", { href: `#/${version.lineage.job}` }, "job") : "imported"),
+        h("td", {}, version.lineage?.learned ? h("a", { href: `#/${version.lineage.learned.job}` }, "job") : version.lineage?.interpolated ? "interpolated" : "imported"),
         h("td", {}, age(version.createTime)),
         h("td", { class: "right" }, button("Report", `of version ${version.version}`, () => report.demand(version)), " ", version.active
           ? canRollBack && button("Roll back", `roll back ${version.version}`, () => rollBack(kernel))
@@ -88,13 +88,13 @@ export function kernelPage(root, [display, kernelId]) {
 
   async function compare(first, second) {
     try {
-      const { transferDifference, transferPhaseRad, sourceDifference, parameters, picturePng } = await get("kernels:compare", { first: `${name}/versions/${first}`, second: `${name}/versions/${second}` });
+      const { transferDifference, transferPhaseRad, sourceDifference, parts, picturePng } = await get("kernels:compare", { first: `${name}/versions/${first}`, second: `${name}/versions/${second}` });
       const rows = [["transfer function, relative difference", percent(transferDifference)], ["transfer function, phase", `${number(transferPhaseRad)} rad`], ["source, relative difference", percent(sourceDifference)]];
-      const differing = parameters.filter((parameter) => parameter.first !== parameter.second);
+      const differing = parts.filter((part) => part.first?.text !== part.second?.text);
       show(compared, h("section", {}, h("h2", {}, `Versions ${first} and ${second}`),
         h("dl", { class: "facts" }, rows.map(([term, value]) => [h("dt", {}, term), h("dd", {}, value)])),
-        differing.length > 0 && table("Parameters that differ", ["Parameter", `Version ${first}`, `Version ${second}`], differing.map((parameter) =>
-          h("tr", {}, h("th", { scope: "row" }, parameter.name), h("td", {}, parameter.first), h("td", {}, parameter.second)))),
+        differing.length > 0 && table("Parts that differ", ["Part of the display", `Version ${first}`, `Version ${second}`], differing.map((part) =>
+          h("tr", {}, h("th", { scope: "row" }, part.title), h("td", {}, part.first?.text ?? "without it"), h("td", {}, part.second?.text ?? "without it")))),
         picturePng && h("p", {}, h("img", { class: "wide-picture", src: `data:image/png;base64,${picturePng}`, alt: `Amplitude and phase of versions ${first} and ${second}` }))));
     } catch (error) {
       show(compared, errorNote(error));

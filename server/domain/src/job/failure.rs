@@ -69,8 +69,6 @@ crate::reasons! {
         LeaseExpired = "LEASE_EXPIRED",
         /// Learning failed.
         Learning = "LEARNING",
-        /// The parameters of a learned kernel cannot be encoded as JSON.
-        Lineage = "LINEAGE",
         /// A report could not be drawn or written.
         NoReport = "NO_REPORT",
         /// The pairs of the dataset do not improve its alignment: they have too little fine structure, or are aligned

@@ -5,6 +5,7 @@ use super::error::KernelFormatError;
 use super::imported::Imported;
 use super::losses::{Loss, beside_bins};
 use crate::budget::Budget;
+use lightpath_domain::kernel_format::KernelFormat;
 use lightpath_optics::numerics::grid::frequency;
 use lightpath_optics::{DisplayModel, KernelModel, KernelShape, OpticalSetup, Plane};
 use num_complex::Complex32;
@@ -74,7 +75,7 @@ pub(super) fn f32_bytes(numbers: &[f32]) -> Vec<u8> {
 pub(super) fn of_array(
     array: &Array<'_>,
     setup: &OpticalSetup,
-    form: &'static str,
+    form: KernelFormat,
     budget: &Budget,
 ) -> Result<Imported, KernelFormatError> {
     let numbers = &array.numbers;

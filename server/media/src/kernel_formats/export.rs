@@ -226,7 +226,7 @@ mod tests {
         });
         let similar: Vec<Vec<u8>> = files.filter(|file| file[0] == 0x80).collect();
         assert!(!similar.is_empty());
-        assert!(similar.iter().all(|file| import(file, &model().setup).unwrap().form == "safetensors"));
+        assert!(similar.iter().all(|file| import(file, &model().setup).unwrap().form == KernelFormat::Safetensors));
     }
 
     #[test]

@@ -10,6 +10,7 @@ use crate::budget::Budget;
 use crate::kernel_file;
 use crate::npy;
 use crate::shortened::shortened;
+use lightpath_domain::kernel_format::KernelFormat;
 use lightpath_optics::OpticalSetup;
 
 /// Memory that reading a kernel file may take \[bytes\], and also writing its kernel in the native form afterwards: the
@@ -31,17 +32,18 @@ pub fn importing_bytes(bytes: &[u8]) -> u64 {
 pub fn import(bytes: &[u8], setup: &OpticalSetup, budget: &Budget) -> Result<Imported, KernelFormatError> {
     if compact::is_compact(bytes) {
         let (model, kind) = compact::decode(bytes)?;
-        return Ok(Imported { kind, ..Imported::new("compact", model) });
+        return Ok(Imported { kind, ..Imported::new(KernelFormat::Compact, model) });
     }
     if npy::is_npy(bytes) {
-        return of_array(&Array::read_npy("the array", bytes, budget)?, setup, "npy", budget);
+        let array = Array::read_npy("the array", bytes, budget)?;
+        return of_array(&array, setup, form_of(&array), budget);
     }
     if archive::is_archive(bytes) {
         let archive = Archive::open(bytes)?;
         if archive.names().any(|name| name.ends_with(".npy")) {
             return npz::read(&archive, setup, budget);
         }
-        return of_array(&torch::read(&archive, budget)?, setup, "pt", budget);
+        return of_array(&torch::read(&archive, budget)?, setup, KernelFormat::Pt, budget);
     }
     // Safetensors start with the length of a JSON header, whose first byte may equal the first byte of a pickle.
     let is_safetensors = bytes.get(8) == Some(&b'{');
@@ -55,9 +57,21 @@ pub fn import(bytes: &[u8], setup: &OpticalSetup, budget: &Budget) -> Result<Imp
         return Err(KernelFormatError::Unknown { start });
     }
     match kernel_file::decode_within(bytes, budget) {
-        Ok((model, kind, origin)) => Ok(Imported { kind, origin, native: true, ..Imported::new("safetensors", model) }),
+        Ok((model, kind, origin)) => {
+            let form = if origin.record.is_some() { KernelFormat::Bundle } else { KernelFormat::Safetensors };
+            Ok(Imported { kind, origin, native: true, ..Imported::new(form, model) })
+        }
         Err(kernel_file::KernelFileError::NoHeader) => of_foreign_safetensors(bytes, setup, budget),
         Err(error) => Err(error.into()),
+    }
+}
+
+/// The form of a `.npy` file.
+fn form_of(array: &Array<'_>) -> KernelFormat {
+    match (array.complex, &array.shape[..]) {
+        (true, _) => KernelFormat::Complex64,
+        (false, &[_, _, 2]) => KernelFormat::F16,
+        (false, _) => KernelFormat::Npy,
     }
 }
 
@@ -89,5 +103,5 @@ fn of_foreign_safetensors(bytes: &[u8], setup: &OpticalSetup, budget: &Budget) -
     };
     let name = format!("tensor `{}`", shortened(name));
     let array = Array::new(&name, tensor.shape().to_vec(), kind, tensor.data(), budget)?;
-    of_array(&array, setup, "safetensors", budget)
+    of_array(&array, setup, KernelFormat::Safetensors, budget)
 }

@@ -2,6 +2,7 @@
 
 use super::losses::Loss;
 use crate::kernel_file::Origin;
+use lightpath_domain::kernel_format::KernelFormat;
 use lightpath_optics::{DisplayModel, KernelModel};
 
 /// An imported kernel.
@@ -11,8 +12,8 @@ pub struct Imported {
     pub model: DisplayModel,
     /// Parametrization of the model.
     pub kind: KernelModel,
-    /// Name of the file's form, for people and for the lineage.
-    pub form: &'static str,
+    /// The file's form, or the one that is most like it.
+    pub form: KernelFormat,
     /// Where the kernel comes from, as far as the file says it.
     pub origin: Origin,
     /// Whether the file is in the native form already.
@@ -25,7 +26,7 @@ pub struct Imported {
 
 impl Imported {
     /// A display model from a file that held all of it.
-    pub(super) fn new(form: &'static str, model: DisplayModel) -> Self {
+    pub(super) fn new(form: KernelFormat, model: DisplayModel) -> Self {
         Self {
             model,
             kind: KernelModel::Smooth,

@@ -34,6 +34,7 @@ use crate::budget::Budget;
 use crate::kernel_file::{self, Header, METADATA_KEY, Origin};
 use crate::shortened::{shortened, sides};
 use lightpath_artifacts::digest_of;
+use lightpath_domain::kernel_format::KernelFormat;
 use lightpath_optics::display::parts::InBins;
 use lightpath_optics::display::parts::stored::{Entry, Numbers, Stored, StoredArray, StoredError, StoredParts};
 use lightpath_optics::learning::ModelPart;
@@ -147,7 +148,8 @@ fn read_own(files: Files<'_>, header: &[u8]) -> Result<Imported, KernelFormatErr
         Ok(expected != digest_of_numbers(name, &files.require(name)?, budget)?)
     };
     let model = kernel_file::assemble(&header, &Own { header: &header, files })?;
-    let mut imported = Imported { kind: header.model, origin: header.into_origin(), ..Imported::new("npz", model) };
+    let mut imported =
+        Imported { kind: header.model, origin: header.into_origin(), ..Imported::new(KernelFormat::Npz, model) };
     if is_changed(SOURCE)? {
         imported.remarks.push(
             "the array `source` was changed and is not imported: a kernel has its source as a series and as dust, which stay \
@@ -208,7 +210,7 @@ impl StoredParts for Own<'_> {
 /// Replaces the kernel of an imported model by the changed H of its archive.
 fn take_transfer(imported: &mut Imported, transfer: &Array<'_>, budget: &Budget) -> Result<(), KernelFormatError> {
     let Imported { model, kind, absent, remarks, .. } = imported;
-    let changed = of_array(transfer, &model.setup, "npz", budget)?;
+    let changed = of_array(transfer, &model.setup, KernelFormat::Npz, budget)?;
     let parts = || ModelPart::ALL.iter().copied().filter(|part| part.is_in(model));
     absent.extend(parts().filter(|part| part.in_bins() == InBins::Lost).map(Loss::Part));
     let replaced: Vec<ModelPart> = parts().filter(|part| part.in_bins() != InBins::Beside).collect();
@@ -279,7 +281,8 @@ fn read_foreign(files: Files<'_>, setup: &OpticalSetup) -> Result<Imported, Kern
             });
         }
     };
-    let mut imported = of_array(&Array::read_npy(name, &files.require(name)?, budget)?, setup, "npz", budget)?;
+    let mut imported =
+        of_array(&Array::read_npy(name, &files.require(name)?, budget)?, setup, KernelFormat::Npz, budget)?;
     if let Some(file) = files.named("response_harmonics")? {
         let harmonics = files.f64s("response_harmonics", &file)?;
         imported.model.response = harmonics.as_chunks().0.to_vec();
@@ -376,7 +379,7 @@ mod tests {
             // The optics come from the file, and not from the caller.
             let elsewhere = OpticalSetup::try_new(Grid::try_new(8, 8, 4e-6).unwrap(), 633e-9, 0.1).unwrap();
             let back = import(&exported.bytes, &elsewhere).unwrap();
-            assert_eq!((&back.model, back.kind, back.form), (&model, kind, "npz"));
+            assert_eq!((&back.model, back.kind, back.form), (&model, kind, KernelFormat::Npz));
             assert!(back.absent.is_empty() && back.remarks.is_empty());
         }
     }

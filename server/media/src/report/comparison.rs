@@ -5,8 +5,8 @@ use super::input::KernelDifference;
 use super::optics::{SAMPLES, band, heat, ratio};
 use crate::figures::{Axis, Canvas, ColourMap, Heatmap};
 use crate::pictures::PictureError;
-use lightpath_optics::learning::PartStrength;
-use lightpath_optics::{DisplayModel, KernelShape, Plane};
+use lightpath_optics::learning::{ModelPart, PartStrength};
+use lightpath_optics::{DisplayModel, Plane};
 use num_complex::Complex64;
 use std::f64::consts::PI;
 
@@ -17,8 +17,10 @@ pub struct Comparison {
     pub transfer: KernelDifference,
     /// Difference of the light on the modulator.
     pub source: KernelDifference,
-    /// Name, value in the first and in the second model; `None`: the model is without this part.
-    pub parameters: Vec<(&'static str, [Option<String>; 2])>,
+    /// The parts that either model has, and how strong they are in both; `None`: the model is without this part.
+    pub parts: Vec<(ModelPart, [Option<PartStrength>; 2])>,
+    /// The gain of the camera in both.
+    pub gains: [f64; 2],
     /// The ratio of the transfer functions and the sources, as PNG.
     pub picture_png: Vec<u8>,
 }
@@ -38,7 +40,8 @@ pub fn comparison(models: [&DisplayModel; 2], names: [&str; 2]) -> Result<Compar
     let (source, _) = KernelDifference::of(samples().map(of_source));
     let between = quotient(h, g, turn);
     let picture_png = sheet(models, names, between).png().map_err(|error| PictureError::Encode(error.to_string()))?;
-    Ok(Comparison { transfer, source, parameters: parameters(models), picture_png })
+    let gains = models.map(|model| model.gain);
+    Ok(Comparison { transfer, source, parts: parts(models), gains, picture_png })
 }
 
 /// Points of a grid from −1 to 1 along each axis.
@@ -117,42 +120,18 @@ fn light_picture(model: &DisplayModel, title: &str, values: &Plane<f32>, top: f3
     Heatmap { title, values, colours: ColourMap::Sequential, range: (0.0, top), unit: "", x, y }.draw()
 }
 
-fn parameters(models: [&DisplayModel; 2]) -> Vec<(&'static str, [Option<String>; 2])> {
-    let of_model = |of: &dyn Fn(&DisplayModel) -> Option<String>| models.map(of);
-    let number = |value: f64| format!("{value:.4}");
-    let rows = vec![
-        (
-            "degree of the kernel",
-            of_model(&|model| match &model.kernel {
-                KernelShape::Smooth(errors) => Some(errors.order.to_string()),
-                KernelShape::Ideal | KernelShape::Bins(_) => None,
-            }),
-        ),
-        ("degree of the source", of_model(&|model| (!model.source.is_flat()).then(|| model.source.order.to_string()))),
-        ("gain of the camera", of_model(&|model| Some(number(model.gain)))),
-        (
-            "undiffracted light, amplitude",
-            of_model(&|model| {
-                let amplitude = model.zero_order.norm();
-                (amplitude > 0.0).then(|| number(amplitude))
-            }),
-        ),
-        (
-            "bend of the response, first harmonic [rad]",
-            of_model(&|model| model.response.first().map(|&[sine, cosine]| number(sine.hypot(cosine)))),
-        ),
-    ];
-    // A small difference shows in one more digit than a strength alone needs.
-    let text = |strength: &PartStrength| strength.kept.then(|| strength.text(2));
-    let [first, second] = models.map(PartStrength::all_of);
-    let strengths = first.iter().zip(&second).map(|(first, second)| (first.title(), [text(first), text(second)]));
-    rows.into_iter().chain(strengths).filter(|(_, values)| values.iter().any(Option::is_some)).collect()
+/// The parts that either model has, in the order of the engine's table.
+fn parts(models: [&DisplayModel; 2]) -> Vec<(ModelPart, [Option<PartStrength>; 2])> {
+    let [first, second] = models.map(PartStrength::present_in);
+    let of = |strengths: &[PartStrength], part| strengths.iter().find(|strength| strength.part == part).cloned();
+    let both = ModelPart::ALL.iter().map(|&part| (part, [of(&first, part), of(&second, part)]));
+    both.filter(|(_, strengths)| strengths.iter().any(Option::is_some)).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use lightpath_optics::{Grid, OpticalSetup, SmoothField};
+    use lightpath_optics::{Grid, KernelShape, OpticalSetup, SmoothField};
 
     #[test]
     fn a_tilt_of_the_kernel_and_a_gain_of_the_source_are_told_apart() {
@@ -169,9 +148,10 @@ mod tests {
         // A tilt of ±0.1 rad has an rms of 0.1/√3, and a slope of ±0.2 of the logarithm changes no phase.
         assert!((found.transfer.phase_rad - 0.1 / 3.0_f64.sqrt()).abs() < 1e-3, "{:?}", found.transfer);
         assert!(found.source.phase_rad < 1e-6 && (found.source.relative - 0.2 / 3.0_f64.sqrt()).abs() < 0.01);
-        assert!(found.parameters.iter().any(|(name, values)| {
-            name.starts_with("degree of the source") && values == &[None, Some("1".to_owned())]
-        }));
+        let present: Vec<_> = found.parts.iter().map(|(part, [a, b])| (*part, a.is_some(), b.is_some())).collect();
+        assert_eq!(present, [(ModelPart::TransferFunction, false, true), (ModelPart::Source, false, true)]);
+        let degree = found.parts[0].1[1].as_ref().unwrap();
+        assert_eq!((degree.measures[0].value, degree.text(2).as_str()), (Some(1.0), "errors up to degree 1"));
         assert!(found.picture_png.starts_with(b"\x89PNG"));
         // The best factor for a tilt is smaller than 1, but the picture shows the same amplitude.
         let between = quotient(ratio(&first), ratio(&second), Complex64::from_polar(0.998, 0.3));

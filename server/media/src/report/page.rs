@@ -5,6 +5,8 @@ use super::chapter::{Chapter, Figure};
 use super::input::ReportInput;
 use crate::figures::escaped;
 use lightpath_domain::kernel::KernelMetrics;
+use lightpath_domain::lineage::LearningParameters;
+use lightpath_optics::Detector;
 use lightpath_optics::learning::PartCost;
 use std::fmt::Write as _;
 
@@ -51,7 +53,7 @@ fn origin(input: &ReportInput) -> Vec<(&'static str, String)> {
     ];
     if let Some(distances) = lineage.joint_distances() {
         let distances: Vec<String> = distances.iter().map(ToString::to_string).collect();
-        let label = if lineage.interpolated { "interpolated from photographs at" } else { "learned together for" };
+        let label = if lineage.is_interpolated() { "interpolated from photographs at" } else { "learned together for" };
         rows.push((label, distances.join(", ")));
     }
     if let Some(dataset) = lineage.own_dataset() {
@@ -62,14 +64,34 @@ fn origin(input: &ReportInput) -> Vec<(&'static str, String)> {
         rows.push(("dataset", format!("{} ({pairs})", dataset.id)));
         rows.push(("digest of the dataset", dataset.digest.clone()));
     }
-    if !lineage.job.is_empty() {
-        rows.push(("job", lineage.job.clone()));
-        rows.push(("parameters", lineage.parameters_json.clone()));
-        rows.push(("seed", lineage.seed.to_string()));
+    if !lineage.job().is_empty() {
+        rows.push(("job", lineage.job().to_owned()));
+    }
+    if let Some(parameters) = lineage.parameters() {
+        rows.push(("asked for", asked(parameters)));
     }
     rows.push(("file", format!("{}, {} bytes", content.artifact, content.size_bytes)));
     rows.push(("Lightpath", lineage.code_version.clone()));
     rows
+}
+
+/// What was asked of the learning, without what was left to it.
+fn asked(parameters: &LearningParameters) -> String {
+    let LearningParameters { model, degree, epochs, learning_rate, refinement_evaluations, seed, .. } = parameters;
+    let region = parameters.region_of_interest;
+    let given = [
+        degree.map(|degree| format!("degree {degree}")),
+        epochs.map(|epochs| format!("{epochs} epochs")),
+        learning_rate.map(|rate| format!("learning rate {rate}")),
+        refinement_evaluations.map(|evaluations| format!("{evaluations} refining evaluations")),
+        (parameters.detector == Detector::Point).then(|| "light at points".to_owned()),
+    ];
+    let mut words = vec![model.name().to_owned()];
+    words.extend(given.into_iter().flatten());
+    words.push(format!("seed {seed}"));
+    let (width_px, height_px) = (region.width_px(), region.height_px());
+    words.push(format!("region {width_px}×{height_px} px at ({}, {})", region.x_px(), region.y_px()));
+    words.join(", ")
 }
 
 /// Table of the kernel's losses, as HTML. Empty: no pair was held out.
@@ -128,7 +150,7 @@ fn losses(name: &str, learned: f64, ideal: f64) -> String {
 /// The whole page.
 pub(super) fn html(input: &ReportInput, chapters: &[Chapter]) -> String {
     let name = escaped(&format!("{}/versions/{}", input.version.key, input.version.version));
-    let method = if input.version.content.lineage.interpolated { "interpolated" } else { "learned" };
+    let method = if input.version.content.lineage.is_interpolated() { "interpolated" } else { "learned" };
     let orders = input.model.setup.orders();
     let mut page = format!(
         "<!doctype html><html lang=en><meta charset=utf-8><meta name=viewport content=\"width=device-width,initial-scale=1\">\

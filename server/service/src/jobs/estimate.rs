@@ -3,7 +3,6 @@
 use super::Jobs;
 use crate::error::Result;
 use lightpath_domain::display::Display;
-use lightpath_domain::job::LearnKernel;
 use lightpath_domain::job::estimate::{KernelSize, PairsSize};
 use lightpath_domain::kernel::{KernelKey, KernelVersion};
 use lightpath_domain::planning;
@@ -88,7 +87,6 @@ fn order_of(model: &DisplayModel) -> usize {
 
 /// Rows and columns of the region that the job compared which learned a version \[px\]; all if it is not known.
 pub(super) fn learned_region_px(version: &KernelVersion, kernel: &KernelSize) -> [usize; 2] {
-    let parameters = serde_json::from_str(&version.content.lineage.parameters_json);
-    let region = parameters.map(|parameters: LearnKernel| parameters.region_of_interest);
+    let region = version.content.lineage.parameters().map(|parameters| parameters.region_of_interest);
     region.map_or([kernel.engine.height_px, kernel.engine.width_px], |region| [region.height_px(), region.width_px()])
 }

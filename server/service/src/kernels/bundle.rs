@@ -2,7 +2,8 @@
 //!
 //! A bundle is a kernel file in the native form whose header also has the record of the version.
 
-use lightpath_domain::kernel::{KernelLineage, KernelMetrics, KernelVersion};
+use lightpath_domain::kernel::{KernelMetrics, KernelVersion};
+use lightpath_domain::lineage::{Import, KernelLineage, KernelOrigin, Made, OriginalVersion};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -38,15 +39,17 @@ impl Record {
         self.version.starts_with(&format!("displays/{display}/kernels/"))
     }
 
-    /// The lineage of the imported version. Jobs, datasets and versions have other names on the other server, so its
-    /// parameters say where they come from.
-    pub(super) fn imported_lineage(self) -> KernelLineage {
-        let parsed = serde_json::from_str(&self.lineage.parameters_json);
-        let mut parameters: Value = parsed.unwrap_or_else(|_| Value::Object(Default::default()));
-        parameters["bundle"] = serde_json::json!({
-            "version": self.version, "artifact": self.artifact, "create_time_ms": self.create_time_ms,
-            "parent_version": self.lineage.parent_version,
-        });
-        KernelLineage { parent_version: None, parameters_json: parameters.to_string(), ..self.lineage }
+    /// The lineage of a version that is imported from the bundle. If the bundle's version was itself imported, it names
+    /// the server that made the version, and not those through which it came.
+    pub(super) fn imported_lineage(self, file: Import) -> KernelLineage {
+        let here = OriginalVersion { name: self.version, create_time_ms: self.create_time_ms };
+        let Import { note, version, made, .. } = match self.lineage.origin {
+            KernelOrigin::Learned(learning) => Import { made: Some(Made::Learned(learning)), ..file.clone() },
+            KernelOrigin::Interpolated(learning) => Import { made: Some(Made::Interpolated(learning)), ..file.clone() },
+            KernelOrigin::Imported(before) => before,
+        };
+        let version = Some(version.unwrap_or(here));
+        let origin = KernelOrigin::Imported(Import { note, version, made, ..file });
+        KernelLineage { origin, code_version: self.lineage.code_version }
     }
 }

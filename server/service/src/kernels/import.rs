@@ -7,9 +7,9 @@ use crate::error::{Result, ServiceError};
 use crate::field::Field;
 use lightpath_artifacts::ArtifactError;
 use lightpath_domain::display::Display;
-use lightpath_domain::kernel::{
-    KernelKey, KernelLineage, KernelMetrics, KernelVersion, LearnedDataset, NewKernelVersion,
-};
+use lightpath_domain::kernel::{KernelKey, KernelMetrics, KernelVersion, NewKernelVersion};
+use lightpath_domain::kernel_format::KernelFormat;
+use lightpath_domain::lineage::{Import, KernelLineage, KernelOrigin, LearnedDataset, Learning, Made};
 use lightpath_domain::planning;
 use lightpath_domain::units::{Distance, Wavelength};
 use lightpath_media::budget::Budget;
@@ -70,20 +70,14 @@ impl Kernels {
             let file = artifacts.read_blocking(&name)?;
             Ok(imported(&file, &setup, &destination, &Budget::new(need_bytes)))
         };
-        let Import { kind, form, native_file, origin, note } =
+        let Read { kind, form, native_file, origin, note } =
             self.computing.run(call, need_bytes, read).await??.map_err(|error| match error {
                 ImportError::Format(error) => {
                     field.invalid(format!("({digest}): {error}"), "upload a kernel file in a form that is imported")
                 }
                 ImportError::Refused(error) => error,
             })?;
-        let mut parameters = serde_json::json!({});
-        if native_file.is_some() {
-            parameters = serde_json::json!({ "imported_from": form, "artifact": digest });
-        }
-        if let Some(note) = note {
-            parameters["note"] = note.into();
-        }
+        let import = Import { note, ..Import::of(form, digest.clone()) };
         // The kernel is stored in the native format, which all other code reads.
         let (artifact, size_bytes) = match native_file {
             None => (digest, record.size_bytes),
@@ -104,10 +98,10 @@ impl Kernels {
                     return Err(field.invalid(problem, "set from_another_display if it fits"));
                 }
                 let metrics = if is_own { record.metrics.clone() } else { KernelMetrics::default() };
-                (metrics, record.imported_lineage())
+                (metrics, record.imported_lineage(import))
             }
             // Without a record the version is not measured.
-            None => (KernelMetrics::default(), lineage(parameters.to_string(), origin.interpolated_from_m)),
+            None => (KernelMetrics::default(), lineage(import, origin.interpolated_from_m)),
         };
         Ok(NewKernelVersion { model: kind, artifact, size_bytes, metrics, lineage })
     }
@@ -147,14 +141,10 @@ impl Kernels {
 }
 
 /// The lineage of a version that was imported without its record.
-fn lineage(parameters_json: String, interpolated_from_m: Vec<f64>) -> KernelLineage {
-    KernelLineage {
-        parameters_json,
-        code_version: env!("CARGO_PKG_VERSION").to_owned(),
-        interpolated: !interpolated_from_m.is_empty(),
-        datasets: interpolated_from_m.into_iter().filter_map(imported_dataset).collect(),
-        ..KernelLineage::default()
-    }
+fn lineage(import: Import, interpolated_from_m: Vec<f64>) -> KernelLineage {
+    let datasets: Vec<LearnedDataset> = interpolated_from_m.into_iter().filter_map(imported_dataset).collect();
+    let made = (!datasets.is_empty()).then(|| Made::Interpolated(Learning { datasets, ..Learning::default() }));
+    KernelLineage::of(KernelOrigin::Imported(Import { made, ..import }))
 }
 
 /// Where an imported kernel belongs.
@@ -168,9 +158,9 @@ struct Destination {
 }
 
 /// A kernel read from a file.
-struct Import {
+struct Read {
     kind: KernelModel,
-    form: &'static str,
+    form: KernelFormat,
     /// The kernel in the native format, if the file has another format, or says something else about its origin.
     native_file: Option<Vec<u8>>,
     /// What the file says about the origin.
@@ -191,7 +181,7 @@ fn imported(
     setup: &OpticalSetup,
     destination: &Destination,
     budget: &Budget,
-) -> Result<Import, ImportError> {
+) -> Result<Read, ImportError> {
     let imported = kernel_formats::import(file, setup, budget).map_err(ImportError::Format)?;
     require_setup(&destination.field, &imported.model.setup, &destination.display, &destination.key)
         .map_err(ImportError::Refused)?;
@@ -205,7 +195,7 @@ fn imported(
     };
     let encode = || kernel_file::encode_with(&model, kind, &kept).map_err(|error| ImportError::Format(error.into()));
     let native_file = (!native || kept != origin).then(encode).transpose()?;
-    Ok(Import { kind, form, native_file, origin, note })
+    Ok(Read { kind, form, native_file, origin, note })
 }
 
 /// Refuses the kernel of another display, unless the caller accepts it.

@@ -6,9 +6,8 @@ use crate::error::{Result, ServiceError};
 use crate::field::Field;
 use crate::propagation::distance_refusal;
 use lightpath_domain::display::Display;
-use lightpath_domain::kernel::{
-    Kernel, KernelKey, KernelLineage, KernelMetrics, KernelVersion, LearnedDataset, NewKernelVersion,
-};
+use lightpath_domain::kernel::{Kernel, KernelKey, KernelMetrics, KernelVersion, NewKernelVersion};
+use lightpath_domain::lineage::{KernelLineage, KernelOrigin, LearnedDataset, Learning};
 use lightpath_domain::planning;
 use lightpath_domain::reason::PreconditionReason;
 use lightpath_domain::units::{Distance, Wavelength};
@@ -58,13 +57,10 @@ impl Kernels {
             artifact: self.files.store(call, file).await?,
             // The version is not measured, because no photographs of the distance exist.
             metrics: KernelMetrics::default(),
-            lineage: KernelLineage {
+            lineage: KernelLineage::of(KernelOrigin::Interpolated(Learning {
                 datasets: fit.versions.iter().filter_map(own_dataset).collect(),
-                interpolated: true,
-                parent_version: None,
-                code_version: env!("CARGO_PKG_VERSION").to_owned(),
-                ..content.lineage.clone()
-            },
+                ..content.lineage.learning().cloned().unwrap_or_default()
+            })),
         };
         self.add_version(&key, version, mark.as_ref()).await
     }
@@ -92,7 +88,7 @@ struct Fit<'a> {
 
 /// The newest fit whose distances include the distance of the kernel between them.
 fn fit_around<'a>(field: &Field, key: &KernelKey, versions: &'a [KernelVersion]) -> Result<Fit<'a>> {
-    let same_job = |a: &KernelVersion, b: &KernelVersion| a.content.lineage.job == b.content.lineage.job;
+    let same_job = |a: &KernelVersion, b: &KernelVersion| a.content.lineage.job() == b.content.lineage.job();
     let fits: Vec<Fit<'_>> = versions
         .chunk_by(same_job)
         .filter_map(|versions| Some(Fit { versions, distances: versions[0].content.lineage.joint_distances()? }))

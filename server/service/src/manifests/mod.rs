@@ -98,7 +98,7 @@ impl Manifests {
             height_px: display.height_px,
             pixel_pitch_pm: (display.pixel_pitch_m * 1e12).round() as u64,
             orders: orders(display.orders),
-            interpolated: version.content.lineage.interpolated,
+            interpolated: version.content.lineage.is_interpolated(),
             issued: Time::from_unix_s(issued_s).ok_or_else(clock)?,
             expires: Time::from_unix_s(expires_s).ok_or_else(clock)?,
         })

@@ -39,8 +39,7 @@ const ROWS: &[(usize, &str)] = &[(
     select 1, 1, 'display', 'sha256-' || printf('%064x', 1), 7,
     '{"train_pairs":1,"validation_pairs":0,"test_pairs":1,"train_loss":0.1,"validation_loss":0.0,"test_loss":0.2,
     "ideal_test_loss":0.3,"test_loss_full_frame":0.2,"ideal_test_loss_full_frame":0.3,"captured":null}',
-    '{"job":"","datasets":[],"interpolated":false,"parent_version":null,"parameters_json":"{}","seed":1,
-    "code_version":"0.1.0"}', 9, 0, 0, '';
+    '{"origin":{"learned":{"job":"","datasets":[],"parent_version":null,"parameters":null}},"code_version":"0.1.0"}', 9, 0, 0, '';
     update kernel set active_version = 1;
     insert into kernel_move (kernel, alias, time_ms, caller, from_version, to_version, reason, generation)
     values (1, 'active', 10, 'ada', null, 1, 'good', 1);

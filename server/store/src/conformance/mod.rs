@@ -29,7 +29,8 @@ use super::{Inspection, Promotion, Store, StoreError};
 use crate::connect::connect_options;
 use lightpath_domain::dataset::{Dataset, Encoding, Pair};
 use lightpath_domain::job::{FailureReason, JobEffect, JobError, JobResult, JobSpec, NewJob};
-use lightpath_domain::kernel::{Cause, KernelKey, KernelLineage, KernelMetrics, KernelModel, NewKernelVersion};
+use lightpath_domain::kernel::{Cause, KernelKey, KernelMetrics, KernelModel, NewKernelVersion};
+use lightpath_domain::lineage::{KernelLineage, KernelOrigin, Learning};
 use lightpath_domain::units::Distance;
 use lightpath_fixtures::{
     DISTANCE, WAVELENGTH, capture_job, capture_result, display, postgres_database, test_database,
@@ -164,12 +165,17 @@ fn key() -> KernelKey {
 }
 
 fn new_version(n: u32) -> NewKernelVersion {
+    let parameters = serde_json::json!({
+        "model": "display", "seed": u64::MAX, "detector": "pixel",
+        "region_of_interest": { "x_px": 6, "y_px": 5, "width_px": 52, "height_px": 38 },
+    });
+    let learning = Learning { parameters: serde_json::from_value(parameters).unwrap(), ..Learning::default() };
     NewKernelVersion {
         model: KernelModel::Display,
         artifact: digest(n),
         size_bytes: 7,
         metrics: KernelMetrics { test_loss: 0.001, ..KernelMetrics::default() },
-        lineage: KernelLineage { seed: u64::MAX, ..KernelLineage::default() },
+        lineage: KernelLineage::of(KernelOrigin::Learned(learning)),
     }
 }
 

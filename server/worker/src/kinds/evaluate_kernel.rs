@@ -5,7 +5,7 @@ use crate::losses::LossMeter;
 use crate::pairs::Pairs;
 use crate::{JobContext, TaskError, TaskOutput};
 use lightpath_domain::dataset::Split;
-use lightpath_domain::job::{EvaluateKernel, EvaluateResult, JobEffect, JobResult, LearnKernel, PairLoss};
+use lightpath_domain::job::{EvaluateKernel, EvaluateResult, JobEffect, JobResult, PairLoss};
 use lightpath_optics::Detector;
 
 pub(super) fn run(context: &JobContext, spec: &EvaluateKernel) -> Result<TaskOutput, TaskError> {
@@ -38,6 +38,5 @@ pub(super) fn run(context: &JobContext, spec: &EvaluateKernel) -> Result<TaskOut
 fn detector_of(context: &JobContext, display: &DisplaySetup, version: Option<u32>) -> Result<Detector, TaskError> {
     let Some(version) = version else { return Ok(Detector::Pixel) };
     let version = context.wait(context.store().kernel_version(&display.key, version))?;
-    let parameters: Option<LearnKernel> = serde_json::from_str(&version.content.lineage.parameters_json).ok();
-    Ok(parameters.map_or(Detector::Pixel, |parameters| parameters.detector))
+    Ok(version.content.lineage.parameters().map_or(Detector::Pixel, |parameters| parameters.detector))
 }

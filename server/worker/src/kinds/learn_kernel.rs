@@ -8,10 +8,9 @@ use crate::pairs::{JointPairs, Pairs};
 use crate::state_bytes::{from_bytes, to_bytes};
 use crate::{JobContext, TaskError, TaskOutput};
 use lightpath_domain::dataset::{Dataset, Split};
-use lightpath_domain::job::{
-    FailureReason, Job, JobEffect, JobResult, LearnKernel, LearnResult, LearnedKernel, Progress,
-};
-use lightpath_domain::kernel::{KernelLineage, KernelMetrics, LearnedDataset, NewKernelVersion};
+use lightpath_domain::job::{Job, JobEffect, JobResult, LearnKernel, LearnResult, LearnedKernel, Progress};
+use lightpath_domain::kernel::{KernelMetrics, NewKernelVersion};
+use lightpath_domain::lineage::{KernelLineage, KernelOrigin, LearnedDataset, Learning};
 use lightpath_media::captures::Captures;
 use lightpath_media::kernel_file::{self, Origin};
 use lightpath_optics::learning::{
@@ -25,7 +24,7 @@ const CERTAINTY_PAIRS_MAX: usize = 16;
 
 pub(super) fn run(context: &JobContext, job: &Job, spec: &LearnKernel) -> Result<TaskOutput, TaskError> {
     let planes = read_planes(context, spec)?;
-    let region = planes[0].0.region(spec.region_of_interest)?;
+    let region = planes[0].0.region(spec.parameters.region_of_interest)?;
     for split in [Split::Validation, Split::Test] {
         check_photographs(context, &JointPairs::of(context, &planes, split)?, region)?;
     }
@@ -55,15 +54,15 @@ pub(super) fn run(context: &JobContext, job: &Job, spec: &LearnKernel) -> Result
             left_out_pairs: kept.left_out,
             propagation: plane.0.validity.clone(),
         });
-        let kind = kind(spec.model, model);
+        let kind = kind(spec.parameters.model, model);
         let display = Some(plane.0.key.display.clone());
         let file = kernel_file::encode_with(model, kind, &Origin { display, ..Origin::default() })?;
         let size_bytes = file.len() as u64;
-        let (artifact, lineage) = (context.put_artifact(file)?, lineage(job, spec, plane, &planes)?);
+        let (artifact, lineage) = (context.put_artifact(file)?, lineage(job, spec, plane, &planes));
         let version = NewKernelVersion { model: kind, artifact, size_bytes, metrics, lineage };
         learned.push((plane.0.key.clone(), version));
     }
-    let parts = strengths(context, &planes[0], &models[0], (spec.detector, region), &learned_from_first)?;
+    let parts = strengths(context, &planes[0], &models[0], (spec.parameters.detector, region), &learned_from_first)?;
     let degree = match &models[0].kernel {
         KernelShape::Smooth(field) => field.order as u32,
         KernelShape::Ideal | KernelShape::Bins(_) => 0,
@@ -164,14 +163,15 @@ fn learn(
 }
 
 fn options(spec: &LearnKernel, display: &DisplaySetup, region: RegionOfInterest) -> LearnOptions {
-    let defaults = LearnOptions::new(spec.model, region);
+    let asked = &spec.parameters;
+    let defaults = LearnOptions::new(asked.model, region);
     LearnOptions {
-        degree: spec.degree.map(|degree| degree as usize),
-        epochs: spec.epochs.unwrap_or(defaults.epochs),
-        learning_rate: spec.learning_rate.unwrap_or(defaults.learning_rate),
-        refinement_evaluations: spec.refinement_evaluations.unwrap_or(defaults.refinement_evaluations),
-        seed: spec.seed,
-        detector: spec.detector,
+        degree: asked.degree.map(|degree| degree as usize),
+        epochs: asked.epochs.unwrap_or(defaults.epochs),
+        learning_rate: asked.learning_rate.unwrap_or(defaults.learning_rate),
+        refinement_evaluations: asked.refinement_evaluations.unwrap_or(defaults.refinement_evaluations),
+        seed: asked.seed,
+        detector: asked.detector,
         carrier: display.carrier,
         ..defaults
     }
@@ -186,7 +186,7 @@ fn measure(
     model: &DisplayModel,
     kept: &[usize],
 ) -> Result<KernelMetrics, TaskError> {
-    let detector = spec.detector;
+    let detector = spec.parameters.detector;
     let validation = Pairs::of(context, display, dataset, Split::Validation)?;
     let test = Pairs::of(context, display, dataset, Split::Test)?;
     let learned = LossMeter::new(context, display, model, detector, region)?;
@@ -273,20 +273,16 @@ fn lineage(
     spec: &LearnKernel,
     (_, dataset): &(DisplaySetup, Dataset),
     planes: &[(DisplaySetup, Dataset)],
-) -> Result<KernelLineage, TaskError> {
-    let parameters_json =
-        serde_json::to_string(spec).map_err(|error| TaskError::permanent(FailureReason::Lineage, error))?;
+) -> KernelLineage {
     let mut datasets: Vec<LearnedDataset> = planes.iter().map(|(_, dataset)| learned_dataset(dataset)).collect();
     datasets.sort_by_key(|other| (other.distance != dataset.distance, other.distance));
-    Ok(KernelLineage {
+    let first = &planes[0].0.key;
+    KernelLineage::of(KernelOrigin::Learned(Learning {
         job: job.id.clone(),
         datasets,
-        interpolated: false,
-        parent_version: spec.start_version.filter(|_| spec.datasets.first() == Some(&dataset.id)),
-        parameters_json,
-        seed: spec.seed,
-        code_version: env!("CARGO_PKG_VERSION").to_owned(),
-    })
+        parent_version: spec.start_version.map(|version| format!("{first}/versions/{version}")),
+        parameters: Some(spec.parameters),
+    }))
 }
 
 fn learned_dataset(dataset: &Dataset) -> LearnedDataset {

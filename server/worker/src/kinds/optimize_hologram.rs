@@ -6,6 +6,7 @@ use crate::hologram_notes::notes;
 use crate::hologram_setup::{HologramSetup, PlaneSetup, colours};
 use crate::state_bytes::{HologramState, from_bytes, to_bytes};
 use crate::{JobContext, TaskError, TaskOutput};
+use lightpath_domain::expected_psnr::ExpectedPsnr;
 use lightpath_domain::job::{
     HologramResult, JobEffect, JobResult, JudgedBy, OptimizeHologram, PlaneResult, Progress, Subframe, WavelengthResult,
 };
@@ -17,7 +18,7 @@ use lightpath_optics::hologram::{
     DetectorQuality, HologramMethod, OptimizationState, Quality, ShownLight, Wanted, light_of_frames, pixel_psnr_db,
 };
 use lightpath_optics::second_opinion::{Effort, SecondOpinion};
-use lightpath_optics::{Optimization, Plane};
+use lightpath_optics::{DisplayModel, Optimization, Plane};
 use std::sync::LazyLock;
 use std::time::{Duration, Instant};
 
@@ -170,13 +171,19 @@ impl Finished<'_> {
                 wanted,
                 Effort::CHEAP,
             )?;
+            let pixel_gain = quantized.pixel_gain(wanted)?;
             drop(quantized);
+            let (judged_by, in_photograph) = match judged_by((context, spec), self.setup, plane, &displayed, wanted)? {
+                Some((judged, expected)) => (Some(judged), expected),
+                None => (None, expected(plane, &plane.model, &quantized_quality, pixel_gain)),
+            };
             planes.push(PlaneResult {
                 distance: plane.plane.distance,
                 reconstruction,
                 quality,
                 quantized_quality,
-                judged_by: judged_by((context, spec), self.setup, plane, &displayed, wanted)?,
+                judged_by,
+                in_photograph,
                 propagation: plane.validity.clone(),
                 other_orders_psnr_db: other_orders_psnr_db(self.setup, plane, &displayed, wanted)?,
                 second_opinion: opinion.map(finite_opinion).transpose()?,
@@ -187,14 +194,15 @@ impl Finished<'_> {
     }
 }
 
-/// Quality of the displayed phases by the best model of the display; `None`: the kernel of the hologram is.
+/// Quality of the displayed phases by the best model of the display, and what a photograph is expected to show; `None`: the
+/// kernel of the hologram is the best model.
 fn judged_by(
     (context, spec): (&JobContext, &OptimizeHologram),
     setup: &HologramSetup,
     plane: &PlaneSetup,
     displayed: &[Plane<f32>],
     wanted: Wanted<'_>,
-) -> Result<Option<JudgedBy>, TaskError> {
+) -> Result<Option<(JudgedBy, Option<ExpectedPsnr>)>, TaskError> {
     let Some(version) = plane.judging_version else { return Ok(None) };
     let (wavelength, distance) = (setup.wavelength, plane.plane.distance);
     let display = DisplaySetup::read_with(context, &spec.display, wavelength, distance, spec.propagation)?;
@@ -202,7 +210,16 @@ fn judged_by(
     let engine = context.engines().engine(&model, spec.detector, display.carrier)?;
     let shown = ShownLight::of_sets(&engine, &[displayed])?;
     let quality = all_finite(shown[0].quality(wanted)?)?;
-    Ok(Some(JudgedBy { key: display.key, version, quality }))
+    let expected = expected(plane, &model, &quality, shown[0].pixel_gain(wanted)?);
+    Ok(Some((JudgedBy { key: display.key, version, quality }, expected)))
+}
+
+/// What a photograph is expected to show, by the best model of the display. `gain` is the factor from the light that its
+/// pixels integrate to the target. `None`: the error of the model on test photographs is not known.
+fn expected(plane: &PlaneSetup, model: &DisplayModel, quality: &Quality, gain: f64) -> Option<ExpectedPsnr> {
+    let expected = ExpectedPsnr::of(quality.pixel.psnr_db, plane.test_loss?, gain / model.gain);
+    // A model without light has no gain.
+    expected.psnr_db.is_finite().then_some(expected)
 }
 
 /// The factor from the light of a hologram to that of its target, for a gain of the compared quantity.

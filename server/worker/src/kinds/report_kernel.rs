@@ -79,7 +79,7 @@ fn over_distance(context: &JobContext, version: &KernelVersion) -> Result<Vec<Di
         return Ok(Vec::new());
     }
     let versions = context.wait(context.store().joint_versions(&key.display, key.wavelength, JOINT_VERSIONS_MAX))?;
-    let same_fit = versions.iter().filter(|other| other.content.lineage.job == content.lineage.job);
+    let same_fit = versions.iter().filter(|other| other.content.lineage.job() == content.lineage.job());
     same_fit.map(|other| model_of(context, other)).collect()
 }
 

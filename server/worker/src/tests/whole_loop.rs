@@ -13,6 +13,7 @@ use lightpath_domain::job::{
     SimulateCapture,
 };
 use lightpath_domain::kernel::{KernelKey, KernelModel};
+use lightpath_domain::lineage::LearningParameters;
 use lightpath_fixtures::{WAVELENGTH, display};
 use lightpath_media::pictures;
 use lightpath_optics::hologram::Loss;
@@ -232,15 +233,17 @@ pub(super) fn learn(model: KernelModel, epochs: u32, refinement_evaluations: u32
     JobSpec::LearnKernel(LearnKernel {
         datasets: vec!["photos".to_owned()],
         display: "lab".to_owned(),
-        model,
-        epochs: Some(epochs),
-        refinement_evaluations: Some(refinement_evaluations),
-        learning_rate: None,
-        seed: 1,
-        degree: Some(4),
         start_version: None,
-        detector: Detector::Pixel,
-        region_of_interest: region(),
+        parameters: LearningParameters {
+            model,
+            degree: Some(4),
+            epochs: Some(epochs),
+            learning_rate: None,
+            refinement_evaluations: Some(refinement_evaluations),
+            seed: 1,
+            detector: Detector::Pixel,
+            region_of_interest: region(),
+        },
     })
 }
 
@@ -302,7 +305,12 @@ async fn learned_kernel_gives_better_holograms() {
     let expected_db = own.judged_by.as_ref().unwrap().quality.pixel.psnr_db;
     assert!((expected_db - photo_db).abs() < 1.0, "{expected_db} dB expected, {photo_db} dB in the photograph");
     assert!(own.quantized_quality.pixel.psnr_db > photo_db + 5.0, "{own:?}, {photo_db} dB in the photograph");
-    assert_eq!(plane(&better).judged_by, None);
+    // The learned kernel promises too much of its own hologram, unless its error on test photographs counts.
+    let (own, photo_db) = (plane(&better), -10.0 * after.log10());
+    let expected = own.in_photograph.unwrap();
+    assert!((expected.psnr_db - photo_db).abs() < 2.0, "{expected:?}, {photo_db} dB in the photograph");
+    assert!(own.quantized_quality.pixel.psnr_db > photo_db + 2.0, "{own:?}, {photo_db} dB in the photograph");
+    assert_eq!(own.judged_by, None);
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]

@@ -223,7 +223,8 @@ class KernelVersion:
 
     async def learning(self) -> v1.LearnKernelResult:
         """Return how the version was learned: the history of the loss, and the parts that the display needed."""
-        request = v1.GetJobRequest(name=self.message.lineage.job)
+        lineage = self.message.lineage
+        request = v1.GetJobRequest(name=lineage.learned.job or lineage.interpolated.job)
         return (await self._connection.call(self._connection.jobs.GetJob, request)).result.learn_kernel
 
     async def report(self, *, progress: Progress = True, **options: Unpack[SubmitOptions]) -> Report:

@@ -199,6 +199,6 @@ impl Part for Row {
 
     fn measures(&self) -> &'static Measures {
         // No number says it: a chapter of the report shows what differs from place to place.
-        &Measures { phrase: "differs from place to place", ..Measures::NONE }
+        &Measures { phrase: "differs from place to place", scales: &[], note: "" }
     }
 }

@@ -3,12 +3,12 @@
 use super::learning_rate::learning_rate;
 use crate::api::Api;
 use crate::enumerations::{OnWire as _, WireField as _};
-use crate::kernels::to_wire::metrics;
+use crate::kernels::to_wire::{metrics, parts};
 use crate::names;
 use crate::optics::from_wire::region;
 use crate::optics::to_wire::{region_message, validity_report};
 use lightpath_domain::job::{LearnKernel, LearnResult, LearnedKernel};
-use lightpath_optics::learning::{Measure, PartStrength};
+use lightpath_domain::lineage::LearningParameters;
 use lightpath_optics::{Detector, KernelModel};
 use lightpath_proto::v1;
 use lightpath_service::{Call, Field, Result, check_all};
@@ -59,17 +59,19 @@ pub(super) async fn from_wire(api: &Api, call: &Call, message: v1::LearnKernel, 
     let (datasets, display) = learned;
     api.service.jobs.require_learnable(&at("model"), model, &display)?;
     Ok(LearnKernel {
-        model,
-        epochs,
-        refinement_evaluations,
-        learning_rate,
-        seed: message.seed,
-        degree,
-        start_version,
-        detector,
-        region_of_interest: at("region").required(region_of_interest)?,
         display: display.id,
         datasets: datasets.into_iter().map(|dataset| dataset.id).collect(),
+        start_version,
+        parameters: LearningParameters {
+            model,
+            degree,
+            epochs,
+            learning_rate,
+            refinement_evaluations,
+            seed: message.seed,
+            detector,
+            region_of_interest: at("region").required(region_of_interest)?,
+        },
     })
 }
 
@@ -95,18 +97,18 @@ fn detector(field: &Field, number: i32) -> Result<Detector> {
 }
 
 /// Converts the request, with its defaults, into its message.
-pub(super) fn to_wire(spec: LearnKernel) -> v1::LearnKernel {
+pub(super) fn to_wire(LearnKernel { datasets, display: _, start_version, parameters }: LearnKernel) -> v1::LearnKernel {
     v1::LearnKernel {
-        datasets: spec.datasets.iter().map(|id| format!("datasets/{id}")).collect(),
-        model: spec.model.to_wire(),
-        degree: spec.degree,
-        start_version: spec.start_version,
-        epochs: spec.epochs,
-        learning_rate: spec.learning_rate,
-        refinement_evaluations: spec.refinement_evaluations,
-        seed: spec.seed,
-        detector: spec.detector.to_wire(),
-        region: Some(region_message(spec.region_of_interest)),
+        datasets: datasets.iter().map(|id| format!("datasets/{id}")).collect(),
+        start_version,
+        model: parameters.model.to_wire(),
+        degree: parameters.degree,
+        epochs: parameters.epochs,
+        learning_rate: parameters.learning_rate,
+        refinement_evaluations: parameters.refinement_evaluations,
+        seed: parameters.seed,
+        detector: parameters.detector.to_wire(),
+        region: Some(region_message(parameters.region_of_interest)),
     }
 }
 
@@ -116,18 +118,8 @@ pub(super) fn result(result: LearnResult) -> v1::LearnKernelResult {
         kernels: result.kernels.into_iter().map(kernel).collect(),
         loss_history: result.loss_history,
         degree: (result.degree > 0).then_some(result.degree),
-        parts: result.parts.into_iter().map(part).collect(),
+        parts: result.parts.into_iter().map(parts::learned).collect(),
     }
-}
-
-fn part(strength: PartStrength) -> v1::Part {
-    let (name, title, text) = (strength.part.name().to_owned(), strength.title().to_owned(), strength.text(0));
-    let value = |Measure { name, unit, value, std, hidden }: Measure| {
-        let value = value.map(|value| v1::Measure { value, std, ..v1::Measure::default() });
-        v1::PartValue { name, unit: unit.name().to_owned(), value, detectable: hidden }
-    };
-    let values = strength.measures.into_iter().map(value).collect();
-    v1::Part { name, title, kept: Some(strength.kept), values, text, cost_db: None }
 }
 
 fn kernel(kernel: LearnedKernel) -> v1::learn_kernel_result::LearnedKernel {

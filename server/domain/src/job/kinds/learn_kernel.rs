@@ -3,11 +3,12 @@
 use super::Kind;
 use crate::job::estimate::{CAPTURED_ITERATIONS, LEARNING_FACTOR, Need, PairsSize, REAL};
 use crate::kernel::KernelMetrics;
+use crate::lineage::LearningParameters;
 use lightpath_bench::{BenchSize, SimulatedBench};
+use lightpath_optics::ValidityReport;
 use lightpath_optics::hologram::HologramMethod;
 use lightpath_optics::learning::{Blocks, KernelModel, LearnOptions, PartStrength};
 use lightpath_optics::memory::{EngineSize, HologramSize, LearningSize};
-use lightpath_optics::{Detector, RegionOfInterest, ValidityReport};
 use serde::{Deserialize, Serialize};
 
 /// Request to learn a kernel from a dataset, or kernels for several distances jointly from several datasets.
@@ -17,25 +18,10 @@ pub struct LearnKernel {
     pub datasets: Vec<String>,
     /// Id of the datasets' display.
     pub display: String,
-    /// Model of the kernel.
-    pub model: KernelModel,
-    /// Highest polynomial degree of the smooth errors; `None`: the validation pairs decide.
-    #[serde(rename = "order")]
-    pub degree: Option<u32>,
     /// Version of the first dataset's kernel from which learning starts; `None`: the ideal kernel.
     pub start_version: Option<u32>,
-    /// Number of passes over the training pairs; `None`: the model's default.
-    pub epochs: Option<u32>,
-    /// Learning rate of Adam; `None`: the model's default.
-    pub learning_rate: Option<f64>,
-    /// Most evaluations of all pairs in the refinement after Adam; `None`: the model's default.
-    pub refinement_evaluations: Option<u32>,
-    /// Seed of the order in which pairs are used, and of the random start of the `paper` model.
-    pub seed: u64,
-    /// Rule that defines the light of a camera pixel.
-    pub detector: Detector,
-    /// Region of the photographs that is compared.
-    pub region_of_interest: RegionOfInterest,
+    /// What else is asked of the learning.
+    pub parameters: LearningParameters,
 }
 
 /// Learned kernels. The store gives them version numbers in the transaction that ends the job.
@@ -96,20 +82,20 @@ pub struct LearningInputs {
 #[must_use]
 pub fn need(spec: &LearnKernel, inputs: &LearningInputs) -> Need {
     let (n, datasets) = (inputs.engine.pixels(), inputs.pairs.len());
-    let region_px = [spec.region_of_interest.height_px(), spec.region_of_interest.width_px()];
-    let degree = spec.degree.map_or(12, |degree| degree as usize);
-    let (engine, model, blocks) = (inputs.engine, spec.model, Blocks::ALL);
+    let region_px = [spec.parameters.region_of_interest.height_px(), spec.parameters.region_of_interest.width_px()];
+    let degree = spec.parameters.degree.map_or(12, |degree| degree as usize);
+    let (engine, model, blocks) = (inputs.engine, spec.parameters.model, Blocks::ALL);
     let size = LearningSize { engine, model, order: degree, distances: datasets, region_px, blocks };
     let kept: Vec<[u64; 3]> = inputs.pairs.iter().map(|pairs| pairs.kept_bytes(n, datasets)).collect();
     let kept_of = |splits: &[usize]| -> u64 { kept.iter().flat_map(|kept| splits.iter().map(|&i| kept[i])).sum() };
     let reading = inputs.pairs.iter().map(|pairs| pairs.reading_bytes(n)).max().unwrap_or(0);
-    let checkpoint = if spec.model.is_smooth() { 0 } else { size.state_bytes() };
+    let checkpoint = if spec.parameters.model.is_smooth() { 0 } else { size.state_bytes() };
     let learned = size.engine();
-    let kernels = if spec.model.is_smooth() { 0 } else { datasets as u64 * size.kernel_bytes() };
+    let kernels = if spec.parameters.model.is_smooth() { 0 } else { datasets as u64 * size.kernel_bytes() };
     let compared = learned.fields_bytes() + 5 * REAL * n;
     let own: u64 = inputs.pairs.iter().map(|pairs| pairs.kept_bytes(n, 1).iter().sum()).max().unwrap_or(0);
     // The cache keeps the transfer functions of the ideal and of the learned kernels.
-    let transfers = if spec.model.is_smooth() { learned.transfers_bytes() } else { 0 };
+    let transfers = if spec.parameters.model.is_smooth() { learned.transfers_bytes() } else { 0 };
     let cached = (datasets as u64 * (transfers + inputs.engine.transfers_bytes())).min(inputs.cache_bytes_max);
     let engine = learned.engine_bytes() + learned.scratch_bytes();
     let measured = kernels + cached.max(engine) + learned.sampling_bytes + own + compared.max(reading);
@@ -133,18 +119,18 @@ pub fn need(spec: &LearnKernel, inputs: &LearningInputs) -> Need {
 }
 
 fn learning_work(spec: &LearnKernel, inputs: &LearningInputs, size: &LearningSize) -> f64 {
-    let defaults = LearnOptions::new(spec.model, spec.region_of_interest);
+    let defaults = LearnOptions::new(spec.parameters.model, spec.parameters.region_of_interest);
     let of = |i: usize| inputs.pairs.iter().map(|pairs| pairs.splits[i]).sum::<usize>() as f64;
     let (training, validation, test) = (of(0), of(1), of(2));
-    let epochs = f64::from(spec.epochs.unwrap_or(defaults.epochs));
+    let epochs = f64::from(spec.parameters.epochs.unwrap_or(defaults.epochs));
     // Trials of blocks end early, as does the fit of each order.
-    let trials = match spec.model {
+    let trials = match spec.parameters.model {
         KernelModel::Varying => 1.5,
         KernelModel::Display => 0.5,
         _ => 0.0,
     };
     let evaluations =
-        (1.0 + trials) * f64::from(spec.refinement_evaluations.unwrap_or(defaults.refinement_evaluations));
+        (1.0 + trials) * f64::from(spec.parameters.refinement_evaluations.unwrap_or(defaults.refinement_evaluations));
     let curvatures = evaluations * inputs.pairs.len() as f64 * training.min(4.0);
     let engine = size.engine();
     let measures = (evaluations + 2.0) * validation + 4.0 * training + 4.0 * test;

@@ -2,6 +2,7 @@
 
 use super::Kind;
 use crate::dataset::Encoding;
+use crate::expected_psnr::ExpectedPsnr;
 use crate::job::estimate::{FILE_STAGES, KernelSize, Need, REAL, STEP_FACTOR};
 use crate::kernel::KernelKey;
 use crate::units::{Distance, Wavelength};
@@ -141,6 +142,8 @@ pub struct PlaneResult {
     /// The same by the model of another version of the display's kernel, which is the best model of the display; `None`:
     /// the kernel of the hologram is.
     pub judged_by: Option<JudgedBy>,
+    /// What a photograph is expected to show, by that best model; `None`: its error on test photographs is not known.
+    pub in_photograph: Option<ExpectedPsnr>,
     /// Propagation method of the reconstruction, and its limits.
     pub propagation: ValidityReport,
     /// PSNR of the phases as the display shows them, on a display that shows the other diffraction orders \[dB\];

@@ -29,7 +29,7 @@ impl Kind for LearnKernel {
         let (mut pairs, mut engine) = (Vec::with_capacity(self.datasets.len()), None);
         for id in &self.datasets {
             let dataset = jobs.store.dataset(id).await?;
-            let own = jobs.ideal_engine(&display, &dataset.kernel_key(), self.detector, None, false)?;
+            let own = jobs.ideal_engine(&display, &dataset.kernel_key(), self.parameters.detector, None, false)?;
             let before: EngineSize = engine.unwrap_or(own);
             let sampling_bytes = before.sampling_bytes.max(own.sampling_bytes);
             // A bench of all orders takes the most memory at the smallest distance.

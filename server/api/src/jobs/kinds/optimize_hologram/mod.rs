@@ -10,6 +10,7 @@ use crate::optics::from_wire::{convolution_method, region};
 use crate::optics::to_wire::{engine_judgements, opinions, other_orders, place, region_message, validity_report};
 use lightpath_domain::dataset::Encoding;
 use lightpath_domain::display::Display;
+use lightpath_domain::expected_psnr::ExpectedPsnr;
 use lightpath_domain::job::{
     HologramResult, ImagePlane, Job, JudgedBy, OptimizeHologram, PlaneResult, Subframe, WavelengthResult,
 };
@@ -204,15 +205,14 @@ fn wavelength_result(result: WavelengthResult, detector: Detector) -> optimize_h
 }
 
 fn plane_result(plane: PlaneResult, detector: Detector) -> optimize_hologram_result::PlaneResult {
-    let by_best = plane.judged_by.map(|JudgedBy { key, version, quality }| {
+    let mut own: Vec<v1::Judgement> = engine_judgements(plane.quantized_quality, Stage::Displayed).collect();
+    let mut by_best = plane.judged_by.map(|JudgedBy { key, version, quality }| {
         let kernel_version = format!("{key}/versions/{version}");
         let displayed = engine_judgements(quality, Stage::Displayed);
-        let named = move |judged| v1::Judgement { kernel_version: kernel_version.clone(), ..judged };
-        displayed.map(expected_in_photograph).map(named)
+        displayed.map(|judged| v1::Judgement { kernel_version: kernel_version.clone(), ..judged }).collect()
     });
-    let displayed = engine_judgements(plane.quantized_quality, Stage::Displayed);
-    let displayed = displayed.map(|judged| if by_best.is_some() { judged } else { expected_in_photograph(judged) });
-    let mut judgements: Vec<v1::Judgement> = displayed.collect();
+    mark_headline(by_best.as_mut().unwrap_or(&mut own), plane.in_photograph);
+    let mut judgements = own;
     judgements.extend(engine_judgements(plane.quality, Stage::Optimized));
     judgements.extend(plane.other_orders_psnr_db.map(other_orders));
     judgements.extend(plane.second_opinion.into_iter().flat_map(|opinion| opinions(opinion, detector)));
@@ -225,8 +225,45 @@ fn plane_result(plane: PlaneResult, detector: Detector) -> optimize_hologram_res
     }
 }
 
-/// Makes the judgement of displayed phases by the best model the headline: that of a camera, which integrates the light
-/// over its pixels.
-fn expected_in_photograph(judged: v1::Judgement) -> v1::Judgement {
-    v1::Judgement { headline: judged.detector() == v1::Detector::Pixel, ..judged }
+/// Marks the headline among the judgements of displayed phases by the best model: that of a camera, which integrates the
+/// light over its pixels; with the error of the model, if it is known.
+fn mark_headline(displayed: &mut Vec<v1::Judgement>, in_photograph: Option<ExpectedPsnr>) {
+    let Some(camera) = displayed.iter_mut().find(|judged| judged.detector() == v1::Detector::Pixel) else { return };
+    match in_photograph {
+        None => camera.headline = true,
+        Some(ExpectedPsnr { psnr_db, std_db }) => {
+            let psnr_db = Some(v1::Measure { value: psnr_db, std: Some(std_db), ..v1::Measure::default() });
+            let stage = Stage::Photographed.into();
+            let headline = v1::Judgement { headline: true, stage, psnr_db, ..camera.clone() };
+            displayed.push(headline);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn headline_has_the_error_of_the_model_if_it_is_known() {
+        let judged = |detector: v1::Detector| v1::Judgement {
+            detector: detector.into(),
+            stage: Stage::Displayed.into(),
+            psnr_db: Some(v1::Measure { value: 46.0, ..v1::Measure::default() }),
+            ssim: Some(0.9),
+            ..v1::Judgement::default()
+        };
+        let displayed = vec![judged(v1::Detector::Point), judged(v1::Detector::Pixel)];
+        let marked = |in_photograph| {
+            let mut judgements = displayed.clone();
+            mark_headline(&mut judgements, in_photograph);
+            judgements
+        };
+        let headline = v1::Judgement { headline: true, ..displayed[1].clone() };
+        assert_eq!(marked(None), [displayed[0].clone(), headline.clone()]);
+        let psnr_db = Some(v1::Measure { value: 40.0, std: Some(1.25), ..v1::Measure::default() });
+        let expected = v1::Judgement { stage: Stage::Photographed.into(), psnr_db, ..headline };
+        let found = marked(Some(ExpectedPsnr { psnr_db: 40.0, std_db: 1.25 }));
+        assert_eq!(found, [displayed[0].clone(), displayed[1].clone(), expected]);
+    }
 }
