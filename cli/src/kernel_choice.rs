@@ -81,6 +81,14 @@ impl KernelChoice {
     }
 }
 
+/// Selects the kernel for the display, wavelength and place of a dataset, `datasets/{id}`.
+pub(crate) async fn of_dataset(session: &Session, dataset: &str) -> Result<Option<KernelChoice>, Failure> {
+    let request = v1::GetDatasetRequest { name: dataset.to_owned() };
+    let v1::Dataset { display, wavelength_m, place, .. } = session.client.get_dataset(request).await?;
+    let distance_m = place.and_then(|place| place.distance_m());
+    Ok(distance_m.map(|distance_m| KernelChoice::at(names::id(&display), distance_m, wavelength_m)))
+}
+
 /// Returns which kernel a job uses. `text` is `ideal`, `active`, the number or name of a version, or an alias; empty for
 /// the server's choice. `kernel` finds the kernel of which a number names a version, if the job has only one.
 pub(crate) async fn used(

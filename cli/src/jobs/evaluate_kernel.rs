@@ -4,7 +4,7 @@ use crate::arguments::region;
 use crate::failure::Failure;
 use crate::jobs::JobKind;
 use crate::jobs::submission::Submission;
-use crate::kernel_choice::{KernelChoice, used};
+use crate::kernel_choice::{of_dataset, used};
 use crate::session::Session;
 use crate::table::{Facts, Table};
 use crate::{propagation_text, show};
@@ -39,13 +39,7 @@ pub(crate) struct Evaluate {
 impl Evaluate {
     pub(crate) async fn run(self, session: &Session) -> Result<(), Failure> {
         let dataset = names::dataset(&self.dataset);
-        let kernel = used(session, &self.kernel, async || {
-            let v1::Dataset { display, wavelength_m, place, .. } =
-                session.client.get_dataset(v1::GetDatasetRequest { name: dataset.clone() }).await?;
-            let distance_m = place.and_then(|place| place.distance_m());
-            Ok(distance_m.map(|distance_m| KernelChoice::at(names::id(&display), distance_m, wavelength_m)))
-        });
-        let kernel = kernel.await?;
+        let kernel = used(session, &self.kernel, async || of_dataset(session, &dataset).await).await?;
         let kind = job_spec::Kind::EvaluateKernel(EvaluateKernel { dataset, kernel, region: self.region });
         self.submission.submit_and_print(session, kind, self.wait).await
     }

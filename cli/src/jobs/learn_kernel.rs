@@ -6,6 +6,7 @@ use crate::arguments::{above_zero, region};
 use crate::failure::Failure;
 use crate::jobs::JobKind;
 use crate::jobs::submission::Submission;
+use crate::kernel_choice::of_dataset;
 use crate::session::Session;
 use crate::table::Facts;
 use crate::words::WordParser;
@@ -57,9 +58,10 @@ pub(crate) struct Learn {
     #[arg(long, value_name = "N", default_value = "auto", value_parser = degree)]
     degree: Degree,
 
-    /// Start from this version of the kernel, which must be smooth, display or varying [default: the ideal kernel]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    start_version: Option<u32>,
+    /// Start from this version of the first dataset's kernel, by its number or name; it must be smooth, display or varying
+    /// [default: the ideal kernel]
+    #[arg(long, value_name = "VERSION")]
+    start_version: Option<String>,
 
     /// Choose what the camera's pixels measure; point or pixel
     #[arg(long, default_value = "pixel", value_parser = WordParser::<v1::Detector>::new())]
@@ -79,11 +81,16 @@ pub(crate) struct Learn {
 
 impl Learn {
     pub(crate) async fn run(self, session: &Session) -> Result<(), Failure> {
+        let datasets: Vec<String> = self.datasets.iter().map(|name| names::dataset(name)).collect();
+        let start_version = match &self.start_version {
+            Some(text) => start_version(session, text, &datasets[0]).await?,
+            None => String::new(),
+        };
         let kind = job_spec::Kind::LearnKernel(LearnKernel {
-            datasets: self.datasets.iter().map(|name| names::dataset(name)).collect(),
+            datasets,
             model: self.model.into(),
             degree: self.degree.0,
-            start_version: self.start_version,
+            start_version,
             epochs: self.epochs,
             learning_rate: self.learning_rate,
             refinement_evaluations: self.refinement_evaluations,
@@ -92,6 +99,15 @@ impl Learn {
             region: self.region,
         });
         self.submission.submit_and_print(session, kind, self.wait).await
+    }
+}
+
+/// The name of a version that was given by its name, or by its number among those of a dataset's kernel.
+async fn start_version(session: &Session, text: &str, dataset: &str) -> Result<String, Failure> {
+    let Ok(number) = text.parse() else { return Ok(text.to_owned()) };
+    match of_dataset(session, dataset).await? {
+        Some(kernel) => kernel.version_name(session, Some(number)).await,
+        None => Err(Failure::Usage(format!("give the name of the version: {dataset} has no distance"))),
     }
 }
 

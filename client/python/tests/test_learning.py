@@ -77,6 +77,8 @@ def test_kernels_have_versions_moves_and_evaluations(
     assert dataset.evaluate("best").losses == dataset.evaluate(version).losses == losses
     with pytest.raises(lightpath.InvalidRequest, match=r"must be an alias of .*: best"):
         dataset.evaluate("worst")
+    with pytest.raises(lightpath.NotFound, match="versions/7"):
+        dataset.learn(start_version=7)
     found = kernel.save(tmp_path / "kernel.lpk", format="compact")
     assert found.version == 1
     assert (tmp_path / "kernel.lpk").stat().st_size < 10_000

@@ -159,10 +159,11 @@ fn learning_parameters() -> LearningParameters {
 #[test]
 fn learning_capture_and_evaluation_jobs_are_stored_as_before() {
     let (display, kernel_version) = ("lab".to_owned(), Some(3));
+    let kernel = KernelKey { display: display.clone(), wavelength: GREEN, distance: Distance { nm: 4_000_000 } };
     let learn = LearnKernel {
         datasets: vec!["near".to_owned(), "far".to_owned()],
         display: display.clone(),
-        start_version: Some(2),
+        start_version: Some((kernel.clone(), 2)),
         parameters: learning_parameters(),
     };
     check_job("learn_kernel", &JobSpec::LearnKernel(learn));
@@ -176,7 +177,6 @@ fn learning_capture_and_evaluation_jobs_are_stored_as_before() {
         elapsed_s: 3600.0,
     };
     check_job("simulate_capture", &JobSpec::SimulateCapture(capture));
-    let kernel = KernelKey { display, wavelength: GREEN, distance: Distance { nm: 4_000_000 } };
     let evaluate = EvaluateKernel { dataset, kernel, kernel_version, region_of_interest: region() };
     check_job("evaluate_kernel", &JobSpec::EvaluateKernel(evaluate));
 }

@@ -99,8 +99,8 @@ class LearnOptions(SubmitOptions, total=False):
     """What is learned: `display` (default), `varying`, `smooth`, `dense` or `paper`."""
     degree: int
     """Highest polynomial degree of the smooth errors, 1 to 12. Default: what predicts the validation pairs best."""
-    start_version: int
-    """Version from which learning starts. Default: the ideal kernel."""
+    start_version: str | int | Named
+    """Version from which learning starts: itself, its name or number. Default: the ideal kernel."""
     epochs: int
     """Passes over the training pairs with Adam, 1 to 1000. Default: the model's."""
     learning_rate: float
@@ -173,12 +173,11 @@ def optimize_message(options: HologramOptions) -> v1.OptimizeHologram:
 
 
 def learn_message(datasets: Sequence[str], options: LearnOptions) -> v1.LearnKernel:
-    """Return the message of a learning job."""
+    """Return the message of a learning job, without its start, which needs the server."""
     return v1.LearnKernel(
         datasets=datasets,
         model=words.number("model", v1.KernelModel, options.get("model")),
         degree=options.get("degree"),
-        start_version=options.get("start_version"),
         epochs=options.get("epochs"),
         learning_rate=options.get("learning_rate"),
         refinement_evaluations=options.get("refinement_evaluations"),

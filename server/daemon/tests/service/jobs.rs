@@ -331,13 +331,20 @@ async fn datasets_accept_only_pairs_that_fit() {
 async fn refuses_impossible_jobs(serving: &Serving, learn: v1::LearnKernel, phase: &str) {
     let refused = async |kind, code, start: &str| expect(submit(serving, kind, "").await, code, start);
     let zero = Some(0);
-    let bad =
-        v1::LearnKernel { degree: zero, start_version: zero, epochs: zero, learning_rate: Some(0.0), ..learn.clone() };
+    let bad = v1::LearnKernel { degree: zero, epochs: zero, learning_rate: Some(0.0), ..learn.clone() };
     let message = submit(serving, job_spec::Kind::LearnKernel(bad), "").await.unwrap_err().message().to_owned();
-    for wrong in ["degree is 0", "start_version is 0", "epochs is 0", "learning_rate is 0"] {
+    for wrong in ["degree is 0", "epochs is 0", "learning_rate is 0"] {
         let line = message.lines().find(|line| line.contains(wrong));
         assert!(line.is_some_and(|line| line.contains("; leave it out for ")), "{message}");
     }
+    let start_version = "displays/lab/kernels/515nm-60mm/versions/1".to_owned();
+    let bad = v1::LearnKernel { start_version, ..learn.clone() };
+    refused(
+        job_spec::Kind::LearnKernel(bad),
+        Code::InvalidArgument,
+        "spec.learn_kernel.start_version is displays/lab/",
+    )
+    .await;
     let bad = v1::LearnKernel { detector: v1::Detector::Supersampled.into(), ..learn.clone() };
     refused(job_spec::Kind::LearnKernel(bad), Code::InvalidArgument, "spec.learn_kernel.detector is supersampled")
         .await;

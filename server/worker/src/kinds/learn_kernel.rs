@@ -133,7 +133,8 @@ fn learn(
 ) -> Result<Learner, TaskError> {
     let display = &planes[0].0;
     let setups: Vec<OpticalSetup> = planes.iter().map(|(display, _)| display.setup).collect();
-    let warm_start = spec.start_version.map(|version| display.model(context, Some(version))).transpose()?;
+    let warm_start =
+        spec.start_version.as_ref().map(|(_, version)| display.model(context, Some(*version))).transpose()?;
     let options = LearnOptions { warm_start, ..options(spec, display, region) };
     let saved = context.take_saved_state().and_then(|bytes| from_bytes(&bytes));
     let mut learner = match saved {
@@ -276,11 +277,10 @@ fn lineage(
 ) -> KernelLineage {
     let mut datasets: Vec<LearnedDataset> = planes.iter().map(|(_, dataset)| learned_dataset(dataset)).collect();
     datasets.sort_by_key(|other| (other.distance != dataset.distance, other.distance));
-    let first = &planes[0].0.key;
     KernelLineage::of(KernelOrigin::Learned(Learning {
         job: job.id.clone(),
         datasets,
-        parent_version: spec.start_version.map(|version| format!("{first}/versions/{version}")),
+        parent_version: spec.start_version.as_ref().map(|(kernel, version)| format!("{kernel}/versions/{version}")),
         parameters: Some(spec.parameters),
     }))
 }

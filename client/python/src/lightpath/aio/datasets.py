@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from lightpath import html, names, v1, words
 from lightpath.aio.connection import PREPARING_TIMEOUT_S
 from lightpath.aio.jobs import submit
-from lightpath.aio.kernel_choice import of_dataset
+from lightpath.aio.kernel_choice import of_dataset, start_of_learning
 from lightpath.aio.kernels import read_learned
 from lightpath.aio.results import read_evaluation, read_preparation
 from lightpath.errors import InvalidArgument
@@ -275,5 +275,7 @@ async def learn(
     """Learn one model from datasets, and return a version for each of them."""
     check(options, LearnOptions)
     message = learn_message(datasets, options)
+    if "start_version" in options:
+        message.start_version = await start_of_learning(connection, options["start_version"], datasets[0])
     job = await submit(connection, v1.JobSpec(learn_kernel=message), options, read_learned)
     return await job.result(progress=progress)

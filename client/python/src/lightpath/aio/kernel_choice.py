@@ -49,6 +49,14 @@ async def of_dataset(
     return await _numbered(connection, kernel, dataset.display, dataset.place, if_set(dataset, "wavelength_m"))
 
 
+async def start_of_learning(connection: Connection, start: str | int | Named, dataset: str) -> str:
+    """Return the name of the version from which learning starts; a number is one of the dataset's kernel."""
+    if not isinstance(start, int):
+        return start if isinstance(start, str) else start.name
+    found = await connection.call(connection.datasets.GetDataset, v1.GetDatasetRequest(name=dataset))
+    return (await _numbered(connection, start, found.display, found.place, if_set(found, "wavelength_m"))).version
+
+
 def _choice(kernel: str | Named | None) -> v1.KernelChoice | None:
     """Return the choice of a kernel for which a word or a name stands."""
     if kernel is None:

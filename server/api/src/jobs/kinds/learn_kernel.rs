@@ -37,9 +37,12 @@ pub(super) async fn from_wire(api: &Api, call: &Call, message: v1::LearnKernel, 
         Ok((datasets, _)) => {
             let key = datasets[0].kernel_key();
             let field = at("start_version");
-            match field.version_if_set(message.start_version, "the ideal kernel") {
-                Ok(version) => api.service.jobs.start_version(&field, version, is_smooth, &key).await,
-                refused => refused,
+            let named = (!message.start_version.is_empty())
+                .then(|| names::kernel_version(call, &field, &message.start_version))
+                .transpose();
+            match named {
+                Ok(named) => api.service.jobs.start_version(&field, named, is_smooth, &key).await,
+                Err(refusal) => Err(refusal),
             }
         }
         Err(_) => Ok(None),
@@ -100,7 +103,8 @@ fn detector(field: &Field, number: i32) -> Result<Detector> {
 pub(super) fn to_wire(LearnKernel { datasets, display: _, start_version, parameters }: LearnKernel) -> v1::LearnKernel {
     v1::LearnKernel {
         datasets: datasets.iter().map(|id| format!("datasets/{id}")).collect(),
-        start_version,
+        start_version: start_version
+            .map_or_else(String::new, |(kernel, version)| format!("{kernel}/versions/{version}")),
         model: parameters.model.to_wire(),
         degree: parameters.degree,
         epochs: parameters.epochs,

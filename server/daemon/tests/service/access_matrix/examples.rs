@@ -194,7 +194,7 @@ fn holograms() -> Vec<Example> {
 
 fn other_jobs() -> Vec<Example> {
     vec![
-        submit(json!({ "learn_kernel": { "datasets": ["$near", "$far"], "start_version": "$number" } })),
+        submit(json!({ "learn_kernel": { "datasets": ["$near", "$far"], "start_version": "$version" } })),
         submit(
             json!({ "simulate_capture": { "display": "$display", "place": { "distance_m": 4e-3 }, "pattern": "$levels" } }),
         ),

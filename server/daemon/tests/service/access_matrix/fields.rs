@@ -131,7 +131,7 @@ const FIELDS: &[(&str, Names)] = &[
     ("OptimizeHologram.region", Parts),
     ("OptimizeHologram.weight_mask", Artifact),
     ("LearnKernel.datasets", Dataset),
-    ("LearnKernel.start_version", VersionNumber),
+    ("LearnKernel.start_version", KernelVersion),
     ("LearnKernel.region", Parts),
     ("SimulateCapture.display", Display),
     ("SimulateCapture.place", Parts),

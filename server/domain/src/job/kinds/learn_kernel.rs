@@ -2,7 +2,7 @@
 
 use super::Kind;
 use crate::job::estimate::{CAPTURED_ITERATIONS, LEARNING_FACTOR, Need, PairsSize, REAL};
-use crate::kernel::KernelMetrics;
+use crate::kernel::{KernelKey, KernelMetrics};
 use crate::lineage::LearningParameters;
 use lightpath_bench::{BenchSize, SimulatedBench};
 use lightpath_optics::ValidityReport;
@@ -19,7 +19,7 @@ pub struct LearnKernel {
     /// Id of the datasets' display.
     pub display: String,
     /// Version of the first dataset's kernel from which learning starts; `None`: the ideal kernel.
-    pub start_version: Option<u32>,
+    pub start_version: Option<(KernelKey, u32)>,
     /// What else is asked of the learning.
     pub parameters: LearningParameters,
 }

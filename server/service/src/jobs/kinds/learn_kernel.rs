@@ -102,19 +102,26 @@ impl Jobs {
     pub async fn start_version(
         &self,
         field: &Field,
-        version: Option<u32>,
+        named: Option<(KernelKey, u32)>,
         is_smooth: bool,
         key: &KernelKey,
-    ) -> Result<Option<u32>> {
-        let Some(version) = version else { return Ok(None) };
+    ) -> Result<Option<(KernelKey, u32)>> {
+        let Some((kernel, version)) = named else { return Ok(None) };
         if !is_smooth {
             return Err(field.but("is given", "only smooth, display and varying models can start from a version"));
         }
+        let name = format!("{kernel}/versions/{version}");
+        if kernel != *key {
+            return Err(
+                field.but(format!("is {name}"), format!("must be a version of {key}, the first dataset's kernel"))
+            );
+        }
         let start = self.store.kernel_version(key, version).await?;
         if !start.content.model.is_smooth() {
-            let problem = format!("is {version}, but {key}/versions/{version} is not smooth, display or varying");
-            return Err(field.invalid(problem, "name one that is"));
+            return Err(
+                field.invalid(format!("is {name}, which is not smooth, display or varying"), "name one that is")
+            );
         }
-        Ok(Some(version))
+        Ok(Some((kernel, version)))
     }
 }
