@@ -245,7 +245,10 @@ impl Cli {
     #[must_use]
     pub fn run() -> ExitCode {
         match Self::task(std::env::args_os()) {
-            Ok(Task::Run(arguments)) => keep::keep(*arguments),
+            Ok(Task::Run(arguments)) => {
+                let (settle, once) = (Duration::from_secs(arguments.settle_s), arguments.once);
+                keep::keep(arguments.settings(), settle, once)
+            }
             Ok(Task::Other(Command::Status(arguments))) => print_status(&arguments),
             Err(error) => error.exit(),
         }

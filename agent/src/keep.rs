@@ -1,13 +1,12 @@
-//! From the command line to an agent of one kernel, or of a set.
+//! An agent of one kernel, or of a set, until its exit code.
 
-use crate::{Agent, KernelSet, Problem, RunArguments, Settings, log};
+use crate::{Agent, KernelSet, Problem, Settings, log};
 use std::process::ExitCode;
 use std::time::Duration;
 
-/// Does what the command line says, and returns the exit code.
-pub(crate) fn keep(arguments: RunArguments) -> ExitCode {
-    let (once, settle) = (arguments.once, Duration::from_secs(arguments.settle_s));
-    let kept = arguments.settings().and_then(|mut kernels| match kernels.len() {
+/// Keeps one kernel or several, for ever or for one check, and returns the exit code.
+pub(crate) fn keep(kernels: Result<Vec<Settings>, Problem>, settle: Duration, once: bool) -> ExitCode {
+    let kept = kernels.and_then(|mut kernels| match kernels.len() {
         1 => keep_one(kernels.remove(0), once),
         _ => keep_set(kernels, settle, once),
     });

@@ -171,6 +171,9 @@ impl KernelSet {
                     checked.poll_after
                 }
                 Err(problem) => {
+                    if let Problem::Cut { has_progress: true, .. } = problem {
+                        backoff.reset();
+                    }
                     let pause = backoff.next().max(problem.retry_after().unwrap_or_default());
                     log::line(format_args!("{problem}; the agent tries again in {:.0} s", pause.as_secs_f64()));
                     pause

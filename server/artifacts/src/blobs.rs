@@ -220,10 +220,11 @@ impl Copying<'_> {
     }
 
     fn append(&mut self, bytes: &[u8]) -> Result<()> {
+        self.claim.as_ref().map_or(Ok(()), Claim::require_disk)?;
+        self.file.write_all(bytes).map_err(|error| ArtifactError::io("write a file", error))?;
         if let Some(claim) = self.claim {
-            claim.require_disk()?;
             claim.wrote(bytes.len() as u64);
         }
-        self.file.write_all(bytes).map_err(|error| ArtifactError::io("write a file", error))
+        Ok(())
     }
 }
