@@ -1,7 +1,10 @@
 //! The agent: the order of all steps.
 
 mod install;
+mod member;
 mod recovery;
+
+pub(crate) use member::Offer;
 
 use crate::http::{Answer, Document, Http};
 use crate::problem::Problem;
@@ -43,6 +46,8 @@ pub struct Agent {
     /// The last problem that the server should know of, and that is no version's fault.
     trouble: Option<String>,
     reporter: Reporter,
+    /// For an agent that fetches a kernel of a set: what reports say is in use, which is the kernel of the set.
+    shown: Option<Option<Manifest>>,
     _lock: Lock,
 }
 
@@ -73,6 +78,7 @@ impl Agent {
             keyring_at: None,
             trouble: None,
             reporter,
+            shown: None,
             _lock: lock,
         };
         if let Now::AtLeast(earliest) = agent.now() {
@@ -243,7 +249,7 @@ impl Agent {
 
     /// Time until the manifest that was accepted last has expired; without end, if there is none that counts. Then the agent
     /// asks in any case, however long a pause the server named.
-    fn until_expiry(&self) -> Duration {
+    pub(crate) fn until_expiry(&self) -> Duration {
         let now = self.now().earliest();
         let left = self.state.state.confirmed.map(|confirmed| confirmed.expires.unix_s() - now.unix_s());
         let left_s = left.and_then(|left_s| u64::try_from(left_s).ok()).filter(|left_s| *left_s > 0);
@@ -345,8 +351,9 @@ impl Agent {
         let rejected = rejected.map(|rejected| (Some(rejected.version), rejected.message.clone()));
         let trouble = self.trouble.clone().map(|message| (None, message));
         let (tried_version, message) = trouble.or(rejected).unwrap_or_default();
-        let (version, digest) = match &self.in_use {
-            Some((_, manifest)) => (Some(manifest.version), manifest.digest.clone()),
+        let own = || self.in_use.as_ref().map(|(_, manifest)| manifest);
+        let (version, digest) = match self.shown.as_ref().map_or_else(own, Option::as_ref) {
+            Some(manifest) => (Some(manifest.version), manifest.digest.clone()),
             None => (None, String::new()),
         };
         let loss = self.state.state.loss.as_ref().filter(|(of, _)| *of == digest).map(|(_, loss)| *loss);
@@ -366,6 +373,6 @@ fn have_same_bytes(one: &Manifest, other: &Manifest) -> bool {
 }
 
 /// Whether two manifests name the same file of the same version.
-fn is_same_file(one: &Manifest, other: &Manifest) -> bool {
+pub(crate) fn is_same_file(one: &Manifest, other: &Manifest) -> bool {
     (one.version, &one.digest) == (other.version, &other.digest)
 }

@@ -2,7 +2,7 @@
 
 use crate::optics::{distance_nm, wavelength_pm};
 use crate::settings::is_word;
-use crate::{Agent, Clock, Pace, Problem, Settings, log, status};
+use crate::{Clock, Pace, Problem, Settings, keep, status};
 use clap::{Args, CommandFactory as _, FromArgMatches as _, Parser, Subcommand};
 use lightpath_manifest::{Optics, PublicKey};
 use std::ffi::OsString;
@@ -22,6 +22,10 @@ A display that is always up to date:
 The application opens /var/lib/lightpath/current/kernel. On the server,
   lightpathd token create bench-7 --role firmware --display pluto    prints the token, and
   lightpathd key list                                                prints the root key.
+
+Three colours, whose kernels change together:
+  lightpath-agent … --wavelength 638nm --wavelength 515nm --wavelength 450nm
+The application opens /var/lib/lightpath/current/638nm/kernel and the others.
 
 One check, for a timer or for a trial:
   lightpath-agent --once …
@@ -94,17 +98,37 @@ pub struct RunArguments {
     #[arg(long, env = "LIGHTPATH_DEVICE", value_name = "NAME", value_parser = word)]
     pub device: String,
 
-    /// Keep the kernel for this wavelength in vacuum, for example 515nm; a manifest for another one is refused
-    #[arg(long, env = "LIGHTPATH_WAVELENGTH", value_name = "LENGTH", value_parser = wavelength_pm)]
-    pub wavelength: i64,
+    /// Keep the kernel for this wavelength in vacuum, for example 515nm; a manifest for another one is refused. Give the
+    /// option once for each kernel of a set, for example one of each colour: they change together, or not at all
+    #[arg(
+        long = "wavelength",
+        env = "LIGHTPATH_WAVELENGTH",
+        value_name = "LENGTH",
+        value_parser = wavelength_pm,
+        value_delimiter = ',',
+        required = true
+    )]
+    pub wavelengths: Vec<i64>,
 
     /// Keep the kernel for this distance from the SLM, for example 150mm; a manifest for another place is refused
     #[arg(long, env = "LIGHTPATH_DISTANCE", value_name = "LENGTH", value_parser = distance_nm, allow_hyphen_values = true)]
     pub distance: i64,
 
-    /// Use this id of the kernel in addresses instead of asking the server for it: for a mirror, which has no list
-    #[arg(long, env = "LIGHTPATH_KERNEL", value_name = "ID", value_parser = word)]
-    pub kernel: Option<String>,
+    /// Use this id of the kernel in addresses instead of asking the server for it: for a mirror, which has no list. Of a
+    /// set, one for each --wavelength in the same order
+    #[arg(long = "kernel", env = "LIGHTPATH_KERNEL", value_name = "ID", value_parser = word, value_delimiter = ',')]
+    pub kernels: Vec<String>,
+
+    /// Change a set of kernels only after none of the display's kernels has moved for this time \[s\]: an operator promotes
+    /// one after another
+    #[arg(
+        long,
+        env = "LIGHTPATH_SETTLE_S",
+        value_name = "SECONDS",
+        default_value_t = 10,
+        value_parser = clap::value_parser!(u64).range(0..=3600)
+    )]
+    pub settle_s: u64,
 
     /// Fetch the kernel in this format
     #[arg(long, env = "LIGHTPATH_FORMAT", value_name = "FORMAT", default_value = "compact", value_parser = FORMATS)]
@@ -159,15 +183,35 @@ pub struct RunArguments {
 }
 
 impl RunArguments {
-    /// What the agent is told.
-    #[must_use]
-    pub fn settings(self) -> Settings {
+    /// What the agent is told about each of its kernels.
+    ///
+    /// # Errors
+    ///
+    /// [`Problem::Setting`] if there are ids of kernels, but not one for each wavelength.
+    pub fn settings(self) -> Result<Vec<Settings>, Problem> {
+        let (wavelengths, ids) = (self.wavelengths.clone(), self.kernels.clone());
+        if !ids.is_empty() && ids.len() != wavelengths.len() {
+            let counts = format!("--kernel is given {} times, and --wavelength {}", ids.len(), wavelengths.len());
+            return Err(Problem::Setting(format!("{counts}: give an id for each wavelength, or none")));
+        }
+        let ids = ids.into_iter().map(Some).chain(std::iter::repeat(None));
+        let common = self.common();
+        let of = |(wavelength, kernel): (i64, Option<String>)| Settings {
+            optics: Optics { wavelength_pm: wavelength, ..common.optics.clone() },
+            kernel,
+            ..common.clone()
+        };
+        Ok(wavelengths.into_iter().zip(ids).map(of).collect())
+    }
+
+    /// What is the same for all kernels. The wavelength is none of them.
+    fn common(self) -> Settings {
         Settings {
             server: self.server,
             display: self.display,
             device: self.device,
-            optics: Optics::at_distance(self.wavelength, self.distance),
-            kernel: self.kernel,
+            optics: Optics::at_distance(0, self.distance),
+            kernel: None,
             format: self.format,
             roots: self.roots,
             token_file: self.token_file,
@@ -201,42 +245,14 @@ impl Cli {
     #[must_use]
     pub fn run() -> ExitCode {
         match Self::task(std::env::args_os()) {
-            Ok(Task::Run(arguments)) => keep(*arguments),
+            Ok(Task::Run(arguments)) => {
+                let (settle, once) = (Duration::from_secs(arguments.settle_s), arguments.once);
+                keep::keep(arguments.settings(), settle, once)
+            }
             Ok(Task::Other(Command::Status(arguments))) => print_status(&arguments),
             Err(error) => error.exit(),
         }
     }
-}
-
-fn keep(arguments: RunArguments) -> ExitCode {
-    let once = arguments.once;
-    let started = Agent::start(arguments.settings());
-    let mut agent = match started {
-        Ok(agent) => agent,
-        Err(problem) => {
-            log::line(&problem);
-            return ExitCode::from(if matches!(problem, Problem::Setting(_)) { 2 } else { 1 });
-        }
-    };
-    if !once {
-        agent.run();
-    }
-    let checked = agent.check(Duration::ZERO);
-    agent.report();
-    match checked {
-        // Whatever was answered: only a kernel that the application can open is a success.
-        _ if !agent.has_whole_kernel() => log::line(match checked {
-            Ok(_) => "no kernel is in use: the version that the server offers was given up before".to_owned(),
-            Err(problem) => format!("no kernel is in use: {problem}"),
-        }),
-        Ok(checked) if checked.is_offered => return ExitCode::SUCCESS,
-        Ok(checked) => log::line(format_args!(
-            "version {} is in use: the version that the server offers was given up before",
-            checked.version
-        )),
-        Err(problem) => log::line(problem),
-    }
-    ExitCode::FAILURE
 }
 
 fn print_status(arguments: &StatusArguments) -> ExitCode {
@@ -278,15 +294,31 @@ mod tests {
     fn arguments_become_settings() {
         Cli::command().debug_assert();
         let Task::Run(arguments) = parsed(GOOD).unwrap() else { panic!() };
-        let settings = arguments.settings();
+        let [settings] = <[Settings; 1]>::try_from(arguments.settings().unwrap()).unwrap();
         assert_eq!((&*settings.server, &*settings.format), ("https://lab:7070", "compact"));
         assert_eq!((settings.optics, settings.kernel), (Optics::at_distance(515_000, 150_000_000), None));
         let behind = GOOD.replace("150mm", "-12.5mm --kernel k7");
         let Task::Run(arguments) = parsed(&behind).unwrap() else { panic!() };
-        let other = arguments.settings();
+        let [other] = <[Settings; 1]>::try_from(arguments.settings().unwrap()).unwrap();
         assert_eq!((other.optics.distance_nm(), other.kernel.as_deref()), (Some(-12_500_000), Some("k7")));
         assert_eq!(settings.self_test_limit, Duration::from_secs(60));
         assert!(matches!(parsed("lightpath-agent status --directory /x"), Ok(Task::Other(Command::Status(_)))));
+    }
+
+    #[test]
+    fn several_wavelengths_are_a_set() {
+        let line = GOOD.replace("515nm", "638nm,515nm --wavelength 450nm --kernel red --kernel green,blue");
+        let Task::Run(arguments) = parsed(&line).unwrap() else { panic!() };
+        assert_eq!(arguments.settle_s, 10);
+        let kernels = arguments.settings().unwrap();
+        let of = |settings: &Settings| (settings.optics.wavelength_pm, settings.kernel.clone().unwrap());
+        let expected = [(638_000, "red"), (515_000, "green"), (450_000, "blue")].map(|(pm, id)| (pm, id.to_owned()));
+        assert_eq!(kernels.iter().map(of).collect::<Vec<_>>(), expected);
+        assert!(kernels.iter().all(|settings| settings.optics.distance_nm() == Some(150_000_000)));
+        let Task::Run(arguments) = parsed(&line.replace("green,blue", "green")).unwrap() else { panic!() };
+        assert!(
+            arguments.settings().unwrap_err().to_string().contains("--kernel is given 2 times, and --wavelength 3")
+        );
     }
 
     #[test]

@@ -355,7 +355,7 @@ mod tests {
                 line += " --token-file /etc/token";
             }
             let Ok(Task::Run(arguments)) = Cli::task(line.split_whitespace().map(Into::into)) else { panic!("{line}") };
-            let found = require_private(&arguments.settings());
+            let found = require_private(&arguments.settings().unwrap()[0]);
             assert_eq!(found.is_ok(), is_accepted, "{server}: {found:?}");
             if let Err(problem) = found {
                 assert!(problem.to_string().contains("use https://"), "{problem}");

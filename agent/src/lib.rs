@@ -1,7 +1,8 @@
 //! The agent of a display in the field: it keeps a verified kernel on the device's disk.
 //!
 //! [`Agent::start`] checks what lies on the disk. [`Agent::check`] asks the server once for the active version, fetches
-//! and checks its file, tests it, and then lets the application use it. [`Agent::run`] does this for ever.
+//! and checks its file, tests it, and then lets the application use it. [`Agent::run`] does this for ever. [`KernelSet`] has an agent for
+//! each of several kernels, and changes them together.
 //!
 //! ```text
 //! DIR/current ──> a          the slot in use; the application opens DIR/current/kernel
@@ -15,11 +16,13 @@
 //! - `DIR/current/kernel` is a whole file whose manifest was accepted, or it does not exist.
 //! - The agent changes only the slot that is not in use, and writes and removes nothing through links in its directory. One rename of `current` changes the slot in use.
 //! - A kernel becomes a slot's `kernel` only after its self-test has passed and its digest is right, before and after.
+//! - The kernels of a set are all of one generation, and one rename changes all of them.
 //! - The memory that a kernel takes does not depend on its size.
 //!
 //! # Layout
 //!
-//! - `arguments`, `settings`, `optics`, `clock`: what the agent is told. `status`: what it prints about a directory.
+//! - `arguments`, `settings`, `optics`, `clock`: what the agent is told. `keep`: an agent of one kernel, or of a set. `status`: what it prints about a directory.
+//! - `set`: several kernels that change together.
 //! - `agent`: the order of all steps. `slots`: the directory. `durable`: changes that survive a power cut. `state`: what
 //!   the agent remembers. `vouching`: which keyrings and manifests it accepts.
 //! - `http`, `tls`: calls of the server. `kernel_search`: which kernel of the server is meant. `download`: a file in
@@ -32,6 +35,7 @@ mod clock;
 mod download;
 mod durable;
 mod http;
+mod keep;
 mod kernel_search;
 mod log;
 mod optics;
@@ -40,6 +44,7 @@ mod regular_file;
 mod report;
 mod schedule;
 mod self_test;
+mod set;
 mod settings;
 mod slots;
 mod state;
@@ -51,6 +56,7 @@ pub use agent::{Agent, Checked};
 pub use arguments::{Cli, Command, RunArguments, StatusArguments, Task};
 pub use clock::Clock;
 pub use problem::{BodyProblem, Problem};
+pub use set::{KernelSet, SetChecked};
 pub use settings::{Pace, Settings};
 pub use slots::Slot;
 pub use status::status;

@@ -25,6 +25,15 @@ fn whole(length: Length, text: &str, per_metre: f64, allowed: std::ops::RangeInc
     if allowed.contains(&number) { Ok(number) } else { Err(format!("must be above 0, but is {text}")) }
 }
 
+/// A wavelength as the name of a folder, such as `515nm` or `632.8nm`.
+pub(crate) fn wavelength_name(wavelength_pm: i64) -> String {
+    let (nm, pm) = (wavelength_pm / 1000, wavelength_pm % 1000);
+    match format!("{pm:03}").trim_end_matches('0') {
+        "" => format!("{nm}nm"),
+        digits => format!("{nm}.{digits}nm"),
+    }
+}
+
 /// Optics for people, such as `515 nm, 150 mm`. A place of a kind that this program does not know stays as it is.
 pub(crate) fn in_words(optics: &Optics) -> String {
     // Picometres and nanometres are whole numbers far below the precision of f64.
@@ -49,6 +58,13 @@ mod tests {
             "distance 1e9 has no unit and would be 1000000000 m: write 1000000000mm"
         );
         assert_eq!(distance_nm("99999999999m"), Err("is too large".to_owned()));
+    }
+
+    #[test]
+    fn names_of_wavelengths_are_unique() {
+        for (pm, name) in [(515_000, "515nm"), (632_800, "632.8nm"), (515_001, "515.001nm"), (515_010, "515.01nm")] {
+            assert_eq!(wavelength_name(pm), name);
+        }
     }
 
     #[test]

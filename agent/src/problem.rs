@@ -85,6 +85,9 @@ pub enum Problem {
     Changed { version: u32, program: PathBuf },
     #[error("could not start the self-test {}: {source}; put a program there, or correct --self-test", program.display())]
     SelfTestStart { program: PathBuf, source: io::Error },
+    /// The disk lost what an agent of a set had fetched.
+    #[error("the kernel for {wavelength} is not whole: the agent fetches it again")]
+    NotReady { wavelength: String },
     #[error("the self-test refused version {version}: {reason}")]
     SelfTest { version: u32, reason: String },
 }
@@ -131,6 +134,7 @@ impl Problem {
             | Self::SelfTest { .. } => true,
             Self::Refused { status, .. } => (400..500).contains(status) && *status != 429,
             Self::Locked { .. }
+            | Self::NotReady { .. }
             | Self::Setting(_)
             | Self::Unreachable { .. }
             | Self::Token { .. }

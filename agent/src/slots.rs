@@ -62,12 +62,19 @@ impl Drop for Lock {
 #[derive(Clone, Debug)]
 pub(crate) struct Slots {
     root: PathBuf,
+    /// Folder within each slot; `None`: the slot itself.
+    member: Option<String>,
 }
 
 impl Slots {
     /// The directory at a path, for reading.
     pub(crate) fn at(root: &Path) -> Self {
-        Self { root: root.to_owned() }
+        Self { root: root.to_owned(), member: None }
+    }
+
+    /// The places of one kernel in a directory whose slots have several, each in a folder of its own.
+    pub(crate) fn of_member(root: &Path, name: &str) -> Self {
+        Self { root: root.to_owned(), member: Some(name.to_owned()) }
     }
 
     /// Makes the directory. The returned lock keeps other agents out. It is on the directory itself: this needs no file,
@@ -94,7 +101,8 @@ impl Slots {
     }
 
     pub(crate) fn folder(&self, slot: Slot) -> PathBuf {
-        self.root.join(slot.name())
+        let folder = self.root.join(slot.name());
+        self.member.as_ref().map_or_else(|| folder.clone(), |member| folder.join(member))
     }
 
     pub(crate) fn kernel(&self, slot: Slot) -> PathBuf {
@@ -190,11 +198,7 @@ impl Slots {
     /// Makes the folder of a slot, if it is missing, and checks that the agent can put a kernel there.
     pub(crate) fn prepare(&self, slot: Slot, digest: &str) -> Result<(), Problem> {
         let folder = self.folder(slot);
-        if !self.is_own(slot)? {
-            fs::create_dir(&folder)
-                .and_then(|()| durable::flush_folder_of(&folder))
-                .map_err(Problem::disk("create", &folder))?;
-        }
+        self.make(slot)?;
         rustix::fs::access(&folder, Access::READ_OK | Access::WRITE_OK | Access::EXEC_OK)
             .map_err(|error| Problem::disk("write", &folder)(error.into()))?;
         let files = ["kernel", "manifest", "keyring"].map(|name| folder.join(name));
@@ -204,6 +208,16 @@ impl Slots {
             }
         }
         Ok(())
+    }
+
+    /// Makes the folder of a slot, if it is missing.
+    pub(crate) fn make(&self, slot: Slot) -> Result<(), Problem> {
+        let folder = self.folder(slot);
+        if self.is_own(slot)? {
+            return Ok(());
+        }
+        let made = fs::create_dir(&folder).and_then(|()| durable::flush_folder_of(&folder));
+        made.map_err(Problem::disk("create", &folder))
     }
 
     /// Whether the folder of a slot is there. Anything else in its place is an error, links too: what the agent wrote or

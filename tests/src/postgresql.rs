@@ -35,7 +35,9 @@ async fn operators_work_on_the_database_of_the_server() {
     daemon.stop().await;
     let keyring = async || run(&["key", "list", "--output", "json"]).await.json()["keyring"].as_u64().unwrap();
     let before = keyring().await;
-    run(&["restored"]).await.ok();
+    run(&["restored"]).await.assert_refused(2, &["accepts the tokens ada", "--keep-tokens"]);
+    run(&["restored", "--revoke-token", "ada"]).await.ok();
+    assert!(run(&["token", "list"]).await.ok().contains("revoked"));
     assert!(before < 1000 && keyring().await > 1_700_000_000, "devices take the keyring for newer than all before");
     run(&["collect"]).await.ok();
     assert!(!data.path().join("lightpath.db").exists(), "no second database is made");

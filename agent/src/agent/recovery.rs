@@ -10,7 +10,7 @@ use lightpath_manifest::Manifest;
 impl Agent {
     /// Checks both slots, removes what is damaged, and lets the application use a kernel that is whole. Problems are
     /// logged: a disk that became read-only must not keep the agent from starting.
-    pub(super) fn recover(&mut self) {
+    pub(crate) fn recover(&mut self) {
         self.slots.remove_temporary();
         let linked = self.slots.current();
         let (mut whole, mut damaged) = (Vec::new(), Vec::new());

@@ -3,7 +3,7 @@
 //! - `material`: keys, keyrings, manifests and kernels. `server`: the server. `bench`: a server, a directory and an agent
 //!   for a test, and what must always be true of the directory.
 //! - `trust`: documents that the agent refuses. `search`: how it finds the kernel. `freeze`: servers that confirm nothing, or drip. `bodies`: files that it refuses or continues. `start`: what it does with
-//!   what lies in its directory. `polling`: when it asks, and what it says. `reports`, `self_tests`. `disk`: full and
+//!   what lies in its directory. `polling`: when it asks, and what it says. `reports`, `self_tests`. `sets`: several kernels that change together. `disk`: full and
 //!   read-only ones. `slots`: what stands in the way there. `kills`: death at every point and at any time. `memory`. `tls`.
 #![allow(clippy::unwrap_used)]
 
@@ -21,6 +21,7 @@ mod reports;
 mod search;
 mod self_tests;
 mod server;
+mod sets;
 mod slots;
 mod start;
 mod tls;

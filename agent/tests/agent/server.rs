@@ -38,6 +38,8 @@ pub(crate) enum Sending {
 pub(crate) struct Script {
     pub(crate) keyring: String,
     pub(crate) manifest: String,
+    /// Manifests of the kernels with these ids, instead of that one.
+    pub(crate) manifests: HashMap<&'static str, String>,
     /// Ids of the kernels in every list; the list is this text instead, if it begins with `<`.
     pub(crate) kernels: Vec<&'static str>,
     /// Files by their digest.
@@ -87,6 +89,7 @@ impl Server {
         let script = Script {
             keyring: signed(&keyring(1)),
             manifest: String::new(),
+            manifests: HashMap::new(),
             kernels: vec!["515nm-150mm"],
             files: HashMap::new(),
             next: VecDeque::new(),
@@ -262,7 +265,11 @@ fn send_document(script: &Script, request: &Request, stream: &mut impl Write) ->
         head(stream, status, &format!("content-length: {}\r\n", body.len()))?;
         return send_text(script, &body, stream);
     }
-    let text = if request.is_for_manifest() { &script.manifest } else { &script.keyring };
+    let of_id = script.manifests.iter().find(|(id, _)| request.is_for_one_of(&[*id])).map(|(_, text)| text);
+    let text = match request.is_for_manifest() {
+        true => of_id.unwrap_or(&script.manifest),
+        false => &script.keyring,
+    };
     let etag = format!("\"{}\"", &digest(text.as_bytes())[7..39]);
     let fields = format!("etag: {etag}\r\nlightpath-poll-after-s: {}\r\n", script.poll_after_s);
     let is_unchanged = script.says_unchanged && request.is_for_manifest();

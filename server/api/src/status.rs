@@ -48,8 +48,15 @@ struct Answer {
 
 /// The status of an error.
 pub(crate) fn of(error: ServiceError) -> Status {
-    if let ServiceError::Artifact(ArtifactError::DataLoss { digest }) = error.itself() {
-        tracing::error!(digest, "a stored artifact no longer matches its digest");
+    match error.itself() {
+        ServiceError::Artifact(ArtifactError::DataLoss { digest }) => {
+            tracing::error!(digest, "a stored artifact no longer matches its digest");
+        }
+        // Clients try again; what the bucket's server did is for its operator.
+        ServiceError::Artifact(ArtifactError::Remote { .. }) => {
+            tracing::warn!(causes = with_causes(&error), "a call of the bucket failed");
+        }
+        _ => {}
     }
     match error {
         ServiceError::Stream(cause) if cause.is::<Status>() => match cause.downcast() {

@@ -1,11 +1,13 @@
 //! Blobs of one kind: a local folder, and, if there is a remote, the copies there. With a remote the folder is a cache: a
 //! file in it has been stored in the remote before it got its name. All functions block.
 
+use crate::claim::Claim;
 use crate::error::{ArtifactError, Result};
 use crate::folder::{Folder, Stamp};
 use crate::inventory::BlobKind;
 use crate::remote::Remote;
 use crate::remote::cache::Cache;
+use crate::space::Space;
 use std::fs::File;
 use std::io::{self, Read as _, Seek as _, SeekFrom, Write as _};
 use std::path::Path;
@@ -23,14 +25,21 @@ pub(super) struct Blobs {
 struct Behind {
     remote: Arc<Remote>,
     cache: Arc<Cache>,
+    space: Arc<Space>,
     /// Held while a blob is fetched whose digest begins with this byte, so that no blob is fetched twice at a time.
     fetching: Vec<Mutex<()>>,
 }
 
 impl Blobs {
-    pub(super) fn new(kind: BlobKind, folder: Folder, remote: Option<(Arc<Remote>, Arc<Cache>)>) -> Self {
+    pub(super) fn new(
+        kind: BlobKind,
+        folder: Folder,
+        space: &Arc<Space>,
+        remote: Option<(Arc<Remote>, Arc<Cache>)>,
+    ) -> Self {
         let fetching = || (0..=u8::MAX).map(|_| Mutex::default()).collect();
-        let behind = remote.map(|(remote, cache)| Behind { remote, cache, fetching: fetching() });
+        let behind =
+            remote.map(|(remote, cache)| Behind { remote, cache, space: Arc::clone(space), fetching: fetching() });
         Self { kind, folder, behind }
     }
 
@@ -180,12 +189,42 @@ impl Blobs {
 
     /// Fetches a blob from the remote into the folder, and returns its file, positioned at its start, and its size.
     fn fetch(&self, behind: &Behind, digest: &str) -> Result<(File, u64)> {
+        // The room is held until the cache counts the file.
+        let mut claim = None;
         let (mut file, size_bytes) = self.folder.receive_from(digest, |file| {
-            let begin = |file: &mut File| file.seek(SeekFrom::Start(0)).and_then(|_| file.set_len(0));
-            behind.remote.fetch(self.kind, digest, file, begin, |file, bytes| file.write_all(bytes))
+            let mut copy = Copying { file, claim: &mut claim, space: &behind.space };
+            behind.remote.fetch(self.kind, digest, &mut copy, Copying::begin, Copying::append)
         })?;
         file.seek(SeekFrom::Start(0)).map_err(|error| ArtifactError::io("read a file", error))?;
         self.keep(digest, size_bytes)?;
         Ok((file, size_bytes))
+    }
+}
+
+/// A local file that is being fetched, and its room on the disk.
+struct Copying<'a> {
+    file: &'a mut File,
+    claim: &'a mut Option<Claim>,
+    space: &'a Arc<Space>,
+}
+
+impl Copying<'_> {
+    /// Begins with another copy.
+    fn begin(&mut self, size_bytes: u64) -> Result<()> {
+        let emptied = self.file.seek(SeekFrom::Start(0)).and_then(|_| self.file.set_len(0));
+        emptied.map_err(|error| ArtifactError::io("write a file", error))?;
+        // The room of the copy before comes back first.
+        *self.claim = None;
+        *self.claim = Some(Claim::for_copy(self.space, size_bytes)?);
+        Ok(())
+    }
+
+    fn append(&mut self, bytes: &[u8]) -> Result<()> {
+        self.claim.as_ref().map_or(Ok(()), Claim::require_disk)?;
+        self.file.write_all(bytes).map_err(|error| ArtifactError::io("write a file", error))?;
+        if let Some(claim) = self.claim {
+            claim.wrote(bytes.len() as u64);
+        }
+        Ok(())
     }
 }

@@ -16,6 +16,8 @@ pub struct Claim {
     unwritten_bytes: u64,
     /// What the owner had claimed when this claim was made, and this claim \[bytes\].
     owner_claimed_bytes: u64,
+    /// Bytes of the disk that stay free beside all claims.
+    reserve_bytes: u64,
 }
 
 impl Claim {
@@ -31,9 +33,33 @@ impl Claim {
     /// [`ArtifactError::DiskFull`]: crate::ArtifactError::DiskFull
     /// [`ArtifactError::QuotaSpent`]: crate::ArtifactError::QuotaSpent
     pub fn take(space: &Arc<Space>, owner: &str, counted_bytes: u64, unwritten_bytes: u64) -> Result<Self> {
-        let owner_claimed_bytes = space.add_claim(owner, counted_bytes, unwritten_bytes)?;
+        Self::beside(space.limits().reserve_bytes, space, owner, counted_bytes, unwritten_bytes)
+    }
+
+    /// Claims room for a local copy of a blob that is recorded and kept in the remote. Running jobs read what they need
+    /// through such copies, so that the copies may use a half of the reserve. The other half is left to results.
+    ///
+    /// # Errors
+    ///
+    /// [`ArtifactError::DiskLow`] and [`ArtifactError::DiskFull`] if the copy would use the other half, or what others
+    /// have claimed.
+    ///
+    /// [`ArtifactError::DiskLow`]: crate::ArtifactError::DiskLow
+    /// [`ArtifactError::DiskFull`]: crate::ArtifactError::DiskFull
+    pub(crate) fn for_copy(space: &Arc<Space>, size_bytes: u64) -> Result<Self> {
+        Self::beside(space.limits().reserve_bytes / 2, space, "", 0, size_bytes)
+    }
+
+    fn beside(
+        reserve_bytes: u64,
+        space: &Arc<Space>,
+        owner: &str,
+        counted_bytes: u64,
+        unwritten_bytes: u64,
+    ) -> Result<Self> {
+        let owner_claimed_bytes = space.add_claim(reserve_bytes, owner, counted_bytes, unwritten_bytes)?;
         let (space, owner) = (Arc::clone(space), owner.to_owned());
-        Ok(Self { space, owner, counted_bytes, unwritten_bytes, owner_claimed_bytes })
+        Ok(Self { space, owner, counted_bytes, unwritten_bytes, owner_claimed_bytes, reserve_bytes })
     }
 
     /// Bytes that must fit into what the owner may store: this claim, the claims that the owner had before, and the
@@ -60,7 +86,7 @@ impl Claim {
 
     /// Checks that the claimed bytes still fit: others than claimants may have filled the disk in the meantime.
     pub(crate) fn require_disk(&self) -> Result<()> {
-        self.space.require_claimed()
+        self.space.require_claimed(self.reserve_bytes)
     }
 
     /// Notes that bytes are on the disk.

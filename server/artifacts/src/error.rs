@@ -30,7 +30,7 @@ pub enum ArtifactError {
     DiskFull,
     #[error(
         "the server's disk has {} MiB free, but {} MiB are reserved for accepted work, and {} MiB are needed for bytes \
-         that callers send; remove files from the disk, or retry when other uploads have ended",
+         that are arriving; remove files from the disk, or retry when other uploads have ended",
         free_bytes >> 20,
         reserve_bytes >> 20,
         claimed_bytes >> 20

@@ -208,13 +208,13 @@ impl Artifacts {
                 None
             }
         };
-        let remote = behind.as_ref().map(|(remote, _)| Arc::clone(remote));
-        let blobs = |kind, root| Blobs::new(kind, Folder::new(root, temporary.clone()), behind.clone());
+        let (remote, cache) = behind.clone().unzip();
+        let conversions = Arc::new(Conversions::new(Folder::new(conversions, temporary.clone())));
+        let interrupted = Interrupted::open(received.clone())?;
+        let space = Arc::new(Space::new(limits, data_dir.to_owned(), interrupted, Arc::clone(&conversions), cache));
+        let blobs = |kind, root| Blobs::new(kind, Folder::new(root, temporary.clone()), &space, behind.clone());
         let checkpoints = blobs(BlobKind::Checkpoint, checkpoints);
         let blobs = Arc::new(blobs(BlobKind::Artifact, artifacts));
-        let conversions = Arc::new(Conversions::new(Folder::new(conversions, temporary)));
-        let interrupted = Interrupted::open(received.clone())?;
-        let space = Arc::new(Space::new(limits, data_dir.to_owned(), interrupted, Arc::clone(&conversions)));
         let uploads = Uploads::new(received, Arc::clone(&space), Arc::clone(&blobs));
         Ok(Self {
             inner: Arc::new(Inner {

@@ -2,11 +2,13 @@
 //!
 //! New bytes are claimed before they are written (`claim`). At any time the free space is at least the reserve
 //! and all bytes that are claimed and not yet written, as far as nobody but claimants writes. If room is missing, files
-//! that can be made again go first, and then interrupted uploads, the oldest before the others.
+//! that can be made again go first, then local copies of what is in the remote, and then interrupted uploads, the oldest
+//! before the others.
 
 use crate::conversions::Conversions;
 use crate::error::{ArtifactError, Result};
 use crate::interrupted::Interrupted;
+use crate::remote::cache::Cache;
 use rustix::fs::statvfs;
 use std::collections::HashMap;
 use std::path::PathBuf;
@@ -31,6 +33,8 @@ pub struct Space {
     claims: Mutex<Claims>,
     interrupted: Interrupted,
     conversions: Arc<Conversions>,
+    /// Local copies of blobs in the remote, if there is one.
+    cache: Option<Arc<Cache>>,
 }
 
 /// Sums of all claims.
@@ -71,8 +75,10 @@ impl Space {
         data_dir: PathBuf,
         interrupted: Interrupted,
         conversions: Arc<Conversions>,
+        cache: Option<Arc<Cache>>,
     ) -> Self {
-        Self { limits, stored_bytes: AtomicU64::new(0), data_dir, claims: Mutex::default(), interrupted, conversions }
+        let (stored_bytes, claims) = (AtomicU64::new(0), Mutex::default());
+        Self { limits, stored_bytes, data_dir, claims, interrupted, conversions, cache }
     }
 
     /// Free space on the disk, without the space that the system keeps for its administrator \[bytes\].
@@ -121,19 +127,25 @@ impl Space {
         self.require_free(self.limits.reserve_bytes)
     }
 
-    /// Adds a claim if there is room for it, and returns the sum of the owner's claims \[bytes\].
-    pub(crate) fn add_claim(&self, owner: &str, counted_bytes: u64, unwritten_bytes: u64) -> Result<u64> {
+    /// Adds a claim if there is room for it beside `reserve_bytes`, and returns the sum of the owner's claims \[bytes\].
+    pub(crate) fn add_claim(
+        &self,
+        reserve_bytes: u64,
+        owner: &str,
+        counted_bytes: u64,
+        unwritten_bytes: u64,
+    ) -> Result<u64> {
         let mut claims = self.claims();
         // The disk comes last: a claim that is refused anyway makes no room there.
         self.require_within_limit(claims.counted_bytes, counted_bytes)?;
-        self.require_beside(claims.unwritten_bytes.saturating_add(unwritten_bytes))?;
+        self.require_beside(reserve_bytes, claims.unwritten_bytes.saturating_add(unwritten_bytes))?;
         Ok(claims.add(owner, counted_bytes, unwritten_bytes))
     }
 
-    /// Checks that all claimed bytes still fit beside the reserve.
-    pub(crate) fn require_claimed(&self) -> Result<()> {
+    /// Checks that all claimed bytes still fit beside `reserve_bytes`.
+    pub(crate) fn require_claimed(&self, reserve_bytes: u64) -> Result<()> {
         let unwritten_bytes = self.claims().unwritten_bytes;
-        self.require_beside(unwritten_bytes)
+        self.require_beside(reserve_bytes, unwritten_bytes)
     }
 
     pub(crate) fn change_claims(&self, change: impl FnOnce(&mut Claims)) {
@@ -162,9 +174,8 @@ impl Space {
         }
     }
 
-    /// Checks that `claimed_bytes` fit beside the reserve.
-    fn require_beside(&self, claimed_bytes: u64) -> Result<()> {
-        let reserve_bytes = self.limits.reserve_bytes;
+    /// Checks that `claimed_bytes` fit beside `reserve_bytes`.
+    fn require_beside(&self, reserve_bytes: u64, claimed_bytes: u64) -> Result<()> {
         let needed_bytes = reserve_bytes.saturating_add(claimed_bytes);
         match self.free_with_room_for(needed_bytes)? {
             free_bytes if free_bytes >= needed_bytes => Ok(()),
@@ -188,17 +199,24 @@ impl Space {
         Ok(())
     }
 
-    /// Free space \[bytes\]. Before that, if less than `needed_bytes` are free, removes files that can be made again and
-    /// interrupted uploads, if their room is enough.
+    /// Free space \[bytes\]. Before that, if less than `needed_bytes` are free, removes files that can be made or fetched
+    /// again and interrupted uploads, if their room is enough.
     fn free_with_room_for(&self, needed_bytes: u64) -> Result<u64> {
         let mut free_bytes = self.free_bytes()?;
         if free_bytes >= needed_bytes {
             return Ok(free_bytes);
         }
-        let removable_bytes = self.conversions.bytes().saturating_add(self.interrupted.bytes());
+        let cached_bytes = self.cache.as_ref().map_or(0, |cache| cache.bytes());
+        let removable_bytes =
+            self.conversions.bytes().saturating_add(cached_bytes).saturating_add(self.interrupted.bytes());
         if free_bytes.saturating_add(removable_bytes) >= needed_bytes {
             self.conversions.make_room(needed_bytes - free_bytes);
             free_bytes = self.free_bytes()?;
+            if let Some(cache) = &self.cache {
+                while free_bytes < needed_bytes && cache.remove_oldest()? {
+                    free_bytes = self.free_bytes()?;
+                }
+            }
             while free_bytes < needed_bytes && self.interrupted.remove_one() {
                 free_bytes = self.free_bytes()?;
             }

@@ -1,5 +1,6 @@
 //! The bound on local copies: the files that were not used for the longest time are removed first.
 
+use crate::error::{ArtifactError, Result};
 use std::collections::{BTreeMap, HashMap};
 use std::fs;
 use std::io;
@@ -59,13 +60,20 @@ impl Cache {
         files.known.insert(path.to_owned(), (bytes, use_));
         files.by_use.insert(use_, path.to_owned());
         while files.bytes > self.bytes_max && files.known.len() > 1 {
-            let Some(oldest) = files.by_use.values().next().cloned() else { break };
-            match fs::remove_file(&oldest) {
-                Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
-                _ => files.forget(&oldest),
-            }
+            files.remove_oldest()?;
         }
         Ok(())
+    }
+
+    /// Size of all files \[bytes\].
+    pub(crate) fn bytes(&self) -> u64 {
+        self.files().bytes
+    }
+
+    /// Removes the file that was not used for the longest time; `false` if there is none.
+    pub(crate) fn remove_oldest(&self) -> Result<bool> {
+        let removed = self.files().remove_oldest();
+        removed.map_err(|error| ArtifactError::io("remove a local copy", error))
     }
 
     /// Notes that a file was used.
@@ -91,6 +99,17 @@ impl Cache {
 }
 
 impl Files {
+    fn remove_oldest(&mut self) -> io::Result<bool> {
+        let Some(oldest) = self.by_use.values().next().cloned() else { return Ok(false) };
+        match fs::remove_file(&oldest) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => Err(error),
+            _ => {
+                self.forget(&oldest);
+                Ok(true)
+            }
+        }
+    }
+
     fn forget(&mut self, path: &Path) {
         if let Some((bytes, last)) = self.known.remove(path) {
             self.bytes -= bytes;

@@ -19,12 +19,23 @@
 //! six times with pauses of up to 1 s, in the first 5 s. So a server that answers with errors is given up after 1 to
 //! 4 s, and one that is silent after 20 to 25 s. Then the call fails with [`ArtifactError::Remote`].
 //!
+//! # Limits on size
+//!
+//! Of an answer, at most 8 MiB are read, and of the text of an error 4 KiB. A list ends with an error after 1000 copies of
+//! one blob, after 200,000 objects in one of the 256 folders of digests (50 million blobs in the bucket), or when it is not
+//! complete in time. A copy of more than 78 GiB is not read: S3 takes no more than 10,000 parts.
+//!
 //! # Layout
 //!
-//! - `options`: settings. `identity`: to whom the objects belong. `inventory`: read access for checks. `catch_up`: files from a time without the remote. `cache`: the bound on local copies. `thread`: threads for requests.
+//! - `options`: settings. `answers`: bounds on the bytes of answers. `identity`: to whom the objects belong. `inventory`: read access for checks. `catch_up`: files from a time without the remote. `cache`: the bound on local copies. `thread`: threads for requests.
 
+mod answers;
 pub(crate) mod cache;
 pub(crate) mod catch_up;
+#[cfg(test)]
+mod hostile_server;
+#[cfg(test)]
+mod hostile_tests;
 mod identity;
 pub(crate) mod inventory;
 #[cfg(test)]
@@ -46,11 +57,12 @@ use object_store::{
 };
 use options::RemoteOptions;
 use sha2::{Digest as _, Sha256};
-use std::collections::{BTreeSet, HashSet};
+use std::collections::HashSet;
 use std::fs::File;
 use std::io::{Read as _, Seek as _, SeekFrom};
 use std::ops::Range;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
 use thread::RequestThreads;
 use uuid::Uuid;
 
@@ -58,8 +70,21 @@ use uuid::Uuid;
 const PART_BYTES: usize = 8 << 20;
 /// Largest object that is read whole \[bytes\].
 const SMALL_BYTES_MAX: u64 = 4096;
+/// Largest copy that is read \[bytes\]: S3 takes no more than 10,000 parts of an object.
+const COPY_BYTES_MAX: u64 = 10_000 * PART_BYTES as u64;
+/// Limit on a list of the copies of one blob. A blob has one, and a few more after damage or removals at the same time.
+const COPIES: ListLimit = ListLimit { objects: 1000, time: Duration::from_secs(30) };
+/// Limit on a list of the objects whose digests begin with the same byte. They come in pages of 1000.
+const SHARD: ListLimit = ListLimit { objects: 200_000, time: Duration::from_secs(600) };
 /// Limit on the remembered copies that were damaged, for their memory: about 2 MB.
 const DAMAGED_MAX: usize = 10_000;
+
+/// Where a list is given up: a server could send pages without an end, also without any object in them.
+#[derive(Clone, Copy, Debug)]
+struct ListLimit {
+    objects: usize,
+    time: Duration,
+}
 
 /// A copy of a blob in the remote.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -119,21 +144,25 @@ impl Remote {
 
     /// All copies of a blob.
     pub(crate) fn objects(&self, kind: BlobKind, digest: &str) -> Result<Vec<RemoteObject>> {
-        let listed = self.list(self.folder(kind, digest)?)?;
         let object = |object: ObjectMeta| {
             let id = Uuid::parse_str(object.location.filename()?).ok()?;
             let store_time_ms = object.last_modified.timestamp_millis();
             Some(RemoteObject { id, size_bytes: object.size, store_time_ms })
         };
-        Ok(listed.into_iter().filter_map(object).collect())
+        self.list(self.folder(kind, digest)?, COPIES, object)
     }
 
     /// Digests of the blobs whose digest begins with the byte `shard`, in their order.
     pub(crate) fn stored(&self, kind: BlobKind, shard: u8) -> Result<Vec<String>> {
-        let listed = self.list(self.prefix.clone().join(kind.folder()).join(format!("{shard:02x}")))?;
-        let digest = |object: ObjectMeta| object.location.parts().rev().nth(1).map(|part| part.as_ref().to_owned());
-        let digests: BTreeSet<String> = listed.into_iter().filter_map(digest).collect();
-        Ok(digests.into_iter().filter(|digest| check_digest(digest).is_ok()).collect())
+        let digest = |object: ObjectMeta| {
+            let digest = object.location.parts().rev().nth(1)?.as_ref().to_owned();
+            check_digest(&digest).is_ok().then_some(digest)
+        };
+        let folder = self.prefix.clone().join(kind.folder()).join(format!("{shard:02x}"));
+        let mut digests = self.list(folder, SHARD, digest)?;
+        digests.sort_unstable();
+        digests.dedup();
+        Ok(digests)
     }
 
     /// Stores another copy of a blob with the bytes of `file`, if they match the digest.
@@ -186,30 +215,34 @@ impl Remote {
         completed.map(drop)
     }
 
-    /// Reads the copies of a blob until one matches the digest, and returns its size \[bytes\]. `begin` is called before
-    /// the bytes of each copy, and `each` with its pieces.
+    /// Reads the copies of a blob until one matches the digest, and returns its size \[bytes\]. `begin` is called with the
+    /// size of each copy before its bytes, and `each` with its pieces.
     pub(crate) fn fetch<S>(
         &self,
         kind: BlobKind,
         digest: &str,
         sink: &mut S,
-        begin: impl Fn(&mut S) -> std::io::Result<()>,
-        each: impl Fn(&mut S, &[u8]) -> std::io::Result<()>,
+        begin: impl Fn(&mut S, u64) -> Result<()>,
+        each: impl Fn(&mut S, &[u8]) -> Result<()>,
     ) -> Result<u64> {
         let mut objects = self.objects(kind, digest)?;
         objects.sort_by_key(|object| self.damaged().contains(&object.id));
-        let written = |error| ArtifactError::io("write a file", error);
         let mut found_damage = false;
         'objects: for object in objects {
             let path = self.folder(kind, digest)?.join(object.id.to_string());
-            begin(sink).map_err(written)?;
+            if object.size_bytes > COPY_BYTES_MAX {
+                let problem =
+                    format!("the server lists {path} with {} bytes, over {COPY_BYTES_MAX}", object.size_bytes);
+                return Err(ArtifactError::remote("read a blob", problem));
+            }
+            begin(sink, object.size_bytes)?;
             let (mut hasher, mut offset) = (Sha256::new(), 0);
             while offset < object.size_bytes {
                 let end = object.size_bytes.min(offset + PART_BYTES as u64);
                 match self.get(&path, Some(offset..end), end - offset) {
                     Ok(bytes) => {
                         hasher.update(&bytes);
-                        each(sink, &bytes).map_err(written)?;
+                        each(sink, &bytes)?;
                     }
                     // Somebody has removed the copy since the list.
                     Err(object_store::Error::NotFound { .. }) => continue 'objects,
@@ -234,7 +267,7 @@ impl Remote {
 
     /// Reads the copies of a blob until one matches the digest, and returns its size \[bytes\].
     pub(crate) fn verify(&self, kind: BlobKind, digest: &str) -> Result<u64> {
-        self.fetch(kind, digest, &mut (), |()| Ok(()), |(), _| Ok(()))
+        self.fetch(kind, digest, &mut (), |(), _| Ok(()), |(), _| Ok(()))
     }
 
     /// Removes copies of a blob. A missing one is no error.
@@ -277,11 +310,31 @@ impl Remote {
         })
     }
 
-    /// All objects below a path.
-    fn list(&self, below: Path) -> Result<Vec<ObjectMeta>> {
+    /// What `each` returns for the objects below a path.
+    fn list<T: Send + 'static>(
+        &self,
+        below: Path,
+        limit: ListLimit,
+        each: fn(ObjectMeta) -> Option<T>,
+    ) -> Result<Vec<T>> {
         let store = Arc::clone(&self.store);
-        let listed = self.thread.wait(async move { store.list(Some(&below)).try_collect().await });
-        listed.map_err(|error| ArtifactError::remote("list objects", error))
+        self.thread.wait(async move {
+            let list = async {
+                let (mut listed, mut count) = (Vec::new(), 0);
+                let mut objects = store.list(Some(&below));
+                while let Some(object) = objects.try_next().await.map_err(list_failed)? {
+                    count += 1;
+                    if count > limit.objects {
+                        let problem = format!("the list of {below} exceeds {} objects", limit.objects);
+                        return Err(list_failed(problem));
+                    }
+                    listed.extend(each(object));
+                }
+                Ok(listed)
+            };
+            let late = || list_failed(format!("the list of {below} was not complete after {:?}", limit.time));
+            tokio::time::timeout(limit.time, list).await.unwrap_or_else(|_| Err(late()))
+        })
     }
 
     fn folder(&self, kind: BlobKind, digest: &str) -> Result<Path> {
@@ -293,4 +346,8 @@ impl Remote {
         // The set is consistent even after a panic: each change of it is a single operation.
         self.damaged.lock().unwrap_or_else(PoisonError::into_inner)
     }
+}
+
+fn list_failed(error: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> ArtifactError {
+    ArtifactError::remote("list objects", error)
 }

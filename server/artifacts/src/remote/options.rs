@@ -1,5 +1,6 @@
 //! Settings of a remote.
 
+use super::answers::BoundedConnector;
 use crate::error::{ArtifactError, Result};
 use object_store::ClientOptions;
 use object_store::aws::{AmazonS3, AmazonS3Builder, Checksum, S3ConditionalPut};
@@ -83,6 +84,7 @@ impl RemoteOptions {
             .with_secret_access_key(&self.secret_access_key)
             .with_checksum_algorithm(Checksum::SHA256)
             .with_conditional_put(S3ConditionalPut::ETagMatch)
+            .with_http_connector(BoundedConnector)
             .with_client_options(client)
             .with_retry(retry);
         if let Some(endpoint) = &self.endpoint {

@@ -1,11 +1,9 @@
-//! `lightpathd check`, `backup`, `restore`, `restored` and `collect`.
+//! `lightpathd check`, `backup` and `collect`, and what all commands share.
 
-use super::keys::raise_after_restore;
-use super::{Collected, Finding, Report, Retention, UpkeepError, backup, check_with, open_artifacts, restore};
+use super::{Collected, Finding, Report, Retention, UpkeepError, backup, check_with, open_artifacts};
 use crate::config::{BucketFlags, Config, Effective, ServeFlags, Settings};
 use crate::database::Database;
 use anyhow::Context as _;
-use lightpath_store::Store;
 use serde::Serialize;
 use std::io::Write as _;
 use std::iter::once;
@@ -70,42 +68,6 @@ pub struct BackupArgs {
     folder: DataDir,
 }
 
-/// Create a data folder from a backup. The data folder must be empty or not exist, or hold what a restore left that did
-/// not end. The backup does not change. Damaged files are listed, and everything else is restored.
-///
-/// Tokens are accepted again as at the time of the backup, also those that were revoked since then: their names are listed,
-/// so that you can revoke them before the server starts.
-///
-/// Exit code 0: no problems. 1: problems were found. 2: nothing was restored.
-#[derive(Debug, clap::Args)]
-#[command(after_help = "\
-Examples:
-  lightpathd restore /mnt/backup/2026-11-21 --data-dir /srv/lightpath")]
-pub struct RestoreArgs {
-    /// Folder that `lightpathd backup` created
-    #[arg(value_name = "BACKUP")]
-    backup: PathBuf,
-    #[command(flatten)]
-    folder: DataDir,
-}
-
-/// Tell a database that it was restored by other means than `lightpathd restore`, then check it. Devices refuse older
-/// kernels and keys than they have seen: this raises the generation of each display and the version of the keyring above
-/// all of them, and halts rollouts. The server must not be running.
-///
-/// Exit code 0: no problems. 1: problems were found. 2: nothing was done.
-#[derive(Debug, clap::Args)]
-#[command(after_help = "\
-Examples:
-  pg_restore --dbname lightpath lightpath.dump
-  lightpathd restored --database-url postgres:///lightpath --data-dir /srv/lightpath")]
-pub struct RestoredArgs {
-    #[command(flatten)]
-    folder: DataDir,
-    #[command(flatten)]
-    bucket: BucketFlags,
-}
-
 /// Remove ended jobs, and artifacts without references, that have reached the ages in the settings. A running server
 /// does this every hour. Use this command for a preview, or while the server is stopped.
 #[derive(Debug, clap::Args)]
@@ -138,7 +100,7 @@ impl DataDir {
     }
 
     /// The settings of the server, of which these arguments and those of the bucket override the file.
-    fn config(&self, bucket: &BucketFlags) -> anyhow::Result<Config> {
+    pub(super) fn config(&self, bucket: &BucketFlags) -> anyhow::Result<Config> {
         let file = self.config.as_deref().map(Settings::read).transpose()?.unwrap_or_default();
         let mut given = bucket.0.clone();
         if let Some(data_dir) = &self.data_dir {
@@ -151,7 +113,7 @@ impl DataDir {
     }
 
     /// The data folder with its database.
-    fn whole(&self) -> anyhow::Result<PathBuf> {
+    pub(super) fn whole(&self) -> anyhow::Result<PathBuf> {
         match self.places()? {
             (folder, Database::InFolder(_)) => Ok(folder),
             (_, Database::OnServer(_)) => Err(UpkeepError::DatabaseOnServer.into()),
@@ -214,82 +176,6 @@ impl BackupArgs {
     }
 }
 
-impl RestoreArgs {
-    /// Restores a backup, checks it and prints the report.
-    #[must_use]
-    pub fn run(self) -> ExitCode {
-        exit(self.copy())
-    }
-
-    fn copy(&self) -> anyhow::Result<bool> {
-        let data_dir = self.folder.whole()?;
-        let restored = runtime()?.block_on(async {
-            let report = restore(&self.backup, &data_dir).await?;
-            let store = Database::InFolder(data_dir).open_shared().await?;
-            Restored::of(report, &store).await
-        })?;
-        self.folder.print(&restored, Restored::text)?;
-        Ok(restored.report.problems.is_empty())
-    }
-}
-
-impl RestoredArgs {
-    /// Raises what devices compare, checks everything and prints the report.
-    #[must_use]
-    pub fn run(self) -> ExitCode {
-        exit(self.raise())
-    }
-
-    fn raise(&self) -> anyhow::Result<bool> {
-        let config = self.folder.config(&self.bucket)?;
-        let database = config.database()?;
-        let restored = runtime()?.block_on(async {
-            database.require().await?;
-            // This fails while a server uses the folder.
-            let artifacts = open_artifacts(&config)?;
-            let store = database.open(&artifacts).await?;
-            raise_after_restore(&store, store.now_ms()).await?;
-            let report = check_with(&config.data_dir, &database, config.bucket()?.as_ref()).await?;
-            Restored::of(report, &store).await
-        })?;
-        self.folder.print(&restored, Restored::text)?;
-        Ok(restored.report.problems.is_empty())
-    }
-}
-
-/// What a restore made.
-#[derive(Debug, Serialize)]
-struct Restored {
-    #[serde(flatten)]
-    report: Report,
-    /// Names of the tokens that are accepted, as they were when the backup was made.
-    accepted_tokens: Vec<String>,
-}
-
-impl Restored {
-    /// Closes the store.
-    async fn of(report: Report, store: &Store) -> Result<Self, UpkeepError> {
-        let now_ms = store.now_ms();
-        let tokens = store.tokens().await?.into_iter().filter(|token| token.is_valid(now_ms));
-        let accepted_tokens = tokens.map(|token| token.caller.name).collect();
-        store.close().await;
-        Ok(Self { report, accepted_tokens })
-    }
-
-    fn text(&self) -> String {
-        let mut text = text(&self.report);
-        if !self.accepted_tokens.is_empty() {
-            text += &format!(
-                "\n{:<22}{}\n  Tokens that were revoked after the backup are accepted again: revoke them before the server \
-                 starts, with `lightpathd token revoke NAME`.",
-                "accepted tokens",
-                self.accepted_tokens.join(", ")
-            );
-        }
-        text
-    }
-}
-
 impl CollectArgs {
     /// Removes old jobs and artifacts, or prints what would be removed.
     #[must_use]
@@ -337,7 +223,7 @@ pub(super) fn exit(outcome: anyhow::Result<bool>) -> ExitCode {
     }
 }
 
-fn text(report: &Report) -> String {
+pub(super) fn text(report: &Report) -> String {
     let mut lines = vec![
         format!("{:<22}{}", "data folder", report.data_dir.display()),
         format!("{:<22}{}", "bucket", report.bucket.as_deref().unwrap_or("none")),

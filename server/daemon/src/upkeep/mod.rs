@@ -7,10 +7,10 @@
 //!
 //! # Layout
 //!
-//! - `check`, `backup`, `restore`: these commands. `blob_reader`: reads the blobs of a check. `collect`: automatic removal of
+//! - `check`, `backup`, `restore`: these commands. `restored_tokens`: which tokens a restored database accepts. `blob_reader`: reads the blobs of a check. `collect`: automatic removal of
 //!   old data; `removal`: from a bucket. `migrate`: a move to another database; `migrate_command`: its command.
 //! - `tokens`: creating, listing and revoking tokens. `keys`: keys that sign manifests; `key_commands`: `lightpathd key`.
-//!   `commands`: the other commands on the command line.
+//!   `restore_command`: `restore` and `restored` on the command line; `commands`: the others.
 
 mod backup;
 mod blob_reader;
@@ -25,8 +25,10 @@ mod migrate_command;
 mod migrate_tests;
 mod removal;
 mod restore;
+mod restore_command;
 #[cfg(test)]
 mod restore_tests;
+mod restored_tokens;
 #[cfg(test)]
 mod tests;
 mod tokens;
@@ -34,13 +36,15 @@ mod tokens;
 pub use backup::{Backup, Manifest, backup};
 pub use check::{Finding, FindingKind, Report, check, check_with};
 pub use collect::Retention;
-pub use commands::{BackupArgs, CheckArgs, CollectArgs, RestoreArgs, RestoredArgs};
+pub use commands::{BackupArgs, CheckArgs, CollectArgs};
 pub use key_commands::KeyCommand;
 pub use keys::{KeyChange, KeyLine, KeyState, KeysError, change_keyring, install, state, tend};
 pub use migrate::{Migration, Moved, MovedBlobs};
 pub use migrate_command::MigrateArgs;
 pub use removal::Collected;
 pub use restore::restore;
+pub use restore_command::{RestoreArgs, RestoredArgs};
+pub use restored_tokens::RestoredTokens;
 pub use tokens::TokenCommand;
 
 use crate::config::{Config, ConfigError};
@@ -71,6 +75,16 @@ pub enum UpkeepError {
     Inside { path: PathBuf, folder: PathBuf },
     #[error("{} is not a complete backup: {problem}", path.display())]
     NoBackup { path: PathBuf, problem: String },
+    /// Nobody has said what becomes of the tokens.
+    #[error(
+        "the backup accepts the tokens {names}, and does not know which of them were revoked after it. Add --revoke-token \
+         NAME for each that was, --keep-tokens if none was, or --revoke-tokens to revoke all"
+    )]
+    TokensUndecided { names: String },
+    #[error(
+        "the backup has no token {names}; it accepts {accepted}. A token that was created after the backup is not in it"
+    )]
+    UnknownTokens { names: String, accepted: String },
     #[error("could not {action} {}", path.display())]
     Io { action: &'static str, path: PathBuf, source: io::Error },
     #[error(transparent)]

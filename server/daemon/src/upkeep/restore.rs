@@ -2,7 +2,7 @@
 
 use super::backup::{MANIFEST, Manifest, lock_empty, require_only, require_outside};
 use super::keys::raise_after_restore;
-use super::{Report, Result, UpkeepError, check};
+use super::{Report, RestoredTokens, Result, UpkeepError, check};
 use crate::database::DATABASE;
 use lightpath_artifacts::{
     ArtifactError, BlobKind, FolderLock, Inventory, LOCK, RESTORING, digest_of_file, private_file,
@@ -19,19 +19,21 @@ const PARTIAL: &str = "lightpath.db.partial";
 
 /// Copies a backup to `data_dir`, and checks the copy. The folder is empty, does not exist, or holds what a restore left
 /// that did not end, which this one replaces. The backup does not change. Until this returns, no server can be started on
-/// the folder; if this process dies before, none can be started until another restore has ended.
+/// the folder; if this process dies before, none can be started until another restore has ended. `tokens` says what becomes
+/// of the tokens that the backup accepts.
 ///
 /// # Errors
 ///
-/// [`UpkeepError::NoBackup`], [`UpkeepError::NotEmpty`], [`UpkeepError::Inside`]; [`ArtifactError::Locked`] if another
-/// process uses the folder. Missing and damaged files of the backup are in the report, and everything else is restored.
-pub async fn restore(backup: &Path, data_dir: &Path) -> Result<Report> {
+/// [`UpkeepError::NoBackup`], [`UpkeepError::NotEmpty`], [`UpkeepError::Inside`]; [`UpkeepError::TokensUndecided`],
+/// [`UpkeepError::UnknownTokens`]; [`ArtifactError::Locked`] if another process uses the folder. Missing and damaged files of the backup are in the report, and everything else is restored.
+pub async fn restore(backup: &Path, data_dir: &Path, tokens: &RestoredTokens) -> Result<Report> {
     let manifest = read_manifest(backup)?;
     require_outside(data_dir, backup)?;
     let _lock = begin(data_dir)?;
     let (from, to) = (Inventory::of(backup), Inventory::create(data_dir)?);
     to.clear()?;
     copy_database(backup, &data_dir.join(PARTIAL), &manifest)?;
+    prepare_database(&data_dir.join(PARTIAL), tokens).await?;
     for kind in [BlobKind::Artifact, BlobKind::Checkpoint] {
         for digest in from.list(kind)? {
             match from.copy(kind, &digest, &to) {
@@ -41,7 +43,7 @@ pub async fn restore(backup: &Path, data_dir: &Path) -> Result<Report> {
             }
         }
     }
-    publish_database(data_dir).await?;
+    publish_database(data_dir)?;
     to.flush()?;
     end(data_dir, &to)?;
     check(data_dir).await
@@ -106,14 +108,23 @@ fn copy_database(backup: &Path, partial: &Path, manifest: &Manifest) -> Result<(
     }
 }
 
-/// Prepares the copied database for a server, and gives it its name.
-async fn publish_database(data_dir: &Path) -> Result<()> {
-    let (copy, partial) = (data_dir.join(DATABASE), data_dir.join(PARTIAL));
+/// Prepares the copied database for a server.
+async fn prepare_database(partial: &Path, tokens: &RestoredTokens) -> Result<()> {
     // This refuses a database of a newer program now and not when the server starts.
-    Inspection::open(&partial).await?.close().await?;
-    let store = Store::open_shared(&partial).await?;
-    raise_after_restore(&store, store.now_ms()).await?;
+    Inspection::open(partial).await?.close().await?;
+    let store = Store::open_shared(partial).await?;
+    let now_ms = store.now_ms();
+    let settled = tokens.settle(&store, now_ms).await;
+    if settled.is_ok() {
+        raise_after_restore(&store, now_ms).await?;
+    }
     store.close().await;
+    settled
+}
+
+/// Gives the database its name.
+fn publish_database(data_dir: &Path) -> Result<()> {
+    let (copy, partial) = (data_dir.join(DATABASE), data_dir.join(PARTIAL));
     let renamed = fail::point("restore.flush")
         .and_then(|()| File::open(&partial)?.sync_all())
         .and_then(|()| fail::point("restore.rename"))

@@ -153,14 +153,14 @@ async fn backup_of_a_running_server_restores_the_same_data() {
     // The backup does not contain later changes.
     put(&data.artifacts, &data.store, b"later").await;
 
-    let report = restore(&copy, &restored).await.unwrap();
+    let report = restore(&copy, &restored, &RestoredTokens::Keep).await.unwrap();
     assert_eq!((report.problems.as_slice(), report.artifacts, report.checkpoints), ([].as_slice(), 2, 1));
     let store = Store::open(&restored.join(DATABASE)).await.unwrap();
     assert_eq!(store.job(&data.waiting).await.unwrap(), data.store.job(&data.waiting).await.unwrap());
     let artifacts = Artifacts::open(&restored).unwrap();
     assert_eq!(artifacts.read_all(&data.photo).await.unwrap(), b"photo");
     assert_eq!(artifacts.read_checkpoint(&data.checkpoint).await.unwrap(), b"state");
-    assert!(matches!(restore(&copy, &restored).await, Err(UpkeepError::NotEmpty { .. })));
+    assert!(matches!(restore(&copy, &restored, &RestoredTokens::Keep).await, Err(UpkeepError::NotEmpty { .. })));
 }
 
 #[tokio::test]
@@ -172,11 +172,17 @@ async fn folder_that_a_server_uses_is_no_destination() {
     // This server has locked its folder, and has not created a file yet.
     let empty = destination.path().join("starting");
     let starting = lightpath_artifacts::FolderLock::take(&empty).unwrap();
-    for refused in [restore(&copy, &empty).await.map(drop), backup(data.path(), &empty).await.map(drop)] {
+    for refused in
+        [restore(&copy, &empty, &RestoredTokens::Keep).await.map(drop), backup(data.path(), &empty).await.map(drop)]
+    {
         assert!(matches!(refused, Err(UpkeepError::Artifacts(ArtifactError::Locked { .. }))), "{refused:?}");
     }
     drop(starting);
-    assert_eq!(restore(&copy, &empty).await.unwrap().problems, [], "a lock file of an earlier process does no harm");
+    assert_eq!(
+        restore(&copy, &empty, &RestoredTokens::Keep).await.unwrap().problems,
+        [],
+        "a lock file of an earlier process does no harm"
+    );
 }
 
 #[tokio::test]
@@ -187,7 +193,7 @@ async fn folder_is_not_copied_into_itself() {
     backup(data.path(), &copy).await.unwrap();
     for (inside, source) in [(data.path().join("a/b"), data.path()), (copy.join("data"), &*copy)] {
         let refused = match source == copy {
-            true => restore(&copy, &inside).await.map(drop),
+            true => restore(&copy, &inside, &RestoredTokens::Keep).await.map(drop),
             false => backup(data.path(), &inside).await.map(drop),
         };
         assert!(matches!(refused, Err(UpkeepError::Inside { .. })), "{refused:?}");
@@ -206,7 +212,7 @@ async fn job_restarts_if_its_checkpoint_disappears_during_the_backup() {
     let destination = tempfile::tempdir().unwrap();
     let (copy, restored) = (destination.path().join("backup"), destination.path().join("data"));
     assert_eq!(backup(data.path(), &copy).await.unwrap().restarting_jobs, 1);
-    assert_eq!(restore(&copy, &restored).await.unwrap().problems, []);
+    assert_eq!(restore(&copy, &restored, &RestoredTokens::Keep).await.unwrap().problems, []);
     let store = Store::open(&restored.join(DATABASE)).await.unwrap();
     assert_eq!(store.job(&data.waiting).await.unwrap().checkpoint, None);
 }
@@ -278,7 +284,7 @@ async fn damaged_artifacts_are_named_and_everything_else_is_copied() {
         |problem: &str| Finding { kind: FindingKind::Artifact, what: data.photo.clone(), problem: problem.to_owned() };
     assert_eq!(done.damaged, [damaged("has bytes that do not match its digest")]);
     assert_eq!((done.manifest.artifacts, &done.manifest.damaged), (2, &vec![data.photo.clone()]));
-    let report = restore(&copy, &restored).await.unwrap();
+    let report = restore(&copy, &restored, &RestoredTokens::Keep).await.unwrap();
     assert_eq!((report.problems, report.artifacts), (vec![damaged("is not on disk")], 2));
     let artifacts = Artifacts::open(&restored).unwrap();
     assert_eq!(artifacts.read_all(&lightpath_artifacts::digest_of(b"phase")).await.unwrap(), b"phase");
@@ -288,7 +294,7 @@ async fn damaged_artifacts_are_named_and_everything_else_is_copied() {
     let copy = destination.path().join("second");
     assert_eq!(backup(data.path(), &copy).await.unwrap().damaged, [], "storing the bytes again repairs the artifact");
     fs::write(file(&copy, "artifacts", &data.photo), b"phota").unwrap();
-    let report = restore(&copy, &destination.path().join("other")).await.unwrap();
+    let report = restore(&copy, &destination.path().join("other"), &RestoredTokens::Keep).await.unwrap();
     assert_eq!(report.problems, [damaged("is not on disk")]);
 }
 
@@ -310,7 +316,7 @@ async fn restored_server_says_what_devices_accept() {
     let first = SignedKeyring::parse(keyring(&data.store).await.document.as_bytes()).unwrap().unchecked().clone();
     assert_eq!(first.version, 4);
     let device = Trust::Keyring(first);
-    restore(&copy, &restored).await.unwrap();
+    restore(&copy, &restored, &RestoredTokens::Keep).await.unwrap();
     let store = Store::open(&restored.join(DATABASE)).await.unwrap();
     let document = keyring(&store).await.document;
     let now = Time::from_unix_s(Clock::default().now_ms() / 1000).unwrap();

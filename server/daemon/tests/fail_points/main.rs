@@ -9,7 +9,7 @@ mod workload;
 
 use lightpath_domain::job::{JobResult, JobState};
 use lightpath_fail_points::{PASSED, POINT};
-use lightpath_server::upkeep::{check, restore};
+use lightpath_server::upkeep::{RestoredTokens, check, restore};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
@@ -175,7 +175,10 @@ async fn assert_nothing_lost(work_folder: &WorkFolder, point: &str) {
             "version" => drop(server.store.kernel_version(&kernel(), id.parse().unwrap()).await.unwrap()),
             "active" => active = id.parse().unwrap(),
             "backup" => {
-                let report = restore(&work_folder.backup(), &work_folder.0.join("restored again")).await.unwrap();
+                let report =
+                    restore(&work_folder.backup(), &work_folder.0.join("restored again"), &RestoredTokens::Keep)
+                        .await
+                        .unwrap();
                 assert_eq!(report.problems, [], "{point}");
             }
             "restored" => assert_eq!(check(&work_folder.0.join("restored")).await.unwrap().problems, [], "{point}"),

@@ -8,7 +8,7 @@ use lightpath_domain::kernel::{Cause, KernelKey, KernelMetrics, KernelModel, New
 use lightpath_domain::lineage::{KernelLineage, KernelOrigin, Learning};
 use lightpath_fixtures::{DISTANCE, WAVELENGTH, capture_job, capture_result, display};
 use lightpath_server::database::DATABASE;
-use lightpath_server::upkeep::{Retention, backup, restore};
+use lightpath_server::upkeep::{RestoredTokens, Retention, backup, restore};
 use lightpath_store::{Promotion, Store};
 use lightpath_worker::{Backoff, Clock, JobContext, TaskError, TaskOutput, Worker, WorkerConfig};
 use std::error::Error;
@@ -176,7 +176,7 @@ pub(super) async fn work(folder: &WorkFolder) -> Outcome {
         .await?;
     backup(&data, &folder.backup()).await?;
     folder.acknowledged("backup", "made");
-    restore(&folder.backup(), &folder.0.join("restored")).await?;
+    restore(&folder.backup(), &folder.0.join("restored"), &RestoredTokens::Keep).await?;
     folder.acknowledged("restored", "whole");
     File::options().write(true).open(data.join("audit.jsonl"))?.set_len(AUDIT_BYTES)?;
     drop(audit);
