@@ -148,9 +148,9 @@ async fn dataset_is_deleted_when_no_job_needs_it() {
     }
     finalize(&store, "d").await;
     // The second dataset of a job counts, too.
-    let learn = r#"{"kind":"learn_kernel","datasets":["e","d"],"display":"lab","model":"display","order":null,
-        "start_version":null,"epochs":null,"learning_rate":null,"refinement_evaluations":null,"seed":1,
-        "detector":"pixel","region_of_interest":{"x_px":0,"y_px":0,"width_px":9,"height_px":9}}"#;
+    let learn = r#"{"kind":"learn_kernel","datasets":["e","d"],"display":"lab","start_version":null,"parameters":
+        {"model":"display","degree":null,"epochs":null,"learning_rate":null,"refinement_evaluations":null,"seed":1,
+        "detector":"pixel","region_of_interest":{"x_px":0,"y_px":0,"width_px":9,"height_px":9}}}"#;
     let new = NewJob { spec: serde_json::from_str(learn).unwrap(), ..new_job("learn", 1) };
     let job = store.submit(&new, 10, QUEUE_LIMIT).await.unwrap().0;
     for id in ["d", "e"] {
