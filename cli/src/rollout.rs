@@ -121,7 +121,7 @@ impl RolloutCommand {
             Self::Widen { rollout, share } => {
                 let (name, revision) = rollout.find(session).await?;
                 let expected_revision = Some(revision);
-                let request = v1::WidenRolloutRequest { name, share: share, expected_revision };
+                let request = v1::WidenRolloutRequest { name, share, expected_revision };
                 client.widen_rollout(request).await?.name
             }
             Self::Complete(rollout) => {

@@ -219,7 +219,7 @@ async fn dataset_specs(
         model: model.into(),
         epochs: Some(1),
         degree: smooth.then_some(5),
-        refinement_evaluations: smooth.then_some(1),
+        refinement_evaluations: smooth.then_some(2),
         ..Default::default()
     };
     let kernel_version = format!("{}/kernels/515nm-50mm/versions/1", names::display("lab"));

@@ -106,7 +106,7 @@ async fn incompatible_options_are_refused() {
         ("--distance 8mm --subframes 25", 1, &["subframes is 25", "1 to 24"]),
         ("--distance 8mm --speckle 0.1 --speckle-block 100", 1, &["speckle_block_px is 100", "region of interest"]),
         ("--distance 8mm,8mm --depth-map @/depth.png", 1, &["planes[1]", "again"]),
-        ("--distance 8mm,16mm --depth-map @/depth.png --kernel 3", 1, &["kernel", "active or ideal"]),
+        ("--distance 8mm,16mm --depth-map @/depth.png --kernel 3", 2, &["--kernel is 3", "ideal, active or an alias"]),
     ] {
         cli.run(&format!("{optimize} {options}")).await.assert_refused(code, signs);
     }

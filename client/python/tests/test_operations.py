@@ -192,7 +192,7 @@ def test_a_rollout_is_widened_and_completed(lab: lightpath.Lab, tmp_path: Path) 
     other = kernel.rollout(int(rollout.id))
     assert rollout.widen(0.5).share == 0.5
     with pytest.raises(lightpath.Aborted):
-        other.widen(60)
+        other.widen(0.6)
     digest = kernel.version(2).message.artifact
     seen: list[tuple[int, str]] = []
 

@@ -68,15 +68,15 @@ async fn connect_alone(url: &str) -> Result<PgConnection, TransferError> {
     let options = postgres_options(url)?.application_name("lightpath migrate");
     let mut connection = connect_once(&options).await?;
     let turn = concat!("select pg_try_advisory_lock(", turn!(), ")");
-    let alone: bool = sqlx::query_scalar(turn).fetch_one(&mut connection).await?;
-    if !alone {
-        return Err(TransferError::Served);
-    }
     let served = "select exists (select 1 from pg_stat_activity where datname = current_database() \
                   and application_name = 'lightpath')";
-    // The connections of a program that has just ended take a moment to close.
+    // The connections of a server, or of an earlier move, that has just ended take a moment to close.
+    let mut has_turn = false;
     for _ in 0..CLOSING_CHECKS {
-        if !sqlx::query_scalar::<_, bool>(served).fetch_one(&mut connection).await? {
+        if !has_turn {
+            has_turn = sqlx::query_scalar(turn).fetch_one(&mut connection).await?;
+        }
+        if has_turn && !sqlx::query_scalar::<_, bool>(served).fetch_one(&mut connection).await? {
             return Ok(connection);
         }
         tokio::time::sleep(CLOSING_PAUSE).await;
