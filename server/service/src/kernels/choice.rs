@@ -24,7 +24,8 @@ pub enum KernelChoice {
 }
 
 impl KernelChoice {
-    /// Whether it can stand for another version each time that it is asked.
+    /// Whether it stands for the active version. A repeated request keeps the one that was active the first time. With an
+    /// alias that moved it is refused instead, because the stored job does not tell one alias from another.
     pub fn follows_active(&self) -> bool {
         matches!(self, Self::Active | Self::ActiveOrIdeal)
     }
