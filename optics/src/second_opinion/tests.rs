@@ -153,9 +153,9 @@ fn learned_display_matches_the_engine() {
         // What comes back of the orders' differences falls on the image's rim.
         (Orders::SQUARE, 1e-3, None, 0.1),
     ] {
-        let (setup, _) = setup(24, 32, distance_m).with_orders(orders).unwrap().planned().unwrap();
+        let (setup, _) = setup(16, 24, distance_m).with_orders(orders).unwrap().planned().unwrap();
         let model = flawed(setup);
-        let phase = Plane::from_fn(24, 32, |y, x| (0.2 * x as f32).sin() + (0.3 * y as f32).cos());
+        let phase = Plane::from_fn(16, 24, |y, x| (0.2 * x as f32).sin() + (0.3 * y as f32).cos());
         let engine = Engine::new(&model, Detector::Pixel, carrier).unwrap();
         let shown = ShownLight::of_frames(&engine, std::slice::from_ref(&phase)).unwrap();
         // The places of both detectors at once: the judge's sum over all orders takes as long for one place.
@@ -166,7 +166,7 @@ fn learned_display_matches_the_engine() {
             let down = places.along_y.len();
             for (i, &y_px) in places.along_y.iter().enumerate() {
                 for (j, &x_px) in places.along_x.iter().enumerate() {
-                    let expected = Plane::from_fn(24, 32, |y, x| f64::from(seen.at(down * y + i, down * x + j)));
+                    let expected = Plane::from_fn(16, 24, |y, x| f64::from(seen.at(down * y + i, down * x + j)));
                     let at = |along: &[f64], place: f64| along.iter().position(|&other| other == place).unwrap();
                     let found = &found[at(&all.along_y, y_px) * all.along_x.len() + at(&all.along_x, x_px)];
                     let difference = difference(found, &expected);

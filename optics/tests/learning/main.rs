@@ -29,9 +29,10 @@ fn simulated_display(distance_m: f64, imperfections: SimulatedBench) -> Simulate
 
 /// Pairs of holograms and their photographs; half of the holograms are speckled and half are smooth.
 fn pairs(bench: &SimulatedDisplay, count: u64, seed: u64) -> Vec<Pair> {
+    let grid = bench.setup().grid();
     let one = |i: u64| {
         let range_rad = if i.is_multiple_of(2) { 6.0 } else { 2.0 };
-        let phase = initial_phase(HEIGHT_PX, WIDTH_PX, range_rad, seed + i).unwrap();
+        let phase = initial_phase(grid.height_px(), grid.width_px(), range_rad, seed + i).unwrap();
         let photo = bench.capture(&phase, seed + i).unwrap().map(|level| f32::from(level) / 255.0);
         Pair { phase, photo }
     };

@@ -1,6 +1,6 @@
 //! Displays that show all orders of their pixels.
 
-use super::{HEIGHT_PX, WIDTH_PX, held_out_loss, learned, options, pairs, simulated_display};
+use super::{HEIGHT_PX, WIDTH_PX, held_out_loss, learned, options, pairs};
 use lightpath_bench::{SimulatedBench, SimulatedDisplay};
 use lightpath_optics::hologram::initial_phase;
 use lightpath_optics::learning::{KernelModel, LearnOptions, Learner, LearningPairs, Pair, compare};
@@ -9,8 +9,9 @@ use lightpath_optics::{
 };
 
 /// A simulated display that shows all orders of its pixels, at two thirds of the critical distance along x.
-pub(crate) fn bench_of_all_orders(seed: u64) -> SimulatedDisplay {
-    let setup = simulated_display(6e-3, SimulatedBench::FAIR).setup();
+pub(crate) fn bench_of_all_orders([height_px, width_px]: [usize; 2], seed: u64) -> SimulatedDisplay {
+    let grid = Grid::try_new(height_px, width_px, 8e-6).unwrap();
+    let setup = OpticalSetup::try_new(grid, 515e-9, 6.25e-5 * width_px as f64).unwrap();
     let setup = setup.with_orders(Orders::All { fill_factor_x: 0.9, fill_factor_y: 0.8 }).unwrap();
     let bench = SimulatedBench { seed, misalignment_px: 0.5, ..SimulatedBench::FAIR };
     SimulatedDisplay::draw(setup, None, bench).unwrap()
@@ -20,7 +21,7 @@ pub(crate) fn bench_of_all_orders(seed: u64) -> SimulatedDisplay {
 /// of the ideal display.
 #[test]
 fn errors_of_each_order_are_learned() {
-    let bench = bench_of_all_orders(5);
+    let bench = bench_of_all_orders([HEIGHT_PX, WIDTH_PX], 5);
     let training = pairs(&bench, 6, 100);
     let learner = learned(&bench, options(&bench, Some(5)), LearningPairs::training_only(&training));
     let ideal = held_out_loss(&bench, &DisplayModel::ideal(bench.setup()));

@@ -19,7 +19,7 @@ fn learning_a_varying_kernel_does_not_depend_on_threads_or_pauses() {
 #[test]
 fn learning_all_orders_does_not_depend_on_threads_or_pauses() {
     // One degree of the kernel and few pairs: each takes five times as long as on a display that shows one order.
-    is_repeatable(&bench_of_all_orders(10), (KernelModel::Display, Some(5)), 2, [2, 1]);
+    is_repeatable(&bench_of_all_orders([48, 64], 10), (KernelModel::Display, Some(5)), 2, [2, 1]);
 }
 
 /// A display that needs every part of the model.
