@@ -9,13 +9,12 @@ pub(crate) use member::Offer;
 use crate::http::{Answer, Document, Http};
 use crate::problem::Problem;
 use crate::report::{Reporter, Standing};
-use crate::schedule::Backoff;
+use crate::rounds::Rounds;
 use crate::slots::{Lock, Slot, Slots};
 use crate::state::{Confirmed, Proof, StateFile};
 use crate::vouching::Vouching;
-use crate::{Settings, kernel_search, log};
+use crate::{Pace, Settings, kernel_search, log};
 use lightpath_manifest::{Distrust, Manifest, Now, Time};
-use std::thread;
 use std::time::{Duration, Instant};
 
 /// The result of one question to the server.
@@ -125,26 +124,7 @@ impl Agent {
 
     /// Checks and reports for ever. A problem is logged, and the next try comes after a pause.
     pub fn run(&mut self) -> ! {
-        let pace = self.settings.pace;
-        let mut backoff = Backoff::new(pace.error_pause_min, pace.error_pause_max);
-        self.report();
-        loop {
-            let pause = match self.check(pace.wait) {
-                Ok(checked) => {
-                    backoff.reset();
-                    checked.poll_after
-                }
-                Err(problem) => {
-                    if let Problem::Cut { has_progress: true, .. } = problem {
-                        backoff.reset();
-                    }
-                    let pause = backoff.next().max(problem.retry_after().unwrap_or_default());
-                    log::line(format_args!("{problem}; the agent tries again in {:.0} s", pause.as_secs_f64()));
-                    pause
-                }
-            };
-            self.sleep(pause.min(self.until_expiry()));
-        }
+        self.go_on()
     }
 
     /// The slot and the version in use.
@@ -159,19 +139,6 @@ impl Agent {
         self.in_use.as_ref().is_some_and(|(slot, manifest)| {
             self.slots.current() == Some(*slot) && self.slots.check_kernel(*slot, manifest).is_ok()
         })
-    }
-
-    /// Sleeps, and sends the reports that become due.
-    fn sleep(&mut self, pause: Duration) {
-        let end = Instant::now() + pause;
-        loop {
-            self.report();
-            let left = end.saturating_duration_since(Instant::now());
-            if left.is_zero() {
-                return;
-            }
-            thread::sleep(left.min(self.reporter.due_in()));
-        }
     }
 
     fn check_and_install(&mut self, wait: Duration) -> Result<Checked, Problem> {
@@ -245,15 +212,6 @@ impl Agent {
         if self.state.state.earliest.is_none_or(|known| known < issued) {
             (self.state.state.earliest, self.earliest_at) = (Some(issued), Instant::now());
         }
-    }
-
-    /// Time until the manifest that was accepted last has expired; without end, if there is none that counts. Then the agent
-    /// asks in any case, however long a pause the server named.
-    pub(crate) fn until_expiry(&self) -> Duration {
-        let now = self.now().earliest();
-        let left = self.state.state.confirmed.map(|confirmed| confirmed.expires.unix_s() - now.unix_s());
-        let left_s = left.and_then(|left_s| u64::try_from(left_s).ok()).filter(|left_s| *left_s > 0);
-        left_s.map_or(Duration::MAX, Duration::from_secs)
     }
 
     /// A problem, with the fact that no manifest counts any more, if that is so.
@@ -358,6 +316,33 @@ impl Agent {
         };
         let loss = self.state.state.loss.as_ref().filter(|(of, _)| *of == digest).map(|(_, loss)| *loss);
         Standing { kernel, version, digest, generation: self.state.state.generation, tried_version, message, loss }
+    }
+}
+
+impl Rounds for Agent {
+    fn pace(&self) -> Pace {
+        self.settings.pace
+    }
+
+    fn round(&mut self, wait: Duration) -> Result<Duration, Problem> {
+        Ok(self.check(wait)?.poll_after)
+    }
+
+    fn report_due(&mut self) {
+        self.report();
+    }
+
+    fn report_due_in(&self) -> Duration {
+        self.reporter.due_in()
+    }
+
+    /// Time until the manifest that was accepted last has expired; without end, if there is none that counts. Then the agent
+    /// asks in any case, however long a pause the server named.
+    fn until_expiry(&self) -> Duration {
+        let now = self.now().earliest();
+        let left = self.state.state.confirmed.map(|confirmed| confirmed.expires.unix_s() - now.unix_s());
+        let left_s = left.and_then(|left_s| u64::try_from(left_s).ok()).filter(|left_s| *left_s > 0);
+        left_s.map_or(Duration::MAX, Duration::from_secs)
     }
 }
 

@@ -26,7 +26,7 @@
 //! - `agent`: the order of all steps. `slots`: the directory. `durable`: changes that survive a power cut. `state`: what
 //!   the agent remembers. `vouching`: which keyrings and manifests it accepts.
 //! - `http`, `tls`: calls of the server. `kernel_search`: which kernel of the server is meant. `download`: a file in
-//!   pieces. `self_test`: the device's own test. `report`: what the server is told. `schedule`: when. `problem`: what can go wrong. `log`: lines on stderr.
+//!   pieces. `self_test`: the device's own test. `report`: what the server is told. `schedule`, `rounds`: when. `problem`: what can go wrong. `log`: lines on stderr.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
 mod agent;
@@ -42,6 +42,7 @@ mod optics;
 mod problem;
 mod regular_file;
 mod report;
+mod rounds;
 mod schedule;
 mod self_test;
 mod set;

@@ -20,9 +20,9 @@ mod list;
 
 use crate::optics::wavelength_name;
 use crate::problem::Problem;
-use crate::schedule::Backoff;
+use crate::rounds::Rounds;
 use crate::slots::{Lock, Slot, Slots};
-use crate::{Agent, Pace, Settings, log};
+use crate::{Agent, Pace, Settings};
 use lightpath_manifest::Manifest;
 use std::thread;
 use std::time::{Duration, Instant};
@@ -161,27 +161,7 @@ impl KernelSet {
 
     /// Checks and reports for ever. A problem is logged, and the next try comes after a pause.
     pub fn run(&mut self) -> ! {
-        let pace = self.members.first().map_or_else(Pace::default, |member| member.settings.pace);
-        let mut backoff = Backoff::new(pace.error_pause_min, pace.error_pause_max);
-        self.report();
-        loop {
-            let pause = match self.check(pace.wait) {
-                Ok(checked) => {
-                    backoff.reset();
-                    checked.poll_after
-                }
-                Err(problem) => {
-                    if let Problem::Cut { has_progress: true, .. } = problem {
-                        backoff.reset();
-                    }
-                    let pause = backoff.next().max(problem.retry_after().unwrap_or_default());
-                    log::line(format_args!("{problem}; the agent tries again in {:.0} s", pause.as_secs_f64()));
-                    pause
-                }
-            };
-            let expiry = self.members.iter().map(|member| member.agent.until_expiry()).min();
-            self.sleep(pause.min(expiry.unwrap_or(pause)));
-        }
+        self.go_on()
     }
 
     /// Whether the application has all kernels, and each has the bytes of an accepted manifest.
@@ -224,19 +204,27 @@ impl KernelSet {
             _ => Ok(Asked { generation: None, poll_after: poll_after.min(AGAIN) }),
         }
     }
+}
 
-    /// Sleeps, and sends the reports that become due.
-    fn sleep(&mut self, pause: Duration) {
-        let end = Instant::now() + pause;
-        loop {
-            self.report();
-            let left = end.saturating_duration_since(Instant::now());
-            if left.is_zero() {
-                return;
-            }
-            let due_in = self.members.iter().map(|member| member.agent.report_due_in()).min();
-            thread::sleep(left.min(due_in.unwrap_or(left)));
-        }
+impl Rounds for KernelSet {
+    fn pace(&self) -> Pace {
+        self.members.first().map_or_else(Pace::default, |member| member.settings.pace)
+    }
+
+    fn round(&mut self, wait: Duration) -> Result<Duration, Problem> {
+        Ok(self.check(wait)?.poll_after)
+    }
+
+    fn report_due(&mut self) {
+        self.report();
+    }
+
+    fn report_due_in(&self) -> Duration {
+        self.members.iter().map(|member| member.agent.report_due_in()).min().unwrap_or(Duration::MAX)
+    }
+
+    fn until_expiry(&self) -> Duration {
+        self.members.iter().map(|member| member.agent.until_expiry()).min().unwrap_or(Duration::MAX)
     }
 }
 

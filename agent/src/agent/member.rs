@@ -3,7 +3,6 @@
 use super::Agent;
 use crate::slots::{Slot, Slots};
 use lightpath_manifest::Manifest;
-use std::time::Duration;
 
 /// A kernel that an agent has fetched.
 #[derive(Debug)]
@@ -29,10 +28,5 @@ impl Agent {
     /// Lets reports say that this kernel is in use, whatever the agent has fetched.
     pub(crate) fn show(&mut self, manifest: Option<Manifest>) {
         self.shown = Some(manifest);
-    }
-
-    /// Time until the next report.
-    pub(crate) fn report_due_in(&self) -> Duration {
-        self.reporter.due_in()
     }
 }
