@@ -93,11 +93,15 @@ async fn foreign_holograms_are_judged_as_they_are() {
         assert!(judged.loss > 0.0 && judged.loss < 2.0 * made.loss + 1e-4, "{} {}", judged.loss, made.loss);
     }
     let nothing = v1::OptimizeHologram { iterations: Some(0), ..optimize(&target) };
-    expect(run(nothing, "nothing").await, Code::InvalidArgument, "iterations is 0");
+    expect(run(nothing, "nothing").await, Code::InvalidArgument, "spec.optimize_hologram.iterations is 0");
     let double =
         v1::OptimizeHologram { method: v1::HologramMethod::DoublePhase.into(), ..given(&made.subframes[0].phase) };
-    expect(run(double, "double").await, Code::InvalidArgument, "iterations is 0");
-    expect(run(given(&target), "picture").await, Code::InvalidArgument, "initial_phase.given.phases[0] (sha256-");
+    expect(run(double, "double").await, Code::InvalidArgument, "spec.optimize_hologram.iterations is 0");
+    expect(
+        run(given(&target), "picture").await,
+        Code::InvalidArgument,
+        "spec.optimize_hologram.initial_phase.given.phases[0] (sha256-",
+    );
 }
 
 #[tokio::test]
