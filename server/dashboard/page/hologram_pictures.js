@@ -1,6 +1,7 @@
 // The pictures of a hologram's job: targets, reconstructions, errors, holograms as phases, and photographs of them.
 
 import { get } from "./api.js";
+import { middleOf } from "./form/options.js";
 import { length, placeText } from "./format.js";
 
 /** Jobs among which photographs of a hologram are looked for. */
@@ -36,14 +37,28 @@ function targetOf(spec, plane, wavelength, wavelengths) {
   };
 }
 
-/** Pictures of one wavelength of a job's result. `photographs` are those that `photographsOf` found. */
-export function hologramPictures(spec, result, wavelength, bitDepth = 8, photographs = []) {
+/** The region in which a hologram's pictures count, in parts of the display: `{left, top, width, height}`. */
+export function regionOf({ region }, { modulator }) {
+  const { xPx = 0, yPx = 0, widthPx, heightPx } = region ?? middleOf(modulator);
+  return { left: xPx / modulator.widthPx, top: yPx / modulator.heightPx, width: widthPx / modulator.widthPx, height: heightPx / modulator.heightPx };
+}
+
+/** The part of the display to which targets are fitted; `undefined`: the whole of it. */
+export function areaOf(spec, display) {
+  return spec.targetArea === "AREA_REGION" ? regionOf(spec, display) : undefined;
+}
+
+/**
+ * Pictures of one wavelength of a job's result. `photographs` are those that `photographsOf` found, and `area` is that of
+ * `areaOf`.
+ */
+export function hologramPictures(spec, result, wavelength, bitDepth = 8, photographs = [], area = undefined) {
   const wavelengths = result.wavelengths.map(({ wavelengthM }) => wavelengthM);
   const shown = wavelength.planes.flatMap((plane, p) => {
     const at = placeText(plane.place);
     const target = targetOf(spec, spec.planes[p], wavelength.wavelengthM, wavelengths);
     return [
-      { label: `target ${at}`, digest: target.digest, kind: "light", wish: { encoding: target.encoding }, fit: target.fit, group: at, profile: { encoding: target.encoding, colour: target.colour } },
+      { label: `target ${at}`, digest: target.digest, kind: "light", wish: { encoding: target.encoding }, fit: target.fit, area, group: at, profile: { encoding: target.encoding, colour: target.colour } },
       { label: `reconstruction ${at}`, digest: plane.reconstruction, kind: "light", group: at, profile: { encoding: "srgb" } },
       ...photographs.filter(({ at: place }) => place === at).map(({ photo }) => photographPicture(`photograph ${at}`, photo, { group: at })),
       // With a depth map each pixel of the target counts in one plane only, so a difference would not be an error.

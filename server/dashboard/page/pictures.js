@@ -3,7 +3,7 @@
 import { h, show } from "./dom.js";
 import { colourBar, LOOKS } from "./picture_looks.js";
 import { columnsFor, fetchPicture } from "./picture_source.js";
-import { profileOf } from "./profiles.js";
+import { fittedIn, profileOf } from "./profiles.js";
 
 const ZOOM_MAX = 32;
 const BLINK_MS = 700;
@@ -13,15 +13,16 @@ const REST_MS = 200;
 const AHEAD = "800px";
 
 /**
- * A viewer of pictures `{label, digest, kind, wish, fit, group}`.
+ * A viewer of pictures `{label, digest, kind, wish, fit, area, group}`.
  *
  * `kind` is `light`, `phase` or `error`, whose colours the user chooses, or `figure`, which is smooth and has its own.
- * `wish` has parameters of `/picture`, and `fit` says how a target is fitted to the other pictures. Pictures of light
- * may have a `profile`, `{encoding, colour, isPhotograph}`. Wheel, `+` and `-` zoom; dragging and the arrow keys pan; all
+ * `wish` has parameters of `/picture`, and `fit` says how a target is fitted to the other pictures, or to their `area`
+ * `{left, top, width, height}` in parts of one. Pictures of light may have a `profile`, `{encoding, colour, isPhotograph}`.
+ * `region`, such an area, is where light counts: in pictures of light and errors, the rest is darkened. Wheel, `+` and `-` zoom; dragging and the arrow keys pan; all
  * pictures follow. Large pictures come at the shown size, and parts of them when they are enlarged. Returns
  * `{element, end}`.
  */
-export function pictureViewer(pictures) {
+export function pictureViewer(pictures, region = null) {
   const isSmooth = pictures.every(({ kind }) => kind === "figure");
   const view = { zoom: 1, x: 0.5, y: 0.5 };
   const looks = {};
@@ -43,7 +44,9 @@ export function pictureViewer(pictures) {
       line.style[isRow ? "left" : "top"] = "0";
     }
   });
-  const controls = h("div", { class: "controls" }, pictures.length > 1 && [mode, pair, wipe], Object.keys(LOOKS).map(lookChoice), profile.controls, reset, !isSmooth && smooth);
+  const showsRegion = h("label", { class: "region-choice" }, h("input", { type: "checkbox", checked: true, onchange: (event) => stage.classList.toggle("regionless", !event.target.checked) }),
+    " the region in which the picture counts; the darkened rest is light that the picture does not need");
+  const controls = h("div", { class: "controls" }, pictures.length > 1 && [mode, pair, wipe], Object.keys(LOOKS).map(lookChoice), profile.controls, reset, !isSmooth && smooth, region && showsRegion);
   const element = h("div", { class: "viewer" }, controls, stage, profile.element);
   let blink = 0;
   let rest = 0;
@@ -62,15 +65,17 @@ export function pictureViewer(pictures) {
   });
   resized.observe(stage);
 
-  function frame({ label, digest, kind, wish = {}, fit }) {
+  function frame({ label, digest, kind, wish = {}, fit, area }) {
     const whole = h("img", { alt: label, class: "whole", draggable: "false" });
     const detail = h("img", { alt: "", class: "detail", draggable: "false", hidden: true });
     const line = h("div", { class: "line", hidden: true });
-    const sheet = h("div", { class: "sheet" }, whole, detail, line);
+    const outline = region && ["light", "error"].includes(kind) && h("div", { class: "region" });
+    if (outline) lay(outline, region);
+    const sheet = h("div", { class: "sheet" }, whole, detail, outline, line);
     const caption = h("span", {}, label);
     const bar = h("span", {});
     const figure = h("figure", { tabindex: 0, onwheel: wheel, onpointerdown: drag, onkeydown: key }, h("div", { class: "window" }, sheet), h("figcaption", {}, caption, bar));
-    return { figure, sheet, whole, detail, line, caption, bar, label, digest, kind, wish, fit, size: null, columns: 0, abort: new AbortController() };
+    return { figure, sheet, whole, detail, line, caption, bar, label, digest, kind, wish, fit, area, size: null, columns: 0, abort: new AbortController() };
   }
 
   function lookChoice(kind) {
@@ -96,7 +101,6 @@ export function pictureViewer(pictures) {
     try {
       const { blob, widthPx, heightPx } = await fetchPicture(entry.digest, { ...wishOf(entry), width: entry.columns }, entry.abort.signal);
       entry.size = { widthPx, heightPx };
-      entry.caption.textContent = `${entry.label}, ${widthPx} × ${heightPx} px`;
       const look = looks[entry.kind];
       show(entry.bar, look?.bar && colourBar(look.bar));
       fill(entry.whole, blob);
@@ -121,11 +125,18 @@ export function pictureViewer(pictures) {
     form = reference.size.widthPx / reference.size.heightPx;
     stage.style.setProperty("--form", form);
     for (const entry of shown) {
-      const relative = entry.size.widthPx / entry.size.heightPx / form;
-      const scale = { FIT_COVER: Math.max, FIT_STRETCH: () => 1 }[entry.fit] ?? Math.min;
-      const [width, height] = [scale(1, relative), scale(1, 1 / relative)];
-      entry.box = { left: (1 - width) / 2, top: (1 - height) / 2, width, height };
+      entry.box = fittedIn(entry.size, form, entry);
       lay(entry.whole, entry.box);
+    }
+  }
+
+  /** Says how large the pictures are, and how many times as large they are shown. */
+  function sayScales() {
+    for (const entry of frames) {
+      if (!entry.size || entry.figure.hidden) continue;
+      const { widthPx, heightPx } = entry.size;
+      const scale = Math.round((100 * entry.figure.clientWidth * entry.box.width * view.zoom * devicePixelRatio) / widthPx);
+      entry.caption.textContent = `${entry.label}, ${widthPx} × ${heightPx} px${scale === 100 ? "" : `, shown at ${scale} %`}`;
     }
   }
 
@@ -135,6 +146,7 @@ export function pictureViewer(pictures) {
 
   /** Fetches what is shown in more detail, where the fetched picture has fewer pixels than it could have. */
   function refine() {
+    sayScales();
     for (const entry of frames) {
       if (!entry.size || entry.figure.hidden) continue;
       const columns = columnsFor(entry.figure.clientWidth);

@@ -84,13 +84,23 @@ async function linesOf(pictures, isRow, position, signal) {
   return { at, xs: Array.from({ length }, (_, i) => i), series };
 }
 
+/**
+ * The place of a picture of this size in a frame of the form `width / height`, as the server fits a target to the whole
+ * frame or to its `area`: `{left, top, width, height}` in parts of one.
+ */
+export function fittedIn({ widthPx, heightPx }, form, { fit, area = { left: 0, top: 0, width: 1, height: 1 } }) {
+  const relative = ((widthPx / heightPx / form) * area.height) / area.width;
+  const scale = { FIT_COVER: Math.max, FIT_STRETCH: () => 1 }[fit] ?? Math.min;
+  const [width, height] = [scale(1, relative) * area.width, scale(1, 1 / relative) * area.height];
+  return { left: area.left + (area.width - width) / 2, top: area.top + (area.height - height) / 2, width, height };
+}
+
 /** The light of a picture at `length` points of a line; `null` where the fitted picture has none. */
 async function lightAlong(picture, display, isRow, position, length, signal) {
-  const relative = (picture.widthPx * display.heightPx) / (picture.heightPx * display.widthPx);
-  const scale = { FIT_COVER: Math.max, FIT_STRETCH: () => 1 }[picture.fit] ?? Math.min;
-  const parts = [scale(1, relative), scale(1, 1 / relative)];
+  const box = fittedIn(picture, display.widthPx / display.heightPx, picture);
+  const parts = [[box.left, box.width], [box.top, box.height]];
   const [along, across] = isRow ? parts : [parts[1], parts[0]];
-  const inside = (at, part) => (at - (1 - part) / 2) / part;
+  const inside = (at, [start, part]) => (at - start) / part;
   const [stored, width] = isRow ? [picture.heightPx, picture.widthPx] : [picture.widthPx, picture.heightPx];
   const at = Math.floor(inside(position, across) * stored);
   if (at < 0 || at >= stored) return Array(length).fill(null);
