@@ -55,7 +55,7 @@ test("several dropped pictures become a hologram each, and a wrong value is name
   await page.getByRole("button", { name: "Make 2 holograms" }).click();
   await page.getByText(/^2 of 2 are done/).waitFor();
   await page.getByRole("row", { name: /near\.png/ }).getByText("succeeded").waitFor();
-  const batch = await page.getByRole("link", { name: /^pictures 2/ }).textContent();
+  const batch = await page.getByRole("link", { name: /^pictures 2/ }).first().textContent();
   const { jobs } = await server.get(`jobs?batch=${encodeURIComponent(batch)}`);
   assert.deepEqual(jobs.map(({ label, spec: { optimizeHologram: { iterations, subframes } } }) => [label, iterations, subframes]), [["far.png", 2, 2], ["near.png", 2, 2]]);
   assert.notEqual(jobs[0].spec.optimizeHologram.planes[0].target, jobs[1].spec.optimizeHologram.planes[0].target);

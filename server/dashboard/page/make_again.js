@@ -123,7 +123,8 @@ export function pythonLines(job, display) {
   if (spec.weightMask) given.push(`weight_mask=${nameOf(spec.weightMask)}`);
   const targets = new Set(spec.planes.map(({ target }) => target)).size === 1 ? nameOf(spec.planes[0].target) : list(spec.planes.map(({ target }) => nameOf(target)));
   const isMany = spec.wavelengthsM.length > 1 || spec.subframes > 1;
-  return `import lightpath
+  const lacks = [spec.planes.some(({ weight }) => (weight ?? 1) !== 1) && "weights of distances", chosenOptions(spec).some(([{ python }]) => !python) && "blocks for speckle"].filter(Boolean);
+  return `${lacks.length > 0 ? `# Not the same hologram: Python has no options for ${lacks.join(" and ")}.\n` : ""}import lightpath
 
 with lightpath.connect(${location.origin === SERVER ? "" : text(location.origin)}) as lab:
     hologram = lab.display(${text(idOf(spec.display))}).optimize(
