@@ -39,9 +39,11 @@ test("a dropped picture becomes a hologram, and its job is seen to finish", asyn
 });
 
 test("several dropped pictures become a hologram each, and a wrong value is named at its field", async () => {
+  // A small display without kernels, so that nothing else judges the holograms.
+  await server.post("displays", { name: "displays/small", modulator: { widthPx: 64, heightPx: 48, pixelPitchXM: 8e-6 }, wavelengthsM: [5.15e-7] });
   const page = await openPage(browser, server.url);
   await page.goto(`${server.url}/#/new`);
-  await page.getByText("Choose pictures…").waitFor();
+  await page.getByLabel("Display", { exact: true }).selectOption("small");
   await dropSquare(page, ["near.png", "far.png"]);
   await page.getByText("2 pictures: a hologram of each.").waitFor();
   assert.doesNotMatch(await page.locator("form").innerText(), /no file/i);
@@ -53,7 +55,7 @@ test("several dropped pictures become a hologram each, and a wrong value is name
   await page.getByLabel("Subframes").fill("2");
   await page.getByText(/of memory/).waitFor();
   await page.getByRole("button", { name: "Make 2 holograms" }).click();
-  await page.getByText(/^2 of 2 are done/).waitFor();
+  await page.getByText(/^2 of 2 are done/).waitFor({ timeout: 60_000 });
   await page.getByRole("row", { name: /near\.png/ }).getByText("succeeded").waitFor();
   const batch = await page.getByRole("link", { name: /^pictures 2/ }).first().textContent();
   const { jobs } = await server.get(`jobs?batch=${encodeURIComponent(batch)}`);

@@ -74,6 +74,8 @@ export function batchProgress(batch, jobs) {
     if (kind !== "job" || !names.has(data.name) || updateProgress(list, data)) return;
     shown = shown.map((job) => (job.name === data.name ? data : job));
     draw();
+    // A list that is under way may not know of this event yet.
+    refresh.soon();
   });
   return { element, end };
 }

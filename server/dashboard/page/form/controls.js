@@ -3,11 +3,14 @@
 import { pictureUrl } from "../api.js";
 import { h, show } from "../dom.js";
 import { picturePath } from "../picture_source.js";
+import { defaultOf } from "./options.js";
 
 /** Columns of a small picture beside a name [px]. */
 const THUMBNAIL_PX = 144;
 /** So many files of a control are listed; a folder can have hundreds. */
 const LISTED = 24;
+/** What lists of pictures show, by their elements. */
+const listed = new WeakMap();
 
 /**
  * A labelled control. `field` is the name of the request's field, as the server names it in a problem. The first element
@@ -25,6 +28,23 @@ export function group(title, field, ...content) {
 
 export function select(id, choices, attributes = {}) {
   return h("select", { id, ...attributes }, choices.map(([value, text]) => h("option", { value }, text)));
+}
+
+/** The control of an option, `{input, element}`. */
+export function optionControl(option) {
+  const { path, label, choices, prefix, fallback, min, max, step = 1, isText, unit } = option;
+  const id = `option-${path.replace(".", "-")}`;
+  const field = path.replace(/[A-Z]/g, (letter) => `_${letter.toLowerCase()}`);
+  if (typeof fallback === "boolean") {
+    const input = h("input", { id, type: "checkbox" });
+    return { input, element: h("div", { class: "control check", "data-field": field }, input, h("label", { for: id }, label)) };
+  }
+  const input = choices ? select(id, choices.map(([word, text]) => [`${prefix}_${word}`, text]))
+    // A seed has more digits than a number of the browser keeps.
+    : isText ? h("input", { id, inputmode: "numeric", pattern: "\\d{1,20}", required: true })
+      : h("input", { id, type: "number", min, max, step, required: true });
+  input.value = defaultOf(option);
+  return { input, element: labelled(label, input, { field, unit }) };
 }
 
 /** A button that chooses files. It has no text of the browser's own about chosen files, which would know nothing of dropped ones. */
@@ -76,6 +96,11 @@ export function sentence({ problem, fix }) {
 
 /** A control that shows a list of pictures with a button that removes each. */
 export function pictureList(element, pictures, onremove) {
+  // Each change of the form asks for this, and drawing again would flicker.
+  const key = pictures.map(({ name, drawn, stored }) => (drawn ? name : `${name} ${stored}`)).join("\n");
+  const before = listed.get(element);
+  listed.set(element, { key, pictures: [...pictures] });
+  if (before?.key === key && before.pictures.every((picture, i) => picture === pictures[i])) return;
   show(element, pictures.slice(0, LISTED).map((picture, i) => h("li", {}, thumbnail(picture), h("span", { class: "name" }, picture.name),
     onremove && h("button", { type: "button", class: "link", "aria-label": `Remove ${picture.name}`, onclick: () => onremove(i) }, "remove"))),
   pictures.length > LISTED && h("li", {}, `and ${pictures.length - LISTED} more`));

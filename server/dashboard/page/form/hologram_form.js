@@ -1,16 +1,15 @@
 // The form of a hologram: its pictures, optics and options, and the requests that they make.
 
-import { h, show } from "../dom.js";
 import { get } from "../api.js";
+import { h, show } from "../dom.js";
 import { idOf, length } from "../format.js";
-import { fileButton, group, labelled, pictureList, select } from "./controls.js";
+import { fileButton, group, labelled, optionControl, pictureList, select } from "./controls.js";
 import { ACCEPTED, namesOf, ownFile, picturesAmong, storedFile } from "./files.js";
 import { kernelControl } from "./kernels.js";
 import { defaultOf, defaultPhase, isSame, middleOf, OPTIONS, put, valueOf } from "./options.js";
 import { planesControl } from "./planes.js";
+import { regionControl } from "./region.js";
 import { startControl } from "./start.js";
-
-const SIDES = [["xPx", "left"], ["yPx", "top"], ["widthPx", "width"], ["heightPx", "height"]];
 
 /**
  * The controls of a hologram on one of these displays. `onChange` is told of every change. Returns `{element, take, fill,
@@ -31,40 +30,20 @@ export function hologramForm(displays, onChange) {
   const picturesControl = group("Pictures", "planes[0].target", h("p", {},
     fileButton("picture", "Choose pictures…", (files) => take(files), { accept: ACCEPTED, multiple: true }), " ",
     fileButton("folder", "Choose a folder…", (files) => take(picturesAmong(files)), { webkitdirectory: true })), picturesHint, chosen);
-  const controls = new Map(OPTIONS.map((option) => [option, controlOf(option)]));
-  const sides = SIDES.map(([name, label]) => h("input", { id: `region-${name}`, type: "number", min: 0, step: 1, "aria-label": `Region: ${label}` }));
-  const region = group("Region in which the picture counts", "region", h("span", { class: "field" }, sides.map((input, i) => [input, h("span", {}, SIDES[i][1])]), h("span", {}, "px")));
+  const controls = new Map(OPTIONS.map((option) => [option, optionControl(option)]));
+  const region = regionControl();
   const maskList = h("ul", { class: "chosen" });
   const maskControl = h("div", { class: "control", "data-field": "weight_mask" }, h("p", { class: "hint" }, "Weights of the pixels, grey: black ones do not count"),
     fileButton("weight-mask", "Choose the weights…", ([file]) => { mask = ownFile(file); changed(); }, { accept: ACCEPTED }), maskList);
   const priority = h("input", { id: "priority", type: "number", min: -100, max: 100, value: 0 });
   const batch = h("input", { id: "batch", maxlength: 128, autocomplete: "off" });
   const elements = (isAdvanced) => OPTIONS.filter((option) => Boolean(option.isAdvanced) === isAdvanced).map((option) => controls.get(option).element);
-  const more = h("details", {}, h("summary", {}, "More options"), h("div", { class: "columns" }, elements(true), start.element), region, maskControl,
+  const more = h("details", {}, h("summary", {}, "More options"), h("div", { class: "columns" }, elements(true), start.element), region.element, maskControl,
     h("div", { class: "columns" }, labelled("Batch", batch, { field: "batch" }), labelled("Priority; lower numbers run first", priority, { field: "priority" })));
   const element = h("div", { class: "hologram-form" }, picturesControl,
     h("div", { class: "columns" }, labelled("Display", display, { field: "display" }), kernel.element),
-    wavelengthGroup, planes.element, h("div", { class: "columns" }, elements(false)),
-    more);
+    wavelengthGroup, planes.element, h("div", { class: "columns" }, elements(false)), more);
   element.addEventListener("input", changed);
-
-  function controlOf(option) {
-    const id = `option-${option.path.replace(".", "-")}`;
-    const { choices, prefix, fallback, min, max, step = 1, isText } = option;
-    const field = option.path.replace(/[A-Z]/g, (letter) => `_${letter.toLowerCase()}`);
-    if (choices) {
-      const input = select(id, choices.map(([word, text]) => [`${prefix}_${word}`, text]));
-      input.value = defaultOf(option);
-      return { input, element: labelled(option.label, input, { field }) };
-    }
-    if (typeof fallback === "boolean") {
-      const input = h("input", { id, type: "checkbox" });
-      return { input, element: h("div", { class: "control check", "data-field": field }, input, h("label", { for: id }, option.label)) };
-    }
-    const input = isText ? h("input", { id, inputmode: "numeric", pattern: "\\d{1,20}", value: fallback, required: true })
-      : h("input", { id, type: "number", min, max, step, value: fallback, required: true });
-    return { input, element: labelled(option.label, input, { field, unit: option.unit }) };
-  }
 
   function changed() {
     const own = planes.contents === "own";
@@ -97,8 +76,7 @@ export function hologramForm(displays, onChange) {
   /** Reads what the chosen display has. `wanted` are wavelengths to choose, otherwise the first one is chosen. */
   async function changeDisplay(wanted, keepsDistance = false) {
     const found = displays.find(({ name }) => name === display.value);
-    const middle = middleOf(found.modulator);
-    sides.forEach((input, i) => { input.placeholder = middle[SIDES[i][0]]; });
+    region.setMiddle(middleOf(found.modulator));
     show(wavelengths, found.wavelengthsM.map((wavelength, i) => h("label", {}, h("input", { type: "checkbox", value: wavelength, checked: wanted ? wanted.includes(wavelength) : i === 0 }), ` ${length(wavelength)}`)));
     wavelengthGroup.hidden = found.wavelengthsM.length === 1;
     const { kernels } = await get(`${found.name}/kernels`, { pageSize: 100 });
@@ -156,7 +134,8 @@ export function hologramForm(displays, onChange) {
     if (mask) spec.weightMask = await mask.digest();
     const phase = await start.read();
     if (phase) spec.initialPhase = phase;
-    if (sides.some(({ value }) => value !== "")) spec.region = Object.fromEntries(SIDES.map(([name], i) => [name, Number(sides[i].value || sides[i].placeholder)]));
+    const counts = region.read();
+    if (counts) spec.region = counts;
     const names = [...new Set(shown.map((picture) => picture?.name).filter(Boolean))];
     return { spec: { optimizeHologram: spec }, label: labelOf(names.join(", ")), batch: batch.value.trim(), priority: Number(priority.value) };
   }
@@ -180,7 +159,7 @@ export function hologramForm(displays, onChange) {
     }
     start.fill(isSame(spec.initialPhase, defaultPhase(spec)) ? undefined : spec.initialPhase);
     const isMiddle = !spec.region || (found && isSame(spec.region, middleOf(found.modulator)));
-    sides.forEach((input, i) => { input.value = isMiddle ? "" : spec.region[SIDES[i][0]]; });
+    region.fill(isMiddle ? null : spec.region);
     priority.value = job.priority;
     const isAdvanced = OPTIONS.some((option) => option.isAdvanced && valueOf(option, spec) !== defaultOf(option));
     more.open = isAdvanced || !isMiddle || mask !== null || !isSame(spec.initialPhase, defaultPhase(spec));

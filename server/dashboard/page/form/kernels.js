@@ -9,7 +9,6 @@ const ALWAYS = [["", "active, or ideal if there is none"], ["active", "active"],
 export function kernelControl() {
   const select = h("select", { id: "kernel" });
   let kernels = [];
-  let versions = [];
   let shown = "";
 
   /** Lists what can be chosen for these optics, and keeps the choice if it still can be. */
@@ -19,7 +18,9 @@ export function kernelControl() {
     const key = `${own?.name} ${kernels.length}`;
     if (key === shown) return;
     shown = key;
-    versions = own ? (await get(`${own.name}/versions`, { pageSize: 100 })).versions : [];
+    const versions = own ? (await get(`${own.name}/versions`, { pageSize: 100 })).versions : [];
+    // Other optics may have been chosen meanwhile.
+    if (key !== shown) return;
     const aliases = [...new Set(kernels.flatMap((kernel) => Object.keys(kernel.aliases ?? {})))].sort();
     draw([...ALWAYS, ...aliases.map((alias) => [`alias ${alias}`, alias]),
       ...versions.map(({ name, version, active }) => [`version ${name}`, `version ${version}${active ? ", active" : ""}`])]);
