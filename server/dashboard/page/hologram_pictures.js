@@ -24,6 +24,11 @@ export function photographPicture(label, digest, { group = "", encoding = "linea
   return { label, digest, kind: "light", wish, group, profile: { encoding, isPhotograph: true } };
 }
 
+/** The region as `/picture` takes it, if targets fill it. */
+function regionText({ targetArea, region }) {
+  return targetArea === "AREA_REGION" && region ? [region.xPx, region.yPx, region.widthPx, region.heightPx].join() : undefined;
+}
+
 /** The target of a plane as the job sees it, and the parameters that subtract it from a reconstruction. */
 function targetOf(spec, plane, wavelength, wavelengths) {
   const encoding = spec.targetEncoding === "ENCODING_LINEAR" ? "linear" : "srgb";
@@ -33,7 +38,7 @@ function targetOf(spec, plane, wavelength, wavelengths) {
   const colour = wavelengths.length === 3 ? rank : undefined;
   return {
     digest: plane.target, fit, encoding, colour,
-    minus: { minus: plane.target, minus_fit: fit.replace("FIT_", "").toLowerCase(), minus_encoding: encoding, minus_channel: ["red", "green", "blue"][colour] },
+    minus: { minus: plane.target, minus_fit: fit.replace("FIT_", "").toLowerCase(), minus_encoding: encoding, minus_channel: ["red", "green", "blue"][colour], minus_region: regionText(spec) },
   };
 }
 

@@ -127,7 +127,15 @@ export function pictureViewer(pictures, region = null) {
     for (const entry of shown) {
       entry.box = fittedIn(entry.size, form, entry);
       lay(entry.whole, entry.box);
+      clip(entry.whole, entry.box, entry.area);
     }
+  }
+
+  /** Cuts off what a picture has outside its area. */
+  function clip(image, box, area) {
+    if (!area) return;
+    const over = [area.top - box.top, box.left + box.width - area.left - area.width, box.top + box.height - area.top - area.height, area.left - box.left];
+    image.style.clipPath = `inset(${over.map((part, i) => `${Math.max(0, (100 * part) / (i % 2 ? box.width : box.height))}%`).join(" ")})`;
   }
 
   /** Says how large the pictures are, and how many times as large they are shown. */
@@ -171,10 +179,12 @@ export function pictureViewer(pictures, region = null) {
     const region = [x.from, y.from, x.count, y.count].join();
     try {
       const { blob } = await fetchPicture(entry.digest, { ...wishOf(entry), width: columns, region }, entry.abort.signal);
-      lay(entry.detail, {
+      const part = {
         left: box.left + (x.from / size.widthPx) * box.width, top: box.top + (y.from / size.heightPx) * box.height,
         width: (x.count / size.widthPx) * box.width, height: (y.count / size.heightPx) * box.height,
-      });
+      };
+      lay(entry.detail, part);
+      clip(entry.detail, part, entry.area);
       fill(entry.detail, blob);
       entry.detail.hidden = false;
     } catch (error) {

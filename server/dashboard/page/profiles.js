@@ -103,11 +103,16 @@ async function lightAlong(picture, display, isRow, position, length, signal) {
   const inside = (at, [start, part]) => (at - start) / part;
   const [stored, width] = isRow ? [picture.heightPx, picture.widthPx] : [picture.widthPx, picture.heightPx];
   const at = Math.floor(inside(position, across) * stored);
-  if (at < 0 || at >= stored) return Array(length).fill(null);
+  // What a picture has outside its area is not shown.
+  const { left, top, width: areaWidth, height: areaHeight } = picture.area ?? { left: 0, top: 0, width: 1, height: 1 };
+  const ends = isRow ? [[left, areaWidth], [top, areaHeight]] : [[top, areaHeight], [left, areaWidth]];
+  const isShown = (place, [start, part]) => place >= start && place < start + part;
+  if (at < 0 || at >= stored || !isShown(position, ends[1])) return Array(length).fill(null);
   const region = (isRow ? [0, at, width, 1] : [at, 0, 1, width]).join();
   const { blob } = await fetchPicture(picture.digest, { region, encoding: picture.profile.encoding }, signal);
   const light = lightOf(await valuesOf(blob), picture.profile);
-  return Array.from({ length }, (_, i) => light[Math.floor(inside((i + 0.5) / length, along) * light.length)] ?? null);
+  const lightAt = (place) => (isShown(place, ends[0]) ? light[Math.floor(inside(place, along) * light.length)] : undefined) ?? null;
+  return Array.from({ length }, (_, i) => lightAt((i + 0.5) / length));
 }
 
 /** Linear light from the values of a file. */

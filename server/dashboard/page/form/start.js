@@ -20,11 +20,11 @@ export function startControl(onChange) {
   const number = h("input", { id: "initial-number", type: "number", step: "any" });
   const numberHolder = h("div", {});
   const chosen = h("ul", { class: "chosen" });
-  const given = h("div", {}, fileButton("initial-files", "Choose .npy files, one for each wavelength…", (list) => {
+  const given = h("div", {}, fileButton("initial-files", "Choose files, one for each wavelength…", (list) => {
     files = list.map(ownFile);
     draw();
     onChange();
-  }, { accept: ".npy", multiple: true }), chosen);
+  }, { accept: ".npy,.png,.bmp", multiple: true }), chosen);
   const element = h("div", { "data-field": "initial_phase" }, labelled("Initial phase", kind), numberHolder, given);
 
   function draw() {
