@@ -8,8 +8,8 @@ const PLANES_MAX = 16;
 const CONTENTS = [["same", "the whole picture, each"], ["depth", "the parts that a map of depths gives them"], ["own", "a picture of its own, each"]];
 
 /**
- * Rows of distances, and what they show. `onChange(isByUser)` is told of changes that no event of the form tells. Returns
- * the element and `{distancesM, contents, pictures, depthMap}`, which can be set.
+ * Rows of distances, and what they show. `onChange` is told of changes for which the form gets no `input` event, such as a
+ * chosen file or another row.
  */
 export function planesControl(onChange) {
   let rows = [];
