@@ -84,9 +84,9 @@ fn roles() -> impl clap::builder::TypedValueParser<Value = Role> {
 const DAY_MS: i64 = 24 * 3600 * 1000;
 const NAME_BYTES_MAX: usize = 63;
 /// What a new token does not do by itself. Only the server knows its own flags and address.
-const PROTECTION: &str = "note: tokens protect a server only if it asks for them: on 127.0.0.1 it does so with --require-tokens \
-                          (require_tokens), on other addresses unless it runs with --insecure. This command cannot see how your \
-                          server was started. Without that, everyone who reaches it is an admin.";
+const PROTECTION: &str = "note: the token protects nothing on a server that asks for none: one on 127.0.0.1 without --require-tokens \
+                          (require_tokens), or one with --insecure. There everyone who reaches the server is an admin. This \
+                          command cannot see how your server was started.";
 
 impl TokenCommand {
     /// Runs the command and prints its result.
