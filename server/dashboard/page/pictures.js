@@ -18,9 +18,9 @@ const AHEAD = "800px";
  * `kind` is `light`, `phase` or `error`, whose colours the user chooses, or `figure`, which is smooth and has its own.
  * `wish` has parameters of `/picture`, and `fit` says how a target is fitted to the other pictures, or to their `area`
  * `{left, top, width, height}` in parts of one. Pictures of light may have a `profile`, `{encoding, colour, isPhotograph}`.
- * `region`, such an area, is where light counts: in pictures of light and errors, the rest is darkened. Wheel, `+` and `-` zoom; dragging and the arrow keys pan; all
- * pictures follow. Large pictures come at the shown size, and parts of them when they are enlarged. Returns
- * `{element, end}`.
+ * `region`, such an area, is where light counts: in pictures of light and errors the rest is darkened, unless an element
+ * around them has the class `regionless`. Wheel, `+` and `-` zoom; dragging and the arrow keys pan; all pictures follow.
+ * Large pictures come at the shown size, and parts of them when they are enlarged. Returns `{element, end}`.
  */
 export function pictureViewer(pictures, region = null) {
   const isSmooth = pictures.every(({ kind }) => kind === "figure");
@@ -44,9 +44,7 @@ export function pictureViewer(pictures, region = null) {
       line.style[isRow ? "left" : "top"] = "0";
     }
   });
-  const showsRegion = h("label", { class: "region-choice" }, h("input", { type: "checkbox", checked: true, onchange: (event) => stage.classList.toggle("regionless", !event.target.checked) }),
-    " the region in which the picture counts; the darkened rest is light that the picture does not need");
-  const controls = h("div", { class: "controls" }, pictures.length > 1 && [mode, pair, wipe], Object.keys(LOOKS).map(lookChoice), profile.controls, reset, !isSmooth && smooth, region && showsRegion);
+  const controls = h("div", { class: "controls" }, pictures.length > 1 && [mode, pair, wipe], Object.keys(LOOKS).map(lookChoice), profile.controls, reset, !isSmooth && smooth);
   const element = h("div", { class: "viewer" }, controls, stage, profile.element);
   let blink = 0;
   let rest = 0;

@@ -173,7 +173,9 @@ export function jobPage(root, [id]) {
     const planes = result.wavelengths.flatMap((wavelength) => wavelength.planes.map((plane) => [`${length(wavelength.wavelengthM)}, ${placeText(plane.place)}`, plane]));
     const qualities = planes.flatMap(([at, plane]) => STAGES.flatMap(([phases, stage]) => DETECTORS.map((detector) => [at, phases, detector, judgementOf(plane, stage, detector)])))
       .filter(([, , , judged]) => judged);
+    const showsRegion = h("input", { type: "checkbox", checked: !results.classList.contains("regionless"), onchange: () => results.classList.toggle("regionless", !showsRegion.checked) });
     return [
+      h("p", {}, h("label", {}, showsRegion, " In pictures of light, show the region in which they count. The darkened rest is light that the picture does not need.")),
       result.wavelengths.map((wavelength) => {
         const own = photographs.filter((photograph) => wavelength.subframes.some(({ pattern }) => pattern === photograph.pattern));
         return pictures(result.wavelengths.length > 1 ? `Pictures at ${length(wavelength.wavelengthM)}` : "Pictures", hologramPictures(spec, result, wavelength, display.modulator.bitDepth, own, areaOf(spec, display)), regionOf(spec, display));
