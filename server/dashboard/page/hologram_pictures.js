@@ -1,7 +1,6 @@
 // The pictures of a hologram's job: targets, reconstructions, errors, holograms as phases, and photographs of them.
 
 import { get } from "./api.js";
-import { middleOf } from "./form/options.js";
 import { length, placeText } from "./format.js";
 
 /** Jobs among which photographs of a hologram are looked for. */
@@ -40,17 +39,6 @@ function targetOf(spec, plane, wavelength, wavelengths) {
     digest: plane.target, fit, encoding, colour,
     minus: { minus: plane.target, minus_fit: fit.replace("FIT_", "").toLowerCase(), minus_encoding: encoding, minus_channel: ["red", "green", "blue"][colour], minus_region: regionText(spec) },
   };
-}
-
-/** The region in which a hologram's pictures count, in parts of the display: `{left, top, width, height}`. */
-export function regionOf({ region }, { modulator }) {
-  const { xPx = 0, yPx = 0, widthPx, heightPx } = region ?? middleOf(modulator);
-  return { left: xPx / modulator.widthPx, top: yPx / modulator.heightPx, width: widthPx / modulator.widthPx, height: heightPx / modulator.heightPx };
-}
-
-/** The part of the display to which targets are fitted; `undefined`: the whole of it. */
-export function areaOf(spec, display) {
-  return spec.targetArea === "AREA_REGION" ? regionOf(spec, display) : undefined;
 }
 
 /**
