@@ -54,6 +54,8 @@ calls! {
 
     /// Submits a job without retries. [`Client::submit`] retries after a lost connection.
     jobs.submit_job(SubmitJobRequest) -> Job;
+    /// Checks the request of a job, and estimates its memory and time.
+    jobs.estimate_job(EstimateJobRequest) -> JobEstimate;
     /// Returns a job.
     jobs.get_job(GetJobRequest) -> Job;
     /// Returns a page of jobs, newest first.

@@ -3,7 +3,7 @@
 import assert from "node:assert/strict";
 import { createServer } from "node:http";
 import { after, before, test } from "node:test";
-import { openPage, startBrowser } from "./browser.mjs";
+import { dropSquare, openPage, startBrowser } from "./browser.mjs";
 import { createToken, startServer } from "./server.mjs";
 
 let browser, guarded, open;
@@ -35,19 +35,29 @@ test("the page asks for a token, refuses a wrong one, and forgets it on reload",
   assert.deepEqual(page.problems.filter((problem) => !problem.includes("401")), []);
 });
 
-test("a viewer looks, but may not promote", async () => {
+test("a viewer is offered nothing that the server would refuse", async () => {
   const page = await openPage(browser, guarded.url);
   await page.goto(`${guarded.url}/`);
-  await page.getByLabel("Token").fill(createToken(guarded.dataDir, "desk", "viewer"));
+  const token = createToken(guarded.dataDir, "desk", "viewer");
+  await page.getByLabel("Token").fill(token);
   await page.getByRole("button", { name: "Sign in" }).click();
   await page.getByRole("link", { name: "Displays", exact: true }).click();
   await page.getByRole("link", { name: "demo" }).click();
   await page.getByRole("link", { name: /nm-/ }).click();
-  await page.getByRole("button", { name: "Promote 2" }).click();
-  await page.getByLabel(/Reason/).fill("forbidden");
-  await page.getByRole("dialog").getByRole("button", { name: "Promote" }).click();
-  await page.getByText(/Sign in with a token whose role allows this/).waitFor();
-  await page.getByText("Version 1 is active.").waitFor();
+  const promote = page.getByRole("button", { name: "Promote 2", disabled: true });
+  assert.equal(await promote.getAttribute("title"), "Your token has the role viewer; this needs the role curator or admin.");
+  const offered = () => page.getByRole("button", { name: /^(Promote|Roll back|Make|Cancel|Retry)/, disabled: false }).count();
+  assert.equal(await offered(), 0);
+  assert.equal(await page.getByRole("link", { name: "New hologram" }).count(), 0);
+  await dropSquare(page);
+  await page.getByText("Your token has the role viewer; this needs the role submitter, curator or admin.").waitFor();
+  assert.equal(await offered(), 0);
+  const listed = await fetch(`${guarded.url}/v1/jobs?view=basic&kind=optimize_hologram`, { headers: { authorization: `Bearer ${token}` } });
+  const { summaries: [{ name }] } = await listed.json();
+  await page.goto(`${guarded.url}/#/${name}`);
+  await page.getByText("On the command line").waitFor();
+  assert.equal(await page.getByRole("link", { name: "Change it…" }).count(), 0);
+  assert.deepEqual(page.problems.filter((problem) => !problem.includes("401")), []);
 });
 
 test("a page of another site can neither change nor read anything", async () => {

@@ -21,17 +21,22 @@ export async function startBrowser() {
   return chromium.launch({ executablePath: find(), args: ["--no-sandbox"] });
 }
 
-/** Drops a picture on the page: 160×96 px, black with a white square of 60×50 px from column 40 and row 20 on. */
-export async function dropSquare(page) {
-  await page.evaluate(async () => {
-    const canvas = new OffscreenCanvas(160, 96);
-    const context = canvas.getContext("2d");
-    context.fillStyle = "white";
-    context.fillRect(40, 20, 60, 50);
+/**
+ * Drops pictures on the page: 160×96 px, black with a white square from column 40 and row 20 on, which has 60×50 px in the
+ * first picture and a column less in each next one.
+ */
+export async function dropSquare(page, names = ["square.png"]) {
+  await page.evaluate(async (names) => {
     const data = new DataTransfer();
-    data.items.add(new File([await canvas.convertToBlob({ type: "image/png" })], "square.png", { type: "image/png" }));
+    for (const [i, name] of names.entries()) {
+      const canvas = new OffscreenCanvas(160, 96);
+      const context = canvas.getContext("2d");
+      context.fillStyle = "white";
+      context.fillRect(40, 20, 60 - i, 50);
+      data.items.add(new File([await canvas.convertToBlob({ type: "image/png" })], name, { type: "image/png" }));
+    }
     document.dispatchEvent(new DragEvent("drop", { dataTransfer: data, bubbles: true, cancelable: true }));
-  });
+  }, names);
 }
 
 /** Opens a page. `page.problems` collects errors of its scripts, of its policy, and requests to other hosts. */

@@ -1,6 +1,11 @@
 // What a hologram's job shows: pictures in colours, errors, lines through the light, how it propagated, and its origin.
 
 import assert from "node:assert/strict";
+import { execFileSync } from "node:child_process";
+import { createHash } from "node:crypto";
+import { mkdtempSync, readdirSync, readFileSync, rmSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join, resolve } from "node:path";
 import { after, before, test } from "node:test";
 import { dropSquare, openPage, startBrowser } from "./browser.mjs";
 import { startServer } from "./server.mjs";
@@ -100,6 +105,41 @@ test("the propagation with its reason, and the origin of the kernel", async () =
   const version = await server.get(job.kernels[0].kernelVersion);
   await origin.getByRole("link", { name: `version ${version.version}` }).waitFor();
   await origin.getByText(version.lineage.codeVersion).waitFor();
+  assert.deepEqual(page.problems, []);
+});
+
+test("files come byte for byte, the region is drawn, and the hologram can be made again and changed", async () => {
+  const fields = { planes: [{ place: { distanceM: 0.0151 }, target }], iterations: 3, seed: "12345678901234567890", region: { xPx: 16, yPx: 24, widthPx: 80, heightPx: 48 },
+    initialPhase: { random: { rangeRad: 0.5 } }, loss: { speckle: 0.01 }, targetFit: "FIT_COVER", method: "HOLOGRAM_METHOD_ADAM", learningRate: 0.25, kernel: { ideal: {} }, quantizationAware: true };
+  const { page, job } = await openHologram(fields);
+  const [{ subframes, planes }] = job.result.optimizeHologram.wavelengths;
+  const wanted = { "Pattern for the SLM": subframes[0].pattern, Phase: subframes[0].phase, Reconstruction: planes[0].reconstruction, Target: target };
+  for (const [title, digest] of Object.entries(wanted)) {
+    const [download] = await Promise.all([page.waitForEvent("download"), page.getByRole("button", { name: `Download ${title}`, exact: true }).click()]);
+    const found = createHash("sha256").update(readFileSync(await download.path())).digest("hex");
+    assert.equal(`sha256-${found}`, digest, title);
+  }
+  await page.getByText(/reconstruction 15.1 mm, 160 × 96 px, shown at \d+ %/).waitFor();
+  const places = await page.evaluate(() => [...document.querySelectorAll(".pictures .region")].map(({ style }) => [style.left, style.top, style.width, style.height].join()));
+  assert.deepEqual(places, Array(3).fill("10%,25%,50%,50%"), "target, reconstruction and error");
+  await page.getByLabel(/light that the picture does not need/).uncheck();
+  assert.equal(await page.locator(".pictures .region:visible").count(), 0);
+  // The shown commands are those of a shell: they fetch the target, and submit the same request.
+  const folder = mkdtempSync(join(tmpdir(), "lightpath-again-"));
+  const path = `${resolve(process.env.LIGHTPATH_BINARIES)}:${process.env.PATH}`;
+  const commands = await page.locator("details", { hasText: "On the command line" }).locator("code").textContent();
+  execFileSync("bash", ["-ec", commands], { cwd: folder, env: { ...process.env, PATH: path }, stdio: "ignore" });
+  assert.deepEqual(readdirSync(folder).sort(), ["hologram.png", "target"]);
+  rmSync(folder, { recursive: true });
+  const latest = async () => (await server.get("jobs?kind=optimize_hologram&pageSize=1")).jobs[0];
+  const again = await latest();
+  assert.notEqual(again.name, job.name);
+  assert.deepEqual(again.spec, job.spec);
+  await page.getByRole("link", { name: "Change it…" }).click();
+  await page.getByText(/MB of memory/).waitFor();
+  await page.getByRole("button", { name: "Make the hologram" }).click();
+  await page.waitForURL((url) => url.hash.startsWith("#/jobs/") && !url.hash.endsWith(job.name));
+  assert.deepEqual((await latest()).spec, job.spec, "the form takes over every field");
   assert.deepEqual(page.problems, []);
 });
 

@@ -9,7 +9,7 @@ const PROGRAM = join(process.env.LIGHTPATH_BINARIES, "lightpathd");
 
 /** Creates a token, and returns it. */
 export function createToken(dataDir, name, role) {
-  return execFileSync(PROGRAM, ["token", "create", name, "--role", role, "--data-dir", dataDir], { encoding: "utf8" }).trim();
+  return execFileSync(PROGRAM, ["token", "create", name, "--role", role, "--data-dir", dataDir], { encoding: "utf8", stdio: ["ignore", "pipe", "ignore"] }).trim();
 }
 
 /** Starts a server after `prepare(dataDir)`. */

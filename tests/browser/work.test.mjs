@@ -38,6 +38,59 @@ test("a dropped picture becomes a hologram, and its job is seen to finish", asyn
   assert.deepEqual(page.problems, []);
 });
 
+test("several dropped pictures become a hologram each, and a wrong value is named at its field", async () => {
+  // A small display without kernels, so that nothing else judges the holograms.
+  await server.post("displays", { name: "displays/small", modulator: { widthPx: 64, heightPx: 48, pixelPitchXM: 8e-6 }, wavelengthsM: [5.15e-7] });
+  const page = await openPage(browser, server.url);
+  await page.goto(`${server.url}/#/new`);
+  await page.getByLabel("Display", { exact: true }).selectOption("small");
+  await dropSquare(page, ["near.png", "far.png"]);
+  await page.getByText("2 pictures: a hologram of each.").waitFor();
+  assert.doesNotMatch(await page.locator("form").innerText(), /no file/i);
+  await page.getByText(/for each of 2 holograms and .* of memory/).waitFor();
+  await page.getByLabel("Iterations").fill("2");
+  await page.getByLabel("Subframes").fill("0");
+  await page.getByText("Is 0; must be 1 to 24; leave it out for the default 1.").waitFor();
+  assert.equal(await page.getByLabel("Subframes").getAttribute("aria-invalid"), "true");
+  await page.getByLabel("Subframes").fill("2");
+  await page.getByText(/of memory/).waitFor();
+  await page.getByRole("button", { name: "Make 2 holograms" }).click();
+  await page.getByText(/^2 of 2 are done/).waitFor({ timeout: 60_000 });
+  await page.getByRole("row", { name: /near\.png/ }).getByText("succeeded").waitFor();
+  const batch = await page.getByRole("link", { name: /^pictures 2/ }).first().textContent();
+  const { jobs } = await server.get(`jobs?batch=${encodeURIComponent(batch)}`);
+  assert.deepEqual(jobs.map(({ label, spec: { optimizeHologram: { iterations, subframes } } }) => [label, iterations, subframes]), [["far.png", 2, 2], ["near.png", 2, 2]]);
+  assert.notEqual(jobs[0].spec.optimizeHologram.planes[0].target, jobs[1].spec.optimizeHologram.planes[0].target);
+  assert.deepEqual(page.problems.filter((problem) => !problem.includes("400")), []);
+});
+
+test("colours, distances and a map of depths go into one request", async () => {
+  await server.post("displays", { name: "displays/colours", modulator: { widthPx: 160, heightPx: 96, pixelPitchXM: 8e-6 }, wavelengthsM: [6.38e-7, 5.2e-7, 4.5e-7] });
+  const page = await openPage(browser, server.url);
+  await page.goto(`${server.url}/#/new`);
+  await page.getByLabel("Display", { exact: true }).selectOption("colours");
+  for (const colour of ["520 nm", "638 nm"]) await page.getByLabel(colour).check();
+  await page.getByRole("button", { name: "Add a distance" }).click();
+  await page.getByLabel("Distance 1", { exact: true }).fill("140");
+  await page.getByLabel("Distance 2", { exact: true }).fill("-12.7");
+  const posted = async () => {
+    const [request] = await Promise.all([page.waitForRequest(/jobs:estimate$/), page.getByText(/of memory/).waitFor()]);
+    return request.postDataJSON().spec.optimizeHologram;
+  };
+  await page.getByLabel("They show").selectOption("own");
+  const [own] = await Promise.all([posted(), dropSquare(page, ["near.png", "far.png"])]);
+  assert.deepEqual([own.wavelengthsM, own.planes.map(({ place }) => place.distanceM)], [[4.5e-7, 5.2e-7, 6.38e-7], [0.14, -0.0127]]);
+  assert.notEqual(own.planes[0].target, own.planes[1].target);
+  await page.getByLabel("They show").selectOption("depth");
+  await dropSquare(page);
+  await page.getByRole("button", { name: "Make the hologram" }).click();
+  await page.getByText("The map is missing; choose it.").waitFor();
+  const [depth] = await Promise.all([posted(), page.getByLabel("Choose the map…").setInputFiles({ name: "depth.png", mimeType: "image/png", buffer: await page.screenshot({ clip: { x: 0, y: 0, width: 160, height: 96 } }) })]);
+  assert.match(depth.depthMap, /^sha256-/);
+  assert.equal(depth.planes[0].target, depth.planes[1].target);
+  assert.deepEqual(page.problems, []);
+});
+
 test("a picture is uploaded from a page that may not use the browser's cryptography, too", async () => {
   const page = await openPage(browser, server.url);
   await page.addInitScript(() => Object.defineProperty(crypto, "subtle", { value: undefined }));

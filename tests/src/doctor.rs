@@ -47,8 +47,9 @@ async fn doctor_names_missing_servers_tokens_and_rights() {
     for (name, role) in [("tv", "viewer"), ("bench-7", "firmware")] {
         let display = if role == "firmware" { &["--display", "toy"][..] } else { &[] };
         let create = ["token", "create", name, "--role", role, "--data-dir", data_dir];
-        let token = lightpathd(&[&create[..], display].concat()).await.ok();
-        std::fs::write(folder.path().join(name), token.trim()).unwrap();
+        let created = lightpathd(&[&create[..], display].concat()).await;
+        assert!(created.stderr.contains("without --require-tokens"), "{created:?}");
+        std::fs::write(folder.path().join(name), created.ok().trim()).unwrap();
     }
     let daemon = Daemon::start(&data, &["--require-tokens"]).await;
     let none = lightpath(&daemon.url, &["--output", "json", "doctor"]).await;

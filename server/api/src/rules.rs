@@ -67,6 +67,8 @@ pub(crate) const METHODS: &[(&str, Rule)] = &[
     ("EventService/WatchEvents", rule(READERS, Effect::Reads)),
     ("JobService/SubmitJob", rule(SUBMITTERS, Effect::Creates)),
     ("JobService/SubmitJobs", rule(SUBMITTERS, Effect::Creates)),
+    // It decodes pictures as SubmitJob does, so it is for those who may submit.
+    ("JobService/EstimateJob", rule(SUBMITTERS, Effect::Reads)),
     ("JobService/GetJob", rule(READERS, Effect::Reads)),
     ("JobService/ListJobs", rule(READERS, Effect::Reads)),
     ("JobService/WatchJob", rule(READERS, Effect::Reads)),

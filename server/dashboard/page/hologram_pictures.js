@@ -23,6 +23,11 @@ export function photographPicture(label, digest, { group = "", encoding = "linea
   return { label, digest, kind: "light", wish, group, profile: { encoding, isPhotograph: true } };
 }
 
+/** The region as `/picture` takes it, if targets fill it. */
+function regionText({ targetArea, region }) {
+  return targetArea === "AREA_REGION" && region ? [region.xPx, region.yPx, region.widthPx, region.heightPx].join() : undefined;
+}
+
 /** The target of a plane as the job sees it, and the parameters that subtract it from a reconstruction. */
 function targetOf(spec, plane, wavelength, wavelengths) {
   const encoding = spec.targetEncoding === "ENCODING_LINEAR" ? "linear" : "srgb";
@@ -32,18 +37,21 @@ function targetOf(spec, plane, wavelength, wavelengths) {
   const colour = wavelengths.length === 3 ? rank : undefined;
   return {
     digest: plane.target, fit, encoding, colour,
-    minus: { minus: plane.target, minus_fit: fit.replace("FIT_", "").toLowerCase(), minus_encoding: encoding, minus_channel: ["red", "green", "blue"][colour] },
+    minus: { minus: plane.target, minus_fit: fit.replace("FIT_", "").toLowerCase(), minus_encoding: encoding, minus_channel: ["red", "green", "blue"][colour], minus_region: regionText(spec) },
   };
 }
 
-/** Pictures of one wavelength of a job's result. `photographs` are those that `photographsOf` found. */
-export function hologramPictures(spec, result, wavelength, bitDepth = 8, photographs = []) {
+/**
+ * Pictures of one wavelength of a job's result. `photographs` are those that `photographsOf` found, and `area` is that of
+ * `areaOf`.
+ */
+export function hologramPictures(spec, result, wavelength, bitDepth = 8, photographs = [], area = undefined) {
   const wavelengths = result.wavelengths.map(({ wavelengthM }) => wavelengthM);
   const shown = wavelength.planes.flatMap((plane, p) => {
     const at = placeText(plane.place);
     const target = targetOf(spec, spec.planes[p], wavelength.wavelengthM, wavelengths);
     return [
-      { label: `target ${at}`, digest: target.digest, kind: "light", wish: { encoding: target.encoding }, fit: target.fit, group: at, profile: { encoding: target.encoding, colour: target.colour } },
+      { label: `target ${at}`, digest: target.digest, kind: "light", wish: { encoding: target.encoding }, fit: target.fit, area, group: at, profile: { encoding: target.encoding, colour: target.colour } },
       { label: `reconstruction ${at}`, digest: plane.reconstruction, kind: "light", group: at, profile: { encoding: "srgb" } },
       ...photographs.filter(({ at: place }) => place === at).map(({ photo }) => photographPicture(`photograph ${at}`, photo, { group: at })),
       // With a depth map each pixel of the target counts in one plane only, so a difference would not be an error.

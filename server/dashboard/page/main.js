@@ -1,5 +1,6 @@
 // The program of the page: which page is shown, the theme, and the connection.
 
+import { forgetCaller, mayNot } from "./access.js";
 import { hasToken, onSignInNeeded, setToken } from "./api.js";
 import { h, show } from "./dom.js";
 import { onConnection, start, stop } from "./events.js";
@@ -58,12 +59,19 @@ function open() {
   leave = found.page(root, found.match.slice(1).map(decodeURIComponent), new URLSearchParams(query)) ?? (() => {});
 }
 
+/** Leads nobody to the form who may not submit it. */
+function showNavigation() {
+  const link = document.querySelector('header nav a[href="#/new"]');
+  void mayNot("submit").then((refusal) => { link.hidden = refusal !== ""; });
+}
+
 function signIn() {
   if (main.querySelector("#sign-in")) return;
   leave();
   stop();
   const wasWrong = hasToken();
   setToken("");
+  forgetCaller();
   signOut.hidden = true;
   connection.textContent = "";
   const root = h("div", { class: "page" });
@@ -71,6 +79,7 @@ function signIn() {
   leave = () => {};
   signInPage(root, wasWrong, () => {
     signOut.hidden = false;
+    showNavigation();
     start();
     open();
   });
@@ -97,4 +106,5 @@ acceptDrops(() => {
 });
 startTheme(document.getElementById("theme"));
 start();
+showNavigation();
 open();

@@ -3,7 +3,7 @@
 import { h, show } from "./dom.js";
 import { colourBar, LOOKS } from "./picture_looks.js";
 import { columnsFor, fetchPicture } from "./picture_source.js";
-import { profileOf } from "./profiles.js";
+import { fittedIn, profileOf } from "./profiles.js";
 
 const ZOOM_MAX = 32;
 const BLINK_MS = 700;
@@ -13,15 +13,16 @@ const REST_MS = 200;
 const AHEAD = "800px";
 
 /**
- * A viewer of pictures `{label, digest, kind, wish, fit, group}`.
+ * A viewer of pictures `{label, digest, kind, wish, fit, area, group}`.
  *
  * `kind` is `light`, `phase` or `error`, whose colours the user chooses, or `figure`, which is smooth and has its own.
- * `wish` has parameters of `/picture`, and `fit` says how a target is fitted to the other pictures. Pictures of light
- * may have a `profile`, `{encoding, colour, isPhotograph}`. Wheel, `+` and `-` zoom; dragging and the arrow keys pan; all
- * pictures follow. Large pictures come at the shown size, and parts of them when they are enlarged. Returns
- * `{element, end}`.
+ * `wish` has parameters of `/picture`, and `fit` says how a target is fitted to the other pictures, or to their `area`
+ * `{left, top, width, height}` in parts of one. Pictures of light may have a `profile`, `{encoding, colour, isPhotograph}`.
+ * `region`, such an area, is where light counts: in pictures of light and errors the rest is darkened, unless an element
+ * around them has the class `regionless`. Wheel, `+` and `-` zoom; dragging and the arrow keys pan; all pictures follow.
+ * Large pictures come at the shown size, and parts of them when they are enlarged. Returns `{element, end}`.
  */
-export function pictureViewer(pictures) {
+export function pictureViewer(pictures, region = null) {
   const isSmooth = pictures.every(({ kind }) => kind === "figure");
   const view = { zoom: 1, x: 0.5, y: 0.5 };
   const looks = {};
@@ -62,15 +63,17 @@ export function pictureViewer(pictures) {
   });
   resized.observe(stage);
 
-  function frame({ label, digest, kind, wish = {}, fit }) {
+  function frame({ label, digest, kind, wish = {}, fit, area }) {
     const whole = h("img", { alt: label, class: "whole", draggable: "false" });
     const detail = h("img", { alt: "", class: "detail", draggable: "false", hidden: true });
     const line = h("div", { class: "line", hidden: true });
-    const sheet = h("div", { class: "sheet" }, whole, detail, line);
+    const outline = region && ["light", "error"].includes(kind) && h("div", { class: "region" });
+    if (outline) lay(outline, region);
+    const sheet = h("div", { class: "sheet" }, whole, detail, outline, line);
     const caption = h("span", {}, label);
     const bar = h("span", {});
     const figure = h("figure", { tabindex: 0, onwheel: wheel, onpointerdown: drag, onkeydown: key }, h("div", { class: "window" }, sheet), h("figcaption", {}, caption, bar));
-    return { figure, sheet, whole, detail, line, caption, bar, label, digest, kind, wish, fit, size: null, columns: 0, abort: new AbortController() };
+    return { figure, sheet, whole, detail, line, caption, bar, label, digest, kind, wish, fit, area, size: null, columns: 0, abort: new AbortController() };
   }
 
   function lookChoice(kind) {
@@ -96,7 +99,6 @@ export function pictureViewer(pictures) {
     try {
       const { blob, widthPx, heightPx } = await fetchPicture(entry.digest, { ...wishOf(entry), width: entry.columns }, entry.abort.signal);
       entry.size = { widthPx, heightPx };
-      entry.caption.textContent = `${entry.label}, ${widthPx} × ${heightPx} px`;
       const look = looks[entry.kind];
       show(entry.bar, look?.bar && colourBar(look.bar));
       fill(entry.whole, blob);
@@ -121,11 +123,26 @@ export function pictureViewer(pictures) {
     form = reference.size.widthPx / reference.size.heightPx;
     stage.style.setProperty("--form", form);
     for (const entry of shown) {
-      const relative = entry.size.widthPx / entry.size.heightPx / form;
-      const scale = { FIT_COVER: Math.max, FIT_STRETCH: () => 1 }[entry.fit] ?? Math.min;
-      const [width, height] = [scale(1, relative), scale(1, 1 / relative)];
-      entry.box = { left: (1 - width) / 2, top: (1 - height) / 2, width, height };
+      entry.box = fittedIn(entry.size, form, entry);
       lay(entry.whole, entry.box);
+      clip(entry.whole, entry.box, entry.area);
+    }
+  }
+
+  /** Cuts off what a picture has outside its area. */
+  function clip(image, box, area) {
+    if (!area) return;
+    const over = [area.top - box.top, box.left + box.width - area.left - area.width, box.top + box.height - area.top - area.height, area.left - box.left];
+    image.style.clipPath = `inset(${over.map((part, i) => `${Math.max(0, (100 * part) / (i % 2 ? box.width : box.height))}%`).join(" ")})`;
+  }
+
+  /** Says how large the pictures are, and how many times as large they are shown. */
+  function sayScales() {
+    for (const entry of frames) {
+      if (!entry.size || entry.figure.hidden) continue;
+      const { widthPx, heightPx } = entry.size;
+      const scale = Math.round((100 * entry.figure.clientWidth * entry.box.width * view.zoom * devicePixelRatio) / widthPx);
+      entry.caption.textContent = `${entry.label}, ${widthPx} × ${heightPx} px${scale === 100 ? "" : `, shown at ${scale} %`}`;
     }
   }
 
@@ -135,6 +152,7 @@ export function pictureViewer(pictures) {
 
   /** Fetches what is shown in more detail, where the fetched picture has fewer pixels than it could have. */
   function refine() {
+    sayScales();
     for (const entry of frames) {
       if (!entry.size || entry.figure.hidden) continue;
       const columns = columnsFor(entry.figure.clientWidth);
@@ -159,10 +177,12 @@ export function pictureViewer(pictures) {
     const region = [x.from, y.from, x.count, y.count].join();
     try {
       const { blob } = await fetchPicture(entry.digest, { ...wishOf(entry), width: columns, region }, entry.abort.signal);
-      lay(entry.detail, {
+      const part = {
         left: box.left + (x.from / size.widthPx) * box.width, top: box.top + (y.from / size.heightPx) * box.height,
         width: (x.count / size.widthPx) * box.width, height: (y.count / size.heightPx) * box.height,
-      });
+      };
+      lay(entry.detail, part);
+      clip(entry.detail, part, entry.area);
       fill(entry.detail, blob);
       entry.detail.hidden = false;
     } catch (error) {

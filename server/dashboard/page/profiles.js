@@ -84,20 +84,35 @@ async function linesOf(pictures, isRow, position, signal) {
   return { at, xs: Array.from({ length }, (_, i) => i), series };
 }
 
+/**
+ * The place of a picture of this size in a frame of the form `width / height`, as the server fits a target to the whole
+ * frame or to its `area`: `{left, top, width, height}` in parts of one.
+ */
+export function fittedIn({ widthPx, heightPx }, form, { fit, area = { left: 0, top: 0, width: 1, height: 1 } }) {
+  const relative = ((widthPx / heightPx / form) * area.height) / area.width;
+  const scale = { FIT_COVER: Math.max, FIT_STRETCH: () => 1 }[fit] ?? Math.min;
+  const [width, height] = [scale(1, relative) * area.width, scale(1, 1 / relative) * area.height];
+  return { left: area.left + (area.width - width) / 2, top: area.top + (area.height - height) / 2, width, height };
+}
+
 /** The light of a picture at `length` points of a line; `null` where the fitted picture has none. */
 async function lightAlong(picture, display, isRow, position, length, signal) {
-  const relative = (picture.widthPx * display.heightPx) / (picture.heightPx * display.widthPx);
-  const scale = { FIT_COVER: Math.max, FIT_STRETCH: () => 1 }[picture.fit] ?? Math.min;
-  const parts = [scale(1, relative), scale(1, 1 / relative)];
+  const box = fittedIn(picture, display.widthPx / display.heightPx, picture);
+  const parts = [[box.left, box.width], [box.top, box.height]];
   const [along, across] = isRow ? parts : [parts[1], parts[0]];
-  const inside = (at, part) => (at - (1 - part) / 2) / part;
+  const inside = (at, [start, part]) => (at - start) / part;
   const [stored, width] = isRow ? [picture.heightPx, picture.widthPx] : [picture.widthPx, picture.heightPx];
   const at = Math.floor(inside(position, across) * stored);
-  if (at < 0 || at >= stored) return Array(length).fill(null);
+  // What a picture has outside its area is not shown.
+  const { left, top, width: areaWidth, height: areaHeight } = picture.area ?? { left: 0, top: 0, width: 1, height: 1 };
+  const ends = isRow ? [[left, areaWidth], [top, areaHeight]] : [[top, areaHeight], [left, areaWidth]];
+  const isShown = (place, [start, part]) => place >= start && place < start + part;
+  if (at < 0 || at >= stored || !isShown(position, ends[1])) return Array(length).fill(null);
   const region = (isRow ? [0, at, width, 1] : [at, 0, 1, width]).join();
   const { blob } = await fetchPicture(picture.digest, { region, encoding: picture.profile.encoding }, signal);
   const light = lightOf(await valuesOf(blob), picture.profile);
-  return Array.from({ length }, (_, i) => light[Math.floor(inside((i + 0.5) / length, along) * light.length)] ?? null);
+  const lightAt = (place) => (isShown(place, ends[0]) ? light[Math.floor(inside(place, along) * light.length)] : undefined) ?? null;
+  return Array.from({ length }, (_, i) => lightAt((i + 0.5) / length));
 }
 
 /** Linear light from the values of a file. */

@@ -1,5 +1,6 @@
 // What a kernel version learned, as its report shows it: amplitude and phase, the point spread, and more.
 
+import { guarded, mayNot } from "./access.js";
 import { get, post } from "./api.js";
 import { h, show } from "./dom.js";
 import { idOf } from "./format.js";
@@ -43,13 +44,14 @@ export function versionReport(display) {
     return own.find(({ state }) => state === "STATE_SUCCEEDED") ?? own[0] ?? null;
   }
 
-  function want() {
-    isWanted = true;
+  async function want() {
+    // Who may not submit sees the report that somebody else made.
+    isWanted = (await mayNot("submit")) === "";
     void refresh();
   }
 
   function summary() {
-    const make = (text) => h("button", { type: "button", "data-key": "make report", onclick: want }, text);
+    const make = (text) => guarded(h("button", { type: "button", "data-key": "make report", onclick: () => void want() }, text), "submit");
     if (!job) return [h("p", {}, "The report of this version shows its amplitude, phase and point spread, and what limits the display. Nobody has made it yet."), make("Make the report")];
     const link = h("a", { href: `#/${job.name}` }, `job ${idOf(job.name).slice(0, 13)}`);
     if (job.state === "STATE_SUCCEEDED") return h("p", {}, "From the report of ", link, ".");
@@ -67,7 +69,7 @@ export function versionReport(display) {
     /** Shows the report of a version, brings it into sight, and makes it if there is none. */
     demand(chosen) {
       version = chosen;
-      want();
+      void want();
       element.scrollIntoView();
       element.focus({ preventScroll: true });
     },

@@ -19,6 +19,7 @@ answers! {
     JobService {
         submit_job(v1::SubmitJobRequest) -> v1::Job;
         submit_jobs(v1::SubmitJobsRequest) -> v1::SubmitJobsResponse;
+        estimate_job(v1::EstimateJobRequest) -> v1::JobEstimate;
         get_job(v1::GetJobRequest) -> v1::Job;
         list_jobs(v1::ListJobsRequest) -> v1::ListJobsResponse;
         cancel_job(v1::CancelJobRequest) -> v1::Job;

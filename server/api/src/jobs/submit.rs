@@ -55,6 +55,14 @@ impl Api {
         Ok(v1::SubmitJobsResponse { jobs: submitted.into_iter().map(|job| to_wire::job(jobs, job)).collect() })
     }
 
+    /// Checks the request of a job, and estimates what the job needs.
+    pub(crate) async fn estimate_job(&self, call: &Call, request: v1::EstimateJobRequest) -> Result<v1::JobEstimate> {
+        let kind = request.spec.and_then(|spec| spec.kind);
+        let (spec, decoding_bytes) = kinds::from_wire(self, call, kind, None).await?;
+        let estimate = self.service.jobs.estimated(&spec, decoding_bytes).await?;
+        Ok(to_wire::estimate(spec, estimate))
+    }
+
     /// Checks a submission. Named resources are looked up and pictures are decoded, so that the request is refused now
     /// rather than by a worker an hour later.
     async fn checked_job(&self, call: &Call, mut request: v1::SubmitJobRequest) -> Result<CheckedJob> {

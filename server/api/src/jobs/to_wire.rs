@@ -4,7 +4,7 @@ use super::kinds;
 use crate::enumerations::OnWire as _;
 use crate::optics::to_wire::place;
 use crate::time::timestamp;
-use lightpath_domain::job::{Job, JobError, JobEvent, JobState, JobSummary, Progress};
+use lightpath_domain::job::{Estimate, Job, JobError, JobEvent, JobSpec, JobState, JobSummary, Progress};
 use lightpath_domain::kernel::KernelKey;
 use lightpath_proto::v1;
 use lightpath_service::Jobs;
@@ -48,6 +48,16 @@ pub(crate) fn job(jobs: &Jobs, job: Job) -> v1::Job {
         needs: scheduling.needs.iter().map(str::to_owned).collect(),
         waits_for,
         computer: job.computer.unwrap_or_default(),
+    }
+}
+
+/// Converts a checked request with its estimate into its message.
+pub(crate) fn estimate(spec: JobSpec, estimate: Estimate) -> v1::JobEstimate {
+    v1::JobEstimate {
+        kernels: spec.kernels().into_iter().map(used_kernel).collect(),
+        spec: Some(kinds::to_wire(spec)),
+        memory_bytes: (estimate.memory_bytes > 0).then_some(estimate.memory_bytes),
+        time_s: (estimate.time_s > 0.0).then_some(estimate.time_s),
     }
 }
 

@@ -83,6 +83,10 @@ fn roles() -> impl clap::builder::TypedValueParser<Value = Role> {
 
 const DAY_MS: i64 = 24 * 3600 * 1000;
 const NAME_BYTES_MAX: usize = 63;
+/// What a new token does not do by itself. Only the server knows its own flags and address.
+const PROTECTION: &str = "note: the token protects nothing on a server that asks for none: one on 127.0.0.1 without --require-tokens \
+                          (require_tokens), or one with --insecure. There everyone who reaches the server is an admin. This \
+                          command cannot see how your server was started.";
 
 impl TokenCommand {
     /// Runs the command and prints its result.
@@ -127,6 +131,8 @@ impl Create {
             Ok::<(), anyhow::Error>(())
         })?;
         writeln!(std::io::stdout().lock(), "{}", secret.reveal())?;
+        // The token alone goes to stdout, so that it can be written into a file.
+        writeln!(std::io::stderr().lock(), "{PROTECTION}")?;
         Ok(true)
     }
 }

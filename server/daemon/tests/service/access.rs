@@ -51,6 +51,7 @@ pub(crate) const EXPECTED: &[(&str, &str)] = &[
     ("/lightpath.v1.EventService/WatchEvents", MAY_READ),
     ("/lightpath.v1.JobService/SubmitJob", MAY_SUBMIT),
     ("/lightpath.v1.JobService/SubmitJobs", MAY_SUBMIT),
+    ("/lightpath.v1.JobService/EstimateJob", MAY_SUBMIT),
     ("/lightpath.v1.JobService/GetJob", MAY_READ),
     ("/lightpath.v1.JobService/ListJobs", MAY_READ),
     ("/lightpath.v1.JobService/WatchJob", MAY_READ),

@@ -74,6 +74,11 @@ async fn defaults_are_filled_in_and_a_repeated_request_returns_the_same_job() {
     expect(submit(&serving, other, "mine-1").await, Code::AlreadyExists, "");
 }
 
+async fn estimate(serving: &Serving, hologram: v1::OptimizeHologram) -> Result<v1::JobEstimate, Status> {
+    let spec = Some(v1::JobSpec { kind: Some(job_spec::Kind::OptimizeHologram(hologram)) });
+    Ok(serving.jobs().estimate_job(v1::EstimateJobRequest { spec }).await?.into_inner())
+}
+
 /// A job on a display of 2048×2048 px.
 async fn large_job(serving: &Serving) -> v1::OptimizeHologram {
     let display = sized_display("large", 2048, 2048);
@@ -100,9 +105,17 @@ async fn job_beyond_the_memory_limit_is_refused_with_the_numbers() {
         &refused,
         &["at most 448 MiB (job_memory_mib_max)", "MiB of memory and", "fewer subframes, planes"],
     );
+    assert_eq!(estimate(&serving, large.clone()).await.unwrap_err().message(), refused.message());
     let small = v1::OptimizeHologram { display: "displays/lab".into(), ..large };
     serving.display("lab").await;
+    let estimated = estimate(&serving, small.clone()).await.unwrap();
     let job = submit(&serving, job_spec::Kind::OptimizeHologram(small), "").await.unwrap();
+    assert_eq!((&estimated.spec, &estimated.kernels), (&job.spec, &job.kernels));
+    assert_eq!(estimated.memory_bytes, job.estimated_memory_bytes);
+    // The queue keeps milliseconds.
+    assert!((estimated.time_s() - job.estimated_time_s()).abs() < 1e-3, "{estimated:?} {job:?}");
+    let listed = serving.jobs().list_jobs(v1::ListJobsRequest::default()).await.unwrap().into_inner();
+    assert_eq!(listed.jobs.len(), 1, "an estimate submits nothing");
     let mib = job.estimated_memory_bytes() >> 20;
     assert!((8..64).contains(&mib), "{mib} MiB");
     assert!(job.estimated_time_s() > 0.0, "{job:?}");

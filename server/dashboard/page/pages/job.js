@@ -1,8 +1,12 @@
 // One job: its progress, loss, pictures, quality, origin, log, and how to make it again.
 
+import { guarded } from "../access.js";
 import { get, post } from "../api.js";
 import { chart } from "../chart.js";
 import { h, show } from "../dom.js";
+import { downloads, filesOfHologram } from "../downloads.js";
+import { areaOf, regionOf } from "../hologram_region.js";
+import { makeAgain } from "../make_again.js";
 import { onEvent } from "../events.js";
 import { age, between, bytes, decibels, duration, idOf, length, measuredDecibels, number, percent, placeText } from "../format.js";
 import { progressOf, stateOf, updateProgress } from "../job_rows.js";
@@ -43,7 +47,7 @@ export function jobPage(root, [id]) {
     showHead(job);
     showLive(job);
     note(job.progress);
-    showFacts(job);
+    await showFacts(job);
     if (job.state === "STATE_SUCCEEDED") await showResults(job);
     const events = await get(`${name}/events`, { pageSize: 200 });
     show(log, h("section", {}, h("h2", {}, "Log"), h("ol", { class: "log" }, events.events.map((event) =>
@@ -52,7 +56,7 @@ export function jobPage(root, [id]) {
 
   function showHead(job) {
     const kind = Object.keys(job.spec)[0].replace(/[A-Z]/g, (letter) => ` ${letter.toLowerCase()}`);
-    const act = (verb, text) => h("button", { type: "button", "data-key": verb, onclick: async () => {
+    const act = (verb, text) => guarded(h("button", { type: "button", "data-key": verb, onclick: async () => {
       try {
         await post(`${name}:${verb}`);
         show(notice);
@@ -60,7 +64,7 @@ export function jobPage(root, [id]) {
         show(notice, errorNote(error));
       }
       void refresh();
-    } }, text);
+    } }, text), "submit");
     const took = between(job.startTime, job.endTime);
     show(head, h("h1", {}, kind, " ", stateOf(job)),
       h("p", {}, `${job.label ? `${job.label}, ` : ""}${id}, submitted ${age(job.createTime)}${job.owner ? ` by ${job.owner}` : ""}${took === null ? "" : `, took ${duration(took)}`}`),
@@ -100,7 +104,7 @@ export function jobPage(root, [id]) {
     show(loss, h("section", {}, plot.element));
   }
 
-  function showFacts(job) {
+  async function showFacts(job) {
     const spec = Object.values(job.spec)[0];
     const display = spec.display ?? spec.kernelVersion?.split("/kernels/")[0];
     const link = (target) => h("a", { href: `#/${target.split("/versions/")[0]}` }, target);
@@ -114,12 +118,12 @@ export function jobPage(root, [id]) {
       ["Estimate", job.estimatedTimeS ? `${duration(job.estimatedTimeS)}, ${bytes(Number(job.estimatedMemoryBytes))} of memory` : null],
       ["Kernels", [...new Set(job.kernels.map(({ kernelVersion }) => kernelVersion || "ideal"))].join(", ")],
     ];
+    // Without its display the command line of a hologram is not known, but the call over HTTP is.
+    const declared = job.spec.optimizeHologram ? await get(spec.display).catch(() => null) : null;
     show(facts, h("section", {}, h("h2", {}, "Request"),
       h("dl", { class: "facts" }, rows.filter(([, value]) => value && value.length !== 0).map(([term, value]) => [h("dt", {}, term), h("dd", {}, value)])),
       h("details", {}, h("summary", {}, "The whole request"), h("pre", { tabindex: 0 }, h("code", {}, JSON.stringify(job.spec, null, 2))))),
-    h("section", {}, h("h2", {}, "Make it again"),
-      again("curl", `curl ${location.origin}/v1/jobs --header 'content-type: application/json' --data '${JSON.stringify({ spec: job.spec }).replaceAll("'", "'\\''")}'`),
-      again("Python", python(job.spec))));
+    makeAgain(job, declared));
   }
 
   async function showResults(job) {
@@ -140,8 +144,8 @@ export function jobPage(root, [id]) {
     show(results, sections);
   }
 
-  function pictures(title, list) {
-    const viewer = pictureViewer(list);
+  function pictures(title, list, region = null) {
+    const viewer = pictureViewer(list, region);
     viewers.push(viewer);
     return h("section", {}, h("h2", {}, title), viewer.element);
   }
@@ -170,11 +174,14 @@ export function jobPage(root, [id]) {
     const planes = result.wavelengths.flatMap((wavelength) => wavelength.planes.map((plane) => [`${length(wavelength.wavelengthM)}, ${placeText(plane.place)}`, plane]));
     const qualities = planes.flatMap(([at, plane]) => STAGES.flatMap(([phases, stage]) => DETECTORS.map((detector) => [at, phases, detector, judgementOf(plane, stage, detector)])))
       .filter(([, , , judged]) => judged);
+    const showsRegion = h("input", { type: "checkbox", checked: !results.classList.contains("regionless"), onchange: () => results.classList.toggle("regionless", !showsRegion.checked) });
     return [
+      h("p", {}, h("label", {}, showsRegion, " In pictures of light, show the region in which they count. The darkened rest is light that the picture does not need.")),
       result.wavelengths.map((wavelength) => {
         const own = photographs.filter((photograph) => wavelength.subframes.some(({ pattern }) => pattern === photograph.pattern));
-        return pictures(result.wavelengths.length > 1 ? `Pictures at ${length(wavelength.wavelengthM)}` : "Pictures", hologramPictures(spec, result, wavelength, display.modulator.bitDepth, own));
+        return pictures(result.wavelengths.length > 1 ? `Pictures at ${length(wavelength.wavelengthM)}` : "Pictures", hologramPictures(spec, result, wavelength, display.modulator.bitDepth, own, areaOf(spec, display)), regionOf(spec, display));
       }),
+      downloads(filesOfHologram(job, display, photographs)),
       qualities.length > 0 && h("section", {}, h("h2", {}, "Quality"), expectations(planes, versions), qualityTable(qualities)),
       propagationSection(planes.map(([at, plane]) => [at, plane.propagation])),
       h("section", {}, h("h2", {}, "Origin"), originTable("Plane", versions)),
@@ -217,20 +224,4 @@ function qualityTable(qualities) {
     [decibels(quality.psnrDb.value), number(quality.ssim), number(quality.msSsim), percent(quality.diffractionEfficiency), number(quality.speckleContrast)]
       .map((text) => h("td", { class: "right" }, text)));
   return table("Quality of the reconstruction, as each detector sees it", titles, qualities.map(row));
-}
-
-function again(title, code) {
-  return h("details", {}, h("summary", {}, title), h("pre", { tabindex: 0 }, h("code", {}, code)));
-}
-
-function python(spec) {
-  return `import json, urllib.request
-
-spec = json.loads(${JSON.stringify(JSON.stringify(spec))})
-request = urllib.request.Request(
-    "${location.origin}/v1/jobs",
-    data=json.dumps({"spec": spec}).encode(),
-    headers={"content-type": "application/json"},  # and, with a token, "authorization": "Bearer …"
-)
-print(json.load(urllib.request.urlopen(request))["name"])`;
 }

@@ -1,5 +1,6 @@
 // The list of jobs: filters, search, pages, cancel and retry.
 
+import { guarded } from "../access.js";
 import { get, post } from "../api.js";
 import { h, show } from "../dom.js";
 import { onEvent } from "../events.js";
@@ -80,7 +81,7 @@ export function jobsPage(root, _, query) {
   }
 
   function actions(job) {
-    const act = (verb, done) => h("button", { type: "button", "data-key": `${verb} ${job.name}`, "aria-label": `${verb} ${words(job.kind, "KIND")} ${idOf(job.name)}`, onclick: async () => {
+    const act = (verb, done) => guarded(h("button", { type: "button", "data-key": `${verb} ${job.name}`, "aria-label": `${verb} ${words(job.kind, "KIND")} ${idOf(job.name)}`, onclick: async () => {
       try {
         await post(`${job.name}:${verb.toLowerCase()}`);
         show(notice, h("p", {}, `${idOf(job.name)} ${done}`));
@@ -88,7 +89,7 @@ export function jobsPage(root, _, query) {
         show(notice, errorNote(error));
       }
       void refresh();
-    } }, verb);
+    } }, verb), "submit");
     if (["STATE_QUEUED", "STATE_RUNNING"].includes(job.state) && !job.cancelRequested) return act("Cancel", "is cancelled.");
     if (["STATE_FAILED", "STATE_CANCELLED"].includes(job.state)) return act("Retry", "is back in the queue.");
     return null;

@@ -1,5 +1,6 @@
 // One kernel: its versions and their quality, promotion with the gate's verdict, and rollback.
 
+import { guarded } from "../access.js";
 import { get, post } from "../api.js";
 import { chart } from "../chart.js";
 import { h, show } from "../dom.js";
@@ -73,8 +74,8 @@ export function kernelPage(root, [display, kernelId]) {
         h("td", {}, version.lineage?.learned ? h("a", { href: `#/${version.lineage.learned.job}` }, "job") : version.lineage?.interpolated ? "interpolated" : "imported"),
         h("td", {}, age(version.createTime)),
         h("td", { class: "right" }, button("Report", `of version ${version.version}`, () => report.demand(version)), " ", version.active
-          ? canRollBack && button("Roll back", `roll back ${version.version}`, () => rollBack(kernel))
-          : button("Promote…", `promote ${version.version}`, () => promote(kernel, version))));
+          ? canRollBack && guarded(button("Roll back", `roll back ${version.version}`, () => rollBack(kernel)), "curate")
+          : guarded(button("Promote…", `promote ${version.version}`, () => promote(kernel, version)), "curate")));
     };
     const titles = ["Version", "Model", ">Loss", ">Better than ideal", ">Pairs: train + validation + test", ">File", "From", "Made", ">Actions"];
     return table("Versions, the newest first. Losses are mean squared errors of the test photographs.", titles, list.map(row));

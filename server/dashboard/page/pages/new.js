@@ -1,120 +1,125 @@
-// A new hologram: a picture is dropped or chosen, uploaded, and submitted as a job.
+// New holograms: pictures are dropped or chosen, and become jobs as the form says. The address may name a job to begin with.
 
-import { ApiError, get, post, request } from "../api.js";
+import { get } from "../api.js";
 import { h, show } from "../dom.js";
-import { bytes, idOf, length, placeText } from "../format.js";
+import { mayNot } from "../access.js";
+import { batchProgress, submitAll } from "../form/batch.js";
+import { showProblems } from "../form/controls.js";
+import { estimateOf } from "../form/estimate.js";
+import { droppedFiles } from "../form/files.js";
+import { hologramForm } from "../form/hologram_form.js";
 import { emptyNote, errorNote } from "../loading.js";
 
-const FILE_BYTES_MAX = 64e6;
+const STYLE = "/page/form/form.css";
 let dropped = null;
 
 /** Takes pictures that are dropped anywhere on the page to the page for a new hologram. */
 export function acceptDrops(open) {
   document.addEventListener("dragover", (event) => event.dataTransfer.types.includes("Files") && event.preventDefault());
   document.addEventListener("drop", (event) => {
-    const [file] = event.dataTransfer.files;
-    if (!file) return;
+    if (![...event.dataTransfer.items].some(({ kind }) => kind === "file")) return;
     event.preventDefault();
-    dropped = file;
+    dropped = droppedFiles(event.dataTransfer);
     open();
   });
 }
 
-export function newPage(root) {
+/** Loads the style of the form once; other pages do without it. */
+function styled() {
+  if (document.querySelector(`link[href="${STYLE}"]`)) return Promise.resolve();
+  return new Promise((done) => document.head.append(h("link", { rel: "stylesheet", href: STYLE, onload: done, onerror: done })));
+}
+
+export function newPage(root, _, query) {
   const notice = h("div", { role: "status" });
-  const preview = h("img", { class: "preview", alt: "The chosen picture", hidden: true });
-  const file = h("input", { id: "picture", type: "file", accept: "image/png,image/jpeg,image/tiff,image/bmp,.npy", required: true, onchange: () => choose(file.files[0]) });
-  const display = h("select", { id: "display", required: true, onchange: fillDistances });
-  const distances = h("datalist", { id: "distances" });
-  const distance = h("input", { id: "distance", type: "number", min: 0.001, step: "any", required: true, list: "distances", value: 150 });
-  const kernel = h("select", { id: "kernel" }, [["", "active, or ideal if there is none"], ["ideal", "ideal"]].map(([value, text]) => h("option", { value }, text)));
-  const iterations = h("input", { id: "iterations", type: "number", min: 1, max: 10_000, value: 200, required: true });
-  const submit = h("button", { type: "submit", class: "main" }, "Make the hologram");
-  const field = (label, input, unit) => h("label", { for: input.id }, label, h("span", { class: "field" }, input, unit && h("span", {}, unit)));
-  const form = h("form", { class: "new", onsubmit: send },
-    field("Picture (PNG, JPEG, TIFF, BMP or .npy), or drop one anywhere on this page", file), preview,
-    field("Display", display), field("Distance from the display to the picture", distance, "mm"), distances,
-    field("Kernel", kernel), field("Iterations", iterations), h("p", { class: "actions" }, submit), notice);
   const body = h("div", {});
   show(root, h("h1", {}, "New hologram"), body);
-  let picture = null;
-  let previewUrl = "";
+  const submit = h("button", { type: "submit", class: "main" }, "Make the hologram");
+  const form = h("form", { class: "new", onsubmit: send });
+  let fields = null;
+  let estimate = null;
+  let progress = null;
+  let hasLeft = false;
 
-  function choose(chosen) {
-    if (!chosen) return;
-    picture = chosen;
-    file.required = false;
-    URL.revokeObjectURL(previewUrl);
-    previewUrl = URL.createObjectURL(chosen);
-    preview.src = previewUrl;
-    preview.hidden = false;
-    show(notice, h("p", {}, `${chosen.name}, ${bytes(chosen.size)}`));
-  }
-
-  async function fillDistances() {
-    const { kernels } = await get(`displays/${display.value}/kernels`, { pageSize: 100 });
-    show(distances, kernels.map((kernel) => h("option", { value: kernel.place.distanceM * 1000 }, placeText(kernel.place))));
-    const active = kernels.find((kernel) => kernel.activeVersion);
-    if (active) distance.value = Number((active.place.distanceM * 1000).toPrecision(6));
+  function changed() {
+    const count = fields?.jobs().length ?? 1;
+    submit.textContent = count > 1 ? `Make ${count} holograms` : "Make the hologram";
+    estimate?.soon();
   }
 
   async function send(event) {
     event.preventDefault();
+    const jobs = fields.jobs();
+    const missing = fields.missing();
+    if (missing.length > 0) {
+      showProblems(form, missing);
+      form.querySelector("[aria-invalid]")?.focus();
+      return;
+    }
     submit.disabled = true;
     try {
-      if (picture.size > FILE_BYTES_MAX) throw new ApiError(0, `The picture has ${bytes(picture.size)}, but may have ${bytes(FILE_BYTES_MAX)}.`);
-      show(notice, h("p", {}, "The picture is uploaded…"));
-      const target = await upload(picture);
-      const planes = [{ place: { distanceM: Number(distance.value) / 1000 }, target }];
-      const optimizeHologram = { display: `displays/${display.value}`, planes, ...(kernel.value && { kernel: { [kernel.value]: {} } }), iterations: Number(iterations.value) };
-      const job = await post("jobs", { spec: { optimizeHologram }, label: labelOf(picture.name) });
-      location.hash = `#/${job.name}`;
+      const say = (done) => show(notice, h("p", {}, jobs.length > 1 ? `${done} of ${jobs.length} pictures are uploaded…` : "The picture is uploaded…"),
+        jobs.length > 1 && h("progress", { max: jobs.length, value: done, "aria-label": "Uploaded pictures" }));
+      say(0);
+      const submitted = await submitAll(jobs, fields.requestOf, say);
+      if (hasLeft) return;
+      if (submitted.length === 1) location.hash = `#/${submitted[0].name}`;
+      else showBatch(submitted);
     } catch (error) {
-      show(notice, errorNote(error));
+      const others = showProblems(form, error.fields ?? []);
+      show(notice, (others.length > 0 || !error.fields?.length) && errorNote(error));
+      form.querySelector("[aria-invalid]")?.focus();
       submit.disabled = false;
     }
   }
 
-  function take() {
-    if (!dropped) return;
-    choose(dropped);
-    dropped = null;
+  function showBatch(submitted) {
+    estimate.end();
+    progress = batchProgress(submitted[0].batch, submitted);
+    show(body, progress.element, h("p", {}, h("button", { type: "button", onclick: () => {
+      progress.end();
+      submit.disabled = false;
+      show(notice);
+      fields.clear();
+      show(body, form);
+    } }, "More holograms")));
+    scrollTo(0, 0);
   }
 
-  get("displays", { pageSize: 200 }).then(async ({ displays }) => {
+  async function take() {
+    if (!dropped || !fields) return;
+    const files = dropped;
+    dropped = null;
+    fields.take(await files);
+  }
+
+  async function begin() {
+    const [{ displays }, refusal, job] = await Promise.all([get("displays", { pageSize: 200 }), mayNot("submit"), query.get("job") && get(`jobs/${query.get("job")}`), styled()]);
+    if (hasLeft) return;
+    if (refusal) {
+      show(body, h("p", { class: "note" }, `${refusal} Ask an admin for a token that may make holograms.`));
+      return;
+    }
     if (displays.length === 0) {
       show(body, emptyNote("A hologram needs a display. Declare one:", "lightpath display create lab --resolution 1920x1080 --pixel-pitch 8um --wavelength 515nm"));
       return;
     }
-    show(display, displays.map(({ name }) => h("option", { value: idOf(name) }, idOf(name))));
+    fields = hologramForm(displays, changed);
+    estimate = estimateOf(form, fields);
+    show(form, fields.element, h("div", { class: "send" }, estimate.element, h("p", { class: "actions" }, submit), notice));
     show(body, form);
-    take();
-    await fillDistances();
-  }).catch((error) => show(body, errorNote(error)));
+    if (job) await fields.fill(job);
+    else await fields.begin();
+    await take();
+    changed();
+  }
+
+  begin().catch((error) => show(body, errorNote(error)));
   addEventListener("picturedrop", take);
   return () => {
+    hasLeft = true;
     removeEventListener("picturedrop", take);
-    URL.revokeObjectURL(previewUrl);
+    estimate?.end();
+    progress?.end();
   };
-}
-
-/** A file name as the label of a job: at most 128 bytes, without a part of a character at the end. */
-function labelOf(name) {
-  const bytes = new TextEncoder().encode(name.replace(/\p{Cc}/gu, " "));
-  return new TextDecoder().decode(bytes.slice(0, 128)).replace(/\ufffd+$/, "");
-}
-
-/** Uploads a file, and returns its digest. */
-async function upload(file) {
-  const headers = { "content-type": "application/octet-stream" };
-  if (!crypto.subtle) {
-    // Browsers compute digests only on pages from https or localhost.
-    const stored = await request("/v1/artifacts", { method: "POST", body: file, headers });
-    return (await stored.json()).digest;
-  }
-  const content = await file.arrayBuffer();
-  const hash = new Uint8Array(await crypto.subtle.digest("SHA-256", content));
-  const digest = `sha256-${[...hash].map((byte) => byte.toString(16).padStart(2, "0")).join("")}`;
-  await request(`/v1/artifacts/${digest}/upload`, { method: "PUT", body: content, headers });
-  return digest;
 }

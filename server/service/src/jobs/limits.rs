@@ -32,8 +32,12 @@ impl Default for JobLimits {
 
 impl Jobs {
     /// Estimates memory and time of a job. Refuses a job that would exceed the limits. `decoding_bytes` is the largest
-    /// memory for decoding one of its pictures.
-    pub(super) async fn estimated(&self, spec: &JobSpec, decoding_bytes: u64) -> Result<Estimate> {
+    /// memory for decoding one of its pictures \[bytes\].
+    ///
+    /// # Errors
+    ///
+    /// A precondition with the reason `JOB_TOO_LARGE` if the job would exceed the limits; errors of the store.
+    pub async fn estimated(&self, spec: &JobSpec, decoding_bytes: u64) -> Result<Estimate> {
         let need = kinds::need(self, spec, decoding_bytes).await?;
         let estimate = need.on(self.limits.work_per_s);
         // A server alone runs whatever is within its limit.

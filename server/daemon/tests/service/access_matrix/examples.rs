@@ -189,7 +189,12 @@ fn holograms() -> Vec<Example> {
         "weight_mask": "$target",
     });
     let two_planes = json!({ "display": "$display", "planes": [plane(4e-3), plane(6e-3)], "depth_map": "$target", "kernel": { "ideal": {} } });
-    vec![submit(json!({ "optimize_hologram": one_plane })), submit(json!({ "optimize_hologram": two_planes }))]
+    let estimated = json!({ "spec": { "optimize_hologram": &one_plane } });
+    vec![
+        Example::new::<v1::EstimateJobRequest>("JobService/EstimateJob", estimated),
+        submit(json!({ "optimize_hologram": one_plane })),
+        submit(json!({ "optimize_hologram": two_planes })),
+    ]
 }
 
 fn other_jobs() -> Vec<Example> {

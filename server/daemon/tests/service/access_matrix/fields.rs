@@ -155,6 +155,7 @@ const FIELDS: &[(&str, Names)] = &[
     ("VerifyHologram.job", Job),
     ("SuggestHolograms.kernel_version", KernelVersion),
     ("SubmitJobsRequest.requests", Parts),
+    ("EstimateJobRequest.spec", Parts),
     ("GetJobRequest.name", Job),
     ("ListJobsRequest.page_token", PageToken),
     ("ListJobsRequest.display", Display),
