@@ -1,0 +1,104 @@
+// What one sees of a job at a glance: its pictures, and the figure to believe.
+
+import { get } from "./api.js";
+import { decibels, measuredDecibels, placeText } from "./format.js";
+import { headlineOf, hologramPictures } from "./hologram_pictures.js";
+import { fetchPsnr } from "./picture_source.js";
+
+/** Jobs whose requests and results are kept. */
+const KEPT_MAX = 500;
+const kept = new Map();
+/** Names of the holograms' jobs that are kept, by their patterns. */
+const byPattern = new Map();
+
+/** The whole job of a summary, from memory if it has not ended otherwise since. */
+export async function wholeJob({ name, state }) {
+  const known = kept.get(name);
+  if (known?.state === state) return known;
+  const job = await get(name);
+  keepJobs([job]);
+  return job;
+}
+
+/** Whether the whole job is in memory. */
+export const isKept = ({ name, state }) => kept.get(name)?.state === state;
+
+export function keepJobs(jobs) {
+  for (const job of jobs) {
+    kept.set(job.name, job);
+    for (const { subframes } of job.result?.optimizeHologram?.wavelengths ?? []) for (const { pattern } of subframes) byPattern.set(pattern, job.name);
+  }
+  for (const name of kept.keys()) {
+    if (kept.size <= KEPT_MAX) break;
+    kept.delete(name);
+  }
+}
+
+/** The job in memory whose hologram has a pattern. */
+export const jobOfPattern = (pattern) => kept.get(byPattern.get(pattern));
+
+/** The job of the hologram that a job shows or photographs, if it is in memory. */
+export function hologramOf(job) {
+  return job.spec.simulateCapture ? jobOfPattern(job.spec.simulateCapture.pattern) : job;
+}
+
+/**
+ * What a photograph of one picture of a hologram is expected to show: `{text, note, value, std, isExpected, by}`. `kernel` is the
+ * version for which the hologram was computed; empty: the ideal kernel. `by` is the version that judges; empty: the
+ * hologram's own kernel. `null`: it was not measured.
+ */
+export function expectedOf(plane, kernel) {
+  const judged = plane && headlineOf(plane);
+  if (!judged) return null;
+  const { psnrDb, stage, kernelVersion } = judged;
+  const isExpected = stage === "STAGE_PHOTOGRAPHED";
+  const note = isExpected ? "expected" : kernelVersion || kernel ? "at most" : "if the optics are ideal";
+  return { text: isExpected ? measuredDecibels(psnrDb) : decibels(psnrDb.value), note, value: psnrDb.value, std: isExpected ? psnrDb.std : undefined, isExpected, by: kernelVersion || kernel };
+}
+
+/** The planes of a hologram's result, over all its wavelengths, with the kernel of each. */
+export function planesOf(job) {
+  const planes = job.result?.optimizeHologram?.wavelengths.flatMap(({ wavelengthM, planes }) => planes.map((plane) => ({ wavelengthM, plane }))) ?? [];
+  return planes.map((entry, i) => ({ ...entry, kernel: job.kernels[i]?.kernelVersion ?? "" }));
+}
+
+/** The lowest of what photographs of a hologram's pictures are expected to show, and the number of pictures; `null`: unknown. */
+export function worstExpected(job) {
+  const all = planesOf(job).map(({ plane, kernel }) => expectedOf(plane, kernel)).filter(Boolean);
+  if (all.length === 0) return null;
+  return { ...all.reduce((worst, one) => (one.value < worst.value ? one : worst)), pictures: all.length };
+}
+
+/** Pictures of a job `{title, label, digest, wish, fit}`, at most a target, a reconstruction and a photograph of `photographs`. */
+export function picturesOf(job, photographs = []) {
+  const hologram = hologramOf(job)?.spec.optimizeHologram;
+  const shown = photographOf(job, photographs);
+  const photograph = shown && { title: "photograph", ...shown.picture };
+  if (!hologram) return photograph ? [photograph] : [];
+  const target = { title: "target", label: "target", digest: hologram.planes[0].target, wish: { encoding: hologram.targetEncoding === "ENCODING_LINEAR" ? "linear" : "srgb" }, fit: hologram.targetFit };
+  const result = job.result?.optimizeHologram;
+  if (!result) return [target, photograph].filter(Boolean);
+  const [plane] = result.wavelengths[0].planes;
+  return [target, { title: "reconstruction", label: "reconstruction", digest: result.colourReconstructions[0] || plane.reconstruction, wish: {} },
+    photograph].filter(Boolean);
+}
+
+/** The newest photograph of the first picture of a hologram, or that which a job took. */
+export function photographOf(job, photographs) {
+  if (job.result?.simulateCapture) return photographs.find(({ photo }) => photo === job.result.simulateCapture.photo);
+  const first = job.result?.optimizeHologram?.wavelengths[0];
+  if (!first) return undefined;
+  const at = placeText(first.planes[0].place);
+  // Of several patterns that the eye sees as one, a photograph of one says nothing.
+  return first.subframes.length > 1 ? undefined : photographs.find((photograph) => photograph.pattern === first.subframes[0].pattern && photograph.at === at);
+}
+
+/** PSNR of a photograph of a hologram against its target in the job's region, as `fetchPsnr` has it [dB]; `null`: it cannot be known. */
+export async function scoreOf(job, photograph, signal) {
+  const result = job?.result?.optimizeHologram;
+  const error = result && hologramPictures(job.spec.optimizeHologram, result, result.wavelengths[0]).find(({ kind }) => kind === "error");
+  if (!error || !photograph?.isAligned) return null;
+  const { region } = job.spec.optimizeHologram;
+  const part = region ? [region.xPx, region.yPx, region.widthPx, region.heightPx].join(",") : undefined;
+  return fetchPsnr(photograph.photo, { ...error.wish, encoding: photograph.picture.wish.encoding, region: part }, signal);
+}
