@@ -70,6 +70,18 @@ test("a version is promoted with a reason and rolled back, and another open page
   assert.deepEqual([...page.problems, ...other.problems], []);
 });
 
+test("a gate that measured nothing says so, and does not look as if all were well", async () => {
+  const { kernels: [kernel] } = await server.get("displays/demo/kernels");
+  const page = await openPage(browser, server.url);
+  await page.goto(`${server.url}/#/${kernel.name}`);
+  await page.getByRole("button", { name: "Promote 3" }).click();
+  await page.getByText("The promotion gate accepts this version, though it was not measured.").waitFor();
+  const check = page.getByRole("dialog").getByRole("listitem").first();
+  assert.match(await check.innerText(), /^Not measured: /);
+  assert.equal(await check.getAttribute("class"), "unmeasured");
+  assert.deepEqual(page.problems, []);
+});
+
 test("a click reaches a button whose table is drawn again while it is pressed", async () => {
   const { kernels: [kernel] } = await server.get("displays/demo/kernels");
   const page = await openPage(browser, server.url);
@@ -117,7 +129,12 @@ test("two chosen jobs are compared", async () => {
   await page.getByRole("checkbox").nth(1).check();
   await page.getByRole("link", { name: "Compare the two chosen jobs" }).click();
   await page.getByText("Fields that differ").waitFor();
-  await page.waitForFunction(() => [...document.querySelectorAll(".pictures img")].filter((image) => image.naturalWidth > 0).length === 3);
+  await page.getByText("Both are judged by 515nm-15mm, version 1.").waitFor();
+  const quality = page.getByRole("region", { name: "PSNR of the pictures" });
+  for (const job of ["A", "B"]) assert.match(await quality.getByRole("row", { name: new RegExp(`^${job} `) }).innerText(), /15 mm\s+\d\d\.\d.* dB\s+\d\d\.\d dB/, "expected and photographed");
+  assert.equal(await page.getByText("PSNR, supersampled").isVisible(), false, "models that cannot be compared are folded");
+  // The target, and of each job the reconstruction and the photograph.
+  await page.waitForFunction(() => [...document.querySelectorAll(".pictures img.whole")].filter((image) => image.naturalWidth > 0).length === 5);
   assert.deepEqual(page.problems, []);
 });
 

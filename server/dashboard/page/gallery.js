@@ -5,7 +5,7 @@ import { h, show } from "./dom.js";
 import { age, decibels, idOf, words } from "./format.js";
 import { hologramOf, isKept, photographOf, picturesOf, scoreOf, wholeJob, worstExpected } from "./glance.js";
 import { progressOf, stateOf } from "./job_rows.js";
-import { photographsOf } from "./photographs.js";
+import { PHOTOGRAPHS_SPACING, photographsOf } from "./photographs.js";
 import { columnsFor, fetchPicture } from "./picture_source.js";
 
 /** Jobs this far below the shown part of the page are read, and their pictures fetched [CSS px]. */
@@ -15,12 +15,13 @@ const WITH_PICTURES = ["KIND_OPTIMIZE_HOLOGRAM", "KIND_SIMULATE_CAPTURE", "KIND_
 
 /**
  * A gallery of jobs. `choice(job)` and `actions(job)` make what a user can do with one. Its method `show(jobs)` takes
- * summaries, and keeps the pictures of those that it had. Returns `{element, show, end}`.
+ * summaries, and keeps the pictures of those that it had. Returns `{element, show, photographed, end}`.
  */
 export function gallery({ choice = null, actions = null } = {}) {
   const element = h("ul", { class: "gallery", "aria-label": "Jobs" });
   const ended = new AbortController();
   let shots = new Map();
+  let later = 0;
   const near = new IntersectionObserver((entries) => {
     for (const { isIntersecting, target } of entries) if (isIntersecting) shots.get(target.dataset.job)?.load();
   }, { rootMargin: AHEAD });
@@ -28,6 +29,7 @@ export function gallery({ choice = null, actions = null } = {}) {
   function shot(first) {
     let job = first;
     let loaded = "";
+    let isPhotographed = false;
     const pictures = h("div", { class: "shots" });
     const link = h("a", { href: `#/${job.name}`, "data-key": job.name }, pictures);
     const figure = h("p", { class: "figure" });
@@ -45,8 +47,9 @@ export function gallery({ choice = null, actions = null } = {}) {
         if (ended.signal.aborted) return;
         show(figure, figures(whole, null));
         const shown = await Promise.all(picturesOf(whole, photographs).map((picture) => thumbnail(whole, picture, pictures)));
-        if (shown.length > 0) pictures.replaceChildren(...shown);
+        if (shown.length > 0) pictures.replaceChildren(...shown, ...missing(whole, shown.length));
         const photograph = photographOf(whole, photographs);
+        isPhotographed = Boolean(photograph);
         const score = photograph && await scoreOf(hologramOf(whole), photograph, ended.signal);
         if (Number.isFinite(score)) show(figure, figures(whole, score));
       } catch (error) {
@@ -80,8 +83,14 @@ export function gallery({ choice = null, actions = null } = {}) {
       if (loaded || isKept(job)) void load();
     }
 
+    function again() {
+      if (!loaded || isPhotographed || job.kind !== "KIND_OPTIMIZE_HOLOGRAM") return;
+      loaded = "";
+      void load();
+    }
+
     take(first);
-    return { card, take, load };
+    return { card, take, load, again };
   }
 
   return {
@@ -95,11 +104,25 @@ export function gallery({ choice = null, actions = null } = {}) {
       [...shots.values()].forEach(({ card }, i) => element.children[i] !== card && element.insertBefore(card, element.children[i] ?? null));
       while (element.children.length > jobs.length) element.lastChild.remove();
     },
+    /** Shows photographs that were taken meanwhile, as soon as they are read again. */
+    photographed() {
+      later ||= setTimeout(() => {
+        later = 0;
+        for (const { again } of shots.values()) again();
+      }, PHOTOGRAPHS_SPACING);
+    },
     end() {
+      clearTimeout(later);
       ended.abort();
       near.disconnect();
     },
   };
+}
+
+/** Places of the pictures that a hologram will have, so that all cards have the same form. */
+function missing(job, count) {
+  if (!job.spec.optimizeHologram) return [];
+  return ["target", "reconstruction", "photograph"].slice(count).map((title) => h("figure", {}, h("div", { class: "window missing" }, "none yet"), h("figcaption", {}, title)));
 }
 
 /** What a person calls a job: its label, or the beginning of its id. */

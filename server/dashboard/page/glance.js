@@ -3,6 +3,7 @@
 import { get } from "./api.js";
 import { decibels, measuredDecibels, placeText } from "./format.js";
 import { headlineOf, hologramPictures } from "./hologram_pictures.js";
+import { simulated } from "./photographs.js";
 import { fetchPsnr } from "./picture_source.js";
 
 /** Jobs whose requests and results are kept. */
@@ -85,7 +86,8 @@ export function picturesOf(job, photographs = []) {
 
 /** The newest photograph of the first picture of a hologram, or that which a job took. */
 export function photographOf(job, photographs) {
-  if (job.result?.simulateCapture) return photographs.find(({ photo }) => photo === job.result.simulateCapture.photo);
+  const own = job.result?.simulateCapture?.photo;
+  if (own) return { photo: own, ...simulated(own) };
   const first = job.result?.optimizeHologram?.wavelengths[0];
   if (!first) return undefined;
   const at = placeText(first.planes[0].place);
@@ -100,5 +102,6 @@ export async function scoreOf(job, photograph, signal) {
   if (!error || !photograph?.isAligned) return null;
   const { region } = job.spec.optimizeHologram;
   const part = region ? [region.xPx, region.yPx, region.widthPx, region.heightPx].join(",") : undefined;
-  return fetchPsnr(photograph.photo, { ...error.wish, encoding: photograph.picture.wish.encoding, region: part }, signal);
+  const fitted = job.spec.optimizeHologram.targetArea === "AREA_REGION" ? { minus_region: part } : {};
+  return fetchPsnr(photograph.photo, { ...fitted, ...error.wish, encoding: photograph.picture.wish.encoding, region: part }, signal);
 }

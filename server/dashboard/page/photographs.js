@@ -9,8 +9,9 @@ const CAPTURES_MAX = 100;
 /** Datasets whose pairs are read, the newest ones, and pairs of each. */
 const DATASETS_MAX = 2;
 const PAIRS_MAX = 200;
-/** Time for which photographs are not read again, unless an event tells of new ones [ms]. */
+/** Time for which photographs are not read again [ms]: without an event of new ones, and with one. */
 const KEPT_MS = 60_000;
+export const PHOTOGRAPHS_SPACING = 10_000;
 
 const kept = new Map();
 
@@ -21,24 +22,28 @@ const kept = new Map();
  */
 export function photographsOf(name) {
   const known = kept.get(name);
-  if (known && Date.now() - known.time < KEPT_MS) return known.read;
+  if (known && Date.now() - known.time < (known.isOld ? PHOTOGRAPHS_SPACING : KEPT_MS)) return known.read;
   const read = Promise.all([captures(name), pairs(name)]).then((lists) => lists.flat());
   kept.set(name, { time: Date.now(), read });
   read.catch(() => kept.delete(name));
   return read;
 }
 
-/** Reads photographs anew after an event that may tell of new ones. */
-export function forgetPhotographs(kind, data) {
+/** Notes that photographs are to be read anew, if an event may tell of new ones. Returns whether it does. */
+export function noteNewPhotographs(kind, data) {
   const isCapture = kind === "job" && data.kind === "KIND_SIMULATE_CAPTURE" && data.state === "STATE_SUCCEEDED";
-  if (kind === "reset" || kind === "dataset") kept.clear();
-  if (isCapture) kept.delete(data.display);
+  if (!isCapture && kind !== "reset" && kind !== "dataset") return false;
+  for (const [name, known] of kept) if (!isCapture || name === data.display) known.isOld = true;
+  return true;
 }
+
+/** What all simulated photographs have in common: they have the display's pixels. */
+export const simulated = (photo) => ({ picture: photographPicture("photograph", photo), isAligned: true });
 
 async function captures(display) {
   const { jobs } = await get("jobs", { kind: "simulate_capture", state: "succeeded", display, pageSize: CAPTURES_MAX });
   return jobs.map(({ spec: { simulateCapture: { pattern, place } }, result: { simulateCapture: { photo } }, endTime }) =>
-    ({ pattern, photo, at: placeText(place), time: Date.parse(endTime), picture: photographPicture("photograph", photo), isAligned: true }));
+    ({ pattern, photo, at: placeText(place), time: Date.parse(endTime), ...simulated(photo) }));
 }
 
 async function pairs(display) {

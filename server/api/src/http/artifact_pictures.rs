@@ -25,10 +25,8 @@ const DECADES_MAX: f64 = 9.0;
 const PICTURE_SIZE: header::HeaderName = header::HeaderName::from_static("picture-size");
 /// PSNR of the shown part against the picture that is subtracted \[dB\], such as `41.73`: with the best gain, and with the best
 /// gain and offset.
-const PICTURE_PSNR: [header::HeaderName; 2] = [
-    header::HeaderName::from_static("picture-psnr"),
-    header::HeaderName::from_static("picture-psnr-with-offset"),
-];
+const PICTURE_PSNR: [header::HeaderName; 2] =
+    [header::HeaderName::from_static("picture-psnr"), header::HeaderName::from_static("picture-psnr-with-offset")];
 const PNG: [(header::HeaderName, &str); 1] = [(header::CONTENT_TYPE, "image/png")];
 
 /// The query of a picture.

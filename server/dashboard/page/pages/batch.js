@@ -9,7 +9,7 @@ import { gallery } from "../gallery.js";
 import { keepJobs, photographOf, scoreOf, worstExpected } from "../glance.js";
 import { progressOf, stateOf, updateProgress } from "../job_rows.js";
 import { emptyNote, refresher } from "../loading.js";
-import { forgetPhotographs, photographsOf } from "../photographs.js";
+import { noteNewPhotographs, photographsOf } from "../photographs.js";
 import { differing, fieldsOf, wordsOf } from "../request_fields.js";
 import { table } from "../table.js";
 
@@ -96,7 +96,7 @@ export function batchPage(root, [batch], query) {
   }
 
   const ends = onEvent((kind, data) => {
-    forgetPhotographs(kind, data);
+    if (noteNewPhotographs(kind, data)) shots.photographed();
     if (kind === "reset" || (kind === "job" && (data.batch === batch || data.kind === "KIND_SIMULATE_CAPTURE") && !updateProgress(root, data))) refresh.soon();
   });
   return () => {

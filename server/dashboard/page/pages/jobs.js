@@ -9,7 +9,7 @@ import { isKept, keepJobs } from "../glance.js";
 import { jobTable, updateProgress } from "../job_rows.js";
 import { emptyNote, errorNote, refresher } from "../loading.js";
 import { pager } from "../pager.js";
-import { forgetPhotographs } from "../photographs.js";
+import { noteNewPhotographs } from "../photographs.js";
 
 const STATES = ["queued", "running", "succeeded", "failed", "cancelled"];
 const KINDS = ["optimize_hologram", "learn_kernel", "simulate_capture", "evaluate_kernel", "prepare_dataset", "report_kernel", "verify_hologram", "suggest_holograms"];
@@ -106,7 +106,7 @@ export function jobsPage(root, _, query) {
 
   get("displays", { pageSize: 200 }).then((answer) => show(displays, answer.displays.map(({ name }) => h("option", { value: idOf(name) }))), () => {});
   const ends = onEvent((kind, data) => {
-    forgetPhotographs(kind, data);
+    if (noteNewPhotographs(kind, data)) shots.photographed();
     if (kind === "reset" || (kind === "job" && !updateProgress(list, data))) refresh.soon();
   });
   return () => {

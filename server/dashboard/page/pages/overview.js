@@ -10,9 +10,11 @@ import { isKept, keepJobs } from "../glance.js";
 import { progressOf, stateOf, updateProgress } from "../job_rows.js";
 import { livePicture } from "../live_picture.js";
 import { emptyNote, refresher } from "../loading.js";
-import { forgetPhotographs } from "../photographs.js";
+import { noteNewPhotographs } from "../photographs.js";
 
 const LATEST = 12;
+/** Jobs of which this many are not in memory are read together. */
+const TOGETHER = 4;
 /** How often that is read again of which no event tells [ms]. */
 const SLOW = 60_000;
 /** Least time from one reading of lists and numbers after events to the next [ms]. Events tell about each job sooner. */
@@ -60,7 +62,7 @@ export function overviewPage(root) {
     show(pauses, (queue?.pauses ?? []).map((pause) => h("p", { class: "note" },
       `${pause.display ? idOf(pause.display) : "The whole queue"} is paused since ${age(pause.since)}: ${pause.reason}`)));
     [newest, runningNow] = [jobs.summaries, runningJobs.summaries];
-    if (!newest.every(isKept)) keepJobs((await get("jobs", { pageSize: LATEST })).jobs);
+    if (newest.filter((job) => !isKept(job)).length > TOGETHER) keepJobs((await get("jobs", { pageSize: LATEST })).jobs);
     showJobs();
   }, SPACING);
 
@@ -132,7 +134,7 @@ export function overviewPage(root) {
 
   const timer = setInterval(() => document.hidden || void refreshSlow(), SLOW);
   const ends = onEvent((kind, data) => {
-    forgetPhotographs(kind, data);
+    if (noteNewPhotographs(kind, data)) shots.photographed();
     if (kind === "job") pictures.get(data.name)?.refresh();
     if (kind === "job" && updateProgress(root, data)) return;
     if (kind === "job") {

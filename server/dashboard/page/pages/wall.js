@@ -7,7 +7,7 @@ import { picturesOf, wholeJob, worstExpected } from "../glance.js";
 import { progressOf, updateProgress } from "../job_rows.js";
 import { livePicture } from "../live_picture.js";
 import { refresher } from "../loading.js";
-import { forgetPhotographs } from "../photographs.js";
+import { noteNewPhotographs } from "../photographs.js";
 import { columnsFor, fetchPicture } from "../picture_source.js";
 import { pointsOverTime } from "../wall_chart.js";
 import { devicesByVersion, readDisplays, readQueue } from "../wall_facts.js";
@@ -45,7 +45,9 @@ export function wallPage(root) {
   const refreshDisplays = refresher(photograph, async () => {
     const { displays, more } = await readDisplays();
     shown.readAt.displays = Date.now();
-    Object.assign(shown, { displays, more });
+    // Displays of which nothing is known get no turn while there are others.
+    const known = displays.filter(({ photographs, kernels, devices }) => photographs.length + kernels.length + devices.length > 0);
+    Object.assign(shown, { displays: known.length ? known : displays, more });
     showDisplay();
     showClock();
   }, SPACING);
@@ -67,8 +69,9 @@ export function wallPage(root) {
     const paused = numbers?.pauses.find(({ display }) => !display);
     const waiting = Number(numbers?.queued ?? 0);
     const done = emptyIn && new Date(Date.now() + emptyIn.seconds * 1000).toLocaleTimeString([], { hour: "2-digit", minute: "2-digit" });
+    const left = emptyIn && (emptyIn.seconds < 90 ? "in a minute" : `in ${duration(60 * Math.round(emptyIn.seconds / 60)).replace(" 0 s", "")}`);
     const end = !numbers ? "This token does not show the queue." : paused ? `Paused: ${paused.reason}` : waiting === 0 && jobs.length === 0 ? "Nothing waits."
-      : !emptyIn ? "No process runs jobs." : `Empty ${emptyIn.isLeast ? "not before" : "at about"} ${done}, in ${duration(Math.max(1, Math.round(emptyIn.seconds)))}.`;
+      : !emptyIn ? "No process runs jobs." : [`Empty ${emptyIn.isLeast ? "not before" : "at about"} `, h("strong", {}, done), `, ${left}`];
     const fact = (value, text, kind = "") => h("li", { class: kind }, h("strong", {}, value), ` ${text}`);
     show(queue, h("h2", {}, "Queue"), h("ul", {}, fact(numbers?.queued ?? "–", "wait"), fact(numbers?.running ?? jobs.length, Number(numbers?.running ?? jobs.length) === 1 ? "runs" : "run"), fact(failed, "failed in a day", failed ? "bad" : "")), h("p", {}, end));
   }
@@ -155,15 +158,16 @@ export function wallPage(root) {
     points.update(scored.map(({ time, score, isIdeal }) => ({ time, value: score, series: isIdeal ? 2 : 1 })));
     const key = (series, text) => h("span", { class: `key series-${series}` }, text);
     const keys = [scored.some(({ isIdeal }) => !isIdeal) && key(1, "learned kernel"), scored.some(({ isIdeal }) => isIdeal) && key(2, "ideal kernel")];
-    show(trend, h("h2", {}, `${idOf(name)}: photographs, PSNR in dB`), scored.length ? [points.element, h("p", { class: "keys" }, keys)] : h("p", { class: "big" }, "No photograph with a score yet."));
+    show(trend, h("h2", {}, `Photographs of ${idOf(name)}, dB`), scored.length ? [points.element, h("p", { class: "keys" }, keys)] : h("p", { class: "big" }, "No photograph with a score yet."));
   }
 
   function showKernels({ name, kernels: list, devices }) {
     const kernel = ({ id, active, drift, rollout }) => h("li", {}, h("strong", {}, id),
       h("p", {}, active ? `version ${active.version}, made ${age(active.createTime)}` : "no version is active", rollout ? ", a rollout runs" : ""),
-      active && h("p", { class: drift && drift.meanDb < -3 ? "bad" : "" }, drift ? `${drift.meanDb >= 0 ? "+" : "−"}${Math.abs(drift.meanDb).toFixed(1)} dB against expectation in ${drift.count === 1 ? "1 photograph" : `${drift.count} photographs`}` : "drift unknown: no photograph that it judged"));
+      active && h("p", { class: drift && drift.meanDb < -3 ? "bad" : "" }, drift ? ["drift ", h("strong", {}, `${drift.meanDb >= 0 ? "+" : "−"}${Math.abs(drift.meanDb).toFixed(1)} dB`), `: ${drift.count === 1 ? "a photograph" : `${drift.count} photographs`} against expectation`]
+        : "drift unknown: no photograph yet of a hologram that it judged"));
     const byVersion = devicesByVersion(devices);
-    show(kernels, h("h2", {}, `${idOf(name)}: kernels and devices`),
+    show(kernels, h("h2", {}, `Kernels of ${idOf(name)}`),
       list.length ? h("ul", {}, list.slice(0, 2).map(kernel), list.length > 2 && h("li", {}, `and ${list.length - 2} more kernels`)) : h("p", {}, "No kernel was learned yet."),
       h("p", { class: "devices" }, byVersion.length ? byVersion.slice(0, 3).map(([text, count]) => h("span", {}, h("strong", {}, count), ` × ${text} `)) : "No device has reported yet."));
   }
@@ -197,7 +201,7 @@ export function wallPage(root) {
     showClock();
   });
   const endEvents = onEvent((kind, data) => {
-    forgetPhotographs(kind, data);
+    noteNewPhotographs(kind, data);
     if (kind === "job" && data.name === shown.live?.name) shown.live.picture.refresh();
     if (kind === "job" && updateProgress(running, data)) return;
     if (["job", "queue", "reset"].includes(kind)) refreshQueue.soon();
