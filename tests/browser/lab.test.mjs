@@ -56,20 +56,18 @@ test("the gallery shows holograms with their photographs, and the figure to beli
 });
 
 test("a sweep is a table and a plot over the parameters that differ", async () => {
-  const requests = [2, 8].flatMap((iterations) => ["DETECTOR_POINT", "DETECTOR_PIXEL"].map((detector) => {
-    const optimizeHologram = { ...spec.optimizeHologram, iterations, detector, kernel: { active: {} } };
-    return { spec: { optimizeHologram }, batch: "short", label: "leaf.png" };
-  }));
+  const requests = [[2, "DETECTOR_POINT"], [8, "DETECTOR_PIXEL"]].map(([iterations, detector]) =>
+    ({ spec: { optimizeHologram: { ...spec.optimizeHologram, iterations, detector, kernel: { active: {} } } }, batch: "short", label: "leaf.png" }));
   await server.post("jobs:submitAll", { requests });
   const page = await openPage(browser, server.url);
   await page.goto(`${server.url}/#/batch/short`);
-  await page.getByText("4 succeeded.").waitFor();
+  await page.getByText("2 succeeded.").waitFor({ timeout: 60_000 });
   const sweep = page.getByRole("region", { name: /^What differs/ });
-  await page.waitForFunction(() => document.querySelectorAll("td strong").length === 4);
+  await page.waitForFunction(() => document.querySelectorAll("td strong").length === 2);
   assert.deepEqual(await sweep.getByRole("columnheader").allInnerTexts(), ["Job", "iterations", "detector", "Expected", "Photographed"]);
   const { jobs } = await server.get("jobs?batch=short&order=oldest_first");
   const rows = (await sweep.getByRole("row").allInnerTexts()).slice(1).map((row) => row.replaceAll(/\s+/g, " "));
-  jobs.forEach((job, i) => assert.ok(rows[i].startsWith(`leaf.png ${[2, 8][Math.floor(i / 2)]} ${["point", "pixel"][i % 2]} ${headlineOf(job)}`), rows[i]));
+  jobs.forEach((job, i) => assert.ok(rows[i].startsWith(`leaf.png ${[2, 8][i]} ${["point", "pixel"][i]} ${headlineOf(job)}`), rows[i]));
   await page.getByText("detector point").waitFor();
   await page.getByLabel("PSNR in a photograph over").selectOption("detector");
   await page.getByText("iterations 2").waitFor();

@@ -124,9 +124,10 @@ test("two versions are compared, and a report shows what was learned", async () 
 test("two chosen jobs are compared", async () => {
   const page = await openPage(browser, server.url);
   await page.goto(`${server.url}/#/jobs?kind=optimize_hologram&state=succeeded`);
-  await page.getByRole("checkbox").nth(0).check();
+  const photographed = page.locator(".shot", { hasText: "photographed" });
+  await photographed.nth(0).getByRole("checkbox").check();
   await page.getByText("Choose one more job").waitFor();
-  await page.getByRole("checkbox").nth(1).check();
+  await photographed.nth(1).getByRole("checkbox").check();
   await page.getByRole("link", { name: "Compare the two chosen jobs" }).click();
   await page.getByText("Fields that differ").waitFor();
   await page.getByText("Both are judged by 515nm-15mm, version 1.").waitFor();

@@ -146,7 +146,7 @@ export function wallPage(root) {
     const target = newest.job && picturesOf(newest.job)[0];
     const { score, expected } = newest;
     show(photograph, heading, pair, h("p", { class: "scores" },
-      Number.isFinite(score) ? h("span", {}, h("strong", {}, decibels(score)), " photographed ")
+      Number.isFinite(score) ? h("span", {}, h("strong", {}, decibels(score)), " photographed")
         : !newest.job ? h("span", {}, "Of a hologram that no job here made.") : !newest.isAligned && h("span", {}, "Not scored: it has other pixels than the display."),
       expected && h("span", {}, h("strong", {}, expected.isExpected ? measuredDecibels(expected) : expected.text), ` ${expected.note}`)),
     h("p", {}, [newest.job?.label, age(new Date(newest.time).toISOString())].filter(Boolean).join(", ")));
