@@ -3,7 +3,7 @@
 import { dragOut, fileNameOf } from "./drag_out.js";
 import { h, show } from "./dom.js";
 import { age, decibels, idOf, words } from "./format.js";
-import { hologramOf, isKept, photographOf, picturesOf, scoreOf, wholeJob, worstExpected } from "./glance.js";
+import { hologramOf, isKept, photographOf, picturesOf, readHolograms, scoreOf, wholeJob, worstExpected } from "./glance.js";
 import { progressOf, stateOf } from "./job_rows.js";
 import { PHOTOGRAPHS_SPACING, photographsOf } from "./photographs.js";
 import { columnsFor, fetchPicture } from "./picture_source.js";
@@ -44,10 +44,11 @@ export function gallery({ choice = null, actions = null } = {}) {
       try {
         const whole = await wholeJob(job);
         const photographs = await photographsOf(job.display);
+        if (whole.spec.simulateCapture && !hologramOf(whole)) await readHolograms(job.display);
         if (ended.signal.aborted) return;
         show(figure, figures(whole, null));
         const shown = await Promise.all(picturesOf(whole, photographs).map((picture) => thumbnail(whole, picture, pictures)));
-        if (shown.length > 0) pictures.replaceChildren(...shown, ...missing(whole, shown.length));
+        if (shown.length > 0) pictures.replaceChildren(...(hologramOf(whole) ? [...shown, ...missing(shown.length, "none yet")] : [...missing(0, "unknown").slice(0, 2), ...shown]));
         const photograph = photographOf(whole, photographs);
         isPhotographed = Boolean(photograph);
         const score = photograph && await scoreOf(hologramOf(whole), photograph, ended.signal);
@@ -119,10 +120,9 @@ export function gallery({ choice = null, actions = null } = {}) {
   };
 }
 
-/** Places of the pictures that a hologram will have, so that all cards have the same form. */
-function missing(job, count) {
-  if (!job.spec.optimizeHologram) return [];
-  return ["target", "reconstruction", "photograph"].slice(count).map((title) => h("figure", {}, h("div", { class: "window missing" }, "none yet"), h("figcaption", {}, title)));
+/** Places of the pictures from `first` on that are not there, so that all cards have the same form. */
+function missing(first, text) {
+  return ["target", "reconstruction", "photograph"].slice(first).map((title) => h("figure", {}, h("div", { class: "window missing" }, text), h("figcaption", {}, title)));
 }
 
 /** What a person calls a job: its label, or the beginning of its id. */

@@ -9,7 +9,7 @@ import { fetchPsnr } from "./picture_source.js";
 /** Jobs whose requests and results are kept. */
 const KEPT_MAX = 500;
 const kept = new Map();
-/** Names of the holograms' jobs that are kept, by their patterns. */
+/** Names of the jobs of holograms that are kept, by the pattern and the place of their first picture. */
 const byPattern = new Map();
 
 /** The whole job of a summary, from memory if it has not ended otherwise since. */
@@ -27,7 +27,9 @@ export const isKept = ({ name, state }) => kept.get(name)?.state === state;
 export function keepJobs(jobs) {
   for (const job of jobs) {
     kept.set(job.name, job);
-    for (const { subframes } of job.result?.optimizeHologram?.wavelengths ?? []) for (const { pattern } of subframes) byPattern.set(pattern, job.name);
+    const first = job.result?.optimizeHologram?.wavelengths[0];
+    // Of several patterns that the eye sees as one, a photograph of one says nothing.
+    if (first?.subframes.length === 1) byPattern.set(`${first.subframes[0].pattern} ${placeText(first.planes[0].place)}`, job.name);
   }
   for (const name of kept.keys()) {
     if (kept.size <= KEPT_MAX) break;
@@ -35,12 +37,28 @@ export function keepJobs(jobs) {
   }
 }
 
-/** The job in memory whose hologram has a pattern. */
-export const jobOfPattern = (pattern) => kept.get(byPattern.get(pattern));
+/** Holograms among which those of photographs are looked for, and the time for which they are not read again [ms]. */
+const HOLOGRAMS_MAX = 100;
+const HOLOGRAMS_KEPT_MS = 60_000;
+const hologramsRead = new Map();
+
+/** Brings the newest holograms of a display `displays/{id}` into memory, so that those of photographs are found. */
+export function readHolograms(display, keptMs = HOLOGRAMS_KEPT_MS) {
+  const known = hologramsRead.get(display);
+  if (known && Date.now() - known.time < keptMs) return known.read;
+  const read = get("jobs", { display, kind: "optimize_hologram", state: "succeeded", pageSize: HOLOGRAMS_MAX }).then(({ jobs }) => keepJobs(jobs));
+  hologramsRead.set(display, { time: Date.now(), read });
+  read.catch(() => hologramsRead.delete(display));
+  return read;
+}
+
+/** The job in memory of whose first picture a pattern and a place, as text, are; `undefined`: none. */
+export const jobOfPhotograph = (pattern, at) => kept.get(byPattern.get(`${pattern} ${at}`));
 
 /** The job of the hologram that a job shows or photographs, if it is in memory. */
 export function hologramOf(job) {
-  return job.spec.simulateCapture ? jobOfPattern(job.spec.simulateCapture.pattern) : job;
+  const capture = job.spec.simulateCapture;
+  return capture ? jobOfPhotograph(capture.pattern, placeText(capture.place)) : job.spec.optimizeHologram ? job : undefined;
 }
 
 /**
@@ -72,12 +90,13 @@ export function worstExpected(job) {
 
 /** Pictures of a job `{title, label, digest, wish, fit}`, at most a target, a reconstruction and a photograph of `photographs`. */
 export function picturesOf(job, photographs = []) {
-  const hologram = hologramOf(job)?.spec.optimizeHologram;
+  const shownJob = hologramOf(job);
+  const hologram = shownJob?.spec.optimizeHologram;
   const shown = photographOf(job, photographs);
   const photograph = shown && { title: "photograph", ...shown.picture };
   if (!hologram) return photograph ? [photograph] : [];
   const target = { title: "target", label: "target", digest: hologram.planes[0].target, wish: { encoding: hologram.targetEncoding === "ENCODING_LINEAR" ? "linear" : "srgb" }, fit: hologram.targetFit };
-  const result = job.result?.optimizeHologram;
+  const result = shownJob.result?.optimizeHologram;
   if (!result) return [target, photograph].filter(Boolean);
   const [plane] = result.wavelengths[0].planes;
   return [target, { title: "reconstruction", label: "reconstruction", digest: result.colourReconstructions[0] || plane.reconstruction, wish: {} },
@@ -91,7 +110,6 @@ export function photographOf(job, photographs) {
   const first = job.result?.optimizeHologram?.wavelengths[0];
   if (!first) return undefined;
   const at = placeText(first.planes[0].place);
-  // Of several patterns that the eye sees as one, a photograph of one says nothing.
   return first.subframes.length > 1 ? undefined : photographs.find((photograph) => photograph.pattern === first.subframes[0].pattern && photograph.at === at);
 }
 

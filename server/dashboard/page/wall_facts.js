@@ -2,15 +2,13 @@
 
 import { get } from "./api.js";
 import { idOf } from "./format.js";
-import { expectedOf, jobOfPattern, keepJobs, planesOf, scoreOf } from "./glance.js";
+import { expectedOf, jobOfPhotograph, keepJobs, planesOf, readHolograms, scoreOf } from "./glance.js";
 import { photographsOf } from "./photographs.js";
 
 /** Queued jobs whose estimates are read; the mean of these stands for the rest. */
 const QUEUED_MAX = 200;
 const DISPLAYS_MAX = 12;
 const KERNELS_MAX = 8;
-/** Holograms among which the targets of photographs are looked for. */
-const HOLOGRAMS_MAX = 100;
 /** Photographs of a display that are scored. */
 const SCORED_MAX = 24;
 /** Photographs from which the drift of a kernel is said. */
@@ -57,14 +55,13 @@ export async function readDisplays() {
  * `score` [dB] and `expected`; if there are none, those without.
  */
 async function readDisplay({ name }) {
-  const [{ kernels }, { devices }, photographs, holograms] = await Promise.all([
+  const [{ kernels }, { devices }, photographs] = await Promise.all([
     get(`${name}/kernels`, { pageSize: KERNELS_MAX }),
     get(`${name}/devices`, { pageSize: 1000 }),
     photographsOf(name),
-    get("jobs", { display: name, kind: "optimize_hologram", state: "succeeded", pageSize: HOLOGRAMS_MAX }),
+    readHolograms(name, 0),
   ]);
-  keepJobs(holograms.jobs);
-  const shown = [...photographs].sort((a, b) => b.time - a.time).map((photograph) => ({ ...photograph, job: jobOfPattern(photograph.pattern) }));
+  const shown = [...photographs].sort((a, b) => b.time - a.time).map((photograph) => ({ ...photograph, job: jobOfPhotograph(photograph.pattern, photograph.at) }));
   const known = shown.filter(({ job }) => job).slice(0, SCORED_MAX);
   const scored = await Promise.all(known.map(withScore));
   const withVersions = await Promise.all(kernels.map(kernelFacts));
