@@ -125,9 +125,11 @@ test("two chosen jobs are compared", async () => {
   const page = await openPage(browser, server.url);
   await page.goto(`${server.url}/#/jobs?kind=optimize_hologram&state=succeeded`);
   const photographed = page.locator(".shot", { hasText: "photographed" });
-  await photographed.nth(0).getByRole("checkbox").check();
+  await photographed.nth(1).waitFor();
+  const [a, b] = await photographed.evaluateAll((cards) => cards.map((card) => card.dataset.job));
+  await page.locator(`[data-job="${a}"]`).getByRole("checkbox").check();
   await page.getByText("Choose one more job").waitFor();
-  await photographed.nth(1).getByRole("checkbox").check();
+  await page.locator(`[data-job="${b}"]`).getByRole("checkbox").check();
   await page.getByRole("link", { name: "Compare the two chosen jobs" }).click();
   await page.getByText("Fields that differ").waitFor();
   await page.getByText("Both are judged by 515nm-15mm, version 1.").waitFor();
@@ -202,12 +204,13 @@ test("the gallery shows holograms with their photographs, and the figure to beli
     if (/^\/v1\/artifacts\/.*\/picture$/.test(url.pathname)) widths.push(Number(url.searchParams.get("width")));
   });
   await page.goto(`${server.url}/#/jobs?kind=optimize_hologram`);
-  const card = page.locator(".shot", { hasText: "photographed" }).first();
-  const job = await server.get(await card.getAttribute("data-job"));
+  const name = await page.locator(".shot", { hasText: "photographed" }).first().getAttribute("data-job");
+  const card = page.locator(`[data-job="${name}"]`);
+  const job = await server.get(name);
   const [expected, photographed] = (await card.locator(".figure strong").allInnerTexts()).map((text) => text.split(" ")[0]);
   assert.equal(expected, headlineOf(job));
   assert.ok(Math.abs(expected - photographed) < 2, `${expected} dB were expected, the photograph has ${photographed} dB`);
-  await page.waitForFunction(() => [...document.querySelectorAll(".shot img")].filter((image) => image.naturalWidth > 0).length >= 3);
+  await page.waitForFunction((name) => [...document.querySelectorAll(`[data-job="${name}"] img`)].filter((image) => image.naturalWidth > 0).length === 3, name);
   assert.ok(widths.length > 0 && Math.max(...widths) <= 256, `small pictures are enough: ${Math.max(...widths)} columns`);
 
   // A picture is dragged out as the file itself.
@@ -216,8 +219,8 @@ test("the gallery shows holograms with their photographs, and the figure to beli
     image.dispatchEvent(new DragEvent("dragstart", { dataTransfer: data, bubbles: true }));
     return data.getData("DownloadURL");
   });
-  const [type, name, ...url] = dragged.split(":");
-  assert.deepEqual([type, name.endsWith("-reconstruction.png")], ["image/png", true]);
+  const [type, fileName, ...url] = dragged.split(":");
+  assert.deepEqual([type, fileName.endsWith("-reconstruction.png")], ["image/png", true]);
   const { reconstruction } = job.result.optimizeHologram.wavelengths[0].planes[0];
   assert.equal(url.join(":"), `${server.url}/v1/artifacts/${reconstruction}/content`);
 
