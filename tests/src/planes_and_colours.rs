@@ -47,6 +47,17 @@ async fn three_wavelengths_show_three_planes_in_colour() {
     assert_eq!(kernels.len(), 9);
     let last = serde_json::json!({ "wavelengthM": 450e-9, "place": { "distanceM": 0.016 }, "kernelVersion": "" });
     assert_eq!(kernels[8], last);
+    // The holograms as files of another program.
+    let files = "@/pattern-638nm.png @/pattern-520nm.png @/pattern-450nm.png";
+    let planes = "--plane 8mm=@/near.png --plane 12mm=@/middle.png:2 --plane 16mm=@/far.png";
+    let evaluate = "hologram evaluate --display rgb --wavelength 638nm,520nm,450nm";
+    cli.text(&format!("{evaluate} {files} {planes} --reconstruction @/judged.png")).await;
+    for distance in ["8mm", "12mm", "16mm"] {
+        let [seen, judged] = ["seen", "judged"].map(|name| picture(&cli, &format!("{name}-{distance}.png")));
+        assert!(seen == judged, "{distance}");
+    }
+    let two = format!("{evaluate} @/pattern-638nm.png @/pattern-520nm.png {planes}");
+    cli.run(&two).await.assert_refused(2, &["2 files", "3 files"]);
     cli.server.assert_tidy();
     cli.server.stop().await;
 }

@@ -1,5 +1,7 @@
 //! Jobs that optimize holograms, and the commands `lightpath hologram optimize` and `save`.
 
+mod comparison;
+mod evaluation;
 mod optimization;
 mod outputs;
 mod pictures;
@@ -16,6 +18,7 @@ use crate::session::{Session, print_note};
 use crate::table::{Facts, Table};
 use crate::{inputs, show};
 use clap::Args;
+pub(crate) use evaluation::Evaluate;
 use futures::{StreamExt as _, TryStreamExt as _};
 use lightpath::v1::{self, Job, OptimizeHologram, job_spec};
 use lightpath::{Words as _, hologram_result, names};
@@ -150,7 +153,7 @@ impl Optimize {
         let several = names.len() > 1;
         for (i, (name, files)) in names.into_iter().zip(files).enumerate() {
             let submitting = async {
-                let spec = self.pictures.fill(session, i, OptimizeHologram::default()).await?;
+                let spec = self.pictures.request(session, i).await?;
                 let kernel = used(session, &self.kernel, async || Ok(only_kernel(&spec))).await?;
                 let spec = OptimizeHologram { kernel, ..spec };
                 let spec = self.optimization.fill(session, spec).await?;

@@ -42,7 +42,7 @@ impl HologramMethod {
 pub struct HologramOptions {
     /// Method that finds the phases.
     pub method: HologramMethod,
-    /// Total number of steps, at least 1; [`HologramMethod::DoublePhase`] always takes one.
+    /// Total number of steps; without one, the phases stay as they are. [`HologramMethod::DoublePhase`] always takes one.
     pub iterations: u32,
     /// Levels of the display. If given, the last third of the steps moves the phases to these levels, so that the
     /// display can show them exactly. Where rounding would cost little, as with many levels and few steps, these steps
@@ -68,9 +68,6 @@ impl HologramOptions {
     }
 
     pub(super) fn validate(&self) -> Result<()> {
-        if self.iterations == 0 {
-            return Err(Error::OutOfRange { name: "iterations", value: 0.0, allowed: "at least 1" });
-        }
         if let HologramMethod::Adam { learning_rate } = self.method
             && !(learning_rate > 0.0 && learning_rate <= 10.0)
         {

@@ -11,7 +11,7 @@ use lightpath_media::budget::Budget;
 use lightpath_media::kernel_file;
 use lightpath_media::kernel_formats;
 use lightpath_media::pictures;
-use lightpath_media::pictures::PhotoReading;
+use lightpath_media::pictures::{PhotoReading, Placement};
 use lightpath_optics::{Grid, OpticalSetup};
 
 /// Height of the display in the inputs \[px\]; the seed files have the same.
@@ -77,8 +77,10 @@ impl Decoder {
         match self {
             Self::Target => {
                 let fits = [Fit::Contain, Fit::Cover, Fit::Stretch, Fit::Exact].into_iter();
-                let read =
-                    |fit: &Fit| pictures::target_intensity(bytes, Encoding::Srgb, *fit, HEIGHT_PX, WIDTH_PX).is_ok();
+                let read = |fit: &Fit| {
+                    pictures::target_intensity(bytes, Encoding::Srgb, &Placement::whole(*fit, HEIGHT_PX, WIDTH_PX))
+                        .is_ok()
+                };
                 fits.filter(read).count() > 0
             }
             Self::Photograph => {

@@ -12,11 +12,11 @@ use lightpath_domain::dataset::{
 use lightpath_domain::display::Display;
 use lightpath_domain::expected_psnr::ExpectedPsnr;
 use lightpath_domain::job::{
-    AlignBy, CaptureResult, EvaluateKernel, EvaluateResult, FailureReason, Fit, HologramResult, ImagePlane, JobError,
-    JobResult, JobSpec, JudgedBy, LearnKernel, LearnResult, LearnedKernel, OptimizeHologram, PairLoss, PlaneOpinion,
-    PlaneResult, PrepareDataset, PrepareResult, PrepareStep, Progress, ReportFigure, ReportKernel, ReportResult,
-    SimulateCapture, Subframe, SuggestHolograms, SuggestResult, SuggestedHologram, VerifyHologram, VerifyResult,
-    WavelengthResult,
+    AlignBy, Area, CaptureResult, EvaluateKernel, EvaluateResult, FailureReason, Fit, HologramResult, ImagePlane,
+    JobError, JobResult, JobSpec, JudgedBy, LearnKernel, LearnResult, LearnedKernel, OptimizeHologram, PairLoss,
+    PlaneOpinion, PlaneResult, PrepareDataset, PrepareResult, PrepareStep, Progress, ReportFigure, ReportKernel,
+    ReportResult, SimulateCapture, Subframe, SuggestHolograms, SuggestResult, SuggestedHologram, VerifyHologram,
+    VerifyResult, WavelengthResult,
 };
 use lightpath_domain::kernel::{CapturedQuality, KernelKey, KernelMetrics};
 use lightpath_domain::kernel_format::KernelFormat;
@@ -117,6 +117,7 @@ fn hologram_jobs_are_stored_as_before() {
         depth_map: Some(digest(2)),
         target_encoding: Encoding::Srgb,
         target_fit: Fit::Contain,
+        target_area: Area::Region,
         kernel_versions: vec![vec![None, Some(3)], vec![None, None]],
         judging_versions: vec![vec![Some(2), None], vec![None, None]],
         propagation: Some(ConvolutionMethod::BandLimited),

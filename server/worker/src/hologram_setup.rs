@@ -3,9 +3,9 @@
 use super::display_setup::DisplaySetup;
 use super::{JobContext, TaskError};
 use lightpath_domain::dataset::Encoding;
-use lightpath_domain::job::{FailureReason, ImagePlane, OptimizeHologram, nearest_planes, pixels_of_planes};
+use lightpath_domain::job::{ImagePlane, OptimizeHologram, nearest_planes, pixels_of_planes};
 use lightpath_domain::units::Wavelength;
-use lightpath_media::pictures::{self, Channel};
+use lightpath_media::pictures::{self, Channel, Hologram, Placement};
 use lightpath_optics::hologram::{self, HologramOptions, HologramProblem, Levels, with_other_orders};
 use lightpath_optics::{DisplayModel, Engine, Plane, RegionOfInterest, ValidityReport};
 
@@ -117,22 +117,33 @@ impl HologramSetup {
         index: usize,
         problem: &HologramProblem,
     ) -> Result<Vec<f32>, TaskError> {
-        let initial = spec.initial_phase.try_map_given(|files| {
-            let file = files.get(index).ok_or_else(|| {
-                TaskError::permanent(
-                    FailureReason::InvalidInput,
-                    format!(
-                        "initial_phase has {} files for {} wavelengths; give one for each wavelength",
-                        files.len(),
-                        spec.wavelengths.len()
-                    ),
-                )
-            })?;
-            let rows = spec.subframes as usize * self.display.height_px();
+        let given = |files: &Vec<String>| self.given_phases(context, spec, index, files);
+        Ok(spec.initial_phase.try_map_given(given)?.phases(problem, &self.display.setup, spec.seed)?)
+    }
+
+    /// The phases of the subframes, below one another, from `files`: one file for each wavelength, or one for each
+    /// subframe of each wavelength.
+    fn given_phases(
+        &self,
+        context: &JobContext,
+        spec: &OptimizeHologram,
+        index: usize,
+        files: &[String],
+    ) -> Result<Plane<f32>, TaskError> {
+        let (display, subframes) = (&self.display, spec.subframes as usize);
+        let each = files.len() / spec.wavelengths.len();
+        let size_px = [display.height_px(), display.width_px()];
+        let mut phases = Vec::new();
+        for file in &files[index * each..(index + 1) * each] {
             let bytes = context.read_artifact(file)?;
-            Ok::<_, TaskError>(pictures::phase_npy(&bytes, rows, self.display.width_px())?)
-        })?;
-        Ok(initial.phases(problem, &self.display.setup, spec.seed)?)
+            let read = pictures::hologram_of_frames(&bytes, display.declared.bit_depth, subframes / each, size_px)?;
+            let phase = match read {
+                Hologram::Phase(phase) => phase,
+                Hologram::Levels(levels) => display.without_carrier(display.response.dequantize(&levels)?),
+            };
+            phases.extend(phase.into_vec());
+        }
+        Ok(Plane::try_from_vec(subframes * size_px[0], size_px[1], phases)?)
     }
 }
 
@@ -165,7 +176,8 @@ fn fitted(
 ) -> Result<Plane<f32>, TaskError> {
     let bytes = context.read_artifact(digest)?;
     let (height_px, width_px) = (display.height_px(), display.width_px());
-    Ok(pictures::target_channel(&bytes, encoding, channel, spec.target_fit, height_px, width_px)?)
+    let placement = Placement { fit: spec.target_fit, area: spec.filled().map(Into::into), height_px, width_px };
+    Ok(pictures::target_channel(&bytes, encoding, channel, &placement)?)
 }
 
 /// Weight of each pixel in plane `p`, and the share of the region's pixels that belong to the plane.

@@ -1,15 +1,16 @@
 //! Options of the optimization that finds the phases of holograms.
 
-use crate::arguments::{above_zero, propagation, region};
+use super::comparison::Comparison;
+use crate::arguments::above_zero;
 use crate::failure::Failure;
 use crate::session::Session;
 use crate::words::WordParser;
 use clap::Args;
 use lightpath::units::Length;
 use lightpath::v1::{
-    self, HologramMethod, OptimizeHologram,
+    HologramMethod, OptimizeHologram,
     optimize_hologram::{
-        self, Fit, InitialPhase,
+        self, InitialPhase,
         initial_phase::{Constant, Given, Kind, Lens, Random},
         loss::Quantity,
     },
@@ -31,18 +32,6 @@ pub(super) struct OptimizationOptions {
     /// Set the learning rate of adam in radians, above 0, at most 10; only with --method adam [default: 0.1]
     #[arg(long, value_name = "RAD", value_parser = above_zero)]
     learning_rate: Option<f64>,
-
-    /// Choose how light is propagated to the image; lightpath display plan shows which methods suit
-    #[arg(long, default_value = "auto", value_parser = propagation())]
-    propagation: v1::PropagationMethod,
-
-    /// Choose the detector that the optimization simulates: what counts as the light of a pixel
-    #[arg(long, default_value = "pixel", value_parser = WordParser::<v1::Detector>::new())]
-    detector: v1::Detector,
-
-    /// Compute this many phases per hologram, 1 to 24, to be shown so fast that the eye sees the mean of their light
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    subframes: u32,
 
     /// Choose the phase that the search starts from: random; back-propagated (the targets propagated back to the SLM);
     /// quadratic, or quadratic:200mm with a focal length; constant, or constant:1.5 in radians; or .npy files of
@@ -80,26 +69,13 @@ pub(super) struct OptimizationOptions {
     #[arg(long, value_name = "PX", default_value_t = 8)]
     speckle_block: u32,
 
-    /// Weight each pixel in the loss by this linear grey picture; black pixels are ignored [default: equal weights]
-    #[arg(long, value_name = "FILE")]
-    weight_mask: Option<PathBuf>,
-
-    /// Compare pictures only in this region: x,y,width,height in pixels [default: the middle 80 % of each axis]
-    #[arg(long, value_name = "X,Y,W,H", value_parser = region)]
-    region: Option<v1::Region>,
-
     /// Use the display's grey levels and phase response in the last third of the steps, so that quantization costs less
     /// quality; only with adam and lbfgs
     #[arg(long)]
     quantization_aware: bool,
 
-    /// Choose how the target's values encode light
-    #[arg(long, value_name = "ENCODING", default_value = "srgb", value_parser = WordParser::<v1::Encoding>::new())]
-    target_encoding: v1::Encoding,
-
-    /// Choose how a target of another size is fitted to the display
-    #[arg(long, default_value = "contain", value_parser = WordParser::<Fit>::new())]
-    fit: Fit,
+    #[command(flatten)]
+    comparison: Comparison,
 }
 
 fn method() -> WordParser<HologramMethod> {
@@ -154,7 +130,7 @@ impl OptimizationOptions {
             Some(Start::Given(files)) => files.as_slice(),
             _ => &[],
         };
-        given.iter().chain(&self.weight_mask)
+        given.iter().chain(self.comparison.files())
     }
 
     /// Uploads the input files and adds the options to `spec`.
@@ -165,24 +141,14 @@ impl OptimizationOptions {
             speckle: self.speckle,
             speckle_block_px: Some(self.speckle_block),
         };
-        let weight_mask = match &self.weight_mask {
-            Some(file) => session.client.upload_file(file).await?,
-            None => String::new(),
-        };
+        let spec = self.comparison.fill(session, spec).await?;
         Ok(OptimizeHologram {
-            target_encoding: self.target_encoding.into(),
-            target_fit: self.fit.into(),
-            propagation: self.propagation.into(),
             method: self.method.into(),
             iterations: Some(self.iterations),
             learning_rate: self.learning_rate,
-            subframes: Some(self.subframes),
             initial_phase: self.initial_phase(session).await?,
             seed: self.seed,
             loss: Some(loss),
-            detector: self.detector.into(),
-            region: self.region,
-            weight_mask,
             quantization_aware: self.quantization_aware,
             ..spec
         })

@@ -9,7 +9,7 @@ use crate::session::Session;
 use clap::Args;
 use lightpath::names;
 use lightpath::v1::{OptimizeHologram, Place, optimize_hologram::ImagePlane};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Target pictures with their display, distances and wavelengths.
 #[derive(Debug, Args)]
@@ -19,6 +19,13 @@ pub(super) struct Pictures {
     #[arg(required_unless_present = "planes", value_name = "TARGET")]
     targets: Vec<PathBuf>,
 
+    #[command(flatten)]
+    scene: Scene,
+}
+
+/// Where a target is shown: display, distances and wavelengths. Commands with it have an argument `targets`.
+#[derive(Debug, Args)]
+pub(super) struct Scene {
     /// Use the display with this id, for example lab-2
     #[arg(long, value_name = "ID")]
     display: String,
@@ -67,21 +74,7 @@ fn plane(text: &str) -> Result<PlaneFile, String> {
     Ok(PlaneFile { distance_m, file: file.into(), weight })
 }
 
-impl Pictures {
-    /// Puts the pictures of each folder in its place.
-    pub(super) fn expand(&mut self) -> Result<(), Failure> {
-        self.targets = inputs::expanded(&self.targets, inputs::PICTURES)?;
-        Ok(())
-    }
-
-    /// What each job is about: the file names of its pictures.
-    pub(super) fn label(&self, index: usize) -> String {
-        match self.targets.get(index) {
-            Some(target) => label_of(target),
-            None => self.planes.iter().map(|plane| label_of(&plane.file)).collect::<Vec<_>>().join(", "),
-        }
-    }
-
+impl Scene {
     /// Checks rules that clap cannot check.
     pub(super) fn check(&self) -> Result<(), Failure> {
         let several = self.distances.len() > 1;
@@ -97,33 +90,23 @@ impl Pictures {
         }
     }
 
-    /// The name of each job: the name of its first picture.
-    pub(super) fn names(&self) -> Vec<String> {
-        match self.planes.first() {
-            Some(first) => vec![destination::name_of(&first.file)],
-            None => self.targets.iter().map(|target| destination::name_of(target)).collect(),
-        }
-    }
-
-    /// The picture that gives the `index`-th job its name.
-    pub(super) fn first_file(&self, index: usize) -> PathBuf {
-        self.planes.first().map_or_else(|| self.targets[index].clone(), |plane| plane.file.clone())
+    /// Number of wavelengths of a hologram.
+    pub(super) fn wavelengths(&self) -> usize {
+        self.wavelengths.len().max(1)
     }
 
     /// The input files.
     pub(super) fn files(&self) -> impl Iterator<Item = &PathBuf> {
-        self.targets.iter().chain(self.planes.iter().map(|plane| &plane.file)).chain(&self.depth_map)
+        self.planes.iter().map(|plane| &plane.file).chain(&self.depth_map)
     }
 
-    /// Uploads the pictures of the `index`-th job and adds them to `spec`.
-    pub(super) async fn fill(
-        &self,
-        session: &Session,
-        index: usize,
-        mut spec: OptimizeHologram,
-    ) -> Result<OptimizeHologram, Failure> {
-        spec.display = names::display(&self.display);
-        spec.wavelengths_m.clone_from(&self.wavelengths);
+    /// Uploads the pictures and makes the request. `target` is the picture of all distances, if there are no planes.
+    pub(super) async fn request(&self, session: &Session, target: Option<&Path>) -> Result<OptimizeHologram, Failure> {
+        let mut spec = OptimizeHologram {
+            display: names::display(&self.display),
+            wavelengths_m: self.wavelengths.clone(),
+            ..Default::default()
+        };
         for plane in &self.planes {
             spec.planes.push(ImagePlane {
                 place: Some(Place::at_m(plane.distance_m)),
@@ -131,7 +114,7 @@ impl Pictures {
                 weight: Some(plane.weight),
             });
         }
-        if let Some(target) = self.targets.get(index) {
+        if let Some(target) = target {
             let target = session.client.upload_file(target).await?;
             let plane = |&distance_m: &f64| {
                 let place = Some(Place::at_m(distance_m));
@@ -143,6 +126,50 @@ impl Pictures {
             spec.depth_map = session.client.upload_file(map).await?;
         }
         Ok(spec)
+    }
+}
+
+impl Pictures {
+    /// Checks rules that clap cannot check.
+    pub(super) fn check(&self) -> Result<(), Failure> {
+        self.scene.check()
+    }
+
+    /// Puts the pictures of each folder in its place.
+    pub(super) fn expand(&mut self) -> Result<(), Failure> {
+        self.targets = inputs::expanded(&self.targets, inputs::PICTURES)?;
+        Ok(())
+    }
+
+    /// What each job is about: the file names of its pictures.
+    pub(super) fn label(&self, index: usize) -> String {
+        match self.targets.get(index) {
+            Some(target) => label_of(target),
+            None => self.scene.planes.iter().map(|plane| label_of(&plane.file)).collect::<Vec<_>>().join(", "),
+        }
+    }
+
+    /// The name of each job: the name of its first picture.
+    pub(super) fn names(&self) -> Vec<String> {
+        match self.scene.planes.first() {
+            Some(first) => vec![destination::name_of(&first.file)],
+            None => self.targets.iter().map(|target| destination::name_of(target)).collect(),
+        }
+    }
+
+    /// The picture that gives the `index`-th job its name.
+    pub(super) fn first_file(&self, index: usize) -> PathBuf {
+        self.scene.planes.first().map_or_else(|| self.targets[index].clone(), |plane| plane.file.clone())
+    }
+
+    /// The input files.
+    pub(super) fn files(&self) -> impl Iterator<Item = &PathBuf> {
+        self.targets.iter().chain(self.scene.files())
+    }
+
+    /// Uploads the pictures of the `index`-th job and makes its request.
+    pub(super) async fn request(&self, session: &Session, index: usize) -> Result<OptimizeHologram, Failure> {
+        self.scene.request(session, self.targets.get(index).map(PathBuf::as_path)).await
     }
 }
 

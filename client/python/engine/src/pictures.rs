@@ -5,15 +5,17 @@ use crate::error::Refused;
 use crate::threads;
 use lightpath_domain::dataset::Encoding;
 use lightpath_domain::job::Fit;
-use lightpath_media::pictures;
+use lightpath_media::pictures::{self, Placement, Rectangle};
 use lightpath_optics::Plane;
 use lightpath_optics::display::phase_response::PhaseResponse;
 use numpy::{PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
-/// Reads a target picture: linear light of a display's size.
+/// Reads a target picture: linear light of a display's size. The picture fills `area`, x, y, width and height \[px\], or the
+/// whole display.
 #[pyfunction]
+#[pyo3(signature = (content, encoding, fit, height_px, width_px, area=None))]
 pub(crate) fn target<'py>(
     py: Python<'py>,
     content: &[u8],
@@ -21,11 +23,13 @@ pub(crate) fn target<'py>(
     fit: &str,
     height_px: usize,
     width_px: usize,
+    area: Option<(usize, usize, usize, usize)>,
 ) -> PyResult<Bound<'py, PyArray2<f32>>> {
     let read = || -> Result<_, Refused> {
         let encoding: Encoding = serde_json::from_value(encoding.into())?;
         let fit: Fit = serde_json::from_value(fit.into())?;
-        Ok(pictures::target_intensity(content, encoding, fit, height_px, width_px)?)
+        let area = area.map(|(x_px, y_px, width_px, height_px)| Rectangle { x_px, y_px, width_px, height_px });
+        Ok(pictures::target_intensity(content, encoding, &Placement { fit, area, height_px, width_px })?)
     };
     array(py, threads::compute(py, read)??)
 }

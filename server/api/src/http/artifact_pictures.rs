@@ -10,8 +10,8 @@ use axum::http::{HeaderMap, StatusCode, header};
 use axum::response::{IntoResponse, Response};
 use lightpath_domain::dataset::Encoding;
 use lightpath_domain::job::Fit;
-use lightpath_media::figures::{ColourMap, View, ViewColours, ViewRegion};
-use lightpath_media::pictures::{Channel, SIDE_PX_MAX, rgb_png};
+use lightpath_media::figures::{ColourMap, View, ViewColours};
+use lightpath_media::pictures::{Channel, Rectangle, SIDE_PX_MAX, rgb_png};
 use lightpath_optics::Plane;
 use lightpath_service::{Call, Field, Minus, Result, ServiceError};
 use serde::Deserialize;
@@ -45,8 +45,10 @@ pub(super) struct Wish {
     encoding: Option<Encoding>,
     /// Digest of the picture whose light is subtracted.
     minus: Option<String>,
-    /// How that picture is fitted to the size of the first.
+    /// How that picture is fitted to its region.
     minus_fit: Fit,
+    /// The part of the first picture that it fills, `x,y,width,height` \[px\]; `None`: all of it.
+    minus_region: Option<String>,
     minus_encoding: Option<Encoding>,
     /// The colour of that picture which gives its light; `None`: the mean of all.
     minus_channel: Option<ColourChannel>,
@@ -82,6 +84,7 @@ pub(super) async fn get_picture(
     let digest = field.digest(&digest)?;
     let minus = wish.minus.as_deref().map(|minus| minus_field.digest(minus)).transpose()?;
     let wanted = wish.view()?;
+    let area = wish.minus_region.as_deref().map(|text| region("minus_region", text)).transpose()?;
     let subtracted = minus.as_deref().map(|minus| (&minus_field, minus));
     let need_bytes = api.service.files.view_bytes(&call, (&field, &digest), subtracted).await?;
     let etag = etag(format!("{digest} {wish:?}"));
@@ -90,7 +93,7 @@ pub(super) async fn get_picture(
     }
     let (fit, encoding) = (wish.minus_fit, wish.minus_encoding.unwrap_or(Encoding::Srgb));
     let channel = wish.minus_channel.map_or(Channel::Mean, |colour| Channel::Colour(colour as usize));
-    let minus = minus.map(|digest| Minus { digest, encoding, fit, channel });
+    let minus = minus.map(|digest| Minus { digest, encoding, fit, area, channel });
     let drawn = api.service.files.view(&call, need_bytes, (&field, &digest), minus, wanted).await?;
     let size = [(PICTURE_SIZE, format!("{}x{}", drawn.width_px, drawn.height_px))];
     let psnr = drawn.closeness.map(|found| {
@@ -124,7 +127,7 @@ impl Wish {
         };
         Ok(View {
             encoding: self.encoding.unwrap_or(Encoding::Srgb),
-            region: self.region.as_deref().map(region).transpose()?,
+            region: self.region.as_deref().map(|text| region("region", text)).transpose()?,
             width_px: width.map(|width| width as usize),
             colours: self.colormap.map_or(ViewColours::Own, Into::into),
             decades: self.log.map(|decades| positive("log", decades, DECADES_MAX)).transpose()?,
@@ -133,13 +136,11 @@ impl Wish {
     }
 }
 
-fn region(text: &str) -> Result<ViewRegion> {
+fn region(name: &str, text: &str) -> Result<Rectangle> {
     let numbers = text.split(',').map(str::parse).collect::<Result<Vec<usize>, _>>();
     match numbers.as_deref() {
-        Ok(&[x_px, y_px, width_px, height_px]) => Ok(ViewRegion { x_px, y_px, width_px, height_px }),
-        _ => {
-            Err(Field::new("region").but(format!("is {text:?}"), "must be x,y,width,height in px, such as 0,0,640,480"))
-        }
+        Ok(&[x_px, y_px, width_px, height_px]) => Ok(Rectangle { x_px, y_px, width_px, height_px }),
+        _ => Err(Field::new(name).but(format!("is {text:?}"), "must be x,y,width,height in px, such as 0,0,640,480")),
     }
 }
 

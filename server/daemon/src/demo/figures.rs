@@ -5,7 +5,7 @@ use super::files::Files;
 use super::held_out::Evaluated;
 use super::learned::Learned;
 use super::single_kernel;
-use super::targets::Targets;
+use super::targets::{self, Targets};
 use lightpath::Words as _;
 use lightpath::units::show_m;
 use lightpath::v1::KernelModel;
@@ -34,7 +34,7 @@ pub(super) fn contact_sheet(
     }
     let (width_px, height_px) = args.resolution();
     let subtitle = format!(
-        "simulated display, {width_px}×{height_px} px of {}, {}, image at {} · photographs at the target's brightness; light outside the region of interest is left free",
+        "simulated display, {width_px}×{height_px} px of {}, {}, image at {} · photographs at the target's brightness; darkened: light that the pictures do not need",
         show_m(args.pixel_pitch),
         show_m(args.wavelength),
         show_m(args.distance_m()),
@@ -59,6 +59,7 @@ pub(super) fn contact_sheet(
         title: "Photographs of held-out targets",
         subtitle: &subtitle,
         columns: &columns,
+        region: Some(targets::region(args)?.into()),
         rows: rows.collect(),
     };
     files.write("contact_sheet.png", sheet.draw().png()?)

@@ -5,8 +5,8 @@ use anyhow::{Context as _, bail};
 use lightpath_bench::TestCard;
 use lightpath_domain::dataset::Encoding;
 use lightpath_domain::job::Fit;
-use lightpath_media::pictures;
-use lightpath_optics::Plane;
+use lightpath_media::pictures::{self, Placement};
+use lightpath_optics::{Grid, Plane, RegionOfInterest};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -31,7 +31,7 @@ pub(super) struct Targets {
     pub(super) held_out: Vec<Picture>,
 }
 
-/// Fit of the pictures to the display: they cover it without black borders.
+/// Fit of the pictures to the region of interest: they cover it without black borders.
 pub(super) const FIT: Fit = Fit::Cover;
 
 /// Cards that are always held out.
@@ -63,8 +63,8 @@ fn from_cards(args: &DemoArgs) -> anyhow::Result<Targets> {
 }
 
 fn card(args: &DemoArgs, card: TestCard, seed: u64, numbered: bool) -> anyhow::Result<Picture> {
-    let (width_px, height_px) = args.resolution();
-    let light = card.render(height_px as usize, width_px as usize, seed)?;
+    let region = region(args)?;
+    let light = card.render(region.height_px(), region.width_px(), seed)?;
     let name = if numbered { format!("{}-{}", card.name(), seed % 1_000_000 + 1) } else { card.name().to_owned() };
     picture(args, name, pictures::grey_png_srgb(&light)?)
 }
@@ -72,9 +72,17 @@ fn card(args: &DemoArgs, card: TestCard, seed: u64, numbered: bool) -> anyhow::R
 /// Decodes a picture by the same rules as the server.
 fn picture(args: &DemoArgs, name: String, file: Vec<u8>) -> anyhow::Result<Picture> {
     let (width_px, height_px) = args.resolution();
-    let intensity = pictures::target_intensity(&file, Encoding::Srgb, FIT, height_px as usize, width_px as usize)
-        .with_context(|| format!("cannot use {name}"))?;
+    let (width_px, height_px) = (width_px as usize, height_px as usize);
+    let placement = Placement { fit: FIT, area: Some(region(args)?.into()), height_px, width_px };
+    let intensity =
+        pictures::target_intensity(&file, Encoding::Srgb, &placement).with_context(|| format!("cannot use {name}"))?;
     Ok(Picture { name, file, intensity })
+}
+
+/// The region of interest, which the pictures fill.
+pub(super) fn region(args: &DemoArgs) -> anyhow::Result<RegionOfInterest> {
+    let (width_px, height_px) = args.resolution();
+    Ok(RegionOfInterest::middle(&Grid::try_new(height_px as usize, width_px as usize, args.pixel_pitch)?))
 }
 
 /// Reads the pictures in a folder. The first pictures by name are held out. The others are for learning, and are

@@ -4,6 +4,10 @@ use crate::jobs::{optimize, picture, submit, watch_to_end};
 use crate::kernels::{client, import, kernel};
 use crate::serving::{Serving, expect, small_display};
 use lightpath_proto::judgements::{judgement, opinions};
+use lightpath_proto::v1::optimize_hologram::{
+    self, InitialPhase,
+    initial_phase::{Given, Kind},
+};
 use lightpath_proto::v1::{self, job_spec, judgement::Stage};
 use tonic::{Code, Status};
 
@@ -53,6 +57,47 @@ async fn optimized_hologram_has_its_files_and_quality() {
         let reported = judged(Stage::Displayed, engine.detector());
         assert!((engine.psnr() - reported.psnr()).abs() < 1e-3, "{engine:?} {reported:?}");
     }
+}
+
+#[tokio::test]
+async fn foreign_holograms_are_judged_as_they_are() {
+    let serving = Serving::start().await;
+    serving.display("lab").await;
+    let target = serving.upload(&picture()).await;
+    let run = async |spec: v1::OptimizeHologram, request_id: &str| {
+        let job = submit(&serving, job_spec::Kind::OptimizeHologram(spec), request_id).await?;
+        let job = watch_to_end(&serving, &job.name).await;
+        assert_eq!(job.state(), v1::job::State::Succeeded, "{job:?}");
+        Ok::<_, Status>((job.spec.clone().unwrap(), hologram(&job).wavelengths[0].clone()))
+    };
+    let (_, made) = run(v1::OptimizeHologram { iterations: Some(30), ..optimize(&target) }, "made").await.unwrap();
+    let given = |digest: &str| {
+        let given = Given { phases: vec![digest.to_owned()] };
+        v1::OptimizeHologram {
+            iterations: Some(0),
+            initial_phase: Some(InitialPhase { kind: Some(Kind::Given(given)) }),
+            ..optimize(&target)
+        }
+    };
+    for (file, stage) in [(&made.subframes[0].phase, Stage::Optimized), (&made.subframes[0].pattern, Stage::Displayed)]
+    {
+        let (spec, judged) = run(given(file), file).await.unwrap();
+        let Some(job_spec::Kind::OptimizeHologram(spec)) = spec.kind else { panic!("{spec:?}") };
+        assert_eq!((spec.iterations, spec.target_area()), (Some(0), optimize_hologram::Area::Region));
+        assert_eq!(judged.subframes[0].pattern, made.subframes[0].pattern, "{stage:?}");
+        let psnr = |result: &v1::optimize_hologram_result::WavelengthResult, stage| {
+            judgement(&result.planes[0].judgements, stage, v1::Detector::Pixel).unwrap().psnr()
+        };
+        assert!((psnr(&judged, Stage::Optimized) - psnr(&made, stage)).abs() < 1e-3, "{stage:?}");
+        assert_eq!(judged.planes[0].reconstruction, made.planes[0].reconstruction);
+        assert!(judged.loss > 0.0 && judged.loss < 2.0 * made.loss + 1e-4, "{} {}", judged.loss, made.loss);
+    }
+    let nothing = v1::OptimizeHologram { iterations: Some(0), ..optimize(&target) };
+    expect(run(nothing, "nothing").await, Code::InvalidArgument, "iterations is 0");
+    let double =
+        v1::OptimizeHologram { method: v1::HologramMethod::DoublePhase.into(), ..given(&made.subframes[0].phase) };
+    expect(run(double, "double").await, Code::InvalidArgument, "iterations is 0");
+    expect(run(given(&target), "picture").await, Code::InvalidArgument, "initial_phase.given.phases[0] (sha256-");
 }
 
 #[tokio::test]

@@ -1,7 +1,7 @@
 //! A picture to draw on.
 
 use super::text;
-use crate::pictures::linear_to_srgb;
+use crate::pictures::{Rectangle, linear_to_srgb};
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder, Rgb, RgbImage, imageops};
 use lightpath_optics::Plane;
@@ -10,6 +10,8 @@ pub(super) const BLACK: Colour = [0x1a, 0x1a, 0x1a];
 pub(super) const GREY: Colour = [0x6b, 0x6b, 0x6b];
 pub(super) const PALE: Colour = [0xc8, 0xc8, 0xc8];
 const WHITE: Colour = [0xff; 3];
+/// How much of the light outside a region is taken away.
+const OUTSIDE_DARKNESS: f32 = 0.7;
 
 pub(super) type Colour = [u8; 3];
 
@@ -126,6 +128,22 @@ impl Canvas {
             self.blend(x - 1, y + i, colour, 1.0);
             self.blend(x + width, y + i, colour, 1.0);
         }
+    }
+
+    /// Darkens the pixels of a drawn picture that lie outside a region, and draws the region's edge. `scale` converts the
+    /// region's pixels to the canvas's.
+    pub(super) fn darken_outside(&mut self, [left, top]: [i32; 2], size_px: [u32; 2], region: Rectangle, scale: f64) {
+        let scaled = |px: usize| (px as f64 * scale).round() as i32;
+        let columns = scaled(region.x_px)..scaled(region.x_px + region.width_px);
+        let rows = scaled(region.y_px)..scaled(region.y_px + region.height_px);
+        let [width, height] = size_px.map(|side| side as i32);
+        for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
+            if !(rows.contains(&y) && columns.contains(&x)) {
+                self.blend(left + x, top + y, BLACK, OUTSIDE_DARKNESS);
+            }
+        }
+        let (inner_width, inner_height) = (columns.len() as u32, rows.len() as u32);
+        self.frame(left + columns.start, top + rows.start, inner_width, inner_height, GREY);
     }
 
     /// Fills a rectangle with colours that a function gives for each position in it.

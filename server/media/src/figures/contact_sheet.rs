@@ -1,6 +1,7 @@
 //! Contact sheets: pictures in rows and columns, each with a caption.
 
 use super::canvas::{Anchor, BLACK, Canvas, GREY, PALE, scaled_height_px};
+use crate::pictures::Rectangle;
 use lightpath_optics::Plane;
 
 /// A table of pictures of equal size.
@@ -12,6 +13,8 @@ pub struct ContactSheet<'a> {
     pub subtitle: &'a str,
     /// Heading of each column.
     pub columns: &'a [&'a str],
+    /// The region of interest \[px of the pictures\]: outside, pictures are darkened. `None`: all of them counts.
+    pub region: Option<Rectangle>,
     /// Rows from top to bottom.
     pub rows: Vec<ContactRow<'a>>,
 }
@@ -67,6 +70,10 @@ impl ContactSheet<'_> {
             let top = HEADER_PX + j as i32 * step_y;
             for (i, picture) in row.pictures.iter().enumerate() {
                 let drawn = canvas.light(left(i), top, width, picture.intensity);
+                if let Some(region) = self.region {
+                    let scale = f64::from(width) / picture.intensity.width_px() as f64;
+                    canvas.darken_outside([left(i), top], [width, drawn], region, scale);
+                }
                 canvas.frame(left(i), top, width, drawn, PALE);
                 let baseline = top + height as i32 + 20;
                 canvas.text([left(i) + width as i32 / 2, baseline], &picture.caption, TEXT_PX, BLACK, Anchor::Middle);

@@ -21,4 +21,4 @@ pub use colours::ColourMap;
 pub use contact_sheet::{CaptionedPicture, ContactRow, ContactSheet};
 pub use curves::{Curve, Curves};
 pub use heatmap::{Axis, Heatmap};
-pub use view::{Drawn, Subtracted, View, ViewColours, ViewRegion, view};
+pub use view::{Drawn, Subtracted, View, ViewColours, view};

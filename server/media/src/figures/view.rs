@@ -1,7 +1,7 @@
 //! Pictures as people look at them: a part, smaller, in colours, on a logarithmic scale, or less another picture.
 
 use super::ColourMap;
-use crate::pictures::{self, Channel, PictureError};
+use crate::pictures::{self, Channel, PictureError, Placement, Rectangle};
 use lightpath_domain::dataset::Encoding;
 use lightpath_domain::job::Fit;
 use lightpath_optics::Plane;
@@ -18,26 +18,13 @@ pub enum ViewColours {
     Map(ColourMap),
 }
 
-/// A part of a picture.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ViewRegion {
-    /// First column \[px\].
-    pub x_px: usize,
-    /// First row \[px\].
-    pub y_px: usize,
-    /// Number of columns, at least 1.
-    pub width_px: usize,
-    /// Number of rows, at least 1.
-    pub height_px: usize,
-}
-
 /// How to show a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
     /// The encoding of the picture.
     pub encoding: Encoding,
     /// The part to show; `None`: all of it.
-    pub region: Option<ViewRegion>,
+    pub region: Option<Rectangle>,
     /// Number of columns of the result; `None`: those of the part. Pictures never grow.
     pub width_px: Option<usize>,
     /// Colours.
@@ -68,8 +55,10 @@ pub struct Subtracted<'a> {
     pub bytes: &'a [u8],
     /// Its encoding.
     pub encoding: Encoding,
-    /// How it is fitted to the size of the other.
+    /// How it is fitted to the area.
     pub fit: Fit,
+    /// The part of the other that it fills; `None`: all of it.
+    pub area: Option<Rectangle>,
     /// The colour that gives its light.
     pub channel: Channel,
 }
@@ -116,7 +105,8 @@ pub fn view(bytes: &[u8], subtracted: Option<Subtracted<'_>>, view: &View) -> Re
     let mut closeness = None;
     if let Some(subtracted) = subtracted {
         let other = pictures::photograph_channel(subtracted.bytes, subtracted.encoding, subtracted.channel)?;
-        let other = pictures::fit(other, subtracted.fit, height_px, width_px)?;
+        let placement = Placement { fit: subtracted.fit, area: subtracted.area, height_px, width_px };
+        let other = pictures::fit(other, &placement)?;
         closeness = Some(compared(&planes[0], &other, view.region)?);
         planes[0].values_mut().iter_mut().zip(other.values()).for_each(|(light, other)| *light -= other);
     }
@@ -135,8 +125,8 @@ pub fn view(bytes: &[u8], subtracted: Option<Subtracted<'_>>, view: &View) -> Re
 
 /// Compares a part of a picture with another picture of the same size, as [`lightpath_optics::metrics`] does, but for pictures of
 /// any size.
-fn compared(picture: &Plane<f32>, target: &Plane<f32>, region: Option<ViewRegion>) -> Result<Closeness, PictureError> {
-    let whole = ViewRegion { x_px: 0, y_px: 0, width_px: picture.width_px(), height_px: picture.height_px() };
+fn compared(picture: &Plane<f32>, target: &Plane<f32>, region: Option<Rectangle>) -> Result<Closeness, PictureError> {
+    let whole = Rectangle { x_px: 0, y_px: 0, width_px: picture.width_px(), height_px: picture.height_px() };
     let region = region.unwrap_or(whole);
     let (picture, target) = (part(picture, region)?, part(target, region)?);
     let count = picture.values().len() as f64;
@@ -193,16 +183,9 @@ fn scaled(value: f32, is_difference: bool, decades: Option<f32>) -> f32 {
     }
 }
 
-fn part(plane: &Plane<f32>, region: ViewRegion) -> Result<Plane<f32>, PictureError> {
-    let ViewRegion { x_px, y_px, width_px, height_px } = region;
-    let is_inside =
-        |start: usize, length: usize, side| length > 0 && start.checked_add(length).is_some_and(|end| end <= side);
-    if !is_inside(x_px, width_px, plane.width_px()) || !is_inside(y_px, height_px, plane.height_px()) {
-        return Err(PictureError::RegionOutside {
-            width_px: plane.width_px() as u32,
-            height_px: plane.height_px() as u32,
-        });
-    }
+fn part(plane: &Plane<f32>, region: Rectangle) -> Result<Plane<f32>, PictureError> {
+    region.require_inside(plane.height_px(), plane.width_px())?;
+    let Rectangle { x_px, y_px, width_px, height_px } = region;
     Ok(Plane::from_fn(height_px, width_px, |y, x| plane.at(y_px + y, x_px + x)))
 }
 
@@ -260,7 +243,7 @@ mod tests {
     fn a_part_is_shown_smaller_with_its_mean_light_and_of_phases_single_pixels() {
         // Columns of 0 and 255 by turns: the mean of linear levels is 127.5.
         let levels = Plane::from_fn(40, 80, |_, x| if x % 2 == 0 { 0 } else { 255 });
-        let region = Some(ViewRegion { x_px: 10, y_px: 5, width_px: 60, height_px: 20 });
+        let region = Some(Rectangle { x_px: 10, y_px: 5, width_px: 60, height_px: 20 });
         let small = View { encoding: Encoding::Linear, region, width_px: Some(15), ..View::default() };
         let drawn = view(&grey(&levels), None, &small).unwrap();
         let (width, height, shown) = decoded(&drawn.png);
@@ -294,8 +277,9 @@ mod tests {
     #[test]
     fn differences_are_centred_and_the_other_picture_is_fitted() {
         let (bright, dark) = (Plane::filled(8, 16, 204_u16), Plane::filled(4, 8, 102_u16));
-        let subtracted =
-            |bytes, fit| Some(Subtracted { bytes, encoding: Encoding::Linear, fit, channel: Channel::Mean });
+        let subtracted = |bytes, fit| {
+            Some(Subtracted { bytes, encoding: Encoding::Linear, fit, area: None, channel: Channel::Mean })
+        };
         let wish = View { encoding: Encoding::Linear, range: 0.8, ..View::default() };
         let dark = grey(&dark);
         let (width, height, shown) = decoded(&view(&grey(&bright), subtracted(&dark, Fit::Cover), &wish).unwrap().png);
@@ -310,7 +294,7 @@ mod tests {
         let white = grey(&Plane::filled(8, 16, 255));
         let green = pictures::rgb_png(&Plane::filled(8, 16, [0, 255, 0])).unwrap();
         let less = |channel| {
-            let other = Subtracted { bytes: &green, encoding: Encoding::Srgb, fit: Fit::Exact, channel };
+            let other = Subtracted { bytes: &green, encoding: Encoding::Srgb, fit: Fit::Exact, area: None, channel };
             decoded(&view(&white, Some(other), &View::default()).unwrap().png).2[0]
         };
         assert_eq!(less(Channel::Colour(0)), ColourMap::Diverging.colour(1.0));
@@ -321,7 +305,7 @@ mod tests {
     fn a_region_outside_the_picture_is_refused() {
         let picture = grey(&Plane::filled(8, 16, 3));
         for (x_px, y_px, width_px, height_px) in [(10, 0, 7, 1), (0, 8, 1, 1), (0, 0, 0, 1), (usize::MAX, 0, 1, 1)] {
-            let region = Some(ViewRegion { x_px, y_px, width_px, height_px });
+            let region = Some(Rectangle { x_px, y_px, width_px, height_px });
             let refused = view(&picture, None, &View { region, ..View::default() }).unwrap_err();
             assert!(refused.to_string().contains("16×8 px"), "{refused}");
         }

@@ -147,7 +147,7 @@ pub fn phase_npy(bytes: &[u8], height_px: usize, width_px: usize) -> Result<Plan
 #[cfg(test)]
 mod tests {
     use crate::pictures::{
-        Channel, photograph, photograph_channel, picture_size, pixels, reading_bytes, target_intensity,
+        Channel, Placement, photograph, photograph_channel, picture_size, pixels, reading_bytes, target_intensity,
     };
     use lightpath_domain::dataset::Encoding;
     use lightpath_domain::job::Fit;
@@ -189,9 +189,13 @@ mod tests {
     fn an_array_is_a_target_of_its_own_size() {
         let file = npy("<f4", "(9, 16)", &[0.5_f32; 144].map(f32::to_le_bytes).concat());
         assert_eq!((picture_size(&file).unwrap(), pixels(&file)), ((16, 9), 144));
-        let target = target_intensity(&file, Encoding::Linear, Fit::Contain, 18, 32).unwrap();
+        let target = target_intensity(&file, Encoding::Linear, &Placement::whole(Fit::Contain, 18, 32)).unwrap();
         assert!((target.at(9, 16) - 0.5).abs() < 1e-6);
-        let small = target_intensity(&npy("|u1", "(2, 9)", &[1; 18]), Encoding::Linear, Fit::Contain, 18, 32);
+        let small = target_intensity(
+            &npy("|u1", "(2, 9)", &[1; 18]),
+            Encoding::Linear,
+            &Placement::whole(Fit::Contain, 18, 32),
+        );
         assert_eq!(small.unwrap_err().to_string(), "the picture has 9×2 px, but must have at least 8×8 px");
         let colours = |kind: &str| reading_bytes(&npy(kind, "(9, 16, 3)", &[0; 1728]), 1);
         assert!(colours("<f4") > colours("|u1"), "floats are larger");

@@ -1,34 +1,28 @@
 //! Decoding of picture files to linear light.
 
+use super::fit::{self, Placement};
 use super::memory::{self, reading_bytes};
 use super::opening::{name, open};
 use super::samples::{Channel, Samples};
-use super::{PictureError, array, fit, jpeg_end};
+use super::{PictureError, array, jpeg_end};
 use crate::budget::Budget;
 use crate::npy;
 use image::metadata::Orientation;
 use image::{ImageDecoder as _, ImageFormat};
 use lightpath_domain::dataset::Encoding;
-use lightpath_domain::job::Fit;
 use lightpath_optics::Plane;
 
 /// Smallest side of a target \[px\]. Smaller pictures show nothing useful.
 pub const SIDE_PX_MIN: u32 = 8;
 
-/// Decodes a target picture to linear light in [0, 1], fitted to a display of `height_px` × `width_px`.
+/// Decodes a target picture to linear light in [0, 1], placed on a display.
 ///
 /// # Errors
 ///
-/// [`PictureError`] for a file that is no readable picture, a picture beyond the limits or below [`SIDE_PX_MIN`], and,
-/// with [`Fit::Exact`], a picture of another size.
-pub fn target_intensity(
-    bytes: &[u8],
-    encoding: Encoding,
-    fit: Fit,
-    height_px: usize,
-    width_px: usize,
-) -> Result<Plane<f32>, PictureError> {
-    target_channel(bytes, encoding, Channel::Mean, fit, height_px, width_px)
+/// [`PictureError`] for a file that is no readable picture, a picture beyond the limits or below [`SIDE_PX_MIN`], and for
+/// the reasons of [`fit::fit`].
+pub fn target_intensity(bytes: &[u8], encoding: Encoding, placement: &Placement) -> Result<Plane<f32>, PictureError> {
+    target_channel(bytes, encoding, Channel::Mean, placement)
 }
 
 /// [`target_intensity`] for one colour channel of the picture.
@@ -36,13 +30,11 @@ pub fn target_channel(
     bytes: &[u8],
     encoding: Encoding,
     channel: Channel,
-    fit: Fit,
-    height_px: usize,
-    width_px: usize,
+    placement: &Placement,
 ) -> Result<Plane<f32>, PictureError> {
-    let budget = Budget::new(reading_bytes(bytes, (height_px * width_px) as u64));
+    let budget = Budget::new(reading_bytes(bytes, (placement.height_px * placement.width_px) as u64));
     let target = Picture::read(bytes, SIDE_PX_MIN, &budget)?.light(encoding, channel)?;
-    fit::fit(target, fit, height_px, width_px)
+    fit::fit(target, placement)
 }
 
 /// Decodes a photograph to linear light in [0, 1], in its own size.

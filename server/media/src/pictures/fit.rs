@@ -1,4 +1,4 @@
-//! Fitting of a picture of any size to the size of a display.
+//! Fitting of a picture of any size to a display, or to an area of it.
 //!
 //! Each axis is resampled separately, in linear light, with the Catmull-Rom kernel. When the picture shrinks, the
 //! kernel is widened so that every source pixel counts:
@@ -11,22 +11,87 @@
 
 use super::PictureError;
 use lightpath_domain::job::Fit;
-use lightpath_optics::{Plane, interrupt};
+use lightpath_optics::{Plane, RegionOfInterest, interrupt};
 use rayon::prelude::*;
 
-/// Fits the picture to `height_px` × `width_px` pixels.
+/// A part of a picture or of a display.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Rectangle {
+    /// First column \[px\].
+    pub x_px: usize,
+    /// First row \[px\].
+    pub y_px: usize,
+    /// Number of columns, at least 1.
+    pub width_px: usize,
+    /// Number of rows, at least 1.
+    pub height_px: usize,
+}
+
+impl Rectangle {
+    /// Checks that the rectangle is a part of `height_px` × `width_px` pixels.
+    pub(crate) fn require_inside(self, height_px: usize, width_px: usize) -> Result<(), PictureError> {
+        let is_inside =
+            |start: usize, length: usize, side| length > 0 && start.checked_add(length).is_some_and(|end| end <= side);
+        if is_inside(self.x_px, self.width_px, width_px) && is_inside(self.y_px, self.height_px, height_px) {
+            return Ok(());
+        }
+        Err(PictureError::RegionOutside { width_px: width_px as u32, height_px: height_px as u32 })
+    }
+}
+
+impl From<RegionOfInterest> for Rectangle {
+    fn from(region: RegionOfInterest) -> Self {
+        let (x_px, y_px) = (region.x_px(), region.y_px());
+        Self { x_px, y_px, width_px: region.width_px(), height_px: region.height_px() }
+    }
+}
+
+/// Where a picture goes on a display, and how.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Placement {
+    /// How the picture is fitted to the area.
+    pub fit: Fit,
+    /// The rectangle of the display that the picture fills, with black around it; `None`: the whole display.
+    pub area: Option<Rectangle>,
+    /// Rows of the display \[px\].
+    pub height_px: usize,
+    /// Columns of the display \[px\].
+    pub width_px: usize,
+}
+
+impl Placement {
+    /// A picture that fills the whole display.
+    #[must_use]
+    pub fn whole(fit: Fit, height_px: usize, width_px: usize) -> Self {
+        Self { fit, area: None, height_px, width_px }
+    }
+}
+
+/// Fits the picture to an area of a display, and returns the light of all the display's pixels.
 ///
-/// - [`Fit::Contain`]: scales the picture to fit inside, centres it, and fills the rest with black;
-/// - [`Fit::Cover`]: scales the picture to cover all pixels, and crops the overhang evenly;
+/// - [`Fit::Contain`]: scales the picture to fit inside the area, centres it, and fills the rest with black;
+/// - [`Fit::Cover`]: scales the picture to cover the area, and crops the overhang evenly;
 /// - [`Fit::Stretch`]: scales each axis separately;
-/// - [`Fit::Exact`]: accepts only a picture of this size.
+/// - [`Fit::Exact`]: accepts only a picture of the area's size.
 ///
-/// A picture that already has the size stays unchanged, to the last bit.
+/// The pixels of a picture that has the area's size stay unchanged, to the last bit.
 ///
 /// # Errors
 ///
-/// [`PictureError::WrongSize`] for [`Fit::Exact`] and a picture of another size.
-pub fn fit(picture: Plane<f32>, fit: Fit, height_px: usize, width_px: usize) -> Result<Plane<f32>, PictureError> {
+/// [`PictureError::WrongSize`] for [`Fit::Exact`] and a picture of another size, [`PictureError::RegionOutside`] for an
+/// area that leaves the display.
+pub fn fit(picture: Plane<f32>, placement: &Placement) -> Result<Plane<f32>, PictureError> {
+    let &Placement { fit, area, height_px, width_px } = placement;
+    let Some(area) = area else { return filling(picture, fit, height_px, width_px) };
+    area.require_inside(height_px, width_px)?;
+    let inner = filling(picture, fit, area.height_px, area.width_px)?;
+    if (inner.height_px(), inner.width_px()) == (height_px, width_px) {
+        return Ok(inner);
+    }
+    Ok(bordered(&inner, (area.y_px, area.x_px), height_px, width_px))
+}
+
+fn filling(picture: Plane<f32>, fit: Fit, height_px: usize, width_px: usize) -> Result<Plane<f32>, PictureError> {
     let (h, w) = (picture.height_px(), picture.width_px());
     if (h, w) == (height_px, width_px) {
         return Ok(picture);
@@ -48,7 +113,8 @@ pub fn fit(picture: Plane<f32>, fit: Fit, height_px: usize, width_px: usize) -> 
             let scale = scale_y.min(scale_x);
             let inside = |side: usize, most: usize| ((side as f64 * scale).round() as usize).clamp(1, most);
             let (inner_h, inner_w) = (inside(h, height_px), inside(w, width_px));
-            Ok(bordered(&resized(&picture, inner_h, inner_w), height_px, width_px))
+            let corner = ((height_px - inner_h) / 2, (width_px - inner_w) / 2);
+            Ok(bordered(&resized(&picture, inner_h, inner_w), corner, height_px, width_px))
         }
     }
 }
@@ -59,8 +125,8 @@ pub fn resized(picture: &Plane<f32>, height_px: usize, width_px: usize) -> Plane
     resample(picture, Span::whole(picture.height_px(), height_px), Span::whole(picture.width_px(), width_px))
 }
 
-fn bordered(inner: &Plane<f32>, height_px: usize, width_px: usize) -> Plane<f32> {
-    let (top, left) = ((height_px - inner.height_px()) / 2, (width_px - inner.width_px()) / 2);
+/// The picture with black around it; its first pixel is at `top`, `left`.
+fn bordered(inner: &Plane<f32>, (top, left): (usize, usize), height_px: usize, width_px: usize) -> Plane<f32> {
     let mut out = Plane::filled(height_px, width_px, 0.0);
     for y in 0..inner.height_px() {
         out.values_mut()[(top + y) * width_px + left..][..inner.width_px()].copy_from_slice(inner.row(y));
@@ -163,27 +229,31 @@ mod tests {
         Plane::from_fn(height_px, width_px, |y, x| (y + 2 * x) as f32 / (height_px + 2 * width_px) as f32)
     }
 
+    fn whole(picture: Plane<f32>, policy: Fit, height_px: usize, width_px: usize) -> Result<Plane<f32>, PictureError> {
+        fit(picture, &Placement::whole(policy, height_px, width_px))
+    }
+
     #[test]
     fn picture_of_the_same_size_is_unchanged() {
         for policy in [Fit::Contain, Fit::Cover, Fit::Stretch, Fit::Exact] {
-            assert_eq!(fit(ramp(9, 17), policy, 9, 17).unwrap(), ramp(9, 17));
+            assert_eq!(whole(ramp(9, 17), policy, 9, 17).unwrap(), ramp(9, 17));
         }
-        assert!(matches!(fit(ramp(9, 17), Fit::Exact, 9, 18), Err(PictureError::WrongSize { .. })));
+        assert!(matches!(whole(ramp(9, 17), Fit::Exact, 9, 18), Err(PictureError::WrongSize { .. })));
     }
 
     #[test]
     fn flat_pictures_stay_flat_at_every_scale() {
         for (h, w) in [(8, 8), (3, 200), (333, 127)] {
-            let out = fit(Plane::filled(h, w, 0.3), Fit::Stretch, 40, 31).unwrap();
+            let out = whole(Plane::filled(h, w, 0.3), Fit::Stretch, 40, 31).unwrap();
             assert!(out.values().iter().all(|value| (value - 0.3).abs() < 1e-6));
-            let out = fit(Plane::filled(h, w, 0.3), Fit::Cover, 40, 31).unwrap();
+            let out = whole(Plane::filled(h, w, 0.3), Fit::Cover, 40, 31).unwrap();
             assert!(out.values().iter().all(|value| (value - 0.3).abs() < 1e-6));
         }
     }
 
     #[test]
     fn contain_centres_between_black_borders() {
-        let out = fit(Plane::filled(10, 20, 1.0), Fit::Contain, 40, 40).unwrap();
+        let out = whole(Plane::filled(10, 20, 1.0), Fit::Contain, 40, 40).unwrap();
         let light = |y: usize| out.row(y).iter().sum::<f32>();
         assert_eq!((light(9), light(30)), (0.0, 0.0));
         assert!((light(10) - 40.0).abs() < 1e-3 && (light(29) - 40.0).abs() < 1e-3);
@@ -192,24 +262,44 @@ mod tests {
     #[test]
     fn cover_crops_both_ends_evenly() {
         let striped = Plane::from_fn(16, 48, |_, x| if (16..32).contains(&x) { 1.0 } else { 0.0 });
-        let out = fit(striped, Fit::Cover, 16, 16).unwrap();
+        let out = whole(striped, Fit::Cover, 16, 16).unwrap();
         assert!(out.values().iter().all(|&value| value > 0.99), "only the middle third is left");
     }
 
     #[test]
     fn shrinking_averages_instead_of_skipping() {
         let fine_stripes = Plane::from_fn(64, 64, |_, x| (x % 2) as f32);
-        let out = fit(fine_stripes, Fit::Stretch, 8, 8).unwrap();
+        let out = whole(fine_stripes, Fit::Stretch, 8, 8).unwrap();
         assert!(out.values().iter().all(|value| (value - 0.5).abs() < 0.05), "{:?}", out.values());
     }
 
     #[test]
     fn ramp_is_not_distorted_or_shifted() {
-        let (source, out) = (ramp(40, 60), fit(ramp(40, 60), Fit::Stretch, 20, 30).unwrap());
+        let (source, out) = (ramp(40, 60), whole(ramp(40, 60), Fit::Stretch, 20, 30).unwrap());
         for (y, x) in [(5, 7), (10, 15), (14, 22)] {
             let under: f32 =
                 [(0, 0), (0, 1), (1, 0), (1, 1)].map(|(dy, dx)| source.at(2 * y + dy, 2 * x + dx)).iter().sum();
             assert!((out.at(y, x) - under / 4.0).abs() < 1e-4);
         }
+    }
+
+    #[test]
+    fn a_picture_fills_its_area_and_nothing_else() {
+        let area = Rectangle { x_px: 3, y_px: 2, width_px: 10, height_px: 5 };
+        let placed =
+            |picture, fit| super::fit(picture, &Placement { fit, area: Some(area), height_px: 9, width_px: 20 });
+        let inside = |y: usize, x: usize| (2..7).contains(&y) && (3..13).contains(&x);
+        for policy in [Fit::Cover, Fit::Stretch] {
+            let out = placed(Plane::filled(40, 40, 1.0), policy).unwrap();
+            assert_eq!(out, Plane::from_fn(9, 20, |y, x| f32::from(u8::from(inside(y, x)))));
+        }
+        // A square is as high as the area, in its middle.
+        let out = placed(Plane::filled(40, 40, 1.0), Fit::Contain).unwrap();
+        assert_eq!(out, Plane::from_fn(9, 20, |y, x| f32::from(u8::from(inside(y, x) && (5..10).contains(&x)))));
+        let out = placed(ramp(5, 10), Fit::Exact).unwrap();
+        assert_eq!((out.at(2, 3), out.at(6, 12)), (ramp(5, 10).at(0, 0), ramp(5, 10).at(4, 9)));
+        assert!(matches!(placed(ramp(9, 20), Fit::Exact), Err(PictureError::WrongSize { width_px: 10, .. })));
+        let outside = Placement { fit: Fit::Cover, area: Some(area), height_px: 9, width_px: 12 };
+        assert!(matches!(super::fit(ramp(9, 20), &outside), Err(PictureError::RegionOutside { width_px: 12, .. })));
     }
 }

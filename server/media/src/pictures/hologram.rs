@@ -24,3 +24,20 @@ pub fn hologram(bytes: &[u8], bit_depth: u32, height_px: usize, width_px: usize)
         false => levels(bytes, bit_depth, height_px, width_px).map(Hologram::Levels),
     }
 }
+
+/// Reads a hologram as [`hologram`] does, or `frames` of them below one another in a `.npy` file.
+///
+/// # Errors
+///
+/// Those of the two readers.
+pub fn hologram_of_frames(
+    bytes: &[u8],
+    bit_depth: u32,
+    frames: usize,
+    [height_px, width_px]: [usize; 2],
+) -> Result<Hologram, PictureError> {
+    match frames {
+        1 => hologram(bytes, bit_depth, height_px, width_px),
+        _ => phase_npy(bytes, frames * height_px, width_px).map(Hologram::Phase),
+    }
+}

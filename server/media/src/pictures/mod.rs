@@ -43,8 +43,8 @@ pub use decode::{
 };
 pub use encode::{colour_png, grey_png_linear, grey_png_srgb, levels_png, npy_f32, rgb_png};
 pub use error::PictureError;
-pub use fit::{fit, resized};
-pub use hologram::{Hologram, hologram};
+pub use fit::{Placement, Rectangle, fit, resized};
+pub use hologram::{Hologram, hologram, hologram_of_frames};
 pub use levels::levels;
 pub use memory::{pixels, reading_bytes};
 pub use photograph::{Photo, PhotoReading, SATURATED, SATURATION, photo};

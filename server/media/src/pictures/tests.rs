@@ -18,7 +18,7 @@ fn gradient() -> Plane<f32> {
 }
 
 fn message(bytes: &[u8]) -> String {
-    target_intensity(bytes, Encoding::Srgb, Fit::Contain, 64, 64).unwrap_err().to_string()
+    target_intensity(bytes, Encoding::Srgb, &Placement::whole(Fit::Contain, 64, 64)).unwrap_err().to_string()
 }
 
 #[test]
@@ -154,9 +154,9 @@ fn damaged_and_foreign_files_are_refused_with_a_reason() {
     let noise = image::GrayImage::from_fn(64, 64, |x, y| image::Luma([(x * 31 + y * 57 + x * y) as u8]));
     for format in [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::Tiff, ImageFormat::Bmp] {
         let whole = file(noise.clone(), format);
-        assert!(target_intensity(&whole, Encoding::Srgb, Fit::Contain, 64, 64).is_ok());
+        assert!(target_intensity(&whole, Encoding::Srgb, &Placement::whole(Fit::Contain, 64, 64)).is_ok());
         for kept in 0..whole.len() - 12 {
-            let refused = target_intensity(&whole[..kept], Encoding::Srgb, Fit::Contain, 64, 64);
+            let refused = target_intensity(&whole[..kept], Encoding::Srgb, &Placement::whole(Fit::Contain, 64, 64));
             assert!(refused.is_err(), "{format:?} cut to {kept} of {} bytes", whole.len());
         }
         let message = message(&whole[..whole.len() / 2]);

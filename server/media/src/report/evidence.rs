@@ -2,6 +2,7 @@
 
 use super::chapter::{Chapter, ReportError};
 use crate::figures::{Axis, Canvas, CaptionedPicture, ColourMap, ContactRow, ContactSheet, Heatmap, escaped};
+use crate::pictures::Rectangle;
 use lightpath_domain::dataset::Split;
 use lightpath_optics::diagnostics::LitBand;
 use lightpath_optics::learning::{Pair, PartStrength, ResponseCovariance, compare};
@@ -29,6 +30,8 @@ pub struct PairEvidence {
     photo: Plane<f32>,
     predicted: Plane<f32>,
     residual: Plane<f32>,
+    /// The region of interest \[px of the small pictures\].
+    region: Rectangle,
     /// Mean squared error of the pair in the region of interest.
     loss: f64,
 }
@@ -75,6 +78,7 @@ impl Evidence {
             photo: shrunk(&pair.photo),
             predicted: shrunk(&predicted),
             residual: shrunk(&residual),
+            region: shrunk_region(self.region, width.div_ceil(WIDTH_PX_MAX)),
         });
         Ok(())
     }
@@ -92,6 +96,13 @@ fn mean_squared_error(residual: &Plane<f32>, photo: &Plane<f32>, region: RegionO
         }
     }
     sum / f64::from(count.max(1))
+}
+
+/// The region in pictures that [`shrunk`] reduced by `block`.
+fn shrunk_region(region: RegionOfInterest, block: usize) -> Rectangle {
+    let Rectangle { x_px, y_px, width_px, height_px } = region.into();
+    let [x_px, y_px, width_px, height_px] = [x_px, y_px, width_px, height_px].map(|px| px / block);
+    Rectangle { x_px, y_px, width_px, height_px }
 }
 
 /// The plane, reduced to the means over blocks. It is no wider than a picture of the report.
@@ -121,7 +132,7 @@ fn residuals(evidence: &Evidence) -> Result<Chapter, ReportError> {
         title: "Photographs and predictions",
         body: "<p>Photographs, the model's predictions with gain and black level fitted to each photograph, and the \
                differences. If the model were complete, the differences would be noise. Only pixels count that are in \
-               the region of interest and not saturated.</p>"
+               the region of interest and not saturated. Darkened: light that the pictures do not need.</p>"
             .to_owned(),
         ..Chapter::default()
     };
@@ -142,6 +153,7 @@ fn residuals(evidence: &Evidence) -> Result<Chapter, ReportError> {
             title: &format!("pair {} ({})", pair.id, word(pair.split)),
             subtitle: &format!("mean squared error {:.3e}", pair.loss),
             columns: &["photograph", "prediction"],
+            region: Some(pair.region),
             rows: vec![ContactRow {
                 pictures: vec![
                     CaptionedPicture { intensity: &photo, caption: String::new() },

@@ -23,7 +23,7 @@ use lightpath_media::figures::{View, view};
 use lightpath_media::kernel_file;
 use lightpath_media::kernel_formats::{import, importing_bytes};
 use lightpath_media::photo_scores::EncodedPicture;
-use lightpath_media::pictures::{self, PhotoReading, reading_bytes};
+use lightpath_media::pictures::{self, PhotoReading, Placement, reading_bytes};
 use lightpath_optics::{Grid, OpticalSetup};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -81,7 +81,8 @@ fn read_within(name: &str, file: &[u8], [height_px, width_px]: [usize; 2]) -> [S
     let own_bytes = require_header(name, file, || reading_bytes(file, 0)) - file.len() as u64;
     let fitted_bytes = reading_bytes(file, fitted_px) - file.len() as u64;
     let target = [Fit::Contain, Fit::Cover, Fit::Stretch].map(|fit| {
-        let read = || message(pictures::target_intensity(file, Encoding::Srgb, fit, height_px, width_px));
+        let read =
+            || message(pictures::target_intensity(file, Encoding::Srgb, &Placement::whole(fit, height_px, width_px)));
         require_counted(&format!("{name}, {fit:?}"), fitted_bytes, read)
     });
     let reading = PhotoReading { encoding: Encoding::Linear, bit_depth: 0, black_level: 0.1 };

@@ -7,7 +7,7 @@ use crate::field::Field;
 use lightpath_domain::dataset::Encoding;
 use lightpath_domain::job::Fit;
 use lightpath_media::figures::{Drawn, Subtracted, View, view};
-use lightpath_media::pictures::Channel;
+use lightpath_media::pictures::{Channel, Rectangle};
 
 /// Memory for a pixel of a view \[bytes\]: three planes of light and their colours.
 const VIEW_PIXEL_BYTES: u64 = 3 * 4 + 3 + 3;
@@ -19,8 +19,10 @@ pub struct Minus {
     pub digest: String,
     /// Encoding of its light.
     pub encoding: Encoding,
-    /// How it is fitted to the size of the other one.
+    /// How it is fitted to the area.
     pub fit: Fit,
+    /// The part of the other one that it fills; `None`: all of it.
+    pub area: Option<Rectangle>,
     /// What of it gives its light.
     pub channel: Channel,
 }
@@ -57,8 +59,8 @@ impl Files {
             let picture = artifacts.read_blocking(&name)?;
             let bytes = minus.as_ref().map(|minus| artifacts.read_blocking(&minus.digest)).transpose()?;
             let subtracted = bytes.as_deref().zip(minus).map(|(bytes, minus)| {
-                let Minus { encoding, fit, channel, .. } = minus;
-                Subtracted { bytes, encoding, fit, channel }
+                let Minus { encoding, fit, area, channel, .. } = minus;
+                Subtracted { bytes, encoding, fit, area, channel }
             });
             Ok(view(&picture, subtracted, &wanted))
         };

@@ -77,6 +77,10 @@ impl RunningJob<'_> {
         setup: &HologramSetup,
     ) -> Result<f64, TaskError> {
         let steps_each = steps(self.spec);
+        if steps_each == 0 {
+            // Given phases are judged as they are.
+            self.state.loss = optimization.measure(&optimization.phases().to_vec())?.best_loss;
+        }
         let (before, steps_total) = (self.state.finished.len() as u32 * steps_each, steps_each * wavelengths as u32);
         let stage = if wavelengths == 1 { "optimize".to_owned() } else { format!("optimize {}", setup.wavelength) };
         let eta = *self.eta.get_or_insert_with(|| Eta::from(before + optimization.iteration()));

@@ -8,14 +8,14 @@ use lightpath_bench::SimulatedBench;
 use lightpath_domain::dataset::{self, Dataset, Encoding, Finalization, Pair, PreparedDataset};
 use lightpath_domain::display::Display;
 use lightpath_domain::job::{
-    EvaluateKernel, FailureReason, Fit, HologramResult, ImagePlane, JobEffect, JobResult, JobSpec, JobState,
+    Area, EvaluateKernel, FailureReason, Fit, HologramResult, ImagePlane, JobEffect, JobResult, JobSpec, JobState,
     LearnKernel, OptimizeHologram, PlaneResult, PrepareDataset, PrepareResult, PrepareStep, ReportKernel,
     SimulateCapture,
 };
 use lightpath_domain::kernel::{KernelKey, KernelModel};
 use lightpath_domain::lineage::LearningParameters;
 use lightpath_fixtures::{WAVELENGTH, display};
-use lightpath_media::pictures;
+use lightpath_media::pictures::{self, Placement};
 use lightpath_optics::hologram::Loss;
 use lightpath_optics::{Carrier, Detector, Grid, HologramMethod, InitialPhase, Plane, RegionOfInterest};
 use std::collections::BTreeMap;
@@ -173,8 +173,12 @@ impl Lab {
         let photo =
             pictures::photograph(&self.bench.artifacts.read_all(&photo).await.unwrap(), Encoding::Linear).unwrap();
         let target = self.bench.artifacts.read_all(target).await.unwrap();
-        let target =
-            pictures::target_intensity(&target, Encoding::Srgb, Fit::Exact, self.height_px, self.width_px).unwrap();
+        let target = pictures::target_intensity(
+            &target,
+            Encoding::Srgb,
+            &Placement::whole(Fit::Exact, self.height_px, self.width_px),
+        )
+        .unwrap();
         let region = RegionOfInterest::middle(&Grid::try_new(self.height_px, self.width_px, 8e-6).unwrap());
         let gain = lightpath_optics::metrics::Gain::Fitted;
         lightpath_optics::metrics::mse(&photo, &target, region, gain).unwrap()
@@ -207,6 +211,7 @@ fn optimize(target: String, kernel_version: Option<u32>, iterations: u32) -> Job
         depth_map: None,
         target_encoding: Encoding::Srgb,
         target_fit: Fit::Contain,
+        target_area: Area::Display,
         kernel_versions: vec![vec![kernel_version]],
         judging_versions: Vec::new(),
         propagation: None,

@@ -3,7 +3,7 @@
 use super::*;
 use crate::dataset::Encoding;
 use crate::job::kinds::optimize_hologram::{self, HologramInputs};
-use crate::job::{Fit, ImagePlane, OptimizeHologram};
+use crate::job::{Area, Fit, ImagePlane, OptimizeHologram};
 use crate::units::{Distance, Wavelength};
 use lightpath_optics::hologram::{HologramMethod, InitialPhase, Loss};
 use lightpath_optics::{Detector, Grid, RegionOfInterest};
@@ -20,6 +20,7 @@ fn spec(side_px: usize, planes: usize) -> OptimizeHologram {
         depth_map: None,
         target_encoding: Encoding::Srgb,
         target_fit: Fit::Contain,
+        target_area: Area::Region,
         kernel_versions: vec![vec![None; planes]],
         judging_versions: vec![vec![None; planes]],
         propagation: None,

@@ -28,8 +28,10 @@ pub struct OptimizeHologram {
     pub depth_map: Option<String>,
     /// Encoding of light in the values of the targets.
     pub target_encoding: Encoding,
-    /// Rule for a target whose size differs from the display's.
+    /// Rule for a target whose size differs from its area's.
     pub target_fit: Fit,
+    /// The area of the display that targets fill.
+    pub target_area: Area,
     /// Kernel versions: for each wavelength one version for each plane; `None`: the ideal kernel.
     pub kernel_versions: Vec<Vec<Option<u32>>>,
     /// Kernel versions that judge the holograms of other kernels, because they are the best models of the display: for
@@ -70,14 +72,25 @@ pub struct ImagePlane {
     pub weight: f64,
 }
 
-/// Rule for a picture whose size differs from the display's.
+/// What a target fills, with black around it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Area {
+    /// The region of interest.
+    #[default]
+    Region,
+    /// The whole display, of which only the region of interest is compared.
+    Display,
+}
+
+/// Rule for a picture whose size differs from that of the area that it fills.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Fit {
-    /// Scale the whole picture to fit inside the display, with black borders.
+    /// Scale the whole picture to fit inside, with black borders.
     #[default]
     Contain,
-    /// Scale the picture to cover the display and crop the rest.
+    /// Scale the picture to cover the area and crop the rest.
     Cover,
     /// Scale height and width independently.
     Stretch,
@@ -166,6 +179,15 @@ pub struct JudgedBy {
 }
 
 impl OptimizeHologram {
+    /// The part of the display that targets fill; `None`: all of it.
+    #[must_use]
+    pub fn filled(&self) -> Option<RegionOfInterest> {
+        match self.target_area {
+            Area::Region => Some(self.region_of_interest),
+            Area::Display => None,
+        }
+    }
+
     /// The kernel version that judges the hologram of a wavelength in a plane; `None`: the kernel of the hologram.
     #[must_use]
     pub fn judging_version(&self, wavelength: usize, plane: usize) -> Option<u32> {

@@ -12,7 +12,7 @@ use lightpath_domain::dataset::Encoding;
 use lightpath_domain::display::Display;
 use lightpath_domain::expected_psnr::ExpectedPsnr;
 use lightpath_domain::job::{
-    HologramResult, ImagePlane, Job, JudgedBy, OptimizeHologram, PlaneResult, Subframe, WavelengthResult,
+    Area, Fit, HologramResult, ImagePlane, Job, JudgedBy, OptimizeHologram, PlaneResult, Subframe, WavelengthResult,
 };
 use lightpath_domain::kernel::KernelKey;
 use lightpath_domain::units::Wavelength;
@@ -29,10 +29,6 @@ use lightpath_proto::v1::{
 };
 use lightpath_service::{Call, Field, KernelChoice, Result, check_all};
 
-/// Limit on the iterations, fifty times as many as a good hologram needs. It bounds the time that one job uses a
-/// worker.
-const ITERATIONS_MAX: u32 = 10_000;
-const ITERATIONS_DEFAULT: u32 = 200;
 /// Limit on the subframes: the fastest phase modulators show no more within the eye's integration time.
 const SUBFRAMES_MAX: u32 = 24;
 
@@ -83,9 +79,10 @@ pub(super) async fn from_wire(
         depth_map = planes::depth_map(&at("depth_map"), &message.depth_map, message.planes.len());
         target_encoding = at("target_encoding").enum_value(message.target_encoding);
         target_fit = at("target_fit").enum_value(message.target_fit);
+        target_area = at("target_area").enum_value(message.target_area);
         propagation = convolution_method(&at("propagation"), message.propagation);
         method = method;
-        iterations = at("iterations").integer_or(message.iterations, ITERATIONS_DEFAULT, 1..=ITERATIONS_MAX);
+        iterations = search::iterations(&at("iterations"), &message);
         subframes = subframes;
         initial_phase = search::initial_phase(&at("initial_phase"), message.initial_phase, phases);
         loss = search::loss(&at("loss"), message.loss, region);
@@ -94,13 +91,17 @@ pub(super) async fn from_wire(
         kernel = kernel_choice::from_wire(call, &at("kernel"), message.kernel, KernelChoice::ActiveOrIdeal);
     }
     let Shown { display, wavelengths, region_of_interest } = shown;
+    let target_fit = target_fit.unwrap_or_default();
+    // A picture that must not be resampled usually comes from the display's own pixels.
+    let target_area = target_area.unwrap_or(if target_fit == Fit::Exact { Area::Display } else { Area::Region });
     let spec = OptimizeHologram {
         display: display.id.clone(),
         wavelengths,
         planes,
         depth_map,
         target_encoding: target_encoding.unwrap_or(Encoding::Srgb),
-        target_fit: target_fit.unwrap_or_default(),
+        target_fit,
+        target_area,
         kernel_versions: Vec::new(),
         judging_versions: Vec::new(),
         propagation,
@@ -128,6 +129,7 @@ pub(super) fn to_wire(spec: OptimizeHologram, kernels: &[(KernelKey, Option<u32>
         depth_map: spec.depth_map.unwrap_or_default(),
         target_encoding: spec.target_encoding.to_wire(),
         target_fit: spec.target_fit.to_wire(),
+        target_area: spec.target_area.to_wire(),
         kernel: kernel_choice::to_wire(kernels),
         propagation: spec.propagation.map_or(0, |method| PropagationMethod::from(method).to_wire()),
         method: method.into(),

@@ -17,6 +17,10 @@ use std::f64::consts::TAU;
 
 /// Adam's learning rate by default \[rad\]: that of the paper.
 const LEARNING_RATE_DEFAULT: f64 = 0.1;
+/// Limit on the iterations, fifty times as many as a good hologram needs. It bounds the time that one job uses a
+/// worker.
+const ITERATIONS_MAX: u32 = 10_000;
+const ITERATIONS_DEFAULT: u32 = 200;
 /// Limit on the side of the blocks in which speckle is measured \[px\]: larger blocks contain structure of the picture.
 const SPECKLE_BLOCK_PX_MAX: u32 = 256;
 const SPECKLE_BLOCK_PX_DEFAULT: u32 = 8;
@@ -42,6 +46,22 @@ pub(super) fn method(field: &Field, message: &v1::OptimizeHologram) -> Result<Ho
         Some(value) => Err(rate.but(format!("is {value}"), "must be left out unless the method is adam")),
         None => Ok(method),
     }
+}
+
+/// Checks the number of iterations. Without one, given phases are judged as they are.
+pub(super) fn iterations(field: &Field, message: &v1::OptimizeHologram) -> Result<u32> {
+    let iterations = field.integer_or(message.iterations, ITERATIONS_DEFAULT, 0..=ITERATIONS_MAX)?;
+    let is_given =
+        matches!(message.initial_phase, Some(optimize_hologram::InitialPhase { kind: Some(Kind::Given(_)) }));
+    let is_double_phase = message.method == v1::HologramMethod::DoublePhase as i32;
+    if iterations == 0 && (!is_given || is_double_phase) {
+        let rule = format!(
+            "must be 1 to {ITERATIONS_MAX}; 0 only judges phases that initial_phase.given names, with another method than \
+             double phase"
+        );
+        return Err(field.but("is 0", rule));
+    }
+    Ok(iterations)
 }
 
 fn phase_range(field: &Field, value: f64) -> Result<f64> {
@@ -88,9 +108,14 @@ pub(super) fn initial_phase(
         },
         Some(Kind::Given(given)) => {
             let (list, wavelengths) = (field.at("given").at("phases"), defaults.wavelengths);
-            if given.phases.len() != wavelengths {
-                let count = given.phases.len();
-                let rule = format!("must have {wavelengths}, one for each wavelength");
+            let (count, frames) = (given.phases.len(), wavelengths * defaults.subframes as usize);
+            if count != wavelengths && count != frames {
+                let rule = match frames == wavelengths {
+                    true => format!("must have {wavelengths}, one for each wavelength"),
+                    false => {
+                        format!("must have {wavelengths}, one for each wavelength, or {frames}, one for each subframe")
+                    }
+                };
                 return Err(list.but(format!("has {count} entries"), rule));
             }
             let digests = given.phases.iter().enumerate().map(|(i, digest)| list.index(i).digest(digest));

@@ -8,7 +8,7 @@ use crate::wrong_fields::collect_all;
 use lightpath_domain::dataset::Encoding;
 use lightpath_domain::display::Display;
 use lightpath_domain::job::{Fit, ImagePlane, OptimizeHologram, nearest_planes, pixels_of_planes};
-use lightpath_media::pictures;
+use lightpath_media::pictures::{self, Placement};
 use lightpath_optics::{InitialPhase, Plane, RegionOfInterest};
 
 /// Largest ratio of the shapes, width by height, of a target and a depth map that belong together: a smaller map has its
@@ -45,7 +45,7 @@ impl PictureChecks<'_> {
         if let InitialPhase::Given(phases) = &self.spec.initial_phase {
             for (i, phase) in phases.iter().enumerate() {
                 let field = field.at("initial_phase").at("given").at("phases").index(i);
-                checks.push(self.check_phase(&field, phase).await.map(|()| 0));
+                checks.push(self.check_phase(&field, phase, phases.len()).await.map(|()| 0));
             }
         }
         Ok(collect_all(checks)?.into_iter().max().unwrap_or(0))
@@ -54,15 +54,14 @@ impl PictureChecks<'_> {
     /// Refuses a picture that is black everywhere in the region of interest. `dark` describes such a picture in the
     /// error. Returns the memory for decoding it \[bytes\].
     async fn check_light(&self, field: &Field, digest: &str, encoding: Encoding, dark: &str) -> Result<u64> {
-        let (height_px, width_px) = self.size_px();
-        let (fit, region) = (self.spec.target_fit, self.spec.region_of_interest);
-        let key = format!("{digest} {encoding:?} {fit:?} {width_px}×{height_px} {region:?}");
+        let (placement, region) = (self.placement(), self.spec.region_of_interest);
+        let key = format!("{digest} {encoding:?} {placement:?} {region:?}");
         if let Some(bytes) = self.jobs.checked_targets.decoding_bytes(&key) {
             self.jobs.files.require_picture(self.call, field, digest).await?;
             return Ok(bytes);
         }
         let decode = move |bytes: &[u8]| {
-            let target = pictures::target_intensity(bytes, encoding, fit, height_px, width_px)?;
+            let target = pictures::target_intensity(bytes, encoding, &placement)?;
             Ok(has_light(&target, region))
         };
         let (is_lit, decoding_bytes) = self.jobs.files.decoded(self.call, field, (digest, self.px()), decode).await?;
@@ -77,15 +76,15 @@ impl PictureChecks<'_> {
     /// Refuses a depth map that is not a picture, that has another shape than a target, or that gives all pixels to one
     /// plane. Returns the memory for decoding it \[bytes\].
     async fn check_depth_map(&self, field: &Field, digest: &str) -> Result<u64> {
-        let ((height_px, width_px), fit) = (self.size_px(), self.spec.target_fit);
+        let placement = self.placement();
         let (planes, region) = (self.spec.planes.clone(), self.spec.region_of_interest);
         let decode = move |bytes: &[u8]| {
-            let depth = pictures::target_intensity(bytes, Encoding::Linear, fit, height_px, width_px)?;
+            let depth = pictures::target_intensity(bytes, Encoding::Linear, &placement)?;
             Ok((pictures::picture_size(bytes)?, one_plane(&depth, &planes, region)))
         };
         let ((size, problem), decoding_bytes) =
             self.jobs.files.decoded(self.call, field, (digest, self.px()), decode).await?;
-        if matches!(fit, Fit::Contain | Fit::Cover) {
+        if matches!(placement.fit, Fit::Contain | Fit::Cover) {
             self.require_shape(field, digest, size).await?;
         }
         match problem {
@@ -118,12 +117,22 @@ impl PictureChecks<'_> {
         Ok(())
     }
 
-    /// Refuses an initial phase that is not an array of the display's size, with one frame after the other.
-    async fn check_phase(&self, field: &Field, digest: &str) -> Result<()> {
-        let ((height_px, width_px), frames) = (self.size_px(), self.spec.subframes as usize);
-        let decode = move |bytes: &[u8]| pictures::phase_npy(bytes, frames * height_px, width_px).map(drop);
-        let fitted_px = self.px() * u64::from(self.spec.subframes);
+    /// Refuses an initial phase, one of `files`, that is no hologram of the display's size. One file for each wavelength
+    /// has all its subframes.
+    async fn check_phase(&self, field: &Field, digest: &str, files: usize) -> Result<()> {
+        let ((height_px, width_px), bit_depth) = (self.size_px(), self.display.bit_depth);
+        let frames = self.spec.subframes as usize * self.spec.wavelengths.len() / files;
+        let decode =
+            move |bytes: &[u8]| pictures::hologram_of_frames(bytes, bit_depth, frames, [height_px, width_px]).map(drop);
+        let fitted_px = self.px() * frames as u64;
         self.jobs.files.decoded(self.call, field, (digest, fitted_px), decode).await.map(drop)
+    }
+
+    /// Where the pictures go on the display.
+    fn placement(&self) -> Placement {
+        let (height_px, width_px) = self.size_px();
+        let area = self.spec.filled().map(Into::into);
+        Placement { fit: self.spec.target_fit, area, height_px, width_px }
     }
 
     /// Number of pixels of the display.
