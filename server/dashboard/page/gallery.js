@@ -3,10 +3,11 @@
 import { dragOut, fileNameOf } from "./drag_out.js";
 import { h, show } from "./dom.js";
 import { age, decibels, idOf, words } from "./format.js";
+import { framesOf } from "./frames.js";
 import { hologramOf, isKept, photographOf, picturesOf, readHolograms, scoreOf, wholeJob, worstExpected } from "./glance.js";
 import { progressOf, stateOf } from "./job_rows.js";
 import { PHOTOGRAPHS_SPACING, photographsOf } from "./photographs.js";
-import { columnsFor, fetchPicture } from "./picture_source.js";
+import { columnsFor } from "./picture_source.js";
 
 /** Jobs this far below the shown part of the page are read, and their pictures fetched [CSS px]. */
 const AHEAD = "400px";
@@ -47,7 +48,7 @@ export function gallery({ choice = null, actions = null } = {}) {
         if (whole.spec.simulateCapture && !hologramOf(whole)) await readHolograms(job.display);
         if (ended.signal.aborted) return;
         show(figure, figures(whole, null));
-        const shown = await Promise.all(picturesOf(whole, photographs).map((picture) => thumbnail(whole, picture, pictures)));
+        const shown = await thumbnails(whole, photographs);
         if (shown.length > 0) pictures.replaceChildren(...(hologramOf(whole) ? [...shown, ...missing(shown.length, "none yet")] : [...missing(0, "unknown").slice(0, 2), ...shown]));
         const photograph = photographOf(whole, photographs);
         isPhotographed = Boolean(photograph);
@@ -60,15 +61,13 @@ export function gallery({ choice = null, actions = null } = {}) {
       }
     }
 
-    async function thumbnail(whole, { title, digest, wish, fit }, parent) {
-      const image = h("img", { alt: `${title} of ${titleOf(job)}`, class: fit === "FIT_COVER" ? "cover" : fit === "FIT_STRETCH" ? "stretch" : "" });
-      dragOut(image, digest, fileNameOf(whole, title));
-      const { blob, widthPx, heightPx } = await fetchPicture(digest, { ...wish, width: columnsFor(parent.clientWidth / 3) }, ended.signal);
-      if (title !== "target") parent.style.setProperty("--form", widthPx / heightPx);
-      const url = URL.createObjectURL(blob);
-      image.onload = () => URL.revokeObjectURL(url);
-      image.src = url;
-      return h("figure", {}, h("div", { class: "window" }, image), h("figcaption", {}, title));
+    async function thumbnails(whole, photographs) {
+      const { frames, form } = await framesOf(whole, picturesOf(whole, photographs), columnsFor(pictures.clientWidth / 3), (title) => `${title} of ${titleOf(job)}`, ended.signal);
+      if (form) pictures.style.setProperty("--form", form);
+      return frames.map(({ title, digest, image, window }) => {
+        dragOut(image, digest, fileNameOf(whole, title));
+        return h("figure", {}, window, h("figcaption", {}, title));
+      });
     }
 
     function take(fresh) {

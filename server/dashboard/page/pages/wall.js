@@ -3,12 +3,13 @@
 import { h, show } from "../dom.js";
 import { onConnection, onEvent } from "../events.js";
 import { age, decibels, duration, idOf, measuredDecibels, words } from "../format.js";
+import { framesOf } from "../frames.js";
 import { picturesOf, wholeJob, worstExpected } from "../glance.js";
 import { progressOf, updateProgress } from "../job_rows.js";
 import { livePicture } from "../live_picture.js";
 import { refresher } from "../loading.js";
 import { noteNewPhotographs } from "../photographs.js";
-import { columnsFor, fetchPicture } from "../picture_source.js";
+import { columnsFor } from "../picture_source.js";
 import { pointsOverTime } from "../wall_chart.js";
 import { devicesByVersion, readDisplays, readQueue } from "../wall_facts.js";
 
@@ -98,24 +99,23 @@ export function wallPage(root) {
 
   /** Fills the frames of a hologram: its target, and what it shows so far or at its end. */
   async function fill(pair, job, live) {
-    const none = live && h("p", { class: "none" }, "no picture yet");
-    if (live) pair.append(h("div", { class: "live" }, live, none));
-    await fillWith(pair, () => wholeJob(job).then((whole) => picturesOf(whole).slice(0, 2)), true);
+    if (live) {
+      pair.append(h("div", { class: "live" }, live, h("p", { class: "none" }, "no picture yet")));
+      live.querySelector("img").addEventListener("load", ({ target }) => pair.style.setProperty("--form", target.naturalWidth / target.naturalHeight));
+    }
+    await fillWith(pair, async () => {
+      const whole = await wholeJob(job);
+      return [whole, picturesOf(whole).slice(0, 2)];
+    });
   }
 
-  async function fillWith(pair, read, isFirst = false) {
+  /** Puts pictures in front of what the pair has. `read` returns the job and its pictures. */
+  async function fillWith(pair, read) {
     try {
-      const frames = await Promise.all((await read()).map(async ({ title, digest, wish, fit }) => {
-        const image = h("img", { alt: title, class: fit === "FIT_COVER" ? "cover" : fit === "FIT_STRETCH" ? "stretch" : "" });
-        const { blob, widthPx, heightPx } = await fetchPicture(digest, { ...wish, width: columnsFor(pair.clientWidth / 2 || 640) }, ended.signal);
-        const url = URL.createObjectURL(blob);
-        image.onload = () => URL.revokeObjectURL(url);
-        image.src = url;
-        if (title !== "target") pair.style.setProperty("--form", widthPx / heightPx);
-        return h("figure", {}, image, h("figcaption", {}, title));
-      }));
-      if (isFirst) pair.prepend(...frames);
-      else pair.append(...frames);
+      const [job, pictures] = await read();
+      const { frames, form } = await framesOf(job, pictures, columnsFor(pair.clientWidth / 2 || 640), (title) => title, ended.signal);
+      if (form) pair.style.setProperty("--form", form);
+      pair.prepend(...frames.map(({ title, window }) => h("figure", {}, h("div", { class: "frame" }, window), h("figcaption", {}, title))));
     } catch (error) {
       // The next reading tries again.
       if (error.name !== "AbortError") delete pair.dataset.job;
@@ -150,7 +150,7 @@ export function wallPage(root) {
         : !newest.job ? h("span", {}, "Of a hologram that no job here made.") : !newest.isAligned && h("span", {}, "Not scored: it has other pixels than the display."),
       expected && h("span", {}, h("strong", {}, expected.isExpected ? measuredDecibels(expected) : expected.text), ` ${expected.note}`)),
     h("p", {}, [newest.job?.label, age(new Date(newest.time).toISOString())].filter(Boolean).join(", ")));
-    if (pair !== before) void fillWith(pair, async () => [target, { title: "photograph", ...newest.picture }].filter(Boolean));
+    if (pair !== before) void fillWith(pair, async () => [newest.job, [target, { title: "photograph", ...newest.picture }].filter(Boolean)]);
   }
 
   function showTrend({ name, photographs }) {
