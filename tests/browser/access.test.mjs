@@ -28,7 +28,7 @@ test("the page asks for a token, refuses a wrong one, and forgets it on reload",
   await page.getByLabel("Token").fill(createToken(guarded.dataDir, "wall", "viewer"));
   await page.getByRole("button", { name: "Sign in" }).click();
   await page.getByRole("heading", { name: "Jobs" }).waitFor();
-  await page.locator("tbody tr").first().waitFor();
+  await page.locator(".shot").first().waitFor();
   assert.equal(await page.evaluate(() => JSON.stringify([{ ...localStorage }, { ...sessionStorage }, document.cookie])), '[{},{},""]');
   await page.reload();
   await page.getByRole("heading", { name: "Sign in" }).waitFor();

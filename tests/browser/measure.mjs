@@ -31,7 +31,7 @@ async function open() {
   network.on("Network.responseReceived", ({ response }) => (moved.bytes += response.encodedDataLength));
   const begin = performance.now();
   await page.goto(server.url);
-  await page.locator("tbody tr").first().waitFor();
+  await page.locator(".shot").first().waitFor();
   return { page, moved, took: performance.now() - begin };
 }
 
@@ -52,7 +52,7 @@ const again = await fetch(list, { headers: { "if-none-match": etag } });
 const head = [...again.headers].reduce((sum, [name, value]) => sum + name.length + value.length + 4, 17);
 console.log(`an unchanged list: status ${again.status}, some ${head + (await again.arrayBuffer()).byteLength} bytes`);
 
-// From the answer to a submit, which means that the job is on disk, to its row on the page.
+// From the answer to a submit, which means that the job is on disk, to its card on the page.
 const { page } = await open();
 await page.waitForFunction(() => document.querySelector("#connection").textContent === "live");
 const delays = [];
@@ -61,7 +61,7 @@ for (let i = 0; i < RUNS; i += 1) {
   await new Promise((rested) => setTimeout(rested, 1500));
   const { name } = await server.post("jobs", { spec });
   const begin = performance.now();
-  await page.waitForFunction((name) => document.querySelector("tbody a").dataset.key === name, name, { polling: "raf" });
+  await page.waitForFunction((name) => document.querySelector(".shot")?.dataset.job === name, name, { polling: "raf" });
   delays.push(performance.now() - begin);
 }
 console.log(`a submitted job is on the page after ${Math.round(median(delays))} ms (median of ${RUNS}; ${Math.round(Math.max(...delays))} ms at most)`);

@@ -19,6 +19,8 @@ before(async () => {
   addresses = [
     ["overview", "/", "Overview"],
     ["jobs", "/jobs?state=succeeded", "Jobs"],
+    ["jobs as a table", "/jobs?view=table", "Jobs"],
+    ["wall", "/wall", "Lightpath"],
     ["hologram", `/${job("KIND_OPTIMIZE_HOLOGRAM")}`, "optimize hologram"],
     ["learning", `/${job("KIND_LEARN_KERNEL")}`, "learn kernel"],
     ["photograph", `/${job("KIND_SIMULATE_CAPTURE")}`, "simulate capture"],

@@ -28,7 +28,9 @@ async function take(name, address, scheme, act, height = 800) {
 }
 
 const drawn = (page) => page.waitForFunction(() => document.querySelector("img.whole") && [...document.querySelectorAll("img.whole")].every((image) => image.naturalWidth > 0));
+await take("gallery", "/jobs?kind=optimize_hologram&state=succeeded", "dark", (page) => page.waitForFunction(() => [...document.querySelectorAll(".shot")].slice(0, 8).every((shot) => shot.textContent.includes("photographed") && [...shot.querySelectorAll("img")].every((image) => image.naturalWidth > 0))));
 await take("overview", "/", "dark", (page) => page.waitForFunction(() => document.querySelector("progress")?.value > 100 && document.querySelector(".live-picture img")?.naturalWidth > 0));
+await take("wall", "/wall", "dark", (page) => page.waitForFunction(() => document.querySelectorAll(".wall .pair img").length === 4 && [...document.querySelectorAll(".wall .pair img")].every((image) => image.naturalWidth > 0) && document.querySelector(".points circle")), 675);
 await server.post(`${running.name}:cancel`, {});
 await take("job", `/${held.name}`, "dark", async (page) => {
   await drawn(page);

@@ -1,5 +1,5 @@
-// What users do: make a hologram from a dropped picture, promote and roll back, cancel, and keep the page open through a
-// restart of the server.
+// What users do: make a hologram from a dropped picture, promote and roll back, cancel, look at the gallery, at a sweep and at
+// the wall, and keep the page open through a restart of the server.
 
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
@@ -123,6 +123,18 @@ test("a version is promoted with a reason and rolled back, and another open page
   assert.deepEqual([...page.problems, ...other.problems], []);
 });
 
+test("a gate that measured nothing says so, and does not look as if all were well", async () => {
+  const { kernels: [kernel] } = await server.get("displays/demo/kernels");
+  const page = await openPage(browser, server.url);
+  await page.goto(`${server.url}/#/${kernel.name}`);
+  await page.getByRole("button", { name: "Promote 3" }).click();
+  await page.getByText("The promotion gate accepts this version, though it was not measured.").waitFor();
+  const check = page.getByRole("dialog").getByRole("listitem").first();
+  assert.match(await check.innerText(), /^Not measured: /);
+  assert.equal(await check.getAttribute("class"), "unmeasured");
+  assert.deepEqual(page.problems, []);
+});
+
 test("a click reaches a button whose table is drawn again while it is pressed", async () => {
   const { kernels: [kernel] } = await server.get("displays/demo/kernels");
   const page = await openPage(browser, server.url);
@@ -165,12 +177,20 @@ test("two versions are compared, and a report shows what was learned", async () 
 test("two chosen jobs are compared", async () => {
   const page = await openPage(browser, server.url);
   await page.goto(`${server.url}/#/jobs?kind=optimize_hologram&state=succeeded`);
-  await page.getByRole("checkbox").nth(0).check();
+  const photographed = page.locator(".shot", { hasText: "photographed" });
+  await photographed.nth(1).waitFor();
+  const [a, b] = await photographed.evaluateAll((cards) => cards.map((card) => card.dataset.job));
+  await page.locator(`[data-job="${a}"]`).getByRole("checkbox").check();
   await page.getByText("Choose one more job").waitFor();
-  await page.getByRole("checkbox").nth(1).check();
+  await page.locator(`[data-job="${b}"]`).getByRole("checkbox").check();
   await page.getByRole("link", { name: "Compare the two chosen jobs" }).click();
   await page.getByText("Fields that differ").waitFor();
-  await page.waitForFunction(() => [...document.querySelectorAll(".pictures img")].filter((image) => image.naturalWidth > 0).length === 3);
+  await page.getByText("Both are judged by 515nm-15mm, version 1.").waitFor();
+  const quality = page.getByRole("region", { name: "PSNR of the pictures" });
+  for (const job of ["A", "B"]) assert.match(await quality.getByRole("row", { name: new RegExp(`^${job} `) }).innerText(), /15 mm\s+\d\d\.\d.* dB\s+\d\d\.\d dB/, "expected and photographed");
+  assert.equal(await page.getByText("PSNR, supersampled").isVisible(), false, "models that cannot be compared are folded");
+  // The target, and of each job the reconstruction and the photograph.
+  await page.waitForFunction(() => [...document.querySelectorAll(".pictures img.whole")].filter((image) => image.naturalWidth > 0).length === 5);
   assert.deepEqual(page.problems, []);
 });
 
@@ -224,4 +244,100 @@ test("the API's page finds calls, and shows their parameters and answers", async
   await page.getByLabel("Calls that contain").fill("no such call");
   await page.getByText("No call contains this text.").waitFor();
   assert.deepEqual(page.problems, []);
+});
+
+/** What a photograph of a hologram's first picture is expected to show [dB]. */
+const headlineOf = (job) => job.result.optimizeHologram.wavelengths[0].planes[0].judgements.find(({ headline }) => headline).psnrDb.value.toFixed(1);
+
+test("the gallery shows holograms with their photographs, and the figure to believe", async () => {
+  const page = await openPage(browser, server.url);
+  const widths = [];
+  page.on("request", (request) => {
+    const url = new URL(request.url());
+    if (/^\/v1\/artifacts\/.*\/picture$/.test(url.pathname)) widths.push(Number(url.searchParams.get("width")));
+  });
+  await page.goto(`${server.url}/#/jobs?kind=optimize_hologram`);
+  const name = await page.locator(".shot", { hasText: "photographed" }).first().getAttribute("data-job");
+  const card = page.locator(`[data-job="${name}"]`);
+  const job = await server.get(name);
+  const [expected, photographed] = (await card.locator(".figure strong").allInnerTexts()).map((text) => text.split(" ")[0]);
+  assert.equal(expected, headlineOf(job));
+  assert.ok(Math.abs(expected - photographed) < 2, `${expected} dB were expected, the photograph has ${photographed} dB`);
+  await page.waitForFunction((name) => [...document.querySelectorAll(`[data-job="${name}"] img`)].filter((image) => image.naturalWidth > 0).length === 3, name);
+  assert.ok(widths.length > 0 && Math.max(...widths) <= 256, `small pictures are enough: ${Math.max(...widths)} columns`);
+
+  // A picture is dragged out as the file itself.
+  const dragged = await card.getByRole("img", { name: /^reconstruction/ }).evaluate((image) => {
+    const data = new DataTransfer();
+    image.dispatchEvent(new DragEvent("dragstart", { dataTransfer: data, bubbles: true }));
+    return data.getData("DownloadURL");
+  });
+  const [type, fileName, ...url] = dragged.split(":");
+  assert.deepEqual([type, fileName.endsWith("-reconstruction.png")], ["image/png", true]);
+  const { reconstruction } = job.result.optimizeHologram.wavelengths[0].planes[0];
+  assert.equal(url.join(":"), `${server.url}/v1/artifacts/${reconstruction}/content`);
+
+  await page.getByLabel("Show as").selectOption("table");
+  await page.getByRole("table").waitFor();
+  await page.reload();
+  await page.getByRole("table").waitFor();
+  assert.equal(await page.locator(".shot").count(), 0, "the address keeps the choice");
+  assert.deepEqual(page.problems, []);
+});
+
+test("a sweep is a table and a plot over the parameters that differ", async () => {
+  const { jobs: [{ spec }] } = await server.get("jobs?kind=optimize_hologram&pageSize=1");
+  const requests = [[2, "DETECTOR_POINT"], [8, "DETECTOR_PIXEL"]].map(([iterations, detector]) =>
+    ({ spec: { optimizeHologram: { ...spec.optimizeHologram, iterations, detector, kernel: { active: {} } } }, batch: "short", label: "leaf.png" }));
+  await server.post("jobs:submitAll", { requests });
+  const page = await openPage(browser, server.url);
+  await page.goto(`${server.url}/#/batch/short`);
+  await page.getByText("2 succeeded.").waitFor({ timeout: 60_000 });
+  const sweep = page.getByRole("region", { name: /^What differs/ });
+  await page.waitForFunction(() => document.querySelectorAll("td strong").length === 2);
+  assert.deepEqual(await sweep.getByRole("columnheader").allInnerTexts(), ["Job", "iterations", "detector", "Expected", "Photographed"]);
+  const { jobs } = await server.get("jobs?batch=short&order=oldest_first");
+  const rows = (await sweep.getByRole("row").allInnerTexts()).slice(1).map((row) => row.replaceAll(/\s+/g, " "));
+  jobs.forEach((job, i) => assert.ok(rows[i].startsWith(`leaf.png ${[2, 8][i]} ${["point", "pixel"][i]} ${headlineOf(job)}`), rows[i]));
+  await page.getByText("detector point").waitFor();
+  await page.getByLabel("PSNR in a photograph over").selectOption("detector");
+  await page.getByText("iterations 2").waitFor();
+  assert.ok(page.url().includes("over=optimizeHologram.detector"));
+  assert.deepEqual(page.problems, []);
+});
+
+test("the wall fits any screen, is readable from afar, and outlives a restart of the server", async () => {
+  const page = await openPage(browser, server.url);
+  await page.goto(`${server.url}/#/wall`);
+  await page.getByText(/photographed$/).waitFor();
+  await page.getByText("Nothing waits.").waitFor();
+  await page.getByText(/^drift/).waitFor();
+  for (const [width, height] of [[1920, 1080], [3840, 2160]]) {
+    await page.setViewportSize({ width, height });
+    const found = await page.evaluate(() => {
+      const isShown = (element) => element.checkVisibility() && [...element.childNodes].some((node) => node.nodeType === Node.TEXT_NODE && node.textContent.trim());
+      const texts = [...document.querySelectorAll("main *")].filter(isShown);
+      const cut = [...document.querySelectorAll(".wall section")].filter((section) => section.scrollHeight > section.clientHeight + 1 || section.scrollWidth > section.clientWidth + 1);
+      return { least: Math.min(...texts.map((text) => parseFloat(getComputedStyle(text).fontSize))), cut: cut.map((section) => section.className), scrolls: document.documentElement.scrollHeight > innerHeight || document.documentElement.scrollWidth > innerWidth };
+    });
+    assert.deepEqual([found.cut, found.scrolls], [[], false], `${width} px`);
+    assert.ok(found.least >= 0.0145 * width, `${found.least} px are small on a screen of ${width} px`);
+  }
+
+  const { jobs: [{ spec }] } = await server.get("jobs?kind=optimize_hologram&pageSize=1");
+  const optimizeHologram = { ...spec.optimizeHologram, iterations: 10_000, subframes: 8, kernel: { ideal: {} } };
+  const { name } = await server.post("jobs", { spec: { optimizeHologram }, label: "night.png" });
+  await page.getByText("night.png").waitFor();
+  await page.waitForFunction(() => document.querySelector(".live-picture img")?.naturalWidth > 0);
+  await server.restart(() => page.getByText(/^No connection, trying again; shown is .* old$/).waitFor());
+  await page.locator(".fresh", { hasText: /^live$/ }).waitFor();
+  await server.post(`${name}:cancel`, {});
+  await page.getByText("No job runs. The newest hologram").waitFor();
+
+  await page.keyboard.press("Escape");
+  await page.getByRole("heading", { level: 1, name: "Overview" }).waitFor();
+  // The page noted the losses of the job while it showed the wall.
+  await page.evaluate((name) => (location.hash = `#/${name}`), name);
+  await page.getByRole("img", { name: /^Loss: / }).waitFor();
+  assert.deepEqual(page.problems.filter((problem) => !/ERR_(CONNECTION|INCOMPLETE|EMPTY)/.test(problem)), []);
 });

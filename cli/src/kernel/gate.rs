@@ -140,7 +140,12 @@ fn rules(gate: &v1::PromotionGate) -> Vec<(&'static str, String)> {
 fn verdict_text(verdict: &v1::PromotionVerdict) -> String {
     let mut table = Table::new("check|finding_");
     for check in &verdict.checks {
-        table.row([if check.passed { "passed" } else { "FAILED" }.to_owned(), check.finding.clone()]);
+        let result = match (check.passed, check.not_measured) {
+            (false, _) => "FAILED",
+            (true, true) => "not measured",
+            (true, false) => "passed",
+        };
+        table.row([result.to_owned(), check.finding.clone()]);
     }
     let active = match verdict.active_version {
         None => "no version is active".to_owned(),

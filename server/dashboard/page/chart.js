@@ -15,10 +15,11 @@ function colour(name) {
 /**
  * A chart of series over one axis.
  *
- * `series` has `{label, values, dash}`; the values belong to `xs`. `isTime`: the axis is time [s since 1970].
+ * `series` has `{label, values, dash}`; the values belong to `xs`. `isTime`: the axis is time [s since 1970]. `isReal`: ticks may lie
+ * between whole numbers. `isLogX`: the axis is logarithmic. `names`: texts for the whole numbers from 0 on.
  * Returns `{element, update(xs, lists), end}`.
  */
-export function chart({ title, xLabel, yLabel, xs, series, isLog = false, isTime = false }) {
+export function chart({ title, xLabel, yLabel, xs, series, isLog = false, isTime = false, isReal = false, isLogX = false, names = null }) {
   const area = h("div", { class: "plot", role: "img", "aria-label": title });
   const element = h("figure", { class: "chart" }, h("figcaption", {}, title), area);
   let data = [xs, ...series.map(({ values }) => values)];
@@ -42,12 +43,14 @@ export function chart({ title, xLabel, yLabel, xs, series, isLog = false, isTime
       points: { show: data[0].length < 40, size: 6 },
       value: (_, value) => (value === null ? "–" : number(value, 4)),
     }));
-    const x = isTime ? {} : { label: xLabel };
+    const x = isTime ? {} : { label: xLabel, value: (_, value) => (value === null ? "–" : names?.[value] ?? number(value, 4)) };
+    const marks = names ? { incrs: [1], values: (_, ticks) => ticks.map((tick) => names[tick] ?? "") } : isReal ? {} : { incrs: WHOLE };
+    const ends = names ? { range: [-0.5, names.length - 0.5] } : isLogX ? { distr: 3 } : {};
     plot = new uPlot({
       width: Math.max(240, area.clientWidth || 600),
       height: HEIGHT_PX,
-      scales: { x: { time: isTime }, y: isLog ? { distr: 3 } : {} },
-      axes: [isTime ? axis(xLabel) : { ...axis(xLabel), incrs: WHOLE }, { ...axis(yLabel), size: 64, values: (_, ticks) => ticks.map((tick) => (tick === null ? "" : number(tick, 2))) }],
+      scales: { x: { time: isTime, ...ends }, y: isLog ? { distr: 3 } : {} },
+      axes: [isTime ? axis(xLabel) : { ...axis(xLabel), ...marks }, { ...axis(yLabel), size: 64, values: (_, ticks) => ticks.map((tick) => (tick === null ? "" : number(tick, 2))) }],
       series: [x, ...lines],
       legend: { live: true },
     }, data, area);

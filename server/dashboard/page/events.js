@@ -13,6 +13,8 @@ const states = new Set();
 let lastId = "";
 let abort = null;
 let running = false;
+/** Whether events come; `null`: it is not known yet. */
+let connected = null;
 
 /** Calls `listener(kind, data)` for each event. Returns a function that ends this. */
 export function onEvent(listener) {
@@ -20,9 +22,11 @@ export function onEvent(listener) {
   return () => listeners.delete(listener);
 }
 
-/** Calls `listener(isConnected)` at every change. */
+/** Calls `listener(isConnected)` now, if it is known, and at every change. Returns a function that ends this. */
 export function onConnection(listener) {
   states.add(listener);
+  if (connected !== null) listener(connected);
+  return () => states.delete(listener);
 }
 
 /** Follows the events until `stop`. A hidden page does not follow them, and comes back to what it missed. */
@@ -34,6 +38,7 @@ export function start() {
 
 export function stop() {
   running = false;
+  connected = null;
   lastId = "";
   abort?.abort();
 }
@@ -43,6 +48,7 @@ document.addEventListener("visibilitychange", () => {
 });
 
 function tell(isConnected) {
+  connected = isConnected;
   for (const listener of states) listener(isConnected);
 }
 

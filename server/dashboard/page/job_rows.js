@@ -45,7 +45,7 @@ export function jobTable(caption, jobs, more = null, choice = null) {
     h("th", { scope: "row" }, h("a", { href: `#/${job.name}`, "data-key": job.name }, words(job.kind, "KIND")),
       h("small", {}, [job.label, idOf(job.name).slice(0, 13)].filter(Boolean).join(" · "))),
     h("td", {}, idOf(job.display)),
-    h("td", {}, [job.owner, job.batch].filter(Boolean).join(" · ")),
+    h("td", {}, job.owner, job.owner && job.batch && " · ", job.batch && h("a", { href: `#/batch/${encodeURIComponent(job.batch)}` }, job.batch)),
     h("td", { class: "wide" }, timeOf(job)),
     h("td", { class: "right" }, h("time", { datetime: job.createTime, title: job.createTime }, age(job.createTime))),
     more && h("td", { class: "right" }, more(job)));

@@ -5,6 +5,7 @@ import { hasToken, onSignInNeeded, setToken } from "./api.js";
 import { h, show } from "./dom.js";
 import { onConnection, start, stop } from "./events.js";
 import { apiPage } from "./pages/api.js";
+import { batchPage } from "./pages/batch.js";
 import { comparePage } from "./pages/compare.js";
 import { datasetPage } from "./pages/dataset.js";
 import { datasetsPage } from "./pages/datasets.js";
@@ -16,6 +17,7 @@ import { kernelPage } from "./pages/kernel.js";
 import { acceptDrops, newPage } from "./pages/new.js";
 import { overviewPage } from "./pages/overview.js";
 import { signInPage } from "./pages/sign_in.js";
+import { wallPage } from "./pages/wall.js";
 import { startTheme } from "./theme.js";
 
 /** Pages by the form of their address. Each fills an element, and returns a function that ends its work. */
@@ -23,10 +25,12 @@ const ROUTES = [
   [/^\/$/, overviewPage, "Overview"],
   [/^\/jobs$/, jobsPage, "Jobs"],
   [/^\/jobs\/([^/]+)$/, jobPage, "Job"],
+  [/^\/batch\/([^/]+)$/, batchPage, "Batch"],
   [/^\/compare$/, comparePage, "Compare"],
   [/^\/datasets$/, datasetsPage, "Datasets"],
   [/^\/datasets\/([^/]+)$/, datasetPage, "Dataset"],
   [/^\/new$/, newPage, "New hologram"],
+  [/^\/wall$/, wallPage, "Wall"],
   [/^\/api$/, apiPage, "API"],
   [/^\/displays$/, displaysPage, "Displays"],
   [/^\/displays\/([^/]+)$/, displayPage, "Display"],

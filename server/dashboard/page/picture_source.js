@@ -34,3 +34,13 @@ export async function valuesOf(blob) {
   const { data } = context.getImageData(0, 0, bitmap.width, bitmap.height);
   return [0, 1, 2].map((colour) => Array.from({ length: data.length / 4 }, (_, i) => data[4 * i + colour] / 255));
 }
+
+/**
+ * PSNR of a photograph against the picture that `wish` subtracts [dB]; `null`: the server does not say it. Gain and black level of
+ * the camera do not count, as in what the server expects of a photograph.
+ */
+export async function fetchPsnr(digest, wish, signal) {
+  const response = await request(picturePath(digest, { ...wish, width: 1 }), { signal, cache: "default" });
+  const psnr = response.headers.get("picture-psnr-with-offset");
+  return psnr === null ? null : Number(psnr);
+}

@@ -36,13 +36,20 @@ pub struct GateCheck {
     pub passed: bool,
     /// What was checked, with the numbers.
     pub finding: String,
+    /// Whether the version passed only because nothing was measured.
+    pub is_unmeasured: bool,
 }
 
 impl GateCheck {
     /// A check with its result.
     #[must_use]
     pub fn new(passed: bool, finding: impl Into<String>) -> Self {
-        Self { passed, finding: finding.into() }
+        Self { passed, finding: finding.into(), is_unmeasured: false }
+    }
+
+    /// A check that lets the version pass because nothing was measured.
+    fn unmeasured(finding: impl Into<String>) -> Self {
+        Self { is_unmeasured: true, ..Self::new(true, finding) }
     }
 }
 
@@ -73,7 +80,7 @@ impl PromotionGate {
 
 fn against_ideal(metrics: &KernelMetrics) -> GateCheck {
     if metrics.test_pairs == 0 && metrics.captured.is_none() {
-        return GateCheck::new(true, "it was not measured, so nothing says that it is worse than the ideal kernel");
+        return GateCheck::unmeasured("it was not measured, so nothing says that it is worse than the ideal kernel");
     }
     let passed = !metrics.no_better_than_ideal();
     let verdict = if passed { "better than" } else { "no better than" };
@@ -142,6 +149,8 @@ mod tests {
         let gate = PromotionGate::default();
         assert_eq!(failures(&gate, &version(1, 4, 0.01, 0.02), None), [""; 0]);
         assert_eq!(failures(&gate, &version(1, 0, 0.0, 0.0), None), [""; 0], "imported: not measured");
+        let is_unmeasured = |pairs| gate.check(&version(1, pairs, 0.01, 0.02), None)[0].is_unmeasured;
+        assert_eq!([0, 4].map(is_unmeasured), [true, false]);
         let worse = failures(&gate, &version(1, 4, 0.02, 0.01), None);
         assert!(
             worse[0].contains("no better than the ideal kernel: held-out loss 0.020000 against 0.010000"),

@@ -62,6 +62,13 @@ pub(super) fn in_photograph(plane: &PlaneResult, kernel: Option<&UsedKernel>) ->
     })
 }
 
+/// What the figures of the hologram's own kernel are not good for; `None`: no other kernel gives the headline.
+pub(super) fn own_kernel_note(plane: &PlaneResult) -> Option<String> {
+    let judged = headline(plane)?;
+    let note = "PSNR of the detectors is by the kernel of each hologram: it compares detectors, not kernels";
+    (!judged.kernel_version.is_empty()).then(|| note.to_owned())
+}
+
 /// What the hologram would show on a display of the other kind, for example `21.3 dB on a display that shows all
 /// diffraction orders`; `None`: unknown.
 pub(super) fn other_orders(plane: &PlaneResult) -> Option<String> {
@@ -85,8 +92,8 @@ pub(super) fn second_opinion(plane: &PlaneResult) -> Option<String> {
     })
 }
 
-/// Six cells: PSNR of the optimized phase for the detectors point, pixel and supersampled, then PSNR, SSIM and
-/// diffraction efficiency that a photograph is expected to show.
+/// Six cells: PSNR that a photograph is expected to show, then PSNR of the optimized phase by the hologram's own kernel for
+/// the detectors point, pixel and supersampled, then SSIM and diffraction efficiency that a photograph is expected to show.
 pub(super) fn summary(plane: &PlaneResult) -> [String; 6] {
     let optimized = [Detector::Point, Detector::Pixel, Detector::Supersampled].map(|detector| {
         let judged = judgement(&plane.judgements, Stage::Optimized, detector);
@@ -96,10 +103,10 @@ pub(super) fn summary(plane: &PlaneResult) -> [String; 6] {
     let [point, pixel, supersampled] = optimized;
     let efficiency = expected.and_then(|judged| judged.diffraction_efficiency);
     [
+        headline_psnr(plane).map_or_else(|| "–".to_owned(), show::measured_decibel),
         point,
         pixel,
         supersampled,
-        headline_psnr(plane).map_or_else(|| "–".to_owned(), show::measured_decibel),
         similarity(expected.and_then(|judged| judged.ssim)),
         or_dash(efficiency, percent),
     ]
@@ -158,7 +165,7 @@ mod tests {
         assert_eq!(words(lines[1]), "point as optimized 46.3 dB – – – – –");
         assert_eq!(words(lines[2]), "pixel as optimized 27.7 dB 0.9123 0.9877 71.2 % 95.0 % 0.031");
         assert_eq!(table(&PlaneResult::default()), "");
-        assert_eq!(summary(&shown), ["46.3 dB", "27.7 dB", "–", "–", "–", "–"]);
+        assert_eq!(summary(&shown), ["–", "46.3 dB", "27.7 dB", "–", "–", "–"]);
         assert_eq!((other_orders(&shown), second_opinion(&shown), headline_psnr(&shown)), (None, None, None));
     }
 
@@ -209,7 +216,9 @@ mod tests {
         let text =
             "19.1 ± 0.8 dB expected, by displays/lab/kernels/515nm-150mm/versions/3, the active kernel of the display";
         assert_eq!(in_photograph(&both, Some(&UsedKernel::default())).as_deref(), Some(text));
-        assert_eq!(summary(&both)[3], "19.1 ± 0.8 dB");
+        assert_eq!(summary(&both)[0], "19.1 ± 0.8 dB");
+        assert!(own_kernel_note(&both).is_some_and(|note| note.contains("not kernels")));
+        assert_eq!(own_kernel_note(&alone), None);
         assert!(table(&both).contains("48.3 dB"), "the table is that of the kernel of the hologram");
     }
 }

@@ -23,28 +23,31 @@ pub(super) fn results(items: &[Item]) -> String {
         return result_facts(item, result);
     }
     let mut table = Table::new(
-        "target~|kernel~????|>point?????|>pixel|>supersampled?????|>in a photograph?|>SSIM??|>ms/iteration?????|\
+        "target~|kernel~????|>in a photograph|>point?????|>pixel?|>supersampled?????|>SSIM??|>ms/iteration?????|\
          job???",
     );
     for (item, result) in succeeded {
         let first = result.wavelengths.first().and_then(|wavelength| wavelength.planes.first().cloned());
-        let [point, pixel, supersampled, displayed, similarity, _] = quality::summary(&first.unwrap_or_default());
+        let [photographed, point, pixel, supersampled, similarity, _] = quality::summary(&first.unwrap_or_default());
         table.row([
             item.name.clone(),
             show::used_kernels(&item.job.kernels),
+            photographed,
             point,
             pixel,
             supersampled,
-            displayed,
             similarity,
             format!("{:.1}", 1e3 * result.iteration_time_s),
             names::id(&item.job.name).to_owned(),
         ]);
     }
-    let notes = items.iter().filter_map(|item| Some((item, hologram_result(&item.job).ok()?)));
-    let notes =
-        notes.flat_map(|(item, result)| self::notes(result).map(|note| format!("\nnote: {}: {note}", item.name)));
-    table.text_or("") + &notes.collect::<String>()
+    let results = items.iter().filter_map(|item| Some((item, hologram_result(&item.job).ok()?)));
+    let notes = results
+        .clone()
+        .flat_map(|(item, result)| self::notes(result).map(|note| format!("\nnote: {}: {note}", item.name)));
+    let mut planes = results.flat_map(|(_, result)| &result.wavelengths).flat_map(|wavelength| &wavelength.planes);
+    let own = planes.find_map(quality::own_kernel_note).map(|note| format!("\nnote: {note}"));
+    table.text_or("") + &own.unwrap_or_default() + &notes.collect::<String>()
 }
 
 /// The notes about a result, each once.
@@ -79,6 +82,7 @@ pub(super) fn in_full(result: &v1::OptimizeHologramResult, kernels: &[v1::UsedKe
             propagation_text::add(plane.propagation.as_ref(), &mut facts);
             facts.add("reconstruction", &plane.reconstruction);
             facts.add_some("in a photograph", quality::in_photograph(plane, kernels.next()));
+            facts.add_some("the table", quality::own_kernel_note(plane));
             facts.add_some("other optics", quality::other_orders(plane));
             facts.add_some("second opinion", quality::second_opinion(plane));
             text += &format!("\n{}\n{}", facts.text(), quality::table(plane));
@@ -98,6 +102,7 @@ fn result_facts(item: &Item, result: &v1::OptimizeHologramResult) -> String {
     propagation_text::add(first.and_then(|plane| plane.propagation.as_ref()), &mut facts);
     let kernel = item.job.kernels.first();
     facts.add_some("in a photograph", first.and_then(|plane| quality::in_photograph(plane, kernel)));
+    facts.add_some("the table", first.and_then(quality::own_kernel_note));
     facts.add_some("other optics", first.and_then(quality::other_orders));
     facts.add_some("second opinion", first.and_then(quality::second_opinion));
     notes(result).for_each(|note| facts.add("note", note));
@@ -112,12 +117,12 @@ fn result_facts(item: &Item, result: &v1::OptimizeHologramResult) -> String {
 /// A table with a line for each wavelength and plane.
 fn parts_table(result: &v1::OptimizeHologramResult) -> String {
     let mut table =
-        Table::new("wavelength|distance|>point???|>pixel|>supersampled???|>in a photograph?|>SSIM?|>efficiency??");
+        Table::new("wavelength|distance|>in a photograph|>point???|>pixel?|>supersampled???|>SSIM?|>efficiency??");
     for wavelength in &result.wavelengths {
         for plane in &wavelength.planes {
-            let [point, pixel, supersampled, displayed, similarity, efficiency] = quality::summary(plane);
+            let [photographed, point, pixel, supersampled, similarity, efficiency] = quality::summary(plane);
             let (wavelength, distance) = (units::show_m(wavelength.wavelength_m), show::place(plane.place.as_ref()));
-            table.row([wavelength, distance, point, pixel, supersampled, displayed, similarity, efficiency]);
+            table.row([wavelength, distance, photographed, point, pixel, supersampled, similarity, efficiency]);
         }
     }
     table.text()

@@ -48,6 +48,8 @@ class GateCheck:
     passed: bool
     finding: str
     """What was checked, with the numbers."""
+    not_measured: bool = False
+    """Whether the version passed only because nothing was measured that the gate could have refused."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +75,7 @@ def read_gate(message: v1.DisplayGate) -> PromotionGate:
 
 def read_verdict(message: v1.PromotionVerdict) -> Verdict:
     """Return the verdict that a message describes."""
-    checks = tuple(GateCheck(each.passed, each.finding) for each in message.checks)
+    checks = tuple(GateCheck(each.passed, each.finding, each.not_measured) for each in message.checks)
     return Verdict(message.passed, checks, if_set(message, "active_version"))
 
 

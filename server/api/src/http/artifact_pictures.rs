@@ -23,6 +23,10 @@ const COLOURS: usize = 256;
 const DECADES_MAX: f64 = 9.0;
 /// Columns and rows of the whole picture, such as `1920x1080`: pages need them to ask for a part of it.
 const PICTURE_SIZE: header::HeaderName = header::HeaderName::from_static("picture-size");
+/// PSNR of the shown part against the picture that is subtracted \[dB\], such as `41.73`: with the best gain, and with the best
+/// gain and offset.
+const PICTURE_PSNR: [header::HeaderName; 2] =
+    [header::HeaderName::from_static("picture-psnr"), header::HeaderName::from_static("picture-psnr-with-offset")];
 const PNG: [(header::HeaderName, &str); 1] = [(header::CONTENT_TYPE, "image/png")];
 
 /// The query of a picture.
@@ -92,7 +96,11 @@ pub(super) async fn get_picture(
     let minus = minus.map(|digest| Minus { digest, encoding, fit, area, channel });
     let drawn = api.service.files.view(&call, need_bytes, (&field, &digest), minus, wanted).await?;
     let size = [(PICTURE_SIZE, format!("{}x{}", drawn.width_px, drawn.height_px))];
-    Ok(unless_known(&headers, &etag, IMMUTABLE, (size, PNG, drawn.png)))
+    let psnr = drawn.closeness.map(|found| {
+        let [gain, offset] = PICTURE_PSNR;
+        [(gain, format!("{:.2}", found.psnr_db)), (offset, format!("{:.2}", found.psnr_with_offset_db))]
+    });
+    Ok(unless_known(&headers, &etag, IMMUTABLE, (size, psnr, PNG, drawn.png)))
 }
 
 /// Handles `GET /v1/colormaps/{colormap}`: the colours of a map from its start to its end, 256 in a row.

@@ -16,7 +16,7 @@ const REQUEST_FIELDS: &str = "authorization, content-type, content-range, grpc-t
                               if-none-match, last-event-id, range, x-grpc-web, x-user-agent";
 /// Fields of answers that pages may read, besides those that browsers always show.
 const ANSWER_FIELDS: &str = "accept-ranges, content-range, etag, grpc-message, grpc-status, grpc-status-details-bin, \
-                             picture-size, retry-after, x-request-id";
+                             picture-psnr, picture-psnr-with-offset, picture-size, retry-after, x-request-id";
 /// Time for which a browser may remember the answer to a preflight \[s\]. A changed setting counts after it.
 const REMEMBERED_S: &str = "600";
 

@@ -68,8 +68,8 @@ pub(crate) fn gate_change(change: GateChange) -> v1::GateChange {
 }
 
 /// Converts a check of a promotion gate into its message.
-pub(crate) fn gate_check(GateCheck { passed, finding }: GateCheck) -> v1::GateCheck {
-    v1::GateCheck { passed, finding }
+pub(crate) fn gate_check(GateCheck { passed, finding, is_unmeasured }: GateCheck) -> v1::GateCheck {
+    v1::GateCheck { passed, finding, not_measured: is_unmeasured }
 }
 
 /// Converts the metrics of a version into their message; `None`: it was not measured.

@@ -155,7 +155,7 @@ impl Report {
         let _ = write!(
             text,
             "\n\nWith the learned kernel every held-out target gains {} or more. The held-out loss is {:.0} % of the loss of \
-             the\ndisplay's true transfer function alone ({:.6}). Losses exclude saturated pixels.",
+             the\ndisplay's true transfer function alone ({:.6}). Losses exclude saturated pixels. Captured PSNR is what counts:\nsimulated PSNR is what each model says of its own holograms.",
             figures::signed_db(self.smallest_gain_db),
             100.0 * learned.held_out_loss / self.single_kernel_floor,
             self.single_kernel_floor

@@ -30,6 +30,13 @@ async fn pictures_come_smaller_in_parts_and_in_colours() {
     let nothing = picture(&serving, &digest, &format!("minus={digest}&minus_fit=exact&range=0.1")).await;
     assert_eq!((nothing.status, picture_size(&nothing.body).unwrap()), (200, (80, 40)));
     assert_ne!(nothing.body, whole.body);
+    assert_eq!(nothing.field("picture-psnr"), Some("200.00"), "the most that is said");
+    // Light on the left half only has no gain that brings it to light on the whole: half of the pixels are 0.5 off.
+    let even = serving.upload(&grey_png_srgb(&Plane::from_fn(40, 80, |_, _| 0.5)).unwrap()).await;
+    let halves = picture(&serving, &digest, &format!("minus={even}&width=8")).await;
+    assert_eq!(halves.field("picture-psnr"), Some("8.98"), "of all pixels, however few are shown");
+    let left = picture(&serving, &digest, &format!("minus={even}&region=0,0,40,40")).await;
+    assert_eq!((left.field("picture-psnr"), whole.field("picture-psnr")), (Some("200.00"), None));
 
     let path = format!("/v1/artifacts/{digest}/picture");
     let known = format!("if-none-match: {}", whole.field("etag").unwrap());

@@ -2,11 +2,14 @@
 
 import { get } from "../api.js";
 import { h, show } from "../dom.js";
-import { decibels, idOf, length, measuredDecibels, number, placeText } from "../format.js";
-import { headlineOf, hologramPictures, judgementOf } from "../hologram_pictures.js";
+import { decibels, idOf, number, placeText } from "../format.js";
+import { expectedOf, photographOf, planesOf, scoreOf } from "../glance.js";
+import { hologramPictures, judgementOf } from "../hologram_pictures.js";
 import { stateOf } from "../job_rows.js";
 import { emptyNote, refresher } from "../loading.js";
+import { photographsOf } from "../photographs.js";
 import { pictureViewer } from "../pictures.js";
+import { differing, fieldsOf } from "../request_fields.js";
 import { table } from "../table.js";
 
 export function comparePage(root, _, query) {
@@ -20,25 +23,83 @@ export function comparePage(root, _, query) {
   }
   refresher(body, async () => {
     const jobs = await Promise.all(names.map((id) => get(`jobs/${id}`)));
-    const requests = jobs.map((job) => flat(job.spec));
-    const fields = [...new Set(requests.flatMap((request) => Object.keys(request)))].filter((field) => requests[0][field] !== requests[1][field]);
-    const planes = jobs.map((job) => job.result?.optimizeHologram?.wavelengths[0].planes ?? []);
-    const pictures = planes.map((list, i) => list[0] && { label: `${"AB"[i]}: reconstruction`, digest: list[0].reconstruction, kind: "light", group: "", profile: { encoding: "srgb" } }).filter(Boolean);
+    const requests = jobs.map((job) => fieldsOf(job.spec));
+    const fields = differing(requests);
+    const [head, quality, pictures] = [headOf(jobs), await qualityOf(jobs), await picturesOf(jobs)];
     viewer?.end();
     viewer = pictures.length ? pictureViewer([...targetOfA(jobs[0]), ...pictures]) : null;
-    const head = jobs.map((job, i) => h("li", {}, `${"AB"[i]}: `, h("a", { href: `#/${job.name}` }, idOf(job.name)), stateOf(job)));
-    const quality = planes.flatMap((list, i) => list.map((plane) => h("tr", {}, h("th", { scope: "row" }, "AB"[i]), h("td", {}, placeText(plane.place)),
-      h("td", { class: "right" }, headlineOf(plane) ? measuredDecibels(headlineOf(plane).psnrDb) : "–"),
-      ["point", "pixel", "supersampled"].map((detector) => h("td", { class: "right" }, decibels(judgementOf(plane, "DISPLAYED", detector)?.psnrDb.value))),
-      h("td", { class: "right" }, number(judgementOf(plane, "DISPLAYED", "pixel")?.ssim)))));
     show(body, h("ul", { class: "log" }, head),
+      quality.length > 0 && h("section", {}, h("h2", {}, "Quality"), quality),
       h("section", {}, h("h2", {}, "Requests"), fields.length
         ? table("Fields that differ", ["Field", "A", "B"], fields.map((field) => h("tr", {}, h("th", { scope: "row" }, field), requests.map((request) => h("td", { class: "wide" }, request[field] ?? "–")))))
         : h("p", {}, "The requests are the same.")),
-      quality.length > 0 && h("section", {}, h("h2", {}, "Quality"), table("Quality of the displayed holograms", ["Job", "Plane", ">PSNR in a photograph, expected", ">PSNR, point", ">PSNR, pixel", ">PSNR, supersampled", ">SSIM, pixel"], quality)),
       viewer && h("section", {}, h("h2", {}, "Pictures"), viewer.element));
   });
   return () => viewer?.end();
+}
+
+function headOf(jobs) {
+  return jobs.map((job, i) => h("li", {}, `${"AB"[i]}: `, h("a", { href: `#/${job.name}` }, job.label || idOf(job.name)), stateOf(job)));
+}
+
+/** Reconstruction and photograph of the first picture of each. */
+async function picturesOf(jobs) {
+  const lists = await Promise.all(jobs.map(async (job, i) => {
+    const [first] = planesOf(job);
+    if (!first) return [];
+    const photograph = photographOf(job, await photographsOf(job.spec.optimizeHologram.display));
+    return [{ label: `${"AB"[i]}: reconstruction`, digest: first.plane.reconstruction, kind: "light", group: "", profile: { encoding: "srgb" } },
+      photograph && { ...photograph.picture, label: `${"AB"[i]}: photograph`, group: "" }].filter(Boolean);
+  }));
+  return lists.flat();
+}
+
+/** What photographs of both are expected to show, by the same model, and do show; the other models and detectors are folded. */
+async function qualityOf(jobs) {
+  const rows = await Promise.all(jobs.map(async (job, i) => {
+    const planes = planesOf(job);
+    const photograph = planes.length ? photographOf(job, await photographsOf(job.spec.optimizeHologram.display)) : undefined;
+    const score = photograph ? await scoreOf(job, photograph) : null;
+    const photographed = score !== null ? decibels(score) : photograph ? "not scored" : "no photograph";
+    return planes.map((entry, p) => ({ ...entry, job: "AB"[i], photographed: p === 0 ? photographed : "–" }));
+  }));
+  const all = rows.flat();
+  if (all.length === 0) return [];
+  const same = sameModel(rows);
+  const headline = table("PSNR of the pictures", ["Job", "Plane", ">Expected in a photograph", ">Photographed"], all.map(({ job, plane, kernel, photographed }) => {
+    const expected = same.find(plane, kernel);
+    return h("tr", {}, h("th", { scope: "row" }, job), h("td", {}, placeText(plane.place)),
+      h("td", { class: "right" }, expected ? [h("strong", {}, expected.text), !expected.isExpected && h("small", {}, expected.note)] : "–"), h("td", { class: "right" }, photographed));
+  }));
+  const models = table("Displayed holograms, each as the kernel of its own hologram predicts it: not for comparing A with B", ["Job", "Plane", "Kernel", ">PSNR, point", ">PSNR, pixel", ">PSNR, supersampled", ">SSIM, pixel"], all.map(({ job, plane, kernel }) =>
+    h("tr", {}, h("th", { scope: "row" }, job), h("td", {}, placeText(plane.place)), h("td", {}, kernelText(kernel)),
+      ["point", "pixel", "supersampled"].map((detector) => h("td", { class: "right" }, decibels(judgementOf(plane, "DISPLAYED", detector)?.psnrDb.value))),
+      h("td", { class: "right" }, number(judgementOf(plane, "DISPLAYED", "pixel")?.ssim)))));
+  return [h("p", { class: same.isSame ? "" : "note" }, same.text), headline, h("details", {}, h("summary", {}, "Other models and detectors"), models)];
+}
+
+const kernelText = (kernel) => (kernel ? kernel.split("/kernels/")[1].replace("/versions/", ", version ") : "ideal");
+
+/**
+ * How both holograms are judged by the same kernel: `{text, isSame, find(plane, kernel)}`. That is the version that gives both
+ * headlines, else one that judged both.
+ */
+function sameModel(rows) {
+  const entries = rows.flat();
+  const by = new Set(entries.map(({ plane, kernel }) => expectedOf(plane, kernel)?.by ?? ""));
+  if (by.size === 1) {
+    const [kernel] = by;
+    const text = kernel ? `Both are judged by ${kernelText(kernel)}.` : "Both are judged by the ideal kernel: no kernel of the display was active to say what a photograph shows.";
+    return { text, isSame: true, find: expectedOf };
+  }
+  const models = rows.map((list) => new Set(list.flatMap(({ plane, kernel }) => plane.judgements.map((judged) => judged.kernelVersion || kernel))));
+  const common = [...(models[0] ?? [])].filter((model) => model && models[1]?.has(model)).at(-1);
+  if (!common) return { text: "A and B were judged by different kernels, and none judged both. Their figures cannot be compared: submit the older one again.", isSame: false, find: expectedOf };
+  const find = (plane, kernel) => {
+    const judged = plane.judgements.findLast((one) => (one.kernelVersion || kernel) === common && one.model === "MODEL_ENGINE" && one.orders === "ORDERS_OWN" && one.stage === "STAGE_DISPLAYED" && one.detector === "DETECTOR_PIXEL");
+    return judged ? { text: decibels(judged.psnrDb.value), note: "at most" } : null;
+  };
+  return { text: `Different kernels were active when A and B were submitted. Both figures are by ${kernelText(common)}, which judged both, without its own error.`, isSame: false, find };
 }
 
 /** The target of the first plane as a picture, in a list; an empty list for other jobs than those of holograms. */
@@ -47,10 +108,4 @@ function targetOfA({ spec, result }) {
   if (!wavelength) return [];
   const [target] = hologramPictures(spec.optimizeHologram, result.optimizeHologram, wavelength);
   return [{ ...target, label: "target of A", group: "" }];
-}
-
-/** The fields of a message with their paths, such as `optimizeHologram.planes.0.place.distanceM`. */
-function flat(value, path = "") {
-  if (value === null || typeof value !== "object") return { [path]: String(value) };
-  return Object.assign({}, ...Object.entries(value).map(([name, inner]) => flat(inner, path ? `${path}.${name}` : name)));
 }

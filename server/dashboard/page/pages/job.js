@@ -13,6 +13,7 @@ import { progressOf, stateOf, updateProgress } from "../job_rows.js";
 import { headlineOf, hologramPictures, judgementOf, phasePicture, photographPicture, photographsOf } from "../hologram_pictures.js";
 import { livePicture } from "../live_picture.js";
 import { errorNote, refresher } from "../loading.js";
+import { noteLoss } from "../loss_history.js";
 import { originTable, versionsOfHologram } from "../origin.js";
 import { pictureViewer } from "../pictures.js";
 import { propagationSection } from "../propagation.js";
@@ -32,7 +33,6 @@ export function jobPage(root, [id]) {
   const facts = h("div", {});
   const log = h("div", {});
   show(root, head, notice, live, loss, results, facts, log);
-  const history = { steps: [], losses: [], stage: "" };
   let plot = null;
   let picture = null;
   let viewers = [];
@@ -87,14 +87,10 @@ export function jobPage(root, [id]) {
     }
   }
 
-  /** Adds the loss of the latest step to the chart. */
+  /** Draws the losses of the steps so far, with that of the latest one. */
   function note(progress) {
-    if (!progress?.loss || hasEnded) return;
-    if (progress.stage !== history.stage || progress.step < (history.steps.at(-1) ?? 0)) Object.assign(history, { steps: [], losses: [], stage: progress.stage });
-    if (progress.step === history.steps.at(-1)) return;
-    history.steps.push(progress.step);
-    history.losses.push(progress.loss);
-    drawLoss(`Loss: ${progress.stage}`, "step", history.steps, history.losses);
+    const { stage, steps, losses } = noteLoss(name, hasEnded ? null : progress);
+    if (steps.length > 0) drawLoss(`Loss: ${stage}${steps[0] > 1 ? `, from step ${steps[0]} on` : ""}`, "step", steps, losses);
   }
 
   function drawLoss(title, xLabel, steps, losses) {

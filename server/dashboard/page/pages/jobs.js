@@ -5,18 +5,24 @@ import { get, post } from "../api.js";
 import { h, show } from "../dom.js";
 import { onEvent } from "../events.js";
 import { idOf, words } from "../format.js";
+import { gallery } from "../gallery.js";
+import { isKept, keepJobs } from "../glance.js";
 import { jobTable, updateProgress } from "../job_rows.js";
 import { emptyNote, errorNote, refresher } from "../loading.js";
 import { pager } from "../pager.js";
+import { noteNewPhotographs } from "../photographs.js";
 
 const STATES = ["queued", "running", "succeeded", "failed", "cancelled"];
 const KINDS = ["optimize_hologram", "learn_kernel", "simulate_capture", "evaluate_kernel", "prepare_dataset", "report_kernel", "verify_hologram", "suggest_holograms"];
 const FILTERS = ["text", "state", "kind", "display", "owner", "batch", "since"];
+/** Jobs of which this many are not in memory are read together. */
+const TOGETHER = 4;
 const SINCE = [["", "any time"], ["3600", "the last hour"], ["86400", "the last day"], ["604800", "the last week"]];
 
 export function jobsPage(root, _, query) {
   const pages = [""];
   const list = h("div", { "aria-live": "off" });
+  const shots = gallery({ choice, actions });
   const notice = h("div", { role: "status" });
   const compare = h("p", { class: "note", role: "status", hidden: true });
   const chosen = new Set();
@@ -27,7 +33,7 @@ export function jobsPage(root, _, query) {
     select("state", "State", [["", "all"], ...STATES.map((state) => [state, state])]),
     select("kind", "Kind", [["", "all"], ...KINDS.map((kind) => [kind, kind.replaceAll("_", " ")])]),
     input("display", "Display", "all", "displays"), input("owner", "Owner", "all"), input("batch", "Batch", "all"),
-    select("since", "Submitted in", SINCE), displays);
+    select("since", "Submitted in", SINCE), select("view", "Show as", [["", "gallery"], ["table", "table"]]), displays);
   show(root, h("h1", {}, "Jobs"), form, notice, compare, list);
 
   function input(name, label, placeholder, list) {
@@ -43,7 +49,7 @@ export function jobsPage(root, _, query) {
     timer = setTimeout(changed, 250);
   }
   function changed() {
-    const given = FILTERS.map((name) => [name, form.elements[name].value.trim()]).filter(([, value]) => value);
+    const given = [...FILTERS, "view"].map((name) => [name, form.elements[name].value.trim()]).filter(([, value]) => value);
     const text = new URLSearchParams(given).toString();
     history.replaceState(null, "", `#/jobs${text ? `?${text}` : ""}`);
     pages.length = 1;
@@ -56,9 +62,13 @@ export function jobsPage(root, _, query) {
     // The tokens of further pages belong to one time.
     if (pages.length === 1) since = value("since") && new Date(Math.floor(Date.now() / 60_000) * 60_000 - value("since") * 1000).toISOString();
     const filters = { state: value("state"), kind: value("kind"), display, owner: value("owner"), batch: value("batch"), since, text: value("text") };
-    const page = await get("jobs", { view: "basic", pageSize: 50, pageToken: pages.at(-1), ...filters });
-    show(list, page.summaries.length
-      ? jobTable(`Jobs, page ${pages.length}`, page.summaries, actions, choice)
+    const wish = { pageSize: 50, pageToken: pages.at(-1), ...filters };
+    const page = await get("jobs", { view: "basic", ...wish });
+    const isGallery = value("view") !== "table";
+    if (isGallery && page.summaries.filter((job) => !isKept(job)).length > TOGETHER) keepJobs((await get("jobs", wish)).jobs);
+    shots.show(isGallery ? page.summaries : []);
+    show(list, filters.batch && h("p", {}, h("a", { href: `#/batch/${encodeURIComponent(filters.batch)}` }, `Compare the jobs of ${filters.batch}`)),
+      page.summaries.length ? isGallery ? shots.element : jobTable(`Jobs, page ${pages.length}`, page.summaries, actions, choice)
       : emptyNote(FILTERS.some(value) ? "No job fits these filters." : "There are no jobs yet. Send a picture to a display:",
         FILTERS.some(value) ? null : "lightpath hologram optimize picture.png --display lab --distance 150mm"),
     pager(pages, page.nextPageToken, refresh));
@@ -97,10 +107,12 @@ export function jobsPage(root, _, query) {
 
   get("displays", { pageSize: 200 }).then((answer) => show(displays, answer.displays.map(({ name }) => h("option", { value: idOf(name) }))), () => {});
   const ends = onEvent((kind, data) => {
+    if (noteNewPhotographs(kind, data)) shots.photographed();
     if (kind === "reset" || (kind === "job" && !updateProgress(list, data))) refresh.soon();
   });
   return () => {
     clearTimeout(timer);
     ends();
+    shots.end();
   };
 }

@@ -5,7 +5,7 @@ import { get, post } from "../api.js";
 import { chart } from "../chart.js";
 import { h, show } from "../dom.js";
 import { onEvent } from "../events.js";
-import { age, bytes, length, number, percent, placeText, words } from "../format.js";
+import { age, bytes, decibels, length, number, percent, placeText, words } from "../format.js";
 import { emptyNote, errorNote, refresher } from "../loading.js";
 import { originTable } from "../origin.js";
 import { table } from "../table.js";
@@ -67,8 +67,9 @@ export function kernelPage(root, [display, kernelId]) {
         h("th", { scope: "row" }, version.version, version.active && h("span", { class: "state succeeded" }, "active"), aliases.map((alias) => h("span", { class: "state" }, alias)),
           version.deprecation && h("span", { class: "state failed", title: version.deprecation.reason }, "deprecated")),
         h("td", {}, words(version.model, "KERNEL_MODEL")),
-        h("td", { class: "right" }, metrics?.testLoss > 0 ? number(metrics.testLoss) : "–"),
+        h("td", { class: "right" }, metrics?.testLoss > 0 ? number(metrics.testLoss) : h("span", { class: "state unmeasured" }, "not measured")),
         h("td", { class: "right" }, gain),
+        h("td", { class: "right" }, metrics?.captured ? [h("strong", {}, decibels(metrics.captured.psnrDb)), h("small", {}, `ideal ${decibels(metrics.captured.idealPsnrDb)}`)] : "–"),
         h("td", { class: "right" }, metrics ? `${metrics.trainPairs} + ${metrics.validationPairs} + ${metrics.testPairs}` : "–"),
         h("td", { class: "right" }, bytes(Number(version.sizeBytes))),
         h("td", {}, version.lineage?.learned ? h("a", { href: `#/${version.lineage.learned.job}` }, "job") : version.lineage?.interpolated ? "interpolated" : "imported"),
@@ -77,8 +78,8 @@ export function kernelPage(root, [display, kernelId]) {
           ? canRollBack && guarded(button("Roll back", `roll back ${version.version}`, () => rollBack(kernel)), "curate")
           : guarded(button("Promote…", `promote ${version.version}`, () => promote(kernel, version)), "curate")));
     };
-    const titles = ["Version", "Model", ">Loss", ">Better than ideal", ">Pairs: train + validation + test", ">File", "From", "Made", ">Actions"];
-    return table("Versions, the newest first. Losses are mean squared errors of the test photographs.", titles, list.map(row));
+    const titles = ["Version", "Model", ">Loss", ">Better than ideal", ">Photographs, PSNR", ">Pairs", ">File", "From", "Made", ">Actions"];
+    return table("Versions, the newest first. Losses are mean squared errors of the test photographs; PSNR is that of photographs of new holograms, computed with the version and with the ideal kernel. Pairs are for training, validation and test.", titles, list.map(row));
   }
 
   function comparison(list) {
@@ -106,8 +107,12 @@ export function kernelPage(root, [display, kernelId]) {
     try {
       const verdict = await get(`${name}/versions/${version}:checkPromotion`);
       const reason = await ask(`Promote version ${version}?`, [
-        h("p", {}, verdict.passed ? "The promotion gate accepts this version." : "The promotion gate refuses this version."),
-        h("ul", { class: "checks" }, verdict.checks.map((check) => h("li", { class: check.passed ? "passed" : "failed" }, check.passed ? "Passed: " : "Failed: ", check.finding))),
+        h("p", {}, !verdict.passed ? "The promotion gate refuses this version."
+          : verdict.checks.some(({ notMeasured }) => notMeasured) ? "The promotion gate accepts this version, though it was not measured." : "The promotion gate accepts this version."),
+        h("ul", { class: "checks" }, verdict.checks.map((check) => {
+          const [kind, word] = !check.passed ? ["failed", "Failed"] : check.notMeasured ? ["unmeasured", "Not measured"] : ["passed", "Passed"];
+          return h("li", { class: kind }, `${word}: `, check.finding);
+        })),
       ], "Promote", verdict.passed);
       if (reason === null) return;
       await post(`${name}:promote`, { version, reason, expectedActiveVersion: kernel.activeVersion ?? 0 });

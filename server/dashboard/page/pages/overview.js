@@ -5,11 +5,16 @@ import { chart } from "../chart.js";
 import { h, show } from "../dom.js";
 import { onEvent } from "../events.js";
 import { age, bytes, idOf, words } from "../format.js";
-import { jobTable, progressOf, stateOf, updateProgress } from "../job_rows.js";
+import { gallery } from "../gallery.js";
+import { isKept, keepJobs } from "../glance.js";
+import { progressOf, stateOf, updateProgress } from "../job_rows.js";
 import { livePicture } from "../live_picture.js";
 import { emptyNote, refresher } from "../loading.js";
+import { noteNewPhotographs } from "../photographs.js";
 
 const LATEST = 12;
+/** Jobs of which this many are not in memory are read together. */
+const TOGETHER = 4;
 /** How often that is read again of which no event tells [ms]. */
 const SLOW = 60_000;
 /** Least time from one reading of lists and numbers after events to the next [ms]. Events tell about each job sooner. */
@@ -30,6 +35,7 @@ export function overviewPage(root) {
     h("section", {}, h("h2", {}, "Running"), running),
     h("section", {}, h("h2", {}, "Latest jobs"), latest),
     h("section", {}, h("h2", {}, "Displays"), displays));
+  const shots = gallery();
   let plots = [];
   /** Pictures of running holograms by the names of their jobs. */
   const pictures = new Map();
@@ -56,14 +62,16 @@ export function overviewPage(root) {
     show(pauses, (queue?.pauses ?? []).map((pause) => h("p", { class: "note" },
       `${pause.display ? idOf(pause.display) : "The whole queue"} is paused since ${age(pause.since)}: ${pause.reason}`)));
     [newest, runningNow] = [jobs.summaries, runningJobs.summaries];
+    if (newest.filter((job) => !isKept(job)).length > TOGETHER) keepJobs((await get("jobs", { pageSize: LATEST })).jobs);
     showJobs();
   }, SPACING);
 
   function showJobs() {
     keepPictures(runningNow);
     show(running, runningNow.length ? runningNow.map((job) => card(job, pictures.get(job.name))) : emptyNote("No job runs now."));
+    shots.show(newest);
     show(latest, newest.length
-      ? jobTable(`The ${newest.length} newest jobs`, newest)
+      ? shots.element
       : emptyNote("There are no jobs yet. Send a picture to a display:", "lightpath hologram optimize picture.png --display lab --distance 150mm"));
   }
 
@@ -126,6 +134,7 @@ export function overviewPage(root) {
 
   const timer = setInterval(() => document.hidden || void refreshSlow(), SLOW);
   const ends = onEvent((kind, data) => {
+    if (noteNewPhotographs(kind, data)) shots.photographed();
     if (kind === "job") pictures.get(data.name)?.refresh();
     if (kind === "job" && updateProgress(root, data)) return;
     if (kind === "job") {
@@ -139,6 +148,7 @@ export function overviewPage(root) {
     ends();
     clearInterval(timer);
     keepPictures([]);
+    shots.end();
     plots.forEach((plot) => plot.end());
   };
 }

@@ -72,7 +72,21 @@ pub struct Drawn {
     pub width_px: usize,
     /// Number of rows of the whole picture.
     pub height_px: usize,
+    /// How close the shown part comes to the subtracted picture; `None`: none was subtracted.
+    pub closeness: Option<Closeness>,
 }
+
+/// PSNR of a picture against another, at most 200 dB.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Closeness {
+    /// With the gain that has the smallest error \[dB\].
+    pub psnr_db: f64,
+    /// With the gain and the offset that have the smallest error, as without a camera's black level \[dB\].
+    pub psnr_with_offset_db: f64,
+}
+
+/// Largest PSNR, that of equal pictures \[dB\].
+const PSNR_MAX_DB: f64 = 200.0;
 
 /// Draws a view of a picture, less another one if wanted, as a PNG. Differences of light reach from −range to range,
 /// light from 0 to range.
@@ -88,10 +102,12 @@ pub fn view(bytes: &[u8], subtracted: Option<Subtracted<'_>>, view: &View) -> Re
         false => vec![pictures::photograph(bytes, view.encoding)?],
     };
     let (height_px, width_px) = (planes[0].height_px(), planes[0].width_px());
+    let mut closeness = None;
     if let Some(subtracted) = subtracted {
         let other = pictures::photograph_channel(subtracted.bytes, subtracted.encoding, subtracted.channel)?;
         let placement = Placement { fit: subtracted.fit, area: subtracted.area, height_px, width_px };
         let other = pictures::fit(other, &placement)?;
+        closeness = Some(compared(&planes[0], &other, view.region)?);
         planes[0].values_mut().iter_mut().zip(other.values()).for_each(|(light, other)| *light -= other);
     }
     let is_cyclic = view.colours == ViewColours::Map(ColourMap::Cyclic);
@@ -104,7 +120,28 @@ pub fn view(bytes: &[u8], subtracted: Option<Subtracted<'_>>, view: &View) -> Re
     };
     let planes = planes.into_iter().map(resized).collect::<Result<Vec<_>, _>>()?;
     let png = encoded(&planes, subtracted.is_some(), view)?;
-    Ok(Drawn { png, width_px, height_px })
+    Ok(Drawn { png, width_px, height_px, closeness })
+}
+
+/// Compares a part of a picture with another picture of the same size, as [`lightpath_optics::metrics`] does, but for pictures of
+/// any size.
+fn compared(picture: &Plane<f32>, target: &Plane<f32>, region: Option<Rectangle>) -> Result<Closeness, PictureError> {
+    let whole = Rectangle { x_px: 0, y_px: 0, width_px: picture.width_px(), height_px: picture.height_px() };
+    let region = region.unwrap_or(whole);
+    let (picture, target) = (part(picture, region)?, part(target, region)?);
+    let count = picture.values().len() as f64;
+    let mean = |plane: &Plane<f32>| plane.values().iter().map(|&light| f64::from(light)).sum::<f64>() / count;
+    let psnr_db = |p_mean: f64, t_mean: f64| {
+        let pairs = || {
+            let pairs = picture.values().iter().zip(target.values());
+            pairs.map(|(&p, &t)| (f64::from(p) - p_mean, f64::from(t) - t_mean))
+        };
+        let (pp, pt) = pairs().fold((0.0, 0.0), |(pp, pt), (p, t)| (pp + p * p, pt + p * t));
+        let gain = if pp > 0.0 { pt / pp } else { 0.0 };
+        let mse = pairs().map(|(p, t)| (gain * p - t).powi(2)).sum::<f64>() / count;
+        (-10.0 * mse.log10()).min(PSNR_MAX_DB)
+    };
+    Ok(Closeness { psnr_db: psnr_db(0.0, 0.0), psnr_with_offset_db: psnr_db(mean(&picture), mean(&target)) })
 }
 
 /// The planes of a view in their colours, as a PNG.
