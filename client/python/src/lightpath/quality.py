@@ -33,8 +33,11 @@ class DetectorQuality:
     """None if too little of the target is flat."""
 
     def __repr__(self) -> str:
+        return f"<DetectorQuality: {self}>"
+
+    def __str__(self) -> str:
         ssim = "" if self.ssim is None else f", SSIM {self.ssim:.3f}"
-        return f"<{self.psnr_db:.1f} dB{ssim}, efficiency {self.diffraction_efficiency:.1%}>"
+        return f"{self.psnr_db:.1f} dB{ssim}, efficiency {self.diffraction_efficiency:.1%}"
 
 
 @dataclass(frozen=True)
@@ -49,7 +52,7 @@ class Quality:
     """The light at 2×2 points of each pixel."""
 
     def __repr__(self) -> str:
-        return f"<Quality: pixel {self.pixel}>"
+        return f"<Quality for pixels: {self.pixel}>"
 
 
 @dataclass(frozen=True)
