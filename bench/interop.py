@@ -166,7 +166,7 @@ def slm(rows):
     target = picture()
     hologram = local.optimize(target, target_encoding="linear", detector="point", iterations=100, **OPTICS)
     display = hologram.kernel
-    expected = hologram.quantized_quality.point.psnr_db
+    expected = hologram.quality.point.psnr_db
     device = SimulatedSLM((COLUMNS, ROWS), pitch_um=(8, 8))
     device.set_phase(hologram.phase.copy())
     realized = np.asarray(device.get_realized_phase(), np.float32)

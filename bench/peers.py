@@ -108,11 +108,8 @@ def engine_environment(folder):
     python = environment(folder)
     say("installing lightpath and its engine")
     pip = [python, "-m", "pip", "install", "--quiet"]
-    subprocess.run([*pip, "slmsuite==0.5.0", "maturin>=1.9,<2"], check=True)
+    subprocess.run([*pip, "slmsuite==0.5.0"], check=True)
     subprocess.run([*pip, ROOT / "client" / "python"], check=True)
-    develop = [python, "-m", "maturin", "develop", "--release", "--quiet", "--locked"]
-    manifest = ROOT / "client" / "python" / "engine" / "Cargo.toml"
-    subprocess.run([*develop, "--manifest-path", manifest], env={**os.environ, "VIRTUAL_ENV": str(folder)}, check=True)
     return python
 
 

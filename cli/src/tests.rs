@@ -117,6 +117,7 @@ const COMMANDS: &[&str] = &[
     "lightpath kernel report --display lab-2 --distance 150mm --version 3 -o r.html --arrays r.npz --figures r/",
     "lightpath kernel import --display lab-2 --distance 150mm k.safetensors",
     "lightpath simulate --display toy --distance 150mm --pattern p.png -o photo.png",
+    "lightpath simulate --display toy --distance 150mm --phase p.npy -o photo.png",
     "lightpath photo score a.png b.png --target t.png --photo-encoding srgb --target-encoding linear --region 1,2,3,4 \
      --aligned aligned/ --error {name}-error.png",
     "lightpath job list --state running --display lab-2",

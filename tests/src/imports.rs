@@ -22,7 +22,7 @@ pub(super) const CRATES: [(&str, &[&str]); 26] = [
     ("server/fixtures", &["domain"]),
     ("server/store", &["domain", "fail-points", "units"]),
     ("server/artifacts", &["fail-points"]),
-    ("server/media", &["artifacts", "camera", "domain", "optics"]),
+    ("server/media", &["camera", "domain", "optics"]),
     ("server/metrics", &["artifacts", "domain", "store"]),
     ("server/dashboard", &[]),
     ("server/webhooks", &["domain", "metrics", "store"]),

@@ -10,17 +10,15 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import lightpath
-from lightpath import v1, words
 
 lab = lightpath.connect()
 display = lab.create_display("notebook-plan", resolution="192x128", pixel_pitch="8um", wavelength="515nm")
 
 # %%
 for distance in ("10mm", "50mm", "500mm"):
-    report = display.plan(distance).report
-    method = words.name_of(v1.PropagationMethod, report.method)
-    print(f"{distance}: {method}, {report.band_kept_area:.0%} of the band reaches the image")
-    print(f"  {report.explanation}")
+    plan = display.plan(distance)
+    print(f"{distance}: {plan.method}, {plan.band_kept_area:.0%} of the band reaches the image")
+    print(f"  {plan.explanation}")
 
 # %% [markdown]
 # `alternatives` has all methods, with the reason why some are not possible here.
@@ -29,11 +27,10 @@ for distance in ("10mm", "50mm", "500mm"):
 DISTANCE = "40mm"
 methods = []
 for alternative in display.plan(DISTANCE).alternatives:
-    name = words.name_of(v1.PropagationMethod, alternative.method)
     if alternative.possible and alternative.optimizable:
-        methods.append(name)
+        methods.append(alternative.method)
     else:
-        print(f"not {name}: {alternative.text}")
+        print(f"not {alternative.method}: {alternative.text}")
 
 # %% [markdown]
 # Every result has a second opinion: an independent, exact model judges the hologram. A method that is only approximate
@@ -46,9 +43,9 @@ own_db, independent_db = [], []
 for method in methods:
     hologram = display.optimize(target, distance=DISTANCE, propagation=method, iterations=40)
     # Both models judge the same rows of the picture.
-    engine, independent = (each for each in hologram.result.wavelengths[0].planes[0].judgements if each.rows)
-    own_db.append(engine.psnr_db.value)
-    independent_db.append(independent.psnr_db.value)
+    opinion = hologram.second_opinion
+    own_db.append(opinion.engine_psnr_db)
+    independent_db.append(opinion.independent_psnr_db)
     print(f"{method}: {own_db[-1]:.1f} dB by its own model, {independent_db[-1]:.1f} dB by the independent one")
 
 # %%

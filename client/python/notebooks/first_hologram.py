@@ -31,16 +31,17 @@ hologram = display.optimize(target, distance="50mm", iterations=60)
 hologram
 
 # %% [markdown]
-# `phase` is in radians. `reconstruction` is what the display should show: the picture, and around it the light that the
-# picture does not need.
+# `phase` is in radians. `reconstruction` is what the display should show: the picture, and around the region of
+# interest, in the dark here, the light that the picture does not need.
 
 # %%
-plot.phase(hologram, pixel_pitch_m=display.pixel_pitch_m).figure.savefig("figure-phase.png")
+plot.hologram(hologram, pixel_pitch_m=display.pixel_pitch_m).savefig("figure-hologram.png")
 figure = plot.pictures(
     {"target": np.uint8(255) * target, "what it shows": hologram.reconstruction}, pixel_pitch_m=display.pixel_pitch_m
 )
 figure.savefig("figure-reconstruction.png")
-print(f"PSNR {hologram.quality.psnr_db.value:.1f} dB, efficiency {hologram.quality.diffraction_efficiency:.0%}")
+seen = hologram.quality.pixel
+print(f"PSNR {seen.psnr_db:.1f} dB as displayed, efficiency {seen.diffraction_efficiency:.0%}; {hologram.expected}")
 
 # %% [markdown]
 # The file goes to the display as it is.

@@ -2,8 +2,8 @@
 # # An optimization of one's own, without a server
 #
 # `lightpath.local` is Lightpath's engine in this process. This notebook propagates a hologram by a plain Fourier
-# transform without padding and by the engine, and descends along the gradients of both. It needs `lightpath-engine` and
-# matplotlib, and no server.
+# transform without padding and by the engine, and descends along the gradients of both. It needs matplotlib, and no
+# server.
 
 # %%
 import matplotlib.pyplot as plt

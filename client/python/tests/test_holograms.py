@@ -27,7 +27,12 @@ def test_hologram_has_phases_levels_and_the_picture_that_it_shows(bench: lightpa
     # The display of 8 bits has a linear response and no carrier.
     expected = np.rint(hologram.phase / (2 * np.pi) * 256).astype(int) % 256
     assert np.array_equal(expected, hologram.levels)
-    assert hologram.quality.psnr_db.value == hologram.judgement("displayed", "pixel").psnr_db.value > 25
+    judgements = hologram.result.wavelengths[0].planes[0].judgements
+    assert hologram.quality.pixel.psnr_db in [each.psnr_db.value for each in judgements]
+    assert 25 < hologram.quality.pixel.psnr_db < hologram.optimized_quality.pixel.psnr_db
+    assert str(hologram.expected) in repr(hologram)
+    assert repr(hologram).count("ideal") == 1
+    assert hologram.region == (16, 10, 128, 76)
     middle = (slice(10, 86), slice(16, 144))
     seen, wanted = (each[middle].ravel().astype(float) for each in (hologram.reconstruction, target(1)))
     assert np.corrcoef(seen, wanted)[0, 1] > 0.95
@@ -79,14 +84,19 @@ def test_colour_depth_and_subframes(lab: lightpath.Lab, tmp_path: Path) -> None:
         subframes=2,
         iterations=3,
     )
-    assert hologram.phases.shape == (3, 2, 48, 64)
-    assert hologram.all_levels.shape == (3, 2, 48, 64)
-    assert hologram.reconstructions.shape == (3, 2, 48, 64)
-    assert hologram.reconstruction.shape == (48, 64, 3)
+    assert hologram.phase.shape == hologram.levels.shape == hologram.phases.shape == (3, 2, 48, 64)
+    assert hologram.reconstructions.shape == hologram.light.shape == (3, 2, 48, 64)
+    assert hologram.reconstruction.shape == (2, 48, 64, 3)
     assert hologram.distances_m == [0.01, 0.012]
+    assert "2 subframes" in repr(hologram)
+    with pytest.raises(lightpath.InvalidArgument, match=r"quality is that of one picture.*pictures\[wavelength\]"):
+        _ = hologram.quality
+    assert hologram.pictures[2][1].quality.pixel.psnr_db > 0
     with pytest.raises(lightpath.InvalidArgument, match="save_all"):
         hologram.save(tmp_path / "one.png")
     assert len(hologram.save_all(tmp_path / "all")) == 6
+    with pytest.raises(lightpath.InvalidArgument, match=r"hologram has 3 wavelengths with 2 subframes"):
+        display.photograph(hologram)
 
 
 def test_options_reach_the_server(bench: lightpath.Display) -> None:
@@ -116,7 +126,7 @@ def test_options_reach_the_server(bench: lightpath.Display) -> None:
     assert spec.initial_phase.given.phases
     assert spec.weight_mask
     assert (hologram.job.batch, hologram.job.priority) == ("tests", 5)
-    assert hologram.quality == hologram.judgement("displayed", "point")
+    assert hologram.region == (8, 8, 100, 60)
 
 
 @pytest.mark.parametrize(

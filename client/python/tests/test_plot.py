@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 import numpy as np
 import pytest
 from conftest import target
+from matplotlib.patches import Rectangle
 
 import lightpath
+import lightpath.local
 from lightpath import v1
 
 mpl.use("Agg")
@@ -19,6 +21,9 @@ from lightpath import plot
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+
+OPTICS: dict[str, Any] = {"wavelength": "515nm", "pixel_pitch": "8um", "distance": "20mm"}
 
 
 @pytest.fixture(autouse=True)
@@ -51,6 +56,20 @@ def test_pictures_have_millimetres_and_a_bar_with_units() -> None:
     assert [axes.get_title() for axes in figure.axes[:2]] == ["one", "two"]
     with pytest.raises(lightpath.InvalidArgument):
         plot.pictures({})
+
+
+def test_holograms_are_drawn_with_their_region_and_headline() -> None:
+    hologram = lightpath.local.optimize(target(1), iterations=2, **OPTICS)
+    figure = plot.hologram(hologram, pixel_pitch_m=8e-6)
+    assert "dB at most" in figure.get_suptitle()
+    shown = figure.axes[1]
+    assert shown.get_title() == "in the dark: light that the picture does not need"
+    (frame,) = (each for each in shown.patches if isinstance(each, Rectangle))
+    assert (frame.get_x(), frame.get_width()) == pytest.approx((0.128, 1.024))
+    dark = [each.get_datalim(shown.transData) for each in shown.collections]
+    assert sum(each.width * each.height for each in dark) == pytest.approx(1.28 * 0.768 - 1.024 * 0.608)
+    whole = lightpath.local.optimize(target(1), iterations=2, region=(0, 0, 160, 96), **OPTICS)
+    assert not plot.hologram(whole).axes[1].collections
 
 
 def test_transfer_functions_show_what_a_kernel_adds_to_free_space() -> None:

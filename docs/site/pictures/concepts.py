@@ -76,8 +76,7 @@ def speckle(studio: Studio) -> Image.Image:
     display = studio.display("speckle", simulated=lightpath.SimulatedBench(seed=1, strength=0.3))
     shown = {"target": grey(studio.scene())}
     for range_rad, name in ((0.5, "phases within 0.5 rad"), (6.28, "phases of a full turn")):
-        start = lightpath.v1.OptimizeHologram.InitialPhase()
-        start.random.range_rad = range_rad
+        start = lightpath.RandomPhase(range_rad=range_rad)
         hologram = display.optimize(studio.scene(), distance=DISTANCE, initial_phase=start)
         shown[f"photograph, {name}"] = studio.lab.score(display.photograph(hologram, seed=1), studio.scene()).aligned
     return strip(shown)
@@ -161,10 +160,10 @@ def second_opinion(studio: Studio) -> Image.Image:
         found: list[float] = []
         for distance in distances:
             hologram = display.optimize(studio.scene(), distance=f"{distance}mm", propagation=method)
-            for judged in hologram.result.wavelengths[0].planes[0].judgements:
-                if judged.rows:
-                    by_engine = judged.model == lightpath.v1.Judgement.MODEL_ENGINE
-                    (promised if by_engine else found).append(judged.psnr_db.value)
+            opinion = hologram.second_opinion
+            assert opinion is not None
+            promised.append(opinion.engine_psnr_db)
+            found.append(opinion.independent_psnr_db)
         axes.plot(distances, promised, "o--", color=colour, label=f"{method}: promised")
         axes.plot(distances, found, "o-", color=colour, label=f"{method}: found by the independent model")
     axes.set_xlabel("distance [mm]")

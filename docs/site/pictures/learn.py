@@ -44,7 +44,7 @@ def first_hologram(studio: Studio) -> Image.Image:
         {
             "target": studio.scene(),
             "hologram: grey levels for the SLM": hologram.levels,
-            f"expected, {hologram.expected.psnr_db.value:.0f} dB": hologram.reconstruction,
+            f"expected, {hologram.expected.psnr_db:.0f} dB": hologram.reconstruction,
             "photograph": as_seen(display.photograph(hologram, seed=1).pixels),
         },
         columns=2,
@@ -68,9 +68,7 @@ def _practice(studio: Studio) -> tuple[lightpath.Display, list[lightpath.Hologra
     display = studio.display("lab", simulated=lightpath.SimulatedBench(**PRACTICE))
     pictures = studio.training()
     holograms = display.optimize_all(pictures[:6], distance=DISTANCE, iterations=60)
-    # A message, because the range of the initial phase has no option of its own.
-    start = lightpath.v1.OptimizeHologram.InitialPhase()
-    start.random.range_rad = FULL_RANGE_RAD
+    start = lightpath.RandomPhase(range_rad=FULL_RANGE_RAD)
     wide = display.optimize_all(pictures[6:], distance=DISTANCE, iterations=60, initial_phase=start)
     return display, holograms + wide
 

@@ -67,15 +67,14 @@ def depth_map(studio: Studio) -> Image.Image:
 def subframes(studio: Studio) -> Image.Image:
     """One frame, and the mean of eight, with a full range of phases."""
     display = studio.display("plain", simulated=None)
-    start = lightpath.v1.OptimizeHologram.InitialPhase()
-    start.random.range_rad = 6.2831853
+    start = lightpath.RandomPhase(range_rad=6.2831853)
     shown: dict[str, Any] = {"target": grey(studio.scene())}
     for count in (1, 8):
         hologram = display.optimize(
             studio.scene(), distance=DISTANCE, subframes=count, initial_phase=start, detector="supersampled"
         )
         name = "1 subframe" if count == 1 else f"{count} subframes"
-        shown[f"{name}, {hologram.expected.psnr_db.value:.1f} dB"] = hologram.reconstruction
+        shown[f"{name}, {hologram.expected.psnr_db:.1f} dB"] = hologram.reconstruction
     return strip(shown)
 
 
@@ -103,9 +102,7 @@ def several_distances(studio: Studio) -> Image.Image:
         datasets.append(dataset)
     for version in studio.lab.learn(datasets):
         version.promote()
-    request = lightpath.v1.InterpolateKernelRequest(display=display.name, place=lightpath.v1.Place(distance_m=25e-3))
-    studio.lab.connection.call(studio.lab.connection.kernels.InterpolateKernel, request)
-    display.kernel(distance=DISTANCE).promote(1)
+    display.interpolate_kernel(distance=DISTANCE).promote()
     shown: dict[str, Any] = {"target": grey(studio.scene())}
     for kernel, name in (("ideal", "ideal optics"), ("active", "interpolated kernel")):
         hologram = display.optimize(studio.scene(), distance=DISTANCE, kernel=kernel)

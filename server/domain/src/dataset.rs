@@ -8,6 +8,7 @@ pub use alignment::{Alignment, AlignmentMethod, CameraMap};
 pub use checks::{Finding, FindingKind, LargestValue, PairChecks};
 pub use prepared::{Finalization, PreparedDataset, SplitCounts, Splits};
 
+use crate::digests::digest_of;
 use crate::kernel::KernelKey;
 use crate::units::{Distance, Wavelength};
 use serde::{Deserialize, Serialize};
@@ -288,9 +289,7 @@ pub fn digest(dataset: &Dataset) -> String {
         exposures,
     };
     // JSON of this private struct is stable; its debug output could change with the code.
-    let json = serde_json::to_vec(&content).unwrap_or_default();
-    let hash: String = Sha256::digest(&json).iter().map(|byte| format!("{byte:02x}")).collect();
-    format!("sha256-{hash}")
+    digest_of(&serde_json::to_vec(&content).unwrap_or_default())
 }
 
 #[allow(clippy::trivially_copy_pass_by_ref, reason = "serde calls it with a reference")]

@@ -21,7 +21,7 @@ pub mod estimate;
 mod failure;
 pub mod kinds;
 
-pub use depth_map::{nearest_planes, pixels_of_planes};
+pub use depth_map::{nearest_planes, pixels_of_planes, weight_in_plane};
 pub use effect::JobEffect;
 pub use estimate::Estimate;
 pub use failure::{FailureReason, JobError};

@@ -10,6 +10,7 @@
 //! - [`expected_psnr`]: what a photograph of a hologram is expected to show.
 //! - [`planning`], [`slm`]: conversion from displays to the types of the optics engine.
 //! - [`ability`]: labels and memory of processes, and what jobs need of them. [`access`]: roles and tokens. [`causes`]: error messages in one line.
+//! - [`digests`]: digests of contents.
 //! - [`reason`]: codes for errors and refusals, for programs.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
@@ -18,6 +19,7 @@ pub mod access;
 pub mod causes;
 pub mod dataset;
 pub mod device;
+pub mod digests;
 pub mod display;
 pub mod expected_psnr;
 pub mod job;

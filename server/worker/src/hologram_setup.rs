@@ -3,7 +3,7 @@
 use super::display_setup::DisplaySetup;
 use super::{JobContext, TaskError};
 use lightpath_domain::dataset::Encoding;
-use lightpath_domain::job::{ImagePlane, OptimizeHologram, nearest_planes, pixels_of_planes};
+use lightpath_domain::job::{ImagePlane, OptimizeHologram, nearest_planes, pixels_of_planes, weight_in_plane};
 use lightpath_domain::units::Wavelength;
 use lightpath_media::pictures::{self, Channel, Hologram, Placement};
 use lightpath_optics::hologram::{self, HologramOptions, HologramProblem, Levels, with_other_orders};
@@ -59,7 +59,7 @@ impl HologramSetup {
             let model = here.model(context, spec.kernel_versions[index][p])?;
             let engine = context.engines().engine(&model, spec.detector, here.carrier)?;
             let target = fitted(context, &display, spec, &plane.target, spec.target_encoding, channel)?;
-            let (weight, share) = weight_of(p, mask.as_ref(), depths.as_ref(), region);
+            let (weight, share) = weight_in_plane(p, mask.as_ref(), depths.as_ref(), region);
             let share = share * plane.weight;
             let validity = here.validity_of(&model);
             let with_other_orders = with_other_orders(&model);
@@ -180,23 +180,6 @@ fn fitted(
     Ok(pictures::target_channel(&bytes, encoding, channel, &placement)?)
 }
 
-/// Weight of each pixel in plane `p`, and the share of the region's pixels that belong to the plane.
-fn weight_of(
-    p: usize,
-    mask: Option<&Plane<f32>>,
-    depths: Option<&Plane<u8>>,
-    region: RegionOfInterest,
-) -> (Option<Plane<f32>>, f64) {
-    let Some(depths) = depths else { return (mask.cloned(), 1.0) };
-    let weight = Plane::from_fn(depths.height_px(), depths.width_px(), |y, x| {
-        let counts = mask.map_or(1.0, |mask| mask.at(y, x));
-        if usize::from(depths.at(y, x)) == p { counts } else { 0.0 }
-    });
-    let in_row = |y: usize| region.columns(y).map_or(0.0, |columns| weight.row(y)[columns].iter().sum::<f32>());
-    let sum: f64 = (0..weight.height_px()).map(|y| f64::from(in_row(y))).sum();
-    (Some(weight), sum / region.pixels() as f64)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -213,15 +196,5 @@ mod tests {
         assert_eq!(colours(&three), Some([1, 0, 2]));
         assert_eq!(channel_of(&wavelengths(&[515.0]), 0), Channel::Mean);
         assert_eq!((channel_of(&wavelengths(&[515.0, 638.0]), 1), colours(&three[..2])), (Channel::Mean, None));
-    }
-
-    #[test]
-    fn pixels_of_other_planes_have_no_weight() {
-        let found = Plane::try_from_vec(1, 5, vec![0_u8, 0, 1, 2, 2]).unwrap();
-        let region = RegionOfInterest::full(&lightpath_optics::Grid::try_new(1, 5, 8e-6).unwrap());
-        let mask = Plane::filled(1, 5, 0.5);
-        let (weight, share) = weight_of(2, Some(&mask), Some(&found), region);
-        assert_eq!(weight.unwrap().values(), [0.0, 0.0, 0.0, 0.5, 0.5]);
-        assert!((share - 0.2).abs() < 1e-12);
     }
 }

@@ -1,17 +1,17 @@
 //! Display models, ideal or learned, and their files.
 
-use crate::arrays::{array, plane};
+use crate::arrays::{array, plane, planes};
 use crate::error::Refused;
 use crate::optics::{self, Optics, json};
 use crate::threads;
 use lightpath_media::budget::Budget;
 use lightpath_media::kernel_formats::{self, KernelFormat, KernelFormatError};
-use lightpath_optics::hologram::ShownLight;
+use lightpath_optics::hologram::{ShownLight, light_of_frames};
 use lightpath_optics::numerics::grid::frequency;
 use lightpath_optics::second_opinion::{Effort, SecondOpinion};
 use lightpath_optics::{Detector, Engine, Grid, KernelModel, OpticalSetup, Plane, ValidityReport};
 use num_complex::Complex32;
-use numpy::{PyArray2, PyReadonlyArray2};
+use numpy::{PyArray2, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use rayon::prelude::*;
@@ -19,7 +19,7 @@ use serde_json::json as object;
 use std::sync::OnceLock;
 
 /// A model of a display.
-#[pyclass(frozen, module = "lightpath_engine")]
+#[pyclass(frozen, module = "lightpath._engine")]
 pub(crate) struct DisplayModel {
     pub(crate) model: lightpath_optics::DisplayModel,
     /// `None`: the ideal display.
@@ -129,36 +129,37 @@ impl DisplayModel {
         array(py, image)
     }
 
-    /// Quality of a phase \[rad\] for each detector, and a second opinion on it, as JSON.
+    /// Quality for each detector of phases \[rad\] that are shown one after the other, and a second opinion on it, as
+    /// JSON.
     fn quality<'py>(
         &self,
         py: Python<'py>,
-        phase: PyReadonlyArray2<'py, f32>,
+        phases: PyReadonlyArray3<'py, f32>,
         target: PyReadonlyArray2<'py, f32>,
         region: Option<[usize; 4]>,
     ) -> PyResult<String> {
-        let (phase, target) = ([plane("phase", &phase)?], plane("target", &target)?);
+        let (phases, target) = (planes("phase", &phases)?, plane("target", &target)?);
         let work = || -> Result<_, Refused> {
             let region = optics::region(self.grid(), region)?;
-            let shown = ShownLight::of_frames(&self.engine(Detector::Pixel)?, &phase)?;
+            let shown = ShownLight::of_frames(&self.engine(Detector::Pixel)?, &phases)?;
             let (wanted, display) = ((&target, region), (&self.model, None));
-            let opinion = SecondOpinion::of(display, &phase, &shown, Detector::Pixel, wanted.into(), Effort::CHEAP)?;
+            let opinion = SecondOpinion::of(display, &phases, &shown, Detector::Pixel, wanted.into(), Effort::CHEAP)?;
             json(&object!({ "quality": shown.quality((&target, region).into())?, "second_opinion": opinion }))
         };
         Ok(threads::compute(py, work)??)
     }
 
-    /// The light that a detector measures, for a phase \[rad\].
+    /// The mean light that a detector measures of phases \[rad\] that are shown one after the other.
     fn light<'py>(
         &self,
         py: Python<'py>,
-        phase: PyReadonlyArray2<'py, f32>,
+        phases: PyReadonlyArray3<'py, f32>,
         detector: &str,
     ) -> PyResult<Bound<'py, PyArray2<f32>>> {
-        let phase = plane("phase", &phase)?;
+        let phases = planes("phase", &phases)?;
         let work = || -> Result<_, Refused> {
             let detector = serde_json::from_value(detector.into())?;
-            Ok(self.engine(detector)?.light(&phase)?)
+            Ok(light_of_frames(&self.engine(detector)?, &phases)?)
         };
         array(py, threads::compute(py, work)??)
     }

@@ -9,7 +9,7 @@ use pyo3::PyErr;
 use pyo3::exceptions::PyValueError;
 
 pyo3::create_exception!(
-    lightpath_engine,
+    _engine,
     EngineError,
     PyValueError,
     "The engine refused an input. `args` are the name of the input, a stable word for programs, and a text for people."

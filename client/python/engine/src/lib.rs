@@ -25,7 +25,7 @@ mod propagator;
 mod simulated;
 mod threads;
 
-/// The extension module `lightpath_engine._engine`.
+/// The extension module `lightpath._engine`.
 #[pyo3::pymodule]
 mod _engine {
     #[pymodule_export]
@@ -41,7 +41,7 @@ mod _engine {
     #[pymodule_export]
     use super::optics::plan;
     #[pymodule_export]
-    use super::pictures::{levels, target};
+    use super::pictures::{colour, levels, target};
     #[pymodule_export]
     use super::propagator::Propagator;
     #[pymodule_export]

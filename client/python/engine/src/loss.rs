@@ -41,7 +41,7 @@ impl Compared {
 }
 
 /// The loss of phases for one target.
-#[pyclass(frozen, module = "lightpath_engine")]
+#[pyclass(frozen, module = "lightpath._engine")]
 pub(crate) struct HologramLoss {
     sides_px: [usize; 2],
     problem: Mutex<HologramProblem>,

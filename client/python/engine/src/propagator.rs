@@ -11,7 +11,7 @@ use numpy::{Element, PyReadonlyArray2};
 use pyo3::prelude::*;
 
 /// A prepared propagation with its adjoint.
-#[pyclass(frozen, module = "lightpath_engine")]
+#[pyclass(frozen, module = "lightpath._engine")]
 pub(crate) struct Propagator {
     core: Precision,
     /// The planner's report, as JSON.

@@ -10,7 +10,7 @@ use numpy::{PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 
 /// A display and a camera that exist only in the engine.
-#[pyclass(frozen, module = "lightpath_engine")]
+#[pyclass(frozen, module = "lightpath._engine")]
 pub(crate) struct SimulatedDisplay(Simulated);
 
 #[pymethods]

@@ -14,6 +14,7 @@ the API.
 """
 
 from lightpath import aio, v1
+from lightpath.declared import AlignmentPoint, AllOrders, OrderFilter, SimulatedBench
 from lightpath.errors import (
     Aborted,
     AlreadyExists,
@@ -36,11 +37,14 @@ from lightpath.errors import (
 )
 from lightpath.events import Event
 from lightpath.hologram import Hologram
+from lightpath.initial_phases import BackPropagatedPhase, ConstantPhase, LensPhase, RandomPhase
 from lightpath.learned import LearnedKernel
 from lightpath.options import HologramOptions, LearnOptions, SubmitOptions
 from lightpath.photograph import Photograph, PhotoScore
 from lightpath.pictures import Phase, Picture
+from lightpath.plans import Alternative, Plan, PlanWarning
 from lightpath.promotion import PromotionGate, Verdict
+from lightpath.quality import DetectorQuality, Expected, Quality, SecondOpinion, ShownPicture
 from lightpath.reports import Evaluation, Report
 from lightpath.server import Artifact, Batch, KernelManifest, Keyring, Queue, ServerInfo
 from lightpath.sync import (
@@ -57,24 +61,29 @@ from lightpath.sync import (
     connect,
 )
 from lightpath.units import Length
-from lightpath.v1 import AllOrders, OrderFilter, SimulatedBench
 from lightpath.webhooks import Delivery, WebhookEvent, read_webhook
 
 __all__ = [
     "Aborted",
+    "AlignmentPoint",
     "AllOrders",
     "AlreadyExists",
+    "Alternative",
     "Artifact",
+    "BackPropagatedPhase",
     "Batch",
     "Connection",
+    "ConstantPhase",
     "Damaged",
     "Dataset",
     "Delivery",
+    "DetectorQuality",
     "Device",
     "Display",
     "Evaluation",
     "Event",
     "Exhausted",
+    "Expected",
     "FieldViolation",
     "Hologram",
     "HologramOptions",
@@ -91,6 +100,7 @@ __all__ = [
     "LearnOptions",
     "LearnedKernel",
     "Length",
+    "LensPhase",
     "LightpathError",
     "MissingKernel",
     "NotAllowed",
@@ -100,14 +110,20 @@ __all__ = [
     "PhotoScore",
     "Photograph",
     "Picture",
+    "Plan",
+    "PlanWarning",
     "PreconditionFailed",
     "PromotionGate",
     "ProtocolError",
+    "Quality",
     "Queue",
+    "RandomPhase",
     "Refused",
     "Report",
     "Rollout",
+    "SecondOpinion",
     "ServerInfo",
+    "ShownPicture",
     "SimulatedBench",
     "SubmitOptions",
     "Unreachable",

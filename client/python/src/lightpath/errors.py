@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, cast
 
 from google.rpc import error_details_pb2, status_pb2
 
+from lightpath.argument_names import argument, in_text
+
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
@@ -20,7 +22,7 @@ if TYPE_CHECKING:
 class LightpathError(Exception):
     """An error of this package. Attributes that an error does not have are empty.
 
-    - `field`: the argument or the field of the request, such as `distance` or `display.pixel_pitch_m`
+    - `field`: the argument, such as `distance` or `pixel_pitch`
     - `reason`: a stable word for programs, such as `INVALID_FIELD` or `QUEUE_FULL`
     - `fix`: what to do, for people
     """
@@ -62,19 +64,21 @@ class Unreachable(LightpathError, ConnectionError):
 
 @dataclass(frozen=True)
 class FieldViolation:
-    """A wrong field of a request: its path, what is wrong with it, and what to do."""
+    """A wrong argument: its name, what is wrong with it, and what to do."""
 
     field: str
     problem: str
     fix: str
+    path: str = ""
+    """The field of the request in the API that the argument became."""
 
 
 class Refused(LightpathError):
     """The server refused a call.
 
     - `code`: the code of gRPC, such as `INVALID_ARGUMENT`
-    - `message`: the server's text
-    - `fields`: all wrong fields, each with its problem and its fix
+    - `message`: the server's text, with the names of the API
+    - `fields`: all wrong arguments, each with its problem and its fix
     - `retry_after_s`: time after which the call may succeed [s], if the server gave one
     """
 
@@ -87,10 +91,11 @@ class Refused(LightpathError):
 
     def _text(self) -> str:
         # The message about several fields has a line for each of them.
-        first, *others = self.message.split("\n")
+        first, *others = in_text(self.message).split("\n")
         lines = [f"{first} ({self.reason or self.code})", *(each.strip() for each in others)]
         # What the message has already is not repeated.
-        lines += [f"{wrong.field}: {wrong.problem}" for wrong in self.fields if wrong.field not in self.message]
+        unsaid = [wrong for wrong in self.fields if wrong.path not in self.message]
+        lines += [f"{wrong.field}: {wrong.problem}" for wrong in unsaid]
         # The messages of Lightpath say what to do. Those of a proxy between do not.
         if not self.reason:
             lines.append(self.fix)
@@ -236,7 +241,10 @@ def _status(error: grpc.RpcError) -> ServerStatus:
         if detail.Unpack(retry):
             retry_after_s = retry.retry_delay.seconds + retry.retry_delay.nanos * 1e-9
     fields = tuple(
-        FieldViolation(each.field, each.description, each.localized_message.message) for each in wrong.field_violations
+        FieldViolation(
+            argument(each.field), in_text(each.description), in_text(each.localized_message.message), each.field
+        )
+        for each in wrong.field_violations
     )
     subject = info.metadata.get("field", "") or info.metadata.get("resource", "")
     return ServerStatus(code, message, info.reason, subject, fields, retry_after_s, fix.message)

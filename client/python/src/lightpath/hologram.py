@@ -1,55 +1,89 @@
-"""Holograms: phases, the levels for the display, and what they show."""
+"""Holograms, from a server or from `lightpath.local`: phases, levels for the display, and what they show."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from lightpath import html, names, png, v1, words
+from lightpath import html, names, png
 from lightpath.errors import InvalidArgument
 from lightpath.units import show_length
 
 if TYPE_CHECKING:
     import os
+    from collections.abc import Sequence
 
     import numpy.typing as npt
 
+    from lightpath import v1
+    from lightpath.local.display import DisplayModel
+    from lightpath.quality import Expected, Quality, SecondOpinion, ShownPicture
 
-@dataclass(frozen=True, eq=False)
+Value = TypeVar("Value")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Hologram:
     """An optimized hologram, held in memory.
 
-    `phase`, `levels` and `reconstruction` are planes [y][x]: the first part, which is the only one unless several
-    wavelengths, subframes or distances were asked for. `phases` and `all_levels` [wavelength][subframe][y][x] and
-    `reconstructions` [wavelength][plane][y][x] have all parts.
+    `phase`, `levels` and `reconstruction` are [y][x] if the hologram has one part. With several wavelengths, subframes
+    or distances they have an axis for each of those, in this order. `phases`, `all_levels`
+    [wavelength][subframe][y][x] and `reconstructions` [wavelength][plane][y][x] always have all axes.
+
+    What is measured of a single picture, such as `quality` and `expected`, stands in `pictures` [wavelength][plane] if
+    there are several.
     """
 
-    job: v1.Job = field(repr=False)
-    phases: npt.NDArray[np.float32] = field(repr=False)
-    """Phases before response, carrier and quantization, in [0, 2π) [rad]."""
-    levels_png: list[list[bytes]] = field(repr=False)
+    phases: npt.NDArray[np.float32]
+    """Phases before response, carrier and quantization, [wavelength][subframe][y][x], in [0, 2π) [rad]."""
+    levels_png: Sequence[Sequence[bytes]]
     """The PNG files for the display, [wavelength][subframe], as they are sent to it."""
-    reconstructions_png: list[list[bytes]] = field(repr=False)
+    reconstructions_png: Sequence[Sequence[bytes]]
     """The predicted pictures, [wavelength][plane], sRGB grey."""
-    colours_png: list[bytes] = field(repr=False)
+    colours_png: Sequence[bytes]
     """With three wavelengths: one colour picture for each plane. Otherwise empty."""
+    pictures: Sequence[Sequence[ShownPicture]]
+    """How well the hologram shows each picture, [wavelength][plane]."""
+    losses: Sequence[float]
+    """Loss of the last iteration, of each wavelength."""
+    intensity_scales: Sequence[float]
+    """Of each wavelength: factor from the light of a display's model to the brightness of the target."""
+    region: tuple[int, int, int, int]
+    """Region in which the picture counts: x, y, width, height [px]. The light around it is not needed."""
+    notes: Sequence[str] = ()
+    """Why the figures may say less than they seem to, as sentences: a dark target, planes without pixels."""
+    server_job: v1.Job | None = None
+    """The job of the server that optimized the hologram; `job` is the same. None: this process optimized it."""
+    models: Sequence[Sequence[DisplayModel]] = ()
+    """Models of the display, [wavelength][plane], if this process optimized the hologram. Otherwise empty."""
+    loss_histories: Sequence[Sequence[float]] = ()
+    """Loss of each iteration, of each wavelength, before it changed the phase. Empty if a server optimized it."""
+    lights: Sequence[Sequence[npt.NDArray[np.float32]]] = field(default=())
+    """Linear light of the reconstructions, [wavelength][plane], if this process optimized the hologram."""
 
     def __repr__(self) -> str:
-        kernels = ", ".join(_version(used) for used in self.job.kernels)
-        quality = f"PSNR {_in_photograph(self.expected)}, kernel {kernels}"
-        return f"<Hologram of {self.spec.display}, {self.width_px}x{self.height_px} px, {self._optics()}: {quality}>"
+        name = f"<Hologram of {self.spec.display}" if self.server_job else "<Hologram"
+        return f"{name}, {self.width_px}x{self.height_px} px, {self._optics()}: {self._headline()}, {self._kernels()}>"
+
+    @property
+    def job(self) -> v1.Job:
+        """The job of the server that optimized the hologram, with all that the server said."""
+        if self.server_job is None:
+            fix = "see pictures, losses and region, which every hologram has"
+            raise InvalidArgument("job", "does not exist: this process optimized the hologram", fix)
+        return self.server_job
 
     @property
     def spec(self) -> v1.OptimizeHologram:
-        """The request, with all defaults filled in."""
+        """The request to the server, with all defaults filled in."""
         return self.job.spec.optimize_hologram
 
     @property
     def result(self) -> v1.OptimizeHologramResult:
-        """The result as the server sent it, with the quality for every detector."""
+        """The result as the server sent it."""
         return self.job.result.optimize_hologram
 
     @property
@@ -65,23 +99,22 @@ class Hologram:
     @property
     def wavelengths_m(self) -> list[float]:
         """Wavelengths of the holograms [m]."""
-        return [each.wavelength_m for each in self.result.wavelengths]
+        return [each[0].wavelength_m for each in self.pictures]
 
     @property
     def distances_m(self) -> list[float]:
         """Distances of the pictures from the SLM [m]."""
-        return [plane.place.distance_m for plane in self.spec.planes]
+        return [each.distance_m for each in self.pictures[0]]
 
     @property
     def phase(self) -> npt.NDArray[np.float32]:
-        """Phase of the first wavelength and subframe, [y][x], in [0, 2π) [rad]."""
-        first: npt.NDArray[np.float32] = self.phases[0, 0]
-        return first
+        """Phase in [0, 2π) [rad]: [y][x], with axes before for several wavelengths and subframes."""
+        return _without_single_axes(self.phases)
 
     @property
     def levels(self) -> npt.NDArray[Any]:
-        """Grey levels for the display of the first wavelength and subframe, [y][x], uint8 or (above 8 bits) uint16."""
-        return png.decode(self.levels_png[0][0])
+        """Grey levels for the display, uint8 or (above 8 bits) uint16: [y][x], with axes before as `phase`."""
+        return _without_single_axes(self.all_levels)
 
     @property
     def all_levels(self) -> npt.NDArray[Any]:
@@ -90,8 +123,11 @@ class Hologram:
 
     @property
     def reconstruction(self) -> npt.NDArray[np.uint8]:
-        """What the display should show in the first plane: sRGB, [y][x], or with three wavelengths [y][x][3]."""
-        return png.decode(self._shown())
+        """What the display should show, sRGB: [y][x], with three wavelengths [y][x][3]; [plane] first, if several."""
+        if self.colours_png:
+            pictures = np.array([png.decode(picture) for picture in self.colours_png])
+            return pictures[0] if len(pictures) == 1 else pictures
+        return _without_single_axes(self.reconstructions)
 
     @property
     def reconstructions(self) -> npt.NDArray[np.uint8]:
@@ -99,117 +135,171 @@ class Hologram:
         return np.array([[png.decode(plane) for plane in planes] for planes in self.reconstructions_png])
 
     @property
+    def light(self) -> npt.NDArray[np.float32]:
+        """Linear light of the reconstruction in the brightness of the target: [y][x], with axes before for several.
+
+        A server sends pictures of 8 bits, so that its light has 256 steps and ends at 1.
+        """
+        if self.lights:
+            return _without_single_axes(np.array(self.lights))
+        values = self.reconstructions / np.float32(255)
+        linear = np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)  # noqa: PLR2004 - sRGB
+        return _without_single_axes(linear.astype(np.float32))
+
+    @property
+    def field(self) -> npt.NDArray[np.complex64]:
+        """The field behind an ideal modulator, exp(i phase)."""
+        return np.asarray(np.exp(1j * self.phase), np.complex64)
+
+    @property
+    def quality(self) -> Quality:
+        """Quality of the grey levels, as the display shows them, by the kernel of the hologram.
+
+        A photograph may show less: `expected`.
+        """
+        return self._picture("quality").quality
+
+    @property
+    def optimized_quality(self) -> Quality:
+        """Quality of the phases, before they were rounded to grey levels."""
+        return self._picture("optimized_quality").optimized_quality
+
+    @property
+    def expected(self) -> Expected:
+        """What a photograph is expected to show, by the best model of the display.
+
+        On a server that is the kernel that was active when the job was submitted, whatever the kernel of the hologram.
+        It includes the error that the kernel had on its own test photographs. If those are not known,
+        `expected.std_db` is None, and a photograph will show less.
+        """
+        return self._picture("expected").expected
+
+    @property
+    def second_opinion(self) -> SecondOpinion | None:
+        """What an independent model says, on some rows; None where it would take too long."""
+        return self._picture("second_opinion").second_opinion
+
+    @property
     def loss(self) -> float:
-        """Loss of the last iteration, of the first wavelength."""
-        return self.result.wavelengths[0].loss
+        """Loss of the last iteration."""
+        return self._only("loss", self.losses, "losses[wavelength]")
 
     @property
-    def expected(self) -> v1.Judgement:
-        """What a photograph of the first plane is expected to show, by the best model of the display.
-
-        That is the kernel that was active when the job was submitted, whatever the kernel of the hologram. If none was
-        active it is the kernel of the hologram, and `expected.kernel_version` is empty.
-
-        `expected.psnr_db` includes the error that the kernel had on its own test photographs, and `expected.stage` is
-        `STAGE_PHOTOGRAPHED`. If the kernel has none, the stage is `STAGE_DISPLAYED`, and a photograph will show less.
-        """
-        return next(each for each in self.result.wavelengths[0].planes[0].judgements if each.headline)
+    def loss_history(self) -> Sequence[float]:
+        """Loss of each iteration, before it changed the phase. A server keeps the last one alone: `loss`."""
+        if self.server_job:
+            raise InvalidArgument(
+                "loss_history", "is not kept by a server", "see loss, or use lightpath.local.optimize"
+            )
+        return self._only("loss_history", self.loss_histories, "loss_histories[wavelength]")
 
     @property
-    def quality(self) -> v1.Judgement:
-        """Quality in the first plane with the levels that the display shows, for the detector of the job.
-
-        It is that by the kernel of the hologram. A photograph may show less: `expected`.
-        """
-        return self.judgement("displayed", cast("words.Detector", words.name_of(v1.Detector, self.spec.detector)))
-
-    def judgement(self, stage: words.Stage, detector: words.Detector) -> v1.Judgement:
-        """Return how well the hologram shows its first plane, by its own kernel: as optimized or as displayed."""
-        wanted = (
-            v1.Judgement.MODEL_ENGINE,
-            words.number("stage", v1.Judgement.Stage, stage),
-            words.number("detector", v1.Detector, detector),
-            v1.Judgement.ORDERS_OWN,
-            "",
-        )
-        for each in self.result.wavelengths[0].planes[0].judgements:
-            found = (each.model, each.stage, each.detector, each.orders, each.kernel_version)
-            # Those on some rows are for the comparison with the independent model.
-            if found == wanted and not each.HasField("rows"):
-                return each
-        raise InvalidArgument("detector", f"is {detector}, which was not judged", "see result.wavelengths[0].planes[0]")
+    def intensity_scale(self) -> float:
+        """Factor from the light of a display's model to the brightness of the target."""
+        return self._only("intensity_scale", self.intensity_scales, "intensity_scales[wavelength]")
 
     @property
-    def notes(self) -> list[str]:
-        """Why the figures may say less than they seem to, as sentences: a dark target, planes without pixels."""
-        return list(dict.fromkeys(note for each in self.result.wavelengths for note in each.notes))
+    def kernel(self) -> DisplayModel:
+        """Model of the display in this process. A server has it as a version: `pictures[0][0].kernel`."""
+        if not self.models:
+            fix = "see pictures[0][0].kernel, and lightpath.local.DisplayModel.load for its file"
+            raise InvalidArgument("kernel", "is on the server that optimized the hologram", fix)
+        return self._only("kernel", [each for row in self.models for each in row], "models[wavelength][plane]")
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the hologram: `.png` for the display as it is, or `.npy` of the phase in radians.
 
-        Raises `InvalidArgument` if the hologram has several parts; `save_all` writes those.
+        Raises `InvalidArgument` for the PNG of a hologram with several parts; `save_all` writes those. The array of
+        `.npy` has an axis for each of several wavelengths and subframes.
         """
-        if len(self.levels_png) * len(self.levels_png[0]) > 1:
+        path = Path(path)
+        if path.suffix == ".npy":
+            np.save(path, self.phase, allow_pickle=False)
+        elif path.suffix != ".png":
+            raise InvalidArgument("path", f'is "{path}"', "end it with .png (levels) or .npy (radians)")
+        elif len(self.levels_png) * len(self.levels_png[0]) > 1:
             parts = f"{len(self.levels_png)} wavelengths with {len(self.levels_png[0])} subframes"
-            raise InvalidArgument("path", f"is one file, but the hologram has {parts}", "use save_all(folder)")
-        self._save_part(Path(path), 0, 0)
+            raise InvalidArgument("path", f"is one picture, but the hologram has {parts}", "use save_all(folder)")
+        else:
+            path.write_bytes(self.levels_png[0][0])
 
     def save_all(self, folder: str | os.PathLike[str]) -> list[Path]:
         """Write a PNG for each wavelength and subframe into a folder, and return their paths."""
         Path(folder).mkdir(parents=True, exist_ok=True)
         paths = []
-        for i, wavelength_m in enumerate(self.wavelengths_m):
-            for subframe in range(len(self.levels_png[i])):
-                path = Path(folder) / f"{show_length(wavelength_m).replace(' ', '')}-subframe{subframe + 1}.png"
-                self._save_part(path, i, subframe)
-                paths.append(path)
+        for wavelength_m, patterns in zip(self.wavelengths_m, self.levels_png, strict=True):
+            for subframe, pattern in enumerate(patterns, 1):
+                name = f"{show_length(wavelength_m).replace(' ', '')}-subframe{subframe}.png"
+                paths.append(Path(folder) / name)
+                paths[-1].write_bytes(pattern)
         return paths
 
-    def _save_part(self, path: Path, wavelength: int, subframe: int) -> None:
-        if path.suffix == ".png":
-            path.write_bytes(self.levels_png[wavelength][subframe])
-        elif path.suffix == ".npy":
-            np.save(path, self.phases[wavelength, subframe], allow_pickle=False)
-        else:
-            raise InvalidArgument("path", f'is "{path}"', "end it with .png (levels) or .npy (radians)")
+    def save_reconstruction(self, path: str | os.PathLike[str], *, plane: int = 0) -> None:
+        """Write what the display should show at one of its distances as an sRGB PNG, of three wavelengths in colour."""
+        path = Path(path)
+        if path.suffix != ".png":
+            raise InvalidArgument("path", f'is "{path}"', "end it with .png")
+        if not self.colours_png and len(self.reconstructions_png) > 1:
+            problem = f"is one picture, but the hologram has {len(self.reconstructions_png)} wavelengths"
+            raise InvalidArgument("path", problem, "write reconstructions[wavelength][plane]")
+        path.write_bytes((self.colours_png or self.reconstructions_png[0])[plane])
 
-    def _shown(self) -> bytes:
-        return self.colours_png[0] if self.colours_png else self.reconstructions_png[0][0]
+    def _only(self, name: str, values: Sequence[Value], all_of_them: str) -> Value:
+        if len(values) != 1:
+            raise InvalidArgument(name, f"is that of one picture, but the hologram has {self._parts()}", all_of_them)
+        return values[0]
+
+    def _picture(self, name: str) -> ShownPicture:
+        shown = [each for row in self.pictures for each in row]
+        return self._only(name, shown, f"use pictures[wavelength][plane].{name}")
+
+    def _parts(self) -> str:
+        return f"{len(self.pictures)} wavelengths and {len(self.pictures[0])} distances"
 
     def _optics(self) -> str:
         wavelengths = ", ".join(show_length(each) for each in self.wavelengths_m)
-        return f"{wavelengths} at {', '.join(show_length(each) for each in self.distances_m)}"
+        frames = f", {self.phases.shape[1]} subframes" if self.phases.shape[1] > 1 else ""
+        return f"{wavelengths} at {', '.join(show_length(each) for each in self.distances_m)}{frames}"
+
+    def _headline(self) -> str:
+        """Return what photographs are expected to show; of several pictures the worst."""
+        shown = [each.expected for row in self.pictures for each in row]
+        worst = min(shown, key=lambda each: each.psnr_db)
+        return f"{worst}" if len(shown) == 1 else f"{worst} in the worst of {len(shown)} pictures"
+
+    def _kernels(self) -> str:
+        used = dict.fromkeys(names.kernel_text(each.kernel) for row in self.pictures for each in row)
+        return ", ".join(used)
 
     def _repr_png_(self) -> bytes:
-        return png.thumbnail(self._shown(), html.PICTURE_SIDE_PX)
+        return png.thumbnail(self._shown()[0], html.PICTURE_SIDE_PX)
+
+    def _shown(self) -> Sequence[bytes]:
+        return self.colours_png or [plane for each in self.reconstructions_png for plane in each]
 
     def _repr_html_(self) -> str:
         pictures = html.picture("levels for the display", self.levels_png[0][0])
-        shown = self.colours_png or [planes for each in self.reconstructions_png for planes in each]
+        shown = self._shown()
         for i, picture in enumerate(shown):
-            pictures += html.picture(f"what it shows{f', {i + 1}' if len(shown) > 1 else ''}", picture)
-        seen = self.expected
-        by = f", by {seen.kernel_version}" if seen.kernel_version else ""
+            caption = f"what it shows{f', {i + 1}' if len(shown) > 1 else ''}"
+            pictures += html.picture_of_region(caption, picture, self.region)
         rows: list[tuple[str, object]] = [
-            ("display", f"{self.spec.display}, {self._optics()}"),
-            ("PSNR", f"{_in_photograph(seen)}{by}"),
-            ("SSIM", f"{seen.ssim:.3f}" if seen.HasField("ssim") else "not measured"),
-            ("diffraction efficiency", f"{seen.diffraction_efficiency:.1%}"),
-            *(("note", note) for note in self.notes),
-            ("job", self.job.name),
+            ("display", f"{self.spec.display}, {self._optics()}" if self.server_job else self._optics()),
+            ("PSNR in a photograph", f"{self._headline()}, {self._kernels()}"),
         ]
+        if len(shown) == 1:
+            seen = self.pictures[0][0].quality.pixel
+            rows += [
+                ("SSIM", "not measured" if seen.ssim is None else f"{seen.ssim:.3f}"),
+                ("diffraction efficiency", f"{seen.diffraction_efficiency:.1%}"),
+            ]
+        rows += [("note", note) for note in self.notes]
+        if self.server_job:
+            rows.append(("job", self.job.name))
         return pictures + html.table("Hologram", rows)
 
 
-def _version(used: v1.UsedKernel) -> str:
-    return f"version {names.last_part(used.kernel_version)}" if used.kernel_version else "ideal"
-
-
-def _in_photograph(judged: v1.Judgement) -> str:
-    """Return what a photograph is expected to show, for example `40.3 ± 1.5 dB expected in a photograph`."""
-    psnr = judged.psnr_db
-    if judged.stage != v1.Judgement.STAGE_PHOTOGRAPHED:
-        return f"{psnr.value:.1f} dB at most in a photograph"
-    # A smaller deviation would be shown as 0.0.
-    std = f" ± {psnr.std:.1f}" if psnr.std >= 0.05 else ""  # noqa: PLR2004
-    return f"{psnr.value:.1f}{std} dB expected in a photograph"
+def _without_single_axes(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Remove those of the first two axes that have one element."""
+    without: npt.NDArray[Any] = values.reshape(*(side for side in values.shape[:2] if side > 1), *values.shape[2:])
+    return without

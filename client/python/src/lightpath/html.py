@@ -33,7 +33,22 @@ def grid(title: str, heads: Sequence[str], rows: Iterable[Sequence[object]]) -> 
 
 def picture(caption: str, content: bytes) -> str:
     """Return a figure of a PNG, JPEG or TIFF picture, made small."""
-    data = base64.b64encode(png.thumbnail(content, PICTURE_SIDE_PX)).decode()
+    return _figure(caption, png.thumbnail(content, PICTURE_SIDE_PX))
+
+
+def picture_of_region(caption: str, content: bytes, region: tuple[int, int, int, int]) -> str:
+    """Return a figure of a picture, of which only a region x, y, width, height [px] counts: the rest is darkened."""
+    outside = " In the dark: light that the picture does not need." if _is_part(content, region) else ""
+    return _figure(f"{caption}.{outside}" if outside else caption, png.darkened(content, PICTURE_SIDE_PX, region))
+
+
+def _is_part(content: bytes, region: tuple[int, int, int, int]) -> bool:
+    height_px, width_px = png.decode(content).shape[:2]
+    return region != (0, 0, width_px, height_px)
+
+
+def _figure(caption: str, small: bytes) -> str:
+    data = base64.b64encode(small).decode()
     return (
         '<figure style="display:inline-block;margin:4px">'
         f'<img alt="{escape(caption)}" src="data:image/png;base64,{data}">'

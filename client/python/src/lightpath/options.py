@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from numbers import Integral, Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TypedDict
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypedDict
+
+import numpy as np
 
 from lightpath import v1, words
 from lightpath.errors import InvalidArgument
@@ -11,8 +14,11 @@ from lightpath.errors import InvalidArgument
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from lightpath.pictures import Phase, Picture
+    from lightpath.initial_phases import InitialPhase
+    from lightpath.pictures import Picture
 
+Region: TypeAlias = tuple[int, int, int, int]
+"""A part of a picture: x, y, width, height [px]."""
 
 # The longest label that the server accepts.
 _LABEL_BYTES_MAX = 128
@@ -35,8 +41,8 @@ class SubmitOptions(TypedDict, total=False):
     """At most one waiting or running job of the owner may have this key."""
     timeout_s: float
     """An attempt that takes longer fails for good [s]."""
-    after: Sequence[str]
-    """Jobs that must succeed before this job starts, `jobs/{id}`."""
+    after: Sequence[str | Named]
+    """Jobs that must succeed before this job starts: the jobs, or their names `jobs/{id}`."""
     needs: Sequence[str]
     """Labels that the process must have that runs the job, such as `gpu`."""
     label: str
@@ -44,7 +50,7 @@ class SubmitOptions(TypedDict, total=False):
 
 
 class Named(Protocol):
-    """A version of a kernel, as learning and importing return it."""
+    """A version of a kernel, as learning and importing return it, or a job."""
 
     @property
     def name(self) -> str:
@@ -72,8 +78,10 @@ class HologramOptions(SubmitOptions, total=False):
     """Learning rate of Adam [rad]."""
     subframes: int
     """Number of patterns that are shown one after the other, 1 to 24."""
-    initial_phase: v1.OptimizeHologram.InitialPhase | Phase
-    """The phase with which the search starts: a message, or phases in radians [height][width]."""
+    initial_phase: InitialPhase
+    """The phase with which the search starts: `random`, `constant`, `quadratic`, `back-propagated`, one of the classes
+    `RandomPhase`, `ConstantPhase`, `LensPhase`, `BackPropagatedPhase`, or phases in radians [y][x]. Default: what leads
+    to the best picture."""
     seed: int
     """Seed of the random numbers in the initial phase."""
     loss: words.Quantity
@@ -84,7 +92,7 @@ class HologramOptions(SubmitOptions, total=False):
     """Factor of the speckle in the loss, 0 to 1000."""
     detector: words.Detector
     """What counts as the light of a pixel: `pixel` (default), `point` or `supersampled`."""
-    region: tuple[int, int, int, int]
+    region: Region
     """Region in which the picture counts: x, y, width, height [px]. Default: the middle 80 % of each axis."""
     weight_mask: Picture
     """Linear grey picture of the pixels' weights. Black pixels do not count."""
@@ -111,23 +119,55 @@ class LearnOptions(SubmitOptions, total=False):
     """Seed of the order of the pairs."""
     detector: words.Detector
     """Light that the camera's pixels measure: `pixel` (default) or `point`."""
-    region: tuple[int, int, int, int]
+    region: Region
     """Region in which the photographs count: x, y, width, height [px]. Default: the middle 80 % of each axis."""
 
 
-def check(options: Mapping[str, Any], known: type[Any]) -> None:
-    """Raise TypeError for an option that does not exist, as Python does for an unknown keyword argument."""
+def check(options: Mapping[str, Any], known: type[Any], *, required: Sequence[str] = ()) -> None:
+    """Check the names of options, and the types of those that are numbers, texts or True and False.
+
+    Raises TypeError for an option that does not exist or is missing, as Python does for keyword arguments, and
+    `InvalidArgument` for a value of another type.
+    """
     unknown = options.keys() - known.__annotations__.keys()
     if unknown:
         raise TypeError(
             f"unknown option {', '.join(sorted(unknown))}; the options are {', '.join(sorted(known.__annotations__))}"
         )
+    missing = [name for name in required if name not in options]
+    if missing:
+        raise TypeError(f"missing keyword argument {', '.join(missing)}")
+    for name, value in options.items():
+        if value is not None:
+            check_type(name, value, getattr(known.__annotations__[name], "__forward_arg__", ""))
+
+
+def given(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the options that are not None, which stands for the default."""
+    return {name: value for name, value in options.items() if value is not None}
+
+
+_TYPES: dict[str, tuple[tuple[type[Any], ...], str]] = {
+    "int": ((Integral,), "give a whole number"),
+    "float": ((Real,), "give a number"),
+    "bool": ((bool, np.bool_), "give True or False"),
+    "str": ((str,), "give a text"),
+}
+
+
+def check_type(name: str, value: object, annotation: str) -> None:
+    """Raise `InvalidArgument` if a value is not of the type that an annotation such as `int` names."""
+    wanted, fix = _TYPES.get(annotation, ((object,), ""))
+    is_bool = isinstance(value, bool) and annotation in {"int", "float"}
+    if is_bool or not isinstance(value, wanted):
+        raise InvalidArgument(name, f"is {value!r}, a {type(value).__name__}", fix)
 
 
 def submit_request(spec: v1.JobSpec, options: SubmitOptions) -> v1.SubmitJobRequest:
     """Return the request that submits a job."""
-    own = {key: value for key, value in options.items() if key in SubmitOptions.__annotations__}
-    return v1.SubmitJobRequest(spec=spec, **own)  # type: ignore[arg-type]
+    own: dict[str, Any] = {key: value for key, value in given(options).items() if key in SubmitOptions.__annotations__}
+    own["after"] = [each if isinstance(each, str) else each.name for each in own.get("after", ())]
+    return v1.SubmitJobRequest(spec=spec, **own)
 
 
 def label_of(pictures: Sequence[object]) -> str:
@@ -139,13 +179,22 @@ def label_of(pictures: Sequence[object]) -> str:
     return label.encode()[: _LABEL_BYTES_MAX - len("…".encode())].decode(errors="ignore") + "…"
 
 
-def region_message(region: tuple[int, int, int, int] | None) -> v1.Region | None:
-    """Return the message of a region x, y, width, height [px]."""
+def region_px(region: Region | None) -> Region | None:
+    """Return a region x, y, width, height [px]."""
     if region is None:
         return None
-    if len(region) != 4 or any(side < 0 for side in region):  # noqa: PLR2004
+    sides = tuple(region) if isinstance(region, tuple | list | np.ndarray) else ()
+    if len(sides) != 4 or not all(isinstance(side, Integral) and side >= 0 for side in sides):  # noqa: PLR2004
         raise InvalidArgument("region", f"is {region}", "give x, y, width and height in pixels, none below 0")
-    x_px, y_px, width_px, height_px = region
+    return int(sides[0]), int(sides[1]), int(sides[2]), int(sides[3])
+
+
+def region_message(region: Region | None) -> v1.Region | None:
+    """Return the message of a region x, y, width, height [px]."""
+    sides = region_px(region)
+    if sides is None:
+        return None
+    x_px, y_px, width_px, height_px = sides
     return v1.Region(x_px=x_px, y_px=y_px, width_px=width_px, height_px=height_px)
 
 

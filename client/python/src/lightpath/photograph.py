@@ -2,27 +2,43 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from lightpath import html, png, v1
 
 if TYPE_CHECKING:
     import os
 
-    import numpy as np
     import numpy.typing as npt
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Photograph:
     """A photograph that a simulated display's camera took."""
 
     file: bytes = field(repr=False)
     """The 8-bit grey PNG."""
     digest: str
-    """Digest under which the server has the file, `sha256-…`."""
+    """Digest of the file, under which a server has it, `sha256-…`."""
+
+    @classmethod
+    def of_pixels(cls, pixels: npt.NDArray[np.uint8]) -> Photograph:
+        """Return the photograph of pixels, [y][x] in linear light."""
+        content = png.encode(pixels)
+        return cls(content, f"sha256-{hashlib.sha256(content).hexdigest()}")
+
+    def __repr__(self) -> str:
+        height_px, width_px = self.pixels.shape
+        return f"<Photograph, {width_px}x{height_px} px>"
+
+    def __array__(self, dtype: npt.DTypeLike | None = None, copy: bool | None = None) -> npt.NDArray[Any]:  # noqa: FBT001
+        """Return the pixels, so that NumPy takes a photograph as an array."""
+        return np.array(self.pixels, dtype, copy=copy is not False)
 
     @property
     def pixels(self) -> npt.NDArray[np.uint8]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import os
 from pathlib import Path
-from typing import Any, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +13,9 @@ from PIL import Image, ImageOps
 
 from lightpath import png
 from lightpath.errors import InvalidArgument
+
+if TYPE_CHECKING:
+    from typing import TypeGuard
 
 
 class Tensor(Protocol):
@@ -88,6 +91,27 @@ def phase_bytes(field: str, phase: Phase) -> bytes:
     return out.getvalue()
 
 
+def is_complex(picture: Picture) -> bool:
+    """Whether a picture is an array or a tensor of complex numbers."""
+    return (isinstance(picture, np.ndarray) or hasattr(picture, "detach")) and np.iscomplexobj(
+        numbers_of("target", picture)
+    )
+
+
+def is_file(picture: object) -> TypeGuard[str | os.PathLike[str] | Image.Image]:
+    """Whether a picture is a file or an image, no array."""
+    return isinstance(picture, str | os.PathLike | Image.Image)
+
+
+def numbers_of(field: str, values: object) -> npt.NDArray[Any]:
+    """Return the values of an array or a tensor. A tensor leaves its graph of gradients."""
+    if isinstance(values, np.ndarray):
+        return values
+    if hasattr(values, "detach"):
+        return np.asarray(values.detach().cpu().resolve_conj())
+    raise InvalidArgument(field, f"is a {type(values).__name__}", "give an array of NumPy or a tensor of PyTorch")
+
+
 def file_bytes(field: str, path: str | os.PathLike[str]) -> bytes:
     """Return the bytes of a file. `field` names the argument in errors."""
     try:
@@ -129,7 +153,7 @@ def _pixels(field: str, values: npt.NDArray[Any] | Tensor) -> npt.NDArray[Any]:
     if isinstance(values, np.ndarray):
         pixels = values
     elif hasattr(values, "detach"):
-        pixels = _colours_last(np.asarray(values.detach().cpu()))
+        pixels = _colours_last(numbers_of(field, values))
     else:
         raise InvalidArgument(field, f"is a {type(values).__name__}", "give a file, an image, an array or a tensor")
     is_colour = pixels.ndim == _COLOUR_AXES and pixels.shape[2] == _COLOURS

@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.patches import Rectangle
 
+from lightpath import png
 from lightpath.errors import InvalidArgument
 
 if TYPE_CHECKING:
@@ -30,7 +32,8 @@ def phase(
     phase_rad: Hologram | npt.NDArray[Any], *, pixel_pitch_m: float | None = None, axes: Axes | None = None
 ) -> Axes:
     """Draw a phase [y][x] in radians, with a cyclic colour map from 0 to 2π."""
-    values = phase_rad if isinstance(phase_rad, np.ndarray) else phase_rad.phase
+    # Of several phases of a hologram the first one.
+    values = phase_rad if isinstance(phase_rad, np.ndarray) else phase_rad.phases[0, 0]
     axes = _axes(axes)
     image = axes.imshow(
         np.mod(values, 2 * np.pi), cmap="twilight", vmin=0, vmax=2 * np.pi, extent=_extent(values, pixel_pitch_m)
@@ -58,6 +61,34 @@ def picture(
     axes.set_title(title)
     _label_plane(axes, pixel_pitch_m)
     return axes
+
+
+def hologram(hologram: Hologram, *, pixel_pitch_m: float | None = None) -> Figure:
+    """Draw the phase of a hologram beside what it shows. The light around the region of interest is darkened.
+
+    The headline says what a photograph is expected to show. Of several wavelengths, subframes and distances the first
+    one is drawn; a colour hologram shows its colours.
+    """
+    figure, (left, right) = plt.subplots(1, 2, figsize=(10, 3.6), layout="constrained")
+    phase(hologram.phases[0, 0], pixel_pitch_m=pixel_pitch_m, axes=left)
+    shown = png.decode((hologram.colours_png or hologram.reconstructions_png[0])[0])
+    picture(shown, pixel_pitch_m=pixel_pitch_m, axes=right)
+    side = 1.0 if pixel_pitch_m is None else pixel_pitch_m * 1e3
+    x, y, width, height = (each * side for each in hologram.region)
+    left_side, right_side, bottom, top = _extent(shown, pixel_pitch_m)
+    if (width, height) != (right_side - left_side, bottom - top):
+        dark = {"facecolor": "black", "alpha": 1 - png.OUTSIDE_BRIGHTNESS, "linewidth": 0}
+        for low, high, begin, end in (
+            (0, right_side, 0, y),
+            (0, right_side, y + height, bottom),
+            (0, x, y, y + height),
+            (x + width, right_side, y, y + height),
+        ):
+            right.fill_between([low, high], begin, end, **dark)
+        right.add_patch(Rectangle((x, y), width, height, fill=False, edgecolor=png.FRAME_COLOUR))
+        right.set_title("in the dark: light that the picture does not need", fontsize="small")
+    figure.suptitle(repr(hologram).strip("<>"), fontsize="medium")
+    return figure
 
 
 def pictures(named: Mapping[str, npt.NDArray[Any]], *, pixel_pitch_m: float | None = None) -> Figure:

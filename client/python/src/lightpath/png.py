@@ -14,11 +14,16 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from PIL import Image
+from PIL import Image, ImageDraw
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _GREY, _COLOUR = 0, 2
 _COLOUR_AXES = 3
+
+OUTSIDE_BRIGHTNESS = 0.35
+"""Factor by which the light around the region of interest is darkened in figures."""
+FRAME_COLOUR = "#e8a33d"
+"""Colour of the frame around the region of interest."""
 
 
 def encode(pixels: npt.NDArray[np.uint8] | npt.NDArray[np.uint16]) -> bytes:
@@ -47,11 +52,34 @@ def decode(png: bytes) -> npt.NDArray[Any]:
 
 def thumbnail(png: bytes, side_px: int) -> bytes:
     """Return a small 8-bit copy of a picture, whose longer side has at most `side_px` pixels."""
+    return _encoded(_small(png, side_px))
+
+
+def darkened(png: bytes, side_px: int, region: tuple[int, int, int, int]) -> bytes:
+    """Return a small copy of a picture that is darkened around a region x, y, width, height [px], with a frame."""
+    height_px, width_px = decode(png).shape[:2]
+    image = _small(png, side_px)
+    along_x, along_y = image.width / width_px, image.height / height_px
+    x_px, y_px, region_width_px, region_height_px = region
+    left, right = round(x_px * along_x), round((x_px + region_width_px) * along_x)
+    top, bottom = round(y_px * along_y), round((y_px + region_height_px) * along_y)
+    shown = Image.eval(image, lambda value: int(value * OUTSIDE_BRIGHTNESS))
+    shown.paste(image.crop((left, top, right, bottom)), (left, top))
+    if region != (0, 0, width_px, height_px):
+        ImageDraw.Draw(shown).rectangle((left - 1, top - 1, right, bottom), outline=FRAME_COLOUR)
+    return _encoded(shown)
+
+
+def _small(png: bytes, side_px: int) -> Image.Image:
     pixels = decode(png)
     if pixels.dtype == np.uint16:
         pixels = (pixels >> 8).astype(np.uint8)
     image = Image.fromarray(pixels).convert("RGB")
     image.thumbnail((side_px, side_px))
+    return image
+
+
+def _encoded(image: Image.Image) -> bytes:
     out = io.BytesIO()
     image.save(out, format="PNG")
     return out.getvalue()

@@ -11,7 +11,7 @@ image = propagator(torch.polar(amplitude, phase))  # complex64, on the processor
 Propagation is linear, u ↦ A u, so its gradient is the adjoint Aᴴ, which the engine applies by the conjugate transfer
 function. The computation runs on the processor. Tensors of other devices are copied there and back.
 
-It needs PyTorch and the package `lightpath-engine`.
+It needs PyTorch: `pip install "lightpath[torch]"`.
 """
 
 from __future__ import annotations
@@ -22,12 +22,13 @@ import torch
 
 from lightpath import local
 from lightpath.errors import InvalidArgument
+from lightpath.local.optics import REQUIRED, OpticsOptions
+from lightpath.local.options import LossOptions
+from lightpath.signature import with_options
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
-    from lightpath.local.optics import OpticsOptions
-    from lightpath.local.options import LossOptions
     from lightpath.local.propagation import Precision
     from lightpath.pictures import Picture
 
@@ -40,10 +41,10 @@ _FORWARD, _ADJOINT = False, True
 class Propagator(torch.nn.Module):
     """Propagation of complex fields [..][rows][columns] to a distance, as a layer without parameters.
 
-    complex64 fields are computed in single precision, complex128 in double. `optics` are
-    `lightpath.local.OpticsOptions`.
+    complex64 fields are computed in single precision, complex128 in double.
     """
 
+    @with_options(OpticsOptions, required=REQUIRED)
     def __init__(self, resolution: str | tuple[int, int], **optics: Unpack[OpticsOptions]) -> None:
         super().__init__()
         self._resolution, self._optics = resolution, optics
@@ -85,6 +86,7 @@ class _Apply(torch.autograd.Function):
         return _Apply.apply(gradient, ctx.propagator, not ctx.adjoint), None, None
 
 
+@with_options(OpticsOptions, required=REQUIRED)
 def propagate(field: torch.Tensor, **optics: Unpack[OpticsOptions]) -> torch.Tensor:
     """Return a complex field at a distance. For many fields of the same optics, make a `Propagator`."""
     image: torch.Tensor = Propagator((field.shape[-1], field.shape[-2]), **optics)(field)
@@ -95,10 +97,10 @@ class HologramLoss(torch.nn.Module):
     """The engine's own loss of a hologram's phase, with the engine's gradient.
 
     `HologramLoss(target, …)(phase)` is the loss of `lightpath.local.optimize` at the gain that fits best, as a scalar
-    tensor. Phases are [rows][columns], and computed in single precision. `options` are
-    `lightpath.local.LossOptions`; a learned `kernel` is one of them.
+    tensor. Phases are [rows][columns], and computed in single precision.
     """
 
+    @with_options(LossOptions)
     def __init__(self, target: Picture, **options: Unpack[LossOptions]) -> None:
         super().__init__()
         self.loss = local.HologramLoss(target, **options)

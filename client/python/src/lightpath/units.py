@@ -4,10 +4,16 @@ from __future__ import annotations
 
 import math
 import re
-from typing import TypeAlias
+from numbers import Integral, Real
+from typing import TYPE_CHECKING, TypeAlias, cast
+
+import numpy as np
 
 from lightpath import v1
 from lightpath.errors import InvalidArgument
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 Length: TypeAlias = float | str
 """A length: metres, or text with a unit such as `"150mm"`."""
@@ -16,7 +22,12 @@ _POWERS = {"m": 0, "cm": -2, "mm": -3, "um": -6, "µm": -6, "μm": -6, "nm": -9,
 _NUMBER = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))(?:[eE]([+-]?\d+))?\s*(.*)", re.DOTALL)
 
 # From this size on a number in metres probably lacks its unit: a distance of 150 is not 150 m.
-_PLAIN_MAX_M = {"distance": (10.0, "mm"), "pixel_pitch": (1e-2, "um"), "wavelength": (1e-4, "nm")}
+_PLAIN_MAX_M = {
+    "distance": (10.0, "mm"),
+    "pixel_pitch": (1e-2, "um"),
+    "wavelength": (1e-4, "nm"),
+    "focal_length": (1e3, "mm"),
+}
 
 # A smaller wavelength without a unit, such as 0.515, was meant in micrometres.
 _MICROMETRES_MAX = 10.0
@@ -25,10 +36,13 @@ _MICROMETRES_MAX = 10.0
 def metres(field: str, length: Length) -> float:
     """Return a length in metres.
 
-    `field` is `distance`, `pixel_pitch` or `wavelength`. Text gives the float nearest to the decimal number. Raises
-    `InvalidArgument` if the text is no length, or if the number is so large that its unit was probably forgotten.
+    `field` is `distance`, `pixel_pitch`, `wavelength` or `focal_length`. Text gives the float nearest to the decimal
+    number. Raises `InvalidArgument` for what is no length, or a number so large that its unit was probably forgotten.
     """
     plain_max_m, unit = _PLAIN_MAX_M[field]
+    if isinstance(length, bool) or not isinstance(length, str | Real):
+        fix = f"give one number in metres, or text with a unit, such as {_example(unit)}"
+        raise InvalidArgument(field, f"is a {type(length).__name__}", fix)
     value = _parsed(field, length.strip(), unit) if isinstance(length, str) else float(length)
     if not math.isfinite(value):
         raise InvalidArgument(field, f"is {length}", f"give a finite number with a unit, such as {_example(unit)}")
@@ -45,6 +59,13 @@ def metres(field: str, length: Length) -> float:
 def place(distance: Length) -> v1.Place:
     """Return the message of the place at a distance from the SLM."""
     return v1.Place(distance_m=metres("distance", distance))
+
+
+def several(lengths: Length | Sequence[Length]) -> Sequence[Length]:
+    """Return lengths as a sequence. A single one is one of them; an array has many."""
+    if isinstance(lengths, np.ndarray):
+        return [float(each) for each in lengths.ravel()]
+    return lengths if isinstance(lengths, list | tuple) else [cast("Length", lengths)]
 
 
 def _parsed(field: str, text: str, unit: str) -> float:
@@ -83,7 +104,10 @@ def show_length(length_m: float) -> str:
 def resolution_px(resolution: str | tuple[int, int]) -> tuple[int, int]:
     """Return columns and rows of a resolution such as `"1920x1080"` or `(1920, 1080)`."""
     if not isinstance(resolution, str):
-        return resolution
+        numbers = tuple(resolution) if isinstance(resolution, tuple | list) else ()
+        if len(numbers) != 2 or not all(isinstance(each, Integral) for each in numbers):  # noqa: PLR2004
+            raise InvalidArgument("resolution", f"is {resolution!r}", 'give "1920x1080", or (1920, 1080)')
+        return int(numbers[0]), int(numbers[1])
     found = re.fullmatch(r"\s*(\d+)\s*[x×]\s*(\d+)\s*", resolution)
     if found is None:
         raise InvalidArgument("resolution", f'is "{resolution}"', 'give columns x rows in pixels, such as "1920x1080"')

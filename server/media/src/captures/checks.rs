@@ -3,9 +3,9 @@
 use super::fingerprint;
 use super::reading::{CaptureError, Captures};
 use crate::pictures::{Photo, SATURATION};
-use lightpath_artifacts::digest_of;
 use lightpath_camera::alignment::Registration;
 use lightpath_domain::dataset::{Pair, PairChecks};
+use lightpath_domain::digests::digest_of;
 use lightpath_optics::numerics::tiles::Tiles;
 use lightpath_optics::{Detector, DisplayModel, Engine, Plane, RegionOfInterest};
 

@@ -33,7 +33,7 @@ use super::losses::Loss;
 use crate::budget::Budget;
 use crate::kernel_file::{self, Header, METADATA_KEY, Origin};
 use crate::shortened::{shortened, sides};
-use lightpath_artifacts::digest_of;
+use lightpath_domain::digests::digest_of;
 use lightpath_domain::kernel_format::KernelFormat;
 use lightpath_optics::display::parts::InBins;
 use lightpath_optics::display::parts::stored::{Entry, Numbers, Stored, StoredArray, StoredError, StoredParts};

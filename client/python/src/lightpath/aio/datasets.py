@@ -10,11 +10,13 @@ from lightpath.aio.jobs import submit
 from lightpath.aio.kernel_choice import of_dataset, start_of_learning
 from lightpath.aio.kernels import read_learned
 from lightpath.aio.results import read_evaluation, read_preparation
+from lightpath.declared import AlignmentPoint
 from lightpath.errors import InvalidArgument
 from lightpath.hologram import Hologram
-from lightpath.options import LearnOptions, Named, SubmitOptions, check, learn_message, region_message
+from lightpath.options import LearnOptions, Named, Region, SubmitOptions, check, learn_message, region_message
 from lightpath.photograph import Photograph
 from lightpath.pictures import Phase, Picture, phase_bytes, picture_bytes
+from lightpath.signature import with_options
 from lightpath.units import show_length
 
 if TYPE_CHECKING:
@@ -159,31 +161,39 @@ class Dataset:
     async def _pattern_digest(self, hologram: Hologram | Phase) -> str:
         if not isinstance(hologram, Hologram):
             return await self._connection.upload(phase_bytes("hologram", hologram))
-        for each in hologram.result.wavelengths:
+        for i, wavelength_m in enumerate(hologram.wavelengths_m):
             # The server compares wavelengths in picometres.
-            if round(each.wavelength_m * 1e12) == round(self.message.wavelength_m * 1e12):
-                return each.subframes[0].pattern
+            if round(wavelength_m * 1e12) == round(self.message.wavelength_m * 1e12):
+                return await self._digest_of_part(hologram, i)
         shown = show_length(self.message.wavelength_m)
         raise InvalidArgument("hologram", f"has no part for {shown}", "optimize it for the dataset's wavelength")
 
-    async def _photo_digest(self, photo: Photograph | Picture) -> str:
-        if isinstance(photo, Photograph):
-            return photo.digest
-        return await self._connection.upload(picture_bytes("photo", photo))
+    async def _digest_of_part(self, hologram: Hologram, wavelength: int) -> str:
+        patterns = hologram.levels_png[wavelength]
+        if len(patterns) > 1:
+            fix = "add each of all_levels[wavelength][subframe] with its own photograph"
+            raise InvalidArgument("hologram", f"has {len(patterns)} subframes", fix)
+        return await self._connection.upload(patterns[0])
 
+    async def _photo_digest(self, photo: Photograph | Picture) -> str:
+        content = photo.file if isinstance(photo, Photograph) else picture_bytes("photo", photo)
+        return await self._connection.upload(content)
+
+    @with_options(SubmitOptions)
     async def align(
         self,
         *,
         dots: Photograph | Picture | None = None,
-        points: Sequence[v1.AlignmentPoint] | None = None,
+        points: Sequence[AlignmentPoint | tuple[float, float, float, float]] | None = None,
         photo_size_px: tuple[int, int] | None = None,
         progress: Progress = True,
         **options: Unpack[SubmitOptions],
     ) -> v1.PrepareDatasetResult:
         """Find where the camera sees the display's pixels.
 
-        `dots` is a photograph of the displayed calibration target. `points` are at least four points of your own, with
-        the width and height of the photographs. Without both, the pairs themselves refine the alignment.
+        `dots` is a photograph of the displayed calibration target. `points` are at least four points of your own,
+        `AlignmentPoint` or tuples (x and y on the display, x and y in the photograph), with the width and height of the
+        photographs. Without both, the pairs themselves refine the alignment.
         """
         check(options, SubmitOptions)
         step = v1.PrepareDataset.Align(pairs=v1.PrepareDataset.Align.ByPairs())
@@ -191,10 +201,14 @@ class Dataset:
             step = v1.PrepareDataset.Align(dots_photo=await self._photo_digest(dots))
         elif points is not None:
             width_px, height_px = photo_size_px or (0, 0)
-            own = v1.AlignmentPoints(photo_width_px=width_px, photo_height_px=height_px, points=points)
+            messages = [
+                (each if isinstance(each, AlignmentPoint) else AlignmentPoint(*each)).message() for each in points
+            ]
+            own = v1.AlignmentPoints(photo_width_px=width_px, photo_height_px=height_px, points=messages)
             step = v1.PrepareDataset.Align(points=own)
         return await self._prepare(v1.PrepareDataset(dataset=self.name, align=step), options, progress)
 
+    @with_options(SubmitOptions)
     async def finalize(
         self,
         *,
@@ -226,19 +240,20 @@ class Dataset:
         await self.refresh()
         return result
 
+    @with_options(LearnOptions)
     async def learn(self, *, progress: Progress = True, **options: Unpack[LearnOptions]) -> KernelVersion:
         """Learn the display from this dataset, and return the new version of its kernel.
 
-        Nothing uses the version before `promote`. The options are those of `LearnOptions`. `Lab.learn` learns from
-        several distances at once.
+        Nothing uses the version before `promote`. `Lab.learn` learns from several distances at once.
         """
         return (await learn(self._connection, [self.name], progress, options))[0]
 
+    @with_options(SubmitOptions)
     async def evaluate(
         self,
         kernel: str | int | Named = "active",
         *,
-        region: tuple[int, int, int, int] | None = None,
+        region: Region | None = None,
         progress: Progress = True,
         **options: Unpack[SubmitOptions],
     ) -> Evaluation:

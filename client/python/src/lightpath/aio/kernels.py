@@ -17,6 +17,7 @@ from lightpath.presence import if_set
 from lightpath.promotion import Verdict, read_verdict
 from lightpath.retry import WAIT_TRIES_MAX, Backoff
 from lightpath.server import KernelManifest, read_manifest
+from lightpath.signature import with_options
 from lightpath.units import show_length
 
 if TYPE_CHECKING:
@@ -227,6 +228,7 @@ class KernelVersion:
         request = v1.GetJobRequest(name=lineage.learned.job or lineage.interpolated.job)
         return (await self._connection.call(self._connection.jobs.GetJob, request)).result.learn_kernel
 
+    @with_options(SubmitOptions)
     async def report(self, *, progress: Progress = True, **options: Unpack[SubmitOptions]) -> Report:
         """Make a report of what was learned, with pictures and numbers."""
         check(options, SubmitOptions)

@@ -15,11 +15,13 @@ from lightpath.aio.jobs import Job, job_name
 from lightpath.aio.kernels import Kernel, KernelVersion, list_kernels, read_learned
 from lightpath.aio.operations import Operations
 from lightpath.aio.results import read_evaluation, read_hologram, read_photograph, read_preparation, read_report
+from lightpath.declared import AllOrders, OrderFilter, SimulatedBench
 from lightpath.errors import InvalidArgument, ProtocolError
-from lightpath.options import LearnOptions, region_message
+from lightpath.options import LearnOptions, Region, region_message
 from lightpath.photograph import Photograph, PhotoScore
 from lightpath.pictures import Picture, picture_bytes
-from lightpath.units import Length, metres, resolution_px
+from lightpath.signature import with_options
+from lightpath.units import Length, metres, resolution_px, several
 
 if TYPE_CHECKING:
     import os
@@ -84,10 +86,10 @@ class Lab(Operations):
         bit_depth: int | None = None,
         phase_response_rad: Sequence[float] | npt.NDArray[Any] | None = None,
         carrier: words.Carrier | None = None,
-        orders: v1.AllOrders | v1.OrderFilter | None = None,
+        orders: AllOrders | OrderFilter | None = None,
         camera_fill_factor: float | None = None,
         notes: str = "",
-        simulated: int | v1.SimulatedBench | None = None,
+        simulated: int | SimulatedBench | None = None,
     ) -> Display:
         """Declare a display. A repeated request with the same properties returns the existing display.
 
@@ -97,13 +99,14 @@ class Lab(Operations):
         - `phase_response_rad`: phase of each grey level [rad], such as `numpy.loadtxt("response.txt")`. Default:
           linear, one turn
         - `carrier`: grating that moves the image away from the undiffracted light
-        - `orders`: diffraction orders that reach the image. Default: the whole first order, and nothing else
+        - `orders`: diffraction orders that reach the image: `AllOrders()`, or `OrderFilter(width=0.8)`. Default: the
+          whole first order, and nothing else
         - `camera_fill_factor`: side of the part of a pixel in which the camera sees light, in pixel pitches, 0.1 to 1.
           Default: 1, all of the pixel
-        - `simulated`: a seed, or the properties of a simulated bench, for a display that exists only as a simulation
+        - `simulated`: a seed, or a `SimulatedBench(strength=0.5, …)`, for a display that exists only as a simulation
         """
         width_px, height_px = resolution_px(resolution)
-        wavelengths = [wavelength] if isinstance(wavelength, str | int | float) else wavelength
+        bench = SimulatedBench(seed=simulated) if isinstance(simulated, int) else simulated
         message = v1.Display(
             name=names.with_collection("displays", display_id),
             modulator=v1.Modulator(
@@ -113,13 +116,13 @@ class Lab(Operations):
                 bit_depth=bit_depth,
                 phase=_response(phase_response_rad) if phase_response_rad is not None else None,
             ),
-            wavelengths_m=[metres("wavelength", each) for each in wavelengths],
+            wavelengths_m=[metres("wavelength", each) for each in several(wavelength)],
             carrier=words.number("carrier", v1.Carrier, carrier),
             notes=notes,
-            all_orders=orders if isinstance(orders, v1.AllOrders) else None,
-            order_filter=orders if isinstance(orders, v1.OrderFilter) else None,
+            all_orders=orders.message() if isinstance(orders, AllOrders) else None,
+            order_filter=orders.message() if isinstance(orders, OrderFilter) else None,
             camera_fill_factor=camera_fill_factor,
-            simulated_bench=v1.SimulatedBench(seed=simulated) if isinstance(simulated, int) else simulated,
+            simulated_bench=None if bench is None else bench.message(),
         )
         request = v1.CreateDisplayRequest(display=message)
         return Display(self.connection, await self.connection.call(self.connection.displays.CreateDisplay, request))
@@ -152,6 +155,7 @@ class Lab(Operations):
         """Return the kernels of all displays, in the order of their names."""
         return await list_kernels(self.connection, "")
 
+    @with_options(LearnOptions)
     async def learn(
         self, datasets: Sequence[Dataset | str], *, progress: Progress = True, **options: Unpack[LearnOptions]
     ) -> list[KernelVersion]:
@@ -168,7 +172,7 @@ class Lab(Operations):
         *,
         photo_encoding: words.Encoding | None = None,
         target_encoding: words.Encoding | None = None,
-        region: tuple[int, int, int, int] | None = None,
+        region: Region | None = None,
     ) -> PhotoScore:
         """Measure how well a photograph shows a target. It needs no display and no dataset.
 
@@ -177,9 +181,9 @@ class Lab(Operations):
         the photograph does not show the target.
         """
         request = v1.ScorePhotoRequest(
-            photo=photo.digest
-            if isinstance(photo, Photograph)
-            else await self.connection.upload(picture_bytes("photo", photo)),
+            photo=await self.connection.upload(
+                photo.file if isinstance(photo, Photograph) else picture_bytes("photo", photo)
+            ),
             target=await self.connection.upload(picture_bytes("target", target)),
             photo_encoding=words.number("photo_encoding", v1.Encoding, photo_encoding),
             target_encoding=words.number("target_encoding", v1.Encoding, target_encoding),

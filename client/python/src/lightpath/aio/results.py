@@ -8,28 +8,56 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lightpath import v1
 from lightpath.hologram import Hologram
 from lightpath.photograph import Photograph
+from lightpath.quality import ShownPicture, expected_of, judged_by_another_model, judged_quality
 from lightpath.reports import Evaluation, Report
 
 if TYPE_CHECKING:
-    from lightpath import v1
     from lightpath.aio.connection import Connection
 
 
 async def read_hologram(connection: Connection, job: v1.Job) -> Hologram:
     """Return the hologram that a job optimized, with its files. Warn about what its figures leave out."""
+    spec, result = job.spec.optimize_hologram, job.result.optimize_hologram
     phases, levels, pictures = [], [], []
-    for each in job.result.optimize_hologram.wavelengths:
+    for each in result.wavelengths:
         arrays = [np.load(io.BytesIO(await connection.download(shown.phase))) for shown in each.subframes]
         phases.append(np.stack(arrays))
         levels.append([await connection.download(shown.pattern) for shown in each.subframes])
         pictures.append([await connection.download(plane.reconstruction) for plane in each.planes])
-    colours = [await connection.download(digest) for digest in job.result.optimize_hologram.colour_reconstructions]
-    hologram = Hologram(job, np.stack(phases), levels, pictures, colours)
+    colours = [await connection.download(digest) for digest in result.colour_reconstructions]
+    hologram = Hologram(
+        phases=np.stack(phases),
+        levels_png=levels,
+        reconstructions_png=pictures,
+        colours_png=colours,
+        pictures=[[_shown(each.wavelength_m, plane, job) for plane in each.planes] for each in result.wavelengths],
+        losses=[each.loss for each in result.wavelengths],
+        intensity_scales=[each.intensity_scale for each in result.wavelengths],
+        region=(spec.region.x_px, spec.region.y_px, spec.region.width_px, spec.region.height_px),
+        notes=list(dict.fromkeys(note for each in result.wavelengths for note in each.notes)),
+        server_job=job,
+    )
     for note in hologram.notes:
         warnings.warn(note, UserWarning, stacklevel=2)
     return hologram
+
+
+def _shown(wavelength_m: float, plane: v1.OptimizeHologramResult.PlaneResult, job: v1.Job) -> ShownPicture:
+    """Return how well a picture is shown, as the server judged it."""
+    optics = (wavelength_m, plane.place.distance_m)
+    used = {(each.wavelength_m, each.place.distance_m): each.kernel_version for each in job.kernels}
+    kernel = used.get(optics) or "ideal"
+    return ShownPicture(
+        *optics,
+        quality=judged_quality(plane.judgements, v1.Judgement.STAGE_DISPLAYED),
+        optimized_quality=judged_quality(plane.judgements, v1.Judgement.STAGE_OPTIMIZED),
+        expected=expected_of(plane.judgements, kernel),
+        second_opinion=judged_by_another_model(plane.judgements),
+        kernel=kernel,
+    )
 
 
 async def read_photograph(connection: Connection, job: v1.Job) -> Photograph:

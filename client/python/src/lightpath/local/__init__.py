@@ -7,18 +7,20 @@ hologram = local.optimize("photo.png", resolution="960x540", wavelength="515nm",
 hologram.save("hologram.png")
 ```
 
-It needs the package `lightpath-engine`. Arrays are [y][x], in NumPy or PyTorch. Lengths are metres or text with a unit.
+Arrays are [y][x], in NumPy or PyTorch. Lengths are metres or text with a unit.
 Computations run on all processors, or on `RAYON_NUM_THREADS` threads, while other threads of Python go on.
 """
 
+from lightpath.hologram import Hologram
 from lightpath.local.display import DisplayModel, LearningRecord, SimulatedDisplay
 from lightpath.local.engine import EngineRefused
-from lightpath.local.hologram import Hologram, HologramLoss, optimize
+from lightpath.local.hologram import HologramLoss, optimize
 from lightpath.local.learning import learn
-from lightpath.local.optics import OpticsOptions, Plan, PlanWarning
+from lightpath.local.optics import OpticsOptions
 from lightpath.local.options import LossOptions, OptimizeOptions
 from lightpath.local.propagation import Propagated, Propagator, plan, propagate, transfer_function
-from lightpath.local.quality import DetectorQuality, Quality, SecondOpinion
+from lightpath.plans import Plan, PlanWarning
+from lightpath.quality import DetectorQuality, Quality, SecondOpinion
 
 __all__ = [
     "DetectorQuality",

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import io
+import os
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+from PIL import Image
 
+from lightpath import png
 from lightpath.errors import InvalidArgument
-from lightpath.pictures import Tensor
+from lightpath.hologram import Hologram
+from lightpath.pictures import Phase, Tensor, file_bytes, numbers_of
 
 if TYPE_CHECKING:
     from typing import TypeGuard
@@ -17,7 +22,6 @@ Array: TypeAlias = npt.NDArray[Any] | Tensor
 """An array of NumPy or a tensor of PyTorch."""
 
 _TURN_RAD = 2 * np.pi
-_LEVELS = 256
 _AXES, _SET_AXES = 2, 3
 
 
@@ -28,34 +32,57 @@ def is_array(values: object) -> TypeGuard[Array]:
 
 def as_array(name: str, values: Array) -> npt.NDArray[Any]:
     """Return the values of an array or a tensor. A tensor leaves its graph of gradients."""
-    if isinstance(values, np.ndarray):
-        return values
-    if hasattr(values, "detach"):
-        return np.asarray(values.detach().cpu().resolve_conj())
-    raise InvalidArgument(name, f"is a {type(values).__name__}", "give an array of NumPy or a tensor of PyTorch")
+    return np.asarray(values) if hasattr(values, "__array__") else numbers_of(name, values)
 
 
 def complex_field(name: str, values: Array, dtype: type[np.complex64 | np.complex128]) -> npt.NDArray[Any]:
-    """Return a complex field [..][y][x] of a type."""
+    """Return a complex field [..][y][x] of a type. Real numbers are amplitudes with the phase 0."""
     field = as_array(name, values)
-    if field.dtype.kind != "c":
-        fix = "give complex amplitudes, such as numpy.exp(1j * phase), or amplitude.astype(numpy.complex64)"
+    if field.dtype.kind not in "cfb":
+        fix = "give complex amplitudes, such as numpy.exp(1j * phase), or real ones as floats, which have the phase 0"
         raise InvalidArgument(name, f"has values of type {field.dtype}", fix)
     if field.ndim < _AXES or field.size == 0:
         raise InvalidArgument(name, f"has the shape {field.shape}", "give [rows][columns], with any axes before them")
     return _checked(name, field, dtype)
 
 
-def phase_rad(name: str, values: Array, *, axes: int = _AXES) -> npt.NDArray[np.float32]:
-    """Return phases [rad] [y][x]. uint8 are grey levels, of which 256 are a turn."""
-    phase = as_array(name, values)
-    if phase.dtype == np.uint8:
-        phase = phase.astype(np.float32) * np.float32(_TURN_RAD / _LEVELS)
+def phase_rad(name: str, values: Hologram | Phase, *, axes: int = _AXES, bits: int = 8) -> npt.NDArray[np.float32]:
+    """Return phases [rad] [y][x]: of a hologram with one pattern, an array, a picture or a file.
+
+    Integers are grey levels, of which 2^`bits` are a turn; floats are radians.
+    """
+    phase = _pattern(name, values)
+    if phase.dtype.kind in "ui" and phase.size:
+        least, most = int(phase.min()), int(phase.max())
+        if least < 0 or most >= 2**bits:
+            problem = f"has grey levels from {least} to {most}, but those of {bits} bits are 0 to {2**bits - 1}"
+            raise InvalidArgument(name, problem, "give bit_depth, or radians as floats")
+        phase = phase.astype(np.float32) * np.float32(_TURN_RAD / 2**bits)
     elif phase.dtype.kind != "f":
-        fix = "give radians as floats, or grey levels of 8 bits as uint8"
+        fix = "give radians as floats, or grey levels as integers"
         raise InvalidArgument(name, f"has values of type {phase.dtype}", fix)
     _check_axes(name, phase, axes)
     return _checked(name, phase, np.float32)
+
+
+def frames_rad(name: str, values: Hologram | Phase, *, bits: int = 8) -> npt.NDArray[np.float32]:
+    """Return phases [rad] [subframe][y][x], of which a single one may be [y][x]."""
+    phase = _pattern(name, values)
+    return phase_rad(name, phase if phase.ndim == _SET_AXES else phase[np.newaxis], axes=_SET_AXES, bits=bits)
+
+
+def _pattern(name: str, values: Hologram | Phase) -> npt.NDArray[Any]:
+    """Return the levels or phases of whatever holds a hologram."""
+    if isinstance(values, Hologram):
+        # Levels of a server may have a carrier and a measured response, and others have more than 8 bits.
+        levels = values.levels
+        return levels if values.server_job is None and levels.dtype == np.uint8 else values.phase
+    if isinstance(values, str | os.PathLike):
+        content = file_bytes(name, values)
+        if content.startswith(b"\x93NUMPY"):
+            return np.asarray(np.load(io.BytesIO(content), allow_pickle=False))
+        return png.decode(content)
+    return np.asarray(values) if isinstance(values, Image.Image) else as_array(name, values)
 
 
 def light(name: str, values: Array, *, axes: int = _AXES) -> npt.NDArray[np.float32]:

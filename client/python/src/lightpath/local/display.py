@@ -5,17 +5,23 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 
 from lightpath import words
+from lightpath.declared import SimulatedBench
 from lightpath.errors import InvalidArgument
-from lightpath.local.arrays import Array, complex_field, light, phase_rad
+from lightpath.local.arrays import Array, complex_field, frames_rad, light, phase_rad
 from lightpath.local.engine import engine, refusals
-from lightpath.local.optics import choose, optics_json, plan_of
-from lightpath.local.quality import Quality, SecondOpinion, opinion_of, quality_of, target_light
-from lightpath.pictures import Picture, file_bytes
+from lightpath.local.optics import REQUIRED, OpticsOptions, choose, optics_json
+from lightpath.local.targets import target_light
+from lightpath.options import Region, region_px
+from lightpath.photograph import Photograph
+from lightpath.pictures import Phase, Picture, file_bytes
+from lightpath.plans import plan_of
+from lightpath.quality import Quality, SecondOpinion, opinion_of, quality_of
+from lightpath.signature import with_options
 from lightpath.units import show_length
 
 if TYPE_CHECKING:
@@ -24,7 +30,7 @@ if TYPE_CHECKING:
     import numpy.typing as npt
     from typing_extensions import Unpack
 
-    from lightpath.local.optics import OpticsOptions
+    from lightpath.hologram import Hologram
     from lightpath.units import Length
 
 
@@ -71,8 +77,9 @@ class DisplayModel:
         """What the file that the model was read from did not hold."""
 
     @classmethod
+    @with_options(OpticsOptions, required=REQUIRED)
     def ideal(cls, resolution: str | tuple[int, int], **optics: Unpack[OpticsOptions]) -> DisplayModel:
-        """Return the model of a display without errors. `optics` are `OpticsOptions`."""
+        """Return the model of a display without errors."""
         with refusals():
             return cls(engine.DisplayModel.ideal(optics_json(resolution, optics)))
 
@@ -118,37 +125,50 @@ class DisplayModel:
         with refusals():
             return self.native.transfer_function()
 
-    def field(self, phase: Array) -> npt.NDArray[np.complex64]:
-        """Return the complex field in the image at the pixels' centres, for a phase [rad]."""
+    def field(self, phase: Hologram | Phase, *, bit_depth: int = 8) -> npt.NDArray[np.complex64]:
+        """Return the complex field in the image at the pixels' centres, for a phase as `simulate` takes it."""
         with refusals():
-            return self.native.field(phase_rad("phase", phase))
+            return self.native.field(phase_rad("phase", phase, bits=bit_depth))
 
     def propagate(self, field: Array) -> npt.NDArray[np.complex64]:
-        """Return the image of a complex field behind the modulator. The modulator's model is not used."""
+        """Return the image of a complex field behind the modulator. The modulator's model is not used.
+
+        Real numbers are amplitudes with the phase 0.
+        """
         with refusals():
             return self.native.propagate(complex_field("field", field, np.complex64))
 
-    def simulate(self, phase: Array, *, detector: words.Detector = "pixel") -> npt.NDArray[np.float32]:
-        """Return the light of a hologram [rad] in the image, as a detector measures it. Its mean is about 1."""
+    def simulate(
+        self, phase: Hologram | Phase, *, detector: words.Detector = "pixel", bit_depth: int = 8
+    ) -> npt.NDArray[np.float32]:
+        """Return the light of a hologram in the image, as a detector measures it. Its mean is about 1.
+
+        - `phase`: a hologram, or a file or an array of radians (floats) or grey levels (integers) [y][x]. With an axis
+          before, [subframe][y][x], it is the mean light of all of them.
+        - `bit_depth`: bits of grey levels
+        """
+        word = choose("detector", detector, get_args(words.Detector))
         with refusals():
-            return self.native.light(phase_rad("phase", phase), choose("detector", detector, get_args(words.Detector)))
+            return self.native.light(frames_rad("phase", phase, bits=bit_depth), word)
 
     def quality(
         self,
-        phase: Array,
+        phase: Hologram | Phase,
         target: Picture,
         *,
-        region: tuple[int, int, int, int] | None = None,
+        region: Region | None = None,
         target_encoding: words.Encoding = "srgb",
         fit: words.Fit = "contain",
+        bit_depth: int = 8,
     ) -> tuple[Quality, SecondOpinion | None]:
-        """Return how well a hologram [rad], whoever made it, shows a target, and what an independent model says.
+        """Return how well a hologram, whoever made it, shows a target, and what an independent model says.
 
-        The opinion is about the light of the detector `pixel`, on some rows.
+        `phase` is as `simulate` takes it. The opinion is about the light of the detector `pixel`, on some rows.
         """
-        shown, wanted = phase_rad("phase", phase), target_light(target, self.shape, target_encoding, fit)
+        shown = frames_rad("phase", phase, bits=bit_depth)
+        wanted = target_light(target, self.shape, target_encoding, fit)
         with refusals():
-            facts = json.loads(self.native.quality(shown, wanted, region))
+            facts = json.loads(self.native.quality(shown, wanted, region_px(region)))
         return quality_of(facts["quality"]), opinion_of(facts["second_opinion"])
 
     def losses(
@@ -156,14 +176,14 @@ class DisplayModel:
         phases: Array,
         captures: Array,
         *,
-        region: tuple[int, int, int, int] | None = None,
+        region: Region | None = None,
         detector: words.Detector = "pixel",
     ) -> list[float]:
         """Return how well the model predicts each capture: mean squared error, at the best gain and offset of each."""
         word = choose("detector", detector, get_args(words.Detector))
         with refusals():
             sets = (phase_rad("phases", phases, axes=3), light("captures", captures, axes=3))
-            return engine.losses(self.native, *sets, region, word)
+            return engine.losses(self.native, *sets, region_px(region), word)
 
     def __repr__(self) -> str:
         optics = f"{show_length(self.wavelength_m)} at {show_length(self.distance_m)}"
@@ -173,8 +193,8 @@ class DisplayModel:
 class SimulatedDisplay:
     """A display with imperfections and its camera, which exist only in the engine: for trying out `learn`.
 
-    `seed` draws the imperfections. `properties` are those of the simulated benches of the server, such as `strength`,
-    `camera_noise` or `crosstalk_px`; the camera is in place, unless you say `misalignment_px`.
+    `simulated` is the seed that draws the imperfections, or a `lightpath.SimulatedBench` with its properties, as of a
+    server's displays. The camera is in place, unless that says `misalignment_px`.
     """
 
     def __init__(
@@ -184,15 +204,18 @@ class SimulatedDisplay:
         wavelength: Length,
         pixel_pitch: Length,
         distance: Length,
-        seed: int = 1,
-        **properties: float,
+        simulated: int | SimulatedBench = 1,
     ) -> None:
         optics = optics_json(resolution, {"wavelength": wavelength, "pixel_pitch": pixel_pitch, "distance": distance})
-        bench: dict[str, Any] = {"seed": seed, "strength": 1.0, **properties}
+        bench = SimulatedBench(seed=simulated) if isinstance(simulated, int) else simulated
         with refusals():
-            self._native = engine.SimulatedDisplay(optics, json.dumps(bench))
+            self._native = engine.SimulatedDisplay(optics, json.dumps(bench.properties()))
 
-    def photograph(self, phase: Array, *, noise_seed: int = 0) -> npt.NDArray[np.uint8]:
-        """Return a photograph of a hologram, in linear grey levels. `noise_seed` draws the noise of the camera."""
+    def photograph(self, hologram: Hologram | Phase, *, seed: int = 0, bit_depth: int = 8) -> Photograph:
+        """Return a photograph of a hologram, in linear light. `seed` is that of the camera's noise.
+
+        `hologram` is as `DisplayModel.simulate` takes it, with one pattern. NumPy takes the photograph as an array.
+        """
         with refusals():
-            return self._native.photograph(phase_rad("phase", phase), noise_seed)
+            pixels = self._native.photograph(phase_rad("hologram", hologram, bits=bit_depth), seed)
+        return Photograph.of_pixels(pixels)

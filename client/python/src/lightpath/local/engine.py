@@ -6,15 +6,16 @@ import contextlib
 from importlib import metadata
 from typing import TYPE_CHECKING
 
+from lightpath.argument_names import argument, in_text
 from lightpath.errors import LightpathError
 
 try:
-    import lightpath_engine as engine
+    from lightpath import _engine as engine
 except ImportError as error:
     raise ImportError(
-        "lightpath.local needs the package lightpath-engine, Lightpath's compiled engine: pip install"
-        ' "lightpath[engine]", or in a checkout pip install client/python/engine, which needs Rust',
-        name="lightpath_engine",
+        "lightpath.local needs the compiled engine, which this installation of lightpath lacks: install it again"
+        " without LIGHTPATH_ENGINE=none, in a checkout with pip install ./client/python, which needs Rust",
+        name="lightpath._engine",
     ) from error
 
 if TYPE_CHECKING:
@@ -27,16 +28,12 @@ def _check_version() -> None:
     own = metadata.version("lightpath")
     if engine.__version__ != own:
         raise ImportError(
-            f"lightpath is version {own}, but lightpath-engine is version {engine.__version__}: install the same"
-            " version of both",
-            name="lightpath_engine",
+            f"lightpath is version {own}, but its engine is version {engine.__version__}: install lightpath again",
+            name="lightpath._engine",
         )
 
 
 _check_version()
-
-# The engine's names of quantities end in their unit; the arguments of this package do not.
-_UNITS = ("_rad", "_m")
 
 
 class EngineRefused(LightpathError, ValueError):
@@ -54,8 +51,5 @@ def refusals() -> Iterator[None]:
         yield
     except engine.EngineError as error:
         field, reason, message = error.args
-        for unit in _UNITS:
-            field = field.removesuffix(unit)
-        raise EngineRefused(
-            {"target_intensity": "target", "photo": "captures"}.get(field, field), reason, message
-        ) from None
+        name = {"photo": "captures"}.get(field, argument(field))
+        raise EngineRefused(name, reason, in_text(message)) from None

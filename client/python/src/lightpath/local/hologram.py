@@ -3,144 +3,166 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any, cast, get_args
 
 import numpy as np
 
-from lightpath import html, png, words
+from lightpath import words
+from lightpath.complex_targets import as_light
 from lightpath.errors import InvalidArgument
-from lightpath.local.arrays import Array, as_array, is_array, light, phase_rad
-from lightpath.local.display import DisplayModel
+from lightpath.hologram import Hologram
+from lightpath.initial_phases import named, options_of, parts_of
+from lightpath.local.arrays import Array, as_array, is_array, phase_rad
+from lightpath.local.displays import displays_of
 from lightpath.local.engine import engine, refusals
-from lightpath.local.optics import check, choose
+from lightpath.local.optics import choose
 from lightpath.local.options import LossOptions, OptimizeOptions
 from lightpath.local.progress import Progress, listener
-from lightpath.local.quality import Quality, SecondOpinion, opinion_of, quality_of, target_light
-from lightpath.units import show_length
+from lightpath.local.targets import colour_of, target_light
+from lightpath.options import check, given, region_px
+from lightpath.quality import Expected, ShownPicture, opinion_of, quality_of
+from lightpath.signature import with_options
 
 if TYPE_CHECKING:
-    import os
+    from collections.abc import Callable, Sequence
 
     import numpy.typing as npt
     from typing_extensions import Unpack
 
+    from lightpath.local.display import DisplayModel
     from lightpath.pictures import Picture
 
-_AXES = 2
+_COLOURS = 3
 
 
-@dataclass(frozen=True, eq=False)
-class Hologram:
-    """An optimized hologram. Planes are [y][x]."""
+@with_options(OptimizeOptions)
+def optimize(
+    target: Picture | Sequence[Picture], *, progress: Progress = False, **options: Unpack[OptimizeOptions]
+) -> Hologram:
+    """Find phases with which a display shows a picture, several at several distances, or a picture in colour.
 
-    phase: npt.NDArray[np.float32] = field(repr=False)
-    """Phase in [0, 2π) [rad], before it is rounded to grey levels."""
-    reconstruction: npt.NDArray[np.float32] = field(repr=False)
-    """What the display should show: linear light in the brightness of the target, for the rounded phase."""
-    levels_png: bytes = field(repr=False)
-    """The PNG file for the display: grey level = phase / 2π · 2^bits."""
-    reconstruction_png: bytes = field(repr=False)
-    """The reconstruction as an sRGB picture."""
-    quality: Quality
-    """Quality of the phase."""
-    quantized_quality: Quality = field(repr=False)
-    """Quality of the grey levels, as the display shows them."""
-    second_opinion: SecondOpinion | None = field(repr=False)
-    """Of an independent model, on some rows; None where it would take too long."""
-    intensity_scale: float = field(repr=False)
-    """Factor from the light of `DisplayModel.simulate` to the brightness of the target."""
-    loss_history: tuple[float, ...] = field(repr=False)
-    """Loss of each iteration, before it changed the phase."""
-    kernel: DisplayModel
-    """The display that the hologram was optimized for; its `plan` has the propagation method."""
+    - `target`: a file, a PIL image, an array or a tensor. With several distances: one picture for each, or one picture
+      for all (with the option `depth_map` for a picture with depth). With `method="double-phase"` also a complex field
+      [y][x], whose amplitude and phase the image gets.
+    - `progress`: a function that gets step, number of steps and loss, or True for a bar
 
-    @property
-    def loss(self) -> float:
-        """Loss of the last iteration."""
-        return self.loss_history[-1]
-
-    @property
-    def levels(self) -> npt.NDArray[Any]:
-        """Grey levels for the display, uint8 or (above 8 bits) uint16."""
-        return png.decode(self.levels_png)
-
-    @property
-    def field(self) -> npt.NDArray[np.complex64]:
-        """The field behind an ideal modulator, exp(i phase)."""
-        return np.asarray(np.exp(1j * self.phase), np.complex64)
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the hologram: `.png` for the display as it is, or `.npy` of the phase in radians."""
-        path = Path(path)
-        if path.suffix == ".png":
-            path.write_bytes(self.levels_png)
-        elif path.suffix == ".npy":
-            np.save(path, self.phase, allow_pickle=False)
-        else:
-            raise InvalidArgument("path", f'is "{path}"', "end it with .png (levels) or .npy (radians)")
-
-    def save_reconstruction(self, path: str | os.PathLike[str]) -> None:
-        """Write what the display should show as an sRGB PNG."""
-        path = Path(path)
-        if path.suffix != ".png":
-            raise InvalidArgument("path", f'is "{path}"', "end it with .png")
-        path.write_bytes(self.reconstruction_png)
-
-    def _repr_png_(self) -> bytes:
-        return png.thumbnail(self.reconstruction_png, html.PICTURE_SIDE_PX)
-
-    def _repr_html_(self) -> str:
-        pictures = html.picture("levels for the display", self.levels_png)
-        pictures += html.picture("what it shows", self.reconstruction_png)
-        optics = f"{show_length(self.kernel.wavelength_m)} at {show_length(self.kernel.distance_m)}"
-        seen = self.quantized_quality.pixel
-        rows: list[tuple[str, object]] = [
-            ("optics", f"{optics}, {self.kernel.plan.method}"),
-            ("kernel", self.kernel.kind),
-            ("PSNR", f"{seen.psnr_db:.1f} dB"),
-            ("diffraction efficiency", f"{seen.diffraction_efficiency:.1%}"),
-        ]
-        return pictures + html.table("Hologram", rows)
-
-
-def optimize(target: Picture, *, progress: Progress = False, **options: Unpack[OptimizeOptions]) -> Hologram:
-    """Find a phase with which a display shows a picture.
-
-    `options` are `OptimizeOptions`: the optics of an ideal display (`wavelength`, `pixel_pitch`, `distance`) or a
-    learned `kernel`, and how the phase is found. The same picture, options and seed give the same bytes as a server.
-    `progress` is a function that gets step, number of steps and loss, or True for a bar. Ctrl-C stops the optimization.
+    Give the optics of an ideal display (`wavelength`, `pixel_pitch`, `distance`), or a learned `kernel`. The same
+    picture, options and seed give the same bytes as a server. Ctrl-C stops the optimization.
     """
     check(options, OptimizeOptions)
-    display, wanted, weight = _problem(target, options)
-    start, given = _initial(options.get("initial_phase", "recommended"), options.get("initial_range_rad", 1.0))
-    method = choose("method", options.get("method", "lbfgs"), get_args(words.Method))
-    own = {
-        "compared": _compared(options),
-        "method": {"adam": {"learning_rate": options.get("learning_rate", 0.1)}} if method == "adam" else method,
-        "iterations": options.get("iterations", 200),
-        "seed": options.get("seed", 0),
-        "initial_phase": start,
-        "bit_depth": options.get("bit_depth", 8),
-        "quantization_aware": options.get("quantization_aware", False),
-    }
+    own = given(options)
+    targets = as_light(list(target) if isinstance(target, list | tuple) else [cast("Picture", target)], own)
+    displays = displays_of(targets[0], own)
+    search = _Search(targets, displays, own)
     with refusals(), listener(progress, "optimize") as listen:
-        phase, shown, levels_png, shown_png, losses, text = engine.optimize(
-            display.native, wanted, json.dumps(own), (weight, given), listen
+        done = [search.run(index, listen) for index in range(len(displays))]
+    return _hologram(displays, done)
+
+
+class _Search:
+    """The search for the phases of each wavelength: what is the same for all of them."""
+
+    def __init__(
+        self, targets: Sequence[Picture], displays: Sequence[Sequence[DisplayModel]], options: dict[str, Any]
+    ) -> None:
+        self._targets, self._displays, self._options = targets, displays, options
+        planes = len(displays[0])
+        if len(targets) not in {1, planes}:
+            fix = "give one picture, or one for each distance"
+            raise InvalidArgument("target", f"has {len(targets)} pictures for {planes} distances", fix)
+        if "depth_map" in options and planes == 1:
+            raise InvalidArgument("depth_map", "is given for one distance", "give several, such as distance=[…, …]")
+        start = named(options.get("initial_phase"))
+        frames = options.get("subframes", 1)
+        self._text = json.dumps(self._search(start))
+        self._given = None
+        if options_of(start) == {"given": None}:
+            shown = as_array("initial_phase", start) if is_array(start) else phase_rad("initial_phase", start)
+            self._given = parts_of(shown, len(displays), frames)
+
+    def _search(self, start: Any) -> dict[str, Any]:
+        options = self._options
+        method = choose("method", options.get("method", "lbfgs"), get_args(words.Method))
+        return {
+            "compared": _compared(options),
+            "method": {"adam": {"learning_rate": options.get("learning_rate", 0.1)}} if method == "adam" else method,
+            "iterations": options.get("iterations", 200),
+            "seed": options.get("seed", 0),
+            "initial_phase": options_of(start),
+            "subframes": options.get("subframes", 1),
+            "bit_depth": options.get("bit_depth", 8),
+            "quantization_aware": options.get("quantization_aware", False),
+        }
+
+    def run(self, index: int, listen: Callable[[int, int, float], Any] | None) -> tuple[Any, ...]:
+        """Optimize the hologram of one wavelength."""
+        displays, count = self._displays[index], len(self._displays)
+        colour = colour_of([each[0].wavelength_m for each in self._displays], index)
+        lights = [_light(each, displays[0].shape, self._options, colour) for each in self._targets]
+        frames = None
+        if self._given is not None:
+            frames = np.stack([phase_rad("initial_phase", each) for each in self._given[index]])
+
+        def told(step: int, steps: int, loss: float) -> None:
+            if listen is not None:
+                listen(index * steps + step, count * steps, loss)
+
+        return engine.optimize(
+            [each.native for each in displays],
+            lights if len(lights) == len(displays) else lights * len(displays),
+            self._text,
+            (self._map("weight_mask", displays[0].shape), self._map("depth_map", displays[0].shape), frames),
+            told,
         )
-    facts = json.loads(text)
+
+    def _map(self, name: str, shape: tuple[int, int]) -> npt.NDArray[np.float32] | None:
+        return linear_map(name, shape, self._options)
+
+
+def linear_map(name: str, shape: tuple[int, int], options: dict[str, Any]) -> npt.NDArray[np.float32] | None:
+    """Return a picture of weights or depths in an option, as the engine takes it; None: it is not given."""
+    if name not in options:
+        return None
+    return target_light(options[name], shape, "linear", options.get("fit", "contain"), name=name)
+
+
+def _hologram(displays: Sequence[Sequence[DisplayModel]], done: Sequence[tuple[Any, ...]]) -> Hologram:
+    facts = [json.loads(each[5]) for each in done]
+    colours = []
+    if len(done) == _COLOURS:
+        # The longest wavelength is red.
+        order = sorted(range(_COLOURS), key=lambda index: -displays[index][0].wavelength_m)
+        colours = [engine.colour(*(done[i][3][plane] for i in order)) for plane in range(len(displays[0]))]
+    x_px, y_px, width_px, height_px = facts[0]["region"]
     return Hologram(
-        phase=phase,
-        reconstruction=shown,
-        levels_png=levels_png,
-        reconstruction_png=shown_png,
-        quality=quality_of(facts["quality"]),
-        quantized_quality=quality_of(facts["quantized_quality"]),
+        phases=np.stack([each[0] for each in done]),
+        levels_png=[each[2] for each in done],
+        reconstructions_png=[each[3] for each in done],
+        colours_png=colours,
+        pictures=[
+            [_shown(model, plane) for model, plane in zip(models, fact["planes"], strict=True)]
+            for models, fact in zip(displays, facts, strict=True)
+        ],
+        losses=[each[4][-1] for each in done],
+        intensity_scales=[fact["intensity_scale"] for fact in facts],
+        region=(x_px, y_px, width_px, height_px),
+        models=displays,
+        loss_histories=[tuple(each[4]) for each in done],
+        lights=[each[1] for each in done],
+    )
+
+
+def _shown(model: DisplayModel, facts: dict[str, Any]) -> ShownPicture:
+    quality = quality_of(facts["quantized_quality"])
+    return ShownPicture(
+        wavelength_m=model.wavelength_m,
+        distance_m=model.distance_m,
+        quality=quality,
+        optimized_quality=quality_of(facts["quality"]),
+        # How large the error of a model on photographs is, a server knows from test photographs.
+        expected=Expected(quality.pixel.psnr_db, None, model.kind),
         second_opinion=opinion_of(facts["second_opinion"]),
-        intensity_scale=facts["intensity_scale"],
-        loss_history=tuple(losses),
-        kernel=display,
+        kernel=model.kind,
     )
 
 
@@ -148,17 +170,24 @@ class HologramLoss:
     """The loss of phases for one target, with its exact gradient, for an optimization of your own.
 
     `loss(phase)` returns the loss, and `loss.gradient(phase)` the loss and its gradient ∂L/∂φ [1/rad], both at the gain
-    that fits best. `options` are `LossOptions`. `lightpath.torch.HologramLoss` is the same for PyTorch.
+    that fits best. `lightpath.torch.HologramLoss` is the same for PyTorch.
     """
 
+    @with_options(LossOptions)
     def __init__(self, target: Picture, **options: Unpack[LossOptions]) -> None:
+        """Prepare the loss for a target, of one wavelength at one distance."""
         check(options, LossOptions)
-        self.kernel, wanted, weight = _problem(target, options)
+        own = given(options)
+        displays = displays_of(target, own)
+        if (len(displays), len(displays[0])) != (1, 1):
+            raise InvalidArgument("distance", "and wavelength have several values", "make a HologramLoss for each")
+        self.kernel = displays[0][0]
         """The display whose light is compared."""
         self.gain: float = 1.0
         """The gain that fitted best in the last evaluation."""
+        wanted, weight = _light(target, self.kernel.shape, own, None), linear_map("weight_mask", self.kernel.shape, own)
         with refusals():
-            self._native = engine.HologramLoss(self.kernel.native, wanted, json.dumps(_compared(options)), weight)
+            self._native = engine.HologramLoss(self.kernel.native, wanted, json.dumps(_compared(own)), weight)
 
     def __call__(self, phase: Array) -> float:
         """Return the loss of a phase [rad]."""
@@ -171,40 +200,14 @@ class HologramLoss:
         return loss, gradient
 
 
-def _problem(
-    target: Picture, options: LossOptions
-) -> tuple[DisplayModel, npt.NDArray[np.float32], npt.NDArray[np.float32] | None]:
-    """Return the display, the target's light on its pixels, and the weights of the pixels."""
-    display, weight = _display(target, options), options.get("weight")
-    wanted = target_light(target, display.shape, options.get("target_encoding", "srgb"), options.get("fit", "contain"))
-    return display, wanted, None if weight is None else light("weight", weight)
+def _light(
+    target: Picture, shape: tuple[int, int], options: dict[str, Any], colour: int | None
+) -> npt.NDArray[np.float32]:
+    encoding, fit = options.get("target_encoding", "srgb"), options.get("fit", "contain")
+    return target_light(target, shape, encoding, fit, colour=colour)
 
 
-def _display(target: Picture, options: LossOptions) -> DisplayModel:
-    own = [name for name in ("wavelength", "pixel_pitch", "distance", "resolution", "propagation") if name in options]
-    kernel = options.get("kernel")
-    if kernel is not None:
-        if own:
-            raise InvalidArgument("kernel", "has optics of its own", f"leave out {', '.join(own)}")
-        return kernel
-    if "wavelength" not in options or "pixel_pitch" not in options or "distance" not in options:
-        raise InvalidArgument("wavelength, pixel_pitch and distance", "are not all given", "give them, or a kernel")
-    resolution = options.get("resolution")
-    if resolution is None:
-        if not is_array(target):
-            raise InvalidArgument("resolution", "is not given", 'give that of the display, such as "1920x1080"')
-        height_px, width_px = as_array("target", target).shape[:_AXES]
-        resolution = (width_px, height_px)
-    return DisplayModel.ideal(
-        resolution,
-        wavelength=options["wavelength"],
-        pixel_pitch=options["pixel_pitch"],
-        distance=options["distance"],
-        method=options.get("propagation", "auto"),
-    )
-
-
-def _compared(options: LossOptions) -> dict[str, Any]:
+def _compared(options: dict[str, Any]) -> dict[str, Any]:
     return {
         "loss": {
             "quantity": choose("loss", options.get("loss", "intensity"), get_args(words.Quantity)),
@@ -212,20 +215,5 @@ def _compared(options: LossOptions) -> dict[str, Any]:
             "speckle": options.get("speckle", 0.0),
         },
         "detector": choose("detector", options.get("detector", "pixel"), get_args(words.Detector)),
-        "region": options.get("region"),
+        "region": region_px(options.get("region")),
     }
-
-
-def _initial(initial: str | Array, range_rad: float) -> tuple[Any, npt.NDArray[np.float32] | None]:
-    """Return the initial phase as the engine reads it, and the phases of a given one."""
-    if not isinstance(initial, str):
-        return {"given": None}, phase_rad("initial_phase", initial)
-    forms: dict[str, Any] = {
-        "recommended": None,
-        "random": {"random": {"range_rad": range_rad}},
-        "constant": {"constant": {"phase_rad": 0.0}},
-        "quadratic": {"quadratic": {"focal_length_m": None}},
-        "back-propagated": {"back_propagated": {"range_rad": range_rad}},
-    }
-    choose("initial_phase", initial, forms)
-    return forms[initial], None

@@ -14,6 +14,7 @@ from lightpath.local.display import DisplayModel, LearningRecord
 from lightpath.local.engine import engine, refusals
 from lightpath.local.optics import choose, optics_json
 from lightpath.local.progress import Progress, listener
+from lightpath.options import Region, region_px
 
 if TYPE_CHECKING:
     from lightpath.local.optics import Method, OpticsOptions
@@ -34,7 +35,7 @@ def learn(
     learning_rate: float | None = None,
     refinement_evaluations: int | None = None,
     seed: int = 0,
-    region: tuple[int, int, int, int] | None = None,
+    region: Region | None = None,
     detector: words.Detector = "pixel",
     validation: float = 0.2,
     start: DisplayModel | None = None,
@@ -46,7 +47,7 @@ def learn(
     server also aligns photographs, judges the model on test pairs and keeps versions; this function does not. Ctrl-C
     stops it.
 
-    - `phases`: holograms [count][rows][columns], radians, or grey levels as uint8
+    - `phases`: holograms [count][rows][columns], radians, or grey levels of 8 bits
     - `captures`: photographs in linear light, aligned with the display's pixels, of the same shape: uint8, uint16, or
       floats from 0 to 1
     - `validation`: part of the pairs, drawn by `seed`, that chooses the parts of the model and is not fitted
@@ -70,7 +71,7 @@ def learn(
         "learning_rate": learning_rate,
         "refinement_evaluations": refinement_evaluations,
         "seed": seed,
-        "region": region,
+        "region": region_px(region),
         "detector": choose("detector", detector, get_args(words.Detector)),
         "training": training,
         "validation": held,
@@ -81,7 +82,9 @@ def learn(
         )
         ideal = engine.DisplayModel.ideal(optics)
         pairs = holograms[held], photos[held]
-        losses = [engine.losses(each, *pairs, region, detector) for each in (native, ideal)] if held else [[], []]
+        losses = (
+            [engine.losses(each, *pairs, region_px(region), detector) for each in (native, ideal)] if held else [[], []]
+        )
     means = [float(np.mean(each)) if each else None for each in losses]
     record = LearningRecord(
         loss_history=tuple(history),

@@ -1,17 +1,17 @@
-"""The optics of a call and its options, and what the planner says about them."""
+"""The optics of a call and its options."""
 
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypedDict, get_args
+from typing import TYPE_CHECKING, Literal, TypeAlias, TypedDict, get_args
 
 from lightpath import words
 from lightpath.errors import InvalidArgument
-from lightpath.units import metres, resolution_px, show_length
+from lightpath.options import check
+from lightpath.units import metres, resolution_px
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable
 
     from lightpath.units import Length
 
@@ -20,6 +20,8 @@ Method: TypeAlias = words.Propagation | Literal["auto"]
 
 
 class _Optics(TypedDict):
+    """The optics that every propagation has."""
+
     wavelength: Length
     """In vacuum: metres, or text such as `"515nm"`."""
     pixel_pitch: Length
@@ -37,63 +39,13 @@ class OpticsOptions(_Optics, total=False):
     """Use the method even where it is not valid, for example to measure its error. Default: False."""
 
 
-@dataclass(frozen=True)
-class PlanWarning:
-    """A limitation of a method. `code` is a word such as `BAND_LIMITED`, `text` is for people."""
-
-    code: str
-    text: str
-
-
-@dataclass(frozen=True)
-class Plan:
-    """What the planner says about a propagation method for some optics."""
-
-    method: str
-    """The method, such as `band-response`."""
-    explanation: str
-    """Why the method was chosen."""
-    warnings: tuple[PlanWarning, ...]
-    """Limitations of the method here."""
-    critical_distance_x_m: float
-    """Largest distance at which the padded grid samples the whole transfer function along x [m]."""
-    critical_distance_y_m: float
-    """The same along y [m]."""
-    band_kept_area: float
-    """Part of the pixels' band whose light lands in the image, 0 to 1."""
-    neglected_phase_rad: float
-    """Largest phase error of a paraxial method [rad]; 0 for other methods."""
-    report: Mapping[str, Any] = field(repr=False)
-    """All numbers of the planner, such as the pitch of the image in `window`."""
-
-    def __str__(self) -> str:
-        distances = (
-            f"{show_length(self.critical_distance_x_m)} along x, {show_length(self.critical_distance_y_m)} along y"
-        )
-        lines = [
-            f"{self.method}: {self.explanation}",
-            f"critical distance {distances}; {self.band_kept_area:.0%} of the band reaches the image",
-        ]
-        return "\n".join(lines + [f"warning {each.code}: {each.text}" for each in self.warnings])
-
-
-def plan_of(report: Mapping[str, Any]) -> Plan:
-    """Return the plan of a report of the engine."""
-    return Plan(
-        method=str(report["method"]).replace("_", "-"),
-        explanation=report["explanation"],
-        warnings=tuple(PlanWarning(each["code"], each["text"]) for each in report["warnings"]),
-        critical_distance_x_m=report["critical_distance_x_m"],
-        critical_distance_y_m=report["critical_distance_y_m"],
-        band_kept_area=report["band_kept_area"],
-        neglected_phase_rad=report["neglected_phase_rad"],
-        report=report,
-    )
+REQUIRED = tuple(_Optics.__annotations__)
+"""Options that every propagation must have."""
 
 
 def optics_json(resolution: str | tuple[int, int], options: OpticsOptions) -> str:
     """Return optics as the engine reads them."""
-    check(options, OpticsOptions, required=True)
+    check(options, OpticsOptions, required=REQUIRED)
     method, regardless = options.get("method", "auto"), options.get("regardless", False)
     choose("method", method, ("auto", *get_args(words.Propagation)))
     if regardless and method == "auto":
@@ -110,18 +62,6 @@ def optics_json(resolution: str | tuple[int, int], options: OpticsOptions) -> st
             "regardless": regardless,
         }
     )
-
-
-def check(options: Mapping[str, Any], known: type[Any], *, required: bool = False) -> None:
-    """Raise TypeError for an option that does not exist or is missing, as Python does for keyword arguments."""
-    unknown = options.keys() - known.__annotations__.keys()
-    if unknown:
-        raise TypeError(
-            f"unknown option {', '.join(sorted(unknown))}; the options are {', '.join(sorted(known.__annotations__))}"
-        )
-    missing = [name for name in _Optics.__annotations__ if name not in options]
-    if required and missing:
-        raise TypeError(f"missing keyword argument {', '.join(missing)}")
 
 
 def choose(name: str, given: str, allowed: Iterable[str]) -> str:

@@ -5,28 +5,32 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, TypedDict
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from lightpath import words
-    from lightpath.local.arrays import Array
+    from lightpath.initial_phases import InitialPhase
     from lightpath.local.display import DisplayModel
     from lightpath.local.optics import Method
+    from lightpath.options import Region
+    from lightpath.pictures import Picture
     from lightpath.units import Length
 
 
 class LossOptions(TypedDict, total=False):
     """What a hologram is compared with, on which display. Either the optics of an ideal display, or a `kernel`."""
 
-    wavelength: Length
-    """Of an ideal display: metres, or text such as `"515nm"`."""
+    wavelength: Length | Sequence[Length]
+    """Of an ideal display: metres, or text such as `"515nm"`; several for a colour hologram."""
     pixel_pitch: Length
     """Of an ideal display: distance between pixels."""
-    distance: Length
-    """Of an ideal display: from the display to the image."""
+    distance: Length | Sequence[Length]
+    """Of an ideal display: from the display to the image; several for pictures at several distances."""
     resolution: str | tuple[int, int]
     """Of an ideal display: columns x rows. Default: the size of the target, if it is an array."""
     propagation: Method
     """Of an ideal display: the propagation method. Default: `auto`."""
-    kernel: DisplayModel
-    """A learned display, which has optics of its own."""
+    kernel: DisplayModel | Sequence[DisplayModel]
+    """A learned display, which has optics of its own; or one for each wavelength and distance."""
     target_encoding: words.Encoding
     """What the target's values mean: `srgb` (default) or `linear` light."""
     fit: words.Fit
@@ -39,10 +43,10 @@ class LossOptions(TypedDict, total=False):
     """Factor of the speckle in the loss, 0 (default) to 1000."""
     detector: words.Detector
     """What counts as the light of a pixel: `pixel` (default), `point` or `supersampled`."""
-    region: tuple[int, int, int, int] | None
+    region: Region
     """Region in which the picture counts: x, y, width, height [px]. Default: the middle 80 % of each axis."""
-    weight: Array | None
-    """How much each pixel counts, 0 to 1 [y][x]. Default: all the same."""
+    weight_mask: Picture
+    """Linear grey picture of the pixels' weights, or an array 0 to 1 [y][x]. Black pixels do not count."""
 
 
 class OptimizeOptions(LossOptions, total=False):
@@ -56,10 +60,14 @@ class OptimizeOptions(LossOptions, total=False):
     """Learning rate of Adam [rad]. Default: 0.1."""
     seed: int
     """Seed of the random numbers in the initial phase. Default: 0."""
-    initial_phase: str | Array
-    """`recommended` (default), `random`, `constant`, `quadratic`, `back-propagated`, or phases [rad] [y][x]."""
-    initial_range_rad: float
-    """Range of the random phases of `random` and, in the image, of `back-propagated`. Default: 1."""
+    initial_phase: InitialPhase
+    """The phase with which the search starts: `random`, `constant`, `quadratic`, `back-propagated`, one of the classes
+    `RandomPhase`, `ConstantPhase`, `LensPhase`, `BackPropagatedPhase`, or phases in radians [y][x]. Default: what leads
+    to the best picture."""
+    depth_map: Picture
+    """Linear grey picture that gives each pixel one of several distances: white the first, black the last."""
+    subframes: int
+    """Number of patterns that are shown one after the other. Default: 1."""
     bit_depth: int
     """Bits of the display's grey levels. Default: 8."""
     quantization_aware: bool

@@ -16,7 +16,9 @@ from lightpath.errors import InvalidArgument
 from lightpath.local.arrays import Array, as_array, complex_field
 from lightpath.local.display import DisplayModel
 from lightpath.local.engine import engine, refusals
-from lightpath.local.optics import OpticsOptions, Plan, choose, optics_json, plan_of
+from lightpath.local.optics import REQUIRED, OpticsOptions, choose, optics_json
+from lightpath.plans import Plan, plan_of
+from lightpath.signature import with_options
 from lightpath.units import resolution_px
 
 if TYPE_CHECKING:
@@ -54,9 +56,10 @@ class Propagator:
     `propagator(field)` takes and returns complex arrays [rows][columns], with any axes before them. `adjoint` is the
     exact adjoint Aᴴ: with the convolutions of free space, propagation by the conjugate transfer function.
 
-    `optics` are `OpticsOptions`. `precision` is `single` (complex64) or `double` (complex128).
+    `precision` is `single` (complex64) or `double` (complex128).
     """
 
+    @with_options(OpticsOptions, required=REQUIRED)
     def __init__(
         self,
         resolution: str | tuple[int, int],
@@ -111,9 +114,13 @@ def propagate(
     precision: Precision = "single",
     kernel: DisplayModel | None = None,
 ) -> Propagated:
-    """Propagate a complex field [rows][columns], given on the display's pixels, to a distance.
+    """Propagate a field [rows][columns], given on the display's pixels, to a distance.
 
-    The arguments are `OpticsOptions`. A `Propagator` is faster for many fields of the same optics. With a `kernel` the
+    - `field`: complex amplitudes. Real numbers (floats) are amplitudes with the phase 0
+    - `method`: propagation method; `auto`: the planner chooses. `regardless`: use it even where it is not valid
+    - `precision`: `single` (complex64) or `double` (complex128)
+
+    A `Propagator` is faster for many fields of the same optics. With a `kernel` the
     field passes the learned optics instead, which have their own wavelength, pitch and distance.
     """
     own = (wavelength, pixel_pitch, distance)
@@ -138,12 +145,14 @@ def propagate(
     return Propagated(propagator(field), propagator.plan)
 
 
+@with_options(OpticsOptions, required=REQUIRED)
 def plan(resolution: str | tuple[int, int], **optics: Unpack[OpticsOptions]) -> Plan:
     """Return which method suits the optics, or what to expect of the given method. Computes no field."""
     with refusals():
         return plan_of(json.loads(engine.plan(optics_json(resolution, optics))))
 
 
+@with_options(OpticsOptions, required=REQUIRED)
 def transfer_function(resolution: str | tuple[int, int], **optics: Unpack[OpticsOptions]) -> npt.NDArray[np.complex64]:
     """Return H of free space, complex64 [2 rows][2 columns], zero frequency at [0][0] as in `numpy.fft.fft2`.
 
