@@ -9,6 +9,7 @@ use crate::call::Answers;
 use futures::StreamExt as _;
 use futures::stream;
 use lightpath_service::{Result, ServiceError};
+use lightpath_store::for_client;
 use tokio::sync::broadcast::Receiver;
 use tokio::sync::broadcast::error::{RecvError, TryRecvError};
 use tokio_util::sync::CancellationToken;
@@ -40,7 +41,7 @@ struct Follower<W: Watch> {
     sent: Option<W::Item>,
     first: Option<W::Item>,
     has_ended: bool,
-    _open: OpenStream,
+    open: OpenStream,
 }
 
 /// A stream of `first` and then of every different state, up to the final one. It ends with UNAVAILABLE when the server
@@ -53,7 +54,7 @@ pub(crate) fn stream<W: Watch>(
     open: OpenStream,
 ) -> Answers<W::Message> {
     let first = Some(first);
-    let follower = Follower { source, changes, stopping, sent: None, first, has_ended: false, _open: open };
+    let follower = Follower { source, changes, stopping, sent: None, first, has_ended: false, open };
     stream::unfold(follower, |mut follower| async move {
         if follower.has_ended {
             return None;
@@ -72,7 +73,7 @@ impl<W: Watch> Follower<W> {
                 Some(first) => first,
                 None => {
                     self.changed().await?;
-                    self.source.read().await?
+                    for_client(self.open.client().line(), self.source.read()).await?
                 }
             };
             if self.sent.as_ref() == Some(&item) {
@@ -85,7 +86,7 @@ impl<W: Watch> Follower<W> {
         }
     }
 
-    /// Waits for a change of the resource, and removes all further announcements that have arrived.
+    /// Waits for a change of the resource and removes all further announcements that have arrived.
     async fn changed(&mut self) -> Result<()> {
         loop {
             let change = tokio::select! {

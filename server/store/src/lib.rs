@@ -7,7 +7,7 @@
 //! - Writers take turns, in short transactions. In SQLite one connection writes, in transactions that begin `immediate`:
 //!   without that, a transaction that reads first and writes later could fail with BUSY, however long it waits.
 //!   Write-ahead logging lets others read meanwhile. In PostgreSQL the writers of all processes take one advisory lock.
-//!   A small pool of read-only connections does all reads.
+//!   A small pool of read-only connections does all reads. Clients take turns at both, see [`for_client`].
 //! - A write runs in a task of its own, so a caller that drops the future (a cancelled gRPC call) cannot leave it half
 //!   done.
 //! - The changes of a transaction are announced after its commit, see [`Store::subscribe_job_changes`] and the similar
@@ -106,6 +106,7 @@ pub use passed_on::PassedOn;
 pub use queue::{BatchProgress, OwnerQueue, Pause};
 pub use rollouts::Widening;
 pub use signing::{PrivateKey, StoredKeyring};
+pub use sql::for_client;
 pub use store::Store;
 pub use tokens::TokenRecord;
 pub use totals::{QueueDepth, WaitingWork};
