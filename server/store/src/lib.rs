@@ -21,7 +21,7 @@
 //! # Layout
 //!
 //! - `tokens`: API tokens. `signing`: keyrings and private keys. `queue`: pauses and the state of the queue.
-//!   `dependencies`: jobs that wait for other jobs. `claims`: which job is next.
+//!   `dependencies`: jobs that wait for other jobs. `claims`: which job is next. `ahead`, `forecast`: what is before each waiting job.
 //!   `processes`: their signs of life; `living`: those that live.
 //! - `gates`: what versions must show before they become active. `rollouts`, `devices`: versions on their way to the
 //!   displays in the field.
@@ -39,6 +39,7 @@
 //!   align and finalize datasets. `made`: requests that made something, which may be repeated.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+mod ahead;
 mod artifacts;
 mod cancels;
 mod changes;
@@ -56,6 +57,7 @@ mod displays;
 mod endings;
 mod error;
 mod events;
+mod forecast;
 mod gates;
 mod inspect;
 mod job_lists;
@@ -86,6 +88,7 @@ mod transfer;
 mod webhooks;
 mod write;
 
+pub use ahead::{Ahead, QueuedJob};
 pub use artifacts::ArtifactRecord;
 pub use changes::Changed;
 pub use collection::Deleted;
@@ -94,6 +97,7 @@ pub use deliveries::Attempt;
 pub use devices::DEVICES_MAX;
 pub use displays::DisplayRecord;
 pub use error::{AbortReason, Result, StoreError};
+pub use forecast::{Place, forecast};
 pub use inspect::{Counts, DanglingReference, Inspection, StoredBlob};
 pub use job_lists::JobFilter;
 pub use jobs::{QueueCounts, QueueLimits, Submitted};

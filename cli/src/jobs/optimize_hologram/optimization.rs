@@ -166,7 +166,7 @@ impl OptimizationOptions {
             speckle_block_px: Some(self.speckle_block),
         };
         let weight_mask = match &self.weight_mask {
-            Some(file) => session.client.upload_file(file).await?,
+            Some(file) => session.upload(file).await?,
             None => String::new(),
         };
         Ok(OptimizeHologram {
@@ -200,7 +200,7 @@ impl OptimizationOptions {
             Some(Start::Given(files)) => {
                 let mut given = Given::default();
                 for file in files {
-                    given.phases.push(session.client.upload_file(file).await?);
+                    given.phases.push(session.upload(file).await?);
                 }
                 Kind::Given(given)
             }
