@@ -13,6 +13,7 @@ use super::{jobs, show, times};
 use clap::{Args, Subcommand};
 use futures::{StreamExt as _, TryStreamExt as _};
 use lightpath::v1::list_jobs_request::{Order, View};
+use lightpath::v1::waiting::Reason;
 use lightpath::v1::{self, Job, job};
 use lightpath::{Words as _, names};
 use std::collections::BTreeMap;
@@ -247,15 +248,24 @@ fn table(jobs: &[Job]) -> Table {
     table
 }
 
-/// What queued jobs of a list wait for, each reason in a line.
+/// What queued jobs of a list wait for, each reason in a line. Jobs that wait for their turn are one line: what is before the
+/// first of them, and when the last one starts.
 fn waits(jobs: &[Job]) -> String {
-    let mut reasons: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
+    let mut reasons: BTreeMap<&str, Vec<&Job>> = BTreeMap::new();
     for job in jobs.iter().filter(|job| !job.waits_for.is_empty()) {
-        reasons.entry(&job.waits_for).or_default().push(names::id(&job.name));
+        let is_turn = jobs::wait_reason(job) == Reason::Turn;
+        reasons.entry(if is_turn { "" } else { &job.waits_for }).or_default().push(job);
     }
-    let line = |(reason, ids): (&str, Vec<&str>)| match ids.as_slice() {
-        [id] => format!("job {id} waits: {}\n", show::plain(reason)),
-        ids => format!("{} queued jobs wait: {}\n", ids.len(), show::plain(reason)),
+    let line = |(reason, mut waiting): (&str, Vec<&Job>)| match waiting.as_slice() {
+        [job] => format!("job {} waits: {}\n", names::id(&job.name), jobs::waits(job)),
+        _ if !reason.is_empty() => format!("{} queued jobs wait: {}\n", waiting.len(), show::plain(reason)),
+        _ => {
+            let before = |job: &&Job| job.waiting.as_ref().and_then(|waiting| waiting.jobs_before).unwrap_or(u32::MAX);
+            waiting.sort_by_key(before);
+            let ends = [waiting.first(), waiting.last()].map(|job| job.map(|job| jobs::waits(job)).unwrap_or_default());
+            let [first, last] = ends;
+            format!("{} queued jobs wait for their turn: the first {first}; the last {last}\n", waiting.len())
+        }
     };
     reasons.into_iter().map(line).collect()
 }

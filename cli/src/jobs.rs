@@ -15,7 +15,7 @@ pub(crate) mod verify_hologram;
 use super::failure::Failure;
 use super::show;
 use super::table::Facts;
-use lightpath::v1::{Job, job::State, job_spec};
+use lightpath::v1::{self, Job, Progress, job::State, job_spec, waiting::Reason};
 use lightpath::{Words as _, names};
 
 /// What people read of a kind of job. The request of each kind in the API is one.
@@ -59,7 +59,7 @@ pub(crate) fn one_line(job: &Job) -> String {
     let elapsed = show::elapsed(job.start_time.as_ref(), job.end_time.as_ref());
     match job.state() {
         State::Queued if job.waiting_for > 0 => format!("queued, waits for {} other jobs", job.waiting_for),
-        State::Queued if !job.waits_for.is_empty() => format!("queued; {}", show::plain(&job.waits_for)),
+        State::Queued if !job.waits_for.is_empty() => format!("queued; {}", waits(job)),
         State::Queued if job.attempt > 0 => format!("queued again after attempt {}{}", job.attempt, error_text(job)),
         State::Running if job.cancel_requested => "running, will be cancelled".to_owned(),
         State::Running if job.attempt > 1 => format!("running, attempt {}", job.attempt),
@@ -67,6 +67,28 @@ pub(crate) fn one_line(job: &Job) -> String {
         State::Failed => format!("failed{}", error_text(job)),
         State::Unspecified | State::Queued | State::Running | State::Cancelled => job.state().word().to_owned(),
     }
+}
+
+/// What a queued job waits for and when it starts, for example `behind learn kernel bench-1, about 3 min`; empty: nothing is
+/// known.
+pub(crate) fn waits(job: &Job) -> String {
+    let start = job.waiting.as_ref().and_then(|waiting| waiting.expected_start_time.as_ref());
+    let left = start.map(|start| format!(", about {}", show::about((start.seconds - show::now_s()) as f64)));
+    if job.waits_for.is_empty() { String::new() } else { show::plain(&job.waits_for) + &left.unwrap_or_default() }
+}
+
+/// Why a queued job does not run.
+pub(crate) fn wait_reason(job: &Job) -> Reason {
+    job.waiting.as_ref().map_or(Reason::Unspecified, v1::Waiting::reason)
+}
+
+/// The progress of a running job, for example `iterate 40/200, loss 0.0123, 12.3 s left`.
+pub(crate) fn progress_text(progress: &Progress) -> String {
+    let steps = (progress.steps_total > 0).then(|| format!(" {}/{}", progress.step, progress.steps_total));
+    let loss = progress.loss.map(|loss| format!(", loss {}", show::loss(loss)));
+    let left = progress.eta_s.map(|eta_s| format!(", {} left", show::duration(eta_s)));
+    let parts = [steps, loss, left].map(Option::unwrap_or_default);
+    format!("{}{}", show::plain(&progress.stage), parts.concat())
 }
 
 /// Returns an error if any of the jobs did not succeed.
@@ -109,8 +131,7 @@ pub(crate) fn facts(job: &Job) -> String {
     }
     facts.add("state", one_line(job));
     if let (State::Running, Some(progress)) = (job.state(), &job.progress) {
-        let left = progress.eta_s.map(|eta_s| format!(", {} left", show::duration(eta_s))).unwrap_or_default();
-        facts.add("progress", format!("{} {}/{}{left}", progress.stage, progress.step, progress.steps_total));
+        facts.add("progress", progress_text(progress));
     }
     queue_facts(job, &mut facts);
     facts.add_some("created", job.create_time.as_ref().map(show::time));

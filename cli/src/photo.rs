@@ -92,7 +92,7 @@ impl Score {
         inputs::check_readable(self.photos.iter().chain([&self.target]))?;
         let inputs = self.photos.iter().chain([&self.target]).map(PathBuf::as_path);
         destination::check_distinct(inputs, aligned.iter().chain(&errors).map(PathBuf::as_path))?;
-        let target = session.client.upload_file(&self.target).await?;
+        let target = session.upload(&self.target).await?;
         let mut scores = Vec::new();
         for (i, photo) in self.photos.iter().enumerate() {
             let score = self.score(session, photo, &target).await?;
@@ -116,7 +116,7 @@ impl Score {
 
     async fn score(&self, session: &Session, photo: &Path, target: &str) -> Result<v1::PhotoScore, Failure> {
         let request = v1::ScorePhotoRequest {
-            photo: session.client.upload_file(photo).await?,
+            photo: session.upload(photo).await?,
             target: target.to_owned(),
             photo_encoding: self.photo_encoding.into(),
             target_encoding: self.target_encoding.into(),

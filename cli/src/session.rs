@@ -9,6 +9,12 @@ use serde::Serialize;
 use std::cell::Cell;
 use std::io::{self, IsTerminal as _, Write as _};
 use std::path::Path;
+use std::pin::pin;
+use std::time::Duration;
+use tokio::time::{Instant, interval_at};
+
+/// Interval between lines about what takes long.
+pub(crate) const LINES: Duration = Duration::from_secs(10);
 
 /// Form of the output on stdout.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -66,6 +72,21 @@ impl Session {
         };
         let stdout = Stdout { holds_file: Cell::new(false), is_json: output != Output::Table };
         Ok(Self { client: Client::connect_as(url, &credentials)?, output, stdout })
+    }
+
+    /// Stores a file's content on the server and returns its digest. A long upload prints a line every ten seconds.
+    pub(crate) async fn upload(&self, path: &Path) -> lightpath::Result<String> {
+        let begin = Instant::now();
+        let (mut upload, mut lines) = (pin!(self.client.upload_file(path)), interval_at(begin + LINES, LINES));
+        loop {
+            tokio::select! {
+                digest = &mut upload => return digest,
+                _ = lines.tick() => {
+                    let so_far = show::about(begin.elapsed().as_secs_f64());
+                    print_note(&format!("uploading {}: {so_far} so far", path.display()));
+                }
+            }
+        }
     }
 
     /// True if the command prints messages instead of text for people.

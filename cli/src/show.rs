@@ -72,6 +72,16 @@ pub(crate) fn duration(seconds: f64) -> String {
     }
 }
 
+/// A rough duration, for example `40 s`, `3 min` or `2 h 5 min`.
+pub(crate) fn about(seconds: f64) -> String {
+    let whole = seconds.max(0.0).round() as u64;
+    match (whole, (whole + 30) / 60) {
+        (0..60, _) => format!("{whole} s"),
+        (_, minutes @ 0..60) => format!("{minutes} min"),
+        (_, minutes) => format!("{} h {} min", minutes / 60, minutes % 60),
+    }
+}
+
 /// A ratio in decibels, for example `46.3 dB`.
 pub(crate) fn decibel(value: f64) -> String {
     format!("{value:.1} dB")

@@ -165,8 +165,8 @@ pub(super) async fn add_pairs(session: &Session, dataset: &str, entries: Vec<Ent
 async fn pair(session: &Session, entry: &Entry) -> Result<v1::Pair, Failure> {
     Ok(v1::Pair {
         id: entry.id.clone(),
-        pattern: session.client.upload_file(&entry.pattern).await?,
-        photo: session.client.upload_file(&entry.photo).await?,
+        pattern: session.upload(&entry.pattern).await?,
+        photo: session.upload(&entry.photo).await?,
         split: entry.split.unwrap_or_default().into(),
         black_level: entry.black_level.unwrap_or(0.0),
         exposure_s: entry.exposure_s,

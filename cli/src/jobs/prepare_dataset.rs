@@ -132,7 +132,7 @@ impl Align {
         let before = file(BEFORE, &self.picture_before)?;
         let after = file(AFTER, &self.picture_after)?;
         let source = if let Some(photo) = &self.source.dots {
-            Source::DotsPhoto(session.client.upload_file(photo).await?)
+            Source::DotsPhoto(session.upload(photo).await?)
         } else if let (Some(path), Some(size)) = (&self.source.points, self.photo_size) {
             Source::Points(read_points(path, size)?)
         } else if self.source.pairs {

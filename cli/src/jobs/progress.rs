@@ -1,16 +1,18 @@
-//! Waiting for jobs. On a terminal each job has a progress bar; otherwise each change is a line. All output is on
-//! stderr.
+//! Waiting for jobs. On a terminal each job has a progress bar; otherwise each change of its state is a line, and every ten
+//! seconds its progress. All output is on stderr.
 
 use crate::failure::Failure;
-use crate::session::{Session, print_note};
+use crate::session::{LINES, Session, print_note};
 use crate::{jobs, show};
 use futures::{StreamExt as _, TryStreamExt as _};
 use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
 use lightpath::v1::{Job, job::State};
 use lightpath::{JobChange, names};
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::io::IsTerminal as _;
+use std::pin::pin;
 use std::time::Duration;
+use tokio::time::{Instant, interval_at};
 
 /// Most jobs that a command waits for at once. Each needs a stream and a progress bar; one connection carries more
 /// streams.
@@ -47,17 +49,24 @@ impl Progress {
         job: &str,
         mut on_job: impl FnMut(&Job),
     ) -> Result<Job, Failure> {
-        let mut line = JobLine::new(self, label);
+        let line = RefCell::new(JobLine::new(self, label));
         let waiting = session.client.wait(job, |change| match change {
             JobChange::Job(job) => {
-                line.update(job);
+                line.borrow_mut().update(job);
                 on_job(job);
             }
             JobChange::ConnectionLost(error) => self.print_connection_lost(error),
             JobChange::Reconnected => self.print_reconnected(),
             _ => {}
         });
-        Ok(waiting.await?)
+        let mut waiting = pin!(waiting);
+        let mut lines = interval_at(Instant::now() + LINES, LINES);
+        loop {
+            tokio::select! {
+                job = &mut waiting => return Ok(job?),
+                _ = lines.tick() => line.borrow_mut().repeat(),
+            }
+        }
     }
 
     fn print_connection_lost(&self, error: &lightpath::Error) {
@@ -161,6 +170,9 @@ struct JobLine<'a> {
     /// `None` prints lines.
     bar: Option<ProgressBar>,
     state: State,
+    /// What was printed last, and what there is to print, without a terminal.
+    printed: String,
+    latest: String,
 }
 
 impl<'a> JobLine<'a> {
@@ -170,16 +182,30 @@ impl<'a> JobLine<'a> {
             bar.set_prefix(format!("{label:<width$}", width = progress.label_width));
             bar
         });
-        Self { label, bar, state: State::Unspecified }
+        Self { label, bar, state: State::Unspecified, printed: String::new(), latest: String::new() }
     }
 
     fn update(&mut self, job: &Job) {
         let state = job.state();
         let changed = std::mem::replace(&mut self.state, state) != state;
-        match &self.bar {
-            None if changed => print_note(&format!("{}: {}", self.label, jobs::one_line(job))),
-            None => {}
-            Some(bar) => draw(bar, job, changed),
+        if let Some(bar) = &self.bar {
+            return draw(bar, job, changed);
+        }
+        self.latest = match (&job.progress, state) {
+            (Some(progress), State::Running) => jobs::progress_text(progress),
+            _ => jobs::one_line(job),
+        };
+        if changed {
+            print_note(&format!("{}: {}", self.label, jobs::one_line(job)));
+            self.printed = jobs::one_line(job);
+        }
+    }
+
+    /// Prints the progress again if it has changed since.
+    fn repeat(&mut self) {
+        if self.bar.is_none() && self.latest != self.printed {
+            print_note(&format!("{}: {}", self.label, self.latest));
+            self.printed.clone_from(&self.latest);
         }
     }
 }
@@ -255,6 +281,31 @@ mod tests {
         assert!(matches!(lost, Err(Failure::Waiting(_, hint)) if hint.contains("lightpath job watch a1")));
         let early = or_interrupted(Awaited::new(&[], []), calling()).await;
         assert!(matches!(early, Err(Failure::Client(_))));
+    }
+
+    #[test]
+    fn without_a_terminal_a_change_is_a_line_at_once_and_progress_one_later() {
+        let progress = Progress { bars: None, label_width: 0, connection_lost: Cell::new(false) };
+        let mut line = JobLine::new(&progress, "eye.png");
+        let start = Some(pbjson_types::Timestamp { seconds: show::now_s() + 190, nanos: 0 });
+        let queued = Job {
+            state: State::Queued.into(),
+            waits_for: "behind learn kernel bench-1".to_owned(),
+            waiting: Some(v1::Waiting { expected_start_time: start, ..Default::default() }),
+            ..Job::default()
+        };
+        line.update(&queued);
+        assert_eq!(line.printed, "queued; behind learn kernel bench-1, about 3 min");
+        let mut running = Job { state: State::Running.into(), ..Job::default() };
+        line.update(&running);
+        assert_eq!(line.printed, "running");
+        let progress =
+            v1::Progress { stage: "iterate".into(), step: 40, steps_total: 200, loss: None, eta_s: Some(4.0) };
+        running.progress = Some(progress);
+        line.update(&running);
+        assert_eq!(line.printed, "running", "no line for each step");
+        line.repeat();
+        assert_eq!(line.printed, "iterate 40/200, 4.0 s left");
     }
 
     #[test]

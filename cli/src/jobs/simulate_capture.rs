@@ -88,7 +88,7 @@ impl Simulate {
                     display: names::display(&self.optics.display),
                     wavelength_m: self.optics.wavelength_m(),
                     place: Some(Place::at_m(self.optics.distance)),
-                    pattern: session.client.upload_file(pattern).await?,
+                    pattern: session.upload(pattern).await?,
                     seed: self.seed.wrapping_add(number),
                     elapsed_s: 3600.0 * self.hours,
                 });

@@ -6,6 +6,7 @@ use crate::identifiers::job_names;
 use crate::session::{Session, print_note};
 use crate::{jobs, show, times};
 use clap::Args;
+use lightpath::v1::waiting::Reason;
 use lightpath::v1::{Job, SubmitJobRequest, job_spec};
 use lightpath::{job_spec as spec_of, names};
 use std::path::Path;
@@ -87,8 +88,9 @@ impl Submission {
             needs: self.need.clone(),
         };
         let job = session.client.submit(request).await?;
-        if !job.waits_for.is_empty() {
-            print_note(&format!("job {} waits: {}", names::id(&job.name), show::plain(&job.waits_for)));
+        // What the user did not ask for, and the queue alone does not end.
+        if let Reason::NoProcess | Reason::Paused = jobs::wait_reason(&job) {
+            print_note(&format!("job {} waits: {}", names::id(&job.name), jobs::waits(&job)));
         }
         Ok(job)
     }

@@ -123,7 +123,7 @@ impl Import {
             display: names::display(&self.optics.display),
             wavelength_m: self.optics.wavelength_m(),
             place: Some(v1::Place::at_m(self.optics.distance)),
-            artifact: session.client.upload_file(&self.path).await?,
+            artifact: session.upload(&self.path).await?,
             from_another_display: self.from_another_display,
             ..Default::default()
         };

@@ -7,7 +7,7 @@ use lightpath_media::kernel_formats::KernelFormat;
 use lightpath_optics::engine::photometry::Quantity;
 use lightpath_optics::{Carrier, Detector, FilterShape, KernelModel, PropagationMethod};
 use lightpath_proto::v1;
-use lightpath_service::{Field, Result, ServiceError};
+use lightpath_service::{Field, Result, ServiceError, WaitReason};
 use lightpath_store::ProcessKind;
 
 /// An enumeration that messages contain as a number. The number 0 stands for an unspecified value.
@@ -78,6 +78,7 @@ convert_by_name! {
     Fit = v1::optimize_hologram::Fit { Contain Cover Stretch Exact }
     Encoding = v1::Encoding { Linear Srgb }
     RolloutState = v1::rollout::State { Running Completed Halted }
+    WaitReason = v1::waiting::Reason { Turn Paused Jobs StartTime NoProcess }
     JobState = v1::job::State { Queued Running Succeeded Failed Cancelled }
     ProcessKind = v1::queue::process::Kind { Server Worker Both }
     KernelFormat = v1::KernelFormat { Safetensors Compact Pt Npy Npz Complex64 F16 Bundle }

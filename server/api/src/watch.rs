@@ -9,8 +9,12 @@ use crate::call::Answers;
 use futures::StreamExt as _;
 use futures::stream;
 use lightpath_service::{Result, ServiceError};
+use lightpath_store::for_client;
+use std::pin::pin;
+use std::time::Duration;
 use tokio::sync::broadcast::Receiver;
 use tokio::sync::broadcast::error::{RecvError, TryRecvError};
+use tokio::time::sleep;
 use tokio_util::sync::CancellationToken;
 
 /// A resource that clients follow.
@@ -28,6 +32,10 @@ pub(crate) trait Watch: Send + Sync + 'static {
     fn concerns(&self, change: &Self::Change) -> bool;
     /// Whether the state is final.
     fn is_last(&self, item: &Self::Item) -> bool;
+    /// Time after which the state is read again, although no change was announced; `None`: only announcements change it.
+    fn again(&self, _item: &Self::Item) -> Option<Duration> {
+        None
+    }
     /// Converts the state into its message.
     fn message(&self, item: &Self::Item) -> Self::Message;
 }
@@ -40,7 +48,7 @@ struct Follower<W: Watch> {
     sent: Option<W::Item>,
     first: Option<W::Item>,
     has_ended: bool,
-    _open: OpenStream,
+    open: OpenStream,
 }
 
 /// A stream of `first` and then of every different state, up to the final one. It ends with UNAVAILABLE when the server
@@ -53,7 +61,7 @@ pub(crate) fn stream<W: Watch>(
     open: OpenStream,
 ) -> Answers<W::Message> {
     let first = Some(first);
-    let follower = Follower { source, changes, stopping, sent: None, first, has_ended: false, _open: open };
+    let follower = Follower { source, changes, stopping, sent: None, first, has_ended: false, open };
     stream::unfold(follower, |mut follower| async move {
         if follower.has_ended {
             return None;
@@ -72,7 +80,7 @@ impl<W: Watch> Follower<W> {
                 Some(first) => first,
                 None => {
                     self.changed().await?;
-                    self.source.read().await?
+                    for_client(self.open.client().line(), self.source.read()).await?
                 }
             };
             if self.sent.as_ref() == Some(&item) {
@@ -85,12 +93,15 @@ impl<W: Watch> Follower<W> {
         }
     }
 
-    /// Waits for a change of the resource, and removes all further announcements that have arrived.
+    /// Waits for a change of the resource or until it is to be read again, and removes all further announcements that have arrived.
     async fn changed(&mut self) -> Result<()> {
+        let again = self.sent.as_ref().and_then(|item| self.source.again(item)).unwrap_or(Duration::MAX);
+        let mut again = pin!(sleep(again));
         loop {
             let change = tokio::select! {
                 biased;
                 () = self.stopping.cancelled() => return Err(ServiceError::Stopping),
+                () = &mut again => return Ok(()),
                 change = self.changes.recv() => change,
             };
             match change {

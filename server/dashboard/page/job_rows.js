@@ -30,7 +30,16 @@ export function updateProgress(root, job) {
   return shown.length > 0;
 }
 
+/** What a queued job waits for and when it starts; empty: nothing is known. */
+export function waitOf(job) {
+  const start = job.waiting?.expectedStartTime;
+  const left = start ? `, about ${duration(Math.max(0, Math.round((Date.parse(start) - Date.now()) / 1000)) || 1)}` : "";
+  return job.waitsFor ? job.waitsFor + left : "";
+}
+
 function timeOf(job) {
+  if (job.state === "STATE_QUEUED" && job.waitsFor) return waitOf(job);
+
   if (job.state === "STATE_RUNNING") return progressOf(job) ?? "starts";
   if (job.error && job.state !== "STATE_SUCCEEDED") return h("span", { class: "reason" }, job.error.message);
   const took = between(job.startTime, job.endTime);

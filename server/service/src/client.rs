@@ -3,6 +3,7 @@
 use lightpath_domain::access::Caller;
 use std::fmt;
 use std::net::{IpAddr, Ipv6Addr};
+use std::sync::Arc;
 
 /// The client that a call is counted for: the holder of a token, or else the machine from which the call comes.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
@@ -24,6 +25,12 @@ impl Client {
             }
             other => other.to_canonical(),
         }))
+    }
+
+    /// The line in which statements of the client wait for the database.
+    #[must_use]
+    pub fn line(&self) -> Arc<str> {
+        self.to_string().into()
     }
 
     /// The client of a call: the holder of the caller's token, or the machine if the call has no token.

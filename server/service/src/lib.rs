@@ -46,7 +46,7 @@ pub use displays::Displays;
 pub use error::{Fix, LimitReason, Result, ServiceError, WrongField, text_of_wrong};
 pub use field::{Field, shortened};
 pub use files::{Files, Minus, UploadState};
-pub use jobs::{CheckedJob, JobLimits, Jobs, QueueState, Submission};
+pub use jobs::{CheckedJob, JobLimits, Jobs, Outlook, QueueState, Submission, WaitReason, Waiting};
 pub use kernels::{Converted, KernelChoice, KernelImport, Kernels, VersionFile, for_device};
 pub use manifests::{Issued, ManifestRules, Manifests};
 pub use photos::{PhotoScore, Photos, ScoreRequest};

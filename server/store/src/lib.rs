@@ -7,7 +7,7 @@
 //! - Writers take turns, in short transactions. In SQLite one connection writes, in transactions that begin `immediate`:
 //!   without that, a transaction that reads first and writes later could fail with BUSY, however long it waits.
 //!   Write-ahead logging lets others read meanwhile. In PostgreSQL the writers of all processes take one advisory lock.
-//!   A small pool of read-only connections does all reads.
+//!   A small pool of read-only connections does all reads. Clients take turns at both, see [`for_client`].
 //! - A write runs in a task of its own, so a caller that drops the future (a cancelled gRPC call) cannot leave it half
 //!   done.
 //! - The changes of a transaction are announced after its commit, see [`Store::subscribe_job_changes`] and the similar
@@ -21,7 +21,7 @@
 //! # Layout
 //!
 //! - `tokens`: API tokens. `signing`: keyrings and private keys. `queue`: pauses and the state of the queue.
-//!   `dependencies`: jobs that wait for other jobs. `claims`: which job is next.
+//!   `dependencies`: jobs that wait for other jobs. `claims`: which job is next. `ahead`, `forecast`: what is before each waiting job.
 //!   `processes`: their signs of life; `living`: those that live.
 //! - `gates`: what versions must show before they become active. `rollouts`, `devices`: versions on their way to the
 //!   displays in the field.
@@ -39,6 +39,7 @@
 //!   align and finalize datasets. `made`: requests that made something, which may be repeated.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+mod ahead;
 mod artifacts;
 mod cancels;
 mod changes;
@@ -56,6 +57,7 @@ mod displays;
 mod endings;
 mod error;
 mod events;
+mod forecast;
 mod gates;
 mod inspect;
 mod job_lists;
@@ -86,6 +88,7 @@ mod transfer;
 mod webhooks;
 mod write;
 
+pub use ahead::{Ahead, QueuedJob};
 pub use artifacts::ArtifactRecord;
 pub use changes::Changed;
 pub use collection::Deleted;
@@ -94,6 +97,7 @@ pub use deliveries::Attempt;
 pub use devices::DEVICES_MAX;
 pub use displays::DisplayRecord;
 pub use error::{AbortReason, Result, StoreError};
+pub use forecast::{Place, forecast};
 pub use inspect::{Counts, DanglingReference, Inspection, StoredBlob};
 pub use job_lists::JobFilter;
 pub use jobs::{QueueCounts, QueueLimits, Submitted};
@@ -106,6 +110,7 @@ pub use passed_on::PassedOn;
 pub use queue::{BatchProgress, OwnerQueue, Pause};
 pub use rollouts::Widening;
 pub use signing::{PrivateKey, StoredKeyring};
+pub use sql::for_client;
 pub use store::Store;
 pub use tokens::TokenRecord;
 pub use totals::{QueueDepth, WaitingWork};

@@ -1,6 +1,6 @@
 //! The tables of a database: its migrations, and whether this program can work on them.
 
-use super::sql::{Connection, Pool, scalar};
+use super::sql::{Connection, Pool, RawPool, scalar};
 use super::{Result, StoreError};
 use sqlx::migrate::{MigrateError, Migration, MigrationType, Migrator};
 use sqlx::{AssertSqlSafe, SqlSafeStr as _};
@@ -52,9 +52,9 @@ pub(super) async fn bring_up_to_date(writers: &Pool) -> Result<()> {
         migrator
     };
     // In PostgreSQL the migrator takes an advisory lock of its own.
-    let done = match writers {
-        Pool::Sqlite(writers) => migrator(|step| step.sqlite).run(writers).await,
-        Pool::Postgres(writers) => migrator(|step| step.postgres).run(writers).await,
+    let done = match writers.raw() {
+        RawPool::Sqlite(writers) => migrator(|step| step.sqlite).run(writers).await,
+        RawPool::Postgres(writers) => migrator(|step| step.postgres).run(writers).await,
     };
     done.map_err(migration_error)
 }

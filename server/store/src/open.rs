@@ -46,9 +46,9 @@ impl Store {
         let options = connect_options(path);
         let writer = pool(1).connect_with(options.clone()).await?;
         check_version(&writer).await?;
-        bring_up_to_date(&Pool::Sqlite(writer.clone())).await?;
+        bring_up_to_date(&Pool::sqlite(writer.clone())).await?;
         let readers = pool(READERS).connect_with(options.create_if_missing(false).pragma("query_only", "on")).await?;
-        let (writers, readers) = (Pool::Sqlite(writer), Pool::Sqlite(readers));
+        let (writers, readers) = (Pool::sqlite(writer), Pool::sqlite(readers));
         require_finished(&mut readers.acquire().await?).await?;
         Ok(Self::of(writers, readers, Some(path.to_owned())))
     }
@@ -66,11 +66,11 @@ impl Store {
         connect_once(&options).await?.close().await?;
         let pool = |connections| PgPoolOptions::new().max_connections(connections).acquire_timeout(ACQUIRE_TIMEOUT);
         let writers = pool(POSTGRES_WRITERS).test_before_acquire(false).connect_with(options.clone()).await?;
-        bring_up_to_date(&Pool::Postgres(writers.clone())).await?;
+        bring_up_to_date(&Pool::postgres(writers.clone())).await?;
         let read_only = options.options([("default_transaction_read_only", "on")]);
         let readers = pool(POSTGRES_READERS).connect_with(read_only).await?;
         let listener = PgListener::connect_with(&readers).await?;
-        let (writers, readers) = (Pool::Postgres(writers), Pool::Postgres(readers));
+        let (writers, readers) = (Pool::postgres(writers), Pool::postgres(readers));
         require_finished(&mut readers.acquire().await?).await?;
         let store = Self::of(writers, readers, None);
         store.inner.time.read(store.readers()).await?;
@@ -80,7 +80,12 @@ impl Store {
 }
 
 fn pool(connections: u32) -> SqlitePoolOptions {
-    SqlitePoolOptions::new().max_connections(connections).idle_timeout(None).max_lifetime(None)
+    // A connection to a file is not lost, and a test of it takes as long as a short statement.
+    SqlitePoolOptions::new()
+        .max_connections(connections)
+        .idle_timeout(None)
+        .max_lifetime(None)
+        .test_before_acquire(false)
 }
 
 async fn check_version(pool: &SqlitePool) -> Result<()> {

@@ -3,7 +3,7 @@
 use super::changes::{Change, Changed};
 use super::connect::POSTGRES_WRITERS;
 use super::notices;
-use super::sql::{Connection, Pool, query, run_all};
+use super::sql::{Connection, Pool, for_same_client, query, run_all};
 use super::{Result, Store, StoreError};
 use lightpath_fail_points as fail;
 use std::pin::Pin;
@@ -217,7 +217,7 @@ impl Store {
             // A network that swallows everything would keep the connection for a quarter of an hour.
             if is_postgres { timeout(WRITE_MAX, work).await.unwrap_or_else(|_| Err(timed_out())) } else { work.await }
         };
-        match tokio::spawn(task).await {
+        match tokio::spawn(for_same_client(task)).await {
             Ok(outcome) => outcome,
             Err(error) => match error.try_into_panic() {
                 Ok(panic) => std::panic::resume_unwind(panic),

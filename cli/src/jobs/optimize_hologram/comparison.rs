@@ -63,7 +63,7 @@ impl Comparison {
     /// Uploads the input file and adds the options to `spec`.
     pub(super) async fn fill(&self, session: &Session, spec: OptimizeHologram) -> Result<OptimizeHologram, Failure> {
         let weight_mask = match &self.weight_mask {
-            Some(file) => session.client.upload_file(file).await?,
+            Some(file) => session.upload(file).await?,
             None => String::new(),
         };
         Ok(OptimizeHologram {

@@ -105,7 +105,7 @@ impl Evaluate {
         let kernel = used(session, &self.kernel, async || Ok(only_kernel(&spec))).await?;
         let mut given = Given::default();
         for file in files {
-            given.phases.push(session.client.upload_file(file).await?);
+            given.phases.push(session.upload(file).await?);
         }
         let initial_phase = Some(InitialPhase { kind: Some(Kind::Given(given)) });
         let spec = OptimizeHologram { kernel, iterations: Some(0), initial_phase, ..spec };

@@ -166,7 +166,7 @@ impl OptimizationOptions {
             Some(Start::Given(files)) => {
                 let mut given = Given::default();
                 for file in files {
-                    given.phases.push(session.client.upload_file(file).await?);
+                    given.phases.push(session.upload(file).await?);
                 }
                 Kind::Given(given)
             }

@@ -110,12 +110,12 @@ impl Scene {
         for plane in &self.planes {
             spec.planes.push(ImagePlane {
                 place: Some(Place::at_m(plane.distance_m)),
-                target: session.client.upload_file(&plane.file).await?,
+                target: session.upload(&plane.file).await?,
                 weight: Some(plane.weight),
             });
         }
         if let Some(target) = target {
-            let target = session.client.upload_file(target).await?;
+            let target = session.upload(target).await?;
             let plane = |&distance_m: &f64| {
                 let place = Some(Place::at_m(distance_m));
                 ImagePlane { place, target: target.clone(), weight: None }
@@ -123,7 +123,7 @@ impl Scene {
             spec.planes.extend(self.distances.iter().map(plane));
         }
         if let Some(map) = &self.depth_map {
-            spec.depth_map = session.client.upload_file(map).await?;
+            spec.depth_map = session.upload(map).await?;
         }
         Ok(spec)
     }

@@ -6,6 +6,7 @@ import contextlib
 import importlib
 import math
 import sys
+import time
 from html import escape
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
@@ -60,13 +61,22 @@ def shows_pictures(progress: Progress) -> bool:
 
 
 def details(job: v1.Job) -> str:
-    """Return loss and time left of a job, such as `loss 0.0123, 4 s left`."""
+    """Return loss and time left of a job, such as `loss 0.0123, 4 s left`, or what it waits for."""
+    if job.state == v1.Job.STATE_QUEUED:
+        return waits(job)
     parts = []
     if job.progress.HasField("loss"):
         parts.append(f"loss {job.progress.loss:.3g}")
     if job.progress.HasField("eta_s"):
         parts.append(f"{_duration(job.progress.eta_s)} left")
     return ", ".join(parts)
+
+
+def waits(job: v1.Job) -> str:
+    """Return what a queued job waits for and when it starts, such as `behind learn kernel bench-1, about 3 min`."""
+    if not job.waits_for or not job.waiting.HasField("expected_start_time"):
+        return job.waits_for
+    return f"{job.waits_for}, about {_duration(max(job.waiting.expected_start_time.seconds - time.time(), 0))}"
 
 
 def _duration(seconds: float) -> str:
@@ -114,7 +124,7 @@ class _Bar:
         if state == "succeeded":
             self._bar.n = job.progress.steps_total or 1
         self._bar.set_description_str(f"{self._label}: {stage}", refresh=False)
-        self._bar.postfix = details(job) if state == "running" else ""
+        self._bar.postfix = details(job) if state in {"queued", "running"} else ""
         self._bar.refresh()
 
     def lost(self, error: Unreachable) -> None:  # noqa: ARG002 - the cause would not fit into the line

@@ -126,6 +126,13 @@ impl Streams {
     }
 }
 
+impl OpenStream {
+    /// The client for which the stream is counted.
+    pub(crate) fn client(&self) -> &Client {
+        &self.client
+    }
+}
+
 impl Drop for OpenStream {
     fn drop(&mut self) {
         let mut streams = self.streams.lock();

@@ -2,6 +2,7 @@
 
 use crate::event_log::EventLog;
 use crate::jobs::to_wire;
+use lightpath_domain::access::Caller;
 use lightpath_proto::v1::event::{Change, Changed as Named, Reset};
 use lightpath_service::Jobs;
 use lightpath_store::{Changed, Store, StoreError};
@@ -65,7 +66,12 @@ async fn events(
         }
         let (display, message) = match &changed {
             Changed::Job(id) => match store.job_summary(id).await {
-                Ok(job) => (Some(job.display.clone()), Change::Job(to_wire::summary(jobs, job))),
+                Ok(job) => {
+                    // Everybody who may see the job reads the event, so it names only jobs on the same display.
+                    let reader = Caller { displays: vec![job.display.clone()], ..Caller::without_token() };
+                    let outlook = jobs.outlook(&reader, [(job.state, job.create_time_ms)]).await.ok()?;
+                    (Some(job.display.clone()), Change::Job(to_wire::summary(&outlook, job)))
+                }
                 Err(StoreError::NotFound { .. }) => continue,
                 Err(_) => return None,
             },

@@ -25,7 +25,7 @@ use axum::response::Response;
 use lightpath_domain::access::{Caller, Secret};
 use lightpath_proto::code_name;
 use lightpath_service::{Call, Client, LimitReason, Result, ServiceError};
-use lightpath_store::Store;
+use lightpath_store::{Store, for_client};
 use std::net::IpAddr;
 use std::sync::Arc;
 use std::time::Instant;
@@ -123,6 +123,7 @@ pub(super) async fn pass(
 /// Runs the handler of a call until it ends or its token is no longer accepted, and writes the audit log.
 async fn handle(admission: Admission, visit: Visit, call: Call, handler: impl Future<Output = Response>) -> Response {
     let mut expiry = admission.ended_tokens.when_ended(&call.caller.name);
+    let handler = for_client(call.client.line(), handler);
     let response = tokio::select! {
         response = handler => ending_at_expiry(response, expiry, visit.is_grpc),
         () = &mut expiry => refuse(status::of(not_accepted()), visit.is_grpc),
@@ -213,7 +214,9 @@ impl Admission {
             // Before the search, which is what a limit shall spare the database.
             self.limit_rate(&Client::at(visit.ip())).map_err(status::of)?;
         }
-        let found = find(&self.api.store, &hash).await;
+        // Whose token it is, is not known yet. Unknown tokens share the line of their address, or each would have a new one.
+        let line = if is_known { hash.as_str().into() } else { Client::at(visit.ip()).line() };
+        let found = for_client(line, find(&self.api.store, &hash)).await;
         self.known_tokens.note(&hash, found.is_ok());
         found.map_err(|error| if is_known { refused(error) } else { status::of(error) })
     }

@@ -39,7 +39,8 @@ impl Api {
     /// Returns the message of the named job.
     pub(crate) async fn get_job(&self, call: &Call, request: v1::GetJobRequest) -> Result<v1::Job> {
         let id = names::job_id(&Field::new("name"), &request.name)?;
-        Ok(to_wire::job(&self.service.jobs, self.service.jobs.visible(call, &id).await?))
+        let job = self.service.jobs.visible(call, &id).await?;
+        Ok(to_wire::job(&self.service.jobs.outlook(&call.caller, [(job.state, job.create_time_ms)]).await?, job))
     }
 
     /// Returns a page of jobs.
@@ -50,12 +51,15 @@ impl Api {
         let jobs = &self.service.jobs;
         if Field::new("view").wire_value::<View>(request.view)? == View::Basic {
             let summaries = jobs.summaries(call, &filter, after, page.limit()).await?;
+            let outlook =
+                jobs.outlook(&call.caller, summaries.iter().map(|job| (job.state, job.create_time_ms))).await?;
             let (summaries, next_page_token) =
-                page.fill(summaries, |job| job.id.clone(), |job| to_wire::summary(jobs, job));
+                page.fill(summaries, |job| job.id.clone(), |job| to_wire::summary(&outlook, job));
             return Ok(v1::ListJobsResponse { summaries, next_page_token, ..Default::default() });
         }
         let found = jobs.list(call, &filter, after, page.limit()).await?;
-        let (jobs, next_page_token) = page.fill(found, |job| job.id.clone(), |job| to_wire::job(jobs, job));
+        let outlook = jobs.outlook(&call.caller, found.iter().map(|job| (job.state, job.create_time_ms))).await?;
+        let (jobs, next_page_token) = page.fill(found, |job| job.id.clone(), |job| to_wire::job(&outlook, job));
         Ok(v1::ListJobsResponse { jobs, next_page_token, ..Default::default() })
     }
 
@@ -63,14 +67,16 @@ impl Api {
         let id = names::job_id(&Field::new("name"), &request.name)?;
         call.concerns(format!("jobs/{id}"));
         let jobs = &self.service.jobs;
-        Ok(to_wire::job(jobs, jobs.cancel(call, &id).await?))
+        let job = jobs.cancel(call, &id).await?;
+        Ok(to_wire::job(&jobs.outlook(&call.caller, [(job.state, job.create_time_ms)]).await?, job))
     }
 
     async fn retry_job(&self, call: &Call, request: v1::RetryJobRequest) -> Result<v1::Job> {
         let id = names::job_id(&Field::new("name"), &request.name)?;
         call.concerns(format!("jobs/{id}"));
         let jobs = &self.service.jobs;
-        Ok(to_wire::job(jobs, jobs.retry(call, &id).await?))
+        let job = jobs.retry(call, &id).await?;
+        Ok(to_wire::job(&jobs.outlook(&call.caller, [(job.state, job.create_time_ms)]).await?, job))
     }
 
     async fn list_job_events(

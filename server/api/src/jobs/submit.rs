@@ -3,6 +3,7 @@
 use super::{kinds, scheduling, to_wire};
 use crate::api::Api;
 use crate::once;
+use lightpath_domain::job::Job;
 use lightpath_proto::v1;
 use lightpath_service::permissions::priority_of_job;
 use lightpath_service::{
@@ -22,7 +23,7 @@ impl Api {
         let checked = self.checked_job(call, request).await?;
         let jobs = self.service.jobs.submit(call, vec![checked]).await?;
         // One job was submitted.
-        Ok(jobs.into_iter().map(|job| to_wire::job(&self.service.jobs, job)).next().unwrap_or_default())
+        Ok(self.submitted(call, jobs).await?.into_iter().next().unwrap_or_default())
     }
 
     /// Puts jobs into the queue, all or none.
@@ -50,9 +51,14 @@ impl Api {
         if !refused.is_empty() {
             return Err(all_of(refused));
         }
-        let jobs = &self.service.jobs;
-        let submitted = jobs.submit(call, checked).await?;
-        Ok(v1::SubmitJobsResponse { jobs: submitted.into_iter().map(|job| to_wire::job(jobs, job)).collect() })
+        let submitted = self.service.jobs.submit(call, checked).await?;
+        Ok(v1::SubmitJobsResponse { jobs: self.submitted(call, submitted).await? })
+    }
+
+    async fn submitted(&self, call: &Call, jobs: Vec<Job>) -> Result<Vec<v1::Job>> {
+        let times = jobs.iter().map(|job| (job.state, job.create_time_ms));
+        let outlook = self.service.jobs.outlook(&call.caller, times).await?;
+        Ok(jobs.into_iter().map(|job| to_wire::job(&outlook, job)).collect())
     }
 
     /// Checks the request of a job, and estimates what the job needs.

@@ -7,7 +7,7 @@ use crate::time::timestamp;
 use lightpath_domain::job::{Estimate, Job, JobError, JobEvent, JobSpec, JobState, JobSummary, Progress};
 use lightpath_domain::kernel::KernelKey;
 use lightpath_proto::v1;
-use lightpath_service::Jobs;
+use lightpath_service::{Outlook, Waiting};
 
 /// Begin of the names of [`v1::job::Kind`]. The rest is a word of `JobSpec::KINDS` in capitals.
 const KIND_PREFIX: &str = "KIND_";
@@ -15,8 +15,8 @@ const KIND_PREFIX: &str = "KIND_";
 const SUMMARY_MESSAGE_MAX: usize = 200;
 
 /// Converts a job into its message.
-pub(crate) fn job(jobs: &Jobs, job: Job) -> v1::Job {
-    let waits_for = jobs.waits_for(&job);
+pub(crate) fn job(outlook: &Outlook, job: Job) -> v1::Job {
+    let (waiting, waits_for) = waiting(outlook.of(&job));
     let scheduling = job.scheduling;
     v1::Job {
         name: format!("jobs/{}", job.id),
@@ -48,6 +48,7 @@ pub(crate) fn job(jobs: &Jobs, job: Job) -> v1::Job {
         needs: scheduling.needs.iter().map(str::to_owned).collect(),
         waits_for,
         computer: job.computer.unwrap_or_default(),
+        waiting,
     }
 }
 
@@ -62,8 +63,8 @@ pub(crate) fn estimate(spec: JobSpec, estimate: Estimate) -> v1::JobEstimate {
 }
 
 /// Converts what a list shows of a job into its message.
-pub(crate) fn summary(jobs: &Jobs, job: JobSummary) -> v1::JobSummary {
-    let waits_for = jobs.summary_waits_for(&job);
+pub(crate) fn summary(outlook: &Outlook, job: JobSummary) -> v1::JobSummary {
+    let (waiting, waits_for) = waiting(outlook.of_summary(&job));
     let has_succeeded = job.state == JobState::Succeeded;
     v1::JobSummary {
         name: format!("jobs/{}", job.id),
@@ -84,7 +85,26 @@ pub(crate) fn summary(jobs: &Jobs, job: JobSummary) -> v1::JobSummary {
         label: job.label.unwrap_or_default(),
         needs: job.needs.iter().map(str::to_owned).collect(),
         waits_for,
+        waiting,
     }
+}
+
+/// Converts what a job waits for into its message, and the text for people.
+fn waiting(waiting: Option<Waiting>) -> (Option<v1::Waiting>, String) {
+    let Some(Waiting { reason, place, text }) = waiting else { return (None, String::new()) };
+    let behind = place.as_ref().and_then(|place| place.behind.as_deref()).map(|job| v1::waiting::RunningJob {
+        name: format!("jobs/{}", job.id),
+        kind: kind_of(&job.kind).into(),
+        subject: job.subject.clone(),
+    });
+    let message = v1::Waiting {
+        reason: reason.to_wire(),
+        jobs_before: place.as_ref().map(|place| place.jobs_before),
+        others_before: place.as_ref().map(|place| place.others_before),
+        behind,
+        expected_start_time: place.and_then(|place| place.start_ms).map(timestamp),
+    };
+    (Some(message), text)
 }
 
 /// The value of the enumeration for a word of `JobSpec::KINDS`.

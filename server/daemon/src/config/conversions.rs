@@ -184,7 +184,12 @@ impl Config {
             time_s: self.job_time_s_max,
             work_per_s,
             threads: self.compute_threads,
+            running: self.running_limits(),
         }
+    }
+
+    fn running_limits(&self) -> ClaimLimits {
+        ClaimLimits { per_owner: self.owner_running_limit, per_display: self.display_running_limit }
     }
 
     /// Memory for running jobs \[bytes\].
@@ -200,7 +205,7 @@ impl Config {
             compute_threads: self.compute_threads,
             lease: Duration::from_secs_f64(self.lease_s),
             checkpoint_interval: Duration::from_secs_f64(self.checkpoint_interval_s),
-            limits: ClaimLimits { per_owner: self.owner_running_limit, per_display: self.display_running_limit },
+            limits: self.running_limits(),
             timeouts: self.timeouts(),
             memory_bytes: bytes(self.job_memory_mib_max),
             name: self.worker_name(),

@@ -1,11 +1,15 @@
-//! Output of the demo in the terminal: numbered steps on stdout, progress bars on stderr.
+//! Output of the demo in the terminal: numbered steps on stdout, progress bars on stderr, or lines where stderr is no terminal.
 
 use super::args::{DISPLAY, DemoArgs};
 use super::files::Files;
 use indicatif::{ProgressBar, ProgressStyle};
 use lightpath::units::show_m;
-use std::io::Write as _;
+use std::cell::Cell;
+use std::io::{IsTerminal as _, Write as _};
 use std::time::{Duration, Instant};
+
+/// Interval between lines about a step, without a terminal.
+const LINES: Duration = Duration::from_secs(10);
 
 /// Output of the demo, with the steps so far.
 pub(super) struct Console {
@@ -57,7 +61,8 @@ impl Console {
         bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
         bar.set_message(verb);
         bar.enable_steady_tick(Duration::from_millis(200));
-        Bar { bar, verb }
+        let printed = (!std::io::stderr().is_terminal()).then(|| Cell::new(Instant::now()));
+        Bar { bar, verb, printed }
     }
 
     /// The steps and the duration of each \[s\].
@@ -115,6 +120,8 @@ fn programs() -> (&'static str, &'static str) {
 pub(super) struct Bar {
     bar: ProgressBar,
     verb: &'static str,
+    /// Time of the latest line, without a terminal.
+    printed: Option<Cell<Instant>>,
 }
 
 impl Bar {
@@ -127,6 +134,12 @@ impl Bar {
         self.bar.set_position(done as u64 * Self::JOB_STEPS + (share.clamp(0.0, 1.0) * Self::JOB_STEPS as f64) as u64);
         if jobs > 1 {
             self.bar.set_message(format!("{} {}/{jobs}", self.verb, (done + 1).min(jobs)));
+        }
+        if let Some(printed) = self.printed.as_ref().filter(|printed| printed.get().elapsed() >= LINES) {
+            printed.set(Instant::now());
+            let percent = 100.0 * (done as f64 + share.clamp(0.0, 1.0)) / jobs.max(1) as f64;
+            // Nobody may read the lines, and the demo goes on.
+            drop(writeln!(std::io::stderr(), "    {}: {percent:.0} %", self.bar.message()));
         }
     }
 }

@@ -9,7 +9,7 @@ import { areaOf, regionOf } from "../hologram_region.js";
 import { makeAgain } from "../make_again.js";
 import { onEvent } from "../events.js";
 import { age, between, bytes, decibels, duration, idOf, length, measuredDecibels, number, percent, placeText } from "../format.js";
-import { progressOf, stateOf, updateProgress } from "../job_rows.js";
+import { progressOf, stateOf, updateProgress, waitOf } from "../job_rows.js";
 import { headlineOf, hologramPictures, judgementOf, phasePicture, photographPicture, photographsOf } from "../hologram_pictures.js";
 import { livePicture } from "../live_picture.js";
 import { errorNote, refresher } from "../loading.js";
@@ -69,7 +69,7 @@ export function jobPage(root, [id]) {
     show(head, h("h1", {}, kind, " ", stateOf(job)),
       h("p", {}, `${job.label ? `${job.label}, ` : ""}${id}, submitted ${age(job.createTime)}${job.owner ? ` by ${job.owner}` : ""}${took === null ? "" : `, took ${duration(took)}`}`),
       job.error && h("p", { class: "note bad" }, job.error.message),
-      job.waitsFor && h("p", { class: "note" }, `The job waits: ${job.waitsFor}.`),
+      job.waitsFor && h("p", { class: "note" }, `The job waits: ${waitOf(job)}.`),
       progressOf(job),
       h("p", { class: "actions" }, !hasEnded && !job.cancelRequested && act("cancel", "Cancel"),
         ["STATE_FAILED", "STATE_CANCELLED"].includes(job.state) && act("retry", "Retry")));

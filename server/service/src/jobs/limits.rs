@@ -5,6 +5,7 @@ use crate::error::{Result, ServiceError};
 use lightpath_domain::ability::counted_memory;
 use lightpath_domain::job::{Estimate, JobSpec};
 use lightpath_domain::reason::PreconditionReason;
+use lightpath_store::ClaimLimits;
 
 const MIB: f64 = 1_048_576.0;
 
@@ -21,12 +22,15 @@ pub struct JobLimits {
     pub work_per_s: f64,
     /// Threads of a job.
     pub threads: usize,
+    /// Limits on the numbers of running jobs, as far as this process knows them.
+    pub running: ClaimLimits,
 }
 
 impl Default for JobLimits {
     /// No limits.
     fn default() -> Self {
-        Self { memory_bytes: u64::MAX, cache_bytes: 0, time_s: f64::INFINITY, work_per_s: 1e9, threads: 1 }
+        let running = ClaimLimits::default();
+        Self { memory_bytes: u64::MAX, cache_bytes: 0, time_s: f64::INFINITY, work_per_s: 1e9, threads: 1, running }
     }
 }
 

@@ -5,7 +5,8 @@
 //! - `submit`: how a job comes into the queue. `kinds`: what each kind of job needs for that.
 //! - `limits`: those on the memory and time of a job. `estimate`: sizes from which these are estimated.
 //!   `checked_targets`: pictures that need not be decoded again.
-//! - `seen_by`: what a caller sees of a job; `lists`: of many. `waits_for`: why it cannot start. `queue`: pauses.
+//! - `seen_by`: what a caller sees of a job; `lists`: of many. `queue`: pauses.
+//! - `waiting`: what a queued job waits for, and when it starts; `waits_for`: why no process can run it.
 
 mod checked_targets;
 mod estimate;
@@ -15,11 +16,13 @@ mod lists;
 mod queue;
 mod seen_by;
 mod submit;
+mod waiting;
 mod waits_for;
 
 pub use limits::JobLimits;
 pub use queue::QueueState;
 pub use submit::{CheckedJob, Submission};
+pub use waiting::{Outlook, WaitReason, Waiting};
 
 use crate::call::Call;
 use crate::datasets::Datasets;
@@ -31,6 +34,7 @@ use lightpath_artifacts::Artifacts;
 use lightpath_domain::job::Job;
 use lightpath_metrics as metrics;
 use lightpath_store::{QueueLimits, Store};
+use waiting::LastForecast;
 
 /// Jobs. Clones share the memory of checked pictures.
 #[derive(Clone, Debug)]
@@ -43,6 +47,7 @@ pub struct Jobs {
     limits: JobLimits,
     queue_limits: QueueLimits,
     checked_targets: CheckedTargets,
+    last_forecast: LastForecast,
 }
 
 impl Jobs {
@@ -52,8 +57,8 @@ impl Jobs {
         (files, datasets, kernels): (Files, Datasets, Kernels),
         (limits, queue_limits): (JobLimits, QueueLimits),
     ) -> Self {
-        let checked_targets = CheckedTargets::default();
-        Self { store, artifacts, files, datasets, kernels, limits, queue_limits, checked_targets }
+        let (checked_targets, last_forecast) = Default::default();
+        Self { store, artifacts, files, datasets, kernels, limits, queue_limits, checked_targets, last_forecast }
     }
 
     /// Cancels a job, or records the wish if it runs.

@@ -1,9 +1,10 @@
 //! Submission of jobs: estimates a checked job, and puts it into the queue.
 
 use super::Jobs;
+use super::waits_for::no_process;
 use crate::call::Call;
 use crate::error::Result;
-use lightpath_domain::job::{Job, JobSpec, NewJob, Scheduling};
+use lightpath_domain::job::{Job, JobSpec, JobState, NewJob, Scheduling};
 
 /// A job to be submitted, as far as it is the same for all kinds.
 #[derive(Clone, Debug, PartialEq)]
@@ -65,7 +66,8 @@ impl Jobs {
         for job in &jobs {
             call.concerns(format!("jobs/{}", job.id));
         }
-        if jobs.iter().any(|job| !self.waits_for(job).is_empty()) {
+        let nobody = |job: &Job| no_process(&self.store, &job.scheduling.needs, job.estimate.memory_bytes).is_some();
+        if jobs.iter().any(|job| job.state == JobState::Queued && nobody(job)) {
             // A process may have come in the last seconds. The jobs are stored, so an error changes nothing.
             drop(self.store.read_living().await);
         }

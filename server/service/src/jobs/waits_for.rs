@@ -1,33 +1,15 @@
 //! Why a waiting job cannot start: no living process can run it.
 
-use super::Jobs;
 use lightpath_domain::ability::Labels;
-use lightpath_domain::job::{Job, JobState, JobSummary};
 use lightpath_store::{Process, Store};
 
 const GIB: f64 = 1_073_741_824.0;
 
-impl Jobs {
-    /// Why the job cannot start now; empty: nothing is known.
-    #[must_use]
-    pub fn waits_for(&self, job: &Job) -> String {
-        text(&self.store, job.state, &job.scheduling.needs, job.estimate.memory_bytes)
-    }
-
-    /// The same, for what a list shows of a job.
-    #[must_use]
-    pub fn summary_waits_for(&self, job: &JobSummary) -> String {
-        text(&self.store, job.state, &job.needs, job.memory_bytes)
-    }
-}
-
-fn text(store: &Store, state: JobState, needs: &Labels, memory_bytes: u64) -> String {
+/// Why no living process can run a job with these needs and this estimate of memory \[bytes\]; `None`: one can.
+pub(super) fn no_process(store: &Store, needs: &Labels, memory_bytes: u64) -> Option<String> {
     // A server alone runs a job above its limit, which was lowered then.
     let memory_bytes = if store.is_shared() { memory_bytes } else { 0 };
-    match state {
-        JobState::Queued => missing(&store.living(), needs, memory_bytes).unwrap_or_default(),
-        JobState::Running | JobState::Succeeded | JobState::Failed | JobState::Cancelled => String::new(),
-    }
+    missing(&store.living(), needs, memory_bytes)
 }
 
 /// What none of the processes has of what a job needs.

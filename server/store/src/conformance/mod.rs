@@ -1,13 +1,14 @@
 //! Tests of the store on a real database: SQLite in a temporary folder or, if `LIGHTPATH_TEST_DATABASE` is `postgres`, a
 //! database of the PostgreSQL server that `scripts/with-postgres` starts. What concerns only one of them is tested there.
 //!
-//! `queue`: states of jobs and their changes. `deaths`: what deaths count for. `scheduling`: when and for which owner jobs run. `needs`: on
+//! `queue`: states of jobs and their changes. `deaths`: what deaths count for. `forecasts`: what is before waiting jobs. `scheduling`: when and for which owner jobs run. `needs`: on
 //! which processes. `registry`: displays,
 //! artifacts, datasets, kernels. `rollouts`: aliases, gates, devices, rollouts. `preparing`: datasets that jobs align and finalize. `model`: random histories of one
 //! job, compared with a small model. `machine`: random histories of a whole queue. `migrations`: databases of earlier
 //! versions. `webhooks`: what webhooks learn. `processes`: several processes on one database of PostgreSQL. `transfers`: moves between databases. `scale`: many jobs. `limits`: limits on stored records. `query_plans`: the indexes that queries use.
 
 mod deaths;
+mod forecasts;
 mod limits;
 mod machine;
 mod migrations;

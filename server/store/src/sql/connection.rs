@@ -1,5 +1,6 @@
 //! Connections to either database.
 
+use super::turns::{Turn, Turns};
 use sqlx::pool::PoolConnection;
 use sqlx::{Connection as _, PgConnection, PgPool, Postgres, Sqlite, SqliteConnection, SqlitePool, Transaction};
 
@@ -7,22 +8,37 @@ use sqlx::{Connection as _, PgConnection, PgPool, Postgres, Sqlite, SqliteConnec
 #[derive(Debug)]
 pub(crate) enum Connection {
     /// One of a pool.
-    Sqlite(PoolConnection<Sqlite>),
+    Sqlite(Held<PoolConnection<Sqlite>>),
     /// One of a pool.
-    Postgres(PoolConnection<Postgres>),
+    Postgres(Held<PoolConnection<Postgres>>),
     /// One that belongs to no pool.
     SqliteFile(SqliteConnection),
     /// One that belongs to no pool.
     PostgresServer(PgConnection),
     /// A transaction that only reads, and sees one state of the database.
-    SqliteSnapshot(Transaction<'static, Sqlite>),
+    SqliteSnapshot(Held<Transaction<'static, Sqlite>>),
     /// A transaction that only reads, and sees one state of the database.
-    PostgresSnapshot(Transaction<'static, Postgres>),
+    PostgresSnapshot(Held<Transaction<'static, Postgres>>),
 }
 
-/// Connections to either database.
+/// What a client holds of a pool.
+#[derive(Debug)]
+pub(crate) struct Held<C> {
+    connection: C,
+    /// Dropped after the connection, so that the next client finds it.
+    _turn: Turn,
+}
+
+/// Connections to either database, at which clients take turns.
 #[derive(Clone, Debug)]
-pub(crate) enum Pool {
+pub(crate) struct Pool {
+    raw: RawPool,
+    turns: Turns,
+}
+
+/// Connections as their database knows them.
+#[derive(Clone, Debug)]
+pub(crate) enum RawPool {
     Sqlite(SqlitePool),
     Postgres(PgPool),
 }
@@ -57,12 +73,12 @@ impl Lent<'_> {
 impl Connection {
     pub(super) fn raw(&mut self) -> Raw<'_> {
         match self {
-            Self::Sqlite(connection) => Raw::Sqlite(connection),
+            Self::Sqlite(held) => Raw::Sqlite(&mut held.connection),
             Self::SqliteFile(connection) => Raw::Sqlite(connection),
-            Self::Postgres(connection) => Raw::Postgres(connection),
+            Self::Postgres(held) => Raw::Postgres(&mut held.connection),
             Self::PostgresServer(connection) => Raw::Postgres(connection),
-            Self::SqliteSnapshot(transaction) => Raw::Sqlite(transaction),
-            Self::PostgresSnapshot(transaction) => Raw::Postgres(transaction),
+            Self::SqliteSnapshot(held) => Raw::Sqlite(&mut held.connection),
+            Self::PostgresSnapshot(held) => Raw::Postgres(&mut held.connection),
         }
     }
 
@@ -72,8 +88,8 @@ impl Connection {
 
     /// Closes a connection of a pool of PostgreSQL when it is dropped, so that its transaction ends with it.
     pub(crate) fn close_on_drop(&mut self) {
-        if let Self::Postgres(connection) = self {
-            connection.close_on_drop();
+        if let Self::Postgres(held) = self {
+            held.connection.close_on_drop();
         }
     }
 
@@ -88,32 +104,52 @@ impl Connection {
 }
 
 impl Pool {
+    pub(crate) fn sqlite(pool: SqlitePool) -> Self {
+        Self { turns: Turns::new(pool.options().get_max_connections()), raw: RawPool::Sqlite(pool) }
+    }
+
+    pub(crate) fn postgres(pool: PgPool) -> Self {
+        Self { turns: Turns::new(pool.options().get_max_connections()), raw: RawPool::Postgres(pool) }
+    }
+
+    pub(crate) fn raw(&self) -> &RawPool {
+        &self.raw
+    }
+
     /// A connection for several statements, each of which sees the newest state.
     pub(crate) async fn acquire(&self) -> Result<Connection, sqlx::Error> {
-        match self {
-            Self::Sqlite(pool) => Ok(Connection::Sqlite(pool.acquire().await?)),
-            Self::Postgres(pool) => Ok(Connection::Postgres(pool.acquire().await?)),
+        let turn = self.turns.wait().await?;
+        match &self.raw {
+            RawPool::Sqlite(pool) => Ok(Connection::Sqlite(Held { connection: pool.acquire().await?, _turn: turn })),
+            RawPool::Postgres(pool) => {
+                Ok(Connection::Postgres(Held { connection: pool.acquire().await?, _turn: turn }))
+            }
         }
     }
 
     /// Begins a transaction that only reads, and sees one state of the database.
     pub(crate) async fn begin(&self) -> Result<Connection, sqlx::Error> {
         const BEGIN: &str = "begin isolation level repeatable read, read only";
-        match self {
-            Self::Sqlite(pool) => Ok(Connection::SqliteSnapshot(pool.begin().await?)),
-            Self::Postgres(pool) => Ok(Connection::PostgresSnapshot(pool.begin_with(BEGIN).await?)),
+        let turn = self.turns.wait().await?;
+        match &self.raw {
+            RawPool::Sqlite(pool) => {
+                Ok(Connection::SqliteSnapshot(Held { connection: pool.begin().await?, _turn: turn }))
+            }
+            RawPool::Postgres(pool) => {
+                Ok(Connection::PostgresSnapshot(Held { connection: pool.begin_with(BEGIN).await?, _turn: turn }))
+            }
         }
     }
 
     pub(crate) fn is_postgres(&self) -> bool {
-        matches!(self, Self::Postgres(_))
+        matches!(self.raw, RawPool::Postgres(_))
     }
 
     /// Waits for statements in progress and closes the connections.
     pub(crate) async fn close(&self) {
-        match self {
-            Self::Sqlite(pool) => pool.close().await,
-            Self::Postgres(pool) => pool.close().await,
+        match &self.raw {
+            RawPool::Sqlite(pool) => pool.close().await,
+            RawPool::Postgres(pool) => pool.close().await,
         }
     }
 }

@@ -11,11 +11,15 @@
 //! # Layout
 //!
 //! - `connection`: connections and pools. `query`: a statement with its parameters. `row`: what it returns.
+//! - `turns`: which client gets the next connection.
 
 mod connection;
 mod query;
 mod row;
+mod turns;
 
-pub(super) use connection::{Connection, Pool};
+pub(super) use connection::{Connection, Pool, RawPool};
 pub(super) use query::{Builder, Query, Value, query, query_as, run_all, scalar};
 pub(super) use row::{ColumnId, Row, from_row};
+pub use turns::for_client;
+pub(super) use turns::for_same_client;

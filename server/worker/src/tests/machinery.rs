@@ -266,6 +266,37 @@ async fn jobs_wait_until_their_memory_is_free() {
 }
 
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn small_jobs_pass_a_long_one_but_none_that_waits_for_memory() {
+    const MIB: u64 = 1 << 20;
+    let bench = bench().await;
+    let long = submit_with_memory(&bench, "long", 500 * MIB).await;
+    let small = submit_with_memory(&bench, "small", 100 * MIB).await;
+    let finish_long = Arc::new(std::sync::atomic::AtomicBool::new(false));
+    let finish = Arc::clone(&finish_long);
+    let task = move |job: &Job, context: &JobContext| {
+        while job.request_id == "long" && !finish.load(Ordering::SeqCst) {
+            std::thread::yield_now();
+        }
+        count(context, |_| {})
+    };
+    let working = bench.start(WorkerConfig { workers: 3, memory_bytes: 800 * MIB, ..config() }, task);
+    assert_eq!(bench.ended(&small).await.state, JobState::Succeeded);
+    assert_eq!(bench.store.job(&long).await.unwrap().state, JobState::Running);
+
+    let large = submit_with_memory(&bench, "large", 300 * MIB).await;
+    bench.until(&large, |job| job.progress.is_some()).await;
+    // 200 MiB are free. They are kept for the large job, which could otherwise wait for ever.
+    let late = submit_with_memory(&bench, "late", 100 * MIB).await;
+    let waiting = bench.until(&late, |job| job.progress.is_some()).await;
+    assert_eq!(waiting.progress.unwrap().stage, "wait for memory: 100 MiB needed, 0 of 700 MiB free");
+    finish_long.store(true, Ordering::SeqCst);
+    for id in [long, large, late] {
+        assert_eq!(bench.ended(&id).await.state, JobState::Succeeded);
+    }
+    working.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn job_that_waits_for_memory_can_be_cancelled() {
     let bench = bench().await;
     let first = submit_with_memory(&bench, "first", 1 << 40).await;

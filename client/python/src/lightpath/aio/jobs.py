@@ -10,7 +10,7 @@ from lightpath import html, names, v1, words
 from lightpath.aio.connection import PREPARING_TIMEOUT_S
 from lightpath.errors import JobUnsuccessful, Unreachable, WaitInterrupted
 from lightpath.options import SubmitOptions, submit_request
-from lightpath.progress import Progress, details, watcher
+from lightpath.progress import Progress, details, waits, watcher
 from lightpath.retry import WAIT_TRIES_MAX, Backoff
 
 if TYPE_CHECKING:
@@ -37,7 +37,8 @@ class Job(Generic[Result]):
         self.message = message
 
     def __repr__(self) -> str:
-        return f"<Job {self.name}, {self.kind}: {self.state}>"
+        waits = self.waits
+        return f"<Job {self.name}, {self.kind}: {self.state}{f', {waits}' if waits else ''}>"
 
     @property
     def name(self) -> str:
@@ -53,6 +54,14 @@ class Job(Generic[Result]):
     def state(self) -> words.State:
         """State when this object last heard of the job."""
         return cast("words.State", words.name_of(v1.Job.State, self.message.state))
+
+    @property
+    def waits(self) -> str:
+        """What a queued job waits for and when it starts, such as `behind learn kernel bench-1, about 3 min`.
+
+        Empty: nothing is known. `message.waiting` says the same to programs.
+        """
+        return waits(self.message)
 
     @property
     def ended(self) -> bool:
@@ -146,6 +155,8 @@ class Job(Generic[Result]):
         if job.progress.steps_total and not self.ended:
             progress = f"{job.progress.stage} {job.progress.step}/{job.progress.steps_total} {details(job)}"
             rows.append(("progress", progress))
+        if self.waits:
+            rows.append(("waits", self.waits))
         if job.error.message:
             rows.append(("error", f"{job.error.message} ({job.error.reason})"))
         rows.append(("submitted", f"{job.create_time.ToDatetime():%Y-%m-%d %H:%M:%S} UTC"))
