@@ -45,6 +45,7 @@ pub(crate) enum DatasetCommand {
 ///
 /// A dataset collects holograms of one display, wavelength and distance, each with a photograph.
 #[derive(Debug, Args)]
+#[command(override_usage = "lightpath dataset create [OPTIONS] --display <ID>\n           --distance <LENGTH> <NAME>")]
 #[command(after_long_help = "\
 Example:
   lightpath dataset create bench-1 --display lab-2 --distance 150mm

@@ -69,7 +69,7 @@ use std::process::ExitCode;
 /// Declare a display, send target pictures and get phase holograms. Send photographs of these holograms and get a
 /// learned kernel of the display. New holograms that use the kernel look better.
 #[derive(Debug, Parser)]
-#[command(name = "lightpath", version, max_term_width = 110, after_long_help = EXAMPLES)]
+#[command(name = "lightpath", version, max_term_width = 80, after_long_help = EXAMPLES)]
 struct Cli {
     /// Use the server at this address
     #[arg(

@@ -23,7 +23,7 @@ use tracing_subscriber::prelude::*;
 /// Computer-generated holography as a service: a queue of hologram and learning jobs, and a registry of learned
 /// kernels, behind one gRPC and HTTP port.
 #[derive(Debug, Parser)]
-#[command(name = "lightpathd", version, max_term_width = 100, arg_required_else_help = true)]
+#[command(name = "lightpathd", version, max_term_width = 80, arg_required_else_help = true)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -92,7 +92,8 @@ struct Man {
 }
 
 const SERVE_HELP: &str = "\
-Flags override environment variables, environment variables override the file, and the file overrides the defaults.
+Flags override environment variables, environment variables override the file, and the file overrides the \
+defaults.
 
 Examples:
   lightpathd serve
@@ -105,13 +106,14 @@ Examples:
 The server prints its address on stdout and its log on stderr. Health is at /healthz, metrics are at /metrics.";
 
 const WORKER_HELP: &str = "\
-Any number of workers and servers share one PostgreSQL database and one bucket. Each has a data folder of its own, which
+Any number of workers and servers share one PostgreSQL database and one bucket. Each has a data folder of its own, which \
 is only a cache. A worker that dies loses nothing: its jobs go on elsewhere from their last saved state.
 
 Examples:
   lightpathd worker --database-url postgres://lightpath@db.example/lightpath \\
       --artifacts-url s3://lightpath/artifacts --data-dir /var/cache/lightpath
-  lightpathd worker --config lightpath.toml --workers 4 --status-listen 127.0.0.1:7071
+  lightpathd worker --config lightpath.toml --workers 4 \\
+      --status-listen 127.0.0.1:7071
 
 The worker prints its log on stderr.";
 
@@ -271,8 +273,13 @@ fn start_log(config: &Config) -> anyhow::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use lightpath_program_docs::{check_document, markdown};
+    use lightpath_program_docs::{check_document, check_help, markdown};
     use std::path::Path;
+
+    #[test]
+    fn help_is_complete_and_fits_a_terminal() {
+        check_help(Cli::command()).unwrap_or_else(|mistakes| panic!("{mistakes}"));
+    }
 
     #[test]
     fn reference_in_the_documents_is_up_to_date() {
