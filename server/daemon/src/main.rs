@@ -9,7 +9,7 @@ use lightpath_server::demo::{self, DemoArgs};
 use lightpath_server::upkeep::{
     BackupArgs, CheckArgs, CollectArgs, KeyCommand, MigrateArgs, RestoreArgs, RestoredArgs, TokenCommand,
 };
-use lightpath_server::{job_process, server, worker_process};
+use lightpath_server::{job_process, listening, server, worker_process};
 use lightpath_worker::JobInput;
 use std::future::Future;
 use std::io::{IsTerminal as _, Write as _};
@@ -136,7 +136,12 @@ fn main() -> ExitCode {
     match outcome {
         Ok(code) => code,
         Err(error) => {
-            let _ = writeln!(std::io::stderr().lock(), "lightpathd: {error:#}");
+            let text = format!("lightpathd: {error:#}");
+            let _ = writeln!(std::io::stderr().lock(), "{text}");
+            // `lightpathd serve 2> server.log &` would end without a word in the terminal.
+            if !std::io::stderr().is_terminal() && std::io::stdout().is_terminal() {
+                let _ = writeln!(std::io::stdout().lock(), "{text}");
+            }
             ExitCode::FAILURE
         }
     }
@@ -230,10 +235,7 @@ async fn work(config: Config) -> anyhow::Result<()> {
 
 async fn serve(config: Config) -> anyhow::Result<()> {
     let stop = stop_signal()?;
-    let requested = config.listen;
-    let listener = TcpListener::bind(requested).await.with_context(|| {
-        format!("cannot listen on {requested}; if another server runs there, choose another address with --listen")
-    })?;
+    let listener = listening::listen(config.listen, &config.data_dir).await?;
     let address = listener.local_addr()?;
     tracing::info!(%address, data_dir = %config.data_dir.display(), "starting");
     // Clients that connect from now on wait in the backlog until the server has checked everything.
