@@ -230,7 +230,7 @@ async fn list(session: &Session, limit: u32) -> Result<(), Failure> {
     })
     .await?;
     session.print_pages(list, |displays| {
-        let mut table = Table::new("display|>resolution|>pitch|wavelengths~|>bits??|kind?|created????|age???");
+        let mut table = Table::new("display|>resolution|>pitch|wavelengths~|>bits??|kind|created????|age???");
         for display in displays {
             let modulator = display.modulator.clone().unwrap_or_default();
             table.row([
