@@ -31,7 +31,7 @@ export function displayPage(root, [id]) {
     show(kernels, h("h2", {}, "Kernels"), kernelPage.kernels.length ? kernelTable(kernelPage.kernels)
       : emptyNote("No kernel is learned yet. Learn one from photographs:", `lightpath kernel learn --dataset bench-1`));
     show(devices, h("h2", {}, "Devices"), devicePage.devices.length ? deviceTable(devicePage.devices)
-      : emptyNote("No device has reported yet. The agent on a device fetches kernels and reports. From a checkout:", "cargo install --locked --path agent && lightpath-agent --help"));
+      : emptyNote("No device has reported yet. The agent on a device fetches kernels and reports. From a checkout:", "cargo install --locked --path agent"));
   });
   const own = (data) => data.name === name || data.name?.startsWith(`${name}/`);
   return onEvent((kind, data) => (kind === "reset" || (["display", "kernel", "device"].includes(kind) && own(data))) && refresh.soon());
