@@ -13,15 +13,25 @@ use std::time::Duration;
 
 /// Formats of kernel files.
 const FORMATS: [&str; 7] = ["compact", "safetensors", "f16", "complex64", "npz", "npy", "pt"];
+
+/// What must be given, in lines that fit a terminal.
+const USAGE: &str = "\
+lightpath-agent [OPTIONS] --server <URL> --display <ID> --device <NAME>
+           --wavelength <LENGTH> --distance <LENGTH> --root <PUBLIC-KEY>
+           --directory <DIR>
+       lightpath-agent status --directory <DIR>";
+
 const EXAMPLES: &str = "\
 A display that is always up to date:
   lightpath-agent --server https://lab:7070 --display pluto --device bench-7 \\
       --wavelength 515nm --distance 150mm \\
       --root 3d4017c3e843895a92b70aa74d1b7ebc9c982ccf2ec4968cc0cd55f12af4660c \\
       --token-file /etc/lightpath/token --directory /var/lib/lightpath
-The application opens /var/lib/lightpath/current/kernel. On the server,
-  lightpathd token create bench-7 --role firmware --display pluto    prints the token, and
-  lightpathd key list                                                prints the root key.
+The application opens /var/lib/lightpath/current/kernel.
+
+On the server, the first command prints the token, and the second the root key:
+  lightpathd token create bench-7 --role firmware --display pluto
+  lightpathd key list
 
 Three colours, whose kernels change together:
   lightpath-agent … --wavelength 638nm --wavelength 515nm --wavelength 450nm
@@ -45,7 +55,8 @@ not, 2 wrong usage.";
 #[command(
     name = "lightpath-agent",
     version,
-    max_term_width = 110,
+    max_term_width = 80,
+    override_usage = USAGE,
     after_long_help = EXAMPLES,
     args_conflicts_with_subcommands = true,
     subcommand_negates_reqs = true
@@ -119,8 +130,8 @@ pub struct RunArguments {
     #[arg(long = "kernel", env = "LIGHTPATH_KERNEL", value_name = "ID", value_parser = word, value_delimiter = ',')]
     pub kernels: Vec<String>,
 
-    /// Change a set of kernels only after none of the display's kernels has moved for this time \[s\]: an operator promotes
-    /// one after another
+    /// Change a set of kernels only after none of the display's kernels has moved for this time, in seconds: an
+    /// operator promotes one after another
     #[arg(
         long,
         env = "LIGHTPATH_SETTLE_S",
@@ -163,7 +174,7 @@ pub struct RunArguments {
     #[arg(long, env = "LIGHTPATH_SELF_TEST", value_name = "COMMAND")]
     pub self_test: Option<PathBuf>,
 
-    /// End the self-test after this time \[s\], and take the kernel for bad
+    /// End the self-test after this time, in seconds, and take the kernel for bad
     #[arg(
         long,
         env = "LIGHTPATH_SELF_TEST_LIMIT_S",
@@ -293,6 +304,7 @@ mod tests {
     #[test]
     fn arguments_become_settings() {
         Cli::command().debug_assert();
+        lightpath_program_docs::check_help(Cli::command()).unwrap_or_else(|mistakes| panic!("{mistakes}"));
         let Task::Run(arguments) = parsed(GOOD).unwrap() else { panic!() };
         let [settings] = <[Settings; 1]>::try_from(arguments.settings().unwrap()).unwrap();
         assert_eq!((&*settings.server, &*settings.format), ("https://lab:7070", "compact"));

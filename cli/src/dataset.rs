@@ -11,6 +11,7 @@ use super::dataset_text::facts;
 use super::failure::Failure;
 use super::jobs::prepare_dataset::{Align, Finalize};
 use super::jobs::suggest_holograms::Suggest;
+use super::missing;
 use super::pages::pages;
 use super::session::Session;
 use super::show::{age_or_dash, clock_or_dash, optics};
@@ -45,6 +46,7 @@ pub(crate) enum DatasetCommand {
 ///
 /// A dataset collects holograms of one display, wavelength and distance, each with a photograph.
 #[derive(Debug, Args)]
+#[command(override_usage = "lightpath dataset create [OPTIONS] --display <ID>\n           --distance <LENGTH> <NAME>")]
 #[command(after_long_help = "\
 Example:
   lightpath dataset create bench-1 --display lab-2 --distance 150mm
@@ -132,6 +134,9 @@ impl List {
             session.client.list_datasets(request).await
         })
         .await?;
+        if list.datasets.is_empty() {
+            missing::check_display(session, &display).await?;
+        }
         session.print_pages(list, |datasets| {
             let mut table = Table::new("dataset|display|optics?|state|>pairs|created???|age??");
             for dataset in datasets {

@@ -40,6 +40,9 @@ pub(crate) enum DisplayCommand {
 /// A display is a phase-only spatial light modulator (SLM) and the optics behind it. Declaring the same display again
 /// changes nothing. The server refuses an existing id with other properties.
 #[derive(Debug, Args)]
+#[command(
+    override_usage = "lightpath display create [OPTIONS] --resolution <WxH>\n           --pixel-pitch <LENGTH> --wavelength <LENGTH> <ID>"
+)]
 #[command(after_long_help = "\
 Examples:
   lightpath display create lab-2 --resolution 1920x1080 --pixel-pitch 8um \\
@@ -227,7 +230,7 @@ async fn list(session: &Session, limit: u32) -> Result<(), Failure> {
     })
     .await?;
     session.print_pages(list, |displays| {
-        let mut table = Table::new("display|>resolution|>pitch|wavelengths~|>bits??|kind?|created????|age???");
+        let mut table = Table::new("display|>resolution|>pitch|wavelengths~|>bits??|kind|created????|age???");
         for display in displays {
             let modulator = display.modulator.clone().unwrap_or_default();
             table.row([

@@ -74,15 +74,3 @@ fn commands_that_make_files_or_follow_jobs_teach_with_an_example() {
         assert!(help.contains(&format!("  lightpath {path}")), "{path} has no example of itself: {help}");
     }
 }
-
-#[test]
-fn examples_fit_a_terminal_and_can_be_copied() {
-    fn check(command: &clap::Command) {
-        let help = command.get_after_long_help().map(ToString::to_string).unwrap_or_default();
-        for line in help.lines().filter(|line| line.starts_with("  ")) {
-            assert!(line.chars().count() <= 80, "{}: {line}", command.get_name());
-        }
-        command.get_subcommands().for_each(check);
-    }
-    check(&Cli::command());
-}

@@ -14,6 +14,8 @@ pub(crate) enum Failure {
     Target(TargetFailure),
     /// The connection was lost for too long while the command waited for jobs. The text says how to go on.
     Waiting(lightpath::Error, String),
+    /// Another failure, and what to do about it.
+    Advised(Box<Failure>, String),
     /// Jobs failed or were cancelled. One line for each job says how it ended.
     Jobs(Vec<String>),
     /// The arguments of the command are wrong.
@@ -57,7 +59,22 @@ impl From<lightpath::Error> for Failure {
 
 /// Prints a failure on stderr and returns the exit code.
 pub(crate) fn report(failure: &Failure) -> ExitCode {
+    let (code, text) = match code_and_text(failure) {
+        Ok(described) => described,
+        Err(code) => return code,
+    };
+    // If stderr fails, the error cannot be reported anywhere.
+    let _ = writeln!(io::stderr().lock(), "lightpath: {}", show::plain_lines(&text));
+    ExitCode::from(code)
+}
+
+/// Exit code and text of a failure, or the exit code of one that says nothing.
+fn code_and_text(failure: &Failure) -> Result<(u8, String), ExitCode> {
     let (code, text) = match failure {
+        Failure::Advised(failure, advice) => {
+            let (code, text) = code_and_text(failure)?;
+            (code, format!("{text}\n  {advice}"))
+        }
         Failure::Client(error) => (code_of(error), error.to_string()),
         Failure::Target(failure) => (code_of(&failure.error), failure.text()),
         Failure::Waiting(error, hint) => (code_of(error), format!("{error}\n  {hint}")),
@@ -65,9 +82,9 @@ pub(crate) fn report(failure: &Failure) -> ExitCode {
         Failure::Usage(text) => (2, text.clone()),
         Failure::Refused(text) => (1, text.clone()),
         Failure::Interrupted(text) => (130, text.clone()),
-        Failure::Silent(code) => return ExitCode::from(*code),
+        Failure::Silent(code) => return Err(ExitCode::from(*code)),
         // The reader of the pipe closed it on purpose, as `head` does.
-        Failure::Output(error) if error.kind() == io::ErrorKind::BrokenPipe => return ExitCode::SUCCESS,
+        Failure::Output(error) if error.kind() == io::ErrorKind::BrokenPipe => return Err(ExitCode::SUCCESS),
         Failure::Output(error) => (1, format!("could not write the output: {error}")),
     };
     let hint = match failure {
@@ -78,9 +95,7 @@ pub(crate) fn report(failure: &Failure) -> ExitCode {
         }
         _ => "",
     };
-    // If stderr fails, the error cannot be reported anywhere.
-    let _ = writeln!(io::stderr().lock(), "lightpath: {}{hint}", show::plain_lines(&text));
-    ExitCode::from(code)
+    Ok((code, text + hint))
 }
 
 fn code_of(error: &lightpath::Error) -> u8 {

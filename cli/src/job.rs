@@ -9,7 +9,7 @@ use super::pages::pages;
 use super::session::{Output, Session, print_note};
 use super::table::Table;
 use super::words::WordParser;
-use super::{jobs, show, times};
+use super::{jobs, missing, show, times};
 use clap::{Args, Subcommand};
 use futures::{StreamExt as _, TryStreamExt as _};
 use lightpath::v1::list_jobs_request::{Order, View};
@@ -178,6 +178,9 @@ impl List {
             session.client.list_jobs(v1::ListJobsRequest { page_size, page_token, ..request.clone() }).await
         })
         .await?;
+        if list.jobs.is_empty() {
+            missing::check_display(session, &request.display).await?;
+        }
         session.print_pages(list, |jobs| table(jobs).text_or("no jobs") + &waits(jobs))
     }
 }

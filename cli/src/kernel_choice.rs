@@ -2,6 +2,7 @@
 
 use super::arguments::{distance, wavelength};
 use super::failure::Failure;
+use super::missing;
 use super::session::Session;
 use super::show;
 use clap::Args;
@@ -45,11 +46,7 @@ impl KernelChoice {
         let kernels = session.client.list_kernels(request).await?.kernels;
         match kernels.as_slice() {
             [kernel] => Ok(kernel.name.clone()),
-            [] => Err(Failure::Refused(format!(
-                "display {display} has no kernel {}; learn one (lightpath kernel learn --help), or see which there are: \
-                 lightpath kernel list --display {display}",
-                self.optics(distance_m)
-            ))),
+            [] => Err(missing::kernel(session, display, distance_m, &self.optics(distance_m)).await),
             several => {
                 let several = show::lengths(several.iter().map(|kernel| kernel.wavelength_m));
                 Err(Failure::Usage(format!(

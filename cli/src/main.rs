@@ -3,7 +3,8 @@
 //! Each command has a file or a folder, and each kind of job a file in `jobs`, with the command that submits it. Files that several share:
 //!
 //! - `arguments`, `words`, `kernel_choice`, `jobs::submission`: command-line arguments.
-//! - `session`: the connection and the forms of output. `pages`: lists. `failure`: exit codes and error output.
+//! - `session`: the connection and the forms of output. `pages`: lists. `failure`: exit codes and error output. `missing`: what to do about
+//!   names that do not exist.
 //! - `inputs`, `destination`: input files, and places of output files. `identifiers`: ids of which only the beginning is given.
 //! - `terminal`: the width of the terminal. `table`, `show`, `dataset_text`, `whole_dataset`, `metrics_text`, `propagation_text`: text output for people.
 //!   `jobs::progress`: waiting for jobs, with progress bars.
@@ -43,6 +44,7 @@ mod kernel;
 mod kernel_choice;
 mod keyring;
 mod metrics_text;
+mod missing;
 mod pages;
 mod photo;
 mod propagation_text;
@@ -69,7 +71,7 @@ use std::process::ExitCode;
 /// Declare a display, send target pictures and get phase holograms. Send photographs of these holograms and get a
 /// learned kernel of the display. New holograms that use the kernel look better.
 #[derive(Debug, Parser)]
-#[command(name = "lightpath", version, max_term_width = 110, after_long_help = EXAMPLES)]
+#[command(name = "lightpath", version, max_term_width = 80, after_long_help = EXAMPLES)]
 struct Cli {
     /// Use the server at this address
     #[arg(
@@ -155,6 +157,15 @@ reached, 130 interrupted (submitted jobs continue on the server).";
 // first line.
 #[derive(Debug, Subcommand)]
 enum Command {
+    #[command(flatten)]
+    Call(Box<Call>),
+    Completions(Completions),
+    Man(Man),
+}
+
+/// Commands that call a server.
+#[derive(Debug, Subcommand)]
+enum Call {
     /// Declare, list, show and delete displays
     #[command(subcommand)]
     Display(display::DisplayCommand),
@@ -190,8 +201,6 @@ enum Command {
     #[command(subcommand)]
     Webhook(webhook::WebhookCommand),
     Doctor(doctor::Doctor),
-    Completions(Completions),
-    Man(Man),
 }
 
 /// Print a completion script for a shell.
@@ -229,33 +238,42 @@ fn main() -> ExitCode {
 }
 
 async fn run(cli: Cli) -> Result<(), Failure> {
-    let session = || {
-        let certificate = cli.client_cert.as_deref().zip(cli.client_key.as_deref());
-        Session::open(
-            &cli.server,
-            cli.token_file.as_deref(),
-            cli.ca_file.as_deref(),
-            certificate,
-            cli.token_over_http,
-            cli.output,
-        )
+    let call = match cli.command {
+        Command::Call(call) => call,
+        Command::Completions(completions) => return print_completions(completions.shell),
+        Command::Man(man) => return man.write(),
     };
-    match cli.command {
-        Command::Display(command) => command.run(&session()?).await,
-        Command::Hologram(command) => command.run(&session()?).await,
-        Command::Dataset(command) => command.run(&session()?).await,
-        Command::Kernel(command) => command.run(&session()?).await,
-        Command::Rollout(command) => command.run(&session()?).await,
-        Command::Device(command) => command.run(&session()?).await,
-        Command::Keyring(command) => command.run(&session()?).await,
-        Command::Simulate(command) => command.run(&session()?).await,
-        Command::Photo(command) => command.run(&session()?).await,
-        Command::Job(command) => command.run(&session()?).await,
-        Command::Queue(command) => command.run(&session()?).await,
-        Command::Webhook(command) => command.run(&session()?).await,
-        Command::Doctor(command) => command.run(&session()?).await,
-        Command::Completions(completions) => print_completions(completions.shell),
-        Command::Man(man) => man.write(),
+    let session = Session::open(
+        &cli.server,
+        cli.token_file.as_deref(),
+        cli.ca_file.as_deref(),
+        cli.client_cert.as_deref().zip(cli.client_key.as_deref()),
+        cli.token_over_http,
+        cli.output,
+    )?;
+    match call.run(&session).await {
+        Err(failure) => Err(missing::explained(&session, failure).await),
+        Ok(()) => Ok(()),
+    }
+}
+
+impl Call {
+    async fn run(self, session: &Session) -> Result<(), Failure> {
+        match self {
+            Self::Display(command) => command.run(session).await,
+            Self::Hologram(command) => command.run(session).await,
+            Self::Dataset(command) => command.run(session).await,
+            Self::Kernel(command) => command.run(session).await,
+            Self::Rollout(command) => command.run(session).await,
+            Self::Device(command) => command.run(session).await,
+            Self::Keyring(command) => command.run(session).await,
+            Self::Simulate(command) => command.run(session).await,
+            Self::Photo(command) => command.run(session).await,
+            Self::Job(command) => command.run(session).await,
+            Self::Queue(command) => command.run(session).await,
+            Self::Webhook(command) => command.run(session).await,
+            Self::Doctor(command) => command.run(session).await,
+        }
     }
 }
 

@@ -222,21 +222,8 @@ fn zero_and_negative_lengths_are_left_to_the_server() {
 }
 
 #[test]
-fn every_command_has_help() {
-    fn check(command: &clap::Command, path: &str) {
-        assert!(command.get_about().is_some(), "{path} has no help");
-        for argument in command.get_arguments().filter(|argument| !argument.is_hide_set()) {
-            let help = argument.get_help().unwrap_or_else(|| panic!("{path} {} has no help", argument.get_id()));
-            // The terminal would show the backslashes that escape brackets in the documentation.
-            assert!(!help.to_string().contains('\\'), "{path} {} has a backslash: {help}", argument.get_id());
-        }
-        for sub in command.get_subcommands() {
-            check(sub, &format!("{path} {}", sub.get_name()));
-        }
-    }
-    let mut command = Cli::command();
-    command.build();
-    check(&command, "lightpath");
+fn help_is_complete_and_fits_a_terminal() {
+    lightpath_program_docs::check_help(Cli::command()).unwrap_or_else(|mistakes| panic!("{mistakes}"));
 }
 
 #[test]

@@ -137,6 +137,15 @@ impl Refusal {
         let details = self.status.get_error_details();
         details.localized_message().map_or_else(String::new, |fix| fix.message.clone())
     }
+
+    /// Name of the resource that does not exist, such as `displays/lab`. Empty if that was not the reason of the refusal,
+    /// or not the only one.
+    #[must_use]
+    pub fn missing_resource(&self) -> String {
+        let details = self.status.get_error_details();
+        let subject = details.error_info().and_then(|info| info.metadata.get("resource").cloned());
+        subject.filter(|_| self.status.code() == Code::NotFound).unwrap_or_default()
+    }
 }
 
 impl From<Status> for Refusal {

@@ -9,8 +9,14 @@ teach most. It needs NumPy and Pillow, which the Python package of Lightpath bri
 import sys
 from pathlib import Path
 
-import numpy as np
-from PIL import Image, ImageDraw
+try:
+    import numpy as np
+    from PIL import Image, ImageDraw
+except ModuleNotFoundError as error:
+    sys.exit(
+        f"{error}: NumPy and Pillow are needed. Enter the environment with Lightpath's Python package, such as\n"
+        "  . ~/lightpath-python/bin/activate"
+    )
 
 # Pictures are drawn larger than they become, for smooth edges.
 ZOOM = 4

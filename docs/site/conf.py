@@ -44,6 +44,7 @@ html_theme = "furo"
 html_title = "Lightpath"
 html_static_path = ["static"]
 html_css_files = ["site.css"]
+html_search_scorer = str(HERE / "search_order.js")
 html_copy_source = html_show_sourcelink = False
 html_show_sphinx = False
 html_theme_options: dict[str, list[str]] = {"top_of_page_buttons": []}

@@ -5,12 +5,15 @@
 //! - [`write_man_pages`]: a page for the program and one for each of its commands (`man.rs`).
 //! - [`markdown`]: one document with all commands (`markdown.rs`). [`check_document`]: a test that a stored one is up to
 //!   date (`up_to_date.rs`).
+//! - [`check_help`]: a test that help fits a terminal and is complete (`help.rs`).
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+mod help;
 mod man;
 mod markdown;
 mod up_to_date;
 
+pub use help::check_help;
 pub use markdown::markdown;
 pub use up_to_date::check_document;
 

@@ -80,8 +80,10 @@ fn full_name(command: &Command) -> String {
 }
 
 fn usage(command: &Command) -> String {
+    const TITLE: &str = "Usage: ";
     let usage = command.clone().render_usage().to_string();
-    usage.trim_start_matches("Usage: ").trim().to_owned()
+    // Further lines stand below the first one.
+    usage.trim_start_matches(TITLE).trim().replace(&format!("\n{}", " ".repeat(TITLE.len())), "\n")
 }
 
 fn table(title: &str, arguments: &[&Arg], text: &mut String) {

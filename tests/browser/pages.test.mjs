@@ -50,6 +50,7 @@ for (const scheme of ["dark", "light"]) {
         if (heading) await page.getByRole("heading", { level: 1, name: heading }).waitFor();
         else await page.getByRole("alert").waitFor();
         await page.waitForFunction(() => document.querySelector("#connection").textContent === "live");
+        if (["overview", "displays", "display"].includes(name)) await page.getByText("simulated", { exact: true }).waitFor();
         if (name === "hologram") await page.waitForFunction(() => [...document.images].every((image) => image.complete));
         const overflow = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
         assert.ok(overflow <= 0, `${name} is ${overflow} px too wide`);

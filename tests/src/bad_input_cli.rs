@@ -81,6 +81,7 @@ async fn invalid_numbers_and_unknown_names_are_refused() {
         ("lab", &["--distance", "50mm", "--kernel", "7"], 1, ["display lab has no kernel at 50 mm", "learn one"]),
         ("lab", &["--distance", "50mm", "--region", "60,0,10,10"], 1, ["INVALID_ARGUMENT", "region"]),
         ("nowhere", &["--distance", "50mm"], 1, ["NOT_FOUND", "displays/nowhere"]),
+        ("lba", &["--distance", "50mm"], 1, ["displays/lba does not exist", "did you mean lab?"]),
     ] {
         let arguments = optimize(display, rest);
         let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();

@@ -32,6 +32,9 @@ const AFTER: Destination = Destination { option: "--picture-after", suffix: ".pn
 /// Twelve points or more, such as the dots, tell the distortion of the camera's lens, too. A distortion that they show
 /// clearly is corrected. lightpath dataset show says how far it moves the corners.
 #[derive(Debug, Args)]
+#[command(
+    override_usage = "lightpath dataset align [OPTIONS]\n           <--dots <PHOTO>|--points <FILE.csv>|--pairs|--none> <NAME>"
+)]
 #[command(after_long_help = "\
 Examples:
   lightpath dataset align bench-1 --dots photo.png --picture-after after.png

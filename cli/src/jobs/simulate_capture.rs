@@ -21,6 +21,9 @@ const PHOTO: Destination =
 /// Works only for displays that were declared with --simulated or --simulated-seed. The photographs have the display's
 /// imperfections and the camera's noise, and can be added to a dataset.
 #[derive(Debug, Args)]
+#[command(
+    override_usage = "lightpath simulate [OPTIONS] --display <ID> --distance <LENGTH>\n           --pattern <FILE>... -o <PHOTO.png>"
+)]
 #[command(after_long_help = "\
 Examples:
   lightpath simulate --display toy --distance 150mm --pattern p01.png -o c01.png

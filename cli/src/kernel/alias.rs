@@ -44,6 +44,7 @@ pub(crate) struct Alias {
 ///
 /// A deprecated version does not pass the promotion gate. Holograms can still use it.
 #[derive(Debug, Args)]
+#[command(override_usage = "lightpath kernel deprecate [OPTIONS] --version <N>\n           --reason <TEXT> [KERNEL]")]
 pub(crate) struct Deprecate {
     #[command(flatten)]
     kernel: KernelChoice,

@@ -2,6 +2,7 @@
 
 use crate::arguments::Optics;
 use crate::failure::Failure;
+use crate::missing;
 use crate::session::Session;
 use crate::show;
 use crate::table::Table;
@@ -23,8 +24,13 @@ impl Nearest {
             wavelength_m: self.optics.wavelength_m(),
             place: Some(v1::Place::at_m(distance_m)),
         };
+        let display = request.display.clone();
+        let found = session.client.find_nearest_kernels(request).await?;
+        if found.kernels.is_empty() {
+            missing::check_display(session, &display).await?;
+        }
         session.print_list(
-            &session.client.find_nearest_kernels(request).await?,
+            &found,
             |found| &found.kernels,
             |found| {
                 let mut table = Table::new("kernel|>active|>away|from?");

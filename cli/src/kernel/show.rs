@@ -5,6 +5,7 @@ use crate::arguments::{Limit, distance};
 use crate::failure::Failure;
 use crate::kernel_choice::KernelChoice;
 use crate::metrics_text::{self, against_ideal};
+use crate::missing;
 use crate::pages::{more_hint, pages};
 use crate::session::Session;
 use crate::show;
@@ -59,6 +60,9 @@ impl List {
             session.client.list_kernels(request).await
         })
         .await?;
+        if list.kernels.is_empty() {
+            missing::check_display(session, &display).await?;
+        }
         session.print_pages(list, |kernels| {
             let mut table = Table::new("kernel|optics???|>active|>latest|from?|created????|age??");
             for kernel in kernels {

@@ -85,6 +85,7 @@ struct KernelFile {
 /// without what the file does not hold, and its note names that. If the array transfer of an .npz file was changed, the
 /// transfer function is taken from it.
 #[derive(Debug, Args)]
+#[command(override_usage = "lightpath kernel import [OPTIONS] --display <ID>\n           --distance <LENGTH> <FILE>")]
 #[command(after_long_help = "\
 Examples:
   lightpath kernel import --display lab-2 --distance 150mm kernel.safetensors

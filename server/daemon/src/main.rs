@@ -9,7 +9,7 @@ use lightpath_server::demo::{self, DemoArgs};
 use lightpath_server::upkeep::{
     BackupArgs, CheckArgs, CollectArgs, KeyCommand, MigrateArgs, RestoreArgs, RestoredArgs, TokenCommand,
 };
-use lightpath_server::{job_process, server, worker_process};
+use lightpath_server::{job_process, listening, server, worker_process};
 use lightpath_worker::JobInput;
 use std::future::Future;
 use std::io::{IsTerminal as _, Write as _};
@@ -23,7 +23,7 @@ use tracing_subscriber::prelude::*;
 /// Computer-generated holography as a service: a queue of hologram and learning jobs, and a registry of learned
 /// kernels, behind one gRPC and HTTP port.
 #[derive(Debug, Parser)]
-#[command(name = "lightpathd", version, max_term_width = 100, arg_required_else_help = true)]
+#[command(name = "lightpathd", version, max_term_width = 80, arg_required_else_help = true)]
 struct Cli {
     #[command(subcommand)]
     command: Command,
@@ -92,7 +92,8 @@ struct Man {
 }
 
 const SERVE_HELP: &str = "\
-Flags override environment variables, environment variables override the file, and the file overrides the defaults.
+Flags override environment variables, environment variables override the file, and the file overrides the \
+defaults.
 
 Examples:
   lightpathd serve
@@ -105,13 +106,14 @@ Examples:
 The server prints its address on stdout and its log on stderr. Health is at /healthz, metrics are at /metrics.";
 
 const WORKER_HELP: &str = "\
-Any number of workers and servers share one PostgreSQL database and one bucket. Each has a data folder of its own, which
+Any number of workers and servers share one PostgreSQL database and one bucket. Each has a data folder of its own, which \
 is only a cache. A worker that dies loses nothing: its jobs go on elsewhere from their last saved state.
 
 Examples:
   lightpathd worker --database-url postgres://lightpath@db.example/lightpath \\
       --artifacts-url s3://lightpath/artifacts --data-dir /var/cache/lightpath
-  lightpathd worker --config lightpath.toml --workers 4 --status-listen 127.0.0.1:7071
+  lightpathd worker --config lightpath.toml --workers 4 \\
+      --status-listen 127.0.0.1:7071
 
 The worker prints its log on stderr.";
 
@@ -134,7 +136,12 @@ fn main() -> ExitCode {
     match outcome {
         Ok(code) => code,
         Err(error) => {
-            let _ = writeln!(std::io::stderr().lock(), "lightpathd: {error:#}");
+            let text = format!("lightpathd: {error:#}");
+            let _ = writeln!(std::io::stderr().lock(), "{text}");
+            // `lightpathd serve 2> server.log &` would end without a word in the terminal.
+            if !std::io::stderr().is_terminal() && std::io::stdout().is_terminal() {
+                let _ = writeln!(std::io::stdout().lock(), "{text}");
+            }
             ExitCode::FAILURE
         }
     }
@@ -228,10 +235,7 @@ async fn work(config: Config) -> anyhow::Result<()> {
 
 async fn serve(config: Config) -> anyhow::Result<()> {
     let stop = stop_signal()?;
-    let requested = config.listen;
-    let listener = TcpListener::bind(requested).await.with_context(|| {
-        format!("cannot listen on {requested}; if another server runs there, choose another address with --listen")
-    })?;
+    let listener = listening::listen(config.listen, &config.data_dir).await?;
     let address = listener.local_addr()?;
     tracing::info!(%address, data_dir = %config.data_dir.display(), "starting");
     // Clients that connect from now on wait in the backlog until the server has checked everything.
@@ -271,8 +275,13 @@ fn start_log(config: &Config) -> anyhow::Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use lightpath_program_docs::{check_document, markdown};
+    use lightpath_program_docs::{check_document, check_help, markdown};
     use std::path::Path;
+
+    #[test]
+    fn help_is_complete_and_fits_a_terminal() {
+        check_help(Cli::command()).unwrap_or_else(|mistakes| panic!("{mistakes}"));
+    }
 
     #[test]
     fn reference_in_the_documents_is_up_to_date() {

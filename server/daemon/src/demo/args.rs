@@ -91,6 +91,13 @@ impl DemoArgs {
         self.distance.unwrap_or_else(|| (DISTANCE_SHARE * critical_m * 1e3).ceil() / 1e3)
     }
 
+    /// Whether the demo has as much to do as with its default options.
+    pub(super) fn has_default_work(&self) -> bool {
+        let plain = matches!(self.models.as_slice(), [FIRST_MODEL, KernelModel::Smooth]);
+        let numbers = (self.pairs, self.held_out, self.iterations, self.training_iterations);
+        plain && self.resolution() == SIZE_PX && numbers == (16, 3, 200, 60)
+    }
+
     /// Removes repeated models and puts the model that becomes active first.
     pub(super) fn ordered(mut self) -> Self {
         let mut models = vec![FIRST_MODEL];

@@ -113,7 +113,7 @@ impl DemoClient {
     pub(super) async fn holograms(
         &self,
         requests: Vec<HologramRequest<'_>>,
-        bar: &mut Bar,
+        bar: &Bar<'_>,
     ) -> anyhow::Result<Vec<Hologram>> {
         let mut specs = Vec::new();
         for request in requests {
@@ -143,7 +143,7 @@ impl DemoClient {
     }
 
     /// Takes photographs, and returns their digests in the order of the requests.
-    pub(super) async fn photographs(&self, requests: Vec<PhotoRequest>, bar: &mut Bar) -> anyhow::Result<Vec<String>> {
+    pub(super) async fn photographs(&self, requests: Vec<PhotoRequest>, bar: &Bar<'_>) -> anyhow::Result<Vec<String>> {
         let spec = |request: PhotoRequest| {
             Kind::SimulateCapture(v1::SimulateCapture {
                 display: names::display(DISPLAY),
@@ -175,7 +175,7 @@ impl DemoClient {
     }
 
     /// Finalizes the dataset with a job and returns its digest.
-    pub(super) async fn finalize(&self, dataset: &str, bar: &mut Bar) -> anyhow::Result<String> {
+    pub(super) async fn finalize(&self, dataset: &str, bar: &Bar<'_>) -> anyhow::Result<String> {
         let step = Some(v1::prepare_dataset::Step::Finalize(v1::prepare_dataset::Finalize::default()));
         let spec = v1::PrepareDataset { dataset: names::dataset(dataset), step };
         let jobs = self.run_jobs(vec![Kind::PrepareDataset(spec)], bar).await?;
@@ -187,7 +187,7 @@ impl DemoClient {
         dataset: &str,
         model: KernelModel,
         seed: u64,
-        bar: &mut Bar,
+        bar: &Bar<'_>,
     ) -> anyhow::Result<v1::LearnKernelResult> {
         let datasets = vec![names::dataset(dataset)];
         let spec = v1::LearnKernel { datasets, model: model.into(), seed, ..Default::default() };
@@ -200,7 +200,7 @@ impl DemoClient {
         &self,
         dataset: &str,
         kernels: impl Iterator<Item = v1::KernelChoice>,
-        bar: &mut Bar,
+        bar: &Bar<'_>,
     ) -> anyhow::Result<Vec<Losses>> {
         let spec = |kernel| {
             let (dataset, kernel) = (names::dataset(dataset), Some(kernel));
@@ -255,7 +255,7 @@ impl DemoClient {
     }
 
     /// Submits all jobs, waits until all have ended, and returns them in the same order.
-    async fn run_jobs(&self, specs: Vec<Kind>, bar: &mut Bar) -> anyhow::Result<Vec<Job>> {
+    async fn run_jobs(&self, specs: Vec<Kind>, bar: &Bar<'_>) -> anyhow::Result<Vec<Job>> {
         let count = specs.len();
         let request = |kind| v1::SubmitJobRequest { spec: Some(lightpath::job_spec(kind)), ..Default::default() };
         let submitted = self.client.submit_all(specs.into_iter().map(request).collect()).await?;

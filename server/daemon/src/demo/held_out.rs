@@ -4,6 +4,7 @@ use super::args::{DATASET, DemoArgs};
 use super::console::Console;
 use super::demo_client::{DemoClient, Hologram, HologramRequest, Losses, NARROW_RAD, PhotoRequest};
 use super::files::Files;
+use super::remaining::Part;
 use super::targets::Picture;
 use lightpath::v1;
 use lightpath_domain::dataset::Encoding;
@@ -75,7 +76,7 @@ pub(super) async fn evaluate(
     console: &Console,
 ) -> anyhow::Result<Vec<Evaluated>> {
     let kernels = candidates.iter().map(Candidate::kernel);
-    let losses = client.losses(DATASET, kernels, &mut console.bar("evaluate")).await?;
+    let losses = client.losses(DATASET, kernels, &console.bar(Part::Evaluate)).await?;
     let combinations = || candidates.iter().flat_map(|candidate| targets.iter().map(move |target| (candidate, target)));
     let requests = combinations().map(|(candidate, target)| HologramRequest {
         target: &target.file,
@@ -84,13 +85,13 @@ pub(super) async fn evaluate(
         seed: args.seed,
         initial_phase_range_rad: NARROW_RAD,
     });
-    let holograms = client.holograms(requests.collect(), &mut console.bar("optimize")).await?;
+    let holograms = client.holograms(requests.collect(), &console.bar(Part::OptimizeHeldOut)).await?;
     // The seeds of the noise differ from those of the dataset's photographs.
     let requests = holograms
         .iter()
         .zip(1_000_000..)
         .map(|(hologram, seed)| PhotoRequest { pattern: hologram.pattern.clone(), seed });
-    let photos = client.photographs(requests.collect(), &mut console.bar("photograph")).await?;
+    let photos = client.photographs(requests.collect(), &console.bar(Part::PhotographHeldOut)).await?;
 
     let mut shown = Vec::new();
     for ((_, target), (hologram, photo)) in combinations().zip(holograms.iter().zip(&photos)) {

@@ -3,6 +3,7 @@
 use super::args::{DATASET, DemoArgs};
 use super::console::Console;
 use super::demo_client::DemoClient;
+use super::remaining::Part;
 use anyhow::Context as _;
 use lightpath::Words as _;
 use lightpath::{names, v1};
@@ -24,7 +25,7 @@ pub(super) async fn learn(args: &DemoArgs, client: &DemoClient, console: &mut Co
         let name = model.word();
         console.step(&format!("Learn the display from its photographs: model {name}"))?;
         let started = std::time::Instant::now();
-        let result = client.learn(DATASET, model, args.seed, &mut console.bar("learn")).await?;
+        let result = client.learn(DATASET, model, args.seed, &console.bar(Part::Learn(model))).await?;
         let kernel = result.kernels.first().context("the result contains no kernel")?;
         let metrics = kernel.metrics.clone().context("the result contains no metrics of the kernel")?;
         let version = kernel.kernel_version.clone();

@@ -13,6 +13,8 @@ mod files;
 mod held_out;
 mod learned;
 mod local_server;
+mod programs;
+mod remaining;
 mod report;
 mod single_kernel;
 mod targets;
@@ -29,6 +31,7 @@ use learned::learn;
 use lightpath::{names, v1};
 use lightpath_bench::SimulatedBench;
 use local_server::LocalServer;
+use remaining::Part;
 use report::Report;
 use std::f64::consts::TAU;
 use targets::{Picture, Targets};
@@ -134,7 +137,7 @@ async fn photograph_holograms(
         // because later jobs use both.
         initial_phase_range_rad: if i % 2 == 0 { TAU } else { NARROW_RAD },
     });
-    let holograms = client.holograms(requests.collect(), &mut console.bar("optimize")).await?;
+    let holograms = client.holograms(requests.collect(), &console.bar(Part::Optimize)).await?;
     console.print_result(format!(
         "{} for learning, {} for testing; half start from a random phase, half from a nearly flat phase",
         targets.training.len(),
@@ -144,12 +147,12 @@ async fn photograph_holograms(
     console.step("Photograph the holograms")?;
     let requests =
         holograms.iter().zip(1..).map(|(hologram, seed)| PhotoRequest { pattern: hologram.pattern.clone(), seed });
-    let photos = client.photographs(requests.collect(), &mut console.bar("photograph")).await?;
+    let photos = client.photographs(requests.collect(), &console.bar(Part::Photograph)).await?;
     client.create_dataset(DATASET).await?;
     let mut pairs = Vec::new();
     for (i, (hologram, photo)) in holograms.iter().zip(&photos).enumerate() {
         // No pair is for validation: trying the parts of the display model takes two to three times as long, and the
-        // demo should take about a minute. Its display has none of the flaws that they describe.
+        // demo should take two minutes at most. Its display has none of the flaws that they describe.
         let split = if i < targets.training.len() { v1::Split::Train } else { v1::Split::Test };
         let id = format!("pair-{:02}", i + 1);
         files.write(&format!("pairs/{id}-pattern.png"), client.download(&hologram.pattern).await?)?;
@@ -158,6 +161,6 @@ async fn photograph_holograms(
         pairs.push(v1::Pair { id, pattern, photo, split: split.into(), ..Default::default() });
     }
     client.add_pairs(DATASET, pairs).await?;
-    let digest = client.finalize(DATASET, &mut console.bar("finalize")).await?;
+    let digest = client.finalize(DATASET, &console.bar(Part::Finalize)).await?;
     console.print_result(format!("dataset {DATASET}, {}…", digest.get(..15).unwrap_or(&digest)))
 }

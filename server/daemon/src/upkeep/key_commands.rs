@@ -13,13 +13,15 @@ use std::process::ExitCode;
 /// Keys that sign manifests of kernels. Each command works beside a running server, which uses the result at once.
 #[derive(Debug, Subcommand)]
 #[command(after_help = "\
-A device trusts the root key that was put into it (`lightpathd key list` shows it), the newest
+A device trusts the root key that was put into it (`lightpathd key list` shows it), the newest \
 keyring that the root key signed, and the manifests of the keys that this keyring lists.
 
-To keep the root key elsewhere, on a machine without a network:
+To keep the root key elsewhere, on a machine without a network (there), and not on this one (here):
   openssl genpkey -algorithm ed25519 -out root.pem         # there
-  lightpathd key draft --new-root PUBLIC > keyring.txt     # here: the old root key signs
-  lightpath keyring sign keyring.txt --key root.pem        # there: the new one signs, too
+  # here: the old root key signs
+  lightpathd key draft --new-root PUBLIC > keyring.txt
+  # there: the new root key signs, too
+  lightpath keyring sign keyring.txt --key root.pem
   lightpathd key install keyring.txt                       # here
   lightpathd key forget OLD-ROOT")]
 pub enum KeyCommand {

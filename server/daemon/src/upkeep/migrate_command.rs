@@ -22,8 +22,10 @@ use std::time::Duration;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
-  lightpathd migrate --from sqlite:///srv/lightpath --to postgres://lab@db/lightpath
-  lightpathd migrate --from postgres://lab@db/lightpath --to sqlite:///srv/lightpath")]
+  lightpathd migrate --from sqlite:///srv/lightpath \\
+      --to postgres://lab@db/lightpath
+  lightpathd migrate --from postgres://lab@db/lightpath \\
+      --to sqlite:///srv/lightpath")]
 pub struct MigrateArgs {
     /// Database to move: sqlite://DATA_DIR or postgres://…
     #[arg(long, value_name = "URL", hide_env_values = true)]

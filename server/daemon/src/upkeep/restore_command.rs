@@ -20,8 +20,10 @@ use std::process::ExitCode;
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
 Examples:
-  lightpathd restore /mnt/backup/2026-11-21 --data-dir /srv/lightpath --keep-tokens
-  lightpathd restore /mnt/backup/2026-11-21 --revoke-token ada --revoke-token bench-7")]
+  lightpathd restore /mnt/backup/2026-11-21 --data-dir /srv/lightpath \\
+      --keep-tokens
+  lightpathd restore /mnt/backup/2026-11-21 --revoke-token ada \\
+      --revoke-token bench-7")]
 pub struct RestoreArgs {
     /// Folder that `lightpathd backup` created
     #[arg(value_name = "BACKUP")]
@@ -44,7 +46,8 @@ pub struct RestoreArgs {
 #[command(after_help = "\
 Examples:
   pg_restore --dbname lightpath lightpath.dump
-  lightpathd restored --database-url postgres:///lightpath --data-dir /srv/lightpath --revoke-token ada")]
+  lightpathd restored --database-url postgres:///lightpath \\
+      --data-dir /srv/lightpath --revoke-token ada")]
 pub struct RestoredArgs {
     #[command(flatten)]
     tokens: TokenFlags,

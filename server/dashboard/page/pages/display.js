@@ -5,6 +5,7 @@ import { h, show } from "../dom.js";
 import { onEvent } from "../events.js";
 import { age, idOf, length, placeText, words } from "../format.js";
 import { emptyNote, refresher } from "../loading.js";
+import { simulatedMark } from "../simulated.js";
 import { table } from "../table.js";
 
 export function displayPage(root, [id]) {
@@ -20,17 +21,17 @@ export function displayPage(root, [id]) {
       ["Pixel pitch", length(display.modulator.pixelPitchXM)],
       ["Depth", `${display.modulator.bitDepth} bit`],
       ["Wavelengths", display.wavelengthsM.map(length).join(", ")],
-      ["Carrier", words(display.carrier, "CARRIER")],
+      ["Carrier", display.carrier === "CARRIER_UNSPECIFIED" ? "none" : words(display.carrier, "CARRIER")],
       ["Notes", display.notes],
       ["Declared", age(display.createTime)],
     ];
-    show(head, h("h1", { class: "name" }, id),
+    show(head, h("h1", { class: "name" }, id, simulatedMark(display)),
       h("dl", { class: "facts" }, facts.filter(([, value]) => value).map(([term, value]) => [h("dt", {}, term), h("dd", {}, value)])),
       h("p", {}, h("a", { href: `#/jobs?display=${encodeURIComponent(id)}` }, "Jobs of this display")));
     show(kernels, h("h2", {}, "Kernels"), kernelPage.kernels.length ? kernelTable(kernelPage.kernels)
       : emptyNote("No kernel is learned yet. Learn one from photographs:", `lightpath kernel learn --dataset bench-1`));
     show(devices, h("h2", {}, "Devices"), devicePage.devices.length ? deviceTable(devicePage.devices)
-      : emptyNote("No device has reported yet. The agent on a device fetches kernels and reports:", "lightpath-agent --help"));
+      : emptyNote("No device has reported yet. The agent on a device fetches kernels and reports. From a checkout:", "cargo install --locked --path agent"));
   });
   const own = (data) => data.name === name || data.name?.startsWith(`${name}/`);
   return onEvent((kind, data) => (kind === "reset" || (["display", "kernel", "device"].includes(kind) && own(data))) && refresh.soon());

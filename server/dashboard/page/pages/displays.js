@@ -6,6 +6,7 @@ import { onEvent } from "../events.js";
 import { idOf, length } from "../format.js";
 import { emptyNote, refresher } from "../loading.js";
 import { pager } from "../pager.js";
+import { simulatedMark } from "../simulated.js";
 import { table } from "../table.js";
 
 export function displaysPage(root) {
@@ -24,7 +25,7 @@ export function displaysPage(root) {
 
 function displayTable(displays) {
   const row = (display) => h("tr", {},
-    h("th", { scope: "row" }, h("a", { href: `#/${display.name}`, "data-key": display.name }, idOf(display.name))),
+    h("th", { scope: "row" }, h("a", { href: `#/${display.name}`, "data-key": display.name }, idOf(display.name)), simulatedMark(display)),
     h("td", {}, `${display.modulator.widthPx} × ${display.modulator.heightPx} px`),
     h("td", {}, length(display.modulator.pixelPitchXM)),
     h("td", {}, display.wavelengthsM.map(length).join(", ")),

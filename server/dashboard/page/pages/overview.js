@@ -11,6 +11,7 @@ import { progressOf, stateOf, updateProgress } from "../job_rows.js";
 import { livePicture } from "../live_picture.js";
 import { emptyNote, refresher } from "../loading.js";
 import { noteNewPhotographs } from "../photographs.js";
+import { simulatedMark } from "../simulated.js";
 
 const LATEST = 12;
 /** Jobs of which this many are not in memory are read together. */
@@ -112,7 +113,7 @@ export function overviewPage(root) {
     }
   }
 
-  function displayCard({ name, kernels, devices }) {
+  function displayCard({ display, name, kernels, devices }) {
     const measured = kernels.flatMap(({ kernel, versions }) => versions.filter(({ metrics }) => metrics?.testLoss > 0)
       .map(({ createTime, metrics }) => ({ kernel: idOf(kernel.name), time: Date.parse(createTime) / 1000, gain: 10 * Math.log10(metrics.idealTestLoss / metrics.testLoss) })))
       .sort((a, b) => a.time - b.time);
@@ -127,7 +128,7 @@ export function overviewPage(root) {
     const installed = new Map();
     for (const version of devices.flatMap((device) => device.kernels.map((kernel) => kernel.version || "none"))) installed.set(version, (installed.get(version) ?? 0) + 1);
     const versions = [...installed].map(([version, count]) => `${count} × ${version === "none" ? "none" : `version ${version}`}`).join(", ");
-    return h("article", { class: "card" }, h("h3", {}, h("a", { href: `#/${name}`, "data-key": name }, idOf(name))),
+    return h("article", { class: "card" }, h("h3", {}, h("a", { href: `#/${name}`, "data-key": name }, idOf(name)), simulatedMark(display)),
       h("p", {}, active.length ? active.join("; ") : "no learned kernel"),
       devices.length > 0 && h("p", {}, `${devices.length} devices: ${versions}`), plot?.element);
   }
@@ -154,10 +155,11 @@ export function overviewPage(root) {
 }
 
 /** A display with its kernels, their newest versions, and its devices. */
-async function displayOf({ name }) {
+async function displayOf(display) {
+  const { name } = display;
   const [{ kernels }, { devices }] = await Promise.all([get(`${name}/kernels`, { pageSize: KERNELS_MAX }), get(`${name}/devices`, { pageSize: 100 })]);
   const withVersions = kernels.map(async (kernel) => ({ kernel, versions: (await get(`${kernel.name}/versions`, { pageSize: 20 })).versions }));
-  return { name, devices, kernels: await Promise.all(withVersions) };
+  return { display, name, devices, kernels: await Promise.all(withVersions) };
 }
 
 function card(job, picture) {
