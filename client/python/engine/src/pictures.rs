@@ -2,35 +2,40 @@
 
 use crate::arrays::{array, plane};
 use crate::error::Refused;
+use crate::optics;
 use crate::threads;
 use lightpath_domain::dataset::Encoding;
-use lightpath_domain::job::Fit;
-use lightpath_media::pictures::{self, Channel, Placement, Rectangle};
-use lightpath_optics::Plane;
+use lightpath_domain::job::{Area, Fit};
+use lightpath_media::pictures::{self, Channel, Placement};
+use lightpath_optics::{Grid, Plane};
 use lightpath_optics::display::phase_response::PhaseResponse;
 use numpy::{PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
 /// Reads a target picture: linear light of a display's size. `colour` is 0 for the red of the picture, 1 for its green, 2
-/// for its blue; `None`: the mean of its colours. The picture fills `area`, x, y, width and height \[px\], or the whole
-/// display.
+/// for its blue; `None`: the mean of its colours. `area` is `region` or `display`; `None`: as a server chooses. `region` is
+/// x, y, width and height \[px\]; `None`: the middle 80 % of each axis.
 #[pyfunction]
-#[pyo3(signature = (content, encoding_and_fit, colour, shape, area=None))]
 pub(crate) fn target<'py>(
     py: Python<'py>,
     content: &[u8],
-    encoding_and_fit: (&str, &str),
+    encoding: &str,
+    (fit, area, region): (&str, Option<&str>, Option<[usize; 4]>),
     colour: Option<usize>,
     shape: (usize, usize),
-    area: Option<(usize, usize, usize, usize)>,
 ) -> PyResult<Bound<'py, PyArray2<f32>>> {
-    let ((encoding, fit), (height_px, width_px)) = (encoding_and_fit, shape);
+    let (height_px, width_px) = shape;
     let read = || -> Result<_, Refused> {
         let encoding: Encoding = serde_json::from_value(encoding.into())?;
         let fit: Fit = serde_json::from_value(fit.into())?;
         let channel = colour.map_or(Channel::Mean, |colour| Channel::Colour(colour.min(2)));
-        let area = area.map(|(x_px, y_px, width_px, height_px)| Rectangle { x_px, y_px, width_px, height_px });
+        let area = area.map(|area| serde_json::from_value(area.into())).transpose()?;
+        let area = match area.unwrap_or(Area::recommended(fit)) {
+            // The pitch does not matter.
+            Area::Region => Some(optics::region(Grid::try_new(height_px, width_px, 1e-6)?, region)?.into()),
+            Area::Display => None,
+        };
         Ok(pictures::target_channel(content, encoding, channel, &Placement { fit, area, height_px, width_px })?)
     };
     array(py, threads::compute(py, read)??)

@@ -43,6 +43,7 @@ def as_light(targets: Sequence[Picture], options: dict[str, Any]) -> Sequence[Pi
     options.update(
         target_encoding="linear",
         fit="exact",
+        area="display",
         initial_phase=np.mod(np.angle(field), 2 * np.pi).astype(np.float32),
     )
     return [light / light.max()]

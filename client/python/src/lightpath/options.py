@@ -65,7 +65,10 @@ class HologramOptions(SubmitOptions, total=False):
     target_encoding: words.Encoding
     """What the target's values mean: `srgb` (default) or `linear` light."""
     fit: words.Fit
-    """How a target of another size is fitted to the display: `contain` (default), `cover`, `stretch` or `exact`."""
+    """How a target of another size is fitted to its area: `contain` (default), `cover`, `stretch` or `exact`."""
+    area: words.Area
+    """What the target fills, with black around it: the `region` that is compared, or the whole `display`. Default:
+    `region`; with `fit="exact"` `display`."""
     kernel: str | int | Named | None
     """`active`, `ideal`, an alias, or a version: itself, its name or number. Default: active, or ideal if none is."""
     propagation: words.Propagation
@@ -208,6 +211,7 @@ def optimize_message(options: HologramOptions) -> v1.OptimizeHologram:
     return v1.OptimizeHologram(
         target_encoding=words.number("target_encoding", v1.Encoding, options.get("target_encoding")),
         target_fit=words.number("fit", v1.OptimizeHologram.Fit, options.get("fit")),
+        target_area=words.number("area", v1.OptimizeHologram.Area, options.get("area")),
         propagation=words.number("propagation", v1.PropagationMethod, options.get("propagation")),
         method=words.number("method", v1.HologramMethod, options.get("method")),
         iterations=options.get("iterations"),

@@ -13,6 +13,7 @@ Method: TypeAlias = Literal["lbfgs", "adam", "gerchberg-saxton", "weighted-gerch
 Detector: TypeAlias = Literal["pixel", "point", "supersampled"]
 Encoding: TypeAlias = Literal["srgb", "linear"]
 Fit: TypeAlias = Literal["contain", "cover", "stretch", "exact"]
+Area: TypeAlias = Literal["region", "display"]
 Stage: TypeAlias = Literal["optimized", "displayed", "photographed"]
 Quantity: TypeAlias = Literal["intensity", "amplitude"]
 Model: TypeAlias = Literal["display", "varying", "smooth", "dense", "paper"]

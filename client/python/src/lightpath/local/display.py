@@ -15,7 +15,7 @@ from lightpath.errors import InvalidArgument
 from lightpath.local.arrays import Array, complex_field, frames_rad, light, phase_rad
 from lightpath.local.engine import engine, refusals
 from lightpath.local.optics import REQUIRED, OpticsOptions, choose, optics_json
-from lightpath.local.targets import target_light
+from lightpath.local.targets import Placement, target_light
 from lightpath.options import Region, region_px
 from lightpath.photograph import Photograph
 from lightpath.pictures import Phase, Picture, file_bytes
@@ -159,14 +159,15 @@ class DisplayModel:
         region: Region | None = None,
         target_encoding: words.Encoding = "srgb",
         fit: words.Fit = "contain",
+        area: words.Area | None = None,
         bit_depth: int = 8,
     ) -> tuple[Quality, SecondOpinion | None]:
         """Return how well a hologram, whoever made it, shows a target, and what an independent model says.
 
-        `phase` is as `simulate` takes it. The opinion is about the light of the detector `pixel`, on some rows.
+        `phase` is as `simulate` takes it. The target fills the region by default, as in `optimize`. The opinion is about the light of the detector `pixel`, on some rows.
         """
         shown = frames_rad("phase", phase, bits=bit_depth)
-        wanted = target_light(target, self.shape, target_encoding, fit)
+        wanted = target_light(target, self.shape, target_encoding, Placement(fit, area, region_px(region)))
         with refusals():
             facts = json.loads(self.native.quality(shown, wanted, region_px(region)))
         return quality_of(facts["quality"]), opinion_of(facts["second_opinion"])

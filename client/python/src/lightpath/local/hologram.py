@@ -18,7 +18,7 @@ from lightpath.local.engine import engine, refusals
 from lightpath.local.optics import choose
 from lightpath.local.options import LossOptions, OptimizeOptions
 from lightpath.local.progress import Progress, listener
-from lightpath.local.targets import colour_of, target_light
+from lightpath.local.targets import Placement, colour_of, target_light
 from lightpath.options import check, given, region_px
 from lightpath.quality import Expected, ShownPicture, opinion_of, quality_of
 from lightpath.signature import with_options
@@ -123,7 +123,7 @@ def linear_map(name: str, shape: tuple[int, int], options: dict[str, Any]) -> np
     """Return a picture of weights or depths in an option, as the engine takes it; None: it is not given."""
     if name not in options:
         return None
-    return target_light(options[name], shape, "linear", options.get("fit", "contain"), name=name)
+    return target_light(options[name], shape, "linear", Placement.of(options), name=name)
 
 
 def _hologram(displays: Sequence[Sequence[DisplayModel]], done: Sequence[tuple[Any, ...]]) -> Hologram:
@@ -203,8 +203,7 @@ class HologramLoss:
 def _light(
     target: Picture, shape: tuple[int, int], options: dict[str, Any], colour: int | None
 ) -> npt.NDArray[np.float32]:
-    encoding, fit = options.get("target_encoding", "srgb"), options.get("fit", "contain")
-    return target_light(target, shape, encoding, fit, colour=colour)
+    return target_light(target, shape, options.get("target_encoding", "srgb"), Placement.of(options), colour=colour)
 
 
 def _compared(options: dict[str, Any]) -> dict[str, Any]:

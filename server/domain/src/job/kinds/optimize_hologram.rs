@@ -73,14 +73,21 @@ pub struct ImagePlane {
 }
 
 /// What a target fills, with black around it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Area {
     /// The region of interest.
-    #[default]
     Region,
     /// The whole display, of which only the region of interest is compared.
     Display,
+}
+
+impl Area {
+    /// The area where none is chosen. A picture that must not be resampled usually has the display's own pixels.
+    #[must_use]
+    pub fn recommended(fit: Fit) -> Self {
+        if fit == Fit::Exact { Self::Display } else { Self::Region }
+    }
 }
 
 /// Rule for a picture whose size differs from that of the area that it fills.

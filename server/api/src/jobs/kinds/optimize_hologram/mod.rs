@@ -12,7 +12,7 @@ use lightpath_domain::dataset::Encoding;
 use lightpath_domain::display::Display;
 use lightpath_domain::expected_psnr::ExpectedPsnr;
 use lightpath_domain::job::{
-    Area, Fit, HologramResult, ImagePlane, Job, JudgedBy, OptimizeHologram, PlaneResult, Subframe, WavelengthResult,
+    Area, HologramResult, ImagePlane, Job, JudgedBy, OptimizeHologram, PlaneResult, Subframe, WavelengthResult,
 };
 use lightpath_domain::kernel::KernelKey;
 use lightpath_domain::units::Wavelength;
@@ -92,8 +92,7 @@ pub(super) async fn from_wire(
     }
     let Shown { display, wavelengths, region_of_interest } = shown;
     let target_fit = target_fit.unwrap_or_default();
-    // A picture that must not be resampled usually comes from the display's own pixels.
-    let target_area = target_area.unwrap_or(if target_fit == Fit::Exact { Area::Display } else { Area::Region });
+    let target_area = target_area.unwrap_or(Area::recommended(target_fit));
     let spec = OptimizeHologram {
         display: display.id.clone(),
         wavelengths,
