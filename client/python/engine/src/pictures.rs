@@ -7,8 +7,8 @@ use crate::threads;
 use lightpath_domain::dataset::Encoding;
 use lightpath_domain::job::{Area, Fit};
 use lightpath_media::pictures::{self, Channel, Placement};
-use lightpath_optics::{Grid, Plane};
 use lightpath_optics::display::phase_response::PhaseResponse;
+use lightpath_optics::{Grid, Plane};
 use numpy::{PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -21,11 +21,11 @@ pub(crate) fn target<'py>(
     py: Python<'py>,
     content: &[u8],
     encoding: &str,
-    (fit, area, region): (&str, Option<&str>, Option<[usize; 4]>),
+    placement: (&str, Option<&str>, Option<[usize; 4]>),
     colour: Option<usize>,
     shape: (usize, usize),
 ) -> PyResult<Bound<'py, PyArray2<f32>>> {
-    let (height_px, width_px) = shape;
+    let ((fit, area, region), (height_px, width_px)) = (placement, shape);
     let read = || -> Result<_, Refused> {
         let encoding: Encoding = serde_json::from_value(encoding.into())?;
         let fit: Fit = serde_json::from_value(fit.into())?;
