@@ -52,6 +52,7 @@ for (const scheme of ["dark", "light"]) {
         await page.waitForFunction(() => document.querySelector("#connection").textContent === "live");
         if (["overview", "displays", "display"].includes(name)) await page.getByText("simulated", { exact: true }).waitFor();
         if (name === "hologram") await page.waitForFunction(() => [...document.images].every((image) => image.complete));
+        if (name === "new hologram") await page.getByText("More options").click();
         const overflow = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
         assert.ok(overflow <= 0, `${name} is ${overflow} px too wide`);
         await page.evaluate(AXE);
