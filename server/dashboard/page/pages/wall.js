@@ -24,7 +24,7 @@ const OLD = 90_000;
 
 export function wallPage(root) {
   const clock = h("time", {});
-  const state = h("p", { class: "fresh", role: "status" });
+  const state = h("p", { class: "fresh" });
   const running = h("section", { class: "run" });
   const photograph = h("section", { class: "photograph" });
   const trend = h("section", { class: "trend" });
