@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import inspect
 import io
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 from conftest import DISTANCE, target
+from IPython.core.completer import provisionalcompleter
+from IPython.core.interactiveshell import InteractiveShell
 from PIL import Image
 
 import lightpath
+import lightpath.local
 from lightpath import v1
 from lightpath.pictures import picture_bytes
 
@@ -148,6 +152,38 @@ def test_bad_pictures_are_refused_before_the_server_is_asked(
         bench.optimize(picture, distance=DISTANCE)  # type: ignore[arg-type]
     assert caught.value.field == "target"
     assert caught.value.fix
+
+
+def test_help_and_completion_show_every_option(bench: lightpath.Display) -> None:
+    for function in (bench.optimize, lightpath.local.optimize):
+        parameters = inspect.signature(function).parameters
+        assert {"iterations", "initial_phase", "region", "weight_mask", "subframes"} <= parameters.keys()
+        assert parameters["iterations"].annotation == "int"
+        assert "options" not in parameters
+        assert "- `iterations`: Number of iterations" in inspect.getdoc(function).replace("\n  ", " ")  # type: ignore[union-attr]
+    assert "- `priority`: Lower numbers run first" in str(inspect.getdoc(bench.photograph))
+    assert inspect.signature(lightpath.local.plan).parameters["wavelength"].default is inspect.Parameter.empty
+    shell = InteractiveShell.instance()
+    shell.user_ns["bench"] = bench
+    with provisionalcompleter():
+        found = [each.text for each in shell.Completer.completions("bench.optimize(iter", 19)]
+    assert "iterations=" in found
+    InteractiveShell.clear_instance()
+
+
+def test_values_of_another_type_are_refused_by_their_name(bench: lightpath.Display) -> None:
+    wrong: list[tuple[dict[str, Any], str]] = [
+        ({"distance": None}, "distance is a NoneType: give one number in metres"),
+        ({"distance": "20mm", "iterations": 2.5}, "iterations is 2.5 .float.: give a whole number"),
+        ({"distance": "20mm", "total_variation": "much"}, "total_variation is 'much' .str.: give a number"),
+        ({"distance": "20mm", "batch": 7}, "batch is 7 .int.: give a text"),
+        ({"distance": "20mm", "region": (1, 2)}, "region is .*give x, y, width and height"),
+    ]
+    for options, text in wrong:
+        with pytest.raises(lightpath.InvalidArgument, match=text):
+            bench.optimize(target(1), **options)
+    with pytest.raises(lightpath.InvalidArgument, match="seed is '1' .str.: give a whole number"):
+        bench.photograph(target(1), distance="20mm", seed="1")  # type: ignore[arg-type]
 
 
 def test_unknown_options_are_refused_with_the_list_of_options(bench: lightpath.Display) -> None:

@@ -163,7 +163,7 @@ def check_type(name: str, value: object, annotation: str) -> None:
     wanted, fix = _TYPES.get(annotation, ((object,), ""))
     is_bool = isinstance(value, bool) and annotation in {"int", "float"}
     if is_bool or not isinstance(value, wanted):
-        raise InvalidArgument(name, f"is {value!r}, a {type(value).__name__}", fix)
+        raise InvalidArgument(name, f"is {value!r} ({type(value).__name__})", fix)
 
 
 def submit_request(spec: v1.JobSpec, options: SubmitOptions) -> v1.SubmitJobRequest:

@@ -13,7 +13,7 @@ from lightpath.complex_targets import as_light
 from lightpath.errors import InvalidArgument
 from lightpath.hologram import Hologram
 from lightpath.initial_phases import message_of, named, parts_of
-from lightpath.options import HologramOptions, SubmitOptions, check, given, label_of, optimize_message
+from lightpath.options import HologramOptions, SubmitOptions, check, check_type, given, label_of, optimize_message
 from lightpath.pictures import Phase, Picture, is_file, numbers_of, phase_bytes, picture_bytes
 from lightpath.progress import Progress, shows_pictures
 from lightpath.signature import with_options
@@ -158,6 +158,8 @@ class DisplayHolograms(Resource):
         - `seed`: that of the camera's noise; `elapsed_s`: the time since the bench was set up [s]
         """
         check(options, SubmitOptions)
+        check_type("seed", seed, "int")
+        check_type("elapsed_s", elapsed_s, "float")
         message = v1.SimulateCapture(display=self.name, seed=seed, elapsed_s=elapsed_s)
         if isinstance(hologram, Hologram):
             message.pattern = await self._pattern(hologram)

@@ -17,7 +17,7 @@ from lightpath.aio.operations import Operations
 from lightpath.aio.results import read_evaluation, read_hologram, read_photograph, read_preparation, read_report
 from lightpath.declared import AllOrders, OrderFilter, SimulatedBench
 from lightpath.errors import InvalidArgument, ProtocolError
-from lightpath.options import LearnOptions, Region, region_message
+from lightpath.options import LearnOptions, Region, check_type, region_message
 from lightpath.photograph import Photograph, PhotoScore
 from lightpath.pictures import Picture, picture_bytes
 from lightpath.signature import with_options
@@ -105,6 +105,9 @@ class Lab(Operations):
           Default: 1, all of the pixel
         - `simulated`: a seed, or a `SimulatedBench(strength=0.5, …)`, for a display that exists only as a simulation
         """
+        for name, value, kind in (("bit_depth", bit_depth, "int"), ("camera_fill_factor", camera_fill_factor, "float")):
+            if value is not None:
+                check_type(name, value, kind)
         width_px, height_px = resolution_px(resolution)
         bench = SimulatedBench(seed=simulated) if isinstance(simulated, int) else simulated
         message = v1.Display(

@@ -16,7 +16,7 @@ from lightpath.local.arrays import Array, complex_field, frames_rad, light, phas
 from lightpath.local.engine import engine, refusals
 from lightpath.local.optics import REQUIRED, OpticsOptions, choose, optics_json
 from lightpath.local.targets import Placement, target_light
-from lightpath.options import Region, region_px
+from lightpath.options import Region, check_type, region_px
 from lightpath.photograph import Photograph
 from lightpath.pictures import Phase, Picture, file_bytes
 from lightpath.plans import plan_of
@@ -217,6 +217,7 @@ class SimulatedDisplay:
 
         `hologram` is as `DisplayModel.simulate` takes it, with one pattern. NumPy takes the photograph as an array.
         """
+        check_type("seed", seed, "int")
         with refusals():
             pixels = self._native.photograph(phase_rad("hologram", hologram, bits=bit_depth), seed)
         return Photograph.of_pixels(pixels)
