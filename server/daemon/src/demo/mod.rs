@@ -152,7 +152,7 @@ async fn photograph_holograms(
     let mut pairs = Vec::new();
     for (i, (hologram, photo)) in holograms.iter().zip(&photos).enumerate() {
         // No pair is for validation: trying the parts of the display model takes two to three times as long, and the
-        // demo should take two minutes at most. Its display has none of the flaws that they describe.
+        // demo should end within some two minutes. Its display has none of the flaws that they describe.
         let split = if i < targets.training.len() { v1::Split::Train } else { v1::Split::Test };
         let id = format!("pair-{:02}", i + 1);
         files.write(&format!("pairs/{id}-pattern.png"), client.download(&hologram.pattern).await?)?;
