@@ -182,7 +182,7 @@ def test_values_of_another_type_are_refused_by_their_name(bench: lightpath.Displ
     for options, text in wrong:
         with pytest.raises(lightpath.InvalidArgument, match=text):
             bench.optimize(target(1), **options)
-    with pytest.raises(lightpath.InvalidArgument, match="seed is '1' .str.: give a whole number"):
+    with pytest.raises(lightpath.InvalidArgument, match=r"seed is .1. .str.: give a whole number"):
         bench.photograph(target(1), distance="20mm", seed="1")  # type: ignore[arg-type]
 
 
