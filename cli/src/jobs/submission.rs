@@ -88,8 +88,8 @@ impl Submission {
             needs: self.need.clone(),
         };
         let job = session.client.submit(request).await?;
-        // What the user did not ask for, and the queue alone does not end.
-        if let Reason::NoProcess | Reason::Paused = jobs::wait_reason(&job) {
+        // It may wait for ever, which the user did not ask for.
+        if jobs::wait_reason(&job) == Reason::NoProcess {
             print_note(&format!("job {} waits: {}", names::id(&job.name), jobs::waits(&job)));
         }
         Ok(job)

@@ -110,7 +110,7 @@ pub use passed_on::PassedOn;
 pub use queue::{BatchProgress, OwnerQueue, Pause};
 pub use rollouts::Widening;
 pub use signing::{PrivateKey, StoredKeyring};
-pub use sql::for_client;
+pub use sql::{for_all_clients, for_client};
 pub use store::Store;
 pub use tokens::TokenRecord;
 pub use totals::{QueueDepth, WaitingWork};

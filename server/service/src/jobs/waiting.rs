@@ -9,7 +9,7 @@ use crate::error::Result;
 use lightpath_domain::ability::Labels;
 use lightpath_domain::access::Caller;
 use lightpath_domain::job::{Job, JobState, JobSummary};
-use lightpath_store::{Place, QueuedJob, Store, forecast};
+use lightpath_store::{Place, QueuedJob, Store, for_all_clients, forecast};
 use std::collections::HashMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -100,7 +100,9 @@ impl Jobs {
         {
             return Ok(Arc::clone(seen));
         }
-        let (ahead, time_ms) = (self.store.ahead().await?, self.store.now_ms());
+        // Many may wait for it, with what they have read: in the line of one client it would come after all other calls of that
+        // client.
+        let (ahead, time_ms) = (for_all_clients(self.store.ahead()).await?, self.store.now_ms());
         let places = forecast(&ahead, &self.store.living(), self.limits.running, time_ms);
         let seen = Arc::new(Seen { time_ms, places, paused: ahead.paused });
         *last = Some((Instant::now(), Arc::clone(&seen)));

@@ -21,5 +21,5 @@ mod turns;
 pub(super) use connection::{Connection, Pool, RawPool};
 pub(super) use query::{Builder, Query, Value, query, query_as, run_all, scalar};
 pub(super) use row::{ColumnId, Row, from_row};
-pub use turns::for_client;
 pub(super) use turns::for_same_client;
+pub use turns::{for_all_clients, for_client};

@@ -28,27 +28,27 @@ const FORGOTTEN_S: f64 = 1e-4;
 tokio::task_local! {
     /// The client whose work the task does. A parameter would have to pass through every function of the store and of all
     /// that use it.
-    static CLIENT: Arc<str>;
+    static CLIENT: Option<Arc<str>>;
 }
 
 /// Does `work` for a client: its statements wait in the line of that client.
 pub async fn for_client<W: Future>(client: Arc<str>, work: W) -> W::Output {
-    CLIENT.scope(client, work).await
+    CLIENT.scope(Some(client), work).await
+}
+
+/// Does `work` that a client has asked for, and that serves all clients: its statements do not wait in the line of that
+/// client.
+pub async fn for_all_clients<W: Future>(work: W) -> W::Output {
+    CLIENT.scope(None, work).await
 }
 
 /// Makes work that a task of its own will do count for the client of the present task.
 pub(crate) fn for_same_client<W: Future>(work: W) -> impl Future<Output = W::Output> {
-    let client = present_client();
-    async move {
-        match client {
-            Some(client) => CLIENT.scope(client, work).await,
-            None => work.await,
-        }
-    }
+    CLIENT.scope(present_client(), work)
 }
 
 fn present_client() -> Option<Arc<str>> {
-    CLIENT.try_with(Arc::clone).ok()
+    CLIENT.try_with(Clone::clone).ok().flatten()
 }
 
 /// The turns at one pool. Clones share them.
