@@ -122,20 +122,22 @@ fn changes_max(name: &str) -> usize {
     }
 }
 
-/// The smallest number of characters to insert, remove or replace to make one name of another, without regard to case:
-/// the distance of Levenshtein (1966).
+/// The smallest number of changes that make one name of another, without regard to case: a character is inserted, removed or
+/// replaced, or two neighbours change places (the optimal string alignment after Damerau 1964).
 fn distance(from: &str, to: &str) -> usize {
     let [from, to] = [from, to].map(|name| name.to_lowercase().chars().collect::<Vec<_>>());
-    let mut row: Vec<usize> = (0..=to.len()).collect();
-    for (i, a) in from.iter().enumerate() {
-        let mut corner = std::mem::replace(&mut row[0], i + 1);
-        for (j, b) in to.iter().enumerate() {
-            let replaced = corner + usize::from(a != b);
-            corner = row[j + 1];
-            row[j + 1] = replaced.min(corner + 1).min(row[j] + 1);
+    let mut rows = vec![(0..=to.len()).collect::<Vec<_>>()];
+    for i in 1..=from.len() {
+        let mut row = vec![i];
+        for j in 1..=to.len() {
+            let replaced = rows[i - 1][j - 1] + usize::from(from[i - 1] != to[j - 1]);
+            let changed = replaced.min(rows[i - 1][j] + 1).min(row[j - 1] + 1);
+            let is_swap = i > 1 && j > 1 && from[i - 1] == to[j - 2] && from[i - 2] == to[j - 1];
+            row.push(if is_swap { changed.min(rows[i - 2][j - 2] + 1) } else { changed });
         }
+        rows.push(row);
     }
-    row[to.len()]
+    rows[from.len()][to.len()]
 }
 
 #[cfg(test)]
@@ -147,7 +149,7 @@ mod tests {
         let there = |names: &str| names.split_whitespace().map(str::to_owned).collect::<Vec<_>>();
         for (given, names, text) in [
             ("benhc", "pluto bench", "did you mean bench?"),
-            ("LAB", "lab", "did you mean lab?"),
+            ("LBA", "lab", "did you mean lab?"),
             ("frist-2", "first-1 first-2", "did you mean first-2?"),
             ("lab", "pca", "there are: pca"),
             ("nowhere", "", "there is none yet"),
@@ -155,6 +157,6 @@ mod tests {
         ] {
             assert_eq!(which(given, &there(names), "lightpath display list"), text, "{given}");
         }
-        assert_eq!(["", "kitten", "flaw"].map(|name| distance(name, "sitting")), [7, 3, 7]);
+        assert_eq!(["", "kitten", "flaw", "istting"].map(|name| distance(name, "sitting")), [7, 3, 7, 1]);
     }
 }
