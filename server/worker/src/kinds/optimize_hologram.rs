@@ -79,7 +79,8 @@ impl RunningJob<'_> {
         let steps_each = steps(self.spec);
         if steps_each == 0 {
             // Given phases are judged as they are.
-            self.state.loss = optimization.measure(&optimization.phases().to_vec())?.best_loss;
+            let given = optimization.phases().to_vec();
+            self.state.loss = optimization.measure(&given)?.best_loss;
         }
         let (before, steps_total) = (self.state.finished.len() as u32 * steps_each, steps_each * wavelengths as u32);
         let stage = if wavelengths == 1 { "optimize".to_owned() } else { format!("optimize {}", setup.wavelength) };
