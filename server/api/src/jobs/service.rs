@@ -8,6 +8,7 @@ use crate::enumerations::WireField as _;
 use crate::names;
 use crate::pages::Page;
 use crate::time::ms;
+use lightpath_domain::job::JobState;
 use lightpath_proto::v1;
 use lightpath_proto::v1::job_service_server::JobService;
 use lightpath_proto::v1::list_jobs_request::{Order, View};
@@ -49,16 +50,15 @@ impl Api {
         let page = Page::new(&["jobs", &hash_of(&filter)], request.page_size, &request.page_token)?;
         let after = page.after.as_deref();
         let jobs = &self.service.jobs;
+        // Before the jobs are read, because it may have to wait, and a page of jobs takes much memory.
+        let outlook = jobs.outlook(&call.caller, [(JobState::Queued, 0)]).await?;
         if Field::new("view").wire_value::<View>(request.view)? == View::Basic {
             let summaries = jobs.summaries(call, &filter, after, page.limit()).await?;
-            let outlook =
-                jobs.outlook(&call.caller, summaries.iter().map(|job| (job.state, job.create_time_ms))).await?;
             let (summaries, next_page_token) =
                 page.fill(summaries, |job| job.id.clone(), |job| to_wire::summary(&outlook, job));
             return Ok(v1::ListJobsResponse { summaries, next_page_token, ..Default::default() });
         }
         let found = jobs.list(call, &filter, after, page.limit()).await?;
-        let outlook = jobs.outlook(&call.caller, found.iter().map(|job| (job.state, job.create_time_ms))).await?;
         let (jobs, next_page_token) = page.fill(found, |job| job.id.clone(), |job| to_wire::job(&outlook, job));
         Ok(v1::ListJobsResponse { jobs, next_page_token, ..Default::default() })
     }
