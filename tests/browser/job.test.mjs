@@ -76,8 +76,8 @@ test("a line shows the light of target and reconstruction", async () => {
   // The square is white between the columns 40 and 100.
   assert.deepEqual([await light(20, "target"), await light(70, "target"), await light(120, "target")], [0, 1, 0]);
   assert.ok(await light(70, "reconstruction") > 0.7 && await light(120, "reconstruction") < 0.3);
-  await page.getByLabel("Position of the line").fill("0.1");
-  await page.getByText("at row 9").waitFor();
+  await page.getByLabel("Position of the line").fill("0.15");
+  await page.getByText("at row 14").waitFor();
   assert.equal(await light(70, "target"), 0, "above the square");
   assert.deepEqual(page.problems, []);
 });

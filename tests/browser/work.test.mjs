@@ -286,7 +286,8 @@ test("the gallery shows holograms with their photographs, and the figure to beli
 });
 
 test("a sweep is a table and a plot over the parameters that differ", async () => {
-  const { jobs: [{ spec }] } = await server.get("jobs?kind=optimize_hologram&pageSize=1");
+  // A job of the demo, whose display has an active kernel.
+  const { jobs: [{ spec }] } = await server.get("jobs?kind=optimize_hologram&display=displays/demo&order=oldest_first&pageSize=1");
   const requests = [[2, "DETECTOR_POINT"], [8, "DETECTOR_PIXEL"]].map(([iterations, detector]) =>
     ({ spec: { optimizeHologram: { ...spec.optimizeHologram, iterations, detector, kernel: { active: {} } } }, batch: "short", label: "leaf.png" }));
   await server.post("jobs:submitAll", { requests });

@@ -86,7 +86,7 @@ async fn twenty_devices_follow_promotions_rollouts_and_rollbacks() {
     cli.text("kernel gate lab --format compact --reason firmware").await;
     let checked = cli.run(&format!("kernel check {KERNEL} --version 4")).await;
     assert!(
-        checked.code == Some(1) && checked.stdout.contains("FAILED  it is not available as compact"),
+        checked.code == Some(1) && checked.stdout.contains("FAILED        it is not available as compact"),
         "{checked:?}"
     );
     let refused = cli.run(&format!("kernel promote {KERNEL} --version 4")).await;

@@ -25,7 +25,10 @@ if TYPE_CHECKING:
 
 
 def test_hologram_has_phases_levels_and_the_picture_that_it_shows(bench: lightpath.Display, tmp_path: Path) -> None:
-    hologram = bench.optimize(target(1), distance=DISTANCE, iterations=40)
+    estimate = bench.estimate_optimize(target(1), distance=DISTANCE, iterations=40)
+    assert (estimate.memory_bytes or 0) > 1e6
+    assert (estimate.time_s or 0) > 0
+    hologram = bench.optimize(target(1), distance=DISTANCE, iterations=40, area="display")
     assert hologram.phase.dtype == np.float32
     assert hologram.phase.shape == hologram.levels.shape == hologram.reconstruction.shape == (96, 160)
     # The display of 8 bits has a linear response and no carrier.

@@ -65,8 +65,8 @@ def test_holograms_through_a_learned_display_look_better_on_it(
     assert record.ideal_validation_loss is not None
     assert record.validation_loss < 0.1 * record.ideal_validation_loss
     unseen = target(50)
-    ideal = local.optimize(unseen, iterations=60, **OPTICS)
-    better = local.optimize(unseen, iterations=60, kernel=learned)
+    ideal = local.optimize(unseen, iterations=60, area="display", **OPTICS)
+    better = local.optimize(unseen, iterations=60, area="display", kernel=learned)
     photos = [display.photograph(each.levels, seed=99) for each in (ideal, better)]
     before_db, after_db = (psnr_db(photo.pixels, linear(unseen)) for photo in photos)
     assert after_db > before_db + 3

@@ -126,6 +126,11 @@ impl Request<'_> {
         let [first, ..] = self.displays[..] else {
             return Err(Refused::new("distance", "EMPTY", "at least one plane is needed"));
         };
+        let is_given = matches!(initial_phase, Some(InitialPhase::Given(())));
+        if *iterations == 0 && (!is_given || *method == HologramMethod::DoublePhase) {
+            let problem = "iterations is 0, but must be at least 1; 0 judges phases that initial_phase gives";
+            return Err(Refused::new("iterations", "OUT_OF_RANGE", problem));
+        }
         let response = PhaseResponse::linear(*bit_depth)?;
         let (region, nearest) = (compared.region(first)?, self.nearest()?);
         let problem = self.problem(region, nearest.as_ref())?;
@@ -182,7 +187,7 @@ impl Request<'_> {
         &self,
         mut optimization: Optimization,
         response: &PhaseResponse,
-        loss: Vec<f64>,
+        mut loss: Vec<f64>,
         (region, nearest): (RegionOfInterest, Option<Plane<u8>>),
     ) -> Result<Optimized, Refused> {
         let [height_px, width_px] = [self.targets[0].height_px(), self.targets[0].width_px()];
@@ -194,6 +199,11 @@ impl Request<'_> {
             files.push(levels_png(&levels, self.options.bit_depth)?);
             displayed.push(response.dequantize(&levels)?);
             phases.push(phase);
+        }
+        if loss.is_empty() {
+            // Given phases are judged as they are.
+            let given: Vec<f32> = phases.iter().flat_map(|phase| phase.values()).copied().collect();
+            loss.push(optimization.measure(&given)?.best_loss);
         }
         let all: Vec<f32> = displayed.iter().flat_map(|phase| phase.values()).copied().collect();
         let gain = optimization.measure(&all)?.best_gain;

@@ -42,7 +42,7 @@ from lightpath.learned import LearnedKernel
 from lightpath.options import HologramOptions, LearnOptions, SubmitOptions
 from lightpath.photograph import Photograph, PhotoScore
 from lightpath.pictures import Phase, Picture
-from lightpath.plans import Alternative, Plan, PlanWarning
+from lightpath.plans import Alternative, Estimate, Plan, PlanWarning
 from lightpath.promotion import PromotionGate, Verdict
 from lightpath.quality import DetectorQuality, Expected, Quality, SecondOpinion, ShownPicture
 from lightpath.reports import Evaluation, Report
@@ -80,6 +80,7 @@ __all__ = [
     "DetectorQuality",
     "Device",
     "Display",
+    "Estimate",
     "Evaluation",
     "Event",
     "Exhausted",

@@ -1,4 +1,4 @@
-"""What the planner says about the propagation of light, in this process or on a server."""
+"""What the planner says about the propagation of light, in this process or on a server, and estimates of jobs."""
 
 from __future__ import annotations
 
@@ -12,6 +12,16 @@ from lightpath.units import show_length
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What a job would need."""
+
+    memory_bytes: int | None
+    """Largest memory, above that of the idle server. None: not estimated."""
+    time_s: float | None
+    """Time of an attempt on a server without other jobs [s]. None: not estimated."""
 
 
 @dataclass(frozen=True)

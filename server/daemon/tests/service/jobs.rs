@@ -231,7 +231,7 @@ async fn refusals_name_the_field_and_the_allowed_values() {
         (
             Box::new(|s| s.iterations = Some(10_001)),
             Code::InvalidArgument,
-            "iterations is 10001, but must be 0 to 10000",
+            "iterations is 10001, but must be 1 to 10000",
         ),
         (Box::new(|s| s.learning_rate = Some(-1.0)), Code::InvalidArgument, "learning_rate is -1"),
         (

@@ -51,7 +51,10 @@ pub struct Waiting {
 
 /// The last forecast. Clones share it.
 #[derive(Clone, Debug, Default)]
-pub(super) struct LastForecast(Arc<Mutex<Option<(Instant, Arc<Seen>)>>>);
+pub(super) struct LastForecast(Arc<Mutex<Option<Timed>>>);
+
+/// A forecast and when it was made.
+type Timed = (Instant, Arc<Seen>);
 
 /// What all jobs wait for.
 #[derive(Debug, Default)]
@@ -85,7 +88,7 @@ impl Jobs {
     pub async fn outlook(&self, caller: &Caller, jobs: impl IntoIterator<Item = (JobState, i64)>) -> Result<Outlook> {
         let queued = jobs.into_iter().filter(|&(state, _)| state == JobState::Queued);
         let seen = match queued.map(|(_, create_time_ms)| create_time_ms).max() {
-            Some(newest_ms) => self.seen(newest_ms).await?,
+            Some(newest_ms) => Box::pin(self.seen(newest_ms)).await?,
             None => Arc::default(),
         };
         Ok(Outlook { store: self.store.clone(), seen, displays: caller.displays.clone() })

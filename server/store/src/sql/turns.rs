@@ -32,14 +32,15 @@ tokio::task_local! {
 }
 
 /// Does `work` for a client: its statements wait in the line of that client.
-pub async fn for_client<W: Future>(client: Arc<str>, work: W) -> W::Output {
-    CLIENT.scope(Some(client), work).await
+pub fn for_client<W: Future>(client: Arc<str>, work: W) -> impl Future<Output = W::Output> {
+    // Not in the task itself: hundreds of calls may wait, and each await would keep another copy of the work's state.
+    CLIENT.scope(Some(client), Box::pin(work))
 }
 
 /// Does `work` that a client has asked for, and that serves all clients: its statements do not wait in the line of that
 /// client.
-pub async fn for_all_clients<W: Future>(work: W) -> W::Output {
-    CLIENT.scope(None, work).await
+pub fn for_all_clients<W: Future>(work: W) -> impl Future<Output = W::Output> {
+    CLIENT.scope(None, Box::pin(work))
 }
 
 /// Makes work that a task of its own will do count for the client of the present task.

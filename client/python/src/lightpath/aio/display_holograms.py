@@ -15,6 +15,7 @@ from lightpath.hologram import Hologram
 from lightpath.initial_phases import message_of, named, parts_of
 from lightpath.options import HologramOptions, SubmitOptions, check, check_type, given, label_of, optimize_message
 from lightpath.pictures import Phase, Picture, is_file, numbers_of, phase_bytes, picture_bytes
+from lightpath.plans import Estimate
 from lightpath.progress import Progress, shows_pictures
 from lightpath.signature import with_options
 from lightpath.units import Length, metres, several
@@ -71,6 +72,27 @@ class DisplayHolograms(Resource):
         """Submit the optimization of a hologram, and return its job without waiting. Arguments as for `optimize`."""
         spec = await self._optimization(target, distance, wavelength, options)
         return await submit(self._connection, spec, options, read_hologram)
+
+    @with_options(HologramOptions)
+    async def estimate_optimize(
+        self,
+        target: Picture | Sequence[Picture],
+        *,
+        distance: Length | Sequence[Length],
+        wavelength: Length | Sequence[Length] | None = None,
+        **options: Unpack[HologramOptions],
+    ) -> Estimate:
+        """Check the optimization of a hologram without submitting it, and return what it would need.
+
+        Arguments and errors as for `optimize`.
+        """
+        spec = await self._optimization(target, distance, wavelength, options)
+        call = self._connection.jobs.EstimateJob
+        answer = await self._connection.call(call, v1.EstimateJobRequest(spec=spec))
+        return Estimate(
+            answer.memory_bytes if answer.HasField("memory_bytes") else None,
+            answer.time_s if answer.HasField("time_s") else None,
+        )
 
     async def _optimization(
         self,

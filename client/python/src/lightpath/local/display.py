@@ -164,7 +164,8 @@ class DisplayModel:
     ) -> tuple[Quality, SecondOpinion | None]:
         """Return how well a hologram, whoever made it, shows a target, and what an independent model says.
 
-        `phase` is as `simulate` takes it. The target fills the region by default, as in `optimize`. The opinion is about the light of the detector `pixel`, on some rows.
+        `phase` is as `simulate` takes it. The target fills the region by default, as in `optimize`.
+        The opinion is about the light of the detector `pixel`, on some rows.
         """
         shown = frames_rad("phase", phase, bits=bit_depth)
         wanted = target_light(target, self.shape, target_encoding, Placement(fit, area, region_px(region)))

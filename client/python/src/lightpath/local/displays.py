@@ -34,8 +34,6 @@ def displays_of(target: Picture, options: dict[str, Any]) -> list[list[DisplayMo
             raise InvalidArgument("resolution", "is not given", 'give that of the display, such as "1920x1080"')
         height_px, width_px = as_array("target", target).shape[:_AXES]
         resolution = (width_px, height_px)
-        # The target has the display's own pixels.
-        options.setdefault("area", "display")
     distances_m = _different("distance", options["distance"])
     return [
         [

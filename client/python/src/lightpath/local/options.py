@@ -37,7 +37,7 @@ class LossOptions(TypedDict, total=False):
     """How a target of another size is fitted to its area: `contain` (default), `cover`, `stretch` or `exact`."""
     area: words.Area
     """What the target fills, with black around it: the `region` that is compared, or the whole `display`. Default:
-    `region`; with `fit="exact"` `display`, and without `resolution`, where the target has the size of the display."""
+    `region`; with `fit="exact"` `display`."""
     loss: words.Quantity
     """Quantity that is compared with the target: `intensity` (default) or `amplitude`."""
     total_variation: float

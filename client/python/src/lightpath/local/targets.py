@@ -44,8 +44,8 @@ def target_light(
 ) -> npt.NDArray[np.float32]:
     """Return the linear light of a target. `colour` is 0 for its red, 1 for its green, 2 for its blue; None: the mean.
 
-    A picture is read and placed as a server does it. An array of floats in linear light, of the display's size, stays as
-    it is if it fills the display.
+    A picture is read and placed as a server does it. An array of floats in linear light, of the display's size, stays
+    as it is if it fills the display.
     """
     choose("target_encoding", encoding, get_args(words.Encoding))
     choose("fit", placement.fit, get_args(words.Fit))

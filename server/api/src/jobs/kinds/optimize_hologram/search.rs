@@ -50,18 +50,20 @@ pub(super) fn method(field: &Field, message: &v1::OptimizeHologram) -> Result<Ho
 
 /// Checks the number of iterations. Without one, given phases are judged as they are.
 pub(super) fn iterations(field: &Field, message: &v1::OptimizeHologram) -> Result<u32> {
-    let iterations = field.integer_or(message.iterations, ITERATIONS_DEFAULT, 0..=ITERATIONS_MAX)?;
+    if message.iterations != Some(0) {
+        return field.integer_or(message.iterations, ITERATIONS_DEFAULT, 1..=ITERATIONS_MAX);
+    }
     let is_given =
         matches!(message.initial_phase, Some(optimize_hologram::InitialPhase { kind: Some(Kind::Given(_)) }));
     let is_double_phase = message.method == v1::HologramMethod::DoublePhase as i32;
-    if iterations == 0 && (!is_given || is_double_phase) {
+    if !is_given || is_double_phase {
         let rule = format!(
-            "must be 1 to {ITERATIONS_MAX}; 0 only judges phases that initial_phase.given names, with another method than \
-             double phase"
+            "must be 1 to {ITERATIONS_MAX}, or 0 to judge the phases that initial_phase.given names, with another method \
+             than double phase; leave it out for the default {ITERATIONS_DEFAULT}"
         );
         return Err(field.but("is 0", rule));
     }
-    Ok(iterations)
+    Ok(0)
 }
 
 fn phase_range(field: &Field, value: f64) -> Result<f64> {
