@@ -76,7 +76,7 @@ class HologramOptions(SubmitOptions, total=False):
     method: words.Method
     """How the phase is found: `lbfgs` (default), `adam`, `gerchberg-saxton`, …"""
     iterations: int
-    """Number of iterations, 1 to 10000. Default: 200."""
+    """Number of iterations, 1 to 10000; 0 judges the phases in `initial_phase` as they are. Default: 200."""
     learning_rate: float
     """Learning rate of Adam [rad]."""
     subframes: int

@@ -58,7 +58,7 @@ class OptimizeOptions(LossOptions, total=False):
     method: words.Method
     """`lbfgs` (default), `adam`, `gerchberg-saxton`, `weighted-gerchberg-saxton` or `double-phase`."""
     iterations: int
-    """Number of iterations. Default: 200."""
+    """Number of iterations; 0 judges the phases in `initial_phase` as they are. Default: 200."""
     learning_rate: float
     """Learning rate of Adam [rad]. Default: 0.1."""
     seed: int
