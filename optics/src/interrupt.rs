@@ -62,22 +62,7 @@ impl Interrupt {
     ///
     /// When `work` panics.
     pub fn run<R>(&self, work: impl FnOnce() -> R) -> Result<R, Interrupted> {
-        let _watching = Watching::start(self, Threads::WholePool);
-        caught(work)
-    }
-
-    /// Does the same as [`Self::run`], but only the calling thread looks at the flag. So other computations may use the
-    /// pool meanwhile, and what `work` computes on other threads runs to its end.
-    ///
-    /// # Errors
-    ///
-    /// [`Interrupted`] when the flag was raised before `work` ended.
-    ///
-    /// # Panics
-    ///
-    /// When `work` panics.
-    pub fn run_on_this_thread<R>(&self, work: impl FnOnce() -> R) -> Result<R, Interrupted> {
-        let _watching = Watching::start(self, Threads::This);
+        let _watching = Watching::start(self);
         caught(work)
     }
 }
@@ -99,40 +84,28 @@ fn caught<R>(work: impl FnOnce() -> R) -> Result<R, Interrupted> {
     })
 }
 
-/// Threads that look at a flag.
-#[derive(Clone, Copy)]
-enum Threads {
-    This,
-    /// This thread and all threads of its rayon pool.
-    WholePool,
-}
-
-impl Threads {
-    fn set(self, current: &Option<Interrupt>) {
-        CURRENT.set(current.clone());
-        if matches!(self, Self::WholePool) {
-            rayon::broadcast(|_| CURRENT.set(current.clone()));
-        }
-    }
+/// Lets this thread and all threads of its rayon pool look at a flag.
+fn look_at(flag: &Option<Interrupt>) {
+    CURRENT.set(flag.clone());
+    rayon::broadcast(|_| CURRENT.set(flag.clone()));
 }
 
 /// While it exists, threads look at a flag. Afterwards they look at the previous one.
 struct Watching {
     before: Option<Interrupt>,
-    threads: Threads,
 }
 
 impl Watching {
-    fn start(interrupt: &Interrupt, threads: Threads) -> Self {
+    fn start(interrupt: &Interrupt) -> Self {
         let before = CURRENT.take();
-        threads.set(&Some(interrupt.clone()));
-        Self { before, threads }
+        look_at(&Some(interrupt.clone()));
+        Self { before }
     }
 }
 
 impl Drop for Watching {
     fn drop(&mut self) {
-        self.threads.set(&self.before);
+        look_at(&self.before);
     }
 }
 
@@ -163,27 +136,6 @@ mod tests {
         assert_eq!(found, Err(Interrupted));
         let done = done.into_inner();
         assert!((1001..10_000).contains(&done), "{done} of a million");
-    }
-
-    #[test]
-    fn other_threads_of_the_pool_need_not_look() {
-        let (interrupt, others_are_done) = (Interrupt::default(), AtomicBool::new(false));
-        let found = pool().install(|| {
-            interrupt.run_on_this_thread(|| {
-                interrupt.raise();
-                let own = rayon::current_thread_index();
-                rayon::broadcast(|context| {
-                    if Some(context.index()) != own {
-                        check()
-                    }
-                });
-                others_are_done.store(true, Ordering::Relaxed);
-                check();
-            })
-        });
-        assert_eq!(found, Err(Interrupted));
-        assert!(others_are_done.into_inner(), "another thread looked");
-        assert_eq!(pool().install(|| interrupt.run_on_this_thread(|| 7)), Ok(7), "a computation that never looks");
     }
 
     #[test]

@@ -327,6 +327,9 @@ test("the wall fits any screen, is readable from afar, and outlives a restart of
 
   const { jobs: [{ spec }] } = await server.get("jobs?kind=optimize_hologram&pageSize=1");
   const optimizeHologram = { ...spec.optimizeHologram, iterations: 10_000, subframes: 8, kernel: { ideal: {} } };
+  const stuck = await server.post("jobs", { spec: { optimizeHologram }, needs: ["gpu"] });
+  await page.getByText("1 waits: no process has what it needs.").waitFor();
+  await server.post(`${stuck.name}:cancel`, {});
   const { name } = await server.post("jobs", { spec: { optimizeHologram }, label: "night.png" });
   await page.getByText("night.png").waitFor();
   await page.waitForFunction(() => document.querySelector(".live-picture img")?.naturalWidth > 0);

@@ -5,7 +5,7 @@ import { h, show } from "./dom.js";
 import { age, decibels, idOf, words } from "./format.js";
 import { framesOf } from "./frames.js";
 import { hologramOf, isKept, photographOf, picturesOf, readHolograms, scoreOf, wholeJob, worstExpected } from "./glance.js";
-import { progressOf, stateOf } from "./job_rows.js";
+import { progressOf, stateOf, waitOf } from "./job_rows.js";
 import { PHOTOGRAPHS_SPACING, photographsOf } from "./photographs.js";
 import { columnsFor } from "./picture_source.js";
 
@@ -74,7 +74,7 @@ export function gallery({ choice = null, actions = null } = {}) {
       job = fresh;
       if (!loaded) show(pictures, h("span", { class: "kind" }, words(job.kind, "KIND")));
       show(text, h("p", { class: "title" }, h("a", { href: `#/${job.name}`, tabindex: -1 }, titleOf(job)), job.state !== "STATE_SUCCEEDED" && stateOf(job)),
-        progressOf(job) ?? (job.error && job.state !== "STATE_SUCCEEDED" ? h("p", { class: "reason" }, job.error.message) : null),
+        progressOf(job) ?? (job.error && job.state !== "STATE_SUCCEEDED" ? h("p", { class: "reason" }, job.error.message) : job.state === "STATE_QUEUED" && h("p", { class: "meta" }, waitOf(job))),
         h("p", { class: "meta" }, [job.label && words(job.kind, "KIND"), idOf(job.display), job.owner].filter(Boolean).join(" · "),
           job.batch && [" · ", h("a", { href: `#/batch/${encodeURIComponent(job.batch)}` }, job.batch)], " · ",
           h("time", { datetime: job.createTime, title: job.createTime }, age(job.createTime))),

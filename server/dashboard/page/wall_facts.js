@@ -5,7 +5,7 @@ import { idOf } from "./format.js";
 import { expectedOf, jobOfPhotograph, keepJobs, planesOf, readHolograms, scoreOf } from "./glance.js";
 import { photographsOf } from "./photographs.js";
 
-/** Queued jobs whose estimates are read; the mean of these stands for the rest. */
+/** Queued jobs whose expected starts are read. */
 const QUEUED_MAX = 200;
 const DISPLAYS_MAX = 12;
 const KERNELS_MAX = 8;
@@ -25,23 +25,23 @@ export async function readQueue() {
   ]);
   keepJobs(newest.jobs);
   const failedLately = failed.summaries.filter((job) => Date.now() - Date.parse(job.endTime) < 86_400_000).length;
-  return { queue, running: running.summaries, failed: failedLately, newest: newest.jobs[0] ?? null, emptyIn: emptyIn(queue, running.summaries, queued.jobs) };
+  return { queue, running: running.summaries, failed: failedLately, newest: newest.jobs[0] ?? null, emptyIn: emptyIn(running.summaries, queued.jobs) };
 }
 
 /**
- * Time until the queue is empty, if each free worker takes the next job [s]: `{seconds, isLeast}`; `isLeast`: the time of some
- * jobs is not known. `null`: no process runs jobs, or all are paused.
+ * Time until the queue is empty, by the server's forecast [s]: `{seconds, isKnown, isLeast, stuck}`. `isLeast`: the time of some jobs is
+ * not known. `stuck`: numbers of jobs that nothing will start as things are, by the reason.
  */
-export function emptyIn(queue, running, queued) {
-  const workers = (queue?.processes ?? []).filter(({ kind }) => kind !== "KIND_SERVER").reduce((sum, { workers }) => sum + workers, 0);
-  if (workers === 0 || queue.pauses.some(({ display }) => !display)) return null;
-  const lanes = Array.from({ length: Math.max(workers, running.length) }, (_, i) => running[i]?.progress?.etaS ?? 0);
-  const known = queued.map(({ estimatedTimeS }) => estimatedTimeS).filter((time) => time !== undefined);
-  const mean = known.length ? known.reduce((sum, time) => sum + time, 0) / known.length : 0;
-  const times = [...known, ...Array.from({ length: Math.max(0, Number(queue.queued) - queued.length) }, () => mean)];
-  for (const time of times) lanes[lanes.indexOf(Math.min(...lanes))] += time;
-  const isLeast = known.length < queued.length || running.some(({ progress }) => progress?.etaS === undefined);
-  return { seconds: Math.max(...lanes), isLeast };
+export function emptyIn(running, queued) {
+  const stuck = new Map();
+  const ends = running.map(({ progress }) => progress?.etaS);
+  for (const { waiting, estimatedTimeS } of queued) {
+    const start = waiting?.expectedStartTime && Math.max(0, (Date.parse(waiting.expectedStartTime) - Date.now()) / 1000);
+    if (["REASON_NO_PROCESS", "REASON_PAUSED"].includes(waiting?.reason)) stuck.set(waiting.reason, (stuck.get(waiting.reason) ?? 0) + 1);
+    else ends.push(start === undefined || estimatedTimeS === undefined ? undefined : start + estimatedTimeS);
+  }
+  const known = ends.filter((end) => end !== undefined);
+  return { seconds: Math.max(0, ...known), isLeast: known.length < ends.length, isKnown: known.length > 0, stuck };
 }
 
 /** The displays, each as `readDisplay` has it, and whether there are more. */

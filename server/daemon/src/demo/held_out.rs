@@ -128,10 +128,17 @@ async fn measure_target(
     })
 }
 
-/// Saves targets, holograms and photographs as files.
-pub(super) fn save(files: &Files, targets: &[Picture], evaluated: &[Evaluated]) -> anyhow::Result<()> {
+/// Saves targets, holograms and photographs as files. A target is what fills `region`, as a user submits it.
+pub(super) fn save(
+    files: &Files,
+    region: RegionOfInterest,
+    targets: &[Picture],
+    evaluated: &[Evaluated],
+) -> anyhow::Result<()> {
     for target in targets {
-        files.write(&format!("targets/{}.png", target.name), pictures::grey_png_srgb(&target.intensity)?)?;
+        let at = |y, x| target.intensity.at(region.y_px() + y, region.x_px() + x);
+        let shown = Plane::from_fn(region.height_px(), region.width_px(), at);
+        files.write(&format!("targets/{}.png", target.name), pictures::grey_png_srgb(&shown)?)?;
     }
     for evaluated in evaluated {
         for (target, shown) in targets.iter().zip(&evaluated.shown) {

@@ -106,7 +106,7 @@ async fn learn_and_compare(
     let evaluated = held_out::evaluate(args, &client, &targets.held_out, &candidates, console).await?;
 
     console.step("Draw the figures")?;
-    held_out::save(files, &targets.held_out, &evaluated)?;
+    held_out::save(files, targets::region(args)?, &targets.held_out, &evaluated)?;
     figures::contact_sheet(args, files, targets, &evaluated)?;
     figures::kernel(files, &kernel, &simulated)?;
     figures::loss(files, &learned, &evaluated)?;

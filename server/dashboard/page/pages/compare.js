@@ -5,6 +5,7 @@ import { h, show } from "../dom.js";
 import { decibels, idOf, number, placeText } from "../format.js";
 import { expectedOf, photographOf, planesOf, scoreOf } from "../glance.js";
 import { hologramPictures, judgementOf } from "../hologram_pictures.js";
+import { areaOf } from "../hologram_region.js";
 import { stateOf } from "../job_rows.js";
 import { emptyNote, refresher } from "../loading.js";
 import { photographsOf } from "../photographs.js";
@@ -25,9 +26,9 @@ export function comparePage(root, _, query) {
     const jobs = await Promise.all(names.map((id) => get(`jobs/${id}`)));
     const requests = jobs.map((job) => fieldsOf(job.spec));
     const fields = differing(requests);
-    const [head, quality, pictures] = [headOf(jobs), await qualityOf(jobs), await picturesOf(jobs)];
+    const [head, quality, pictures, target] = [headOf(jobs), await qualityOf(jobs), await picturesOf(jobs), await targetOfA(jobs[0])];
     viewer?.end();
-    viewer = pictures.length ? pictureViewer([...targetOfA(jobs[0]), ...pictures]) : null;
+    viewer = pictures.length ? pictureViewer([...target, ...pictures]) : null;
     show(body, h("ul", { class: "log" }, head),
       quality.length > 0 && h("section", {}, h("h2", {}, "Quality"), quality),
       h("section", {}, h("h2", {}, "Requests"), fields.length
@@ -103,9 +104,10 @@ function sameModel(rows) {
 }
 
 /** The target of the first plane as a picture, in a list; an empty list for other jobs than those of holograms. */
-function targetOfA({ spec, result }) {
+async function targetOfA({ spec, result }) {
   const wavelength = result?.optimizeHologram?.wavelengths[0];
   if (!wavelength) return [];
-  const [target] = hologramPictures(spec.optimizeHologram, result.optimizeHologram, wavelength);
+  const area = areaOf(spec.optimizeHologram, await get(spec.optimizeHologram.display));
+  const [target] = hologramPictures(spec.optimizeHologram, result.optimizeHologram, wavelength, undefined, [], area);
   return [{ ...target, label: "target of A", group: "" }];
 }

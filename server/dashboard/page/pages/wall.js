@@ -21,6 +21,8 @@ const SLOW = 60_000;
 const SPACING = 5000;
 /** What is older than this is said to be old [ms]. */
 const OLD = 90_000;
+/** Why jobs wait that nothing will start as things are. */
+const STUCK = { REASON_NO_PROCESS: ["waits: no process has what it needs", "wait: no process has what they need"], REASON_PAUSED: ["is paused", "are paused"] };
 
 export function wallPage(root) {
   const clock = h("time", {});
@@ -69,10 +71,12 @@ export function wallPage(root) {
     const { queue: numbers, emptyIn, failed, running: jobs } = shown.facts;
     const paused = numbers?.pauses.find(({ display }) => !display);
     const waiting = Number(numbers?.queued ?? 0);
-    const done = emptyIn && new Date(Date.now() + emptyIn.seconds * 1000).toLocaleTimeString([], { hour: "2-digit", minute: "2-digit" });
-    const left = emptyIn && (emptyIn.seconds < 90 ? "in a minute" : `in ${duration(60 * Math.round(emptyIn.seconds / 60)).replace(" 0 s", "")}`);
+    const done = new Date(Date.now() + emptyIn.seconds * 1000).toLocaleTimeString([], { hour: "2-digit", minute: "2-digit" });
+    const left = emptyIn.seconds < 90 ? "in a minute" : `in ${duration(60 * Math.round(emptyIn.seconds / 60)).replace(" 0 s", "")}`;
+    const stuck = [...emptyIn.stuck].map(([reason, count]) => h("span", { class: "bad" }, ` ${count} ${STUCK[reason][count === 1 ? 0 : 1]}.`));
     const end = !numbers ? "This token does not show the queue." : paused ? `Paused: ${paused.reason}` : waiting === 0 && jobs.length === 0 ? "Nothing waits."
-      : !emptyIn ? "No process runs jobs." : [`Empty ${emptyIn.isLeast ? "not before" : "at about"} `, h("strong", {}, done), `, ${left}`];
+      : !emptyIn.isKnown && stuck.length === 0 ? "It is not known yet when all have ended."
+      : [emptyIn.isKnown && [`${stuck.length ? "The others end" : "Empty"} ${emptyIn.isLeast ? "not before" : "at about"} `, h("strong", {}, done), `, ${left}.`], ...stuck];
     const fact = (value, text, kind = "") => h("li", { class: kind }, h("strong", {}, value), ` ${text}`);
     show(queue, h("h2", {}, "Queue"), h("ul", {}, fact(numbers?.queued ?? "–", "wait"), fact(numbers?.running ?? jobs.length, Number(numbers?.running ?? jobs.length) === 1 ? "runs" : "run"), fact(failed, "failed in a day", failed ? "bad" : "")), h("p", {}, end));
   }

@@ -159,9 +159,8 @@ fn reading_a_jpeg_ends_with_its_interrupt() {
         raised.raise();
     });
     let began = Instant::now();
-    let read = interrupt.run_on_this_thread(|| {
-        lightpath_media::pictures::photograph(&file, lightpath_domain::dataset::Encoding::Srgb).is_ok()
-    });
+    let read = interrupt
+        .run(|| lightpath_media::pictures::photograph(&file, lightpath_domain::dataset::Encoding::Srgb).is_ok());
     let took = began.elapsed();
     raise.join().unwrap();
     assert_eq!(read, Err(Interrupted), "{took:?}");

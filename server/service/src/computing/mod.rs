@@ -1,4 +1,4 @@
-//! Computations for calls: each on a thread of its own, when it is its client's turn, with its memory counted.
+//! Computations for calls: each on threads of its own, when it is its client's turn, with its memory counted.
 //!
 //! What takes longer than a second is a job. What a call computes in that second may still need hundreds of megabytes.
 
@@ -7,12 +7,18 @@ mod turns;
 use crate::call::Call;
 use crate::error::{LimitReason, Result, ServiceError};
 use lightpath_optics::interrupt::Interrupt;
-use std::io;
+use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
+use std::num::NonZero;
+use std::thread::available_parallelism;
 use tokio::sync::oneshot;
 use turns::{RETRY, TurnLimits, Turns};
 
 /// Limit on the computations that run at once. They share the cores with jobs, which have a lower priority.
 const COMPUTATIONS_MAX: usize = 6;
+/// Limit on the threads of one computation.
+const THREADS_MAX: usize = 4;
+/// Largest memory of a computation that ends within milliseconds \[bytes\], such as reading the header of a picture.
+const SMALL_BYTES: u64 = 32 << 20;
 /// Scheduling priority of these computations, as of the command `nice`: between the threads that answer calls, which
 /// get a core at once, and those of jobs.
 #[cfg(target_os = "linux")]
@@ -28,10 +34,10 @@ impl Computing {
     /// Computations with a limit on the memory of all of them together \[bytes\]. One client may use half of it.
     #[must_use]
     pub fn new(bytes_max: u64) -> Self {
-        Self { turns: Turns::new(TurnLimits { at_once: COMPUTATIONS_MAX, bytes: bytes_max }) }
+        Self { turns: Turns::new(TurnLimits { at_once: COMPUTATIONS_MAX, bytes: bytes_max, small_bytes: SMALL_BYTES }) }
     }
 
-    /// Runs `compute`, which needs `bytes` of memory, on a thread of its own, when it is the client's turn. The
+    /// Runs `compute`, which needs `bytes` of memory, in a rayon pool of its own, when it is the client's turn. The
     /// memory stays counted until `compute` has ended, even if the call is cancelled. A cancelled call interrupts
     /// `compute` where it looks at the interrupt, for example in the decoders of pictures.
     ///
@@ -55,13 +61,12 @@ impl Computing {
         let own = interrupt.clone();
         let (done, mut result) = oneshot::channel();
         let work = move || {
-            yield_to_calls();
-            let result = own.run_on_this_thread(compute);
+            let result = own.run(compute);
             drop(turn);
             // The call waits for this result. The send fails only when the process is ending.
             drop(done.send(result));
         };
-        std::thread::Builder::new().name("computation".to_owned()).spawn(work).map_err(no_thread)?;
+        own_pool().map_err(no_threads)?.spawn(work);
         let result = tokio::select! {
             biased;
             result = &mut result => result,
@@ -75,8 +80,20 @@ impl Computing {
     }
 }
 
-fn no_thread(error: io::Error) -> ServiceError {
-    let message = format!("the system has no thread for a computation: {error}; retry later");
+/// Threads for one computation, which end with it. In a pool that computations share, a small one can wait for a minute
+/// behind large ones, because its threads take the parts of what they have begun first.
+fn own_pool() -> std::result::Result<ThreadPool, ThreadPoolBuildError> {
+    ThreadPoolBuilder::new()
+        .num_threads(available_parallelism().map_or(1, NonZero::get).min(THREADS_MAX))
+        .thread_name(|_| "computation".to_owned())
+        .start_handler(|_| yield_to_calls())
+        // The call learns of a panic by itself. Without a handler, it would end the process.
+        .panic_handler(drop)
+        .build()
+}
+
+fn no_threads(error: ThreadPoolBuildError) -> ServiceError {
+    let message = format!("the system has no threads for a computation: {error}; retry later");
     ServiceError::Exhausted { reason: LimitReason::TooMuchUnderWay, message, retry_after: RETRY }
 }
 
@@ -92,7 +109,10 @@ fn yield_to_calls() {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::sync::mpsc;
+    use rayon::prelude::*;
+    use std::sync::atomic::{AtomicBool, Ordering};
+    use std::sync::{Arc, mpsc};
+    use std::thread;
     use std::time::Duration;
 
     #[tokio::test]
@@ -110,6 +130,30 @@ mod tests {
         assert!(tokio::time::timeout(Duration::from_millis(50), &mut next).await.is_err(), "the memory is in use");
         go.send(()).unwrap();
         next.await.unwrap().unwrap();
+    }
+
+    #[tokio::test]
+    async fn a_computation_waits_for_no_threads_of_another_and_a_panic_ends_only_itself() {
+        let computing = Computing::new(100);
+        let (call, end) = (Call::without_token(), Arc::new(AtomicBool::new(false)));
+        let wait = {
+            let end = end.clone();
+            move || {
+                while !end.load(Ordering::Relaxed) {
+                    thread::yield_now()
+                }
+            }
+        };
+        let (shared, slow_call) = (computing.clone(), call.clone());
+        let slow =
+            tokio::spawn(async move { shared.run(&slow_call, 1, move || drop(rayon::broadcast(|_| wait()))).await });
+        tokio::task::yield_now().await;
+        let sum = || (0..1000_u32).into_par_iter().sum::<u32>();
+        assert_eq!(computing.run(&call, 1, sum).await.unwrap(), 499_500);
+        let panicked = computing.run(&call, 1, || panic!("as planned")).await;
+        assert!(matches!(panicked, Err::<(), _>(ServiceError::Panicked)));
+        end.store(true, Ordering::Relaxed);
+        slow.await.unwrap().unwrap();
     }
 
     #[tokio::test]

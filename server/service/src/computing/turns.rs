@@ -7,9 +7,10 @@
 //! spent(t) = Σ over computations of  duration · ½^((t − end) / 10 s)
 //! ```
 //!
-//! So a client with many or long computations delays only itself: some threads and memory are kept for clients that
-//! spent little. A turn belongs to the computation, not to the call: a call that its client has cancelled gives back
-//! its memory when its computation has really ended.
+//! So a client with many or long computations delays only itself. Some threads and memory are kept for small computations
+//! of clients that spent little: a computation with little memory ends soon, so that even where clients take all other
+//! threads for long ones, small ones wait for milliseconds. A turn belongs to the computation, not to the call: a call that
+//! its client has cancelled gives back its memory when its computation has really ended.
 
 use crate::client::Client;
 use crate::error::{LimitReason, Result, ServiceError};
@@ -22,15 +23,15 @@ use tokio::sync::oneshot;
 const CLIENT_SHARE: u64 = 2;
 /// Spent time from which a client has no right to the threads and the memory that are kept for others \[s\].
 const MUCH_S: f64 = 0.5;
-/// Threads that are kept for clients that spent little.
-const KEPT_THREADS: usize = 2;
-/// Part of the memory that is kept for clients that spent little: one over this number.
+/// Computations for which threads are kept.
+const KEPT_AT_ONCE: usize = 2;
+/// Part of the memory that is kept for small computations: one over this number.
 const KEPT_MEMORY: u64 = 4;
 /// Limit on the waiting computations of one client: more than a script submits side by side.
 const WAITING_PER_CLIENT_MAX: usize = 128;
 /// Limit on all waiting computations. Each holds a request in memory.
 const WAITING_MAX: usize = 2048;
-/// Time after which a waiting computation is no longer overtaken by smaller ones for which memory is free.
+/// Time after which a waiting computation is no longer overtaken by smaller ones for which memory is free, unless it is kept.
 const PATIENCE: Duration = Duration::from_secs(5);
 /// Half-life of the time that a client has spent.
 const HALF_LIFE_S: f64 = 10.0;
@@ -46,6 +47,8 @@ pub(super) struct TurnLimits {
     pub(super) at_once: usize,
     /// Memory \[bytes\].
     pub(super) bytes: u64,
+    /// Largest memory of a small computation \[bytes\].
+    pub(super) small_bytes: u64,
 }
 
 /// The computations that run and wait. Clones share them.
@@ -166,25 +169,7 @@ impl State {
         if self.running >= limits.at_once {
             return None;
         }
-        let free = limits.bytes - self.bytes;
-        let fronts =
-            self.clients.iter().filter_map(|(client, account)| Some((client, account, account.waiting.front()?)));
-        // With few threads, none can be kept.
-        let running_max = limits.at_once.saturating_sub(KEPT_THREADS).max(1);
-        let unkept = free.saturating_sub(limits.bytes / KEPT_MEMORY);
-        let allowed = fronts.filter(|(_, account, front)| {
-            let spent_little = account.spent_s < MUCH_S || (self.running < running_max && front.bytes <= unkept);
-            let has_share = account.running < running_max && account.bytes + front.bytes <= limits.bytes / CLIENT_SHARE;
-            spent_little && has_share
-        });
-        let fairest = |(_, a, first): &(_, &Account, &Waiter), (_, b, second): &(_, &Account, &Waiter)| {
-            a.spent_s.total_cmp(&b.spent_s).then(first.since.cmp(&second.since))
-        };
-        let mut allowed: Vec<_> = allowed.collect();
-        allowed.sort_unstable_by(fairest);
-        let impatient = allowed.iter().any(|(_, _, front)| front.bytes > free && now - front.since > PATIENCE);
-        let (client, ..) = allowed.into_iter().find(|(_, _, front)| front.bytes <= free && !impatient)?;
-        let client = client.clone();
+        let client = self.fairest_with_room(limits, now)?;
         let account = self.clients.get_mut(&client)?;
         let waiter = account.waiting.pop_front()?;
         account.running += 1;
@@ -193,6 +178,33 @@ impl State {
         self.running += 1;
         self.bytes += waiter.bytes;
         Some((client, waiter))
+    }
+
+    /// The client that spent least of those for whose first computation there is room.
+    fn fairest_with_room(&self, limits: TurnLimits, now: Instant) -> Option<Client> {
+        let free = limits.bytes - self.bytes;
+        let unkept = free.saturating_sub(limits.bytes / KEPT_MEMORY);
+        // With few threads, none can be kept.
+        let at_once_unkept = limits.at_once.saturating_sub(KEPT_AT_ONCE).max(1);
+        let fronts =
+            self.clients.iter().filter_map(|(client, account)| Some((client, account, account.waiting.front()?)));
+        let has_share = |account: &Account, front: &Waiter| {
+            account.running < at_once_unkept && account.bytes + front.bytes <= limits.bytes / CLIENT_SHARE
+        };
+        let mut fronts: Vec<_> = fronts.filter(|(_, account, front)| has_share(account, front)).collect();
+        fronts.sort_unstable_by(|(_, a, first), (_, b, second)| {
+            a.spent_s.total_cmp(&b.spent_s).then(first.since.cmp(&second.since))
+        });
+        let mut is_promised = self.running >= at_once_unkept;
+        for (client, account, front) in fronts {
+            let may_use_kept = account.spent_s < MUCH_S && front.bytes <= limits.small_bytes;
+            if (may_use_kept && front.bytes <= free) || (!is_promised && front.bytes <= unkept) {
+                return Some(client.clone());
+            }
+            // What becomes free is its own from now on.
+            is_promised |= now - front.since > PATIENCE;
+        }
+        None
     }
 
     /// Ends a computation that took `spent_s`.
@@ -236,7 +248,7 @@ mod tests {
     use futures::FutureExt as _;
     use tokio::time::{sleep, timeout};
 
-    const LIMITS: TurnLimits = TurnLimits { at_once: 4, bytes: 100 };
+    const LIMITS: TurnLimits = TurnLimits { at_once: 4, bytes: 100, small_bytes: 10 };
 
     fn client(name: &str) -> Client {
         Client::Token(name.to_owned())
@@ -254,7 +266,8 @@ mod tests {
         let first = at_once(turns.wait(&ada, 20)).await.unwrap();
         let second = at_once(turns.wait(&ada, 20)).await.unwrap();
         assert!(at_once(turns.wait(&ada, 1)).await.is_none(), "two of four threads");
-        let other = at_once(turns.wait(&bob, 50)).await.unwrap();
+        assert!(at_once(turns.wait(&bob, 11)).await.is_none(), "what is kept is for small ones");
+        let other = at_once(turns.wait(&bob, 10)).await.unwrap();
         drop((first, second));
         assert!(at_once(turns.wait(&ada, 50)).await.is_some());
         assert!(matches!(turns.wait(&ada, 51).await, Err(ServiceError::TooLarge { bytes: 51, bytes_max: 50 })));
@@ -264,7 +277,7 @@ mod tests {
     }
 
     #[tokio::test]
-    async fn threads_and_memory_are_kept_for_clients_that_spent_little() {
+    async fn threads_and_memory_are_kept_for_small_computations_of_clients_that_spent_little() {
         let turns = Turns::new(LIMITS);
         let heavy = ["ada", "bob", "eve"].map(client);
         for client in &heavy {
@@ -272,15 +285,19 @@ mod tests {
         }
         let first = at_once(turns.wait(&heavy[0], 40)).await.unwrap();
         assert!(at_once(turns.wait(&heavy[1], 40)).await.is_none(), "a quarter of the memory is kept");
+        assert!(
+            at_once(turns.wait(&client("zoe"), 40)).await.is_none(),
+            "also from large ones of clients that spent little"
+        );
         let second = at_once(turns.wait(&heavy[1], 30)).await.unwrap();
         assert!(at_once(turns.wait(&heavy[2], 1)).await.is_none(), "two threads are kept");
-        assert!(at_once(turns.wait(&client("zoe"), 30)).await.is_some());
+        assert!(at_once(turns.wait(&client("zoe"), 10)).await.is_some());
         drop((first, second));
     }
 
     #[tokio::test]
     async fn the_client_that_spent_least_is_next() {
-        let turns = Turns::new(TurnLimits { at_once: 1, bytes: 100 });
+        let turns = Turns::new(TurnLimits { at_once: 1, ..LIMITS });
         let (ada, bob) = (client("ada"), client("bob"));
         let first = turns.wait(&ada, 1).await.unwrap();
         sleep(Duration::from_millis(5)).await;
@@ -296,23 +313,24 @@ mod tests {
     #[tokio::test]
     async fn a_computation_that_waits_long_is_not_overtaken() {
         let turns = Turns::new(LIMITS);
-        let small = at_once(turns.wait(&client("ada"), 40)).await.unwrap();
-        let bob = client("bob");
+        let ada = at_once(turns.wait(&client("ada"), 30)).await.unwrap();
+        let (bob, eve) = (client("bob"), client("eve"));
         let mut large = Box::pin(turns.wait(&bob, 50));
-        let other = at_once(turns.wait(&client("eve"), 20)).await.unwrap();
-        assert!((&mut large).now_or_never().is_none(), "40 bytes are free");
+        let other = at_once(turns.wait(&eve, 20)).await.unwrap();
+        assert!((&mut large).now_or_never().is_none(), "25 bytes are free that are not kept");
         for account in turns.lock().clients.values_mut() {
             account.waiting.iter_mut().for_each(|waiter| waiter.since -= PATIENCE * 2);
         }
-        assert!(at_once(turns.wait(&client("eve"), 1)).await.is_none(), "bob has waited long");
-        drop(small);
-        assert!(large.now_or_never().is_some());
         drop(other);
+        assert!(at_once(turns.wait(&eve, 20)).await.is_none(), "bob has waited long, and eve has spent more");
+        assert!(at_once(turns.wait(&client("zoe"), 10)).await.is_some(), "a small one finds what is kept");
+        drop(ada);
+        assert!(large.now_or_never().is_some());
     }
 
     #[tokio::test]
     async fn cancelled_calls_neither_wait_nor_count() {
-        let turns = Turns::new(TurnLimits { at_once: 1, bytes: 100 });
+        let turns = Turns::new(TurnLimits { at_once: 1, ..LIMITS });
         let ada = client("ada");
         let first = turns.wait(&ada, 1).await.unwrap();
         for _ in 0..WAITING_PER_CLIENT_MAX * 2 {
