@@ -45,7 +45,7 @@ pub(crate) struct Add {
     /// Name of the dataset
     name: String,
 
-    /// Add this pattern as it was displayed: a grey PNG or BMP of levels, or a .npy file of the phase in radians (float32)
+    /// Add this pattern as it was displayed: a grey PNG or BMP of levels, or a .npy file of the phase in radians (floats)
     #[arg(long, value_name = "FILE", requires = "photo", required_unless_present_any = ["manifest", "patterns"])]
     pattern: Option<PathBuf>,
 

@@ -41,7 +41,7 @@ pub(crate) struct Simulate {
     optics: Optics,
 
     /// Photograph these patterns, which have the display's size: grey PNGs or BMPs of levels, or .npy files of the phase
-    /// in radians (float32), such as hologram optimize -o phase.npy writes; a folder stands for all PNGs in it. --phase is
+    /// in radians (floats), such as hologram optimize -o phase.npy writes; a folder stands for all PNGs in it. --phase is
     /// the same option
     #[arg(long = "pattern", alias = "phase", value_name = "FILE", required = true, num_args = 1..)]
     patterns: Vec<PathBuf>,

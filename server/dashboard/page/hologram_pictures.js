@@ -58,8 +58,23 @@ export function hologramPictures(spec, result, wavelength, bitDepth = 8, photogr
       !spec.depthMap && { label: `error ${at}: reconstruction − target`, digest: plane.reconstruction, kind: "error", wish: target.minus },
     ].filter(Boolean);
   });
+  if (spec.depthMap) shown.push({ label: "depth map, white at the first distance", digest: spec.depthMap, kind: "light", wish: { encoding: "linear" }, fit: shown[0].fit, area });
   wavelength.subframes.forEach(({ pattern }, s) => shown.push(phasePicture(`pattern${wavelength.subframes.length > 1 ? ` ${s + 1}` : ""}`, pattern, bitDepth)));
   return shown;
+}
+
+/** Targets and what the holograms of three wavelengths show of them together, in colour. `area` is that of `areaOf`. */
+export function colourPictures(spec, result, area) {
+  const [wavelength] = result.wavelengths;
+  const wavelengths = result.wavelengths.map(({ wavelengthM }) => wavelengthM);
+  return wavelength.planes.flatMap((plane, p) => {
+    const at = placeText(plane.place);
+    const { digest, encoding, fit } = targetOf(spec, spec.planes[p], wavelength.wavelengthM, wavelengths);
+    return [
+      { label: `target ${at}`, digest, kind: "light", wish: { encoding }, fit, area, group: at },
+      { label: `reconstruction ${at}`, digest: result.colourReconstructions[p], kind: "light", group: at },
+    ];
+  });
 }
 
 /** The newest photograph of each place that a simulated display made of these patterns: `{pattern, at, photo}`. */

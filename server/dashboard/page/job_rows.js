@@ -13,7 +13,8 @@ export function progressOf(job) {
   const progress = job.progress;
   if (!progress?.stepsTotal || job.state !== "STATE_RUNNING") return null;
   const label = `${progress.stage}: ${progress.step} of ${progress.stepsTotal}`;
-  const eta = progress.etaS === undefined ? "" : `, ${duration(progress.etaS)} left`;
+  // After its last step a job still judges and stores what it made.
+  const eta = progress.etaS === undefined || progress.step >= progress.stepsTotal ? "" : `, ${duration(Math.max(1, progress.etaS))} left`;
   return h("div", { class: "progress", "data-job": job.name },
     h("progress", { max: progress.stepsTotal, value: progress.step, "aria-label": `Progress of ${idOf(job.name)}` }),
     h("span", {}, label + eta));

@@ -15,6 +15,7 @@ pub(super) fn notes(spec: &OptimizeHologram, setup: &HologramSetup) -> Vec<Strin
         let note = dark_target(&plane.target, setup.region);
         notes.extend(note.filter(|note| !notes.contains(note)));
     }
+    notes.extend(grey_of_colours(spec));
     notes.extend(empty_planes(spec, setup));
     notes.extend(double_phase(spec, setup));
     notes
@@ -32,6 +33,14 @@ fn dark_target(target: &Plane<f32>, region: RegionOfInterest) -> Option<String> 
             100.0 * brightest,
             -20.0 * f64::from(brightest).log10()
         )
+    })
+}
+
+/// A note about a number of wavelengths that shows no colours.
+fn grey_of_colours(spec: &OptimizeHologram) -> Option<String> {
+    let wavelengths = spec.wavelengths.len();
+    (wavelengths != 1 && wavelengths != 3).then(|| {
+        format!("each of the {wavelengths} wavelengths shows the grey picture; colours of a target are shown by three wavelengths")
     })
 }
 

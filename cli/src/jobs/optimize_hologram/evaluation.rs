@@ -24,7 +24,7 @@ use std::path::PathBuf;
 /// Judge holograms that any program made: predict what the display shows, and compare it with a target.
 ///
 /// Each file is one hologram: the grey levels that the display shows (PNG or BMP), or the phase in radians without carrier
-/// (.npy, float32). Several files for the same target are compared in one table. With several wavelengths or subframes,
+/// (.npy, floats). Several files for the same target are compared in one table. With several wavelengths or subframes,
 /// give the files of one hologram one after the other: first those of the first wavelength. A .npy file may have all
 /// subframes of its wavelength below one another.
 #[derive(Debug, Args)]

@@ -35,7 +35,7 @@ pub(super) struct OptimizationOptions {
 
     /// Choose the phase that the search starts from: random; back-propagated (the targets propagated back to the SLM);
     /// quadratic, or quadratic:200mm with a focal length; constant, or constant:1.5 in radians; or .npy files of
-    /// radians (float32), one per wavelength, separated by commas [default: back-propagated, within 1 rad, or 0 rad
+    /// radians (floats), one per wavelength, separated by commas [default: back-propagated, within 1 rad, or 0 rad
     /// with the detector supersampled; but random with --phase-range, with several --subframes and for gerchberg-saxton,
     /// and constant for double-phase]
     #[arg(long, value_name = "KIND", value_parser = initial_phase, allow_hyphen_values = true)]

@@ -62,6 +62,19 @@ pub(super) fn in_photograph(plane: &PlaneResult, kernel: Option<&UsedKernel>) ->
     })
 }
 
+/// What the figure in a photograph leaves out; `None`: nothing. `kernel` is that of the hologram.
+pub(super) fn in_photograph_note(plane: &PlaneResult, kernel: Option<&UsedKernel>) -> Option<&'static str> {
+    let judged = headline(plane)?;
+    let is_ideal = judged.kernel_version.is_empty() && kernel.is_none_or(|kernel| kernel.kernel_version.is_empty());
+    match judged.stage() {
+        Stage::Photographed => None,
+        _ if is_ideal => {
+            Some("in a photograph: if the optics are ideal; no kernel of the display is active to say more")
+        }
+        _ => Some("in a photograph: at most; no test photograph has shown the error of the kernel that says so"),
+    }
+}
+
 /// What the figures of the hologram's own kernel are not good for; `None`: no other kernel gives the headline.
 pub(super) fn own_kernel_note(plane: &PlaneResult) -> Option<String> {
     let judged = headline(plane)?;
@@ -219,6 +232,7 @@ mod tests {
         assert_eq!(summary(&both)[0], "19.1 ± 0.8 dB");
         assert!(own_kernel_note(&both).is_some_and(|note| note.contains("not kernels")));
         assert_eq!(own_kernel_note(&alone), None);
+        assert!(in_photograph_note(&alone, None).is_some_and(|note| note.contains("if the optics are ideal")));
         assert!(table(&both).contains("48.3 dB"), "the table is that of the kernel of the hologram");
     }
 }

@@ -45,9 +45,17 @@ pub(super) fn results(items: &[Item]) -> String {
     let notes = results
         .clone()
         .flat_map(|(item, result)| self::notes(result).map(|note| format!("\nnote: {}: {note}", item.name)));
-    let mut planes = results.flat_map(|(_, result)| &result.wavelengths).flat_map(|wavelength| &wavelength.planes);
+    let mut planes =
+        results.clone().flat_map(|(_, result)| &result.wavelengths).flat_map(|wavelength| &wavelength.planes);
     let own = planes.find_map(quality::own_kernel_note).map(|note| format!("\nnote: {note}"));
-    table.text_or("") + &own.unwrap_or_default() + &notes.collect::<String>()
+    // The table has the first plane of each.
+    let first = |(item, result): (&Item, &v1::OptimizeHologramResult)| {
+        let plane = result.wavelengths.first()?.planes.first()?.clone();
+        quality::in_photograph_note(&plane, item.job.kernels.first())
+    };
+    let figures: BTreeSet<&str> = results.filter_map(first).collect();
+    let figures = figures.into_iter().map(|note| format!("\nnote: {note}")).collect::<String>();
+    table.text_or("") + &figures + &own.unwrap_or_default() + &notes.collect::<String>()
 }
 
 /// The notes about a result, each once.

@@ -58,6 +58,9 @@ const TRIAL_STEPS: u32 = 3;
 /// Least relative decrease of the training loss in a step of a trial. A smaller one ends the trial.
 const TRIAL_STEP_GAIN_MIN: f64 = 5e-2;
 
+/// Evaluations that a stage mostly takes: 2 to 4 on simulated benches.
+const STAGE_EVALUATIONS: u32 = 3;
+
 /// What stays the same during a fit.
 #[derive(Clone, Debug)]
 pub(super) struct Rules {
@@ -73,10 +76,13 @@ pub(super) struct Rules {
 }
 
 impl Rules {
-    /// Most evaluations that a fit is expected to take: those of all orders, and for each block those of its trials and
-    /// of its adoption.
-    pub(super) fn evaluations_expected(&self) -> u32 {
-        self.evaluations * (1 + 2 * self.blocks.len() as u32)
+    /// Evaluations that a fit is expected to take after `done`: those of all orders, and for each block those of its trials
+    /// and of its adoption. The limits on them are ten times higher and seldom reached, so that they tell nothing about the
+    /// time that is left.
+    pub(super) fn evaluations_expected(&self, done: u32) -> u32 {
+        let of_a_stage = self.evaluations.min(STAGE_EVALUATIONS);
+        let stages = (self.orders.len() + 2 * self.blocks.len()) as u32;
+        (of_a_stage * stages).max(done + of_a_stage)
     }
 }
 

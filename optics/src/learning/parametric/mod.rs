@@ -269,13 +269,13 @@ impl ParametricLearner {
     fn progress(&self, stage: LearnStage, loss: f64) -> LearnStep {
         let ParametricState { course, fitted, kept, .. } = &self.state;
         let kept = kept.len() as u32;
-        let steps_total = self.adam_steps_total() + self.rules.evaluations_expected() * kept;
         let of_refinement = fitted.refinement.as_ref().map_or(0, |refinement| refinement.evaluations);
         let of_dust = fitted.dust_fit.as_ref().map_or(0, DustFit::evaluations);
         let evaluations = course.evaluations() + of_refinement + of_dust;
+        let steps_total = self.adam_steps_total() + self.rules.evaluations_expected(evaluations) * kept;
         let step = match course.phase {
             Phase::Done => steps_total,
-            _ => (fitted.adam.steps + evaluations * kept).min(steps_total),
+            _ => fitted.adam.steps + evaluations * kept,
         };
         let blocks = if fitted.dust.is_some() { fitted.blocks.with(Block::Dust) } else { fitted.blocks };
         let (order, trial, validation_loss) = (fitted.order as u32, course.trial(), course.validation_loss());

@@ -8,7 +8,7 @@ import { table } from "../table.js";
 const TITLES = ["Name", "Meaning"];
 
 export function apiPage(root) {
-  const text = h("input", { id: "calls", type: "search", placeholder: "such as jobs or promote", oninput: () => list() });
+  const text = h("input", { id: "calls", type: "search", placeholder: "jobs, promote, …", oninput: () => list() });
   const body = h("div", {});
   show(root, h("h1", {}, "The API over HTTP"),
     h("p", {}, "Programs can make every call that this dashboard makes. Tools read ", h("a", { href: "/openapi.json", download: "lightpath.json" }, "the OpenAPI document"), ", from which this page is made."),

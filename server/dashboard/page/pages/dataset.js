@@ -67,11 +67,11 @@ export function datasetPage(root, [id]) {
   function pairTable(dataset, listed) {
     const row = (pair) => {
       const checks = pair.checks ?? {};
-      const cells = [percent(checks.saturated), percent(checks.black), number(checks.contrast), number(checks.correlation), `${number(checks.misalignmentPx)} px`, `${number(checks.stretchPx)} px`, number(checks.vignetting)];
+      const cells = [share(checks.saturated), share(checks.black), number(checks.contrast), number(checks.correlation), `${number(checks.misalignmentPx)} px`, `${number(checks.stretchPx)} px`, number(checks.vignetting)];
       return h("tr", {}, h("th", { scope: "row" }, h("button", { type: "button", class: "link", "data-key": pair.id, onclick: () => void showPair(pair, dataset) }, pair.id)),
         h("td", {}, words(pair.split, "SPLIT")), cells.map((cell) => h("td", { class: "right" }, pair.checks ? cell : "–")));
     };
-    return table("Pairs with the checks of their photographs; choose one to see it", ["Pair", "Split", ">Saturated", ">Black", ">Contrast", ">Correlation", ">Misaligned", ">Stretched", ">Vignetting"], listed.map(row));
+    return table("Pairs with the checks of their photographs; choose one to see it", ["Pair", "Split", ">Saturated", ">Black", ">Contrast", ">Match", ">Off by", ">Stretched by", ">Vignetting"], listed.map(row));
   }
 
   const ends = onEvent((kind, data) => (kind === "reset" || (kind === "dataset" && data.name === name)) && refresh.soon());
@@ -81,6 +81,9 @@ export function datasetPage(root, [id]) {
     pairViewer?.end();
   };
 }
+
+/** A share of pixels, to a tenth of a per cent. */
+const share = (part) => `${(100 * part).toFixed(1)} %`;
 
 // How many pairs of a finalized dataset have which use.
 function shares(counts) {

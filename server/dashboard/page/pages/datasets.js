@@ -15,7 +15,7 @@ export function datasetsPage(root) {
   show(root, h("h1", {}, "Datasets"), list, more);
   const refresh = refresher(list, async () => {
     const page = await get("datasets", { pageSize: 50, pageToken: pages.at(-1) });
-    show(list, page.datasets.length ? table("Photographs of holograms", ["Dataset", "Display", "Wavelength", "Distance", ">Pairs", "State", "Findings", ">Created"], page.datasets.map(row))
+    show(list, page.datasets.length ? table("Photographs of holograms", ["Dataset", "Display", "Wavelength", "Distance", ">Pairs", "State", "Findings on the whole", ">Created"], page.datasets.map(row))
       : emptyNote("There are no photographs yet. Send holograms with their photographs:", "lightpath dataset create bench-1 --display lab --distance 150mm"));
     show(more, pager(pages, page.nextPageToken, refresh));
   });

@@ -22,6 +22,10 @@ export function displayPage(root, [id]) {
       ["Depth", `${display.modulator.bitDepth} bit`],
       ["Wavelengths", display.wavelengthsM.map(length).join(", ")],
       ["Carrier", display.carrier === "CARRIER_UNSPECIFIED" ? "none" : words(display.carrier, "CARRIER")],
+      ["Phase response", responseText(display.modulator.phase?.responseRad ?? [])],
+      ["Diffraction orders", ordersText(display)],
+      ["Camera's fill factor", display.cameraFillFactor],
+      ["Simulated", display.simulatedBench && `seed ${display.simulatedBench.seed ?? 0}`],
       ["Notes", display.notes],
       ["Declared", age(display.createTime)],
     ];
@@ -35,6 +39,19 @@ export function displayPage(root, [id]) {
   });
   const own = (data) => data.name === name || data.name?.startsWith(`${name}/`);
   return onEvent((kind, data) => (kind === "reset" || (["display", "kernel", "device"].includes(kind) && own(data))) && refresh.soon());
+}
+
+/** A measured response with the range of its phases, in which a wrong unit shows. */
+function responseText(responseRad) {
+  const inPi = (phaseRad) => `${(phaseRad / Math.PI).toFixed(2)}π`;
+  return responseRad.length ? `measured, ${inPi(Math.min(...responseRad))} to ${inPi(Math.max(...responseRad))}` : "linear, 0 to 2π";
+}
+
+function ordersText({ allOrders, orderFilter }) {
+  if (allOrders) return `all, fill factor ${allOrders.fillFactorX ?? 1} × ${allOrders.fillFactorY ?? 1}`;
+  if (!orderFilter) return "first";
+  const { width, height, centreX, centreY, shape } = orderFilter;
+  return `first, through a filter of ${width ?? 1} × ${height ?? 1} orders around ${centreX ?? 0}, ${centreY ?? 0} (${shape === "SHAPE_ELLIPSE" ? "ellipse" : "rectangle"})`;
 }
 
 function kernelTable(kernels) {

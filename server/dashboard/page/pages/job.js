@@ -10,7 +10,7 @@ import { makeAgain } from "../make_again.js";
 import { onEvent } from "../events.js";
 import { age, between, bytes, decibels, duration, idOf, length, measuredDecibels, number, percent, placeText } from "../format.js";
 import { progressOf, stateOf, updateProgress, waitOf } from "../job_rows.js";
-import { headlineOf, hologramPictures, judgementOf, phasePicture, photographPicture, photographsOf } from "../hologram_pictures.js";
+import { colourPictures, headlineOf, hologramPictures, judgementOf, phasePicture, photographPicture, photographsOf } from "../hologram_pictures.js";
 import { livePicture } from "../live_picture.js";
 import { errorNote, refresher } from "../loading.js";
 import { noteLoss } from "../loss_history.js";
@@ -55,7 +55,8 @@ export function jobPage(root, [id]) {
   });
 
   function showHead(job) {
-    const kind = Object.keys(job.spec)[0].replace(/[A-Z]/g, (letter) => ` ${letter.toLowerCase()}`);
+    const isJudged = job.spec.optimizeHologram?.iterations === 0;
+    const kind = isJudged ? "evaluate hologram" : Object.keys(job.spec)[0].replace(/[A-Z]/g, (letter) => ` ${letter.toLowerCase()}`);
     const act = (verb, text) => guarded(h("button", { type: "button", "data-key": verb, onclick: async () => {
       try {
         await post(`${name}:${verb}`);
@@ -173,6 +174,7 @@ export function jobPage(root, [id]) {
     const showsRegion = h("input", { type: "checkbox", checked: !results.classList.contains("regionless"), onchange: () => results.classList.toggle("regionless", !showsRegion.checked) });
     return [
       h("p", {}, h("label", {}, showsRegion, " In pictures of light, show the region in which they count. The darkened rest is light that the picture does not need.")),
+      result.colourReconstructions.length > 0 && pictures("Pictures in colour", colourPictures(spec, result, areaOf(spec, display)), regionOf(spec, display)),
       result.wavelengths.map((wavelength) => {
         const own = photographs.filter((photograph) => wavelength.subframes.some(({ pattern }) => pattern === photograph.pattern));
         return pictures(result.wavelengths.length > 1 ? `Pictures at ${length(wavelength.wavelengthM)}` : "Pictures", hologramPictures(spec, result, wavelength, display.modulator.bitDepth, own, areaOf(spec, display)), regionOf(spec, display));

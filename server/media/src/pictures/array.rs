@@ -116,7 +116,7 @@ fn narrowed(value: f64) -> [u8; 4] {
     (value as f32).to_ne_bytes()
 }
 
-/// Reads the phases \[rad\] in a .npy file: float32, C order, shape [`height_px`, `width_px`].
+/// Reads the phases \[rad\] in a .npy file: float32 or float64, C order, shape [`height_px`, `width_px`].
 ///
 /// # Errors
 ///
@@ -128,15 +128,17 @@ pub fn phase_npy(bytes: &[u8], height_px: usize, width_px: usize) -> Result<Plan
     }
     let refused = |actual: String| PictureError::NotAnArray { height_px, width_px, actual };
     let array = npy::Array::open(bytes).map_err(refused)?;
-    let of_value = match array.kind.as_str() {
-        "<f4" => f32::from_le_bytes,
-        ">f4" => f32::from_be_bytes,
-        _ => return Err(refused(array.described())),
-    };
     if array.shape != [height_px as u64, width_px as u64] || !array.is_c_order {
         return Err(refused(array.described()));
     }
-    let values = array.values(height_px * width_px, of_value);
+    let count = height_px * width_px;
+    let values = match array.kind.as_str() {
+        "<f4" => array.values(count, f32::from_le_bytes),
+        ">f4" => array.values(count, f32::from_be_bytes),
+        "<f8" => array.values(count, |bytes| f64::from_le_bytes(bytes) as f32),
+        ">f8" => array.values(count, |bytes| f64::from_be_bytes(bytes) as f32),
+        _ => return Err(refused(array.described())),
+    };
     let values = values.ok_or_else(|| refused(format!("{} that ends early", array.described())))?;
     if values.iter().any(|value| !value.is_finite()) {
         return Err(refused("an array with values that are not finite".to_owned()));
@@ -147,7 +149,8 @@ pub fn phase_npy(bytes: &[u8], height_px: usize, width_px: usize) -> Result<Plan
 #[cfg(test)]
 mod tests {
     use crate::pictures::{
-        Channel, Placement, photograph, photograph_channel, picture_size, pixels, reading_bytes, target_intensity,
+        Channel, Placement, phase_npy, photograph, photograph_channel, picture_size, pixels, reading_bytes,
+        target_intensity,
     };
     use lightpath_domain::dataset::Encoding;
     use lightpath_domain::job::Fit;
@@ -199,6 +202,28 @@ mod tests {
         assert_eq!(small.unwrap_err().to_string(), "the picture has 9×2 px, but must have at least 8×8 px");
         let colours = |kind: &str| reading_bytes(&npy(kind, "(9, 16, 3)", &[0; 1728]), 1);
         assert!(colours("<f4") > colours("|u1"), "floats are larger");
+    }
+
+    #[test]
+    fn phases_are_floats_of_either_length() {
+        let phases = [6.5_f32, -0.25];
+        let files = [
+            npy("<f4", "(1, 2)", &phases.map(f32::to_le_bytes).concat()),
+            npy(">f4", "(1, 2)", &phases.map(f32::to_be_bytes).concat()),
+            npy("<f8", "(1, 2)", &phases.map(|phase| f64::from(phase).to_le_bytes()).concat()),
+            npy(">f8", "(1, 2)", &phases.map(|phase| f64::from(phase).to_be_bytes()).concat()),
+        ];
+        for file in files {
+            assert_eq!(phase_npy(&file, 1, 2).unwrap().values(), phases);
+        }
+        for (kind, data, sign) in [
+            ("|u1", &[0; 2][..], "must be a .npy file of float32 or float64 with shape [1, 2]"),
+            ("<f8", &[0; 15], "ends early"),
+            ("<f8", &[1e300_f64, 0.0].map(f64::to_le_bytes).concat(), "not finite"),
+        ] {
+            let refusal = phase_npy(&npy(kind, "(1, 2)", data), 1, 2).unwrap_err().to_string();
+            assert!(refusal.contains(sign), "{refusal}");
+        }
     }
 
     #[test]

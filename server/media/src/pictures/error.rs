@@ -53,7 +53,7 @@ pub enum PictureError {
     )]
     LevelTooHigh { level: u16, x_px: usize, y_px: usize, bit_depth: u32, level_max: u16 },
     #[error(
-        "a phase must be a .npy file of float32 with shape [{height_px}, {width_px}], C order, but this is {actual}"
+        "a phase must be a .npy file of float32 or float64 with shape [{height_px}, {width_px}], C order, but this is {actual}"
     )]
     NotAnArray { height_px: usize, width_px: usize, actual: String },
     #[error(
