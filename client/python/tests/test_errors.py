@@ -112,6 +112,7 @@ def test_tokens_come_from_arguments_files_and_the_environment(
         ("127.0.0.1:7070", "write http://127.0.0.1:7070"),
         ("ftp://lab", "such as http://127.0.0.1:7070"),
         ("http://", "such as http://127.0.0.1:7070"),
+        ("http://127.0.0.1:7070x", "whose port is no number"),
     ],
 )
 def test_bad_addresses_are_refused_before_connecting(url: str, fix: str) -> None:

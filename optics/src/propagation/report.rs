@@ -200,7 +200,7 @@ impl ValidityReport {
             warn(
                 WarningCode::BandLimited,
                 format!(
-                    "only {} of the band along x and {} along y land in the image: no detail there is finer than \
+                    "of the band, {} along x and {} along y land in the image: no detail there is finer than \
                      {detail_x} along x, {detail_y} along y",
                     percent(kept_x),
                     percent(kept_y)

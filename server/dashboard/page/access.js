@@ -6,6 +6,7 @@ import { get } from "./api.js";
 const ROLES = {
   submit: ["submitter", "curator", "admin"],
   curate: ["curator", "admin"],
+  administer: ["admin"],
 };
 
 let caller = null;
@@ -25,7 +26,7 @@ export async function mayNot(what) {
   const role = await caller.then((server) => server.role, () => "");
   if (!role || ROLES[what].includes(role)) return "";
   const needed = ROLES[what];
-  return `Your token has the role ${role}; this needs the role ${needed.slice(0, -1).join(", ")} or ${needed.at(-1)}.`;
+  return `Your token has the role ${role}; this needs the role ${needed.length > 1 ? `${needed.slice(0, -1).join(", ")} or ` : ""}${needed.at(-1)}.`;
 }
 
 /** Disables a button that the caller may not use, and says why. Returns the button. */

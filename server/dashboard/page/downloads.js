@@ -1,12 +1,13 @@
 // Files of a hologram's job, as the server stores them.
 
-import { request } from "./api.js";
+import { get, request } from "./api.js";
 import { h, show } from "./dom.js";
 import { namesOf } from "./form/files.js";
 import { length, placeText } from "./format.js";
 import { errorNote } from "./loading.js";
 import { table } from "./table.js";
 
+const PATTERN = "Pattern for the SLM";
 /** So many files are listed at once; more have to be asked for. */
 const FEW = 8;
 /** Ends of file names by how files begin. */
@@ -31,7 +32,7 @@ export function filesOfHologram(job, { modulator }, photographs) {
     const nameOf = (kind, end, ...parts) => `${[stem, kind, ...parts].filter(Boolean).join("-").replaceAll(" ", "")}.${end}`;
     subframes.forEach(({ pattern, phase }, i) => {
       const subframe = subframes.length > 1 ? `subframe ${i + 1}` : "";
-      files.push({ title: titleOf("Pattern for the SLM", colour, subframe), file: nameOf("pattern", "png", colour, subframe), digest: pattern, detail: `PNG, ${size}, ${bits} bits${bits > 8 ? " in a file of 16" : bits < 8 ? " in a file of 8" : ""}` });
+      files.push({ title: titleOf(PATTERN, colour, subframe), file: nameOf("pattern", "png", colour, subframe), digest: pattern, detail: `PNG, ${size}, ${bits} bits${bits > 8 ? " in a file of 16" : bits < 8 ? " in a file of 8" : ""}` });
       files.push({ title: titleOf("Phase", colour, subframe), file: nameOf("phase", "npy", colour, subframe), digest: phase, detail: "NumPy, float32, radians before response, carrier and rounding" });
     });
     planes.forEach(({ place, reconstruction }) => {
@@ -52,6 +53,26 @@ export function downloads(files) {
     h("td", {}, h("button", { type: "button", "aria-label": `Download ${title}`, onclick: () => void download(digest, file).then(() => show(notice), (error) => show(notice, errorNote(error))) }, "Download")), h("td", { class: "wide" }, file), h("td", {}, detail));
   return h("section", {}, h("h2", {}, "Files"), notice, h("details", { open: files.length <= FEW }, h("summary", {}, `${files.length} files`),
     table("Files of the hologram, byte for byte as the job made them", ["File", "Action", "Name", "Form"], files.map(row))));
+}
+
+/** A button that saves the patterns of these jobs, one file after the other. */
+export function patternsButton(jobs) {
+  const notice = h("span", { role: "status" });
+  async function save() {
+    const displays = new Map();
+    for (const [i, job] of jobs.entries()) {
+      show(notice, `${i} of ${jobs.length} are saved`);
+      const name = job.spec.optimizeHologram.display;
+      if (!displays.has(name)) displays.set(name, await get(name));
+      for (const { title, digest, file } of filesOfHologram(job, displays.get(name), [])) if (title.startsWith(PATTERN)) await download(digest, file);
+    }
+    show(notice, "All are saved.");
+  }
+  const button = h("button", { type: "button", "data-key": "patterns", onclick: () => {
+    button.disabled = true;
+    void save().catch((error) => show(notice, errorNote(error))).then(() => (button.disabled = false));
+  } }, `Download the patterns of ${jobs.length} holograms`);
+  return h("p", { class: "actions" }, button, notice);
 }
 
 /** Saves an artifact as a file. The token goes with the request, which a plain link could not do. */

@@ -1,5 +1,6 @@
 // What a page shows while it waits, when there is nothing, and when something failed.
 
+import { lightpath } from "./command_line.js";
 import { h, show } from "./dom.js";
 
 /** Says what went wrong, and what to do. `retries`: the page tries again by itself. */
@@ -12,7 +13,7 @@ export function errorNote(error, retries = false) {
 }
 
 export function emptyNote(text, command) {
-  return h("div", { class: "note" }, h("p", {}, text), command && h("pre", {}, h("code", {}, command)));
+  return h("div", { class: "note" }, h("p", {}, text), command && h("pre", {}, h("code", {}, command.replace(/^lightpath(?= )/, lightpath()))));
 }
 
 /** Least time from one reading after an event to the next, so that many dashboards and busy queues cost little [ms]. */

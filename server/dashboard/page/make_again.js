@@ -2,6 +2,7 @@
 
 import { mayNot } from "./access.js";
 import { hasToken } from "./api.js";
+import { DEFAULT_SERVER, lightpath } from "./command_line.js";
 import { h } from "./dom.js";
 import { namesOf } from "./form/files.js";
 import { defaultOf, defaultPhase, isSame, middleOf, OPTIONS, valueOf } from "./form/options.js";
@@ -9,8 +10,6 @@ import { idOf } from "./format.js";
 
 /** Columns of a program. */
 const COLUMNS = 90;
-/** The server of the command line and of Python, if no other one is given. */
-const SERVER = "http://127.0.0.1:7070";
 
 /** A length as the command line and Python read it, without a loss: `150mm`, `515nm`, or all its digits in m. */
 export function exactLength(metres) {
@@ -86,7 +85,7 @@ export function commandLine(job, display) {
   const nameOf = (digest) => files.find((file) => file.digest === digest).name;
   const distances = spec.planes.map(({ place }) => exactLength(place.distanceM));
   const isOne = new Set(spec.planes.map(({ target }) => target)).size === 1 && (spec.planes.length === 1 || spec.depthMap);
-  const parts = [`lightpath${location.origin === SERVER ? "" : ` --server ${location.origin}`} hologram optimize${isOne ? ` ${quoted(nameOf(spec.planes[0].target))}` : ""}`, `--display ${idOf(spec.display)}`];
+  const parts = [`${lightpath()} hologram optimize${isOne ? ` ${quoted(nameOf(spec.planes[0].target))}` : ""}`, `--display ${idOf(spec.display)}`];
   if (isOne) parts.push(`--distance ${distances.join(",")}`);
   else parts.push(...spec.planes.map(({ target, weight }, i) => `--plane ${quoted(`${distances[i]}=${nameOf(target)}${(weight ?? 1) === 1 ? "" : `:${weight}`}`)}`));
   if (display.wavelengthsM.length > 1) parts.push(`--wavelength ${spec.wavelengthsM.map(exactLength).join(",")}`);
@@ -126,7 +125,7 @@ export function pythonLines(job, display) {
   const lacks = [spec.planes.some(({ weight }) => (weight ?? 1) !== 1) && "weights of distances", chosenOptions(spec).some(([{ python }]) => !python) && "blocks for speckle"].filter(Boolean);
   return `${lacks.length > 0 ? `# Not the same hologram: Python has no options for ${lacks.join(" and ")}.\n` : ""}import lightpath
 
-with lightpath.connect(${location.origin === SERVER ? "" : text(location.origin)}) as lab:
+with lightpath.connect(${location.origin === DEFAULT_SERVER ? "" : text(location.origin)}) as lab:
     hologram = lab.display(${text(idOf(spec.display))}).optimize(
         ${wrapped([targets, ...given], " ".repeat(8))})
     hologram.${isMany ? 'save_all("hologram")' : 'save("hologram.png")'}`;

@@ -6,6 +6,8 @@ use super::sql::{Connection, Row, query, scalar};
 use super::{AbortReason, Result, Store, StoreError, page};
 use lightpath_domain::display::Display;
 use lightpath_domain::reason::PreconditionReason;
+use serde_json::{Map, Value};
+use std::collections::BTreeSet;
 
 /// What is known of a stored display besides its properties.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -14,6 +16,15 @@ pub struct DisplayRecord {
     pub create_time_ms: i64,
     /// Number of changes so far and 1.
     pub revision: u32,
+}
+
+/// Names of the properties in which two displays differ.
+fn differing(stored: &str, new: &str) -> String {
+    let properties = |json: &str| serde_json::from_str::<Map<String, Value>>(json).unwrap_or_default();
+    let (stored, new) = (properties(stored), properties(new));
+    let names: BTreeSet<&String> = stored.keys().chain(new.keys()).collect();
+    let names = names.into_iter().filter(|name| stored.get(*name) != new.get(*name));
+    names.map(|name| name.replace('_', " ")).collect::<Vec<_>>().join(", ")
 }
 
 impl Store {
@@ -31,8 +42,10 @@ impl Store {
                 .execute(write.sql())
                 .await?;
             let row = query("select * from display where id = $1").bind(&id).fetch_one(write.sql()).await?;
-            if row.try_get::<String>("content")? != content {
-                return Err(StoreError::exists(format!("displays/{id}"), "with other properties; choose another id"));
+            let stored = row.try_get::<String>("content")?;
+            if stored != content {
+                let detail = format!("with other properties ({}); choose another id", differing(&stored, &content));
+                return Err(StoreError::exists(format!("displays/{id}"), detail));
             }
             write.announce_changed(Changed::Display(id));
             display_of(&row)

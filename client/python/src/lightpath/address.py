@@ -77,10 +77,14 @@ def address(
     """Return the address for the arguments of `connect`."""
     url = url or os.environ.get("LIGHTPATH_SERVER") or DEFAULT_URL
     parts = urlsplit(url if "://" in url else f"//{url}")
+    try:
+        port = parts.port
+    except ValueError as error:
+        raise InvalidArgument("url", f'is "{url}", whose port is no number', f"write it like {DEFAULT_URL}") from error
     if parts.scheme not in {"http", "https"} or not parts.netloc or parts.path not in {"", "/"}:
         fix = f"write http://{url}" if not parts.scheme else f"give an address such as {DEFAULT_URL}"
         raise InvalidArgument("url", f'is "{url}"', fix)
-    default_port = "" if parts.port else {"http": ":80", "https": ":443"}[parts.scheme]
+    default_port = "" if port else {"http": ":80", "https": ":443"}[parts.scheme]
     ca_file = ca_file or os.environ.get("LIGHTPATH_CA_FILE")
     certificate, key = client_certificate or (
         os.environ.get("LIGHTPATH_CLIENT_CERT"),

@@ -11,6 +11,9 @@ import { planesControl } from "./planes.js";
 import { regionControl } from "./region.js";
 import { startControl } from "./start.js";
 
+/** So many wavelengths show the colours of a picture. */
+const COLOURS = 3;
+
 /**
  * The controls of a hologram on one of these displays. `onChange` is told of every change. Returns `{element, take, fill,
  * clear, jobs, missing, requestOf, begin}`: `take` takes files, `fill` a job's request, `jobs` lists what is to be made,
@@ -73,11 +76,11 @@ export function hologramForm(displays, onChange) {
     return [...wavelengths.querySelectorAll("input")].filter(({ checked }) => checked).map(({ value }) => Number(value));
   }
 
-  /** Reads what the chosen display has. `wanted` are wavelengths to choose, otherwise the first one is chosen. */
+  /** Reads what the chosen display has. `wanted` are wavelengths to choose, otherwise those of colours, or the first one. */
   async function changeDisplay(wanted, keepsDistance = false) {
     const found = displays.find(({ name }) => name === display.value);
     region.setMiddle(middleOf(found.modulator));
-    show(wavelengths, found.wavelengthsM.map((wavelength, i) => h("label", {}, h("input", { type: "checkbox", value: wavelength, checked: wanted ? wanted.includes(wavelength) : i === 0 }), ` ${length(wavelength)}`)));
+    show(wavelengths, found.wavelengthsM.map((wavelength, i) => h("label", {}, h("input", { type: "checkbox", value: wavelength, checked: wanted ? wanted.includes(wavelength) : i === 0 || found.wavelengthsM.length === COLOURS }), ` ${length(wavelength)}`)));
     wavelengthGroup.hidden = found.wavelengthsM.length === 1;
     const { kernels } = await get(`${found.name}/kernels`, { pageSize: 100 });
     kernel.setKernels(kernels);

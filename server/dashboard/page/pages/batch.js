@@ -3,6 +3,7 @@
 import { get } from "../api.js";
 import { chart } from "../chart.js";
 import { h, show } from "../dom.js";
+import { patternsButton } from "../downloads.js";
 import { onEvent } from "../events.js";
 import { decibels, idOf, number, words } from "../format.js";
 import { gallery } from "../gallery.js";
@@ -23,8 +24,10 @@ const LOG_FROM = 50;
 export function batchPage(root, [batch], query) {
   const head = h("div", {});
   const sweep = h("div", {});
+  const files = h("div", {});
+  let offered = 0;
   const shots = gallery();
-  show(root, h("h1", { class: "name" }, batch), head, sweep, h("section", {}, h("h2", {}, "Pictures"), shots.element));
+  show(root, h("h1", { class: "name" }, batch), head, files, sweep, h("section", {}, h("h2", {}, "Pictures"), shots.element));
   let plot = null;
   let chosen = query.get("over") ?? "";
   let read = { jobs: [], scores: new Map() };
@@ -37,6 +40,9 @@ export function batchPage(root, [batch], query) {
     show(head, h("p", {}, `${counted.join(", ")}. `, h("a", { href: `#/jobs?batch=${encodeURIComponent(batch)}` }, "In the list of jobs")),
       numbers.done < 1 && h("progress", { max: 1, value: numbers.done, "aria-label": `Progress of ${batch}` }),
       page.nextPageToken && h("p", { class: "note" }, `The first ${JOBS_MAX} jobs are compared.`));
+    const made = jobs.filter((job) => job.result?.optimizeHologram);
+    if (made.length > 1 && made.length !== offered) show(files, patternsButton(made));
+    offered = made.length;
     shots.show(jobs.map(summaryOf));
     read = { jobs, scores: read.scores };
     draw();
@@ -113,8 +119,9 @@ function summaryOf(job) {
 }
 
 const isNumber = (text) => text !== undefined && text !== "" && Number.isFinite(Number(text));
-const textOf = (request, path) => request[path];
-const compareTexts = (a, b) => (isNumber(a) && isNumber(b) ? a - b : String(a ?? "").localeCompare(String(b ?? "")));
+/** A field as a person reads it: of a target its name, if the job has one. */
+const textOf = (request, path) => (path.endsWith(".target") && request.job.label) || request[path];
+const compareTexts = (a, b) => (isNumber(a) && isNumber(b) ? a - b : String(a ?? "").localeCompare(String(b ?? ""), undefined, { numeric: true }));
 const distinct = (requests, path) => new Set(requests.map((request) => request[path])).size;
 
 function shortened(text) {

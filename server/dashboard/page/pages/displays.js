@@ -3,6 +3,7 @@
 import { get } from "../api.js";
 import { h, show } from "../dom.js";
 import { onEvent } from "../events.js";
+import { displayForm } from "../form/display_form.js";
 import { idOf, length } from "../format.js";
 import { emptyNote, refresher } from "../loading.js";
 import { pager } from "../pager.js";
@@ -13,10 +14,11 @@ export function displaysPage(root) {
   const list = h("div", {});
   const more = h("div", {});
   const pages = [""];
-  show(root, h("h1", {}, "Displays"), list, more);
+  const declare = h("details", { ontoggle: () => declare.open && declare.children.length === 1 && declare.append(displayForm(({ name }) => (location.hash = `#/${name}`))) }, h("summary", {}, "Declare a display"));
+  show(root, h("h1", {}, "Displays"), list, more, declare);
   const refresh = refresher(list, async () => {
     const page = await get("displays", { pageSize: 50, pageToken: pages.at(-1) });
-    show(list, page.displays.length ? displayTable(page.displays) : emptyNote("No display is declared yet. Declare one:",
+    show(list, page.displays.length ? displayTable(page.displays) : emptyNote("No display is declared yet. Declare one below, or with all its properties:",
       "lightpath display create lab --resolution 1920x1080 --pixel-pitch 8um --wavelength 515nm"));
     show(more, pager(pages, page.nextPageToken, refresh));
   });

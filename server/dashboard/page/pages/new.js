@@ -6,11 +6,12 @@ import { mayNot } from "../access.js";
 import { batchProgress, submitAll } from "../form/batch.js";
 import { showProblems } from "../form/controls.js";
 import { estimateOf } from "../form/estimate.js";
+import { displayForm } from "../form/display_form.js";
 import { droppedFiles } from "../form/files.js";
 import { hologramForm } from "../form/hologram_form.js";
-import { emptyNote, errorNote } from "../loading.js";
+import { styled } from "../form/style.js";
+import { errorNote } from "../loading.js";
 
-const STYLE = "/page/form/form.css";
 let dropped = null;
 
 /** Takes pictures that are dropped anywhere on the page to the page for a new hologram. */
@@ -22,12 +23,6 @@ export function acceptDrops(open) {
     dropped = droppedFiles(event.dataTransfer);
     open();
   });
-}
-
-/** Loads the style of the form once; other pages do without it. */
-function styled() {
-  if (document.querySelector(`link[href="${STYLE}"]`)) return Promise.resolve();
-  return new Promise((done) => document.head.append(h("link", { rel: "stylesheet", href: STYLE, onload: done, onerror: done })));
 }
 
 export function newPage(root, _, query) {
@@ -101,7 +96,7 @@ export function newPage(root, _, query) {
       return;
     }
     if (displays.length === 0) {
-      show(body, emptyNote("A hologram needs a display. Declare one:", "lightpath display create lab --resolution 1920x1080 --pixel-pitch 8um --wavelength 515nm"));
+      show(body, h("p", {}, "A hologram needs a display. Declare yours:"), displayForm(() => void begin()));
       return;
     }
     fields = hologramForm(displays, changed);

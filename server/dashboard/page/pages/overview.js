@@ -119,7 +119,7 @@ export function overviewPage(root) {
       .sort((a, b) => a.time - b.time);
     const labels = [...new Set(measured.map(({ kernel }) => kernel))];
     const plot = measured.length > 1 ? chart({
-      title: "Learned kernels: how much better than the ideal one", xLabel: "", yLabel: "dB", isTime: true,
+      title: "Versions of learned kernels: how much better than the ideal one, each when it was learned", xLabel: "", yLabel: "dB", isTime: true,
       xs: measured.map(({ time }) => time),
       series: labels.map((label) => ({ label, values: measured.map(({ kernel, gain }) => (kernel === label ? gain : null)) })),
     }) : null;

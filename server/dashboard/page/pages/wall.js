@@ -78,7 +78,7 @@ export function wallPage(root) {
       : !emptyIn.isKnown && stuck.length === 0 ? "It is not known yet when all have ended."
       : [emptyIn.isKnown && [`${stuck.length ? "The others end" : "Empty"} ${emptyIn.isLeast ? "not before" : "at about"} `, h("strong", {}, done), `, ${left}.`], ...stuck];
     const fact = (value, text, kind = "") => h("li", { class: kind }, h("strong", {}, value), ` ${text}`);
-    show(queue, h("h2", {}, "Queue"), h("ul", {}, fact(numbers?.queued ?? "–", "wait"), fact(numbers?.running ?? jobs.length, Number(numbers?.running ?? jobs.length) === 1 ? "runs" : "run"), fact(failed, "failed in a day", failed ? "bad" : "")), h("p", {}, end));
+    show(queue, h("h2", {}, "Queue"), h("ul", {}, fact(numbers?.queued ?? "–", waiting === 1 ? "waits" : "wait"), fact(numbers?.running ?? jobs.length, Number(numbers?.running ?? jobs.length) === 1 ? "runs" : "run"), fact(failed, "failed in a day", failed ? "bad" : "")), h("p", {}, end));
   }
 
   function showRunning() {

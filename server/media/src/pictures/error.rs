@@ -78,3 +78,16 @@ pub enum PictureError {
     #[error("the picture could not be encoded ({0})")]
     Encode(String),
 }
+
+impl PictureError {
+    /// What to send instead.
+    #[must_use]
+    pub fn fix(&self) -> &'static str {
+        match self {
+            Self::NotLevels { .. } | Self::NarrowLevels { .. } | Self::LevelTooHigh { .. } | Self::NotAnArray { .. } => {
+                "give another hologram: a grey PNG or BMP of levels, or a .npy file of radians"
+            }
+            _ => "give another picture: PNG, JPEG, TIFF, BMP or .npy",
+        }
+    }
+}

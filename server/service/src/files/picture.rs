@@ -6,14 +6,13 @@ use crate::error::{Result, ServiceError};
 use crate::field::Field;
 use lightpath_artifacts::ArtifactError;
 use lightpath_media::pictures::{self, PictureError};
-use std::fmt::Display;
 
 /// Memory for reading a header \[bytes\], besides the file and what is copied of it: the tags of TIFF files take most.
 const HEADER_BYTES: u64 = 16 << 20;
 
-/// The error for an artifact that is no picture as it must be.
-pub(crate) fn unreadable(field: &Field, digest: &str, error: &impl Display) -> ServiceError {
-    field.invalid(format!("({digest}): {error}"), "give another picture: PNG, JPEG, TIFF, BMP or .npy")
+/// The error for an artifact that is no picture or hologram as it must be.
+pub(crate) fn unreadable(field: &Field, digest: &str, error: &PictureError) -> ServiceError {
+    field.invalid(format!("({digest}): {error}"), error.fix())
 }
 
 impl Files {

@@ -34,7 +34,7 @@ impl Jobs {
         if display.simulated_bench.is_some() {
             return Ok(());
         }
-        let fix = "but only displays that were created with a simulated_bench can be simulated";
+        let fix = "and only a display that was created with one can be simulated";
         let message = format!("{field}: displays/{} has no simulated bench, {fix}", display.id);
         Err(ServiceError::Precondition { reason: PreconditionReason::NotSimulated, message })
     }
