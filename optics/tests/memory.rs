@@ -157,7 +157,7 @@ fn check_other_orders(pool: &ThreadPool, orders: Orders) {
     let work = || {
         let phases = [initial_phase(300, 400, 1.0, 1).unwrap()];
         let region = RegionOfInterest::middle(&other.setup.grid());
-        pixel_psnr_db(&other, &phases, (&target(300, 400), region).into()).unwrap();
+        pixel_psnr_db(&EngineCache::new(0), &other, &phases, (&target(300, 400), region).into()).unwrap();
     };
     let estimate = 2 * engine.pixels() * 4 + engine.other_orders_bytes();
     check(&format!("other orders than {orders:?}"), estimate, peak_bytes(pool, work), 1.3);

@@ -1,11 +1,12 @@
 //! Cache of FFT plans and sampled transfer functions, which engines of several jobs share.
 
-use super::convolution::{Convolver, Kernels};
+use super::convolution::{Convolver, Kernels, Transfer};
 use super::core::{EngineCore, convolver, sample_kernels};
+use super::kept_transfers::KeptTransfers;
 use super::prepared::{Prepared, PreparedMode};
 use super::single_precision::Engine;
 use super::sub_samples::offsets_px;
-use crate::display::{Carrier, Detector, DisplayModel, Dust, KernelShape};
+use crate::display::{Carrier, Detector, DisplayModel, Dust, KernelShape, OpticalSetup};
 use crate::error::Result;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -18,27 +19,41 @@ const PLANS_MAX: usize = 8;
 ///
 /// Transfer functions of kernels that were learned bin by bin are not cached: such a kernel is as large as its transfer
 /// function and is quickly converted to it. Those of a display with all orders, one for each sub-sample, are too large.
+/// The exact transfer functions with which ideal optics are judged are cached, too.
 #[derive(Debug)]
 pub struct EngineCache {
+    parts: Arc<Parts>,
+}
+
+#[derive(Debug)]
+struct Parts {
     transfers_bytes_max: usize,
-    parts: Mutex<CachedParts>,
+    cached: Mutex<CachedParts>,
 }
 
 /// Cached parts, ordered from the least to the most recently used.
 #[derive(Debug, Default)]
 struct CachedParts {
     plans: Vec<Arc<Convolver<f32>>>,
-    /// Sampled transfer functions, each with the whole model that it is of, but for the dust, which takes memory and does
-    /// not change it.
-    kernels: Vec<(DisplayModel, Arc<Kernels<f32>>)>,
+    transfers: Vec<CachedTransfers>,
+}
+
+/// Transfer functions, with what they are of.
+#[derive(Debug)]
+enum CachedTransfers {
+    /// Those of an engine. The key is its whole model but for the dust, which takes memory and does not change them.
+    Kernels(Box<DisplayModel>, Arc<Kernels<f32>>),
+    /// An exact one, to a place in the pixels of a setup \[px\].
+    Exact(OpticalSetup, [f64; 2], Arc<Transfer<f32>>),
 }
 
 impl EngineCache {
     /// Cache that keeps transfer functions of at most `transfers_bytes_max` in total \[bytes\]. A transfer function
-    /// takes 32 bytes for each pixel of its display, 9 to 25 times as much if the kernel varies over the SLM.
+    /// takes 32 bytes for each pixel of its display, 9 to 25 times as much if the kernel varies over the SLM; judging ideal
+    /// optics in full takes two more.
     #[must_use]
     pub fn new(transfers_bytes_max: usize) -> Self {
-        Self { transfers_bytes_max, parts: Mutex::default() }
+        Self { parts: Arc::new(Parts { transfers_bytes_max, cached: Mutex::default() }) }
     }
 
     /// Creates the same engine as [`Engine::new`], from cached parts where possible.
@@ -53,7 +68,12 @@ impl EngineCache {
     /// Creates the engine of a prepared display.
     #[must_use]
     pub fn engine_of(&self, prepared: &Prepared<'_>) -> Engine {
-        Engine { core: EngineCore::of_parts(prepared, self.plans(prepared), |mode| self.kernels(mode)) }
+        Engine { core: self.keeping(EngineCore::of_parts(prepared, self.plans(prepared), |mode| self.kernels(mode))) }
+    }
+
+    /// An engine that takes exact transfer functions from this cache, and keeps them here.
+    pub(crate) fn keeping(&self, core: EngineCore<f32>) -> EngineCore<f32> {
+        EngineCore { kept: Some(Arc::clone(&self.parts) as Arc<_>), ..core }
     }
 
     fn plans(&self, prepared: &Prepared<'_>) -> Arc<Convolver<f32>> {
@@ -66,7 +86,7 @@ impl EngineCache {
         let fits = |plans: &Arc<Convolver<f32>>| {
             (plans.height_px, plans.width_px, plans.offsets_px()) == (height_px, width_px, &*offsets_px)
         };
-        let mut parts = self.lock();
+        let mut parts = self.parts.lock();
         let plans = match parts.plans.iter().position(fits) {
             Some(at) => parts.plans.remove(at),
             None => Arc::new(convolver(&setup, detector, None)),
@@ -83,34 +103,66 @@ impl EngineCache {
             return Arc::new(sample_kernels(mode));
         }
         let key = DisplayModel { dust: Dust::none(), ..mode.model().clone() };
-        let mut parts = self.lock();
-        if let Some(at) = parts.kernels.iter().position(|(of, _)| *of == key) {
-            let found = parts.kernels.remove(at);
-            let kernels = Arc::clone(&found.1);
-            parts.kernels.push(found);
-            return kernels;
-        }
-        // The lock is released while sampling, which is slow. Two jobs that need the same transfer function at once
+        let found = self.parts.found(|part| match part {
+            CachedTransfers::Kernels(of, kernels) if **of == key => Some(Arc::clone(kernels)),
+            _ => None,
+        });
+        // The cache is not locked while sampling, which is slow. Two jobs that need the same transfer function at once
         // both sample it.
-        drop(parts);
-        let kernels = Arc::new(sample_kernels(mode));
-        self.lock().insert(key, &kernels, self.transfers_bytes_max);
-        kernels
-    }
-
-    fn lock(&self) -> MutexGuard<'_, CachedParts> {
-        self.parts.lock().unwrap_or_else(PoisonError::into_inner)
+        found.unwrap_or_else(|| {
+            let kernels = Arc::new(sample_kernels(mode));
+            self.parts.insert(CachedTransfers::Kernels(Box::new(key), Arc::clone(&kernels)));
+            kernels
+        })
     }
 }
 
-impl CachedParts {
-    fn insert(&mut self, key: DisplayModel, kernels: &Arc<Kernels<f32>>, bytes_max: usize) {
-        if kernels.bytes() > bytes_max {
+impl Parts {
+    fn lock(&self) -> MutexGuard<'_, CachedParts> {
+        self.cached.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// What `wanted` finds in a part, which becomes the most recently used one.
+    fn found<V>(&self, wanted: impl Fn(&CachedTransfers) -> Option<V>) -> Option<V> {
+        let mut parts = self.lock();
+        let (at, found) = parts.transfers.iter().enumerate().find_map(|(at, part)| Some((at, wanted(part)?)))?;
+        let part = parts.transfers.remove(at);
+        parts.transfers.push(part);
+        Some(found)
+    }
+
+    fn insert(&self, part: CachedTransfers) {
+        if part.bytes() > self.transfers_bytes_max {
             return;
         }
-        self.kernels.push((key, Arc::clone(kernels)));
-        while self.kernels.iter().map(|(_, kernels)| kernels.bytes()).sum::<usize>() > bytes_max {
-            self.kernels.remove(0);
+        let mut parts = self.lock();
+        parts.transfers.push(part);
+        while parts.transfers.iter().map(CachedTransfers::bytes).sum::<usize>() > self.transfers_bytes_max {
+            parts.transfers.remove(0);
+        }
+    }
+}
+
+impl KeptTransfers<f32> for Parts {
+    fn find(&self, setup: &OpticalSetup, place_px: [f64; 2]) -> Option<Arc<Transfer<f32>>> {
+        self.found(|part| match part {
+            CachedTransfers::Exact(of, place, transfer) if (of, *place) == (setup, place_px) => {
+                Some(Arc::clone(transfer))
+            }
+            _ => None,
+        })
+    }
+
+    fn keep(&self, setup: &OpticalSetup, place_px: [f64; 2], transfer: &Arc<Transfer<f32>>) {
+        self.insert(CachedTransfers::Exact(*setup, place_px, Arc::clone(transfer)));
+    }
+}
+
+impl CachedTransfers {
+    fn bytes(&self) -> usize {
+        match self {
+            Self::Kernels(_, kernels) => kernels.bytes(),
+            Self::Exact(_, _, transfer) => transfer.bytes(),
         }
     }
 }
@@ -118,7 +170,6 @@ impl CachedParts {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::display::OpticalSetup;
     use crate::numerics::{Grid, Plane, SmoothField};
 
     fn model(distance_m: f64) -> DisplayModel {
@@ -150,6 +201,20 @@ mod tests {
             let fresh = Engine::new(&model, Detector::Pixel, None).unwrap();
             assert_eq!(first.light(&phase).unwrap().values(), fresh.light(&phase).unwrap().values());
         }
+    }
+
+    #[test]
+    fn judging_again_uses_the_same_exact_transfer_functions() {
+        let cache = EngineCache::new(1 << 20);
+        let phase = Plane::from_fn(12, 20, |y, x| (y * 7 + x * 3) as f32 * 0.1);
+        let (setup, _) = model(2e-3).setup.planned().unwrap();
+        let engine = |setup| cache.engine(&DisplayModel::ideal(setup), Detector::Point, None).unwrap().core;
+        let light = |setup| engine(setup).exact_samples(&[&[phase.clone()]]).unwrap().unwrap().remove(0);
+        let (first, kept) = (light(setup), cache.parts.lock().transfers.len());
+        assert_eq!((kept, light(setup).values()), (2, first.values()));
+        assert_eq!(cache.parts.lock().transfers.len(), kept);
+        let nearer = OpticalSetup::try_new(setup.grid(), 515e-9, 1e-3).unwrap().planned().unwrap().0;
+        assert_ne!(light(nearer).values(), first.values());
     }
 
     #[test]

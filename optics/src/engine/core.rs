@@ -1,6 +1,7 @@
 //! Computations of the processor's engine, in f32 or f64: a [`Prepared`] display in the layout of the passes.
 
 use super::convolution::{Convolver, Kernels, Real, Transfer};
+use super::kept_transfers::KeptTransfers;
 use super::order_products::OrderProducts;
 use super::prepared::{Modulator, Prepared, PreparedMode, TransferFunction, windows};
 use super::sample_transfers::sample_transfers;
@@ -36,6 +37,8 @@ pub struct EngineCore<T> {
     pub(crate) further: Vec<Mode<T>>,
     /// Blur of the light of all modes; `None`: none.
     pub(crate) blur: Option<LightBlur>,
+    /// Where exact transfer functions are kept; `None`: nowhere.
+    pub(super) kept: Option<Arc<dyn KeptTransfers<T>>>,
 }
 
 /// What distinguishes a mode of a display's light from the others.
@@ -114,6 +117,7 @@ impl<T: Real> EngineCore<T> {
             share,
             further: modes.collect(),
             blur: prepared.blur(),
+            kept: None,
         }
     }
 
@@ -137,6 +141,7 @@ impl<T: Real> EngineCore<T> {
             share,
             further: Vec::new(),
             blur: None,
+            kept: self.kept.clone(),
         })
     }
 

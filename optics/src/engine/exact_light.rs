@@ -114,7 +114,8 @@ impl<T: Real> EngineCore<T> {
             _ => None,
         };
         let products = self.order_errors.as_ref().map(|errors| OrderProducts::beside_exact(&self.setup, errors));
-        for_each_sample_transfer(&self.setup, errors, places_px, |place, exact| {
+        let kept = self.kept.as_deref();
+        for_each_sample_transfer((&self.setup, errors), kept, places_px, |place, exact| {
             let transfer = match &products {
                 Some(products) => products.fold(&exact, (places_px[place], 1.0), &products.ones()),
                 None => exact,

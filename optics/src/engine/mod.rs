@@ -8,6 +8,7 @@ mod cache;
 pub(crate) mod convolution;
 mod core;
 mod exact_light;
+mod kept_transfers;
 mod light;
 mod order_products;
 #[doc(hidden)]

@@ -4,7 +4,7 @@
 use super::shown_light::light_of_frames;
 use super::wanted::Wanted;
 use crate::display::{Detector, DisplayModel, KernelShape, Orders};
-use crate::engine::{Engine, EngineCore, sub_samples};
+use crate::engine::{EngineCache, EngineCore, sub_samples};
 use crate::error::Result;
 use crate::metrics::{Gain, ImagePair};
 use crate::numerics::{Plane, SmoothField};
@@ -29,20 +29,26 @@ pub fn with_other_orders(model: &DisplayModel) -> Option<DisplayModel> {
 }
 
 /// PSNR \[dB\] of the light of `phases`, shown one after the other and integrated over the pixels by the sub-samples of
-/// an optimization.
+/// an optimization. Transfer functions come from the cache.
 ///
 /// # Errors
 ///
 /// [`Error`](crate::Error) for phases or a target of another size than the display, or a region that leaves it.
-pub fn pixel_psnr_db(model: &DisplayModel, phases: &[Plane<f32>], wanted: Wanted<'_>) -> Result<f64> {
+pub fn pixel_psnr_db(
+    cache: &EngineCache,
+    model: &DisplayModel,
+    phases: &[Plane<f32>],
+    wanted: Wanted<'_>,
+) -> Result<f64> {
     match model.setup.orders() {
         Orders::First | Orders::Filtered(_) => {
-            let light = light_of_frames(&Engine::new(model, Detector::Pixel, None)?, phases)?;
+            let light = light_of_frames(&cache.engine(model, Detector::Pixel, None)?, phases)?;
             wanted_psnr_db(&light, wanted)
         }
         Orders::All { .. } => {
             let places = sub_samples(&model.setup, Detector::Pixel);
-            let light = &EngineCore::<f32>::without_samples(model)?.light_at(&places, &[phases])?[0];
+            let engine = cache.keeping(EngineCore::without_samples(model)?);
+            let light = &engine.light_at(&places, &[phases])?[0];
             wanted_psnr_db(light, wanted)
         }
     }
@@ -61,6 +67,7 @@ fn wanted_psnr_db(light: &Plane<f32>, Wanted { target, region, belonging }: Want
 mod tests {
     use super::*;
     use crate::display::OpticalSetup;
+    use crate::engine::Engine;
     use crate::hologram::initial::initial_phase;
     use crate::hologram::optimization::Optimization;
     use crate::hologram::options::{HologramMethod, HologramOptions};
@@ -93,7 +100,7 @@ mod tests {
         let [of_first, of_all] = [&first, &all].map(|model| {
             let phase = optimized(model, &target, region);
             let exact = quality(&engine, &phase, &target, region).unwrap().pixel.psnr_db;
-            let quick = pixel_psnr_db(&all, &[phase], (&target, region).into()).unwrap();
+            let quick = pixel_psnr_db(&EngineCache::new(0), &all, &[phase], (&target, region).into()).unwrap();
             // Four sub-samples overrate a picture that was optimized for them.
             assert!((quick - exact).abs() < 0.5 || exact > 35.0, "{quick} dB, {exact} dB");
             exact

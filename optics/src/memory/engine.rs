@@ -16,11 +16,13 @@ pub(super) const ORDER_STAGES: f64 = 300.0;
 /// Time of a product's part in the transfer function to a sub-sample.
 pub(super) const FOLD_STAGES: f64 = 20.0;
 /// Time of all metrics of a hologram, as optimized and as quantized, for a pixel, in radix-2 stages.
-const METRICS_STAGES: f64 = 600.0;
+const METRICS_STAGES: f64 = 400.0;
 /// Time of a value of a second opinion, in radix-2 stages: its transfer function, and its part of the spectra.
-const OPINION_STAGES: f64 = 330.0;
+const OPINION_STAGES: f64 = 190.0;
+/// The same for a display that shows all orders, whose transfer functions to each place take more.
+const OPINION_ORDERS_STAGES: f64 = 330.0;
 /// Time of a value of a second opinion for each row and place along y, in radix-2 stages.
-const OPINION_ROW_STAGES: f64 = 6.0;
+const OPINION_ROW_STAGES: f64 = 2.2;
 /// Work of a pass over the values besides their transform, in radix-2 stages.
 const STAGES_BESIDE: f64 = 4.0;
 
@@ -53,6 +55,8 @@ pub struct EngineSize {
     pub has_order_errors: bool,
     /// Number of products of the orders of the same display with the other kind of optics.
     pub other_order_products: u64,
+    /// Number of transfer functions to sub-samples of that display, of which the others are mirror images.
+    pub other_responses: u64,
     /// Whether a filter passes a part of the first order.
     pub is_filtered: bool,
     /// The exact transfer functions with which the quality of holograms is measured; `None`: it is measured without
@@ -88,6 +92,7 @@ impl EngineSize {
             orders_setup: None,
             has_order_errors: false,
             other_order_products: 0,
+            other_responses: 0,
             is_filtered: false,
             exact: None,
             opinion: None,
@@ -104,13 +109,16 @@ impl EngineSize {
     }
 
     fn sampled_behind(self, setup: &OpticalSetup, kernel_has_bins: bool, has_errors: bool) -> Self {
-        let all = setup.with_orders(Orders::SQUARE).ok().filter(|_| has_errors && !setup.orders().are_all());
+        let other = setup.with_orders(Orders::SQUARE).ok().filter(|_| !setup.orders().are_all());
+        let all = other.filter(|_| has_errors);
         let has_samples = has_sample_transfers(setup) && !kernel_has_bins && self.kernels_per_side == 1;
         Self {
             all_orders: setup.method() == ConvolutionMethod::AllOrders,
             orders_setup: setup.orders().are_all().then_some(*setup),
             has_order_errors: setup.orders().are_all() && has_errors,
             other_order_products: all.as_ref().map_or(0, order_products),
+            // Of the first order the engine has one transfer function.
+            other_responses: other.map_or(1, |all| sub_samples(&all, Detector::Pixel).len().div_ceil(4) as u64),
             is_filtered: setup.orders().filter().is_some(),
             exact: has_samples.then(|| ExactSize::of(setup, has_errors)),
             opinion: OpinionSize::of(setup, kernel_has_bins, self.kernels_per_side, self.modes),
@@ -316,13 +324,14 @@ impl EngineSize {
     pub fn opinion_work(&self, frames: usize, rows: usize, detectors: &[Detector]) -> f64 {
         let (values, rows) =
             self.opinion.map_or((0, rows), |opinion| (opinion.values, rows * opinion.rows_for_each as usize));
+        let stages = if self.orders_setup.is_some() { OPINION_ORDERS_STAGES } else { OPINION_STAGES };
         let of = |detector: &Detector| {
             let places = match detector {
                 Detector::Point => 1,
                 Detector::Supersampled => 2,
                 Detector::Pixel => 4,
             };
-            OPINION_STAGES + OPINION_ROW_STAGES * (rows * places) as f64
+            stages + OPINION_ROW_STAGES * (rows * places) as f64
         };
         values as f64 * frames as f64 * detectors.iter().map(of).sum::<f64>()
     }
@@ -345,6 +354,15 @@ impl EngineSize {
             + if self.other_order_products > 0 { other.transfer_bytes() } else { 0 };
         let sampled = 4 * self.pixels() * COMPLEX + products;
         other.engine_bytes() + sampled + other.light_bytes() + other.scratch_bytes() + 3 * self.pixels() * REAL
+    }
+
+    /// Memory of the transfer functions that a cache keeps after judging a hologram: the exact ones, and in a full judging
+    /// those of the other orders.
+    #[must_use]
+    pub fn kept_bytes(&self, is_full: bool) -> u64 {
+        let has_others = is_full && self.pixels() <= OTHER_ORDERS_PIXELS_MAX as u64;
+        let others = if has_others { self.other_responses } else { 0 };
+        (self.exact.map_or(0, |exact| exact.kept) + others) * self.transfer_bytes()
     }
 
     /// Work of [`Self::other_orders_bytes`] for this number of frames: four sub-samples, and their transfer functions.

@@ -8,12 +8,12 @@ use crate::propagation_method::ConvolutionMethod;
 
 /// Time of sampling the response of a pixel at one lag and of the transforms of four sub-samples, in radix-2 stages of
 /// a value.
-pub(super) const RESPONSE_STAGES: u64 = 1400;
+pub(super) const RESPONSE_STAGES: u64 = 400;
 /// Time of sampling one frequency of the band response and of its transforms, in radix-2 stages of a value.
 const BAND_STAGES: u64 = 260;
 /// Time of the four exact transfer functions of a report, in radix-2 stages of a frequency of a quarter of the band, if
 /// the response is even.
-const EVEN_SAMPLES_STAGES: u64 = 650;
+const EVEN_SAMPLES_STAGES: u64 = 400;
 /// The same if the response is not even, behind a filter.
 const FILTERED_SAMPLES_STAGES: u64 = 2400;
 /// The same behind errors, and for the light at the pixels' centres as well.
@@ -64,18 +64,21 @@ pub struct ExactSize {
     pub work: u64,
     /// Number of places in a pixel, besides its centre.
     pub places: u64,
+    /// Number of transfer functions that a cache keeps: one for the places that are mirror images.
+    pub(super) kept: u64,
 }
 
 impl ExactSize {
     /// `has_errors`: behind smooth errors of the display's kernel.
     pub(super) fn of(setup: &OpticalSetup, has_errors: bool) -> Self {
         const SUB_SAMPLES: u64 = 4;
-        let (work, places) = match setup.method() {
+        let quarter = |[x, y]: [usize; 2]| (x.div_ceil(2) * y.div_ceil(2)) as u64;
+        let (work, places, kept) = match setup.method() {
             ConvolutionMethod::AllOrders => {
-                let [x, y] = reported_nodes(setup).map(|nodes| nodes as u64);
+                let [x, y] = reported_nodes(setup);
                 // Those of the sub-samples, and of the nodes in a quarter of a pixel.
-                let responses = 1 + x.div_ceil(2) * y.div_ceil(2);
-                (responses * padded_values(setup) * RESPONSE_STAGES, SUB_SAMPLES + x * y)
+                let responses = 1 + quarter([x, y]);
+                (responses * padded_values(setup) * RESPONSE_STAGES, SUB_SAMPLES + (x * y) as u64, responses)
             }
             _ => {
                 let stages = match (has_errors, is_even(setup, has_errors)) {
@@ -83,12 +86,17 @@ impl ExactSize {
                     (false, true) => EVEN_SAMPLES_STAGES,
                     (false, false) => FILTERED_SAMPLES_STAGES,
                 };
-                let [x, y] = reported_nodes(setup).map(|nodes| nodes as u64);
-                let places = SUB_SAMPLES + if setup.camera_fill_factor() < 1.0 { x * y } else { 0 };
-                (frequencies(setup) * stages * places / SUB_SAMPLES, places)
+                let [x, y] = if setup.camera_fill_factor() < 1.0 { reported_nodes(setup) } else { [0; 2] };
+                let places = SUB_SAMPLES + (x * y) as u64;
+                let kept = match (has_errors, is_even(setup, has_errors)) {
+                    (true, _) => 0,
+                    (false, true) => 1 + quarter([x, y]),
+                    (false, false) => places,
+                };
+                (frequencies(setup) * stages * places / SUB_SAMPLES, places, kept)
             }
         };
-        Self { bytes: band_samples(setup, has_errors) * COMPLEX, work, places }
+        Self { bytes: band_samples(setup, has_errors) * COMPLEX, work, places, kept }
     }
 }
 

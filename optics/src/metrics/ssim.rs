@@ -16,8 +16,8 @@
 use super::pair::{Gain, ImagePair};
 use crate::error::{Error, Result};
 use crate::interrupt;
+use crate::numerics::vectorized::vectorized;
 use crate::numerics::{Plane, RegionOfInterest};
-use pulp::Arch;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -63,14 +63,17 @@ pub(super) struct Similarity {
 
 /// Computes the similarity of a pair that has at least one window.
 pub(super) fn similarity(pair: &ImagePair<'_>) -> Similarity {
-    let (arch, weights) = (Arch::new(), weights());
+    let weights = weights();
     let rows = pair.height() + 1 - SSIM_SIDE_MIN;
     let blocks = (0..rows.div_ceil(BLOCK)).into_par_iter().map_init(
         || Block::new(pair.width()),
         |block, i| {
             interrupt::check();
             let end = ((i + 1) * BLOCK).min(rows);
-            arch.dispatch(|| block.similarity(pair, &weights, i * BLOCK..end))
+            vectorized(
+                #[inline(always)]
+                || block.similarity(pair, &weights, i * BLOCK..end),
+            )
         },
     );
     // Collected first, so that the sum is in the order of the blocks and does not depend on the threads.
@@ -135,8 +138,11 @@ impl Block {
 
 #[inline(always)]
 fn filter_along_x(row: &[f64], weights: &[f64; SSIM_SIDE_MIN], out: &mut [f64]) {
-    for (out, window) in out.iter_mut().zip(row.windows(SSIM_SIDE_MIN)) {
-        *out = window.iter().zip(weights).map(|(value, weight)| value * weight).sum();
+    out.fill(0.0);
+    for (i, weight) in weights.iter().enumerate() {
+        for (out, value) in out.iter_mut().zip(&row[i..]) {
+            *out += value * weight;
+        }
     }
 }
 
@@ -159,22 +165,29 @@ fn sum_of_windows(moments: &[Vec<f64>; 4]) -> [f64; 2] {
     let [p, t, squares, products] = moments;
     let windows = p.len().min(t.len()).min(squares.len()).min(products.len());
     let (mut ssim, mut contrast_structure) = ([0.0; LANES], [0.0; LANES]);
-    let mut add = |lane: usize, i: usize| {
-        let (pt, pp_tt) = (p[i] * t[i], p[i] * p[i] + t[i] * t[i]);
-        let cs = (2.0 * (products[i] - pt) + C2) / (squares[i] - pp_tt + C2);
-        contrast_structure[lane] += cs;
-        ssim[lane] += cs * (2.0 * pt + C1) / (pp_tt + C1);
-    };
     let whole = windows / LANES * LANES;
     for start in (0..whole).step_by(LANES) {
         for lane in 0..LANES {
-            add(lane, start + lane);
+            let i = start + lane;
+            let [both, cs] = factors([p[i], t[i], squares[i], products[i]]);
+            ssim[lane] += both;
+            contrast_structure[lane] += cs;
         }
     }
     for i in whole..windows {
-        add(i - whole, i);
+        let [both, cs] = factors([p[i], t[i], squares[i], products[i]]);
+        ssim[i - whole] += both;
+        contrast_structure[i - whole] += cs;
     }
     [ssim.iter().sum(), contrast_structure.iter().sum()]
+}
+
+/// l · cs and cs of a window.
+#[inline(always)]
+fn factors([p, t, squares, products]: [f64; 4]) -> [f64; 2] {
+    let (pt, pp_tt) = (p * t, p * p + t * t);
+    let cs = (2.0 * (products - pt) + C2) / (squares - pp_tt + C2);
+    [cs * (2.0 * pt + C1) / (pp_tt + C1), cs]
 }
 
 #[cfg(test)]

@@ -16,6 +16,7 @@ pub(crate) mod real;
 pub mod region;
 pub(crate) mod smooth_field;
 pub mod tiles;
+pub(crate) mod vectorized;
 
 pub use grid::Grid;
 pub use plane::Plane;

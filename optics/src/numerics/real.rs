@@ -200,6 +200,14 @@ vectors!(
     as_simd_f64s, as_mut_simd_f64s, deinterleave_shfl_f64s, interleave_shfl_f64s
 );
 
+/// The integer nearest to a number below 2⁵¹, without a call that keeps a loop from becoming vector instructions.
+#[inline(always)]
+pub(crate) fn nearest_integer(x: f64) -> f64 {
+    /// 1.5·2⁵². Numbers of its size have no fraction.
+    const ROUND: f64 = 6_755_399_441_055_744.0;
+    (x + ROUND) - ROUND
+}
+
 /// Computes e^{ix} in the precision of `x`.
 #[inline(always)]
 pub(crate) fn unit<T: Number>(x: T) -> Complex<T> {

@@ -29,9 +29,9 @@ use super::scaled::spread_m;
 use super::transfer_function::angular_spectrum;
 use crate::display::OpticalSetup;
 use crate::interrupt;
-use crate::numerics::real::Number;
+use crate::numerics::real::{Number as _, nearest_integer};
+use crate::numerics::vectorized::vectorized;
 use num_complex::Complex64;
-use pulp::Arch;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
@@ -108,7 +108,7 @@ pub(super) fn band_response(setup: &OpticalSetup) -> Vec<Complex64> {
 
 /// Samples H at `fx` and at 0, `step`, 2 `step` … along y \[1/m\]. Whole turns are subtracted in f64; sine and cosine
 /// of the rest are exact to f32, far below the error of the sum.
-fn sample_column(fx: f64, step: f64, (wavelength_m, z): (f64, f64), column: &mut [Complex64]) {
+pub(super) fn sample_column(fx: f64, step: f64, (wavelength_m, z): (f64, f64), column: &mut [Complex64]) {
     /// Number of frequencies whose phases are computed together, as vector instructions.
     const TOGETHER: usize = 32;
     let highest = step * (column.len() - 1) as f64;
@@ -117,33 +117,25 @@ fn sample_column(fx: f64, step: f64, (wavelength_m, z): (f64, f64), column: &mut
         return column.iter_mut().zip(fys).for_each(|(h, fy)| *h = angular_spectrum(fx, fy, wavelength_m, z));
     }
     // H = e^{−i2πzλf²/(1 + √(1 − λ²f²))}
-    let phases = |first: usize, phases: &mut [f32; TOGETHER]| {
-        for (i, phase) in phases.iter_mut().enumerate() {
-            let fy = (first + i) as f64 * step;
-            let squared = fx * fx + fy * fy;
-            let cosine = (1.0 - wavelength_m * wavelength_m * squared).max(0.0).sqrt();
-            let cycles = -z * wavelength_m * squared / (1.0 + cosine);
-            *phase = (TAU * (cycles - nearest_integer(cycles))) as f32;
-        }
-    };
-    Arch::new().dispatch(|| {
-        for (block, column) in column.chunks_mut(TOGETHER).enumerate() {
-            let mut angles = [0.0; TOGETHER];
-            phases(block * TOGETHER, &mut angles);
-            for (h, angle) in column.iter_mut().zip(angles) {
-                let (sine, cosine) = angle.sine_cosine();
-                *h = Complex64::new(cosine.into(), sine.into());
+    vectorized(
+        #[inline(always)]
+        || {
+            for (block, column) in column.chunks_mut(TOGETHER).enumerate() {
+                let mut angles = [0.0; TOGETHER];
+                for (i, angle) in angles.iter_mut().enumerate() {
+                    let fy = (block * TOGETHER + i) as f64 * step;
+                    let squared = fx * fx + fy * fy;
+                    let cosine = (1.0 - wavelength_m * wavelength_m * squared).max(0.0).sqrt();
+                    let cycles = -z * wavelength_m * squared / (1.0 + cosine);
+                    *angle = (TAU * (cycles - nearest_integer(cycles))) as f32;
+                }
+                for (h, angle) in column.iter_mut().zip(angles) {
+                    let (sine, cosine) = angle.sine_cosine();
+                    *h = Complex64::new(cosine.into(), sine.into());
+                }
             }
-        }
-    });
-}
-
-/// The integer nearest to a number below 2⁵¹, without a call that keeps a loop from becoming vector instructions.
-#[inline(always)]
-fn nearest_integer(x: f64) -> f64 {
-    /// 1.5·2⁵². Numbers of its size have no fraction.
-    const ROUND: f64 = 6_755_399_441_055_744.0;
-    (x + ROUND) - ROUND
+        },
+    );
 }
 
 /// The sharp ends of the band, at half a cycle per pixel along each axis.

@@ -17,8 +17,7 @@
 //! frame, which beyond the image are not those of the field. For the same reason errors that are multiplied there are
 //! not quite those of the optics.
 
-use super::band_response::{BandEnds, bins};
-use super::transfer_function::angular_spectrum;
+use super::band_response::{BandEnds, bins, sample_column};
 use crate::display::OpticalSetup;
 use crate::display::parts::ghost::TransferErrors;
 use crate::interrupt;
@@ -121,11 +120,14 @@ impl BandSamples {
         let filter = setup.orders().filter();
         let mut planner = FftPlanner::new();
         let (fft_y, turns) = (planner.plan_fft_inverse(bins_y), turns(bins_y, offset_y));
-        let edge = Edge::at(offset_y);
+        let (edge, light) = (Edge::at(offset_y), (setup.wavelength_m(), setup.distance_m()));
         let mut along_y: Vec<Complex32> = zeros(columns.count() * 2 * height_px);
         along_y.par_chunks_exact_mut(2 * height_px).enumerate().for_each_init(
-            || (vec![Complex64::ZERO; bins_y], vec![Complex64::ZERO; fft_y.get_inplace_scratch_len()]),
-            |(sequence, scratch), (stored, out)| {
+            || {
+                let scratch = vec![Complex64::ZERO; fft_y.get_inplace_scratch_len()];
+                (vec![Complex64::ZERO; bins_y], scratch, vec![Complex64::ZERO; bins_y / 2 + 1])
+            },
+            |(sequence, scratch, ideal), (stored, out)| {
                 interrupt::check();
                 let column = columns.at(stored);
                 // Frequencies along x in cycles per pixel.
@@ -138,19 +140,23 @@ impl BandSamples {
                     let passed = filter.map_or(1.0, |filter| filter.passed(nu, mu));
                     series.as_ref().map_or(Complex64::ONE, |series| series.at(2.0 * mu)) * passed
                 };
-                let ideal = |mu: f64| match column {
-                    Column::Slope(sign) => band.slope(mu / pitch_m) * sign,
-                    _ => angular_spectrum(nu / pitch_m, mu / pitch_m, setup.wavelength_m(), setup.distance_m()),
-                };
-                let at = |mu: f64| ideal(mu) * error(mu);
+                // Without errors, at all bins from zero frequency to the end of the band. It is even along y.
+                match column {
+                    Column::Slope(sign) => ideal
+                        .iter_mut()
+                        .enumerate()
+                        .for_each(|(bin, value)| *value = band.slope(signed(bin, bins_y) / pitch_m) * sign),
+                    _ => sample_column(nu / pitch_m, 1.0 / (bins_y as f64 * pitch_m), light, ideal),
+                }
+                let value = |bin: usize| ideal[bin.min(bins_y - bin)] * error(signed(bin, bins_y));
                 // The slopes are a correction already, and have none.
                 let slope = |sign: f64| match column {
                     Column::Slope(_) => Complex64::ZERO,
                     _ => band.slope(nu / pitch_m) * error(0.5 * sign) * sign,
                 };
-                let ends = [-1.0, 1.0].map(|sign| End { value: at(0.5 * sign), slope: slope(sign) });
+                let at_end = ideal[bins_y / 2];
+                let ends = [-1.0, 1.0].map(|sign| End { value: at_end * error(0.5 * sign), slope: slope(sign) });
                 let has_correction = !matches!(column, Column::Slope(_));
-                let value = |bin: usize| at(signed(bin, bins_y));
                 fill(sequence, &turns, offset_y, value, ends, columns.is_even);
                 fft_y.process_with_scratch(sequence, scratch);
                 for (row, out) in out.iter_mut().enumerate() {

@@ -42,6 +42,7 @@ mod fresnel_impulse_response;
 mod fresnel_transfer_function;
 mod impulse_response;
 mod limits;
+mod pixel_line;
 mod pixel_response;
 pub mod planner;
 mod quantity;

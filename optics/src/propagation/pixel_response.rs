@@ -42,11 +42,11 @@ const NODES: [(f64, usize); 6] = [(1e-3, 2), (0.1, 3), (0.4, 5), (1.0, 7), (2.0,
 /// The response g of a display's pixels.
 #[derive(Clone, Debug)]
 pub(super) struct PixelResponse {
-    wavelength_m: f64,
-    distance_m: f64,
+    pub(super) wavelength_m: f64,
+    pub(super) distance_m: f64,
     /// Half of a pixel's bright area along x and y \[m\].
-    half_m: [f64; 2],
-    scale: f64,
+    pub(super) half_m: [f64; 2],
+    pub(super) scale: f64,
     rule: Rule,
 }
 
@@ -75,6 +75,18 @@ impl PixelResponse {
             scale: 1.0 / (fill[0] * fill[1]).sqrt(),
             rule: Rule::new(nodes),
         }
+    }
+
+    /// Nodes of the rule along a side of a pixel, from −1 to 1.
+    #[inline(always)]
+    pub(super) fn nodes(&self) -> &[f64] {
+        self.rule.nodes()
+    }
+
+    /// Coefficients of the Legendre polynomials that a value at a node contributes.
+    #[inline(always)]
+    pub(super) fn coefficients(&self, node: usize) -> &[f64; NODES_MAX] {
+        &self.rule.coefficients[node]
     }
 
     /// g at a point of the image, `x_m` and `y_m` from the pixel's axis \[m\].
@@ -140,6 +152,7 @@ impl Rule {
         Self { count, nodes, coefficients }
     }
 
+    #[inline(always)]
     fn nodes(&self) -> &[f64] {
         &self.nodes[..self.count]
     }

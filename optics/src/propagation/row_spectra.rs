@@ -80,14 +80,13 @@ impl<T: Number> RowSpectra<T> {
         let gather = |_: Range<usize>, _: &mut Vec<Complex32>| {};
         Self::new(setup, gather, |lag_y, _, Scratch { sequence, .. }| {
             let (y_m, width_px) = ((lag_y + offset_y) * pitch_m, sequence.len() / 2);
-            let at = |column: usize| {
-                lag(column, width_px).map_or(Complex64::ZERO, |lag_x| response.at((lag_x + offset_x) * pitch_m, y_m))
-            };
+            let (from_0, from_minus_side) = sequence.split_at_mut(width_px);
+            response.line(y_m, |column| (column as f64 + offset_x) * pitch_m, from_0);
             if offset_x == 0.0 {
-                (0..width_px).for_each(|column| sequence[column] = at(column));
-                (1..width_px).for_each(|column| sequence[2 * width_px - column] = sequence[column]);
+                (1..width_px).for_each(|column| from_minus_side[width_px - column] = from_0[column]);
             } else {
-                sequence.iter_mut().enumerate().for_each(|(column, value)| *value = at(column));
+                let lag_x = |column| column as f64 - width_px as f64;
+                response.line(y_m, |column| (lag_x(column) + offset_x) * pitch_m, from_minus_side);
             }
         })
     }

@@ -4,9 +4,12 @@
 //! The independent model computes in f64. It shares the display's parameters with the engine, but no transform,
 //! padding, transfer function or place between the pixels.
 
+mod free_space;
 mod frequencies;
 mod kernels;
 mod model;
+mod modulator;
+mod vectors;
 
 use crate::display::{Carrier, Detector, DisplayModel, KernelShape, OpticalSetup, Orders};
 use crate::error::Result;
@@ -158,10 +161,10 @@ impl OpinionSize {
     pub(crate) fn bytes(&self, [height_px, width_px]: [usize; 2]) -> u64 {
         let (height, width) = (height_px as u64, width_px as u64);
         let rows = height.min(Effort::CHEAP.rows_max as u64 * self.rows_for_each);
-        // The tables along y; the field, spectra of rows, and the lines of the image.
+        // The tables along y; the field, spectra of rows by rows and by panels, and the lines of the image.
         let places = 4;
         let along_y = self.along_axis * (rows * places + 2 * places * places);
-        let fields = height * width + PANELS as u64 * height + rows * places * places * width;
+        let fields = height * width + 2 * PANELS as u64 * height + rows * places * places * width;
         COMPLEX_BYTES * (along_y + fields) + self.kernel_bytes
     }
 }

@@ -18,20 +18,22 @@
 //!
 //! The integral along x is summed node by node of its panels, so that the whole spectrum is never held.
 
+use super::free_space::{free_space, free_space_along_y, turn};
 use super::frequencies::{Axis, Frequencies, PANELS, frequency};
 use super::kernels::{Parts, Residual};
-use crate::display::{Carrier, DisplayModel, KernelShape, OpticalSetup};
+use super::modulator::on_modulator;
+use super::vectors::{self, dots, fold_products};
+use crate::display::{Carrier, DisplayModel, KernelShape};
 use crate::hologram::Wanted;
 use crate::interrupt;
 use crate::numerics::buffers::zeros;
-use crate::numerics::chebyshev::position;
 use crate::numerics::smooth_field::SeriesAlongY;
 use crate::numerics::{Plane, SmoothField};
 use lightpath_fft::{Fft, FftPlanner};
 use num_complex::Complex64;
 use rayon::prelude::*;
 use std::collections::BTreeSet;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 use std::sync::Arc;
 
 /// Places in each pixel, from its centre \[px\]: all pairs of these along x and y.
@@ -143,75 +145,6 @@ fn sharp_light(
     lights
 }
 
-/// Field on the modulator: k · source · dust · (e^{ir(ψ)} + z₀), with k = ±1 the sign of the carrier's grating.
-fn on_modulator(model: &DisplayModel, carrier: Option<Carrier>, phase: &Plane<f32>) -> Plane<Complex64> {
-    let (height_px, width_px) = (phase.height_px(), phase.width_px());
-    let sign = |y: usize, x: usize| carrier.map_or(1.0, |carrier| carrier.sign(y, x));
-    let wrapped = Plane::from_fn(height_px, width_px, |y, x| {
-        let grating = if sign(y, x) < 0.0 { PI } else { 0.0 };
-        (f64::from(phase.at(y, x)) + grating).rem_euclid(TAU)
-    });
-    let shown = blurred(&wrapped, model);
-    let mut field = Plane::filled(height_px, width_px, Complex64::ZERO);
-    field.values_mut().par_chunks_mut(width_px).enumerate().for_each(|(y, row)| {
-        interrupt::check();
-        for (x, u) in row.iter_mut().enumerate() {
-            let (at_x, at_y, psi) = (position(x, width_px), position(y, height_px), shown.at(y, x));
-            let harmonic = |(k, [a, b]): (usize, &[f64; 2])| {
-                let (sin, cos) = ((k + 1) as f64 * psi).sin_cos();
-                a * sin + b * cos
-            };
-            let bend: f64 = model.response.iter().enumerate().map(harmonic).sum();
-            let response = (1.0 + model.response_variation.value(at_x, at_y)) * psi + bend;
-            let light = model.source.value(at_x, at_y) * model.dust.factor(y, x);
-            *u = sign(y, x) * light * (Complex64::cis(response) + model.zero_order);
-        }
-    });
-    field
-}
-
-/// Cross-talk: a Gaussian mean over the pixels up to three away along x, then along y.
-fn blurred(phase: &Plane<f64>, model: &DisplayModel) -> Plane<f64> {
-    let mut blurred = phase.clone();
-    let (last_y, last_x) = (phase.height_px() as i64 - 1, phase.width_px() as i64 - 1);
-    for (axis, sigma_px) in model.crosstalk.sigma_px().into_iter().enumerate() {
-        if sigma_px == 0.0 {
-            continue;
-        }
-        let weight = |away: i64| (-0.5 * (away as f64 / sigma_px).powi(2)).exp();
-        let total: f64 = (-3..=3).map(weight).sum();
-        let before = blurred;
-        blurred = Plane::from_fn(phase.height_px(), phase.width_px(), |y, x| {
-            let near = |away: i64| match axis {
-                0 => before.at(y, (x as i64 + away).clamp(0, last_x) as usize),
-                _ => before.at((y as i64 + away).clamp(0, last_y) as usize, x),
-            };
-            (-3..=3).map(|away| weight(away) / total * near(away)).sum()
-        });
-    }
-    blurred
-}
-
-/// H of free space at frequencies in 1/m, without its piston.
-fn free_space(setup: &OpticalSetup, fx: f64, fy: f64) -> Complex64 {
-    let (z, wavelength_m) = (setup.distance_m(), setup.wavelength_m());
-    let sine_squared = wavelength_m * wavelength_m * (fx * fx + fy * fy);
-    if sine_squared >= 1.0 {
-        // Waves that do not travel; backwards they would grow without bound.
-        return match z < 0.0 {
-            true => Complex64::ZERO,
-            false => turn(-z / wavelength_m) * (-TAU * z / wavelength_m * (sine_squared - 1.0).sqrt()).exp(),
-        };
-    }
-    // √(1 − s²) − 1 = −s²/(1 + √(1 − s²)), which does not cancel.
-    turn(-z / wavelength_m * sine_squared / (1.0 + (1.0 - sine_squared).sqrt()))
-}
-
-/// e^{i2π·cycles}, after subtracting whole cycles.
-fn turn(cycles: f64) -> Complex64 {
-    Complex64::cis(TAU * (cycles - cycles.round()))
-}
-
 fn tilts(model: &DisplayModel) -> [f64; 2] {
     let KernelShape::Smooth(kernel) = &model.kernel else { return [0.0; 2] };
     let term = |wanted| kernel.basis().degrees().zip(&kernel.phase).find(|(degrees, _)| *degrees == wanted);
@@ -232,15 +165,8 @@ fn sinc(x: f64) -> f64 {
     if x == 0.0 { 1.0 } else { (PI * x).sin() / (PI * x) }
 }
 
-fn dot(a: &[Complex64], b: &[Complex64]) -> Complex64 {
-    let product = |(a, b): (&[Complex64], &[Complex64])| a.iter().zip(b).map(|(a, b)| a * b).sum::<Complex64>();
-    // Four sums that do not wait for each other.
-    let (a, b) = (a.chunks_exact(4), b.chunks_exact(4));
-    let rest = product((a.remainder(), b.remainder()));
-    let mut sums = [Complex64::ZERO; 4];
-    a.zip(b).for_each(|(a, b)| (0..4).for_each(|i| sums[i] += a[i] * b[i]));
-    rest + sums.iter().sum::<Complex64>()
-}
+/// Frequencies along x whose fields on the rows are computed together.
+const TOGETHER: usize = 4;
 
 /// Tables and transforms for all frequencies.
 struct Tables<'a> {
@@ -266,7 +192,7 @@ struct Tables<'a> {
     /// For each node along y, e^{−i2πν₀y} on the rows of the display and of the residual, ν₀ its lowest frequency.
     lowest_y: Vec<Vec<Complex64>>,
     /// For each wanted row each place along y: e^{i2πν(y + place)} at all frequencies along y.
-    waves_y: Vec<Vec<Complex64>>,
+    waves_y: Vec<vectors::Parts>,
 }
 
 impl<'a> Tables<'a> {
@@ -280,7 +206,7 @@ impl<'a> Tables<'a> {
         let lowest = |&(node, _): &(f64, f64)| (0..rows_max).map(|y| turn(-frequency(0, node) * y as f64)).collect();
         let at: Vec<f64> =
             rows.iter().flat_map(|&row| places.along_y.iter().map(move |place| row as f64 + place)).collect();
-        let waves = |at: &f64| frequencies_y.iter().map(|(frequency, _)| turn(frequency * at)).collect();
+        let waves = |at: &f64| vectors::Parts::of(frequencies_y.iter().map(|(frequency, _)| turn(frequency * at)));
         Self {
             model,
             mode: None,
@@ -312,55 +238,85 @@ impl<'a> Tables<'a> {
             let of_part = |window: &Option<Vec<f64>>| self.spectra_of_rows(field, window.as_deref(), node);
             let spectra: Vec<_> = self.parts.along_x.iter().map(of_part).collect();
             let residual = self.residual.as_ref().map(|residual| self.spectra_of_rows(&residual.response, None, node));
-            let column = |panel| self.column(&spectra, residual.as_deref(), panel, frequency(panel, node));
-            let columns: Vec<Vec<Complex64>> = (0..PANELS).into_par_iter().map(column).collect();
+            let behind = |panel| self.behind(&spectra, residual.as_ref(), panel, frequency(panel, node));
+            // The spectra behind all orders take much memory, one for each place.
+            let columns = match self.has_orders() {
+                true => self.columns::<1>(behind),
+                false => self.columns::<TOGETHER>(behind),
+            };
             self.add(&columns, node, weight, &mut image);
         }
         image
     }
 
-    /// Spectra of the rows times a window along x, at one node of all panels along x: for each row PANELS values.
-    fn spectra_of_rows(&self, field: &Plane<Complex64>, window: Option<&[f64]>, node: f64) -> Vec<Complex64> {
+    /// Field on the wanted rows at one node of all panels along x, from the spectra `behind` the optics in each panel.
+    fn columns<const COUNT: usize>(
+        &self,
+        behind: impl Fn(usize) -> Vec<vectors::Parts> + Sync + Send,
+    ) -> Vec<Vec<Complex64>> {
+        let groups = (0..PANELS / COUNT).into_par_iter().flat_map_iter(|group| {
+            interrupt::check();
+            self.on_rows::<COUNT>(&std::array::from_fn(|i| behind(group * COUNT + i)))
+        });
+        groups.collect()
+    }
+
+    /// Spectra of the rows times a window along x, at one node of all panels along x: for each panel all rows.
+    fn spectra_of_rows(&self, field: &Plane<Complex64>, window: Option<&[f64]>, node: f64) -> Vec<Vec<Complex64>> {
         let factor = |x: usize| window.map_or(1.0, |window| window[x]);
         let wave: Vec<Complex64> =
             (0..field.width_px()).map(|x| turn(-frequency(0, node) * x as f64) * factor(x)).collect();
-        let mut spectra = vec![Complex64::ZERO; field.height_px() * PANELS];
+        let mut spectra: Vec<Complex64> = zeros(field.height_px() * PANELS);
         spectra.par_chunks_exact_mut(PANELS).enumerate().for_each(|(y, spectrum)| {
             interrupt::check();
-            for (u, wave) in field.row(y).chunks(PANELS).zip(wave.chunks(PANELS)) {
-                spectrum.iter_mut().zip(u).zip(wave).for_each(|((sum, u), wave)| *sum += u * wave);
-            }
+            fold_products(field.row(y), &wave, spectrum);
             self.to_panels.process(spectrum);
         });
-        spectra
+        let of_panel = |panel: usize| spectra[panel..].iter().step_by(PANELS).copied().collect();
+        (0..PANELS).into_par_iter().map(of_panel).collect()
     }
 
-    /// Spectrum of the rows times a window along y, at one frequency along x and all frequencies along y.
-    fn spectrum_along_y(&self, spectra: &[Complex64], window: Option<&[f64]>, panel: usize) -> Vec<Complex64> {
+    /// Spectrum of one panel's rows times a window along y, at all frequencies along y.
+    fn spectrum_along_y(&self, rows: &[Complex64], window: Option<&[f64]>) -> Vec<Complex64> {
+        let windowed = window.map(|window| rows.iter().zip(window).map(|(u, window)| u * window).collect::<Vec<_>>());
+        let rows = windowed.as_deref().unwrap_or(rows);
         let mut spectrum = vec![Complex64::ZERO; self.frequencies_y.len()];
         for (spectrum, lowest) in spectrum.chunks_exact_mut(PANELS).zip(&self.lowest_y) {
-            for (y, (row, lowest)) in spectra.chunks_exact(PANELS).zip(lowest).enumerate() {
-                spectrum[y % PANELS] += row[panel] * lowest * window.map_or(1.0, |window| window[y]);
-            }
+            fold_products(rows, lowest, spectrum);
             self.to_panels.process(spectrum);
         }
         spectrum
     }
 
-    /// Field on the wanted rows at one frequency along x: for each row and place along y (and x, where the places have
-    /// transfer functions of their own).
-    fn column(
+    /// Field on the wanted rows at some frequencies along x: for each row and place along y (and x, where the places have
+    /// transfer functions of their own). `behind` are the spectra at these frequencies; they share what is read of each
+    /// wave.
+    fn on_rows<const COUNT: usize>(&self, behind: &[Vec<vectors::Parts>; COUNT]) -> [Vec<Complex64>; COUNT] {
+        let across = behind[0].len() / if self.has_orders() { self.places.along_y.len() } else { 1 };
+        let mut columns = std::array::from_fn(|_| Vec::with_capacity(self.waves_y.len() * across));
+        for (i, wave) in self.waves_y.iter().enumerate() {
+            let first = if self.has_orders() { i % self.places.along_y.len() * across } else { 0 };
+            for place in first..first + across {
+                let fields = dots(behind.each_ref().map(|spectra| &spectra[place]), wave);
+                columns.iter_mut().zip(fields).for_each(|(column, field)| column.push(field));
+            }
+        }
+        columns
+    }
+
+    /// Spectra of the field at one frequency along x, behind the optics and times the weights of the integral: for each
+    /// place that has a transfer function of its own.
+    fn behind(
         &self,
-        spectra: &[Vec<Complex64>],
-        residual: Option<&[Complex64]>,
+        spectra: &[Vec<Vec<Complex64>>],
+        residual: Option<&Vec<Vec<Complex64>>>,
         panel: usize,
         along_x: f64,
-    ) -> Vec<Complex64> {
-        interrupt::check();
+    ) -> Vec<vectors::Parts> {
         let mut sum = vec![Complex64::ZERO; self.frequencies_y.len()];
         for (part_y, window) in self.parts.along_y.iter().enumerate() {
             for (part_x, spectra) in spectra.iter().enumerate() {
-                let spectrum = self.spectrum_along_y(spectra, window.as_deref(), panel);
+                let spectrum = self.spectrum_along_y(&spectra[panel], window.as_deref());
                 let errors = self.parts.errors(part_x, part_y).map(|errors| SeriesAlongY::new(errors, 2.0 * along_x));
                 for ((sum, u), (frequency, _)) in sum.iter_mut().zip(spectrum).zip(&self.frequencies_y) {
                     *sum += errors.as_ref().map_or(u, |errors| u * errors.at(2.0 * frequency));
@@ -372,45 +328,52 @@ impl<'a> Tables<'a> {
             *u *= weight * of_mode * self.ghost(along_x, frequency);
         }
         if self.has_orders() {
-            return self.column_of_orders(&sum, along_x);
+            return self.behind_orders(&sum, along_x);
         }
         let residual = residual.zip(self.residual.as_ref()).map(|(spectra, residual)| {
-            let mut spectrum = self.spectrum_along_y(spectra, None, panel);
+            let mut spectrum = self.spectrum_along_y(&spectra[panel], None);
             let [lag_x, lag_y] = residual.first_lags();
             for (value, (frequency, _)) in spectrum.iter_mut().zip(&self.frequencies_y) {
                 *value *= turn(-along_x * lag_x) * turn(-frequency * lag_y);
             }
             spectrum
         });
-        self.column_of_first(sum, residual.as_deref(), along_x)
+        vec![self.behind_first(sum, residual.as_deref(), along_x)]
     }
 
     /// Factor of the kernel's ghost at a frequency \[cycles per pixel\].
     fn ghost(&self, fx: f64, fy: f64) -> Complex64 {
         let ghost = &self.model.ghost;
+        if ghost.amplitude == Complex64::ZERO {
+            return Complex64::ONE;
+        }
         let defocus_rad = ghost.defocus_rad * 4.0 * (fx * fx + fy * fy);
         let shift = fx * ghost.shift_px[0] + fy * ghost.shift_px[1];
         1.0 + ghost.amplitude * Complex64::cis(defocus_rad) * turn(shift)
     }
 
-    fn column_of_first(
+    fn behind_first(
         &self,
         mut spectrum: Vec<Complex64>,
         residual: Option<&[Complex64]>,
         along_x: f64,
-    ) -> Vec<Complex64> {
+    ) -> vectors::Parts {
         let (setup, filter) = (&self.model.setup, self.model.setup.orders().filter());
         let pitch_m = setup.grid().pixel_pitch_m();
-        for (i, (u, (frequency, _))) in spectrum.iter_mut().zip(&self.frequencies_y).enumerate() {
+        let free_space =
+            free_space_along_y(setup, along_x / pitch_m, || self.frequencies_y.iter().map(|(y, _)| y / pitch_m));
+        for (i, ((u, (frequency, _)), free_space)) in
+            spectrum.iter_mut().zip(&self.frequencies_y).zip(free_space).enumerate()
+        {
             let passed = filter.map_or(1.0, |filter| filter.passed(along_x, *frequency));
             let beside = residual.map_or(Complex64::ZERO, |residual| residual[i]);
-            *u *= free_space(setup, along_x / pitch_m, frequency / pitch_m) * passed + beside;
+            *u *= free_space * passed + beside;
         }
-        self.waves_y.iter().map(|wave| dot(&spectrum, wave)).collect()
+        vectors::Parts::of(spectrum.into_iter())
     }
 
-    fn column_of_orders(&self, spectrum: &[Complex64], along_x: f64) -> Vec<Complex64> {
-        let (across, down) = (self.places.along_x.len(), self.places.along_y.len());
+    fn behind_orders(&self, spectrum: &[Complex64], along_x: f64) -> Vec<vectors::Parts> {
+        let across = self.places.along_x.len();
         // For each place the spectrum behind its transfer function.
         let mut behind = vec![vec![Complex64::ZERO; spectrum.len()]; self.places.count()];
         let turns = |order: i32, places: &[f64]| -> Vec<Complex64> {
@@ -439,10 +402,7 @@ impl<'a> Tables<'a> {
             }
             behind.iter_mut().zip(&transfers).for_each(|(behind, transfer)| behind[l] = u * transfer);
         }
-        let waves = self.waves_y.iter().enumerate();
-        let of_row_and_place = waves
-            .flat_map(|(i, wave)| behind[i % down * across..][..across].iter().map(move |behind| dot(behind, wave)));
-        of_row_and_place.collect()
+        behind.into_iter().map(|behind| vectors::Parts::of(behind.into_iter())).collect()
     }
 
     /// Errors along y of a kernel of a display that shows all orders: at frequencies of the band, and of what exceeds it.

@@ -16,6 +16,11 @@ pub(crate) fn split_bin(i: usize, n: usize) -> usize {
     if i < n { 2 * i } else { 2 * (i - n) + 1 }
 }
 
+/// Index in the split order of the bin with the opposite frequency.
+pub(super) fn opposite_index(i: usize, n: usize) -> usize {
+    if i < n { (n - i) % n } else { 3 * n - 1 - i }
+}
+
 /// Frequency \[cycles/px\] of the padded bin `bin`, 0 … 2n−1.
 pub(crate) fn frequency_per_px(bin: usize, n: usize) -> f64 {
     crate::numerics::grid::frequency(bin, 2 * n, 1.0)

@@ -1,6 +1,6 @@
 //! Sampled transfer function, in the order in which the column pass reads it.
 
-use super::bins::{frequencies, frequency_per_px, padded_columns, split_bin, tile_columns};
+use super::bins::{frequencies, frequency_per_px, opposite_index, padded_columns, split_bin, tile_columns};
 use crate::interrupt;
 use crate::numerics::buffers::zeros;
 use crate::numerics::real::Number;
@@ -90,6 +90,27 @@ impl<T: Number> Transfer<T> {
         for (value, row) in column.iter_mut().zip(tile.chunks_exact(self.tile_columns)) {
             *value = row[k];
         }
+    }
+
+    /// The transfer function with the opposite frequencies along each axis (x, y) where `mirrored` is true.
+    pub(crate) fn mirrored(&self, mirrored: [bool; 2]) -> Self {
+        let (width_px, height_px, tile_columns) = (self.width_px, self.height_px, self.tile_columns);
+        let from = |i: usize, n: usize, mirrored: bool| if mirrored { opposite_index(i, n) } else { i };
+        let mut mirror = Self::zeros(height_px, width_px);
+        mirror.write_tiles(
+            || (),
+            |(), columns, tile| {
+                interrupt::check();
+                for (k, i) in columns.enumerate() {
+                    let i = from(i, width_px, mirrored[0]);
+                    let column = &self.tile(i / tile_columns)[i % tile_columns..];
+                    for (row, out) in tile.chunks_exact_mut(tile_columns).enumerate() {
+                        out[k] = column[from(row, height_px, mirrored[1]) * tile_columns];
+                    }
+                }
+            },
+        );
+        mirror
     }
 
     /// Even and odd rows of a tile.

@@ -190,7 +190,7 @@ impl Finished<'_> {
                 judged_by,
                 in_photograph,
                 propagation: plane.validity.clone(),
-                other_orders_psnr_db: other_orders_psnr_db(self.setup, plane, &displayed, wanted)?,
+                other_orders_psnr_db: other_orders_psnr_db((context, self.setup), plane, &displayed, wanted)?,
                 second_opinion: opinion.map(finite_opinion).transpose()?,
             });
         }
@@ -243,14 +243,14 @@ fn picture_so_far(optimization: &mut Optimization, intensity_scale: f64) -> Opti
 
 /// What the hologram would show on a display of the other kind. A carrier needs optics that filter the orders.
 fn other_orders_psnr_db(
-    setup: &HologramSetup,
+    (context, setup): (&JobContext, &HologramSetup),
     plane: &PlaneSetup,
     phases: &[Plane<f32>],
     wanted: Wanted<'_>,
 ) -> Result<Option<f64>, TaskError> {
     let model = plane.with_other_orders.as_ref().filter(|_| setup.display.carrier.is_none());
     let Some(model) = model else { return Ok(None) };
-    let psnr_db = pixel_psnr_db(model, phases, wanted)?;
+    let psnr_db = pixel_psnr_db(context.engines(), model, phases, wanted)?;
     Ok(Some(finite("the quality with the other orders", psnr_db.min(DetectorQuality::PSNR_DB_MAX))?))
 }
 
