@@ -307,6 +307,31 @@ test("a sweep is a table and a plot over the parameters that differ", async () =
   assert.deepEqual(page.problems, []);
 });
 
+test("a display is declared, and a hologram for it begins with all its colours", async () => {
+  const page = await openPage(browser, server.url);
+  await page.goto(`${server.url}/#/displays`);
+  await page.getByText("Declare a display").click();
+  await page.getByLabel("Name: a-z, 0-9 and -").fill("colours");
+  await page.getByLabel("Width").fill("160");
+  await page.getByLabel("Height").fill("96");
+  await page.getByLabel("Pixel pitch").fill("8");
+  await page.getByLabel("Wavelengths, separated by commas").fill("638, 520 and 450");
+  await page.getByRole("button", { name: "Declare the display" }).click();
+  await page.getByText("Has a part that is no number; write nanometres such as 638, 520, 450.").waitFor();
+  await page.getByLabel("Wavelengths, separated by commas").fill("6380, 520, 450");
+  await page.getByRole("button", { name: "Declare the display" }).click();
+  await page.getByText(/^Is 0.00000638, but must be|^Is 6.38e-6; must be/i).waitFor();
+  await page.getByLabel("Wavelengths, separated by commas").fill("638, 520, 450");
+  await page.getByRole("button", { name: "Declare the display" }).click();
+  await page.getByRole("heading", { level: 1, name: "colours" }).waitFor();
+  const { modulator, wavelengthsM } = await server.get("displays/colours");
+  assert.deepEqual([modulator.pixelPitchXM, wavelengthsM], [8e-6, [638e-9, 520e-9, 450e-9]]);
+  await page.goto(`${server.url}/#/new`);
+  await page.getByLabel("Display").selectOption("displays/colours");
+  for (const colour of ["638 nm", "520 nm", "450 nm"]) assert.ok(await page.getByLabel(colour).isChecked(), colour);
+  assert.deepEqual(page.problems.filter((problem) => !/400/.test(problem)), []);
+});
+
 test("the wall fits any screen, is readable from afar, and outlives a restart of the server", async () => {
   const page = await openPage(browser, server.url);
   await page.goto(`${server.url}/#/wall`);

@@ -70,7 +70,8 @@ async fn watch_reports_progress_and_end() {
         let JobChange::Job(job) = change else { panic!("the connection broke") };
         states.push(job.state());
         revisions.push(job.revision);
-        steps.extend(job.progress.as_ref().map(|progress| (progress.step, progress.steps_total)));
+        let iterating = job.progress.as_ref().filter(|progress| progress.stage == "optimize");
+        steps.extend(iterating.map(|progress| (progress.step, progress.steps_total)));
     });
     let done = done.await.unwrap();
     states.dedup();

@@ -91,7 +91,21 @@ async fn foreign_holograms_are_judged_as_they_are() {
         assert!((psnr(&judged, Stage::Optimized) - psnr(&made, stage)).abs() < 1e-3, "{stage:?}");
         assert_eq!(judged.planes[0].reconstruction, made.planes[0].reconstruction);
         assert!(judged.loss > 0.0 && judged.loss < 2.0 * made.loss + 1e-4, "{} {}", judged.loss, made.loss);
+        assert_eq!(judged.notes, [""; 0]);
     }
+    // As a program writes it for which light travels as exp(−ikz), and in degrees.
+    let mut phase = serving.read(&made.subframes[0].phase).await;
+    let values = phase.len() - 4 * 64 * 48;
+    for value in phase[values..].as_chunks_mut().0 {
+        *value = (-f32::from_le_bytes(*value).to_degrees()).to_le_bytes();
+    }
+    let (_, judged) = run(given(&serving.upload(&phase).await), "degrees").await.unwrap();
+    assert!(judged.notes.iter().any(|note| note.contains("are these degrees?")), "{:?}", judged.notes);
+    for value in phase[values..].as_chunks_mut().0 {
+        *value = f32::from_le_bytes(*value).to_radians().to_le_bytes();
+    }
+    let (_, judged) = run(given(&serving.upload(&phase).await), "negated").await.unwrap();
+    assert!(judged.notes.iter().any(|note| note.contains("with the opposite sign")), "{:?}", judged.notes);
     let nothing = v1::OptimizeHologram { iterations: Some(0), ..optimize(&target) };
     expect(run(nothing, "nothing").await, Code::InvalidArgument, "spec.optimize_hologram.iterations is 0");
     let double =

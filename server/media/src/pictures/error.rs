@@ -84,7 +84,10 @@ impl PictureError {
     #[must_use]
     pub fn fix(&self) -> &'static str {
         match self {
-            Self::NotLevels { .. } | Self::NarrowLevels { .. } | Self::LevelTooHigh { .. } | Self::NotAnArray { .. } => {
+            Self::NotLevels { .. }
+            | Self::NarrowLevels { .. }
+            | Self::LevelTooHigh { .. }
+            | Self::NotAnArray { .. } => {
                 "give another hologram: a grey PNG or BMP of levels, or a .npy file of radians"
             }
             _ => "give another picture: PNG, JPEG, TIFF, BMP or .npy",

@@ -14,7 +14,10 @@ async fn display_is_created_once_and_deleted_when_unused() {
     assert_eq!((stored, record), (display("lab"), DisplayRecord { create_time_ms: 1, revision: 1 }));
     let other = Display { bit_depth: 10, ..display("lab") };
     let refused = store.create_display(&other, 2).await.unwrap_err();
-    assert!(matches!(&refused, StoreError::AlreadyExists { detail, .. } if detail.contains("properties (bit depth);")), "{refused}");
+    assert!(
+        matches!(&refused, StoreError::AlreadyExists { detail, .. } if detail.contains("properties (bit depth);")),
+        "{refused}"
+    );
     store.create_display(&display("a-first"), 2).await.unwrap();
     let ids = |page: Vec<(Display, DisplayRecord)>| page.into_iter().map(|(display, _)| display.id).collect::<Vec<_>>();
     assert_eq!(ids(store.displays(None, 50).await.unwrap()), ["a-first", "lab"]);

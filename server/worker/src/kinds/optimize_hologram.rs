@@ -2,7 +2,7 @@
 
 use crate::context::Eta;
 use crate::display_setup::{DisplaySetup, finite};
-use crate::hologram_notes::notes;
+use crate::hologram_notes::{notes, sign_of_given, unit_of_given};
 use crate::hologram_setup::{HologramSetup, PlaneSetup, colours};
 use crate::state_bytes::{HologramState, from_bytes, to_bytes};
 use crate::{JobContext, TaskError, TaskOutput};
@@ -125,6 +125,10 @@ impl RunningJob<'_> {
     }
 }
 
+/// Steps in which a plane is judged: by the kernel of the hologram, by the independent model, by the best model of the
+/// display, and for the other kind of optics.
+const JUDGEMENTS: u32 = 4;
+
 /// The finished hologram of one wavelength.
 struct Finished<'a> {
     setup: &'a HologramSetup,
@@ -137,6 +141,9 @@ impl Finished<'_> {
     fn store(mut self, context: &JobContext, spec: &OptimizeHologram) -> Result<WavelengthResult, TaskError> {
         let display = &self.setup.display;
         let (height_px, width_px) = (display.height_px(), display.width_px());
+        let is_given = steps(spec) == 0;
+        let mut notes = notes(spec, self.setup);
+        notes.extend(unit_of_given(self.optimization.phases()).filter(|_| is_given));
         let (mut subframes, mut phases, mut displayed) = (Vec::new(), Vec::new(), Vec::new());
         for phase in self.optimization.phases().chunks_exact(height_px * width_px) {
             let wrapped = phase.iter().map(|&phi| wrap_f32(f64::from(phi))).collect();
@@ -155,19 +162,30 @@ impl Finished<'_> {
         // Frees the buffers of the optimization before the quality is measured.
         drop(self.optimization);
         let intensity_scale = finite("the gain", intensity_scale(spec.loss.quantity, gain))?;
+        let judgements_total = JUDGEMENTS * self.setup.planes.len() as u32;
+        let judge = |step| {
+            let stage = "judge".to_owned();
+            context.report(Progress { stage, step, steps_total: judgements_total, loss: None, eta_s: None })
+        };
         let mut planes = Vec::new();
         for (p, plane) in self.setup.planes.iter().enumerate() {
+            let done = JUDGEMENTS * p as u32;
+            judge(done)?;
             let belonging = self.setup.belonging(p);
             let wanted = Wanted { target: &plane.target, region: self.setup.region, belonging: belonging.as_ref() };
             let light = light_of_frames(&plane.engine, &displayed)?;
             let reconstruction = light.map(|light| (intensity_scale * f64::from(light)) as f32);
             let reconstruction = context.put_artifact(pictures::grey_png_srgb(&reconstruction)?)?;
+            if is_given && p == 0 {
+                notes.extend(sign_of_given(plane, self.setup.region, &displayed, &light)?);
+            }
             drop(light);
             let quality = |shown: &ShownLight| -> Result<Quality, TaskError> { all_finite(shown.quality(wanted)?) };
             let mut shown = ShownLight::of_sets(&plane.engine, &[&phases, &displayed])?;
             let (quality, quantized_quality) = (quality(&shown[0])?, quality(&shown[1])?);
             let quantized = shown.remove(1);
             drop(shown);
+            judge(done + 1)?;
             let opinion = SecondOpinion::of(
                 (&plane.model, display.carrier),
                 &displayed,
@@ -178,10 +196,12 @@ impl Finished<'_> {
             )?;
             let pixel_gain = quantized.pixel_gain(wanted)?;
             drop(quantized);
+            judge(done + 2)?;
             let (judged_by, in_photograph) = match judged_by((context, spec), self.setup, plane, &displayed, wanted)? {
                 Some((judged, expected)) => (Some(judged), expected),
                 None => (None, expected(plane, &plane.model, &quantized_quality, pixel_gain)),
             };
+            judge(done + 3)?;
             planes.push(PlaneResult {
                 distance: plane.plane.distance,
                 reconstruction,
@@ -194,7 +214,8 @@ impl Finished<'_> {
                 second_opinion: opinion.map(finite_opinion).transpose()?,
             });
         }
-        let (wavelength, loss, notes) = (self.setup.wavelength, self.loss, notes(spec, self.setup));
+        judge(judgements_total)?;
+        let (wavelength, loss) = (self.setup.wavelength, self.loss);
         Ok(WavelengthResult { wavelength, subframes, planes, intensity_scale, loss, largest_amplitude, notes })
     }
 }
