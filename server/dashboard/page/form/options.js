@@ -7,7 +7,7 @@
  * `chosen` is what the server puts in the place of an unspecified value.
  */
 export const OPTIONS = [
-  { path: "iterations", label: "Iterations; 0 judges the phases below More options", fallback: 200, min: 0, max: 10_000, flag: "--iterations", python: "iterations" },
+  { path: "iterations", label: "Iterations; 0 judges given phases", fallback: 200, min: 0, max: 10_000, flag: "--iterations", python: "iterations" },
   { path: "method", label: "Method", prefix: "HOLOGRAM_METHOD", fallback: "LBFGS", flag: "--method", python: "method", choices: [
     ["LBFGS", "L-BFGS: the best picture"], ["ADAM", "Adam"], ["GERCHBERG_SAXTON", "Gerchberg–Saxton: a draft"],
     ["WEIGHTED_GERCHBERG_SAXTON", "weighted Gerchberg–Saxton"], ["DOUBLE_PHASE", "double phase: one pass"]] },

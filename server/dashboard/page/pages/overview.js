@@ -43,8 +43,11 @@ export function overviewPage(root) {
   /** The newest jobs and the running ones, as last read or as events told since. */
   let newest = [];
   let runningNow = [];
+  /** Jobs as events told them while the lists were read: the lists may be older. */
+  let told = [];
 
   const refresh = refresher(latest, async () => {
+    told = [];
     const [queue, runningJobs, failed, jobs] = await Promise.all([
       get("queue").catch((error) => (error.status === 403 ? null : Promise.reject(error))),
       get("jobs", { view: "basic", state: "running", pageSize: 20 }),
@@ -64,6 +67,7 @@ export function overviewPage(root) {
       `${pause.display ? idOf(pause.display) : "The whole queue"} is paused since ${age(pause.since)}: ${pause.reason}`)));
     [newest, runningNow] = [jobs.summaries, runningJobs.summaries];
     if (newest.filter((job) => !isKept(job)).length > TOGETHER) keepJobs((await get("jobs", { pageSize: LATEST })).jobs);
+    told.forEach(place);
     showJobs();
   }, SPACING);
 
@@ -78,11 +82,17 @@ export function overviewPage(root) {
 
   /** Shows a job as an event tells it. So a change is on the page at once, and many dashboards need not read the lists. */
   function take(job) {
+    told.push(job);
+    place(job);
+    showJobs();
+  }
+
+  /** Puts a job into the lists instead of what they have of it. */
+  function place(job) {
     const isOther = ({ name }) => name !== job.name;
     // Names are in the order of the submits.
     newest = [...newest.filter(isOther), job].sort((a, b) => (a.name < b.name ? 1 : -1)).slice(0, LATEST);
     runningNow = [...runningNow.filter(isOther), ...(job.state === "STATE_RUNNING" ? [job] : [])];
-    showJobs();
   }
 
   const refreshSlow = refresher(displays, async () => {
