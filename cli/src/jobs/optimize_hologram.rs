@@ -274,8 +274,9 @@ impl JobKind for OptimizeHologram {
 
 /// The PSNR that a photograph of a hologram is expected to show, of several wavelengths or planes the lowest, for example `31.2 dB`. `–` for other jobs.
 pub(crate) fn psnr(job: &Job) -> String {
-    let wavelengths = hologram_result(job).into_iter().flat_map(|result| &result.wavelengths);
-    let planes = wavelengths.flat_map(|wavelength| &wavelength.planes);
+    let Ok(result) = hologram_result(job) else { return "–".to_owned() };
+    let planes = result.wavelengths.iter().flat_map(|wavelength| &wavelength.planes);
     let found = planes.filter_map(quality::headline_psnr).map(|psnr| psnr.value);
-    found.min_by(f64::total_cmp).map_or_else(|| "–".to_owned(), show::decibel)
+    let lowest = found.min_by(f64::total_cmp).map(show::decibel);
+    lowest.or_else(|| quality::without_headline(result.judged())).unwrap_or_else(|| "–".to_owned())
 }

@@ -39,6 +39,27 @@ def test_the_same_request_gives_the_same_hologram_as_a_server(lab: lightpath.Lab
     assert np.abs(np.clip(here.light, 0, 1) - there.light).max() < 0.005
 
 
+def test_less_judging_leaves_the_hologram_as_it_is(lab: lightpath.Lab) -> None:
+    display = create_bench(lab)
+    full = local.optimize(target(3), iterations=3, **OPTICS)
+    for judge in ("quick", "none"):
+        here = local.optimize(target(3), iterations=3, judge=judge, **OPTICS)
+        there = display.optimize(target(3), distance=DISTANCE, iterations=3, kernel="ideal", judge=judge)
+        for hologram in (here, there):
+            np.testing.assert_array_equal(hologram.phase, full.phase)
+            assert hologram.second_opinion is None
+            if judge == "quick":
+                assert hologram.quality == full.quality
+                continue
+            assert hologram.pictures[0][0].quality is None
+            assert "not judged (judge none)" in repr(hologram)
+            assert "not judged (judge none)" in hologram._repr_html_()
+            with pytest.raises(lightpath.InvalidArgument, match=r"quality is unknown: not judged .judge none."):
+                _ = hologram.quality
+    with pytest.raises(local.EngineRefused, match="judge is none, but must be quick or full"):
+        local.optimize(target(3), iterations=0, initial_phase=full.phase, judge="none", **OPTICS)
+
+
 def test_colours_planes_and_subframes_are_those_of_a_server(lab: lightpath.Lab) -> None:
     wavelengths, distances = ["450nm", "638nm", "520nm"], ["10mm", "12mm"]
     display = lab.create_display("colours", resolution="64x48", pixel_pitch="8um", wavelength=wavelengths)
@@ -291,6 +312,7 @@ def test_wrong_options_are_refused() -> None:
         ({"distance": ["20mm", "2cm"]}, "distance has 20 mm twice"),
         ({"bit_depth": 40}, "bit_depth"),
         ({"fit": "crop"}, "fit is .crop.: choose one of contain"),
+        ({"judge": "some"}, "judge is .some.: choose one of full, quick, none"),
         ({"kernel": local.DisplayModel.ideal("160x96", wavelength=5e-7, pixel_pitch=8e-6, distance=0.02)}, "leave out"),
     ]
     for options, text in wrong:

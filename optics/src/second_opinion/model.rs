@@ -22,7 +22,7 @@ use super::free_space::{free_space, free_space_along_y, turn};
 use super::frequencies::{Axis, Frequencies, PANELS, frequency};
 use super::kernels::{Parts, Residual};
 use super::modulator::on_modulator;
-use super::vectors::{self, dots, fold_products};
+use super::vectors::{Components, dots, fold_products};
 use crate::display::{Carrier, DisplayModel, KernelShape};
 use crate::hologram::Wanted;
 use crate::interrupt;
@@ -192,7 +192,7 @@ struct Tables<'a> {
     /// For each node along y, e^{−i2πν₀y} on the rows of the display and of the residual, ν₀ its lowest frequency.
     lowest_y: Vec<Vec<Complex64>>,
     /// For each wanted row each place along y: e^{i2πν(y + place)} at all frequencies along y.
-    waves_y: Vec<vectors::Parts>,
+    waves_y: Vec<Components>,
 }
 
 impl<'a> Tables<'a> {
@@ -206,7 +206,7 @@ impl<'a> Tables<'a> {
         let lowest = |&(node, _): &(f64, f64)| (0..rows_max).map(|y| turn(-frequency(0, node) * y as f64)).collect();
         let at: Vec<f64> =
             rows.iter().flat_map(|&row| places.along_y.iter().map(move |place| row as f64 + place)).collect();
-        let waves = |at: &f64| vectors::Parts::of(frequencies_y.iter().map(|(frequency, _)| turn(frequency * at)));
+        let waves = |at: &f64| Components::of(frequencies_y.iter().map(|(frequency, _)| turn(frequency * at)));
         Self {
             model,
             mode: None,
@@ -252,7 +252,7 @@ impl<'a> Tables<'a> {
     /// Field on the wanted rows at one node of all panels along x, from the spectra `behind` the optics in each panel.
     fn columns<const COUNT: usize>(
         &self,
-        behind: impl Fn(usize) -> Vec<vectors::Parts> + Sync + Send,
+        behind: impl Fn(usize) -> Vec<Components> + Sync + Send,
     ) -> Vec<Vec<Complex64>> {
         let groups = (0..PANELS / COUNT).into_par_iter().flat_map_iter(|group| {
             interrupt::check();
@@ -291,7 +291,7 @@ impl<'a> Tables<'a> {
     /// Field on the wanted rows at some frequencies along x: for each row and place along y (and x, where the places have
     /// transfer functions of their own). `behind` are the spectra at these frequencies; they share what is read of each
     /// wave.
-    fn on_rows<const COUNT: usize>(&self, behind: &[Vec<vectors::Parts>; COUNT]) -> [Vec<Complex64>; COUNT] {
+    fn on_rows<const COUNT: usize>(&self, behind: &[Vec<Components>; COUNT]) -> [Vec<Complex64>; COUNT] {
         let across = behind[0].len() / if self.has_orders() { self.places.along_y.len() } else { 1 };
         let mut columns = std::array::from_fn(|_| Vec::with_capacity(self.waves_y.len() * across));
         for (i, wave) in self.waves_y.iter().enumerate() {
@@ -312,7 +312,7 @@ impl<'a> Tables<'a> {
         residual: Option<&Vec<Vec<Complex64>>>,
         panel: usize,
         along_x: f64,
-    ) -> Vec<vectors::Parts> {
+    ) -> Vec<Components> {
         let mut sum = vec![Complex64::ZERO; self.frequencies_y.len()];
         for (part_y, window) in self.parts.along_y.iter().enumerate() {
             for (part_x, spectra) in spectra.iter().enumerate() {
@@ -352,12 +352,7 @@ impl<'a> Tables<'a> {
         1.0 + ghost.amplitude * Complex64::cis(defocus_rad) * turn(shift)
     }
 
-    fn behind_first(
-        &self,
-        mut spectrum: Vec<Complex64>,
-        residual: Option<&[Complex64]>,
-        along_x: f64,
-    ) -> vectors::Parts {
+    fn behind_first(&self, mut spectrum: Vec<Complex64>, residual: Option<&[Complex64]>, along_x: f64) -> Components {
         let (setup, filter) = (&self.model.setup, self.model.setup.orders().filter());
         let pitch_m = setup.grid().pixel_pitch_m();
         let free_space =
@@ -369,10 +364,10 @@ impl<'a> Tables<'a> {
             let beside = residual.map_or(Complex64::ZERO, |residual| residual[i]);
             *u *= free_space * passed + beside;
         }
-        vectors::Parts::of(spectrum.into_iter())
+        Components::of(spectrum.into_iter())
     }
 
-    fn behind_orders(&self, spectrum: &[Complex64], along_x: f64) -> Vec<vectors::Parts> {
+    fn behind_orders(&self, spectrum: &[Complex64], along_x: f64) -> Vec<Components> {
         let across = self.places.along_x.len();
         // For each place the spectrum behind its transfer function.
         let mut behind = vec![vec![Complex64::ZERO; spectrum.len()]; self.places.count()];
@@ -402,7 +397,7 @@ impl<'a> Tables<'a> {
             }
             behind.iter_mut().zip(&transfers).for_each(|(behind, transfer)| behind[l] = u * transfer);
         }
-        behind.into_iter().map(|behind| vectors::Parts::of(behind.into_iter())).collect()
+        behind.into_iter().map(|behind| Components::of(behind.into_iter())).collect()
     }
 
     /// Errors along y of a kernel of a display that shows all orders: at frequencies of the band, and of what exceeds it.

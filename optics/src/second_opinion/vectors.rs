@@ -9,9 +9,9 @@ const LANES: usize = 8;
 
 /// Real and imaginary parts of complex numbers, in two arrays.
 #[derive(Clone, Debug)]
-pub(super) struct Parts(Vec<f64>, Vec<f64>);
+pub(super) struct Components(Vec<f64>, Vec<f64>);
 
-impl Parts {
+impl Components {
     pub(super) fn of(values: impl ExactSizeIterator<Item = Complex64>) -> Self {
         let mut parts = Self(Vec::with_capacity(values.len()), Vec::with_capacity(values.len()));
         values.for_each(|value| {
@@ -23,7 +23,7 @@ impl Parts {
 }
 
 /// Σ a·b for several a of one length, a multiple of eight.
-pub(super) fn dots<const COUNT: usize>(a: [&Parts; COUNT], b: &Parts) -> [Complex64; COUNT] {
+pub(super) fn dots<const COUNT: usize>(a: [&Components; COUNT], b: &Components) -> [Complex64; COUNT] {
     vectorized(
         #[inline(always)]
         || {
@@ -128,7 +128,7 @@ mod tests {
     fn sums_of_products_are_those_of_complex_numbers() {
         let value = |i: usize| Complex64::new((i % 7) as f64 - 2.0, (i % 5) as f64);
         let [a, b] = [0, 3].map(|from| (from..from + 24).map(value).collect::<Vec<_>>());
-        let parts = |values: &[Complex64]| Parts::of(values.iter().copied());
+        let parts = |values: &[Complex64]| Components::of(values.iter().copied());
         let expected: Complex64 = a.iter().zip(&b).map(|(a, b)| a * b).sum();
         let squares: Complex64 = b.iter().map(|b| b * b).sum();
         assert_eq!(dots([&parts(&a), &parts(&b)], &parts(&b)), [expected, squares]);

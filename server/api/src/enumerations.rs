@@ -1,7 +1,7 @@
 //! Conversion of enumerations from and to messages.
 
 use lightpath_domain::dataset::{AlignmentMethod, Encoding, FindingKind, Split};
-use lightpath_domain::job::{Area, Fit, JobState};
+use lightpath_domain::job::{Area, Fit, JobState, Judging};
 use lightpath_domain::rollout::RolloutState;
 use lightpath_media::kernel_formats::KernelFormat;
 use lightpath_optics::engine::photometry::Quantity;
@@ -75,6 +75,7 @@ convert_by_name! {
     FilterShape = v1::order_filter::Shape { Rectangle Ellipse }
     Quantity = v1::optimize_hologram::loss::Quantity { Intensity Amplitude }
     Area = v1::optimize_hologram::Area { Region Display }
+    Judging = v1::optimize_hologram::Judging { None Quick Full }
     Fit = v1::optimize_hologram::Fit { Contain Cover Stretch Exact }
     Encoding = v1::Encoding { Linear Srgb }
     RolloutState = v1::rollout::State { Running Completed Halted }

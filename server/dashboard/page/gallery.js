@@ -4,7 +4,7 @@ import { dragOut, fileNameOf } from "./drag_out.js";
 import { h, show } from "./dom.js";
 import { age, decibels, idOf, words } from "./format.js";
 import { framesOf } from "./frames.js";
-import { hologramOf, isKept, photographOf, picturesOf, readHolograms, scoreOf, wholeJob, worstExpected } from "./glance.js";
+import { hologramOf, isKept, isNotJudged, NOT_JUDGED, photographOf, picturesOf, readHolograms, scoreOf, wholeJob, worstExpected } from "./glance.js";
 import { progressOf, stateOf, waitOf } from "./job_rows.js";
 import { PHOTOGRAPHS_SPACING, photographsOf } from "./photographs.js";
 import { columnsFor } from "./picture_source.js";
@@ -140,7 +140,7 @@ function figures(job, score) {
   }
   const photographed = Number.isFinite(score) && [h("strong", {}, decibels(score)), " photographed"];
   const expected = worstExpected(job);
-  if (!expected) return photographed || null;
+  if (!expected) return photographed || (isNotJudged(job) ? NOT_JUDGED : null);
   const all = expected.pictures > 1 ? ` (lowest of ${expected.pictures})` : "";
   return [h("strong", {}, expected.text), ` ${expected.note}${all} `, photographed && h("small", {}, photographed)];
 }

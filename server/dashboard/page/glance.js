@@ -75,6 +75,11 @@ export function expectedOf(plane, kernel) {
   return { text: isExpected ? measuredDecibels(psnrDb) : decibels(psnrDb.value), note, value: psnrDb.value, std: isExpected ? psnrDb.std : undefined, isExpected, by: kernelVersion || kernel };
 }
 
+/** Whether a hologram was made without any judgement. */
+export const isNotJudged = (job) => job.result?.optimizeHologram?.judged === "JUDGING_NONE";
+
+export const NOT_JUDGED = "not judged (judge none)";
+
 /** The planes of a hologram's result, over all its wavelengths, with the kernel of each. */
 export function planesOf(job) {
   const planes = job.result?.optimizeHologram?.wavelengths.flatMap(({ wavelengthM, planes }) => planes.map((plane) => ({ wavelengthM, plane }))) ?? [];

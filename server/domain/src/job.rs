@@ -28,7 +28,7 @@ pub use failure::{FailureReason, JobError};
 pub use kinds::evaluate_kernel::{EvaluateKernel, EvaluateResult, PairLoss};
 pub use kinds::learn_kernel::{LearnKernel, LearnResult, LearnedKernel};
 pub use kinds::optimize_hologram::{
-    Area, Fit, HologramResult, ImagePlane, JudgedBy, OptimizeHologram, PlaneResult, Subframe, WavelengthResult,
+    Area, Fit, HologramResult, ImagePlane, JudgedBy, Judging, OptimizeHologram, PlaneResult, Subframe, WavelengthResult,
 };
 pub use kinds::prepare_dataset::{AlignBy, PrepareDataset, PrepareResult, PrepareStep};
 pub use kinds::report_kernel::{OTHER_VERSIONS_MAX, ReportFigure, ReportKernel, ReportResult};

@@ -13,10 +13,10 @@ use lightpath_domain::display::Display;
 use lightpath_domain::expected_psnr::ExpectedPsnr;
 use lightpath_domain::job::{
     AlignBy, Area, CaptureResult, EvaluateKernel, EvaluateResult, FailureReason, Fit, HologramResult, ImagePlane,
-    JobError, JobResult, JobSpec, JudgedBy, LearnKernel, LearnResult, LearnedKernel, OptimizeHologram, PairLoss,
-    PlaneOpinion, PlaneResult, PrepareDataset, PrepareResult, PrepareStep, Progress, ReportFigure, ReportKernel,
-    ReportResult, SimulateCapture, Subframe, SuggestHolograms, SuggestResult, SuggestedHologram, VerifyHologram,
-    VerifyResult, WavelengthResult,
+    JobError, JobResult, JobSpec, JudgedBy, Judging, LearnKernel, LearnResult, LearnedKernel, OptimizeHologram,
+    PairLoss, PlaneOpinion, PlaneResult, PrepareDataset, PrepareResult, PrepareStep, Progress, ReportFigure,
+    ReportKernel, ReportResult, SimulateCapture, Subframe, SuggestHolograms, SuggestResult, SuggestedHologram,
+    VerifyHologram, VerifyResult, WavelengthResult,
 };
 use lightpath_domain::kernel::{CapturedQuality, KernelKey, KernelMetrics};
 use lightpath_domain::kernel_format::KernelFormat;
@@ -131,6 +131,7 @@ fn hologram_jobs_are_stored_as_before() {
         region_of_interest: region(),
         weight_mask: Some(digest(5)),
         quantization_aware: true,
+        judge: Judging::Quick,
     };
     check_job("optimize_hologram_full", &JobSpec::OptimizeHologram(Box::new(spec.clone())));
     spec.wavelengths.truncate(1);
@@ -286,8 +287,8 @@ fn hologram_capture_and_evaluation_results_are_stored_as_before() {
     let plane = PlaneResult {
         distance: NEAR,
         reconstruction: digest(3),
-        quality,
-        quantized_quality: quality,
+        quality: Some(quality),
+        quantized_quality: Some(quality),
         propagation: propagation(),
         judged_by: Some(JudgedBy {
             key: KernelKey { display: "lab".to_owned(), wavelength: GREEN, distance: NEAR },
@@ -313,6 +314,7 @@ fn hologram_capture_and_evaluation_results_are_stored_as_before() {
         detector: Detector::Pixel,
         iterations: 200,
         iteration_time_s: 0.0025,
+        judged: Judging::Full,
     };
     check_stored("hologram_result", &JobResult::OptimizeHologram(Box::new(holograms)));
     check_stored(

@@ -34,6 +34,7 @@ mod computer;
 mod config;
 mod context;
 mod display_setup;
+mod hologram_judgement;
 mod hologram_notes;
 mod hologram_setup;
 mod job_memory;

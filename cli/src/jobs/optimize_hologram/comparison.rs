@@ -7,7 +7,7 @@ use crate::words::WordParser;
 use clap::Args;
 use lightpath::v1::{
     self, OptimizeHologram,
-    optimize_hologram::{Area, Fit},
+    optimize_hologram::{Area, Fit, Judging},
 };
 use std::path::PathBuf;
 
@@ -47,6 +47,10 @@ pub(super) struct Comparison {
     /// target's edges vanish in the light that the picture does not need [default: region; with --fit exact, display]
     #[arg(long, value_parser = WordParser::<Area>::new())]
     area: Option<Area>,
+
+    /// Choose how thoroughly the hologram is judged, which takes as long as some steps of the optimization
+    #[arg(long, default_value = "full", value_parser = WordParser::<Judging>::new())]
+    judge: Judging,
 }
 
 impl Comparison {
@@ -75,6 +79,7 @@ impl Comparison {
             detector: self.detector.into(),
             region: self.region,
             weight_mask,
+            judge: self.judge.into(),
             ..spec
         })
     }

@@ -5,7 +5,7 @@ use crate::table::Table;
 use lightpath::Words as _;
 use lightpath::judgements::{self, judgement};
 use lightpath::v1::{
-    Detector, Judgement, Measure, PropagationMethod, UsedKernel, judgement::Stage,
+    Detector, Judgement, Measure, PropagationMethod, UsedKernel, judgement::Stage, optimize_hologram::Judging,
     optimize_hologram_result::PlaneResult,
 };
 
@@ -31,6 +31,21 @@ pub(super) fn table(plane: &PlaneResult) -> String {
         }
     }
     if rows == 0 { String::new() } else { table.text() }
+}
+
+/// What stands in the place of what a photograph is expected to show, in a job that judges nothing.
+pub(super) fn without_headline(judged: Judging) -> Option<String> {
+    (judged == Judging::None).then(|| not_judged(judged))
+}
+
+/// What stands in the place of the other optics and the second opinion, in a job that judges quickly.
+pub(super) fn without_others(judged: Judging) -> Option<String> {
+    (judged == Judging::Quick).then(|| not_judged(judged))
+}
+
+/// For example `not judged (judge quick)`.
+fn not_judged(judged: Judging) -> String {
+    format!("not judged (judge {})", judged.word())
 }
 
 /// The judgement to believe: what a photograph is expected to show; `None`: it was not measured.
@@ -107,7 +122,7 @@ pub(super) fn second_opinion(plane: &PlaneResult) -> Option<String> {
 
 /// Six cells: PSNR that a photograph is expected to show, then PSNR of the optimized phase by the hologram's own kernel for
 /// the detectors point, pixel and supersampled, then SSIM and diffraction efficiency that a photograph is expected to show.
-pub(super) fn summary(plane: &PlaneResult) -> [String; 6] {
+pub(super) fn summary(plane: &PlaneResult, judged: Judging) -> [String; 6] {
     let optimized = [Detector::Point, Detector::Pixel, Detector::Supersampled].map(|detector| {
         let judged = judgement(&plane.judgements, Stage::Optimized, detector);
         or_dash(judged.map(Judgement::psnr), show::decibel)
@@ -116,7 +131,10 @@ pub(super) fn summary(plane: &PlaneResult) -> [String; 6] {
     let [point, pixel, supersampled] = optimized;
     let efficiency = expected.and_then(|judged| judged.diffraction_efficiency);
     [
-        headline_psnr(plane).map_or_else(|| "–".to_owned(), show::measured_decibel),
+        headline_psnr(plane)
+            .map(show::measured_decibel)
+            .or_else(|| without_headline(judged))
+            .unwrap_or_else(|| "–".to_owned()),
         point,
         pixel,
         supersampled,
@@ -178,8 +196,12 @@ mod tests {
         assert_eq!(words(lines[1]), "point as optimized 46.3 dB – – – – –");
         assert_eq!(words(lines[2]), "pixel as optimized 27.7 dB 0.9123 0.9877 71.2 % 95.0 % 0.031");
         assert_eq!(table(&PlaneResult::default()), "");
-        assert_eq!(summary(&shown), ["–", "46.3 dB", "27.7 dB", "–", "–", "–"]);
+        assert_eq!(summary(&shown, Judging::Full), ["–", "46.3 dB", "27.7 dB", "–", "–", "–"]);
         assert_eq!((other_orders(&shown), second_opinion(&shown), headline_psnr(&shown)), (None, None, None));
+        assert_eq!(summary(&shown, Judging::None)[0], "not judged (judge none)");
+        let quick = Some("not judged (judge quick)".to_owned());
+        assert_eq!((without_headline(Judging::Quick), without_others(Judging::Quick)), (None, quick));
+        assert_eq!((without_headline(Judging::Full), without_others(Judging::Full)), (None, None));
     }
 
     #[test]
@@ -229,7 +251,7 @@ mod tests {
         let text =
             "19.1 ± 0.8 dB expected, by displays/lab/kernels/515nm-150mm/versions/3, the active kernel of the display";
         assert_eq!(in_photograph(&both, Some(&UsedKernel::default())).as_deref(), Some(text));
-        assert_eq!(summary(&both)[0], "19.1 ± 0.8 dB");
+        assert_eq!(summary(&both, Judging::Quick)[0], "19.1 ± 0.8 dB");
         assert!(own_kernel_note(&both).is_some_and(|note| note.contains("not kernels")));
         assert_eq!(own_kernel_note(&alone), None);
         assert!(in_photograph_note(&alone, None).is_some_and(|note| note.contains("if the optics are ideal")));

@@ -4,7 +4,7 @@ use super::outputs::Files;
 use super::quality;
 use crate::table::{Facts, Table};
 use crate::{propagation_text, show};
-use lightpath::v1::{self, Job};
+use lightpath::v1::{self, Job, optimize_hologram::Judging, optimize_hologram_result::PlaneResult};
 use lightpath::{hologram_result, names, units};
 use std::collections::BTreeSet;
 
@@ -28,7 +28,8 @@ pub(super) fn results(items: &[Item]) -> String {
     );
     for (item, result) in succeeded {
         let first = result.wavelengths.first().and_then(|wavelength| wavelength.planes.first().cloned());
-        let [photographed, point, pixel, supersampled, similarity, _] = quality::summary(&first.unwrap_or_default());
+        let [photographed, point, pixel, supersampled, similarity, _] =
+            quality::summary(&first.unwrap_or_default(), result.judged());
         table.row([
             item.name.clone(),
             show::used_kernels(&item.job.kernels),
@@ -89,10 +90,7 @@ pub(super) fn in_full(result: &v1::OptimizeHologramResult, kernels: &[v1::UsedKe
             facts.add("distance", show::place(plane.place.as_ref()));
             propagation_text::add(plane.propagation.as_ref(), &mut facts);
             facts.add("reconstruction", &plane.reconstruction);
-            facts.add_some("in a photograph", quality::in_photograph(plane, kernels.next()));
-            facts.add_some("the table", quality::own_kernel_note(plane));
-            facts.add_some("other optics", quality::other_orders(plane));
-            facts.add_some("second opinion", quality::second_opinion(plane));
+            add_judgements(plane, kernels.next(), result.judged(), &mut facts);
             text += &format!("\n{}\n{}", facts.text(), quality::table(plane));
         }
     }
@@ -108,11 +106,9 @@ fn result_facts(item: &Item, result: &v1::OptimizeHologramResult) -> String {
     let mut planes = result.wavelengths.iter().flat_map(|wavelength| &wavelength.planes);
     let (first, others) = (planes.next(), planes.next());
     propagation_text::add(first.and_then(|plane| plane.propagation.as_ref()), &mut facts);
-    let kernel = item.job.kernels.first();
-    facts.add_some("in a photograph", first.and_then(|plane| quality::in_photograph(plane, kernel)));
-    facts.add_some("the table", first.and_then(quality::own_kernel_note));
-    facts.add_some("other optics", first.and_then(quality::other_orders));
-    facts.add_some("second opinion", first.and_then(quality::second_opinion));
+    if let Some(plane) = first {
+        add_judgements(plane, item.job.kernels.first(), result.judged(), &mut facts);
+    }
     notes(result).for_each(|note| facts.add("note", note));
     facts.add_some("saved", item.files.text(result));
     let quality = match (first, others) {
@@ -122,13 +118,23 @@ fn result_facts(item: &Item, result: &v1::OptimizeHologramResult) -> String {
     format!("{}\n{quality}", facts.text())
 }
 
+/// Adds what was judged of a plane, and what the job left out.
+fn add_judgements(plane: &PlaneResult, kernel: Option<&v1::UsedKernel>, judged: Judging, facts: &mut Facts) {
+    let headline = quality::in_photograph(plane, kernel).or_else(|| quality::without_headline(judged));
+    facts.add_some("in a photograph", headline);
+    facts.add_some("the table", quality::own_kernel_note(plane));
+    facts.add_some("other optics", quality::other_orders(plane).or_else(|| quality::without_others(judged)));
+    facts.add_some("second opinion", quality::second_opinion(plane).or_else(|| quality::without_others(judged)));
+}
+
 /// A table with a line for each wavelength and plane.
 fn parts_table(result: &v1::OptimizeHologramResult) -> String {
     let mut table =
         Table::new("wavelength|distance|>in a photograph|>point???|>pixel?|>supersampled???|>SSIM?|>efficiency??");
     for wavelength in &result.wavelengths {
         for plane in &wavelength.planes {
-            let [photographed, point, pixel, supersampled, similarity, efficiency] = quality::summary(plane);
+            let [photographed, point, pixel, supersampled, similarity, efficiency] =
+                quality::summary(plane, result.judged());
             let (wavelength, distance) = (units::show_m(wavelength.wavelength_m), show::place(plane.place.as_ref()));
             table.row([wavelength, distance, photographed, point, pixel, supersampled, similarity, efficiency]);
         }

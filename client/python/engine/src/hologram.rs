@@ -7,7 +7,7 @@ use crate::loss::Compared;
 use crate::optics::json;
 use crate::pictures::levels_png;
 use crate::threads::{self, Progress};
-use lightpath_domain::job::{nearest_planes, pixels_of_planes, weight_in_plane};
+use lightpath_domain::job::{Judging, nearest_planes, pixels_of_planes, weight_in_plane};
 use lightpath_domain::units::Distance;
 use lightpath_media::pictures;
 use lightpath_optics::display::phase_response::{PhaseResponse, wrap_f32};
@@ -35,6 +35,7 @@ struct Options {
     subframes: u32,
     bit_depth: u32,
     quantization_aware: bool,
+    judge: Judging,
 }
 
 /// Numbers of a finished hologram.
@@ -48,10 +49,11 @@ struct Facts {
 }
 
 /// Numbers of one picture of a hologram.
-#[derive(Serialize)]
+#[derive(Default, Serialize)]
 struct PlaneFacts {
-    quality: Quality,
-    quantized_quality: Quality,
+    /// `None`: not judged.
+    quality: Option<Quality>,
+    quantized_quality: Option<Quality>,
     second_opinion: Option<SecondOpinion>,
 }
 
@@ -130,6 +132,10 @@ impl Request<'_> {
         if *iterations == 0 && (!is_given || *method == HologramMethod::DoublePhase) {
             let problem = "iterations is 0, but must be at least 1; 0 judges phases that initial_phase gives";
             return Err(Refused::new("iterations", "OUT_OF_RANGE", problem));
+        }
+        if *iterations == 0 && self.options.judge == Judging::None {
+            let problem = "judge is none, but must be quick or full for 0 iterations, which only judge";
+            return Err(Refused::new("judge", "OUT_OF_RANGE", problem));
         }
         let response = PhaseResponse::linear(*bit_depth)?;
         let (region, nearest) = (compared.region(first)?, self.nearest()?);
@@ -237,13 +243,17 @@ impl Request<'_> {
         phases: &[Plane<f32>],
         displayed: &[Plane<f32>],
     ) -> Result<PlaneFacts, Refused> {
+        if self.options.judge == Judging::None {
+            return Ok(PlaneFacts::default());
+        }
         let detector = self.options.compared.detector;
         let shown = ShownLight::of_sets(&display.engine(detector)?, &[phases, displayed])?;
-        let model = (&display.model, None);
+        let opinion =
+            || SecondOpinion::of((&display.model, None), displayed, &shown[1], detector, wanted, Effort::CHEAP);
         Ok(PlaneFacts {
-            quality: shown[0].quality(wanted)?,
-            quantized_quality: shown[1].quality(wanted)?,
-            second_opinion: SecondOpinion::of(model, displayed, &shown[1], detector, wanted, Effort::CHEAP)?,
+            quality: Some(shown[0].quality(wanted)?),
+            quantized_quality: Some(shown[1].quality(wanted)?),
+            second_opinion: if self.options.judge == Judging::Full { opinion()? } else { None },
         })
     }
 }

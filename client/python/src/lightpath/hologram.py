@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from lightpath.quality import Expected, Quality, SecondOpinion, ShownPicture
 
 Value = TypeVar("Value")
+_NOT_JUDGED = "not judged (judge none)"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -157,12 +158,12 @@ class Hologram:
 
         A photograph may show less: `expected`.
         """
-        return self._picture("quality").quality
+        return _judged("quality", self._picture("quality").quality)
 
     @property
     def optimized_quality(self) -> Quality:
         """Quality of the phases, before they were rounded to grey levels."""
-        return self._picture("optimized_quality").optimized_quality
+        return _judged("optimized_quality", self._picture("optimized_quality").optimized_quality)
 
     @property
     def expected(self) -> Expected:
@@ -172,11 +173,11 @@ class Hologram:
         It includes the error that the kernel had on its own test photographs. If those are not known,
         `expected.std_db` is None, and a photograph will show less.
         """
-        return self._picture("expected").expected
+        return _judged("expected", self._picture("expected").expected)
 
     @property
     def second_opinion(self) -> SecondOpinion | None:
-        """What an independent model says, on some rows; None where it would take too long."""
+        """What an independent model says, on some rows; None where it would take too long, or `judge` leaves it out."""
         return self._picture("second_opinion").second_opinion
 
     @property
@@ -263,7 +264,9 @@ class Hologram:
 
     def _headline(self) -> str:
         """Return what photographs are expected to show; of several pictures the worst."""
-        shown = [each.expected for row in self.pictures for each in row]
+        shown = [each.expected for row in self.pictures for each in row if each.expected]
+        if not shown:
+            return _NOT_JUDGED
         worst = min(shown, key=lambda each: each.psnr_db)
         return f"{worst}" if len(shown) == 1 else f"{worst} in the worst of {len(shown)} pictures"
 
@@ -287,7 +290,7 @@ class Hologram:
             ("display", f"{self.spec.display}, {self._optics()}" if self.server_job else self._optics()),
             ("PSNR in a photograph", f"{self._headline()}, {self._kernels()}"),
         ]
-        if len(shown) == 1:
+        if len(shown) == 1 and self.pictures[0][0].quality:
             seen = self.pictures[0][0].quality.pixel
             rows += [
                 ("SSIM", "not measured" if seen.ssim is None else f"{seen.ssim:.3f}"),
@@ -297,6 +300,12 @@ class Hologram:
         if self.server_job:
             rows.append(("job", self.job.name))
         return pictures + html.table("Hologram", rows)
+
+
+def _judged(name: str, value: Value | None) -> Value:
+    if value is None:
+        raise InvalidArgument(name, f"is unknown: {_NOT_JUDGED}", "optimize with judge quick or full")
+    return value
 
 
 def _without_single_axes(values: npt.NDArray[Any]) -> npt.NDArray[Any]:

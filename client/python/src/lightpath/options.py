@@ -101,6 +101,9 @@ class HologramOptions(SubmitOptions, total=False):
     """Linear grey picture of the pixels' weights. Black pixels do not count."""
     quantization_aware: bool
     """Optimize the last third of the iterations through the display's grey levels."""
+    judge: words.Judging
+    """How thoroughly the hologram is judged: `full` (default), `quick` (without other optics and the independent model)
+    or `none`."""
 
 
 class LearnOptions(SubmitOptions, total=False):
@@ -222,6 +225,7 @@ def optimize_message(options: HologramOptions) -> v1.OptimizeHologram:
         detector=words.number("detector", v1.Detector, options.get("detector")),
         region=region_message(options.get("region")),
         quantization_aware=options.get("quantization_aware", False),
+        judge=words.number("judge", v1.OptimizeHologram.Judging, options.get("judge")),
     )
 
 

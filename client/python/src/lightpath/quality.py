@@ -92,14 +92,14 @@ class ShownPicture:
 
     wavelength_m: float
     distance_m: float
-    quality: Quality
-    """Quality of the grey levels, as the display shows them."""
-    optimized_quality: Quality
-    """Quality of the phases, before they were rounded to grey levels."""
-    expected: Expected
-    """What a photograph is expected to show."""
+    quality: Quality | None
+    """Quality of the grey levels, as the display shows them. None: not judged (`judge="none"`)."""
+    optimized_quality: Quality | None
+    """Quality of the phases, before they were rounded to grey levels. None: not judged."""
+    expected: Expected | None
+    """What a photograph is expected to show. None: not judged."""
     second_opinion: SecondOpinion | None
-    """Of an independent model, on some rows; None where it would take too long."""
+    """Of an independent model, on some rows; None where it would take too long, or `judge` leaves it out."""
     kernel: str
     """Version of the kernel that the hologram was optimized for, or `ideal`."""
 
@@ -117,8 +117,8 @@ def opinion_of(facts: dict[str, Any] | None) -> SecondOpinion | None:
 _DETECTORS = {"point": v1.DETECTOR_POINT, "pixel": v1.DETECTOR_PIXEL, "supersampled": v1.DETECTOR_SUPERSAMPLED}
 
 
-def judged_quality(judgements: Iterable[v1.Judgement], stage: v1.Judgement.Stage.ValueType) -> Quality:
-    """Return the quality by the kernel of a hologram that a server judged."""
+def judged_quality(judgements: Iterable[v1.Judgement], stage: v1.Judgement.Stage.ValueType) -> Quality | None:
+    """Return the quality by the kernel of a hologram that a server judged. None: it did not."""
     own = {
         each.detector: each
         for each in judgements
@@ -126,6 +126,8 @@ def judged_quality(judgements: Iterable[v1.Judgement], stage: v1.Judgement.Stage
         # Those on some rows are for the comparison with the independent model.
         if not each.kernel_version and not each.HasField("rows")
     }
+    if not own:
+        return None
     return Quality(**{name: _detector_quality(own[number]) for name, number in _DETECTORS.items()})
 
 
@@ -138,9 +140,11 @@ def judged_by_another_model(judgements: Iterable[v1.Judgement]) -> SecondOpinion
     return SecondOpinion(other.rows, engine.psnr_db.value, other.psnr_db.value)
 
 
-def expected_of(judgements: Iterable[v1.Judgement], kernel: str) -> Expected:
-    """Return what a server expects of a photograph. `kernel` is that of the hologram."""
-    judged = next(each for each in judgements if each.headline)
+def expected_of(judgements: Iterable[v1.Judgement], kernel: str) -> Expected | None:
+    """Return what a server expects of a photograph. `kernel` is that of the hologram. None: it judged nothing."""
+    judged = next((each for each in judgements if each.headline), None)
+    if judged is None:
+        return None
     is_of_photograph = judged.stage == v1.Judgement.STAGE_PHOTOGRAPHED
     std_db = judged.psnr_db.std if is_of_photograph else None
     return Expected(judged.psnr_db.value, std_db, judged.kernel_version or kernel)

@@ -3,12 +3,16 @@
 use crate::jobs::{optimize, picture, submit, watch_to_end};
 use crate::kernels::{client, import, kernel};
 use crate::serving::{Serving, expect, small_display};
-use lightpath_proto::judgements::{judgement, opinions};
+use lightpath_proto::judgements::{judgement, opinions, other_orders};
 use lightpath_proto::v1::optimize_hologram::{
-    self, InitialPhase,
+    self, InitialPhase, Judging,
     initial_phase::{Given, Kind},
 };
-use lightpath_proto::v1::{self, job_spec, judgement::Stage};
+use lightpath_proto::v1::{
+    self, job_spec,
+    judgement::{Orders, Stage},
+    optimize_hologram_result::WavelengthResult,
+};
 use tonic::{Code, Status};
 
 pub(crate) fn hologram(job: &v1::Job) -> &v1::OptimizeHologramResult {
@@ -116,6 +120,36 @@ async fn foreign_holograms_are_judged_as_they_are() {
         Code::InvalidArgument,
         "spec.optimize_hologram.initial_phase.given.phases[0] (sha256-",
     );
+}
+
+#[tokio::test]
+async fn job_says_what_its_judging_left_out() {
+    let serving = Serving::start().await;
+    serving.display("lab").await;
+    let target = serving.upload(&picture()).await;
+    let run = async |judge: Judging| {
+        let spec = v1::OptimizeHologram { iterations: Some(3), judge: judge.into(), ..optimize(&target) };
+        let job = submit(&serving, job_spec::Kind::OptimizeHologram(spec), judge.as_str_name()).await.unwrap();
+        let job = watch_to_end(&serving, &job.name).await;
+        let result = hologram(&job).clone();
+        assert_eq!(result.judged(), if judge == Judging::Unspecified { Judging::Full } else { judge });
+        result.wavelengths[0].clone()
+    };
+    let [full, quick, none] = [run(Judging::Unspecified).await, run(Judging::Quick).await, run(Judging::None).await];
+    let [judged, quickly, not] = [&full, &quick, &none].map(|result| &result.planes[0].judgements);
+    assert!(other_orders(judged).is_some() && opinions(judged).next().is_some());
+    let by_the_engine = judged.iter().filter(|one| one.orders() == Orders::Own && one.rows.is_none());
+    assert_eq!(&by_the_engine.cloned().collect::<Vec<_>>(), quickly);
+    assert!(quickly.iter().any(|one| one.headline) && not.is_empty());
+    for less in [&quick, &none] {
+        let shown = |of: &WavelengthResult| (of.subframes.clone(), of.planes[0].reconstruction.clone(), of.loss);
+        assert_eq!(shown(less), shown(&full));
+    }
+    let given = InitialPhase { kind: Some(Kind::Given(Given { phases: vec![full.subframes[0].phase.clone()] })) };
+    let judge = Judging::None.into();
+    let spec = v1::OptimizeHologram { iterations: Some(0), initial_phase: Some(given), judge, ..optimize(&target) };
+    let refused = submit(&serving, job_spec::Kind::OptimizeHologram(spec), "nothing").await;
+    expect(refused, Code::InvalidArgument, "spec.optimize_hologram.judge is none");
 }
 
 #[tokio::test]

@@ -31,6 +31,8 @@ export const OPTIONS = [
   { path: "loss.speckleBlockPx", label: "Side of the blocks for speckle", fallback: 8, min: 2, max: 256, unit: "px", flag: "--speckle-block", isAdvanced: true },
   { path: "seed", label: "Seed of random phases", fallback: "0", isText: true, flag: "--seed", python: "seed", isAdvanced: true },
   { path: "quantizationAware", label: "Quantization aware: through the display's grey levels", fallback: false, flag: "--quantization-aware", python: "quantization_aware", isAdvanced: true },
+  { path: "judge", label: "Judging", prefix: "JUDGING", fallback: "FULL", flag: "--judge", python: "judge", isAdvanced: true, choices: [
+    ["FULL", "in full"], ["QUICK", "quick: by the engine alone"], ["NONE", "none: no figures"]] },
 ];
 
 /** The value that the server takes if a request has none. */

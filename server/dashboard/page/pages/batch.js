@@ -7,7 +7,7 @@ import { patternsButton } from "../downloads.js";
 import { onEvent } from "../events.js";
 import { decibels, idOf, number, words } from "../format.js";
 import { gallery } from "../gallery.js";
-import { keepJobs, photographOf, scoreOf, worstExpected } from "../glance.js";
+import { isNotJudged, keepJobs, NOT_JUDGED, photographOf, scoreOf, worstExpected } from "../glance.js";
 import { progressOf, stateOf, updateProgress } from "../job_rows.js";
 import { emptyNote, refresher } from "../loading.js";
 import { noteNewPhotographs, photographsOf } from "../photographs.js";
@@ -95,7 +95,7 @@ export function batchPage(root, [batch], query) {
       const expected = worstExpected(request.job);
       return h("tr", {}, h("th", { scope: "row" }, h("a", { href: `#/${request.job.name}`, "data-key": request.job.name }, request.job.label || idOf(request.job.name).slice(-6))),
         paths.map((path) => h("td", { class: isRight(path) && "right" }, shortened(textOf(request, path)))),
-        h("td", { class: "right" }, expected ? h("strong", {}, expected.text) : stateOf(request.job), expected && !expected.isExpected && h("small", {}, expected.note), progressOf(request.job)),
+        h("td", { class: "right" }, expected ? h("strong", {}, expected.text) : isNotJudged(request.job) ? NOT_JUDGED : stateOf(request.job), expected && !expected.isExpected && h("small", {}, expected.note), progressOf(request.job)),
         h("td", { class: "right" }, decibels(read.scores.get(request.job.name) ?? NaN)));
     };
     return table("What differs, and the PSNR that a photograph is expected to have and has", ["Job", ...paths.map((path) => isRight(path) + wordsOf(path, paths)), ">Expected", ">Photographed"], sorted.map(row));

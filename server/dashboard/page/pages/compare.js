@@ -3,7 +3,7 @@
 import { get } from "../api.js";
 import { h, show } from "../dom.js";
 import { decibels, idOf, number, placeText } from "../format.js";
-import { expectedOf, photographOf, planesOf, scoreOf } from "../glance.js";
+import { expectedOf, isNotJudged, NOT_JUDGED, photographOf, planesOf, scoreOf } from "../glance.js";
 import { hologramPictures, judgementOf } from "../hologram_pictures.js";
 import { areaOf } from "../hologram_region.js";
 import { stateOf } from "../job_rows.js";
@@ -62,15 +62,15 @@ async function qualityOf(jobs) {
     const photograph = planes.length ? photographOf(job, await photographsOf(job.spec.optimizeHologram.display)) : undefined;
     const score = photograph ? await scoreOf(job, photograph) : null;
     const photographed = score !== null ? decibels(score) : photograph ? "not scored" : "no photograph";
-    return planes.map((entry, p) => ({ ...entry, job: "AB"[i], photographed: p === 0 ? photographed : "–" }));
+    return planes.map((entry, p) => ({ ...entry, job: "AB"[i], isUnjudged: isNotJudged(job), photographed: p === 0 ? photographed : "–" }));
   }));
   const all = rows.flat();
   if (all.length === 0) return [];
   const same = sameModel(rows);
-  const headline = table("PSNR of the pictures", ["Job", "Plane", ">Expected in a photograph", ">Photographed"], all.map(({ job, plane, kernel, photographed }) => {
+  const headline = table("PSNR of the pictures", ["Job", "Plane", ">Expected in a photograph", ">Photographed"], all.map(({ job, plane, kernel, photographed, isUnjudged }) => {
     const expected = same.find(plane, kernel);
     return h("tr", {}, h("th", { scope: "row" }, job), h("td", {}, placeText(plane.place)),
-      h("td", { class: "right" }, expected ? [h("strong", {}, expected.text), !expected.isExpected && h("small", {}, expected.note)] : "–"), h("td", { class: "right" }, photographed));
+      h("td", { class: "right" }, expected ? [h("strong", {}, expected.text), !expected.isExpected && h("small", {}, expected.note)] : isUnjudged ? NOT_JUDGED : "–"), h("td", { class: "right" }, photographed));
   }));
   const models = table("Displayed holograms, each as the kernel of its own hologram predicts it: not for comparing A with B", ["Job", "Plane", "Kernel", ">PSNR, point", ">PSNR, pixel", ">PSNR, supersampled", ">SSIM, pixel"], all.map(({ job, plane, kernel }) =>
     h("tr", {}, h("th", { scope: "row" }, job), h("td", {}, placeText(plane.place)), h("td", {}, kernelText(kernel)),

@@ -180,7 +180,8 @@ export function jobPage(root, [id]) {
         return pictures(result.wavelengths.length > 1 ? `Pictures at ${length(wavelength.wavelengthM)}` : "Pictures", hologramPictures(spec, result, wavelength, display.modulator.bitDepth, own, areaOf(spec, display)), regionOf(spec, display));
       }),
       downloads(filesOfHologram(job, display, photographs)),
-      qualities.length > 0 && h("section", {}, h("h2", {}, "Quality"), expectations(planes, versions), qualityTable(qualities)),
+      h("section", {}, h("h2", {}, "Quality"), LEFT_OUT[result.judged] && h("p", { class: "note" }, LEFT_OUT[result.judged]),
+        qualities.length > 0 && [expectations(planes, versions), qualityTable(qualities)]),
       propagationSection(planes.map(([at, plane]) => [at, plane.propagation])),
       h("section", {}, h("h2", {}, "Origin"), originTable("Plane", versions)),
     ];
@@ -203,6 +204,12 @@ export function jobPage(root, [id]) {
     viewers.forEach((viewer) => viewer.end());
   };
 }
+
+/** What a job with less judging than in full left out. */
+const LEFT_OUT = {
+  JUDGING_NONE: "Not judged (judge none).",
+  JUDGING_QUICK: "Judged by the engine alone (judge quick): not judged on displays with other orders, nor by the independent model.",
+};
 
 /** What a photograph of each plane is expected to show, and by which model. `versions` are the kernels of the hologram. */
 function expectations(planes, versions) {

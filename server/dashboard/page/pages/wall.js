@@ -4,7 +4,7 @@ import { h, show } from "../dom.js";
 import { onConnection, onEvent } from "../events.js";
 import { age, decibels, duration, idOf, measuredDecibels, words } from "../format.js";
 import { framesOf } from "../frames.js";
-import { picturesOf, wholeJob, worstExpected } from "../glance.js";
+import { isNotJudged, NOT_JUDGED, picturesOf, wholeJob, worstExpected } from "../glance.js";
 import { progressOf, updateProgress } from "../job_rows.js";
 import { livePicture } from "../live_picture.js";
 import { refresher } from "../loading.js";
@@ -97,7 +97,7 @@ export function wallPage(root) {
     const pair = before?.dataset.job === `${last.name} ${last.state}` ? before : h("div", { class: "pair", "data-job": `${last.name} ${last.state}` });
     show(running, h("h2", {}, job ? `Running${jobs.length > 1 ? `, and ${jobs.length - 1} more` : ""}` : "No job runs. The newest hologram"), pair,
       h("p", { class: "name" }, h("strong", {}, last.label || words(last.kind, "KIND")), ` on ${idOf(last.display)}${last.owner ? ` for ${last.owner}` : ""}`),
-      job ? progressOf(job) ?? h("p", {}, "starts") : expected && h("p", {}, h("strong", {}, expected.text), ` ${expected.note}`));
+      job ? progressOf(job) ?? h("p", {}, "starts") : expected ? h("p", {}, h("strong", {}, expected.text), ` ${expected.note}`) : isNotJudged(newest) && h("p", {}, NOT_JUDGED));
     if (pair !== before && isHologram) void fill(pair, last, job ? shown.live.picture.element : null);
   }
 

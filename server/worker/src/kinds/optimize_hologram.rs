@@ -1,24 +1,21 @@
 //! Computes holograms: phases that show the target pictures.
 
 use crate::context::Eta;
-use crate::display_setup::{DisplaySetup, finite};
+use crate::display_setup::finite;
+use crate::hologram_judgement::{Judge, Judged};
 use crate::hologram_notes::{notes, sign_of_given, unit_of_given};
-use crate::hologram_setup::{HologramSetup, PlaneSetup, colours};
+use crate::hologram_setup::{HologramSetup, colours};
 use crate::state_bytes::{HologramState, from_bytes, to_bytes};
 use crate::{JobContext, TaskError, TaskOutput};
-use lightpath_domain::expected_psnr::ExpectedPsnr;
 use lightpath_domain::job::{
-    HologramResult, JobEffect, JobResult, JudgedBy, OptimizeHologram, PlaneResult, Progress, Subframe, WavelengthResult,
+    HologramResult, JobEffect, JobResult, OptimizeHologram, PlaneResult, Progress, Subframe, WavelengthResult,
 };
 use lightpath_media::pictures;
 use lightpath_metrics as metrics;
 use lightpath_optics::display::phase_response::wrap_f32;
 use lightpath_optics::engine::photometry::Quantity;
-use lightpath_optics::hologram::{
-    DetectorQuality, HologramMethod, OptimizationState, Quality, ShownLight, Wanted, light_of_frames, pixel_psnr_db,
-};
-use lightpath_optics::second_opinion::{Effort, SecondOpinion};
-use lightpath_optics::{DisplayModel, Optimization, Plane};
+use lightpath_optics::hologram::{HologramMethod, OptimizationState, Wanted, light_of_frames};
+use lightpath_optics::{Optimization, Plane};
 use std::sync::LazyLock;
 use std::time::{Duration, Instant};
 
@@ -107,7 +104,14 @@ impl RunningJob<'_> {
         let HologramState { finished, compute_s, steps: done, .. } = self.state;
         let iteration_time_s = compute_s / f64::from(done.max(1));
         let (detector, iterations) = (self.spec.detector, steps(self.spec));
-        Ok(HologramResult { wavelengths: finished, colour_reconstructions, detector, iterations, iteration_time_s })
+        Ok(HologramResult {
+            wavelengths: finished,
+            colour_reconstructions,
+            detector,
+            iterations,
+            iteration_time_s,
+            judged: self.spec.judge,
+        })
     }
 
     /// Colour pictures: for each plane one picture that combines the three wavelengths.
@@ -125,10 +129,6 @@ impl RunningJob<'_> {
     }
 }
 
-/// Steps in which a plane is judged: by the kernel of the hologram, by the independent model, by the best model of the
-/// display, and for the other kind of optics.
-const JUDGEMENTS: u32 = 4;
-
 /// The finished hologram of one wavelength.
 struct Finished<'a> {
     setup: &'a HologramSetup,
@@ -137,7 +137,7 @@ struct Finished<'a> {
 }
 
 impl Finished<'_> {
-    /// Stores the pictures of the hologram and measures its quality.
+    /// Stores the pictures of the hologram and judges it.
     fn store(mut self, context: &JobContext, spec: &OptimizeHologram) -> Result<WavelengthResult, TaskError> {
         let display = &self.setup.display;
         let (height_px, width_px) = (display.height_px(), display.width_px());
@@ -162,15 +162,12 @@ impl Finished<'_> {
         // Frees the buffers of the optimization before the quality is measured.
         drop(self.optimization);
         let intensity_scale = finite("the gain", intensity_scale(spec.loss.quantity, gain))?;
-        let judgements_total = JUDGEMENTS * self.setup.planes.len() as u32;
-        let judge = |step| {
-            let stage = "judge".to_owned();
-            context.report(Progress { stage, step, steps_total: judgements_total, loss: None, eta_s: None })
-        };
+        let steps_total = self.setup.planes.len() as u32;
+        let judging =
+            |step| context.report(Progress { stage: "judge".to_owned(), step, steps_total, loss: None, eta_s: None });
         let mut planes = Vec::new();
         for (p, plane) in self.setup.planes.iter().enumerate() {
-            let done = JUDGEMENTS * p as u32;
-            judge(done)?;
+            judging(p as u32)?;
             let belonging = self.setup.belonging(p);
             let wanted = Wanted { target: &plane.target, region: self.setup.region, belonging: belonging.as_ref() };
             let light = light_of_frames(&plane.engine, &displayed)?;
@@ -180,28 +177,9 @@ impl Finished<'_> {
                 notes.extend(sign_of_given(plane, self.setup.region, &displayed, &light)?);
             }
             drop(light);
-            let quality = |shown: &ShownLight| -> Result<Quality, TaskError> { all_finite(shown.quality(wanted)?) };
-            let mut shown = ShownLight::of_sets(&plane.engine, &[&phases, &displayed])?;
-            let (quality, quantized_quality) = (quality(&shown[0])?, quality(&shown[1])?);
-            let quantized = shown.remove(1);
-            drop(shown);
-            judge(done + 1)?;
-            let opinion = SecondOpinion::of(
-                (&plane.model, display.carrier),
-                &displayed,
-                &quantized,
-                spec.detector,
-                wanted,
-                Effort::CHEAP,
-            )?;
-            let pixel_gain = quantized.pixel_gain(wanted)?;
-            drop(quantized);
-            judge(done + 2)?;
-            let (judged_by, in_photograph) = match judged_by((context, spec), self.setup, plane, &displayed, wanted)? {
-                Some((judged, expected)) => (Some(judged), expected),
-                None => (None, expected(plane, &plane.model, &quantized_quality, pixel_gain)),
-            };
-            judge(done + 3)?;
+            let judge = Judge { context, spec, setup: self.setup, plane };
+            let Judged { quality, quantized_quality, judged_by, in_photograph, other_orders_psnr_db, second_opinion } =
+                judge.judged(&phases, &displayed, wanted)?;
             planes.push(PlaneResult {
                 distance: plane.plane.distance,
                 reconstruction,
@@ -210,42 +188,14 @@ impl Finished<'_> {
                 judged_by,
                 in_photograph,
                 propagation: plane.validity.clone(),
-                other_orders_psnr_db: other_orders_psnr_db((context, self.setup), plane, &displayed, wanted)?,
-                second_opinion: opinion.map(finite_opinion).transpose()?,
+                other_orders_psnr_db,
+                second_opinion,
             });
         }
-        judge(judgements_total)?;
+        judging(steps_total)?;
         let (wavelength, loss) = (self.setup.wavelength, self.loss);
         Ok(WavelengthResult { wavelength, subframes, planes, intensity_scale, loss, largest_amplitude, notes })
     }
-}
-
-/// Quality of the displayed phases by the best model of the display, and what a photograph is expected to show; `None`: the
-/// kernel of the hologram is the best model.
-fn judged_by(
-    (context, spec): (&JobContext, &OptimizeHologram),
-    setup: &HologramSetup,
-    plane: &PlaneSetup,
-    displayed: &[Plane<f32>],
-    wanted: Wanted<'_>,
-) -> Result<Option<(JudgedBy, Option<ExpectedPsnr>)>, TaskError> {
-    let Some(version) = plane.judging_version else { return Ok(None) };
-    let (wavelength, distance) = (setup.wavelength, plane.plane.distance);
-    let display = DisplaySetup::read_with(context, &spec.display, wavelength, distance, spec.propagation)?;
-    let model = display.model(context, Some(version))?;
-    let engine = context.engines().engine(&model, spec.detector, display.carrier)?;
-    let shown = ShownLight::of_sets(&engine, &[displayed])?;
-    let quality = all_finite(shown[0].quality(wanted)?)?;
-    let expected = expected(plane, &model, &quality, shown[0].pixel_gain(wanted)?);
-    Ok(Some((JudgedBy { key: display.key, version, quality }, expected)))
-}
-
-/// What a photograph is expected to show, by the best model of the display. `gain` is the factor from the light that its
-/// pixels integrate to the target. `None`: the error of the model on test photographs is not known.
-fn expected(plane: &PlaneSetup, model: &DisplayModel, quality: &Quality, gain: f64) -> Option<ExpectedPsnr> {
-    let expected = ExpectedPsnr::of(quality.pixel.psnr_db, plane.test_loss?, gain / model.gain);
-    // A model without light has no gain.
-    expected.psnr_db.is_finite().then_some(expected)
 }
 
 /// The factor from the light of a hologram to that of its target, for a gain of the compared quantity.
@@ -262,38 +212,7 @@ fn picture_so_far(optimization: &mut Optimization, intensity_scale: f64) -> Opti
     pictures::grey_png_srgb(&light.map(|light| (intensity_scale * f64::from(light)) as f32)).ok()
 }
 
-/// What the hologram would show on a display of the other kind. A carrier needs optics that filter the orders.
-fn other_orders_psnr_db(
-    (context, setup): (&JobContext, &HologramSetup),
-    plane: &PlaneSetup,
-    phases: &[Plane<f32>],
-    wanted: Wanted<'_>,
-) -> Result<Option<f64>, TaskError> {
-    let model = plane.with_other_orders.as_ref().filter(|_| setup.display.carrier.is_none());
-    let Some(model) = model else { return Ok(None) };
-    let psnr_db = pixel_psnr_db(context.engines(), model, phases, wanted)?;
-    Ok(Some(finite("the quality with the other orders", psnr_db.min(DetectorQuality::PSNR_DB_MAX))?))
-}
-
-/// Checks that both numbers of an opinion are finite.
-fn finite_opinion(opinion: SecondOpinion) -> Result<SecondOpinion, TaskError> {
-    finite("the second opinion", opinion.engine_psnr_db + opinion.independent_psnr_db)?;
-    Ok(opinion)
-}
-
 /// Number of iterations of each hologram.
 fn steps(spec: &OptimizeHologram) -> u32 {
     if spec.method == HologramMethod::DoublePhase { 1 } else { spec.iterations }
-}
-
-/// Checks that all numbers of a quality are finite: JSON has no NaN and no infinity.
-fn all_finite(quality: Quality) -> Result<Quality, TaskError> {
-    for values in [quality.point, quality.pixel, quality.supersampled] {
-        let required = [values.psnr_db, values.diffraction_efficiency, values.frame_efficiency];
-        let optional = [values.ssim, values.ms_ssim, values.speckle_contrast];
-        for value in required.into_iter().chain(optional.into_iter().flatten()) {
-            finite("the quality", value)?;
-        }
-    }
-    Ok(quality)
 }

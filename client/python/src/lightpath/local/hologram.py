@@ -92,6 +92,7 @@ class _Search:
             "subframes": options.get("subframes", 1),
             "bit_depth": options.get("bit_depth", 8),
             "quantization_aware": options.get("quantization_aware", False),
+            "judge": choose("judge", options.get("judge", "full"), get_args(words.Judging)),
         }
 
     def run(self, index: int, listen: Callable[[int, int, float], Any] | None) -> tuple[Any, ...]:
@@ -153,14 +154,14 @@ def _hologram(displays: Sequence[Sequence[DisplayModel]], done: Sequence[tuple[A
 
 
 def _shown(model: DisplayModel, facts: dict[str, Any]) -> ShownPicture:
-    quality = quality_of(facts["quantized_quality"])
+    quality = None if facts["quantized_quality"] is None else quality_of(facts["quantized_quality"])
     return ShownPicture(
         wavelength_m=model.wavelength_m,
         distance_m=model.distance_m,
         quality=quality,
-        optimized_quality=quality_of(facts["quality"]),
+        optimized_quality=None if facts["quality"] is None else quality_of(facts["quality"]),
         # How large the error of a model on photographs is, a server knows from test photographs.
-        expected=Expected(quality.pixel.psnr_db, None, model.kind),
+        expected=None if quality is None else Expected(quality.pixel.psnr_db, None, model.kind),
         second_opinion=opinion_of(facts["second_opinion"]),
         kernel=model.kind,
     )

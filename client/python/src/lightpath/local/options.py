@@ -75,3 +75,5 @@ class OptimizeOptions(LossOptions, total=False):
     """Bits of the display's grey levels. Default: 8."""
     quantization_aware: bool
     """Optimize the last third of the iterations through the grey levels. Default: False."""
+    judge: words.Judging
+    """How thoroughly the hologram is judged: `full` (default), `quick` (not by the independent model) or `none`."""

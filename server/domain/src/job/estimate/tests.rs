@@ -3,10 +3,10 @@
 use super::*;
 use crate::dataset::Encoding;
 use crate::job::kinds::optimize_hologram::{self, HologramInputs};
-use crate::job::{Area, Fit, ImagePlane, OptimizeHologram};
+use crate::job::{Area, Fit, ImagePlane, Judging, OptimizeHologram};
 use crate::units::{Distance, Wavelength};
 use lightpath_optics::hologram::{HologramMethod, InitialPhase, Loss};
-use lightpath_optics::{Detector, Grid, RegionOfInterest};
+use lightpath_optics::{Detector, DisplayModel, Grid, OpticalSetup, RegionOfInterest};
 
 const MIB: u64 = 1 << 20;
 
@@ -34,6 +34,7 @@ fn spec(side_px: usize, planes: usize) -> OptimizeHologram {
         region_of_interest: RegionOfInterest::middle(&Grid::try_new(side_px, side_px, 8e-6).unwrap()),
         weight_mask: None,
         quantization_aware: false,
+        judge: Judging::Full,
     }
 }
 
@@ -92,6 +93,28 @@ fn judging_by_another_kernel_takes_time_and_its_own_memory() {
     let engine = EngineSize { kernels_per_side: 5, ..kernel.engine };
     let large = need_judged_by(&[KernelSize { engine, ..kernel }], 1024, &one, 0);
     assert!(large.memory_bytes > base.memory_bytes, "{large:?} {base:?}");
+}
+
+#[test]
+fn less_judging_takes_less_time() {
+    let kernel = KernelSize { engine: sampled(1024), ..ideal(1024, Detector::Pixel) };
+    let need = |judge| {
+        let (spec, kernels) = (OptimizeHologram { judge, iterations: 1, ..spec(1024, 1) }, vec![vec![kernel]]);
+        let judging_kernels = vec![Vec::new()];
+        optimize_hologram::need(
+            &spec,
+            &HologramInputs { cache_bytes_max: 0, kernels, judging_kernels, decoding_bytes: 0 },
+        )
+    };
+    let [none, quick, full] = [Judging::None, Judging::Quick, Judging::Full].map(need);
+    assert!(1.3 * none.work < quick.work && 1.2 * quick.work < full.work, "{none:?} {quick:?} {full:?}");
+    assert!(none.memory_bytes <= quick.memory_bytes && quick.memory_bytes <= full.memory_bytes);
+}
+
+/// The engine of an ideal display at 50 mm, with its exact transfer functions and the second opinion.
+fn sampled(side_px: usize) -> EngineSize {
+    let setup = OpticalSetup::try_new(Grid::try_new(side_px, side_px, 8e-6).unwrap(), 515e-9, 50e-3).unwrap();
+    EngineSize::of(&DisplayModel::ideal(setup.planned().unwrap().0), Detector::Pixel, 2)
 }
 
 #[test]

@@ -59,6 +59,23 @@ pub struct OptimizeHologram {
     pub weight_mask: Option<String>,
     /// Whether the last part of the optimization takes the limited levels of the display into account.
     pub quantization_aware: bool,
+    /// How thoroughly the holograms are judged.
+    #[serde(default)]
+    pub judge: Judging,
+}
+
+/// How thoroughly holograms are judged.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Judging {
+    /// Not at all.
+    None,
+    /// By the engine alone: without the other kind of optics and without the second opinion, which take most of the
+    /// time.
+    Quick,
+    /// By everything that there is.
+    #[default]
+    Full,
 }
 
 /// A picture to show at a distance.
@@ -118,6 +135,9 @@ pub struct HologramResult {
     pub iterations: u32,
     /// Mean time of an iteration \[s\].
     pub iteration_time_s: f64,
+    /// How thoroughly the holograms were judged.
+    #[serde(default)]
+    pub judged: Judging,
 }
 
 /// The hologram of one wavelength.
@@ -155,10 +175,11 @@ pub struct PlaneResult {
     pub distance: Distance,
     /// Artifact digest of the reconstruction that the kernel predicts (sRGB PNG).
     pub reconstruction: String,
-    /// Quality of the phases as optimized. With a depth map, PSNR is that of the pixels that belong to the plane.
-    pub quality: Quality,
-    /// Quality of the phases as the display shows them, in its limited levels.
-    pub quantized_quality: Quality,
+    /// Quality of the phases as optimized. With a depth map, PSNR is that of the pixels that belong to the plane. `None`:
+    /// not judged.
+    pub quality: Option<Quality>,
+    /// Quality of the phases as the display shows them, in its limited levels; `None`: not judged.
+    pub quantized_quality: Option<Quality>,
     /// The same by the model of another version of the display's kernel, which is the best model of the display; `None`:
     /// the kernel of the hologram is.
     pub judged_by: Option<JudgedBy>,
@@ -167,10 +188,10 @@ pub struct PlaneResult {
     /// Propagation method of the reconstruction, and its limits.
     pub propagation: ValidityReport,
     /// PSNR of the phases as the display shows them, on a display that shows the other diffraction orders \[dB\];
-    /// `None`: not computed.
+    /// `None`: not computed, or left out by a quick judging.
     pub other_orders_psnr_db: Option<f64>,
     /// Second opinion on the phases as the display shows them, for the job's detector; `None`: the independent model
-    /// does not have this kernel, or would take much longer than the job.
+    /// does not have this kernel, or would take much longer than the job, or a quick judging left it out.
     pub second_opinion: Option<SecondOpinion>,
 }
 
@@ -235,10 +256,15 @@ pub struct HologramInputs {
 pub fn need(spec: &OptimizeHologram, inputs: &HologramInputs) -> Need {
     let transfers = |kernels: &[KernelSize]| kernels.iter().map(KernelSize::cached_bytes).sum::<u64>();
     let all: u64 = inputs.kernels.iter().map(|kernels| transfers(kernels)).sum();
+    let kept = |kernel: &KernelSize| match spec.judge {
+        Judging::None => 0,
+        judge => kernel.engine.kept_bytes(judge == Judging::Full),
+    };
+    let kept: u64 = inputs.kernels.iter().flatten().map(kept).sum();
     let each = inputs.kernels.iter().zip(&inputs.judging_kernels).map(|(kernels, judging)| {
         let (stage, work) = one_wavelength(spec, kernels, judging, inputs.decoding_bytes);
-        // The cache keeps the transfer functions of the other wavelengths.
-        (stage + (all - transfers(kernels)).min(inputs.cache_bytes_max), work)
+        // The cache keeps the transfer functions of the other wavelengths, and those with which holograms are judged.
+        (stage + (all - transfers(kernels) + kept).min(inputs.cache_bytes_max), work)
     });
     let (stages, work): (Vec<u64>, Vec<f64>) = each.unzip();
     Need::new(stages, work.iter().sum())
@@ -280,25 +306,42 @@ fn one_wavelength(
         setup + masks + decoding_bytes.max(reading),
         started,
         running + size.state_bytes().max(results),
-        setup + 3 * phases + 2 * picture + judging_bytes(&engine, size.frames).max(engine.other_orders_bytes()),
+        setup + 3 * phases + 2 * picture + judgement_bytes(&engine, spec.judge, size.frames),
         setup + 3 * phases + 2 * picture + judged_by_bytes(judging_kernels, spec.detector, size.frames),
     ];
     let steps = if spec.method == HologramMethod::DoublePhase { 1 } else { spec.iterations };
     let files = (size.planes + 3 * size.frames) as f64 * FILE_STAGES * n as f64;
-    let other_orders = size.planes as f64 * engine.other_orders_work(size.frames);
     let sampling: u64 = kernels.iter().map(|kernel| kernel.engine.sampling_work).sum();
-    let judging = |kernel: &KernelSize| {
-        let opinion = kernel.engine.opinion_work(size.frames, Effort::CHEAP.rows_max, &[spec.detector]);
-        kernel.engine.quality_work(size.frames) + opinion
-    };
-    let judging: f64 = kernels.iter().map(judging).sum();
+    let judging: f64 = kernels.iter().map(|kernel| judgement_work(&kernel.engine, spec, size.frames)).sum();
     let judged_by = judging_kernels.iter().map(|kernel| {
         let engine = kernel.engine.with_detector(spec.detector);
         engine.quality_work(size.frames) + engine.sampling_work as f64
     });
-    let besides = judging + judged_by.sum::<f64>() + files + other_orders + sampling as f64;
+    let besides = judging + judged_by.sum::<f64>() + files + sampling as f64;
     let work = f64::from(steps) * STEP_FACTOR * size.step_work() + besides;
     (stages.into_iter().max().unwrap_or(0), work)
+}
+
+/// Memory for judging a hologram in one plane by its own kernel.
+fn judgement_bytes(engine: &EngineSize, judge: Judging, frames: usize) -> u64 {
+    match judge {
+        // The light of the reconstruction.
+        Judging::None => engine.light_bytes() + engine.scratch_bytes(),
+        Judging::Quick => engine.quality_bytes(frames),
+        Judging::Full => judging_bytes(engine, frames).max(engine.other_orders_bytes()),
+    }
+}
+
+/// Work of judging a hologram in one plane by its own kernel.
+fn judgement_work(engine: &EngineSize, spec: &OptimizeHologram, frames: usize) -> f64 {
+    match spec.judge {
+        Judging::None => 0.0,
+        Judging::Quick => engine.quality_work(frames),
+        Judging::Full => {
+            let opinion = engine.opinion_work(frames, Effort::CHEAP.rows_max, &[spec.detector]);
+            engine.quality_work(frames) + opinion + engine.with_detector(spec.detector).other_orders_work(frames)
+        }
+    }
 }
 
 /// Memory for reading kernels that judge the holograms of other kernels, one after the other, and for what they judge.

@@ -83,6 +83,7 @@ pub(super) async fn from_wire(
         propagation = convolution_method(&at("propagation"), message.propagation);
         method = method;
         iterations = search::iterations(&at("iterations"), &message);
+        judge = search::judge(&at("judge"), &message);
         subframes = subframes;
         initial_phase = search::initial_phase(&at("initial_phase"), message.initial_phase, phases);
         loss = search::loss(&at("loss"), message.loss, region);
@@ -114,6 +115,7 @@ pub(super) async fn from_wire(
         region_of_interest,
         weight_mask,
         quantization_aware: message.quantization_aware,
+        judge,
     };
     api.service.jobs.complete_hologram(call, field, (spec, &display), &kernel, before).await
 }
@@ -142,6 +144,7 @@ pub(super) fn to_wire(spec: OptimizeHologram, kernels: &[(KernelKey, Option<u32>
         region: Some(region_message(spec.region_of_interest)),
         weight_mask: spec.weight_mask.unwrap_or_default(),
         quantization_aware: spec.quantization_aware,
+        judge: spec.judge.to_wire(),
     }
 }
 
@@ -187,6 +190,7 @@ pub(super) fn result(result: HologramResult) -> v1::OptimizeHologramResult {
         colour_reconstructions: result.colour_reconstructions,
         iterations: result.iterations,
         iteration_time_s: result.iteration_time_s,
+        judged: result.judged.to_wire(),
     }
 }
 
@@ -206,7 +210,8 @@ fn wavelength_result(result: WavelengthResult, detector: Detector) -> optimize_h
 }
 
 fn plane_result(plane: PlaneResult, detector: Detector) -> optimize_hologram_result::PlaneResult {
-    let mut own: Vec<v1::Judgement> = engine_judgements(plane.quantized_quality, Stage::Displayed).collect();
+    let by_engine = |quality, stage| engine_judgements(quality, stage).collect::<Vec<v1::Judgement>>();
+    let mut own = plane.quantized_quality.map_or_else(Vec::new, |quality| by_engine(quality, Stage::Displayed));
     let mut by_best = plane.judged_by.map(|JudgedBy { key, version, quality }| {
         let kernel_version = format!("{key}/versions/{version}");
         let displayed = engine_judgements(quality, Stage::Displayed);
@@ -214,7 +219,7 @@ fn plane_result(plane: PlaneResult, detector: Detector) -> optimize_hologram_res
     });
     mark_headline(by_best.as_mut().unwrap_or(&mut own), plane.in_photograph);
     let mut judgements = own;
-    judgements.extend(engine_judgements(plane.quality, Stage::Optimized));
+    judgements.extend(plane.quality.into_iter().flat_map(|quality| by_engine(quality, Stage::Optimized)));
     judgements.extend(plane.other_orders_psnr_db.map(other_orders));
     judgements.extend(plane.second_opinion.into_iter().flat_map(|opinion| opinions(opinion, detector)));
     judgements.extend(by_best.into_iter().flatten());

@@ -2,6 +2,7 @@
 
 use crate::enumerations::WireField as _;
 use crate::jobs::kinds::learning_rate::learning_rate;
+use lightpath_domain::job::Judging;
 use lightpath_optics::engine::photometry::Quantity;
 use lightpath_optics::hologram::{Loss, RANDOM_RANGE_RAD};
 use lightpath_optics::{Detector, HologramMethod, InitialPhase, RegionOfInterest};
@@ -64,6 +65,16 @@ pub(super) fn iterations(field: &Field, message: &v1::OptimizeHologram) -> Resul
         return Err(field.but("is 0", rule));
     }
     Ok(0)
+}
+
+/// Checks how thoroughly the holograms are judged. Without iterations there is nothing else to do.
+pub(super) fn judge(field: &Field, message: &v1::OptimizeHologram) -> Result<Judging> {
+    match field.enum_value(message.judge)?.unwrap_or_default() {
+        Judging::None if message.iterations == Some(0) => {
+            Err(field.but("is none", "must be quick or full for 0 iterations, which only judge"))
+        }
+        judge => Ok(judge),
+    }
 }
 
 fn phase_range(field: &Field, value: f64) -> Result<f64> {

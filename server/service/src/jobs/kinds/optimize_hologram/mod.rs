@@ -13,7 +13,7 @@ use crate::wrong_fields::collect_all;
 use lightpath_domain::display::Display;
 use lightpath_domain::job::estimate::{KernelSize, Need};
 use lightpath_domain::job::kinds::optimize_hologram::{self, HologramInputs};
-use lightpath_domain::job::{Job, JobSpec, OptimizeHologram};
+use lightpath_domain::job::{Job, JobSpec, Judging, OptimizeHologram};
 use lightpath_domain::kernel::KernelKey;
 use pictures::PictureChecks;
 
@@ -103,6 +103,9 @@ impl Jobs {
         // A repeated request is judged as the first time, even if `active` has moved.
         if let Some(job) = earlier(before, spec) {
             return Ok(job.judging_versions.clone());
+        }
+        if spec.judge == Judging::None {
+            return Ok(vec![vec![None; spec.planes.len()]; spec.wavelengths.len()]);
         }
         let mut judging = Vec::new();
         for (keys, versions) in keys(spec).iter().zip(&spec.kernel_versions) {
