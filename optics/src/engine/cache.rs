@@ -209,7 +209,7 @@ mod tests {
         let phase = Plane::from_fn(12, 20, |y, x| (y * 7 + x * 3) as f32 * 0.1);
         let (setup, _) = model(2e-3).setup.planned().unwrap();
         let engine = |setup| cache.engine(&DisplayModel::ideal(setup), Detector::Point, None).unwrap().core;
-        let light = |setup| engine(setup).exact_samples(&[&[phase.clone()]]).unwrap().unwrap().remove(0);
+        let light = |setup| engine(setup).exact_samples(&[std::slice::from_ref(&phase)]).unwrap().unwrap().remove(0);
         let (first, kept) = (light(setup), cache.parts.lock().transfers.len());
         assert_eq!((kept, light(setup).values()), (2, first.values()));
         assert_eq!(cache.parts.lock().transfers.len(), kept);
