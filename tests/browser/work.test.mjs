@@ -325,7 +325,7 @@ test("a display is declared, and a hologram for it begins with all its colours",
   await page.getByRole("button", { name: "Declare the display" }).click();
   await page.getByRole("heading", { level: 1, name: "colours" }).waitFor();
   const { modulator, wavelengthsM } = await server.get("displays/colours");
-  assert.deepEqual([modulator.pixelPitchXM, wavelengthsM], [8e-6, [638e-9, 520e-9, 450e-9]]);
+  assert.deepEqual([modulator.pixelPitchXM, wavelengthsM], [8e-6, [450e-9, 520e-9, 638e-9]]);
   await page.goto(`${server.url}/#/new`);
   await page.getByLabel("Display").selectOption("displays/colours");
   for (const colour of ["638 nm", "520 nm", "450 nm"]) assert.ok(await page.getByLabel(colour).isChecked(), colour);
