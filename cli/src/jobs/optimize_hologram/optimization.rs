@@ -26,7 +26,7 @@ pub(super) struct OptimizationOptions {
     method: HologramMethod,
 
     /// Optimize for this many steps, 1 to 10000; double-phase takes one step
-    #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    #[arg(long, value_name = "N", default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..))]
     iterations: u32,
 
     /// Set the learning rate of adam in radians, above 0, at most 10; only with --method adam [default: 0.1]
