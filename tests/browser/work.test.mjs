@@ -327,7 +327,7 @@ test("a display is declared, and a hologram for it begins with all its colours",
   const { modulator, wavelengthsM } = await server.get("displays/colours");
   assert.deepEqual([modulator.pixelPitchXM, wavelengthsM], [8e-6, [450e-9, 520e-9, 638e-9]]);
   await page.goto(`${server.url}/#/new`);
-  await page.getByLabel("Display").selectOption("displays/colours");
+  await page.getByLabel("Display", { exact: true }).selectOption("displays/colours");
   for (const colour of ["638 nm", "520 nm", "450 nm"]) assert.ok(await page.getByLabel(colour).isChecked(), colour);
   assert.deepEqual(page.problems.filter((problem) => !/400/.test(problem)), []);
 });
