@@ -10,7 +10,7 @@ pub struct LearnStep {
     pub stage: LearnStage,
     /// Pair evaluations so far.
     pub step: u32,
-    /// Most pair evaluations that learning can take.
+    /// Pair evaluations that learning is expected to take, at least `step`. It may take fewer or more.
     pub steps_total: u32,
     /// Loss of this step: in Adam that of one pair, in the refinement the mean over all pairs.
     pub loss: f64,

@@ -47,6 +47,9 @@ pub struct ParametricLearner {
     joint: JointLayout,
     fit: Fit<f32>,
     state: ParametricState,
+    /// Evaluations in the latest progress. Those of a refinement count in the course and in the refinement until the next one
+    /// begins.
+    shown_evaluations: u32,
 }
 
 impl ParametricLearner {
@@ -95,7 +98,7 @@ impl ParametricLearner {
         let distances_m: Vec<f64> = setups.iter().map(OpticalSetup::distance_m).collect();
         let joint = JointLayout::new(layout, &distances_m);
         let fit = Fit::new(setups.to_vec(), layout, options.detector, options.carrier)?;
-        let mut learner = Self { options, rules, joint, fit, state };
+        let mut learner = Self { options, rules, joint, fit, state, shown_evaluations: 0 };
         learner.validate()?;
         learner.use_dust();
         Ok(learner)
@@ -266,12 +269,13 @@ impl ParametricLearner {
         self.joint = joint;
     }
 
-    fn progress(&self, stage: LearnStage, loss: f64) -> LearnStep {
+    fn progress(&mut self, stage: LearnStage, loss: f64) -> LearnStep {
         let ParametricState { course, fitted, kept, .. } = &self.state;
         let kept = kept.len() as u32;
         let of_refinement = fitted.refinement.as_ref().map_or(0, |refinement| refinement.evaluations);
         let of_dust = fitted.dust_fit.as_ref().map_or(0, DustFit::evaluations);
-        let evaluations = course.evaluations() + of_refinement + of_dust;
+        let evaluations = (course.evaluations() + of_refinement + of_dust).max(self.shown_evaluations);
+        self.shown_evaluations = evaluations;
         let steps_total = self.adam_steps_total() + self.rules.evaluations_expected(evaluations) * kept;
         let step = match course.phase {
             Phase::Done => steps_total,
