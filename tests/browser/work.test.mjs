@@ -300,6 +300,12 @@ test("a sweep is a table and a plot over the parameters that differ", async () =
   const { jobs } = await server.get("jobs?batch=short&order=oldest_first");
   const rows = (await sweep.getByRole("row").allInnerTexts()).slice(1).map((row) => row.replaceAll(/\s+/g, " "));
   jobs.forEach((job, i) => assert.ok(rows[i].startsWith(`leaf.png ${[2, 8][i]} ${["point", "pixel"][i]} ${headlineOf(job)}`), rows[i]));
+  const saved = [];
+  const both = new Promise((done) => page.on("download", (download) => saved.push(download.suggestedFilename()) === 2 && done()));
+  await page.getByRole("button", { name: "Download the patterns of 2 holograms" }).click();
+  await page.getByText("All are saved.").waitFor();
+  await both;
+  assert.deepEqual(saved, ["leaf-pattern.png", "2-leaf-pattern.png"]);
   await page.getByText("detector point").waitFor();
   await page.getByLabel("PSNR in a photograph over").selectOption("detector");
   await page.getByText("iterations 2").waitFor();

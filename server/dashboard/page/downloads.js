@@ -60,11 +60,18 @@ export function patternsButton(jobs) {
   const notice = h("span", { role: "status" });
   async function save() {
     const displays = new Map();
+    const used = new Set();
     for (const [i, job] of jobs.entries()) {
       show(notice, `${i} of ${jobs.length} are saved`);
       const name = job.spec.optimizeHologram.display;
       if (!displays.has(name)) displays.set(name, await get(name));
-      for (const { title, digest, file } of filesOfHologram(job, displays.get(name), [])) if (title.startsWith(PATTERN)) await download(digest, file);
+      for (const { title, digest, file } of filesOfHologram(job, displays.get(name), [])) {
+        if (!title.startsWith(PATTERN)) continue;
+        // Holograms of one picture, as of a sweep, have the same name.
+        const own = used.has(file) ? `${i + 1}-${file}` : file;
+        used.add(own);
+        await download(digest, own);
+      }
     }
     show(notice, "All are saved.");
   }

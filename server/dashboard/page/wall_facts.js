@@ -25,14 +25,14 @@ export async function readQueue() {
   ]);
   keepJobs(newest.jobs);
   const failedLately = failed.summaries.filter((job) => Date.now() - Date.parse(job.endTime) < 86_400_000).length;
-  return { queue, running: running.summaries, failed: failedLately, newest: newest.jobs[0] ?? null, emptyIn: emptyIn(running.summaries, queued.jobs) };
+  return { queue, running: running.summaries, failed: failedLately, newest: newest.jobs[0] ?? null, emptyIn: emptyIn(running.summaries, queued.jobs, Boolean(queued.nextPageToken)) };
 }
 
 /**
  * Time until the queue is empty, by the server's forecast [s]: `{seconds, isKnown, isLeast, stuck}`. `isLeast`: the time of some jobs is
- * not known. `stuck`: numbers of jobs that nothing will start as things are, by the reason.
+ * not known, as that of those that are `more` than were read. `stuck`: numbers of jobs that nothing will start as things are, by the reason.
  */
-export function emptyIn(running, queued) {
+export function emptyIn(running, queued, more) {
   const stuck = new Map();
   const ends = running.map(({ progress }) => progress?.etaS);
   for (const { waiting, estimatedTimeS } of queued) {
@@ -41,7 +41,7 @@ export function emptyIn(running, queued) {
     else ends.push(start === undefined || estimatedTimeS === undefined ? undefined : start + estimatedTimeS);
   }
   const known = ends.filter((end) => end !== undefined);
-  return { seconds: Math.max(0, ...known), isLeast: known.length < ends.length, isKnown: known.length > 0, stuck };
+  return { seconds: Math.max(0, ...known), isLeast: more || known.length < ends.length, isKnown: known.length > 0, stuck };
 }
 
 /** The displays, each as `readDisplay` has it, and whether there are more. */
