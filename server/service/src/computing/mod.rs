@@ -19,10 +19,10 @@ const COMPUTATIONS_MAX: usize = 6;
 const THREADS_MAX: usize = 4;
 /// Largest memory of a computation that ends within milliseconds \[bytes\], such as reading the header of a picture.
 const SMALL_BYTES: u64 = 32 << 20;
-/// Scheduling priority of these computations, as of the command `nice`: between the threads that answer calls, which
-/// get a core at once, and those of jobs.
-#[cfg(target_os = "linux")]
-const NICENESS: i32 = 5;
+/// Scheduling priority of small computations and of all others, as of the command `nice`: between the threads that answer
+/// calls, which get a core at once, and those of jobs. A small one that had the priority of the others would wait for its
+/// share of the cores beside all their threads.
+const NICENESS: [i32; 2] = [1, 8];
 
 /// The computations for calls. Clones share their turns.
 #[derive(Clone, Debug)]
@@ -66,7 +66,8 @@ impl Computing {
             // The call waits for this result. The send fails only when the process is ending.
             drop(done.send(result));
         };
-        own_pool().map_err(no_threads)?.spawn(work);
+        let niceness = NICENESS[usize::from(bytes > SMALL_BYTES)];
+        own_pool(niceness).map_err(no_threads)?.spawn(work);
         let result = tokio::select! {
             biased;
             result = &mut result => result,
@@ -82,11 +83,11 @@ impl Computing {
 
 /// Threads for one computation, which end with it. In a pool that computations share, a small one can wait for a minute
 /// behind large ones, because its threads take the parts of what they have begun first.
-fn own_pool() -> std::result::Result<ThreadPool, ThreadPoolBuildError> {
+fn own_pool(niceness: i32) -> std::result::Result<ThreadPool, ThreadPoolBuildError> {
     ThreadPoolBuilder::new()
         .num_threads(available_parallelism().map_or(1, NonZero::get).min(THREADS_MAX))
         .thread_name(|_| "computation".to_owned())
-        .start_handler(|_| yield_to_calls())
+        .start_handler(move |_| yield_to_calls(niceness))
         // The call learns of a panic by itself. Without a handler, it would end the process.
         .panic_handler(drop)
         .build()
@@ -99,12 +100,15 @@ fn no_threads(error: ThreadPoolBuildError) -> ServiceError {
 
 /// Lowers the priority of the calling thread below those that answer calls. On systems other than Linux, the priority
 /// belongs to the whole process.
-fn yield_to_calls() {
-    #[cfg(target_os = "linux")]
-    if let Err(error) = rustix::process::setpriority_process(None, NICENESS) {
+#[cfg(target_os = "linux")]
+fn yield_to_calls(niceness: i32) {
+    if let Err(error) = rustix::process::setpriority_process(None, niceness) {
         tracing::warn!(%error, "the priority of a computation could not be lowered; calls may be slower");
     }
 }
+
+#[cfg(not(target_os = "linux"))]
+fn yield_to_calls(_niceness: i32) {}
 
 #[cfg(test)]
 mod tests {

@@ -8,6 +8,9 @@
 //! held(t) = Σ over statements of  duration · ½^((t − end) / 10 s)
 //! ```
 //!
+//! The last free connection is kept for clients that held connections for less than the mean of all clients: behind a
+//! few clients whose statements take long, others would wait until one of these ends.
+//!
 //! What the server does for itself (claims, heartbeats, health, webhooks) belongs to no client and comes before all calls.
 
 use std::collections::{HashMap, VecDeque};
@@ -16,7 +19,7 @@ use std::time::{Duration, Instant};
 use tokio::sync::oneshot;
 use tokio::time::timeout;
 
-/// Connections that one client leaves to others, where there are several.
+/// Connections that one client leaves to others, and that clients leave to those that held less, where there are several.
 const KEPT: usize = 1;
 /// How long a statement waits for its turn.
 const WAIT_MAX: Duration = Duration::from_secs(30);
@@ -127,10 +130,13 @@ impl State {
         if self.held >= self.connections {
             return None;
         }
-        let own_max = self.connections.saturating_sub(KEPT).max(1);
+        let unkept = self.connections.saturating_sub(KEPT).max(1);
+        let mean_s = self.mean_held_s();
+        let may_use_kept = |account: &Account| self.held < unkept || account.held_s <= mean_s;
         loop {
             let waiting = self.clients.iter_mut().filter(|(_, account)| !account.waiting.is_empty());
-            let allowed = waiting.filter(|(client, account)| client.is_none() || account.held < own_max);
+            let has_share = |account: &Account| account.held < unkept && may_use_kept(account);
+            let allowed = waiting.filter(|(client, account)| client.is_none() || has_share(account));
             let (client, account) = allowed.min_by(|(a, first), (b, second)| {
                 a.is_some().cmp(&b.is_some()).then(first.held_s.total_cmp(&second.held_s))
             })?;
@@ -144,6 +150,13 @@ impl State {
                 }
             }
         }
+    }
+
+    /// Mean of the times for which clients have held connections \[s\].
+    fn mean_held_s(&self) -> f64 {
+        let of_clients = self.clients.iter().filter(|(client, _)| client.is_some());
+        let (sum_s, count) = of_clients.fold((0.0, 0), |(sum_s, count), (_, account)| (sum_s + account.held_s, count + 1));
+        sum_s / f64::from(count.max(1))
     }
 
     fn end(&mut self, turn: &Turn, now: Instant) {
@@ -248,5 +261,19 @@ mod tests {
         assert_eq!(turns.lock().held, 0);
         let own: Vec<_> = (0..3).filter_map(|_| at_once(&turns, "")).collect();
         assert_eq!(own.len(), 3, "the server itself may use all");
+    }
+
+    #[tokio::test]
+    async fn the_last_connection_is_kept_for_clients_that_held_less() {
+        let turns = Turns::new(3);
+        for client in ["ada", "bob"] {
+            let turn = at_once(&turns, client).unwrap();
+            tokio::time::sleep(Duration::from_millis(5)).await;
+            drop(turn);
+        }
+        let _little = at_once(&turns, "eve").unwrap();
+        let _held = at_once(&turns, "ada").unwrap();
+        assert!(at_once(&turns, "bob").is_none(), "one connection is left, and bob held more than the mean");
+        assert!(at_once(&turns, "cyd").is_some(), "cyd has held nothing");
     }
 }
