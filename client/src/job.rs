@@ -169,6 +169,8 @@ results! {
     report_result: ReportKernel(ReportKernelResult);
     /// Returns the holograms that a job suggests.
     suggest_result: SuggestHolograms(SuggestHologramsResult);
+    /// Returns the photographs that a job took at a bench.
+    photos_result: CapturePhotos(CapturePhotosResult);
     /// Returns the judgement of a job's holograms.
     verify_result: VerifyHologram(VerifyHologramResult);
 }

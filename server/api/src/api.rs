@@ -4,6 +4,7 @@ use crate::accounts::Streams;
 use crate::event_log::EventLog;
 use lightpath_artifacts::Artifacts;
 use lightpath_media::live_pictures::LivePictures;
+use lightpath_rigs::Rigs;
 use lightpath_service::{Result, Service, ServiceError};
 use lightpath_store::Store;
 use std::time::Duration;
@@ -25,6 +26,7 @@ pub struct Api {
     pub(crate) streams: Streams,
     pub(crate) events: EventLog,
     pub(crate) live_pictures: LivePictures,
+    pub(crate) rigs: Rigs,
     pub(crate) stopping: CancellationToken,
     /// Result of the latest health check.
     health: watch::Sender<Result<(), String>>,
@@ -41,9 +43,16 @@ impl Api {
             streams: Streams::default(),
             events: EventLog::default(),
             live_pictures: LivePictures::default(),
+            rigs: Rigs::default(),
             stopping,
             health: watch::Sender::new(Ok(())),
         }
+    }
+
+    /// The same with the rigs that jobs ask for photographs.
+    #[must_use]
+    pub fn with_rigs(self, rigs: Rigs) -> Self {
+        Self { rigs, ..self }
     }
 
     /// The pictures of running jobs that the API shows; workers draw them.

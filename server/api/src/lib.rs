@@ -3,7 +3,8 @@
 //! # Layout
 //!
 //! - The resources, each with its service and with the conversions of its messages (`from_wire` and `to_wire`):
-//!   `displays`, `datasets`, `jobs` (with a file for each kind of job), `queue`, `kernels`, `rollouts`, `devices`, `photos`,
+//!   `displays`, `datasets`, `jobs` (with a file for each kind of job), `queue`, `kernels`, `rollouts`, `devices`, `rigs`,
+//!   `photos`,
 //!   `webhooks`, `artifacts`.
 //! - `optics`: messages of the optics engine that several resources use, such as propagation methods and regions.
 //! - `api`: state shared by all services. `call`: passing gRPC requests with their callers to methods. `routes`: the routes
@@ -43,6 +44,7 @@ mod optics;
 mod pages;
 mod photos;
 mod queue;
+mod rigs;
 mod rollouts;
 mod routes;
 mod rules;

@@ -15,6 +15,14 @@ pub(crate) fn display_id(call: &Call, field: &Field, name: &str) -> Result<Strin
     Ok(id)
 }
 
+/// The id of the display in `displays/{id}/rig`.
+pub(crate) fn rig_display(call: &Call, field: &Field, name: &str) -> Result<String> {
+    let display = name.strip_suffix("/rig").ok_or_else(|| {
+        field.but(format!("is {:?}", shortened(name)), "must be displays/{id}/rig, for example displays/lab-2/rig")
+    });
+    display_id(call, field, display?)
+}
+
 /// The id in `datasets/{id}`.
 pub(crate) fn dataset_id(field: &Field, name: &str) -> Result<String> {
     checked_id(field, name, "datasets")

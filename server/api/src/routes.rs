@@ -9,6 +9,7 @@ use lightpath_proto::v1::event_service_server::EventServiceServer;
 use lightpath_proto::v1::job_service_server::JobServiceServer;
 use lightpath_proto::v1::kernel_service_server::KernelServiceServer;
 use lightpath_proto::v1::photo_service_server::PhotoServiceServer;
+use lightpath_proto::v1::rig_service_server::RigServiceServer;
 use lightpath_proto::v1::rollout_service_server::RolloutServiceServer;
 use lightpath_proto::v1::server_service_server::ServerServiceServer;
 use lightpath_proto::v1::webhook_service_server::WebhookServiceServer;
@@ -36,6 +37,7 @@ impl Api {
             .add_service(RolloutServiceServer::new(self.clone()).max_decoding_message_size(limit))
             .add_service(DeviceServiceServer::new(self.clone()).max_decoding_message_size(limit))
             .add_service(EventServiceServer::new(self.clone()).max_decoding_message_size(limit))
+            .add_service(RigServiceServer::new(self.clone()).max_decoding_message_size(limit))
             .add_service(PhotoServiceServer::new(self.clone()).max_decoding_message_size(limit))
             .add_service(WebhookServiceServer::new(self.clone()).max_decoding_message_size(limit))
             .add_service(ServerServiceServer::new(self.clone()).max_decoding_message_size(limit))

@@ -31,7 +31,7 @@ pub(crate) struct Rule {
     pub(crate) effect: Effect,
 }
 
-use Role::{Admin, Curator, Firmware, Submitter, Viewer};
+use Role::{Admin, Curator, Firmware, Rig, Submitter, Viewer};
 
 const READERS: Access = Access::Only(&[Viewer, Submitter, Curator, Admin]);
 const KERNEL_READERS: Access = Access::Only(&[Viewer, Submitter, Curator, Firmware, Admin]);
@@ -39,6 +39,14 @@ const SUBMITTERS: Access = Access::Only(&[Submitter, Curator, Admin]);
 const CURATORS: Access = Access::Only(&[Curator, Admin]);
 /// Devices, and people who try what devices do.
 const REPORTERS: Access = Access::Only(&[Curator, Firmware, Admin]);
+/// Rigs, and people who try what rigs do.
+const RIGS: Access = Access::Only(&[Rig, Admin]);
+/// Those who read files, and rigs, which read patterns.
+const FILE_READERS: Access = Access::Only(&[Viewer, Submitter, Curator, Rig, Admin]);
+/// Those who upload files.
+const UPLOADERS: Access = Access::Only(&[Submitter, Curator, Rig, Admin]);
+/// Those who read a display: also its devices and its rig.
+const DISPLAY_READERS: Access = Access::Only(&[Viewer, Submitter, Curator, Firmware, Rig, Admin]);
 const ADMINS: Access = Access::Only(&[Admin]);
 
 const fn rule(access: Access, effect: Effect) -> Rule {
@@ -48,9 +56,9 @@ const fn rule(access: Access, effect: Effect) -> Rule {
 /// Rules for the methods of the API.
 pub(crate) const METHODS: &[(&str, Rule)] = &[
     ("ArtifactService/GetArtifact", rule(READERS, Effect::Reads)),
-    ("ArtifactService/GetUpload", rule(SUBMITTERS, Effect::Reads)),
-    ("ArtifactService/WriteArtifact", rule(SUBMITTERS, Effect::Changes)),
-    ("ArtifactService/ReadArtifact", rule(READERS, Effect::Reads)),
+    ("ArtifactService/GetUpload", rule(UPLOADERS, Effect::Reads)),
+    ("ArtifactService/WriteArtifact", rule(UPLOADERS, Effect::Changes)),
+    ("ArtifactService/ReadArtifact", rule(FILE_READERS, Effect::Reads)),
     ("DatasetService/CreateDataset", rule(SUBMITTERS, Effect::Creates)),
     ("DatasetService/GetDataset", rule(READERS, Effect::Reads)),
     ("DatasetService/ListDatasets", rule(READERS, Effect::Reads)),
@@ -59,7 +67,7 @@ pub(crate) const METHODS: &[(&str, Rule)] = &[
     ("DatasetService/DeleteDataset", rule(CURATORS, Effect::Changes)),
     ("DatasetService/CreateCalibrationTarget", rule(SUBMITTERS, Effect::Creates)),
     ("DisplayService/CreateDisplay", rule(ADMINS, Effect::Creates)),
-    ("DisplayService/GetDisplay", rule(KERNEL_READERS, Effect::Reads)),
+    ("DisplayService/GetDisplay", rule(DISPLAY_READERS, Effect::Reads)),
     ("DisplayService/ListDisplays", rule(READERS, Effect::Reads)),
     ("DisplayService/UpdateDisplay", rule(ADMINS, Effect::Changes)),
     ("DisplayService/DeleteDisplay", rule(ADMINS, Effect::Changes)),
@@ -109,6 +117,8 @@ pub(crate) const METHODS: &[(&str, Rule)] = &[
     ("DeviceService/ListDevices", rule(READERS, Effect::Reads)),
     ("DeviceService/SetDeviceGroup", rule(CURATORS, Effect::Changes)),
     ("DeviceService/DeleteDevice", rule(CURATORS, Effect::Changes)),
+    ("RigService/ServeRig", rule(RIGS, Effect::Changes)),
+    ("RigService/ListRigs", rule(READERS, Effect::Reads)),
     ("PhotoService/ScorePhoto", rule(SUBMITTERS, Effect::Creates)),
     // What a webhook learns leaves the server, so only admins may decide about it.
     ("WebhookService/CreateWebhook", rule(ADMINS, Effect::Creates)),
@@ -149,7 +159,7 @@ const ROUTES: &[(&str, Rule)] = &[
 ];
 
 /// The rule for a path of the API with another verb. The answer only names the right verbs.
-pub(crate) const WRONG_VERB: Rule = rule(KERNEL_READERS, Effect::Reads);
+pub(crate) const WRONG_VERB: Rule = rule(DISPLAY_READERS, Effect::Reads);
 
 /// The rule for a request, by its path or its route.
 pub(crate) fn rule_of(path: &str, route: Option<&str>) -> Option<Rule> {

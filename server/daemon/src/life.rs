@@ -3,7 +3,8 @@
 use crate::config::Config;
 use crate::upkeep::Result;
 use lightpath_artifacts::Artifacts;
-use lightpath_domain::ability::Abilities;
+use lightpath_domain::ability::{Abilities, Labels};
+use lightpath_rigs::Rigs;
 use lightpath_store::{Process, ProcessKind, Store};
 use std::time::Duration;
 use tokio::time::{MissedTickBehavior, interval, timeout};
@@ -20,6 +21,8 @@ const SIGN_OFF_MAX: Duration = Duration::from_secs(2);
 pub(crate) struct Life {
     store: Store,
     process: Process,
+    /// Labels from the settings. The connected rigs add theirs.
+    own_labels: Labels,
 }
 
 impl Life {
@@ -36,7 +39,7 @@ impl Life {
             kind,
             name: config.workers().name,
             version: env!("CARGO_PKG_VERSION").to_owned(),
-            abilities: Abilities { labels: config.labels()?, memory_bytes: config.job_bytes_max() },
+            abilities: Abilities { labels: config.labels()?, memory_bytes: config.job_bytes_max(), ..Abilities::default() },
             workers: config.workers,
             start_time_ms: now_ms,
             seen_time_ms: now_ms,
@@ -45,18 +48,25 @@ impl Life {
             (process.abilities, process.workers) = (Abilities { memory_bytes: 0, ..Abilities::default() }, 0);
         }
         store.sign_of_life(&process).await?;
-        Ok(Self { store: store.clone(), process })
+        let own_labels = process.abilities.labels.clone();
+        Ok(Self { store: store.clone(), process, own_labels })
     }
 
-    /// Gives signs of life until the process stops. Calls `with_servers` after each with the number of living servers, this
-    /// one included.
-    pub(crate) async fn go_on(self, stopping: CancellationToken, with_servers: impl Fn(u32)) {
+    /// Gives signs of life until the process stops, also at once when a rig comes or goes. Calls `with_servers` after each
+    /// with the number of living servers, this one included.
+    pub(crate) async fn go_on(mut self, rigs: Rigs, stopping: CancellationToken, with_servers: impl Fn(u32)) {
+        let mut of_rigs = rigs.labels();
         let mut ticks = interval(SIGN_INTERVAL);
         ticks.set_missed_tick_behavior(MissedTickBehavior::Delay);
         loop {
             tokio::select! {
                 () = stopping.cancelled() => break,
                 _ = ticks.tick() => {}
+                Ok(()) = of_rigs.changed() => {}
+            }
+            if self.process.works() {
+                let labels = [self.own_labels.clone(), of_rigs.borrow_and_update().clone()];
+                self.process.abilities.labels = Labels::all_of(labels);
             }
             let Some(signed) = stopping.run_until_cancelled(self.store.sign_of_life(&self.process)).await else {
                 break;

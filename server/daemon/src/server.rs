@@ -12,6 +12,7 @@ use lightpath_api::http::{self, Admission, EndedTokens, KnownTokens, MemoryBudge
 use lightpath_api::tls::{self, Tls, TlsError};
 use lightpath_artifacts::Artifacts;
 use lightpath_metrics as metrics;
+use lightpath_rigs::Rigs;
 use lightpath_service::{Service, ServiceLimits};
 use lightpath_store::{ProcessKind, Store, StoreError};
 use lightpath_worker::{JobProgram, WorkerError};
@@ -129,17 +130,18 @@ pub async fn run_and_announce(
     loops.spawn(lightpath_webhooks::run(store.clone(), webhook_origins.clone(), stopping.clone()));
     let limits = service_limits(&config).await?;
     let service = Service::new(&store, &artifacts, &limits, webhook_origins, stopping.clone());
-    let api = Api::new(service, store.clone(), artifacts.clone(), stopping.clone());
+    let rigs = if config.no_worker { Rigs::refusing() } else { Rigs::default() };
+    let api = Api::new(service, store.clone(), artifacts.clone(), stopping.clone()).with_rigs(rigs);
     loops.spawn(flush_loop(Arc::clone(&audit), tls.clone(), stopping.clone()));
     let (grpc, health) = api.clone().routes()?;
     set_health(&health, ServingStatus::Serving).await;
     let watching = tokio::spawn(health_loop(api.clone(), health.clone(), stopping.clone()));
-    let pictures = api.live_pictures();
-    let starting = Workers::start(store, artifacts, &config, pictures, job_program, stopping.clone());
+    let shared = (api.live_pictures(), api.rigs());
+    let starting = Workers::start(store, artifacts, &config, shared, job_program, stopping.clone());
     let mut workers = if config.no_worker { None } else { Some(starting.await?) };
     let (ended_tokens, known_tokens) = (EndedTokens::default(), KnownTokens::default());
     loops.spawn(token_loop(api.store().clone(), ended_tokens.clone(), stopping.clone()));
-    let rate = shared_rate(&config, life, &mut loops, &stopping);
+    let rate = shared_rate(&config, (life, api.rigs()), &mut loops, &stopping);
     let records = Arc::clone(&audit);
     let admission = Admission { api, tokens_required, hosts, audit: records, rate, ended_tokens, known_tokens };
     let app = http::router(admission, Arc::new(MemoryBudget::new(config.under_way_bytes_max())), grpc);
@@ -176,10 +178,15 @@ fn kind(config: &Config) -> ProcessKind {
 }
 
 /// The limit on calls, of which this server takes its part as the others come and go.
-fn shared_rate(config: &Config, life: Life, loops: &mut JoinSet<()>, stopping: &CancellationToken) -> Arc<Rate> {
+fn shared_rate(
+    config: &Config,
+    (life, rigs): (Life, Rigs),
+    loops: &mut JoinSet<()>,
+    stopping: &CancellationToken,
+) -> Arc<Rate> {
     let rate = Arc::new(Rate::new(config.calls_per_s_max));
     let shared = Arc::clone(&rate);
-    loops.spawn(life.go_on(stopping.clone(), move |servers| shared.share_among(servers)));
+    loops.spawn(life.go_on(rigs, stopping.clone(), move |servers| shared.share_among(servers)));
     rate
 }
 

@@ -8,6 +8,7 @@ use lightpath_api::http::serve_worker_status;
 use lightpath_artifacts::Artifacts;
 use lightpath_media::live_pictures::LivePictures;
 use lightpath_metrics as metrics;
+use lightpath_rigs::Rigs;
 use lightpath_store::{ProcessKind, Store};
 use lightpath_worker::JobProgram;
 use tokio::net::TcpListener;
@@ -38,7 +39,7 @@ pub async fn run(
     let mut loops = JoinSet::new();
     loops.spawn(count_loop(store.clone(), artifacts.clone(), stopping.clone()));
     let life = Life::begin(&store, &artifacts, &config, ProcessKind::Worker).await?;
-    loops.spawn(life.go_on(stopping.clone(), drop));
+    loops.spawn(life.go_on(Rigs::refusing(), stopping.clone(), drop));
     if let Some(listener) = status {
         let answers = serve_worker_status(listener, store.clone(), artifacts.clone(), stopping.clone());
         loops.spawn(async {
@@ -48,7 +49,7 @@ pub async fn run(
         });
     }
     let mut workers =
-        Workers::start(store, artifacts, &config, LivePictures::default(), job_program, stopping.clone()).await?;
+        Workers::start(store, artifacts, &config, (LivePictures::default(), Rigs::refusing()), job_program, stopping.clone()).await?;
     tracing::info!("working");
     let early = tokio::select! {
         () = shutdown => None,

@@ -4,6 +4,7 @@ use crate::config::Config;
 use crate::upkeep::Result;
 use lightpath_artifacts::Artifacts;
 use lightpath_media::live_pictures::LivePictures;
+use lightpath_rigs::Rigs;
 use lightpath_store::Store;
 use lightpath_worker::{JobProgram, OpticsTask, Worker, WorkerConfig, WorkerError};
 use std::sync::Arc;
@@ -30,7 +31,7 @@ impl Workers {
         store: Store,
         artifacts: Artifacts,
         config: &Config,
-        live_pictures: LivePictures,
+        (live_pictures, rigs): (LivePictures, Rigs),
         job_program: Option<JobProgram>,
         stopping: CancellationToken,
     ) -> Result<Self> {
@@ -38,7 +39,7 @@ impl Workers {
         let process = if store.is_shared() { Some(artifacts.folder_identity().await?) } else { None };
         let config = WorkerConfig { process: process.clone(), labels: config.labels()?, ..config.workers() };
         let worker = Worker::new(store.clone(), artifacts, config, Arc::new(OpticsTask));
-        let worker = worker.showing(live_pictures).isolating(job_program);
+        let worker = worker.showing(live_pictures).at_benches(rigs).isolating(job_program);
         Ok(Self { running: tokio::spawn(worker.run(stopping)), store, process })
     }
 

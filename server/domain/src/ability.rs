@@ -10,6 +10,9 @@ pub const LABELS_MAX: usize = 32;
 /// Limit on the length of a label \[bytes\], as of a label in the domain name system.
 const LABEL_BYTES_MAX: usize = 63;
 
+/// Begin of the labels for rigs.
+const RIG_PREFIX: &str = "rig.";
+
 /// Labels, such as `gpu` or `bench-2`: ascending, each once.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Labels(Vec<String>);
@@ -61,6 +64,28 @@ impl Labels {
         Self::new(text.split(',').map(str::trim).filter(|label| !label.is_empty()), LABELS_MAX)
     }
 
+    /// The label of processes to which the rig of a display is connected, and of jobs that need it. It may be longer than
+    /// labels that people choose.
+    #[must_use]
+    pub fn of_rig(display: &str) -> Self {
+        Self(vec![format!("{RIG_PREFIX}{display}")])
+    }
+
+    /// The first display whose rig is among the labels.
+    #[must_use]
+    pub fn rig(&self) -> Option<&str> {
+        self.iter().find_map(|label| label.strip_prefix(RIG_PREFIX))
+    }
+
+    /// All of these labels.
+    #[must_use]
+    pub fn all_of(parts: impl IntoIterator<Item = Self>) -> Self {
+        let mut labels: Vec<String> = parts.into_iter().flat_map(|part| part.0).collect();
+        labels.sort();
+        labels.dedup();
+        Self(labels)
+    }
+
     /// The labels, ascending.
     pub fn iter(&self) -> impl Iterator<Item = &str> {
         self.0.iter().map(String::as_str)
@@ -99,12 +124,14 @@ pub struct Abilities {
     pub labels: Labels,
     /// Largest memory of a job that it starts, by [`counted_memory`] \[bytes\].
     pub memory_bytes: u64,
+    /// It starts only jobs that need one of these labels; empty: all jobs.
+    pub only_for: Labels,
 }
 
 impl Default for Abilities {
     /// No labels, and no limit on the memory.
     fn default() -> Self {
-        Self { labels: Labels::default(), memory_bytes: u64::MAX }
+        Self { labels: Labels::default(), memory_bytes: u64::MAX, only_for: Labels::default() }
     }
 }
 

@@ -17,6 +17,8 @@ crate::words! {
         Curator = "curator",
         /// May only fetch the kernels of named displays.
         Firmware = "firmware",
+        /// May only serve the benches of named displays: read their patterns and upload photographs.
+        Rig = "rig",
         /// May do everything, including displays, webhooks and pauses.
         Admin = "admin",
     }
@@ -31,6 +33,7 @@ impl Role {
             Self::Submitter => "Also upload, build datasets, submit, cancel and retry jobs",
             Self::Curator => "Also delete datasets, import kernels and change the active version",
             Self::Firmware => "Only fetch the kernels of named displays",
+            Self::Rig => "Only serve the benches of named displays: read their patterns, upload photographs",
             Self::Admin => "Do everything, including displays, webhooks and pauses",
         }
     }

@@ -5,6 +5,11 @@ use sha2::{Digest as _, Sha256};
 /// The digest of `bytes`.
 #[must_use]
 pub fn digest_of(bytes: &[u8]) -> String {
-    let hash: String = Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect();
-    format!("sha256-{hash}")
+    format!("sha256-{}", sha256_hex(bytes))
+}
+
+/// SHA-256 of `bytes` in hexadecimal digits.
+#[must_use]
+pub fn sha256_hex(bytes: &[u8]) -> String {
+    Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }

@@ -25,6 +25,7 @@ pub use depth_map::{nearest_planes, pixels_of_planes, weight_in_plane};
 pub use effect::JobEffect;
 pub use estimate::Estimate;
 pub use failure::{FailureReason, JobError};
+pub use kinds::capture_photos::{CapturePhotos, CapturePhotosResult, CapturedPhoto, NamedPattern, Retaken};
 pub use kinds::evaluate_kernel::{EvaluateKernel, EvaluateResult, PairLoss};
 pub use kinds::learn_kernel::{LearnKernel, LearnResult, LearnedKernel};
 pub use kinds::optimize_hologram::{

@@ -97,8 +97,16 @@ reasons! {
         NoSuchForm = "NO_SUCH_FORM",
         /// The queue is not paused.
         NotPaused = "NOT_PAUSED",
+        /// The dataset has no alignment.
+        DatasetNotAligned = "DATASET_NOT_ALIGNED",
         /// The display has no simulated bench.
         NotSimulated = "NOT_SIMULATED",
+        /// The server runs no jobs.
+        NoJobsHere = "NO_JOBS_HERE",
+        /// The rig of another token serves the display.
+        RigBusy = "RIG_BUSY",
+        /// Another connection of the same token serves the display now.
+        RigReplaced = "RIG_REPLACED",
         /// A waiting or running job of the same owner has the same unique key.
         NotUnique = "NOT_UNIQUE",
         /// The version does not pass the promotion gate of the display.

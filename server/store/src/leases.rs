@@ -98,8 +98,8 @@ impl Store {
     /// Earliest time after `now_ms` when a waiting job becomes due \[ms since 1970\] that a process with these abilities can
     /// run; `None` if there is no such job.
     pub async fn next_run_time(&self, now_ms: i64, abilities: &Abilities) -> Result<Option<i64>> {
-        let (labels, memory_bytes) = in_claim(abilities)?;
-        let time = scalar(NEXT_RUN_TIME).bind((now_ms, labels, memory_bytes));
+        let (labels, memory_bytes, only_for) = in_claim(abilities)?;
+        let time = scalar(NEXT_RUN_TIME).bind((now_ms, labels, memory_bytes, only_for));
         Ok(time.fetch_one(self.readers()).await?)
     }
 
@@ -205,10 +205,11 @@ impl Store {
     }
 }
 
-/// Labels and memory as claims get them.
-fn in_claim(abilities: &Abilities) -> Result<(String, i64)> {
+/// Labels, memory and the labels to start jobs for, as claims get them.
+fn in_claim(abilities: &Abilities) -> Result<(String, i64, String)> {
     let memory_bytes = i64::try_from(abilities.memory_bytes).unwrap_or(i64::MAX);
-    Ok((to_json("process.labels", &abilities.labels)?, memory_bytes))
+    let json = |labels| to_json("process.labels", labels);
+    Ok((json(&abilities.labels)?, memory_bytes, json(&abilities.only_for)?))
 }
 
 async fn claim(
@@ -219,10 +220,10 @@ async fn claim(
     claimant: &Claimant,
 ) -> Result<Option<(Job, Lease)>> {
     let lease_id = claimant.lease_id.clone();
-    let (labels, memory_bytes) = in_claim(&claimant.abilities)?;
+    let (labels, memory_bytes, only_for) = in_claim(&claimant.abilities)?;
     let row = query(CLAIM)
         .bind((&lease_id, now_ms + lease_ms, &claimant.worker, now_ms, limits.per_owner, limits.per_display))
-        .bind((&claimant.process, labels, memory_bytes, &claimant.computer))
+        .bind((&claimant.process, labels, memory_bytes, &claimant.computer, only_for))
         .fetch_optional(write.sql())
         .await?;
     let Some(row) = row else { return Ok(None) };

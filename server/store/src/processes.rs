@@ -100,6 +100,7 @@ fn process_of(row: &Row) -> Result<Process> {
         abilities: Abilities {
             labels: json(row, "process.labels")?,
             memory_bytes: row.try_get("memory_bytes")?,
+            ..Abilities::default()
         },
     }))
 }

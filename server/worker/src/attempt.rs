@@ -77,6 +77,7 @@ impl Worker {
             stop: Arc::clone(&stop),
             progress,
             checkpoint_interval: self.config.checkpoint_interval,
+            rigs: self.rigs.clone(),
             live_picture: LivePicture::new(self.live_pictures.clone(), lease.job.clone()),
             last_checkpoint: Cell::new(Instant::now()),
             last_save_took: Cell::new(Duration::ZERO),

@@ -44,7 +44,7 @@ impl WorkerConfig {
             Some(_) => jobs_bytes_max(self.memory_bytes),
             None => u64::MAX,
         };
-        Abilities { labels: self.labels.clone(), memory_bytes }
+        Abilities { labels: self.labels.clone(), memory_bytes, ..Abilities::default() }
     }
 }
 

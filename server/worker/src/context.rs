@@ -8,6 +8,7 @@ use lightpath_domain::causes::with_causes;
 use lightpath_domain::job::{FailureReason, Job, JobEffect, JobError, JobResult, Lease, Progress};
 use lightpath_optics::EngineCache;
 use lightpath_optics::interrupt::Interrupt;
+use lightpath_rigs::Rigs;
 use lightpath_store::{Store, StoreError};
 use std::cell::{Cell, RefCell};
 use std::future::Future;
@@ -121,6 +122,7 @@ pub struct JobContext {
     pub(super) stop: Arc<StopFlag>,
     pub(super) progress: watch::Sender<Option<Progress>>,
     pub(super) live_picture: LivePicture,
+    pub(super) rigs: Rigs,
     pub(super) checkpoint_interval: Duration,
     pub(super) last_checkpoint: Cell<Instant>,
     /// Time that the last save of a large state took.
@@ -148,6 +150,20 @@ impl JobContext {
             None if self.is_checkpoint_due() => self.save_in_passing(state()),
             None => Ok(()),
         }
+    }
+
+    /// Does the same as [`Self::step`], and saves the state, however recent the last checkpoint is: for what cannot be done
+    /// again at will.
+    ///
+    /// # Errors
+    ///
+    /// The errors of [`Self::step`].
+    pub fn step_to_keep(&self, progress: Progress, state: impl FnOnce() -> Vec<u8>) -> Result<(), TaskError> {
+        if self.stop.reason().is_none() {
+            self.save_in_passing(state())?;
+            return self.report(progress);
+        }
+        self.step(progress, state)
     }
 
     /// Shows the PNG that `draw` makes of what the job has reached, every few seconds. `None`: there is nothing to show.
@@ -225,6 +241,26 @@ impl JobContext {
     #[must_use]
     pub fn store(&self) -> &Store {
         &self.store
+    }
+
+    /// Id of the job.
+    #[must_use]
+    pub fn job_id(&self) -> &str {
+        &self.lease.job
+    }
+
+    /// The rigs that are connected to this server.
+    pub(super) fn rigs(&self) -> &Rigs {
+        &self.rigs
+    }
+
+    /// Waits on the compute thread for an asynchronous operation, until the task must stop.
+    ///
+    /// # Errors
+    ///
+    /// [`TaskError::Stopped`].
+    pub(super) fn wait_unless_stopped<F: Future>(&self, future: F) -> Result<F::Output, TaskError> {
+        self.wait(self.stop.unless_stopped(future)).ok_or(TaskError::Stopped)
     }
 
     /// Waits on the compute thread for an asynchronous operation.

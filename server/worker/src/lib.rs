@@ -64,11 +64,12 @@ pub use stop::StopReason;
 use computer::computer;
 use job_memory::JobMemory;
 use lightpath_artifacts::{ArtifactError, Artifacts};
-use lightpath_domain::ability::Abilities;
-use lightpath_domain::job::Job;
+use lightpath_domain::ability::{Abilities, Labels};
+use lightpath_domain::job::{Job, Lease};
 use lightpath_media::live_pictures::LivePictures;
 use lightpath_metrics::{self as metrics, LeaseLoss};
 use lightpath_optics::EngineCache;
+use lightpath_rigs::Rigs;
 use lightpath_store::{Claimant, Store, StoreError};
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 use std::collections::HashSet;
@@ -138,6 +139,15 @@ pub enum WorkerError {
     Artifacts(#[from] ArtifactError),
 }
 
+/// What came of an attempt to claim a job.
+enum Claimed {
+    Job(Box<Job>, Lease),
+    /// There is none; look again after this time.
+    Nothing(Duration),
+    /// Jobs cannot be claimed at present.
+    NotNow,
+}
+
 /// Workers that share one store and one folder of artifacts.
 pub struct Worker {
     store: Store,
@@ -149,6 +159,7 @@ pub struct Worker {
     clock: Clock,
     live_pictures: LivePictures,
     job_program: Option<JobProgram>,
+    rigs: Rigs,
 }
 
 impl std::fmt::Debug for Worker {
@@ -164,7 +175,7 @@ impl Worker {
         let engines = Arc::new(EngineCache::new(cache_bytes_max(config.memory_bytes) as usize));
         let memory = JobMemory::new(config.memory_bytes);
         let (clock, live_pictures) = (Clock::of(&store), LivePictures::default());
-        Self { store, artifacts, engines, memory, config, task, clock, live_pictures, job_program: None }
+        Self { store, artifacts, engines, memory, config, task, clock, live_pictures, job_program: None, rigs: Rigs::default() }
     }
 
     /// Runs jobs during which a server died with `program`, in a process of its own each. Without it, they run in this
@@ -172,6 +183,13 @@ impl Worker {
     #[must_use]
     pub fn isolating(mut self, program: Option<JobProgram>) -> Self {
         self.job_program = program;
+        self
+    }
+
+    /// Runs also the jobs that need one of `rigs`, beside all others: they wait for benches more than they compute.
+    #[must_use]
+    pub fn at_benches(mut self, rigs: Rigs) -> Self {
+        self.rigs = rigs;
         self
     }
 
@@ -204,8 +222,13 @@ impl Worker {
 
     async fn work(self, drain: CancellationToken) -> Result<(), WorkerError> {
         let pools: Vec<ThreadPool> = (0..self.config.workers.max(1)).map(|_| self.pool()).collect::<Result<_, _>>()?;
+        let bench_pool = Arc::new(self.pool()?);
         let worker = Arc::new(self);
         let mut loops = JoinSet::new();
+        loops.spawn({
+            let (worker, drain) = (Arc::clone(&worker), drain.clone());
+            async move { worker.bench_loop(bench_pool, drain).await }
+        });
         for (index, pool) in pools.into_iter().enumerate() {
             let (worker, drain) = (Arc::clone(&worker), drain.clone());
             loops.spawn(async move { worker.claim_loop(index, Arc::new(pool), drain).await });
@@ -250,58 +273,98 @@ impl Worker {
         Ok(())
     }
 
+    /// Claims and runs jobs of all kinds, one after the other.
     async fn claim_loop(&self, index: usize, pool: Arc<ThreadPool>, drain: CancellationToken) {
-        let worker = format!("{}-{index}", self.config.name);
+        let name = format!("{}-{index}", self.config.name);
+        let abilities = self.config.abilities();
+        self.claim_until(&name, &pool, &drain, || Some(abilities.clone()), std::future::pending).await;
+    }
+
+    /// Claims and runs the jobs that need a connected rig, one after the other.
+    async fn bench_loop(&self, pool: Arc<ThreadPool>, drain: CancellationToken) {
+        let name = format!("{}-bench", self.config.name);
+        let (own, labels) = (self.config.abilities(), self.rigs.labels());
+        let abilities = || {
+            let only_for = labels.borrow().clone();
+            let labels = Labels::all_of([own.labels.clone(), only_for.clone()]);
+            (!only_for.is_empty()).then(|| Abilities { labels, only_for, ..own.clone() })
+        };
+        let changed = || {
+            let mut labels = self.rigs.labels();
+            async move { drop(labels.changed().await) }
+        };
+        self.claim_until(&name, &pool, &drain, abilities, changed).await;
+    }
+
+    /// Claims and runs jobs until the end. `abilities` tells what the jobs may need; `None`: nothing can be claimed now.
+    /// `changed` waits until that changes.
+    async fn claim_until<C: Future<Output = ()>>(
+        &self,
+        name: &str,
+        pool: &Arc<ThreadPool>,
+        drain: &CancellationToken,
+        abilities: impl Fn() -> Option<Abilities>,
+        changed: impl Fn() -> C,
+    ) {
         // Lease of a claim whose answer was lost.
         let mut unsure: Option<String> = None;
         let claimable = self.store.claimable();
-        let abilities = self.config.abilities();
         while !drain.is_cancelled() {
-            if self.artifacts.space().room_to_start().is_err() {
-                tokio::select! {
-                    () = sleep(PAUSE) => {}
-                    () = drain.cancelled() => {}
-                }
-                continue;
-            }
-            let now_ms = self.clock.now_ms();
-            if let Some(lease_id) = &unsure {
-                if self.store.abandon_claim(lease_id, now_ms).await.is_err() {
-                    sleep(PAUSE).await;
-                    continue;
-                }
-                unsure = None;
-            }
-            let (process, abilities) = (self.config.process.clone(), abilities.clone());
-            let computer = Some(computer().to_owned());
-            let claimant = Claimant { process, abilities, computer, ..Claimant::named(&worker) };
-            match self.store.claim_within(self.config.limits, now_ms, self.lease_ms(), &claimant).await {
-                Ok(Some((job, lease))) => {
+            let changed = changed();
+            let wait = match self.claimed(name, &abilities, &mut unsure).await {
+                Claimed::Job(job, lease) => {
                     // More jobs may be ready: wake another idle worker.
                     claimable.notify_one();
-                    self.attempt(job, lease, &pool, &drain).await;
+                    self.attempt(*job, lease, pool, drain).await;
+                    continue;
                 }
-                Ok(None) => {
-                    let wait = self.until_next_job(now_ms, &claimant.abilities).await;
-                    tokio::select! {
-                        () = claimable.notified() => {}
-                        () = sleep(wait) => {}
-                        () = drain.cancelled() => {}
-                    }
+                Claimed::Nothing(wait) => wait,
+                Claimed::NotNow => {
+                    _ = drain.run_until_cancelled(sleep(PAUSE)).await;
+                    continue;
                 }
-                Err(error) => {
-                    tracing::error!(error = &error as &dyn std::error::Error, "no job could be claimed");
-                    unsure = Some(claimant.lease_id);
-                    tokio::select! {
-                        () = sleep(PAUSE) => {}
-                        () = drain.cancelled() => {}
-                    }
-                }
+            };
+            tokio::select! {
+                () = claimable.notified() => {}
+                () = changed => {}
+                () = sleep(wait) => {}
+                () = drain.cancelled() => {}
             }
         }
         if let Some(lease_id) = unsure {
             // Without an answer the lease ends, and the job returns to the queue then.
             drop(self.store.abandon_claim(&lease_id, self.clock.now_ms()).await);
+        }
+    }
+
+    /// Claims a job, unless the disk is full or the end of an earlier claim is not known.
+    async fn claimed(
+        &self,
+        name: &str,
+        abilities: &impl Fn() -> Option<Abilities>,
+        unsure: &mut Option<String>,
+    ) -> Claimed {
+        if self.artifacts.space().room_to_start().is_err() {
+            return Claimed::NotNow;
+        }
+        let now_ms = self.clock.now_ms();
+        if let Some(lease_id) = &unsure {
+            if self.store.abandon_claim(lease_id, now_ms).await.is_err() {
+                return Claimed::NotNow;
+            }
+            *unsure = None;
+        }
+        let Some(abilities) = abilities() else { return Claimed::Nothing(POLL_INTERVAL_MAX) };
+        let (process, computer) = (self.config.process.clone(), Some(computer().to_owned()));
+        let claimant = Claimant { process, abilities, computer, ..Claimant::named(name) };
+        match self.store.claim_within(self.config.limits, now_ms, self.lease_ms(), &claimant).await {
+            Ok(Some((job, lease))) => Claimed::Job(Box::new(job), lease),
+            Ok(None) => Claimed::Nothing(self.until_next_job(now_ms, &claimant.abilities).await),
+            Err(error) => {
+                tracing::error!(error = &error as &dyn std::error::Error, "no job could be claimed");
+                *unsure = Some(claimant.lease_id);
+                Claimed::NotNow
+            }
         }
     }
 

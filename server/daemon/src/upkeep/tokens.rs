@@ -109,8 +109,9 @@ impl Create {
             self.name
         );
         ensure!(
-            self.role != Role::Firmware || !self.display.is_empty(),
-            "a firmware token must name its displays; add --display ID"
+            !matches!(self.role, Role::Firmware | Role::Rig) || !self.display.is_empty(),
+            "a {} token must name its displays; add --display ID",
+            self.role.as_str()
         );
         let (data_dir, database) = self.folder.places()?;
         // The first token is created before the first start of the server. The lock prevents that this command creates

@@ -69,19 +69,26 @@ pub struct Need {
     pub memory_bytes: u64,
     /// Work, in values times radix-2 stages.
     pub work: f64,
+    /// Time for what is no computation, such as photographs at a bench \[s\].
+    pub waiting_s: f64,
 }
 
 impl Need {
     pub(super) fn new(stages: impl IntoIterator<Item = u64>, work: f64) -> Self {
         let largest = stages.into_iter().max().unwrap_or(0);
         let memory_bytes = BASE_BYTES + largest + (FRAGMENTATION * largest as f64) as u64;
-        Self { memory_bytes, work: BASE_WORK + work }
+        Self { memory_bytes, work: BASE_WORK + work, waiting_s: 0.0 }
+    }
+
+    /// The same with some time for what is no computation \[s\].
+    pub(super) fn and_waiting(self, waiting_s: f64) -> Self {
+        Self { waiting_s, ..self }
     }
 
     /// The estimate for a machine that does `work_per_s` work each second.
     #[must_use]
     pub fn on(self, work_per_s: f64) -> Estimate {
-        Estimate { memory_bytes: self.memory_bytes, time_s: self.work / work_per_s }
+        Estimate { memory_bytes: self.memory_bytes, time_s: self.work / work_per_s + self.waiting_s }
     }
 }
 

@@ -14,11 +14,11 @@ pub struct JobError {
 }
 
 impl JobError {
-    /// Whether the job did not cause the error: the place where files are stored is full or cannot be reached, or the
-    /// machine starts no more threads or processes.
+    /// Whether the job did not cause the error: the place where files are stored is full or cannot be reached, the
+    /// machine starts no more threads or processes, or the rig at the bench is gone.
     #[must_use]
     pub fn is_of_the_machine(&self) -> bool {
-        matches!(self.reason, FailureReason::DiskFull | FailureReason::Remote | FailureReason::NotStarted)
+        matches!(self.reason, FailureReason::DiskFull | FailureReason::Remote | FailureReason::NotStarted | FailureReason::RigAbsent)
     }
 }
 
@@ -89,8 +89,14 @@ crate::reasons! {
         Panic = "PANIC",
         /// The process that ran this job alone died in the job's last permitted attempt.
         ProcessDied = "PROCESS_DIED",
+        /// Photographs at the bench were not of their pattern, however often they were taken.
+        PhotoMismatch = "PHOTO_MISMATCH",
         /// The database or the bucket of the artifacts did not answer, or refused.
         Remote = "REMOTE",
+        /// The rig at the bench was not connected any more.
+        RigAbsent = "RIG_ABSENT",
+        /// The rig at the bench could not take a photograph.
+        RigFailed = "RIG_FAILED",
         /// The database failed.
         Store = "STORE",
         /// The thread of the computation ended unexpectedly.

@@ -5,12 +5,14 @@
 //! - `reading`: reads the files of a pair as phase and light on the display's grid. Learning uses these values.
 //! - `checks`, `fingerprint`: measurements of each pair.
 //! - `findings`: findings from the measurements of all pairs.
+//! - [`identity`]: whether a photograph is of the pattern that was shown.
 //! - `calibration`: computes the alignment of a dataset from points, from a photographed grid of dots, or from pairs.
 
 mod calibration;
 mod checks;
 mod findings;
 mod fingerprint;
+pub mod identity;
 mod reading;
 
 pub use calibration::{Correction, FoundAlignment, ROUNDS_MAX, from_dots, from_pairs, from_points, stored_map, target};

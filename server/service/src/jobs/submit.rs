@@ -4,6 +4,7 @@ use super::Jobs;
 use super::waits_for::no_process;
 use crate::call::Call;
 use crate::error::Result;
+use lightpath_domain::ability::Labels;
 use lightpath_domain::job::{Job, JobSpec, JobState, NewJob, Scheduling};
 
 /// A job to be submitted, as far as it is the same for all kinds.
@@ -55,7 +56,10 @@ impl Jobs {
                 Some(job) => job.estimate,
                 None => self.estimated(&spec, decoding_bytes).await?,
             };
-            let Submission { scheduling, request_id, priority, attempts_max } = submission;
+            let Submission { mut scheduling, request_id, priority, attempts_max } = submission;
+            if spec.needs_rig() {
+                scheduling.needs = Labels::all_of([scheduling.needs, Labels::of_rig(spec.display())]);
+            }
             new.push(NewJob { spec, request_id, priority, attempts_max, scheduling, estimate });
         }
         let submitted = match self.store.submit_all(&new, self.store.now_ms(), self.queue_limits).await {

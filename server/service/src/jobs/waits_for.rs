@@ -21,6 +21,11 @@ fn missing(living: &[Process], needs: &Labels, memory_bytes: u64) -> Option<Stri
         1 => format!("the label {needs}"),
         _ => format!("the labels {needs}"),
     };
+    if labelled.peek().is_none()
+        && let Some(display) = needs.rig()
+    {
+        return Some(format!("no rig serves displays/{display}; start lightpath-rig at its bench"));
+    }
     if labelled.peek().is_none() {
         return Some(match needs.is_empty() {
             true => "no living process runs jobs".to_owned(),
@@ -46,7 +51,7 @@ mod tests {
             kind,
             name: String::new(),
             version: String::new(),
-            abilities: Abilities { labels: Labels::parse(labels).unwrap(), memory_bytes },
+            abilities: Abilities { labels: Labels::parse(labels).unwrap(), memory_bytes, ..Abilities::default() },
             workers: 1,
             start_time_ms: 0,
             seen_time_ms: 0,
@@ -72,6 +77,8 @@ mod tests {
             let found = missing(&living, &Labels::parse(needs).unwrap(), bytes);
             assert_eq!(found.as_deref(), expected, "{needs} {bytes}");
         }
+        let no_rig = missing(&living, &Labels::of_rig("lab"), 0);
+        assert_eq!(no_rig.as_deref(), Some("no rig serves displays/lab; start lightpath-rig at its bench"));
         let none = missing(&living[..1], &Labels::default(), 0);
         assert_eq!(none.as_deref(), Some("no living process runs jobs"));
     }

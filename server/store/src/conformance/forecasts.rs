@@ -13,7 +13,7 @@ fn process(labels: &str, workers: u32) -> Process {
         kind: ProcessKind::Both,
         name: String::new(),
         version: String::new(),
-        abilities: Abilities { labels: Labels::parse(labels).unwrap(), memory_bytes: u64::MAX },
+        abilities: Abilities { labels: Labels::parse(labels).unwrap(), ..Abilities::default() },
         workers,
         start_time_ms: 0,
         seen_time_ms: 0,

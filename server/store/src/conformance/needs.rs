@@ -7,7 +7,7 @@ use lightpath_domain::ability::{Abilities, Labels};
 const MIB: u64 = 1 << 20;
 
 pub(super) fn able(labels: &str, memory_bytes: u64) -> Claimant {
-    let abilities = Abilities { labels: Labels::parse(labels).unwrap(), memory_bytes };
+    let abilities = Abilities { labels: Labels::parse(labels).unwrap(), memory_bytes, ..Abilities::default() };
     Claimant { abilities, ..Claimant::named("w") }
 }
 

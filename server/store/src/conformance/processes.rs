@@ -237,7 +237,7 @@ fn process(id: &str, labels: &str) -> Process {
         kind: ProcessKind::Both,
         name: format!("machine of {id}"),
         version: "0.1.0".to_owned(),
-        abilities: Abilities { labels: Labels::parse(labels).unwrap(), memory_bytes: 7 << 30 },
+        abilities: Abilities { labels: Labels::parse(labels).unwrap(), memory_bytes: 7 << 30, ..Abilities::default() },
         workers: 2,
         start_time_ms: 5,
         seen_time_ms: 0,

@@ -1,5 +1,6 @@
 //! The task of the server: it runs each kind of job by the function in the file of its kind.
 
+mod capture_photos;
 mod evaluate_kernel;
 mod learn_kernel;
 mod optimize_hologram;
@@ -22,6 +23,7 @@ impl Task for OpticsTask {
             JobSpec::OptimizeHologram(spec) => optimize_hologram::run(context, spec),
             JobSpec::LearnKernel(spec) => learn_kernel::run(context, job, spec),
             JobSpec::SimulateCapture(spec) => simulate_capture::run(context, spec),
+            JobSpec::CapturePhotos(spec) => capture_photos::run(context, spec),
             JobSpec::EvaluateKernel(spec) => evaluate_kernel::run(context, spec),
             JobSpec::PrepareDataset(spec) => prepare_dataset::run(context, spec),
             JobSpec::ReportKernel(spec) => report_kernel::run(context, spec),

@@ -1,5 +1,6 @@
 //! Each kind of job in messages: its request, which is checked, and its result. A kind has a file or a folder.
 
+mod capture_photos;
 mod evaluate_kernel;
 mod kernel_choice;
 mod learn_kernel;
@@ -52,6 +53,9 @@ pub(super) async fn from_wire(
         job_spec::Kind::SuggestHolograms(message) => {
             JobSpec::SuggestHolograms(suggest_holograms::from_wire(api, call, message, &at("suggest_holograms")).await?)
         }
+        job_spec::Kind::CapturePhotos(message) => {
+            JobSpec::CapturePhotos(capture_photos::from_wire(api, call, message, &at("capture_photos")).await?)
+        }
         job_spec::Kind::VerifyHologram(message) => {
             JobSpec::VerifyHologram(verify_hologram::from_wire(api, call, message, &at("verify_hologram")).await?)
         }
@@ -72,6 +76,7 @@ pub(super) fn to_wire(spec: JobSpec) -> v1::JobSpec {
         JobSpec::PrepareDataset(spec) => job_spec::Kind::PrepareDataset(prepare_dataset::to_wire(spec)),
         JobSpec::ReportKernel(spec) => job_spec::Kind::ReportKernel(report_kernel::to_wire(spec)),
         JobSpec::SuggestHolograms(spec) => job_spec::Kind::SuggestHolograms(suggest_holograms::to_wire(spec)),
+        JobSpec::CapturePhotos(spec) => job_spec::Kind::CapturePhotos(capture_photos::to_wire(spec)),
         JobSpec::VerifyHologram(spec) => job_spec::Kind::VerifyHologram(verify_hologram::to_wire(spec)),
     };
     v1::JobSpec { kind: Some(kind) }
@@ -87,6 +92,7 @@ pub(super) fn result(result: JobResult) -> v1::JobResult {
         JobResult::PrepareDataset(result) => job_result::Kind::PrepareDataset(prepare_dataset::result(result)),
         JobResult::ReportKernel(result) => job_result::Kind::ReportKernel(report_kernel::result(result)),
         JobResult::SuggestHolograms(result) => job_result::Kind::SuggestHolograms(suggest_holograms::result(result)),
+        JobResult::CapturePhotos(result) => job_result::Kind::CapturePhotos(capture_photos::result(result)),
         JobResult::VerifyHologram(result) => job_result::Kind::VerifyHologram(verify_hologram::result(result)),
     };
     v1::JobResult { kind: Some(kind) }

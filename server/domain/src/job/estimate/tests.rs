@@ -122,7 +122,7 @@ fn work_is_proportional_to_the_steps() {
     let work = |iterations| need(1024, &OptimizeHologram { iterations, ..spec(1024, 1) }, 0).work;
     let per_step = (work(1000) - work(500)) / 500.0;
     assert!((work(2000) - work(1000) - 1000.0 * per_step).abs() < 1e-6 * work(1000));
-    let estimate = Need { memory_bytes: 7, work: 100.0 }.on(20.0);
+    let estimate = Need { memory_bytes: 7, work: 100.0, waiting_s: 0.0 }.on(20.0);
     assert_eq!(estimate, Estimate { memory_bytes: 7, time_s: 5.0 });
 }
 

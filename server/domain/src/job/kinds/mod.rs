@@ -1,6 +1,7 @@
 //! Each kind of job: its request, its result, and the memory and the time that it needs. A kind has a file here, and a
 //! row in the table of all kinds.
 
+pub mod capture_photos;
 pub mod evaluate_kernel;
 pub mod learn_kernel;
 pub mod optimize_hologram;
@@ -11,6 +12,7 @@ pub mod suggest_holograms;
 pub mod verify_hologram;
 
 use crate::kernel::KernelKey;
+use capture_photos::{CapturePhotos, CapturePhotosResult};
 use evaluate_kernel::{EvaluateKernel, EvaluateResult};
 use learn_kernel::{LearnKernel, LearnResult};
 use optimize_hologram::{HologramResult, OptimizeHologram};
@@ -34,6 +36,11 @@ trait Kind {
     /// Kernels that the job uses, with the number of the version; `None`: the ideal one.
     fn kernels(&self) -> Vec<(KernelKey, Option<u32>)> {
         Vec::new()
+    }
+
+    /// Whether the job needs the rig of its display.
+    fn needs_rig(&self) -> bool {
+        false
     }
 }
 
@@ -82,6 +89,14 @@ macro_rules! kinds {
                 }
             }
 
+            /// Whether the job needs the rig of its display.
+            #[must_use]
+            pub fn needs_rig(&self) -> bool {
+                match self {
+                    $(Self::$kind(request) => request.needs_rig(),)+
+                }
+            }
+
             /// Kernels that the job uses, with the number of the version; `None`: the ideal one. A hologram job has one for
             /// each wavelength and plane, starting with all planes of the first wavelength.
             #[must_use]
@@ -111,6 +126,8 @@ kinds! {
     VerifyHologram(VerifyHologram) = "verify_hologram" => VerifyResult,
     /// Suggest holograms to photograph.
     SuggestHolograms(SuggestHolograms) = "suggest_holograms" => SuggestResult,
+    /// Photograph patterns at the bench of a display.
+    CapturePhotos(CapturePhotos) = "capture_photos" => CapturePhotosResult,
 }
 
 impl JobSpec {

@@ -1,6 +1,7 @@
 //! Each kind of job as the service sees it: what its request needs to exist, how much memory and time it takes, and what
 //! would make it smaller.
 
+mod capture_photos;
 mod evaluate_kernel;
 mod learn_kernel;
 mod optimize_hologram;
@@ -40,6 +41,7 @@ macro_rules! of_kind {
             JobSpec::ReportKernel($request) => $value,
             JobSpec::VerifyHologram($request) => $value,
             JobSpec::SuggestHolograms($request) => $value,
+            JobSpec::CapturePhotos($request) => $value,
         }
     };
 }

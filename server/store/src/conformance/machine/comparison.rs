@@ -17,7 +17,7 @@ impl Comparison {
             Command::Submit(submission) => self.submit(submission).await,
             Command::Claim { per_owner, per_display, labels, memory } => {
                 let labels = Labels::parse(LABELS[labels]).unwrap();
-                let abilities = Abilities { labels, memory_bytes: LIMITS[memory] };
+                let abilities = Abilities { labels, memory_bytes: LIMITS[memory], ..Abilities::default() };
                 self.claim(ClaimLimits { per_owner, per_display }, abilities).await;
             }
             Command::Heartbeat { job, stale } => self.heartbeat(job, stale).await,

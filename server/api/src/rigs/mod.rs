@@ -1,0 +1,4 @@
+//! Rigs: the programs at the benches, and what is asked of them.
+
+mod messages;
+mod service;

@@ -1,0 +1,143 @@
+//! Photographs patterns at the bench of a display, by the rig that serves it.
+//!
+//! The state is saved after each photograph, and a photograph that was asked for has the same id after an interruption. So
+//! the rig, which remembers what it has taken, takes nothing twice.
+
+mod bench;
+mod exposure;
+mod verdict;
+
+use crate::display_setup::DisplaySetup;
+use crate::{JobContext, TaskError, TaskOutput};
+use bench::Bench;
+use lightpath_domain::job::{
+    CapturePhotos, CapturePhotosResult, CapturedPhoto, FailureReason, JobEffect, JobResult, Progress, Retaken,
+};
+use lightpath_media::captures::identity::Brightness;
+use lightpath_media::pictures::{self, Hologram};
+use serde::{Deserialize, Serialize};
+use verdict::{Evidence, Judge};
+
+/// Limit on the photographs of one pattern: what goes wrong so often has a cause at the bench.
+const TRIES_MAX: u32 = 6;
+
+/// What an interrupted attempt leaves to the next one.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+struct Saved {
+    /// Photographs that were asked for, for their ids.
+    takes: u32,
+    /// The exposure that was found or given \[s\].
+    exposure_s: Option<f64>,
+    result: CapturePhotosResult,
+    /// What is known of the photographs, for the next ones.
+    evidence: Vec<Evidence>,
+    /// Photographs of the present pattern that were refused.
+    tries: u32,
+}
+
+pub(super) fn run(context: &JobContext, spec: &CapturePhotos) -> Result<TaskOutput, TaskError> {
+    let display = DisplaySetup::read(context, &spec.display, spec.wavelength, spec.distance)?;
+    let levels = levels(context, &display, spec)?;
+    let saved = context.take_saved_state().and_then(|bytes| serde_json::from_slice::<Saved>(&bytes).ok());
+    let mut saved = saved.unwrap_or_default();
+    let bench = Bench::of(context, spec)?;
+    saved.result.rig = bench.rig().program.clone();
+    let mut judge = Judge::of(context, spec, &display)?;
+    judge.remember(context, &saved)?;
+    if bench.rig().has_shutter && saved.result.black_level.is_none() {
+        saved.result.black_level = Some(bench.black_level(&mut saved, &levels[0])?);
+    }
+    if saved.exposure_s.is_none() {
+        saved.exposure_s = Some(exposure::found(context, &bench, &mut saved, spec, &levels[0])?);
+    }
+    while saved.result.photos.len() < spec.patterns.len() {
+        let index = saved.result.photos.len();
+        context.step_to_keep(progress(index, spec), || state(&saved))?;
+        photograph(context, (&bench, &mut judge), &mut saved, spec, (&levels, index))?;
+    }
+    context.report(progress(spec.patterns.len(), spec))?;
+    bench.rest();
+    Ok(TaskOutput { result: JobResult::CapturePhotos(saved.result), effect: JobEffect::None })
+}
+
+/// Takes one photograph of a pattern, and keeps it if it is of that pattern.
+fn photograph(
+    context: &JobContext,
+    (bench, judge): (&Bench<'_>, &mut Judge),
+    saved: &mut Saved,
+    spec: &CapturePhotos,
+    (levels, index): (&[Shown], usize),
+) -> Result<(), TaskError> {
+    let Some(exposure_s) = saved.exposure_s else { return Err(TaskError::Stopped) };
+    let taken = bench.taken(saved, &levels[index], exposure_s, levels.get(index + 1))?;
+    let photo = bench.read(&taken)?;
+    let brightness = Brightness::of(&photo.light);
+    if let Some(shorter_s) = exposure::shorter(bench, spec, exposure_s, brightness) {
+        saved.exposure_s = Some(shorter_s);
+        return Ok(());
+    }
+    match judge.verdict(context, index, (&levels[index], exposure_s), &taken, (photo, brightness))? {
+        Ok(evidence) => {
+            saved.result.photos.push(CapturedPhoto {
+                id: spec.patterns[index].id.clone(),
+                photo: taken.photo,
+                frame: taken.frame,
+                exposure_time_ms: taken.exposure_time_ms,
+                exposure_s,
+                correlation: evidence.own,
+                other_correlation: evidence.other,
+                temperature_c: taken.temperature_c,
+            });
+            saved.evidence.push(evidence);
+            saved.tries = 0;
+            Ok(())
+        }
+        Err(reason) => refused(saved, &spec.patterns[index].id, reason),
+    }
+}
+
+/// Notes a photograph that is not of its pattern. Fails if that was so too often.
+fn refused(saved: &mut Saved, id: &str, reason: String) -> Result<(), TaskError> {
+    tracing::warn!(pattern = id, reason, "a photograph is taken again");
+    saved.tries += 1;
+    if saved.tries >= TRIES_MAX {
+        let message = format!("pattern \"{id}\" was photographed {TRIES_MAX} times; the last photograph {reason}");
+        return Err(TaskError::permanent(FailureReason::PhotoMismatch, message));
+    }
+    saved.result.retaken.push(Retaken { id: id.to_owned(), reason });
+    Ok(())
+}
+
+/// A pattern as the rig shows it.
+struct Shown {
+    /// Artifact digest of the levels as a grey PNG.
+    digest: String,
+    /// SHA-256 of the levels.
+    levels_sha256: String,
+}
+
+/// The patterns as levels. Those that are phases become levels by the display's response.
+fn levels(context: &JobContext, display: &DisplaySetup, spec: &CapturePhotos) -> Result<Vec<Shown>, TaskError> {
+    let bit_depth = display.declared.bit_depth;
+    let shown = |pattern: &str| {
+        let file = context.read_artifact(pattern)?;
+        let levels = match pictures::hologram(&file, bit_depth, display.height_px(), display.width_px())? {
+            Hologram::Levels(levels) => levels,
+            Hologram::Phase(phase) => display.levels_of(&phase)?,
+        };
+        let levels_sha256 = bench::levels_sha256(&levels, bit_depth);
+        let digest = context.put_artifact(pictures::levels_png(&levels, bit_depth)?)?;
+        Ok(Shown { digest, levels_sha256 })
+    };
+    spec.patterns.iter().map(|named| shown(&named.pattern)).collect()
+}
+
+fn state(saved: &Saved) -> Vec<u8> {
+    // All parts are valid JSON. If this failed, the next attempt would start from the beginning.
+    serde_json::to_vec(saved).unwrap_or_default()
+}
+
+fn progress(done: usize, spec: &CapturePhotos) -> Progress {
+    let steps_total = spec.patterns.len() as u32;
+    Progress { stage: "photograph".to_owned(), step: done as u32, steps_total, loss: None, eta_s: None }
+}
