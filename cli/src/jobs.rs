@@ -1,6 +1,7 @@
 //! Jobs as text. Each kind of job has a file, with the command that submits it, what people read of its jobs, and what it saves. `submission`
 //! and `progress` submit jobs of all kinds and wait for them.
 
+pub(crate) mod capture_photos;
 pub(crate) mod evaluate_kernel;
 pub(crate) mod learn_kernel;
 pub(crate) mod optimize_hologram;
@@ -41,6 +42,7 @@ fn known_kind(job: &Job) -> Option<&dyn JobKind> {
         job_spec::Kind::ReportKernel(spec) => spec,
         job_spec::Kind::VerifyHologram(spec) => spec,
         job_spec::Kind::SuggestHolograms(spec) => spec,
+        job_spec::Kind::CapturePhotos(spec) => spec,
     })
 }
 

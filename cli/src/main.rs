@@ -28,6 +28,7 @@ macro_rules! commands {
 }
 
 mod arguments;
+mod calibrate;
 mod dataset;
 mod dataset_text;
 mod destination;
@@ -49,6 +50,7 @@ mod pages;
 mod photo;
 mod propagation_text;
 mod queue;
+mod rig;
 mod rollout;
 mod session;
 mod show;
@@ -188,6 +190,11 @@ enum Call {
     #[command(subcommand)]
     Keyring(keyring::KeyringCommand),
     Simulate(jobs::simulate_capture::Simulate),
+    Capture(jobs::capture_photos::Capture),
+    Calibrate(calibrate::Calibrate),
+    /// Show the rigs at the benches that are connected
+    #[command(subcommand)]
+    Rig(rig::RigCommand),
     /// Measure photographs of what displays show
     #[command(subcommand)]
     Photo(photo::PhotoCommand),
@@ -268,6 +275,9 @@ impl Call {
             Self::Device(command) => command.run(session).await,
             Self::Keyring(command) => command.run(session).await,
             Self::Simulate(command) => command.run(session).await,
+            Self::Capture(command) => command.run(session).await,
+            Self::Calibrate(command) => command.run(session).await,
+            Self::Rig(command) => command.run(session).await,
             Self::Photo(command) => command.run(session).await,
             Self::Job(command) => command.run(session).await,
             Self::Queue(command) => command.run(session).await,

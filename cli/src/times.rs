@@ -13,6 +13,16 @@ pub(crate) fn duration_s(text: &str) -> Result<f64, String> {
         .ok_or_else(|| "must be a number above 0 with its unit, s, m, h or d, such as 90s, 45m, 2h".to_owned())
 }
 
+/// Parses an exposure such as `20ms` into seconds.
+pub(crate) fn exposure_s(text: &str) -> Result<f64, String> {
+    let units = [("us", 1e-6), ("µs", 1e-6), ("ms", 1e-3), ("s", 1.0)];
+    let split = units.iter().find_map(|(unit, seconds)| Some((text.strip_suffix(unit)?, seconds)));
+    let value = split.and_then(|(number, unit)| Some(number.trim().parse::<f64>().ok()? * unit));
+    value
+        .filter(|seconds| *seconds > 0.0 && seconds.is_finite())
+        .ok_or_else(|| "must be a number above 0 with its unit, us, ms or s, such as 20ms".to_owned())
+}
+
 /// Parses a time, or a duration from now, into seconds since 1970.
 pub(crate) fn from_now(text: &str) -> Result<i64, String> {
     match duration_s(text) {
@@ -50,6 +60,8 @@ mod tests {
             assert_eq!(parse("2026-11-21T22:00:00+01:00"), Ok(1_795_294_800));
             assert!(parse("tomorrow").unwrap_err().contains("such as 2026"));
         }
+        assert_eq!(exposure_s("2.5ms"), Ok(0.0025));
+        assert!(exposure_s("20").unwrap_err().contains("such as 20ms") && exposure_s("-1s").is_err());
         let now_s = now_s();
         assert!((119..=125).contains(&(from_now("2m").unwrap() - now_s)));
         assert!((115..=120).contains(&(now_s - before_now("2m").unwrap())));

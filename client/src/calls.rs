@@ -128,6 +128,9 @@ calls! {
     /// Forgets a device and its reports.
     devices.delete_device(DeleteDeviceRequest) -> DeleteDeviceResponse;
 
+    /// Returns the rigs that are connected to the server.
+    rigs.list_rigs(ListRigsRequest) -> ListRigsResponse;
+
     /// Finds a target in a photograph and compares the two.
     photos.score_photo(ScorePhotoRequest) -> PhotoScore;
 

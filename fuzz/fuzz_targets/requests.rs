@@ -32,9 +32,7 @@ static SERVING: LazyLock<Serving> = LazyLock::new(|| {
         let channel = Channel::from_shared(url).unwrap().connect().await.unwrap();
         let display = lightpath_proto::v1::Display {
             name: "displays/lab".into(),
-            width_px: 64,
-            height_px: 48,
-            pixel_pitch_m: 8e-6,
+            modulator: Some(lightpath_proto::v1::Modulator::of_phase(64, 48, 8e-6)),
             wavelengths_m: vec![515e-9],
             ..Default::default()
         };

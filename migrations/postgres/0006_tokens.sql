@@ -3,14 +3,14 @@
 create table token (
     name           text collate "C" not null primary key check (length(name) between 1 and 63),
     hash           text collate "C" not null unique check (length(hash) = 64),
-    role           text collate "C" not null check (role in ('viewer', 'submitter', 'curator', 'firmware', 'admin')),
+    role           text collate "C" not null check (role in ('viewer', 'submitter', 'curator', 'firmware', 'rig', 'admin')),
     -- ids of the displays for which the token is valid, as JSON; empty: all displays
     displays       text collate "C" not null check (json_valid(displays)),
     create_time_ms bigint           not null,
     expire_time_ms bigint,
     revoke_time_ms bigint,
     -- a firmware token is valid for named displays only, never for all
-    check (role <> 'firmware' or json_array_length(displays) > 0)
+    check (role not in ('firmware', 'rig') or json_array_length(displays) > 0)
 );
 
 create trigger revoked_token_stays before update on token for each row

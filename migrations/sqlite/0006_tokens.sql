@@ -3,14 +3,14 @@
 create table token (
     name           text    not null primary key check (length(name) between 1 and 63),
     hash           text    not null unique check (length(hash) = 64),
-    role           text    not null check (role in ('viewer', 'submitter', 'curator', 'firmware', 'admin')),
+    role           text    not null check (role in ('viewer', 'submitter', 'curator', 'firmware', 'rig', 'admin')),
     -- ids of the displays for which the token is valid, as JSON; empty: all displays
     displays       text    not null check (json_valid(displays)),
     create_time_ms integer not null,
     expire_time_ms integer,
     revoke_time_ms integer,
     -- a firmware token is valid for named displays only, never for all
-    check (role <> 'firmware' or json_array_length(displays) > 0)
+    check (role not in ('firmware', 'rig') or json_array_length(displays) > 0)
 ) strict, without rowid;
 
 create trigger revoked_token_stays before update on token

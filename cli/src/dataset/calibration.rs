@@ -46,7 +46,7 @@ impl Calibration {
         let pattern = PATTERN.files(&session.stdout, &self.pattern, &name)?.remove(0);
         let request = v1::GetDatasetRequest { name: names::dataset(&self.name) };
         let dataset = session.client.get_dataset(request).await?;
-        let request = v1::CreateCalibrationTargetRequest { display: dataset.display.clone() };
+        let request = v1::CreateCalibrationTargetRequest { display: dataset.display.clone(), picture: None };
         let target = session.client.create_calibration_target(request).await?;
         let kind = job_spec::Kind::OptimizeHologram(OptimizeHologram {
             wavelengths_m: vec![dataset.wavelength_m()],

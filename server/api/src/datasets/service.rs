@@ -25,6 +25,9 @@ answers! {
     }
 }
 
+/// Largest number of a test picture.
+const PICTURE_MAX: u32 = 999;
+
 impl Api {
     async fn create_dataset(&self, call: &Call, request: v1::CreateDatasetRequest) -> Result<v1::Dataset> {
         let field = Field::new("dataset");
@@ -77,8 +80,13 @@ impl Api {
         request: v1::CreateCalibrationTargetRequest,
     ) -> Result<v1::CalibrationTarget> {
         let display = self.display_named(call, &Field::new("display"), &request.display).await?;
-        let CalibrationTarget { target, columns, rows } =
-            self.service.datasets.calibration_target(call, &display).await?;
+        let CalibrationTarget { target, columns, rows } = match request.picture {
+            None => self.service.datasets.calibration_target(call, &display).await?,
+            Some(number) => {
+                let number = Field::new("picture").integer(number, 0..=PICTURE_MAX)?;
+                self.service.datasets.test_picture(call, &display, number).await?
+            }
+        };
         Ok(v1::CalibrationTarget { target, columns: columns as u32, rows: rows as u32 })
     }
 

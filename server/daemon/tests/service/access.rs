@@ -29,12 +29,13 @@ pub(crate) const MAY_FETCH: &str = "viewer submitter curator firmware admin";
 const MAY_SUBMIT: &str = "submitter curator admin";
 const MAY_CURATE: &str = "curator admin";
 const MAY_ADMINISTER: &str = "admin";
-const ALL_CALLERS: &str = "anonymous viewer submitter curator firmware admin";
+const MAY_UPLOAD: &str = "submitter curator rig admin";
+const ALL_CALLERS: &str = "anonymous viewer submitter curator firmware rig admin";
 pub(crate) const EXPECTED: &[(&str, &str)] = &[
     ("/lightpath.v1.ArtifactService/GetArtifact", MAY_READ),
-    ("/lightpath.v1.ArtifactService/GetUpload", MAY_SUBMIT),
-    ("/lightpath.v1.ArtifactService/WriteArtifact", MAY_SUBMIT),
-    ("/lightpath.v1.ArtifactService/ReadArtifact", MAY_READ),
+    ("/lightpath.v1.ArtifactService/GetUpload", MAY_UPLOAD),
+    ("/lightpath.v1.ArtifactService/WriteArtifact", MAY_UPLOAD),
+    ("/lightpath.v1.ArtifactService/ReadArtifact", "viewer submitter curator rig admin"),
     ("/lightpath.v1.DatasetService/CreateDataset", MAY_SUBMIT),
     ("/lightpath.v1.DatasetService/GetDataset", MAY_READ),
     ("/lightpath.v1.DatasetService/ListDatasets", MAY_READ),
@@ -43,7 +44,7 @@ pub(crate) const EXPECTED: &[(&str, &str)] = &[
     ("/lightpath.v1.DatasetService/DeleteDataset", MAY_CURATE),
     ("/lightpath.v1.DatasetService/CreateCalibrationTarget", MAY_SUBMIT),
     ("/lightpath.v1.DisplayService/CreateDisplay", MAY_ADMINISTER),
-    ("/lightpath.v1.DisplayService/GetDisplay", MAY_FETCH),
+    ("/lightpath.v1.DisplayService/GetDisplay", "viewer submitter curator firmware rig admin"),
     ("/lightpath.v1.DisplayService/ListDisplays", MAY_READ),
     ("/lightpath.v1.DisplayService/UpdateDisplay", MAY_ADMINISTER),
     ("/lightpath.v1.DisplayService/DeleteDisplay", MAY_ADMINISTER),
@@ -94,6 +95,8 @@ pub(crate) const EXPECTED: &[(&str, &str)] = &[
     ("/lightpath.v1.DeviceService/ListDevices", MAY_READ),
     ("/lightpath.v1.DeviceService/SetDeviceGroup", MAY_CURATE),
     ("/lightpath.v1.DeviceService/DeleteDevice", MAY_CURATE),
+    ("/lightpath.v1.RigService/ServeRig", "rig admin"),
+    ("/lightpath.v1.RigService/ListRigs", MAY_READ),
     ("/lightpath.v1.PhotoService/ScorePhoto", MAY_SUBMIT),
     ("/lightpath.v1.WebhookService/CreateWebhook", MAY_ADMINISTER),
     ("/lightpath.v1.WebhookService/GetWebhook", MAY_ADMINISTER),
@@ -152,7 +155,7 @@ impl Guarded {
         let data_dir = prepared.path().join("data");
         let store = open_store(&data_dir).await;
         for role in Role::ALL {
-            let displays = if role == Role::Firmware { vec!["lab".to_owned()] } else { Vec::new() };
+            let displays = if matches!(role, Role::Firmware | Role::Rig) { vec!["lab".to_owned()] } else { Vec::new() };
             tokens.insert(role.as_str(), create_token(&store, role.as_str(), role, &displays, None).await);
         }
         store.close().await;

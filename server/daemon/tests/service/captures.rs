@@ -66,7 +66,7 @@ async fn turned_and_shifted_photographs_are_aligned_and_a_wrong_one_is_excluded(
 #[tokio::test(flavor = "multi_thread", worker_threads = 2)]
 async fn photograph_of_the_dots_aligns_photographs_of_any_size() {
     let (bench, mut dataset) = (TestBench::new(5), Dataset::open().await);
-    let request = v1::CreateCalibrationTargetRequest { display: "displays/bench".into() };
+    let request = v1::CreateCalibrationTargetRequest { display: "displays/bench".into(), picture: None };
     let target = dataset.client.create_calibration_target(request).await.unwrap().into_inner();
     assert!(target.columns >= 14 && target.rows >= 8, "{target:?}");
     let dots = lightpath_camera::alignment::DotGrid::of_display(HEIGHT, WIDTH).unwrap().target();

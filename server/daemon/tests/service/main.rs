@@ -35,6 +35,7 @@ mod preparing;
 mod presence;
 mod raw;
 mod read_only;
+mod rigs;
 mod rollouts;
 mod rough_photographs;
 mod serving;

@@ -176,7 +176,7 @@ async fn artifacts_that_the_server_makes_need_the_same_room_as_uploads() {
     let request = with_token(&admin.token, v1::CreateDisplayRequest { display: Some(display) });
     DisplayServiceClient::new(admin.channel()).create_display(request).await.unwrap();
     let target = async |bearer: &Bearer<'_>| {
-        let request = v1::CreateCalibrationTargetRequest { display: "displays/lab".to_owned() };
+        let request = v1::CreateCalibrationTargetRequest { display: "displays/lab".to_owned(), picture: None };
         let request = with_token(&bearer.token, request);
         DatasetServiceClient::new(bearer.channel()).create_calibration_target(request).await
     };

@@ -87,8 +87,10 @@ pub struct Brightness {
     pub brightest: f64,
     /// Part of the pixels that are saturated.
     pub saturated: f64,
-    /// Mean, as a part of full scale.
-    pub mean: f64,
+    /// Mean above what the darkest hundredth of the pixels has, as a part of full scale: the light, whatever the camera adds
+    /// in the dark. A modulator of phase sends the same light to the camera whatever its pattern is, as far as the camera
+    /// sees all of the picture.
+    pub light: f64,
 }
 
 impl Brightness {
@@ -101,7 +103,9 @@ impl Brightness {
         let mean = values.iter().map(|&value| f64::from(value)).sum::<f64>() / count;
         let at = values.len() - 1 - values.len() / 1000;
         let (_, &mut brightest, _) = values.select_nth_unstable_by(at, f32::total_cmp);
-        Self { brightest: brightest.into(), saturated, mean }
+        let at = values.len() / 100;
+        let (_, &mut darkest, _) = values.select_nth_unstable_by(at, f32::total_cmp);
+        Self { brightest: brightest.into(), saturated, light: mean - f64::from(darkest) }
     }
 
     /// Whether the photograph is black.
@@ -144,8 +148,6 @@ pub struct Comparison {
     pub own: f64,
     /// The pattern of another number whose expectation it resembles most, with the correlation; `None`: there is no other.
     pub other: Option<(usize, f64)>,
-    /// Light of the photograph for the light that is expected.
-    pub gain: f64,
     /// Displacement from the expectation \[px of the display\]; `None`: not measurable.
     pub shift_px: Option<f64>,
 }
@@ -165,12 +167,6 @@ pub fn compare<'a>(
     let coarse = fingerprint::of(&seen, region);
     let with = |expected: &str| fingerprint::correlation(&coarse, expected).unwrap_or(0.0);
     let others = others.map(|(index, expected)| (index, with(expected)));
-    let sum = |plane: &Plane<f32>| {
-        let rows = region.y_px()..region.y_px() + region.height_px();
-        let values = rows.flat_map(|y| plane.row(y)[region.x_px()..][..region.width_px()].iter());
-        values.map(|&value| f64::from(value)).sum::<f64>()
-    };
-    let gain = sum(&seen) / sum(&own.light).max(1e-12);
     let registration = Tiles::cover(region).and_then(|mut tiles| {
         tiles.add(&own.light, &seen, SATURATION);
         Registration::of(&tiles, region)
@@ -178,7 +174,6 @@ pub fn compare<'a>(
     Ok(Comparison {
         own: with(&own.coarse),
         other: others.max_by(|(_, a), (_, b)| a.total_cmp(b)),
-        gain,
         shift_px: registration.map(|found| found.shift_px),
     })
 }

@@ -1,9 +1,11 @@
-//! The calibration target: a picture whose hologram is displayed and photographed to find an alignment.
+//! Calibration targets: the picture whose hologram is displayed and photographed to find an alignment, and test pictures,
+//! from photographs of whose holograms a kernel is learned.
 
 use super::Datasets;
 use crate::call::Call;
 use crate::error::Result;
 use crate::field::Field;
+use lightpath_bench::TestCard;
 use lightpath_camera::alignment::DotGrid;
 use lightpath_domain::display::Display;
 use lightpath_media::pictures;
@@ -16,9 +18,9 @@ const TARGET_BYTES_PER_PX: u64 = 4 + 1 + 1;
 pub struct CalibrationTarget {
     /// Artifact digest of the picture.
     pub target: String,
-    /// Dots in a row.
+    /// Dots in a row; 0: it shows no dots.
     pub columns: usize,
-    /// Rows of dots.
+    /// Rows of dots; 0: it shows no dots.
     pub rows: usize,
 }
 
@@ -36,5 +38,19 @@ impl Datasets {
         let file = file.map_err(|error| field.invalid(error, "name a smaller display"))?;
         let target = self.files.store(call, file).await?;
         Ok(CalibrationTarget { target, columns, rows })
+    }
+
+    /// Draws a test picture of a display's size: all kinds of scenes and charts in turn, each time from another seed.
+    pub async fn test_picture(&self, call: &Call, display: &Display, number: u32) -> Result<CalibrationTarget> {
+        let field = Field::new("display");
+        let (height_px, width_px) = (display.height_px as usize, display.width_px as usize);
+        let kinds = TestCard::ALL.len();
+        let (card, seed) = (TestCard::ALL[number as usize % kinds], u64::from(number) / kinds as u64);
+        let need_bytes = TARGET_BYTES_PER_PX * (height_px * width_px) as u64;
+        let draw = move || Ok(pictures::grey_png_srgb(&card.render(height_px, width_px, seed)?));
+        let file = self.computing.run(call, need_bytes, draw).await?;
+        let file = file.map_err(|error: lightpath_optics::Error| field.invalid(error, "name another display"))?;
+        let file = file.map_err(|error| field.invalid(error, "name a smaller display"))?;
+        Ok(CalibrationTarget { target: self.files.store(call, file).await?, columns: 0, rows: 0 })
     }
 }

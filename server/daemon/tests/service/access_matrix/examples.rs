@@ -62,7 +62,7 @@ pub(super) fn examples() -> Vec<Example> {
         rollouts(),
         changes_of_kernels(),
         devices(),
-        photos(),
+        photos_and_rigs(),
         webhooks(),
         last(),
     ]
@@ -212,6 +212,13 @@ fn other_jobs() -> Vec<Example> {
         submit(json!({ "report_kernel": { "kernel_version": "$version" } })),
         submit(json!({ "suggest_holograms": { "kernel_version": "$learned_version", "holograms": 1 } })),
         submit(json!({ "verify_hologram": { "job": "$hologram" } })),
+        submit(json!({ "capture_photos": {
+            "display": "$display",
+            "place": { "distance_m": 4e-3 },
+            "patterns": [{ "id": "p", "pattern": "$phase_npy" }],
+        } })),
+        submit(json!({ "capture_photos": { "display": "$display", "aligned_by": "$dataset" } }))
+            .refused(Code::InvalidArgument),
     ]
 }
 
@@ -312,9 +319,15 @@ fn devices() -> Vec<Example> {
     ]
 }
 
-fn photos() -> Vec<Example> {
+fn photos_and_rigs() -> Vec<Example> {
     let request = json!({ "photo": "$target", "target": "$target" });
-    vec![Example::new::<v1::ScorePhotoRequest>("PhotoService/ScorePhoto", request)]
+    let rig = json!({ "description": { "name": "$rig", "program": "rig 1" } });
+    vec![
+        Example::new::<v1::ScorePhotoRequest>("PhotoService/ScorePhoto", request),
+        // A rig that describes its bench is refused nothing by the scope of its token, and stays connected.
+        Example::new::<v1::ServeRigRequest>("RigService/ServeRig", rig).refused(Code::InvalidArgument),
+        Example::new::<v1::ListRigsRequest>("RigService/ListRigs", json!({})),
+    ]
 }
 
 fn webhooks() -> Vec<Example> {

@@ -8,13 +8,14 @@ use std::collections::BTreeSet;
 use tonic::Code;
 
 /// Methods without a path over HTTP for their messages: their contents are streams of bytes or signed texts, which have
-/// paths of their own.
-const WITHOUT_ROUTE: [&str; 5] = [
+/// paths of their own, or both sides speak.
+const WITHOUT_ROUTE: [&str; 6] = [
     "/lightpath.v1.ArtifactService/ReadArtifact",
     "/lightpath.v1.ArtifactService/WriteArtifact",
     "/lightpath.v1.KernelService/FetchKernel",
     "/lightpath.v1.KernelService/GetKernelManifest",
     "/lightpath.v1.KernelService/GetKeyring",
+    "/lightpath.v1.RigService/ServeRig",
 ];
 
 /// A path of the route, about the display that the tokens are for and the device of the token for firmware.

@@ -74,8 +74,8 @@ pub(super) async fn callers(guarded: &Guarded) -> Vec<Caller> {
         let name = format!("lab-{}", role.as_str());
         let scoped = create_token(&store, &name, role, &["lab".to_owned()], None).await;
         callers.push(Caller { role: role.as_str(), is_scoped: true, token: Some(scoped) });
-        // A token for firmware is never for all displays.
-        if role != Role::Firmware {
+        // A token for firmware or a rig is never for all displays.
+        if !matches!(role, Role::Firmware | Role::Rig) {
             let token = Some(guarded.tokens[role.as_str()].clone());
             callers.push(Caller { role: role.as_str(), is_scoped: false, token });
         }

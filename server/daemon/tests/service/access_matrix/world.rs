@@ -248,6 +248,7 @@ impl Builder<'_> {
             let request = v1::SetDeviceGroupRequest { name: name.clone(), group: "first".into() };
             self.owner.ask::<v1::Device>("DeviceService/SetDeviceGroup", request).await.unwrap();
             world.set("device", name);
+            world.set("rig", format!("displays/{}/rig", self.prefix));
         }
         world.set("far_kernel", kernel);
         world.set("rollout", second.name);

@@ -28,7 +28,8 @@ pub(super) struct Bench<'a> {
 impl<'a> Bench<'a> {
     /// The rig, if it has the light and the place of the job.
     pub(super) fn of(context: &'a JobContext, spec: &'a CapturePhotos) -> Result<Self, TaskError> {
-        let absent = || of_rig(TakeError::Absent(spec.display.clone()));
+        let absent =
+            || TaskError::transient(FailureReason::RigAbsent, TakeError::Absent(spec.display.clone()));
         let rig = context.rigs().of(&spec.display).ok_or_else(absent)?;
         let (wavelength_m, distance_m) = (spec.wavelength.m(), spec.distance.m());
         let refused = |message: String| {
@@ -62,21 +63,21 @@ impl<'a> Bench<'a> {
         &self.rig
     }
 
-    /// Photographs a pattern.
+    /// Photographs a pattern. The inner error says why the rig took none, and that another try may succeed.
     pub(super) fn taken(
         &self,
         saved: &mut Saved,
         shown: &Shown,
         exposure_s: f64,
         next: Option<&Shown>,
-    ) -> Result<Taken, TaskError> {
+    ) -> Result<Result<Taken, String>, TaskError> {
         self.ask(saved, shown, exposure_s, (false, next))
     }
 
     /// Mean of a photograph with the shutter closed, as a part of full scale.
     pub(super) fn black_level(&self, saved: &mut Saved, shown: &Shown) -> Result<f64, TaskError> {
         let exposure_s = self.spec.exposure_s.unwrap_or(self.rig.camera.exposure_min_s);
-        let taken = self.ask(saved, shown, exposure_s, (true, Some(shown)))?;
+        let taken = self.ask(saved, shown, exposure_s, (true, Some(shown)))?.map_err(failed)?;
         let light = self.read(&taken)?.light;
         Ok(light.values().iter().map(|&value| f64::from(value)).sum::<f64>() / light.values().len() as f64)
     }
@@ -87,7 +88,7 @@ impl<'a> Bench<'a> {
         shown: &Shown,
         exposure_s: f64,
         (dark, next): (bool, Option<&Shown>),
-    ) -> Result<Taken, TaskError> {
+    ) -> Result<Result<Taken, String>, TaskError> {
         // The number is saved only with the photograph, so that a request is repeated with its id after an interruption.
         let take = Take {
             id: format!("{}-{}", self.context.job_id(), saved.takes),
@@ -102,7 +103,13 @@ impl<'a> Bench<'a> {
         let frames = f64::from(take.frames + self.rig.camera.exposure_delay_frames + 2);
         let wait_max = PATIENCE + Duration::from_secs_f64(self.rig.slm.settling_time_s + frames * exposure_s);
         let asked = self.context.rigs().photograph(&self.spec.display, &take, wait_max);
-        self.context.wait_unless_stopped(asked)?.map_err(of_rig)
+        match self.context.wait_unless_stopped(asked)? {
+            Ok(taken) => Ok(Ok(taken)),
+            Err(TakeError::Failed { message, retryable: true, .. }) => Ok(Err(format!("could not be taken: {message}"))),
+            Err(silent @ TakeError::Silent { .. }) => Ok(Err(format!("could not be taken: {silent}"))),
+            Err(error @ TakeError::Absent(_)) => Err(TaskError::transient(FailureReason::RigAbsent, error)),
+            Err(error @ TakeError::Failed { .. }) => Err(TaskError::permanent(FailureReason::RigFailed, error)),
+        }
     }
 
     /// Reads a photograph.
@@ -142,12 +149,7 @@ pub(super) fn photo(file: &[u8]) -> Result<Photo, PictureError> {
     pictures::photo(file, &PhotoReading { encoding: Encoding::Linear, bit_depth: 0, black_level: 0.0 })
 }
 
-fn of_rig(error: TakeError) -> TaskError {
-    match &error {
-        TakeError::Absent(_) => TaskError::transient(FailureReason::RigAbsent, error),
-        TakeError::Silent { .. } | TakeError::Failed { retryable: true, .. } => {
-            TaskError::transient(FailureReason::RigFailed, error)
-        }
-        TakeError::Failed { .. } => TaskError::permanent(FailureReason::RigFailed, error),
-    }
+/// The failure of a job whose first photographs could not be taken.
+pub(super) fn failed(reason: String) -> TaskError {
+    TaskError::transient(FailureReason::RigFailed, format!("a photograph {reason}"))
 }

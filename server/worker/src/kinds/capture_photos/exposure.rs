@@ -3,7 +3,7 @@
 //! Light is proportional to the exposure, so two or three photographs are enough, unless the first ones are black or
 //! saturated: then the next one has a quarter or eight times of its exposure.
 
-use super::bench::Bench;
+use super::bench::{Bench, failed};
 use super::{Saved, Shown, progress, state};
 use crate::{JobContext, TaskError};
 use lightpath_domain::job::{CapturePhotos, FailureReason};
@@ -36,7 +36,7 @@ pub(super) fn found(
     let mut last = None;
     for _ in 0..TRIES_MAX {
         context.step_to_keep(progress(0, spec), || state(saved))?;
-        let taken = bench.taken(saved, shown, exposure_s, Some(shown))?;
+        let taken = bench.taken(saved, shown, exposure_s, Some(shown))?.map_err(failed)?;
         let brightness = Brightness::of(&bench.read(&taken)?.light);
         if brightness.saturated <= SATURATED_MAX && ACCEPTED.contains(&brightness.brightest) {
             return Ok(exposure_s);
@@ -52,7 +52,7 @@ pub(super) fn found(
         last = Some((exposure_s, brightness));
         exposure_s = next_s;
     }
-    let (exposure_s, brightness) = last.unwrap_or((exposure_s, Brightness { brightest: 0.0, saturated: 0.0, mean: 0.0 }));
+    let (exposure_s, brightness) = last.unwrap_or((exposure_s, Brightness { brightest: 0.0, saturated: 0.0, light: 0.0 }));
     Err(impossible(spec, exposure_s, brightness))
 }
 

@@ -69,7 +69,11 @@ fn photograph(
     (levels, index): (&[Shown], usize),
 ) -> Result<(), TaskError> {
     let Some(exposure_s) = saved.exposure_s else { return Err(TaskError::Stopped) };
-    let taken = bench.taken(saved, &levels[index], exposure_s, levels.get(index + 1))?;
+    let id = &spec.patterns[index].id;
+    let taken = match bench.taken(saved, &levels[index], exposure_s, levels.get(index + 1))? {
+        Ok(taken) => taken,
+        Err(failed) => return refused(saved, id, failed),
+    };
     let photo = bench.read(&taken)?;
     let brightness = Brightness::of(&photo.light);
     if let Some(shorter_s) = exposure::shorter(bench, spec, exposure_s, brightness) {
@@ -79,7 +83,7 @@ fn photograph(
     match judge.verdict(context, index, (&levels[index], exposure_s), &taken, (photo, brightness))? {
         Ok(evidence) => {
             saved.result.photos.push(CapturedPhoto {
-                id: spec.patterns[index].id.clone(),
+                id: id.clone(),
                 photo: taken.photo,
                 frame: taken.frame,
                 exposure_time_ms: taken.exposure_time_ms,
@@ -92,20 +96,22 @@ fn photograph(
             saved.tries = 0;
             Ok(())
         }
-        Err(reason) => refused(saved, &spec.patterns[index].id, reason),
+        Err(reason) => refused(saved, id, reason),
     }
 }
 
-/// Notes a photograph that is not of its pattern. Fails if that was so too often.
+/// Notes a photograph that cannot be used. Fails if that was so too often.
 fn refused(saved: &mut Saved, id: &str, reason: String) -> Result<(), TaskError> {
     tracing::warn!(pattern = id, reason, "a photograph is taken again");
     saved.tries += 1;
-    if saved.tries >= TRIES_MAX {
-        let message = format!("pattern \"{id}\" was photographed {TRIES_MAX} times; the last photograph {reason}");
-        return Err(TaskError::permanent(FailureReason::PhotoMismatch, message));
-    }
     saved.result.retaken.push(Retaken { id: id.to_owned(), reason });
-    Ok(())
+    if saved.tries < TRIES_MAX {
+        return Ok(());
+    }
+    let of_it = saved.result.retaken.iter().filter(|retaken| retaken.id == id);
+    let reasons: Vec<&str> = of_it.map(|retaken| retaken.reason.as_str()).collect();
+    let message = format!("none of {TRIES_MAX} photographs of pattern \"{id}\" can be used; they are: {}", reasons.join("; "));
+    Err(TaskError::permanent(FailureReason::PhotoMismatch, message))
 }
 
 /// A pattern as the rig shows it.

@@ -23,8 +23,9 @@ const CORRELATION_MIN: f64 = 0.5;
 const CORRELATION_PART: f64 = 0.6;
 /// How much more than its own pattern a photograph must resemble another one to count as its photograph.
 const LEAD: f64 = 0.1;
-/// Largest ratio between the light of a photograph and that of the others, for the light that is expected.
-const GAIN_RATIO: f64 = 1.4;
+/// Largest ratio between the light of a photograph and that of the others, for the same exposure: the light beside the picture,
+/// which the camera may not see, depends on the pattern.
+const LIGHT_RATIO: f64 = 1.8;
 /// Displacement by which a photograph may differ from the others \[px of the display\].
 const SHIFT_PX: f64 = 1.5;
 /// Number of earlier photographs whose details are kept.
@@ -37,9 +38,9 @@ pub(super) struct Evidence {
     pub(super) own: Option<f64>,
     /// Highest correlation with another expectation.
     pub(super) other: Option<f64>,
-    gain: Option<f64>,
     shift_px: Option<f64>,
-    brightest: f64,
+    /// Light for the exposure \[full scale/s\].
+    light_per_s: f64,
 }
 
 /// Judges the photographs of a job.
@@ -110,15 +111,16 @@ impl Judge {
         if let Some(reason) = self.as_before(index, &details) {
             return Ok(Err(reason));
         }
-        let mut evidence = Evidence { brightest: brightness.brightest, ..Evidence::default() };
-        if let Some(mut comparison) = self.compared(context, index, photo)? {
-            comparison.gain /= exposure_s;
+        let mut evidence = Evidence { light_per_s: brightness.light / exposure_s, ..Evidence::default() };
+        if let Some(reason) = self.by_its_light(evidence.light_per_s) {
+            return Ok(Err(reason));
+        }
+        if let Some(comparison) = self.compared(context, index, photo)? {
             if let Some(reason) = self.against_expectation(&comparison) {
                 return Ok(Err(reason));
             }
-            let Comparison { own, other, gain, shift_px } = comparison;
-            (evidence.own, evidence.other) = (Some(own), other.map(|(_, correlation)| correlation));
-            (evidence.gain, evidence.shift_px) = (Some(gain), shift_px);
+            let Comparison { own, other, shift_px } = comparison;
+            evidence = Evidence { own: Some(own), other: other.map(|(_, other)| other), shift_px, ..evidence };
         }
         self.details.push((index, details));
         if self.details.len() > KEPT {
@@ -143,6 +145,13 @@ impl Judge {
             }
             _ => None,
         }
+    }
+
+    /// Whether the photograph has another light than the others, as when it was exposed for another time.
+    fn by_its_light(&self, light_per_s: f64) -> Option<String> {
+        let ratio = light_per_s / self.median(|evidence| Some(evidence.light_per_s))?;
+        let is_usual = (1.0 / LIGHT_RATIO..=LIGHT_RATIO).contains(&ratio);
+        (!is_usual).then(|| format!("has {ratio:.2} times the light of the others"))
     }
 
     /// Whether the photograph, or a part of it, shows an earlier pattern.
@@ -195,9 +204,9 @@ impl Judge {
 
     /// What the expectations say against a photograph.
     fn against_expectation(&self, comparison: &Comparison) -> Option<String> {
-        let Comparison { own, other, gain, shift_px } = *comparison;
+        let Comparison { own, other, shift_px } = *comparison;
         if let Some((index, other)) = other
-            && other > own + LEAD
+            && other > (own + LEAD).max(CORRELATION_MIN)
         {
             let name = &self.names[index];
             return Some(format!("resembles pattern \"{name}\" ({other:.2}) more than its own ({own:.2})"));
@@ -205,12 +214,6 @@ impl Judge {
         let usual = self.median(|evidence| evidence.own);
         if own < CORRELATION_MIN && usual.is_some_and(|usual| own < CORRELATION_PART * usual) {
             return Some(format!("does not show its pattern: their correlation is {own:.2}"));
-        }
-        let usual_gain = self.median(|evidence| evidence.gain);
-        if let Some(ratio) = usual_gain.map(|usual| gain / usual)
-            && !(1.0 / GAIN_RATIO..=GAIN_RATIO).contains(&ratio)
-        {
-            return Some(format!("has {ratio:.2} times the light of the others"));
         }
         let usual_px = self.median(|evidence| evidence.shift_px).unwrap_or(SHIFT_PX);
         shift_px
