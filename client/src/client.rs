@@ -8,6 +8,7 @@ use crate::v1::event_service_client::EventServiceClient;
 use crate::v1::job_service_client::JobServiceClient;
 use crate::v1::kernel_service_client::KernelServiceClient;
 use crate::v1::photo_service_client::PhotoServiceClient;
+use crate::v1::rig_service_client::RigServiceClient;
 use crate::v1::rollout_service_client::RolloutServiceClient;
 use crate::v1::server_service_client::ServerServiceClient;
 use crate::v1::webhook_service_client::WebhookServiceClient;
@@ -149,6 +150,7 @@ services! {
     jobs: JobServiceClient;
     kernels: KernelServiceClient;
     photos: PhotoServiceClient;
+    rigs: RigServiceClient;
     rollouts: RolloutServiceClient;
     webhooks: WebhookServiceClient;
     server: ServerServiceClient;
