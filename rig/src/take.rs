@@ -303,3 +303,43 @@ impl State {
         position >= u64::from(delay) && (said - exposure_s).abs() <= EXPOSURE_TOLERANCE * exposure_s
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Which frames count, of frames of 10 ms after a change of the exposure that takes effect after two frames.
+    fn counted(frames: &[(Option<u64>, Option<f64>)], held_frames: u32) -> Vec<bool> {
+        let (ready, mut state, mut held) = (Instant::now() + Duration::from_secs(60), State::default(), held_frames);
+        state.last_number = Some(10);
+        let belongs = |&(number, exposure_s): &(Option<u64>, Option<f64>)| {
+            let frame = Frame { number, begun: None, exposure_s, values: Vec::new() };
+            state.belongs(&frame, ready, 0.01, 2, &mut held)
+        };
+        frames.iter().map(belongs).collect()
+    }
+
+    #[test]
+    fn frames_count_once_and_from_when_the_exposure_takes_effect() {
+        let numbered = |numbers: &[u64]| numbers.iter().map(|&number| (Some(number), None)).collect::<Vec<_>>();
+        let (no, yes) = (false, true);
+        assert_eq!(counted(&numbered(&[11, 12, 13, 14]), 0), [no, no, yes, yes]);
+        assert_eq!(counted(&numbered(&[10, 11, 12, 13, 13]), 0), [no, no, no, yes, no], "the same number twice");
+        assert_eq!(counted(&numbered(&[11, 14]), 0), [no, yes], "frames that were dropped passed, too");
+        assert_eq!(counted(&numbered(&[11, 12, 13, 14]), 1), [no, no, no, yes], "one is held back");
+        assert_eq!(counted(&[(None, None); 4], 0), [no, no, yes, yes]);
+        let said = [(Some(11), Some(0.01)), (Some(12), Some(0.02)), (Some(13), Some(0.02)), (Some(14), Some(0.01005))];
+        assert_eq!(counted(&said, 0), [no, no, no, yes], "what a frame says of its exposure counts, too");
+    }
+
+    #[test]
+    fn frames_that_begin_before_the_pattern_has_settled_do_not_count() {
+        let (ready, mut state) = (Instant::now(), State::default());
+        let mut of = |number, begun| {
+            let frame = Frame { number: Some(number), begun: Some(begun), exposure_s: None, values: Vec::new() };
+            state.belongs(&frame, ready, 0.01, 0, &mut 0)
+        };
+        assert!(!of(1, ready - Duration::from_micros(1)));
+        assert!(of(2, ready));
+    }
+}

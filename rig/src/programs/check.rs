@@ -91,11 +91,12 @@ fn settling(bench: &Bench, exposure_s: f64) -> Result<String, Problem> {
     // The first frame from which on all are settled.
     let first = frames.len() - frames.iter().rev().take_while(|frame| is_settled(frame)).count();
     let said_ms = bench.slm().settling.as_secs_f64() * 1e3;
-    Ok(match frames.get(first) {
-        Some((time, _)) if first + 1 < frames.len() => {
-            format!("at most {:.1} ms (slm.settling_time_ms is {said_ms})", time.as_secs_f64() * 1e3)
-        }
-        _ => format!("not within {TIMING_FRAMES} frames: is slm.settling_time_ms, {said_ms}, long enough?"),
+    // The pattern settled between the last frame without it and the first with it.
+    let ms = |at: usize| frames.get(at).map_or(0.0, |(time, _)| time.as_secs_f64() * 1e3);
+    let after_ms = first.checked_sub(1).map_or(0.0, ms);
+    Ok(match first + 1 < frames.len() {
+        true => format!("{after_ms:.1} to {:.1} ms (slm.settling_time_ms is {said_ms})", ms(first)),
+        false => format!("not within {TIMING_FRAMES} frames: is slm.settling_time_ms, {said_ms}, long enough?"),
     })
 }
 

@@ -15,7 +15,7 @@ const SIDE_PX_MAX: u32 = 16_384;
 const FRAMES_MAX: u32 = 10_000;
 /// Longest time in the file \[s\].
 const TIME_S_MAX: f64 = 86_400.0;
-/// Time that an SLM or a camera has beyond what it needs, where the file does not say.
+/// Time that an SLM has where the file does not say.
 const DEVICE_LIMIT: Duration = Duration::from_secs(10);
 
 impl Settings {
@@ -67,6 +67,11 @@ impl Settings {
                             .to_owned(),
                     );
                 }
+                let simulated = &self.simulated;
+                number("simulated.latency_ms", simulated.latency_ms, 0.0, 60_000.0)?;
+                number("simulated.jitter_ms", simulated.jitter_ms, 0.0, 60_000.0)?;
+                number("simulated.nominal_exposure_ms", simulated.nominal_exposure_ms, 1e-3, 60_000.0)?;
+                number("simulated.frame_limit_s", simulated.frame_limit_s, 0.01, 3600.0)?;
                 self.pixel_pitch_m().map(|_| ())
             }
             Adapter::Folder => number("folder.wait_s", self.folder.wait_s, 1.0, TIME_S_MAX),
@@ -164,7 +169,7 @@ impl Settings {
             limit: match (&self.adapter, &self.command) {
                 (Adapter::Command, Some(command)) => Duration::from_secs_f64(command.photograph_limit_s),
                 (Adapter::Folder, _) => Duration::from_secs_f64(self.folder.wait_s),
-                _ => DEVICE_LIMIT,
+                _ => Duration::from_secs_f64(self.simulated.frame_limit_s),
             },
         }
     }

@@ -43,6 +43,8 @@ pub struct Settings {
     pub reads_back: bool,
     /// Whether there is a shutter.
     pub shutter: bool,
+    /// Longest time of a frame beyond its exposure \[s\]. The light of a pattern is computed within it.
+    pub frame_limit_s: f64,
     /// Faults that are planted.
     pub faults: Faults,
 }
@@ -57,6 +59,7 @@ impl Default for Settings {
             nominal_exposure_ms: 10.0,
             reads_back: true,
             shutter: true,
+            frame_limit_s: 120.0,
             faults: Faults::default(),
         }
     }

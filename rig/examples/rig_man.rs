@@ -1,4 +1,4 @@
-//! Writes the man pages of `lightpath-rig`: `cargo run -p lightpath-rig --example man -- FOLDER`. The program itself does not
+//! Writes the man pages of `lightpath-rig`: `cargo run -p lightpath-rig --example rig_man -- FOLDER`. The program itself does not
 //! write them, so that it does not carry the code.
 
 use clap::CommandFactory as _;
