@@ -69,9 +69,9 @@ pub(crate) struct ServeArguments {
     pub(crate) settings: SettingsArguments,
     /// Access token, of the role rig for this display; better in the environment or in a file, where no list of processes
     /// shows it
-    #[arg(long, env = "LIGHTPATH_TOKEN", value_name = "TOKEN", hide_env_values = true, conflicts_with = "token_file")]
+    #[arg(long, env = "LIGHTPATH_TOKEN", value_name = "TOKEN", hide_env_values = true)]
     pub(crate) token: Option<String>,
-    /// Read the access token from this file
+    /// Read the access token from this file; it counts before LIGHTPATH_TOKEN
     #[arg(long, env = "LIGHTPATH_TOKEN_FILE", value_name = "FILE")]
     pub(crate) token_file: Option<PathBuf>,
     /// Trust the certificate authority in this PEM file, besides those of the system

@@ -101,7 +101,12 @@ impl Bench {
     ///
     /// The bench is not known to be safe: a device failed. The other has been told all the same.
     pub fn make_safe(&self) -> Result<()> {
-        let renewed = self.renew();
+        // Light goes off before anything is opened anew, which can take long.
+        let told = self.tell_safe();
+        if self.renew()? { self.tell_safe() } else { told }
+    }
+
+    fn tell_safe(&self) -> Result<()> {
         let (shutter, slm) = {
             let mut epoch = lock(&self.epoch);
             *epoch += 1;
@@ -114,21 +119,21 @@ impl Bench {
         };
         let closed = shutter.map_or(Ok(()), Sent::wait);
         let shown = slm.wait();
-        renewed.and(closed).and(shown)
+        closed.and(shown)
     }
 
-    /// Opens all devices anew if the code of one has panicked: nobody knows in which state it was left.
-    fn renew(&self) -> Result<()> {
+    /// Opens all devices anew if the code of one has panicked: nobody knows in which state it was left. True if so.
+    fn renew(&self) -> Result<bool> {
         let mut threads = lock(&self.threads);
         if !threads.have_panicked() {
-            return Ok(());
+            return Ok(false);
         }
         let devices = (self.open)()?;
         if devices.slm.facts() != self.slm || devices.camera.facts() != self.camera {
             return Err(DeviceError::new("the devices are others than before; start the rig anew"));
         }
         *threads = Arc::new(Threads::start(devices)?);
-        Ok(())
+        Ok(true)
     }
 
     /// Waits until a time, or until the permit counts no more.

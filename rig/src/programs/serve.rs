@@ -102,7 +102,7 @@ fn credentials(arguments: &ServeArguments) -> Result<Credentials, Problem> {
         _ => None,
     };
     Ok(Credentials {
-        token: arguments.token.clone().or(token_file),
+        token: token_file.or(arguments.token.clone()),
         authority_pem: arguments.ca_file.as_deref().map(|path| read(path, "--ca-file")).transpose()?,
         certificate_and_key_pem: certificate,
         token_over_http: arguments.token_over_http,

@@ -102,7 +102,7 @@ impl Camera for Device {
             exposure_max_s: 0.5,
             exposure_delay_frames: 0,
             held_frames: 0,
-            limit: Duration::from_millis(700),
+            limit: Duration::from_millis(1500),
         }
     }
 

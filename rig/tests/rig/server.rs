@@ -34,6 +34,8 @@ struct Inside {
     responses: Option<Responses>,
     /// What every call gets instead of an answer.
     refusal: Option<Status>,
+    /// What an upload gets instead of an answer.
+    upload_refusal: Option<Status>,
 }
 
 impl Server {
@@ -46,7 +48,14 @@ impl Server {
             wavelengths_m: vec![515e-9],
             ..Default::default()
         };
-        let inside = Inside { artifacts: HashMap::new(), display, rig: None, responses: None, refusal: None };
+        let inside = Inside {
+            artifacts: HashMap::new(),
+            display,
+            rig: None,
+            responses: None,
+            refusal: None,
+            upload_refusal: None,
+        };
         let listener = tokio::net::TcpListener::bind("127.0.0.1:0").await.unwrap();
         let url = format!("http://{}", listener.local_addr().unwrap());
         let (said, heard) = mpsc::unbounded_channel();
@@ -115,6 +124,10 @@ impl Server {
         self.with(|inside| inside.refusal = Some(refusal));
     }
 
+    pub fn refuse_uploads(&self, refusal: Option<Status>) {
+        self.with(|inside| inside.upload_refusal = refusal);
+    }
+
     fn answers(&self) -> Result<(), Status> {
         self.with(|inside| inside.refusal.clone()).map_or(Ok(()), Err)
     }
@@ -160,6 +173,7 @@ impl ArtifactService for Server {
 
     async fn get_upload(&self, request: Request<v1::GetUploadRequest>) -> Result<Response<v1::Upload>, Status> {
         self.answers()?;
+        self.with(|inside| inside.upload_refusal.clone()).map_or(Ok(()), Err)?;
         let digest = request.into_inner().digest;
         let complete = self.stored(&digest).is_some();
         Ok(Response::new(v1::Upload { digest, received_bytes: 0, complete }))

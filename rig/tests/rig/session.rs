@@ -162,6 +162,19 @@ async fn a_photograph_goes_on_while_the_link_is_cut_and_is_not_taken_twice() {
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn a_photograph_that_could_not_be_uploaded_is_kept_and_uploaded_later() {
+    let mut world = World::connected(&[]).await;
+    world.server.refuse_uploads(Some(Status::resource_exhausted("the disk is nearly full")));
+    let request = world.request("t1", 3);
+    world.server.ask(request.clone()).await;
+    let failed = world.failed().await;
+    assert!(failed.retryable && failed.message.contains("the disk is nearly full"), "{failed:?}");
+    world.server.refuse_uploads(None);
+    world.server.ask(request).await;
+    assert_eq!((world.taken().await.take.as_str(), world.frames()), ("t1", 1));
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn what_limits_and_bench_do_not_allow_is_refused_for_good_and_named() {
     let limits = [("exposure_max_ms = 100.0", "exposure_max_ms = 20.0"), ("frames_max = 64", "frames_max = 2")];
     let duty = [("# duty_percent = 50.0", "duty_percent = 0.05")];
