@@ -134,6 +134,15 @@ impl Photographer {
         let levels = order.levels.clone();
         bench.with_slm(permit, "show a pattern", move |slm, by| slm.show(&levels, by))?;
         let exposure_s = state.set_exposure(bench, permit, order.exposure_s)?;
+        // Cameras round exposures, and some choose others.
+        let most_s = self.limits.exposure_max_s * (1.0 + EXPOSURE_TOLERANCE);
+        if !(exposure_s > 0.0 && exposure_s <= most_s) {
+            let (asked_ms, chosen_ms) = (order.exposure_s * 1e3, exposure_s * 1e3);
+            return Err(NoPhotograph::Refused(format!(
+                "the camera was told to expose {asked_ms} ms and chose {chosen_ms} ms, which limits.exposure_max_ms of this \
+                 rig does not allow"
+            )));
+        }
         bench.wait_until(permit, shown + bench.slm().settling)?;
         let taken = match order.dark || !bench.has_shutter() {
             true => state.expose(bench, permit, order, exposure_s, None)?,

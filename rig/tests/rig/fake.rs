@@ -30,6 +30,8 @@ pub struct Inside {
     /// Whether a frame waits now.
     pub is_exposing: bool,
     pub panics_next: bool,
+    /// The exposure that the camera chooses, whatever it is told \[s\].
+    pub chooses_s: Option<f64>,
 }
 
 struct Device(Fake);
@@ -107,7 +109,7 @@ impl Camera for Device {
     }
 
     fn set_exposure(&mut self, exposure_s: f64, _: Instant) -> Result<f64> {
-        Ok(exposure_s)
+        Ok(self.0.change(|inside| inside.chooses_s).unwrap_or(exposure_s))
     }
 
     fn frame(&mut self, _: Instant) -> Result<Frame> {

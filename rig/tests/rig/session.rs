@@ -194,6 +194,13 @@ async fn what_limits_and_bench_do_not_allow_is_refused_for_good_and_named() {
         let failed = world.failed().await;
         assert!(failed.message.contains(name) && !failed.retryable, "{failed:?}");
     }
+    for chosen_s in [0.4, -1.0, f64::NAN] {
+        world.fake.change(|inside| inside.chooses_s = Some(chosen_s));
+        world.server.ask(plain.clone()).await;
+        let failed = world.failed().await;
+        assert!(failed.message.contains("the camera was told to expose 1 ms and chose"), "{failed:?}");
+    }
+    world.fake.change(|inside| inside.chooses_s = None);
     assert_eq!(world.frames(), 0);
     world.server.ask(Take { dark: true, frames: 2, ..plain }).await;
     let dark = world.taken().await;
