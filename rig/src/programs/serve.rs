@@ -43,9 +43,13 @@ async fn run(settings: &Settings, client: Client) -> Result<(), Problem> {
         // The sender lives as long as the program, so that who waits for it waits.
         std::future::pending::<()>().await;
     });
-    let display = match display_for_bench(settings, &client, stopped.clone()).await? {
-        Some(display) => display,
-        None => return Ok(()),
+    let display = match settings.adapter {
+        // A simulated bench has the optics of its display.
+        Adapter::Simulated => match display(settings, &client, stopped.clone()).await? {
+            None => return Ok(()),
+            some => some,
+        },
+        Adapter::Folder | Adapter::Command => None,
     };
     // Devices are opened by code that blocks.
     let opened = {
@@ -57,20 +61,17 @@ async fn run(settings: &Settings, client: Client) -> Result<(), Problem> {
     session::serve(settings, client, Arc::new(bench), Pace::default(), stopped).await
 }
 
-/// The display, if the bench needs it: a simulated one has the optics of its display. `None`: the rig shall end.
-async fn display_for_bench(
+/// Reads the display, for as long as that takes; `None`: the rig shall end.
+async fn display(
     settings: &Settings,
     client: &Client,
     mut stopped: watch::Receiver<bool>,
-) -> Result<Option<Option<Display>>, Problem> {
-    if settings.adapter != Adapter::Simulated {
-        return Ok(Some(None));
-    }
+) -> Result<Option<Display>, Problem> {
     let name = names::display(settings.display.as_deref().unwrap_or_default());
     loop {
         let request = GetDisplayRequest { name: name.clone() };
         let error = match client.get_display(request).await {
-            Ok(display) => return Ok(Some(Some(display))),
+            Ok(display) => return Ok(Some(display)),
             Err(error) => error,
         };
         log::line(format_args!("{}", session::lost_or_problem(&error)?));

@@ -89,6 +89,8 @@ pub async fn serve(
     let mut link = Link { settings, client, bench: Arc::clone(&bench), desk, answers, pace, stop };
     let ended = link.keep().await;
     work.abort();
+    // After its end nothing begins a photograph behind the safe state.
+    let _ = work.await;
     make_safe(&bench).await;
     ended
 }
