@@ -8,6 +8,7 @@ use lightpath_rig::session::{self, Pace};
 use lightpath_rig::settings::{EXAMPLE, Settings};
 use lightpath_rig::state::{Pause, PauseFile};
 use lightpath_rig::{Problem, pictures};
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
@@ -159,6 +160,39 @@ async fn a_photograph_goes_on_while_the_link_is_cut_and_is_not_taken_twice() {
     world.fake.change(|inside| inside.is_held = false);
     let taken = world.taken().await;
     assert_eq!((taken.take.as_str(), world.frames()), ("t1", 1));
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn no_photograph_is_lost_doubled_or_of_another_pattern_however_often_the_link_is_cut() {
+    let mut world = World::connected(&[]).await;
+    let request = |n: u16| (format!("t{n}"), world.request(&format!("t{n}"), n));
+    let mut open: BTreeMap<String, Take> = (1..=30).map(request).collect();
+    let (mut cuts, mut answers) = (0, Vec::new());
+    while !open.is_empty() {
+        for take in open.values() {
+            world.server.ask(take.clone()).await;
+        }
+        // The link is cut after none to two answers, until it has been cut often; then it stays.
+        let patience = if cuts < 20 { cuts % 3 } else { open.len() };
+        for _ in 0..patience.min(open.len()) {
+            let taken = world.taken().await;
+            // An answer that was under way when the link was cut may come twice.
+            if open.remove(&taken.take).is_some() {
+                answers.push(taken);
+            }
+        }
+        if cuts < 20 {
+            cuts += 1;
+            world.server.cut(Status::unavailable("cut"), None).await;
+            world.server.connected(cuts as u32 + 1).await;
+        }
+    }
+    assert_eq!((world.frames(), answers.len()), (30, 30));
+    for taken in answers {
+        let seed: u16 = taken.take[1..].parse().unwrap();
+        let photo = pictures::grey(&world.server.stored(&taken.photo).unwrap()).unwrap();
+        assert_eq!((photo.values.as_slice(), taken.levels_sha256), (levels(seed).values(), levels(seed).sha256()));
+    }
 }
 
 #[tokio::test(flavor = "multi_thread")]
