@@ -30,6 +30,7 @@
 //!   [`Client::follow_kernel`]). Each is checked against its
 //!   SHA-256 digest and repeated or continued after a lost connection.
 //! - Jobs: [`Client::submit`], [`Client::wait`], and functions that return the result of a job (`job.rs`).
+//! - Rigs: [`Client::serve_rig`], the stream of a program at a bench (`rig.rs`).
 //! - [`names`]: resource names. [`units`]: lengths as text, such as `150mm` or `515nm`. [`Words`]: enumerations as words.
 //! - [`Error`]: why a call failed, with its gRPC [`Code`]; a refusal lists the wrong fields.
 #![cfg_attr(test, allow(clippy::unwrap_used))]
@@ -43,6 +44,7 @@ mod job;
 mod kernel;
 pub mod names;
 mod retry;
+mod rig;
 mod upload;
 
 pub use client::{Client, Credentials};
@@ -56,4 +58,5 @@ pub use job::{
 pub use kernel::KernelChange;
 pub use lightpath_proto::{Word, Words, judgements, v1};
 pub use lightpath_units as units;
+pub use rig::RigStream;
 pub use tonic::Code;

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Every crate, with the crates of the workspace that it may depend on.
-pub(super) const CRATES: [(&str, &[&str]); 26] = [
+pub(super) const CRATES: [(&str, &[&str]); 27] = [
     ("optics/fft", &[]),
     ("optics", &["fft"]),
     ("optics/bench", &["fft", "optics"]),
@@ -17,6 +17,7 @@ pub(super) const CRATES: [(&str, &[&str]); 26] = [
     ("cli", &["", "manifest", "program-docs"]),
     ("client/python/engine", &["bench", "domain", "media", "optics"]),
     ("agent", &["fail-points", "manifest", "program-docs", "units"]),
+    ("rig", &["", "bench", "optics", "program-docs", "proto", "units"]),
     ("server/domain", &["bench", "camera", "optics", "units"]),
     ("server/fail-points", &[]),
     ("server/fixtures", &["domain"]),
@@ -81,6 +82,7 @@ const RESTRICTED: [(&str, &[&str]); 10] = [
         &[
             "client",
             "cli",
+            "rig",
             "server/artifacts",
             "server/store",
             "server/webhooks",
@@ -91,7 +93,7 @@ const RESTRICTED: [(&str, &[&str]); 10] = [
         ],
     ),
     ("object_store", &["server/artifacts"]),
-    ("clap", &["program-docs", "cli", "agent", "server/daemon"]),
+    ("clap", &["program-docs", "cli", "agent", "rig", "server/daemon"]),
     ("indicatif", &["cli", "server/daemon"]),
 ];
 

@@ -1,12 +1,12 @@
 //! The camera: from light to grey levels.
 //!
 //! ```text
-//! level = round(255 · clamp(b + r(I) + √(σ² + s I r′(I)²) · n, 0, 1)),   r(I) = I + c I (1 − I)
+//! level = round(w · clamp(b + r(I) + √(σ² + s I r′(I)²) · n, 0, 1)),   r(I) = I + c I (1 − I)
 //! ```
 //!
-//! I is the exposed light (1 is full scale), b the black level, n normal noise, σ the read noise as a part of full
-//! scale. s is the variance of the shot noise at full scale: 1/electrons of a full pixel, or σ² when that number is not
-//! given. c is the nonlinearity of the response r.
+//! w is the value of white (255 in a photograph of 8 bits), I the exposed light (1 is full scale), b the black level, n
+//! normal noise, σ the read noise as a part of full scale. s is the variance of the shot noise at full scale: 1/electrons
+//! of a full pixel, or σ² when that number is not given. c is the nonlinearity of the response r.
 //!
 //! The order is that of a sensor: photons become electrons, whose number has shot noise; the amplifier of the pixel
 //! turns electrons into a voltage, which is not quite linear; read noise and black level are added; the converter clips
@@ -42,10 +42,16 @@ impl Camera {
         (light + self.nonlinearity * inside * (1.0 - inside), slope)
     }
 
-    /// Takes a photograph of exposed light.
-    pub(super) fn photograph(&self, light: &Plane<f32>, noise_seed: u64) -> Plane<u8> {
-        let width_px = light.width_px();
-        let mut photograph = Plane::filled(light.height_px(), width_px, 0);
+    /// Takes a photograph of exposed light, of which white has the value `white`. `rounded` makes a value of a whole number.
+    pub(super) fn photograph<T: Copy + Default + Send>(
+        &self,
+        light: &Plane<f32>,
+        white: u16,
+        noise_seed: u64,
+        rounded: impl Fn(f64) -> T + Sync,
+    ) -> Plane<T> {
+        let (width_px, white) = (light.width_px(), f64::from(white));
+        let mut photograph = Plane::filled(light.height_px(), width_px, T::default());
         photograph.values_mut().par_chunks_mut(width_px).enumerate().for_each(|(y, row)| {
             interrupt::check();
             let mut draws = Draws::of_row(noise_seed, Stream::Noise, y);
@@ -54,7 +60,7 @@ impl Camera {
                 let (signal, slope) = self.response(light);
                 let shot_variance = self.shot_variance * light.max(0.0) * slope * slope;
                 let noise = (self.noise * self.noise + shot_variance).sqrt() * draws.normal();
-                *level = (255.0 * (self.black_level + signal + noise).clamp(0.0, 1.0)).round() as u8;
+                *level = rounded((white * (self.black_level + signal + noise).clamp(0.0, 1.0)).round());
             }
         });
         photograph
@@ -91,7 +97,7 @@ mod tests {
     fn response_acts_on_shot_noise_and_not_on_read_noise() {
         // Mean and standard deviation of 100,000 pixels [levels].
         let measured = |camera: &Camera| {
-            let levels = camera.photograph(&Plane::filled(100, 1000, 0.2), 7).map(f64::from);
+            let levels = camera.photograph(&Plane::filled(100, 1000, 0.2), 255, 7, |level| level);
             let mean = levels.values().iter().sum::<f64>() / 1e5;
             (mean, (levels.values().iter().map(|level| (level - mean).powi(2)).sum::<f64>() / 1e5).sqrt())
         };

@@ -154,7 +154,13 @@ impl SimulatedDisplay {
     /// Takes a photograph of light in units of the camera's full scale, such as that of [`Self::light`].
     #[must_use]
     pub fn expose(&self, light: &Plane<f32>, noise_seed: u64) -> Plane<u8> {
-        self.camera.photograph(light, noise_seed)
+        self.camera.photograph(light, u16::from(u8::MAX), noise_seed, |level| level as u8)
+    }
+
+    /// [`Self::expose`] by a camera whose white has another value than 255, such as 4095 for 12 bits.
+    #[must_use]
+    pub fn expose_to(&self, light: &Plane<f32>, white: u16, noise_seed: u64) -> Plane<u16> {
+        self.camera.photograph(light, white, noise_seed, |level| level as u16)
     }
 
     /// The light on each camera pixel, in units of the camera's full scale, without its response, noise, black level,
