@@ -136,7 +136,9 @@ impl Calibrate {
             (None, [only]) => *only,
             (None, several) => {
                 let list = show::lengths(several.iter().copied());
-                return Err(Failure::Usage(format!("the rig has several wavelengths, {list}; choose one: --wavelength")));
+                return Err(Failure::Usage(format!(
+                    "the rig has several wavelengths, {list}; choose one: --wavelength"
+                )));
             }
         };
         let place = self.distance.map(v1::Place::at_m).or(rig.place).unwrap_or_default();
@@ -203,7 +205,9 @@ impl Calibrate {
             }
         }
         let finalize = prepare_dataset::Step::Finalize(prepare_dataset::Finalize::default());
-        steps.job("finalize", "divide them into those to learn from and those to judge by", bench.preparation(finalize)).await?;
+        steps
+            .job("finalize", "divide them into those to learn from and those to judge by", bench.preparation(finalize))
+            .await?;
         Ok(())
     }
 
@@ -230,7 +234,8 @@ impl Calibrate {
             return session.print_text(&format!("{version} is active"));
         }
         if self.no_promote {
-            return session.print_text(&format!("{version} passes the gate; promote it: lightpath kernel promote --help"));
+            return session
+                .print_text(&format!("{version} passes the gate; promote it: lightpath kernel promote --help"));
         }
         let request = v1::PromoteKernelRequest {
             kernel: kernel.to_owned(),

@@ -52,8 +52,8 @@ pub use digest::digest_of;
 pub use download::replace_file;
 pub use error::{Error, FieldViolation, Refusal, Result};
 pub use job::{
-    JobChange, capture_result, evaluate_result, has_ended, hologram_result, job_spec, learn_result, prepare_result,
-    report_result, photos_result, suggest_result, verify_result,
+    JobChange, capture_result, evaluate_result, has_ended, hologram_result, job_spec, learn_result, photos_result,
+    prepare_result, report_result, suggest_result, verify_result,
 };
 pub use kernel::KernelChange;
 pub use lightpath_proto::{Word, Words, judgements, v1};

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Every crate, with the crates of the workspace that it may depend on.
-pub(super) const CRATES: [(&str, &[&str]); 27] = [
+pub(super) const CRATES: [(&str, &[&str]); 28] = [
     ("optics/fft", &[]),
     ("optics", &["fft"]),
     ("optics/bench", &["fft", "optics"]),
@@ -27,8 +27,9 @@ pub(super) const CRATES: [(&str, &[&str]); 27] = [
     ("server/metrics", &["artifacts", "domain", "store"]),
     ("server/dashboard", &[]),
     ("server/webhooks", &["domain", "metrics", "store"]),
-    ("server/worker", &["artifacts", "bench", "camera", "domain", "media", "metrics", "optics", "store"]),
-    ("server/service", &["artifacts", "camera", "domain", "manifest", "media", "metrics", "optics", "store"]),
+    ("server/rigs", &["domain"]),
+    ("server/worker", &["artifacts", "bench", "camera", "domain", "media", "metrics", "optics", "rigs", "store"]),
+    ("server/service", &["artifacts", "bench", "camera", "domain", "manifest", "media", "metrics", "optics", "store"]),
     (
         "server/api",
         &[
@@ -42,6 +43,7 @@ pub(super) const CRATES: [(&str, &[&str]); 27] = [
             "metrics",
             "optics",
             "proto",
+            "rigs",
             "service",
             "store",
         ],
@@ -61,6 +63,7 @@ pub(super) const CRATES: [(&str, &[&str]); 27] = [
             "optics",
             "program-docs",
             "proto",
+            "rigs",
             "service",
             "store",
             "webhooks",

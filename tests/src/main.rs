@@ -16,6 +16,7 @@ mod material;
 /// Runs the programs `lightpath`, `lightpathd` and `lightpath-agent` as processes.
 mod process;
 /// A server inside the test's process.
+mod rigs;
 mod server;
 
 // The tests.

@@ -1,4 +1,4 @@
-//! Runs the programs `lightpath`, `lightpathd` and `lightpath-agent` as processes.
+//! Runs the programs `lightpath`, `lightpathd`, `lightpath-agent` and `lightpath-rig` as processes.
 
 use lightpath::Client;
 use std::path::{Path, PathBuf};
@@ -80,6 +80,12 @@ pub(crate) fn lightpathd_command(arguments: &[&str]) -> Command {
 /// Starts `lightpath-agent` with these arguments. It is killed when the handle is dropped.
 pub(crate) fn agent(arguments: &[&str]) -> Child {
     let mut command = Command::new(binary("lightpath-agent"));
+    command.args(arguments).stdin(Stdio::null()).stderr(Stdio::null()).kill_on_drop(true).spawn().unwrap()
+}
+
+/// Starts `lightpath-rig` with these arguments. It is killed when the handle is dropped.
+pub(crate) fn rig(arguments: &[&str]) -> Child {
+    let mut command = Command::new(binary("lightpath-rig"));
     command.args(arguments).stdin(Stdio::null()).stderr(Stdio::null()).kill_on_drop(true).spawn().unwrap()
 }
 

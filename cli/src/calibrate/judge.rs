@@ -6,9 +6,9 @@ use crate::failure::Failure;
 use crate::session::{Session, print_note};
 use crate::show;
 use crate::table::Table;
+use lightpath::photos_result;
 use lightpath::v1::capture_photos::Pattern;
 use lightpath::v1::{self, job_spec};
-use lightpath::photos_result;
 use std::path::Path;
 
 /// Numbers of the test pictures, which no hologram to learn from showed.
@@ -61,12 +61,7 @@ pub(super) async fn judged(
             _ => "–".to_owned(),
         };
         let mut cells = found_db.iter().map(|found| found.map_or_else(|| "not found".to_owned(), show::decibel));
-        table.row([
-            format!("{number}"),
-            cells.next().unwrap_or_default(),
-            cells.next().unwrap_or_default(),
-            gain,
-        ]);
+        table.row([format!("{number}"), cells.next().unwrap_or_default(), cells.next().unwrap_or_default(), gain]);
     }
     Ok(table.text())
 }

@@ -1,11 +1,11 @@
 //! The steps of a calibration: each is announced, and each job has a name by which it is found again.
 
 use crate::failure::Failure;
+use crate::jobs;
 use crate::jobs::progress;
 use crate::session::{Session, print_note};
-use crate::{jobs, show};
 use lightpath::v1::job::State;
-use lightpath::v1::{Job, RetryJobRequest, SubmitJobRequest, job_spec};
+use lightpath::v1::{self, Job, RetryJobRequest, SubmitJobRequest, job_spec};
 use lightpath::{job_spec as spec_of, prepare_result};
 use std::cell::Cell;
 
@@ -78,6 +78,7 @@ impl<'a> Steps<'a> {
 /// Says what an alignment has found.
 pub(super) fn note_alignment(job: &Job) -> Result<(), Failure> {
     let Some(alignment) = &prepare_result(job)?.alignment else { return Ok(()) };
-    print_note(&format!("{}; residual {:.2} px", show::plain(&alignment.explanation), alignment.residual_px));
+    let v1::Alignment { points, residual_px, .. } = alignment;
+    print_note(&format!("found {points} dots; the alignment leaves {residual_px:.2} px"));
     Ok(())
 }

@@ -80,10 +80,7 @@ impl Capture {
             Some(photos) => PHOTO.files(&session.stdout, photos, &ids)?,
             None => Vec::new(),
         };
-        destination::check_distinct(
-            files.iter().map(PathBuf::as_path),
-            photos.iter().map(PathBuf::as_path),
-        )?;
+        destination::check_distinct(files.iter().map(PathBuf::as_path), photos.iter().map(PathBuf::as_path))?;
         let aligned_by = match &self.dataset {
             Some(dataset) => aligned(session, dataset).await?,
             None => String::new(),

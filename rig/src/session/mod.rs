@@ -243,10 +243,10 @@ fn end_of(error: &Error) -> End {
         }
         Some(Code::PermissionDenied) => "the token needs the role rig, for this display",
         Some(Code::NotFound) => "see `display` in the rig's file, and `lightpath display list`",
-        Some(Code::AlreadyExists) => "the rig of another token serves this display: end that one first",
-        Some(Code::Aborted) => "another lightpath-rig with this token serves the display now; this one ends",
         Some(Code::Unimplemented) => "the server is older than this rig: update it",
-        Some(Code::InvalidArgument | Code::FailedPrecondition | Code::OutOfRange) => "correct the rig's file",
+        // Another rig serves the display, or the server runs no jobs: its own words say what to do.
+        Some(Code::FailedPrecondition) => return End::Problem(Problem::Refused(error.to_string())),
+        Some(Code::InvalidArgument | Code::OutOfRange) => "correct the rig's file",
         Some(_) => return End::Lost(error.to_string()),
     };
     if error.is_unreachable() {

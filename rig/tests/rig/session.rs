@@ -314,7 +314,7 @@ async fn what_no_retry_can_mend_ends_the_rig_with_clear_words() {
     for (changes, refusal, words) in [
         (&[("width_px = 32", "width_px = 32")][..], Status::unauthenticated("unknown token"), "--role rig"),
         (&[], Status::permission_denied("no"), "needs the role rig"),
-        (&[], Status::already_exists("served"), "another token serves this display"),
+        (&[], Status::failed_precondition("a rig of another token serves it"), "a rig of another token serves it"),
         (&[("display = \"lab\"", "display = \"lob\"")], Status::ok(""), "not declared"),
         (&[("[\"515nm\"]", "[\"633nm\"]")], Status::ok(""), "no light of 633.000 nm, but of 515.000 nm"),
     ] {
@@ -337,9 +337,9 @@ async fn what_no_retry_can_mend_ends_the_rig_with_clear_words() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_later_stream_of_the_same_token_ends_the_earlier_rig() {
     let world = World::connected(&[]).await;
-    world.server.cut(Status::aborted("a later stream"), None).await;
+    world.server.cut(Status::failed_precondition("another connection of the same token serves it"), None).await;
     let ended = world.rig.await.unwrap().unwrap_err().to_string();
-    assert!(ended.contains("another lightpath-rig with this token serves the display now"), "{ended}");
+    assert!(ended.contains("another connection of the same token serves it"), "{ended}");
     let other = lightpath_rig::state::Running::take(&world.settings.state_folder).unwrap();
     let (_stop, second) = start(&world.server, &world.fake, &world.settings);
     let ended = second.await.unwrap().unwrap_err().to_string();

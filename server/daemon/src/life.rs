@@ -39,7 +39,11 @@ impl Life {
             kind,
             name: config.workers().name,
             version: env!("CARGO_PKG_VERSION").to_owned(),
-            abilities: Abilities { labels: config.labels()?, memory_bytes: config.job_bytes_max(), ..Abilities::default() },
+            abilities: Abilities {
+                labels: config.labels()?,
+                memory_bytes: config.job_bytes_max(),
+                ..Abilities::default()
+            },
             workers: config.workers,
             start_time_ms: now_ms,
             seen_time_ms: now_ms,

@@ -48,8 +48,15 @@ pub async fn run(
             }
         });
     }
-    let mut workers =
-        Workers::start(store, artifacts, &config, (LivePictures::default(), Rigs::refusing()), job_program, stopping.clone()).await?;
+    let mut workers = Workers::start(
+        store,
+        artifacts,
+        &config,
+        (LivePictures::default(), Rigs::refusing()),
+        job_program,
+        stopping.clone(),
+    )
+    .await?;
     tracing::info!("working");
     let early = tokio::select! {
         () = shutdown => None,

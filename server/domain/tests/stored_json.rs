@@ -12,11 +12,11 @@ use lightpath_domain::dataset::{
 use lightpath_domain::display::Display;
 use lightpath_domain::expected_psnr::ExpectedPsnr;
 use lightpath_domain::job::{
-    AlignBy, Area, CaptureResult, EvaluateKernel, EvaluateResult, FailureReason, Fit, HologramResult, ImagePlane,
-    JobError, JobResult, JobSpec, JudgedBy, Judging, LearnKernel, LearnResult, LearnedKernel, OptimizeHologram,
-    PairLoss, PlaneOpinion, PlaneResult, PrepareDataset, PrepareResult, PrepareStep, Progress, ReportFigure,
-    ReportKernel, ReportResult, SimulateCapture, Subframe, SuggestHolograms, SuggestResult, SuggestedHologram,
-    VerifyHologram, VerifyResult, WavelengthResult,
+    AlignBy, Area, CapturePhotos, CapturePhotosResult, CaptureResult, CapturedPhoto, EvaluateKernel, EvaluateResult,
+    FailureReason, Fit, HologramResult, ImagePlane, JobError, JobResult, JobSpec, JudgedBy, Judging, LearnKernel,
+    LearnResult, LearnedKernel, NamedPattern, OptimizeHologram, PairLoss, PlaneOpinion, PlaneResult, PrepareDataset,
+    PrepareResult, PrepareStep, Progress, ReportFigure, ReportKernel, ReportResult, Retaken, SimulateCapture, Subframe,
+    SuggestHolograms, SuggestResult, SuggestedHologram, VerifyHologram, VerifyResult, WavelengthResult,
 };
 use lightpath_domain::kernel::{CapturedQuality, KernelKey, KernelMetrics};
 use lightpath_domain::kernel_format::KernelFormat;
@@ -200,6 +200,16 @@ fn dataset_and_report_jobs_are_stored_as_before() {
     check_job("report_kernel", &JobSpec::ReportKernel(ReportKernel { kernel, version: 3 }));
     let verify = VerifyHologram { job: "0193".to_owned(), display: "lab".to_owned() };
     check_job("verify_hologram", &JobSpec::VerifyHologram(verify));
+    let capture = CapturePhotos {
+        display: "lab".to_owned(),
+        wavelength: GREEN,
+        distance: NEAR,
+        patterns: vec![NamedPattern { id: "p01".to_owned(), pattern: digest(1) }],
+        aligned_by: Some("bench-1".to_owned()),
+        exposure_s: Some(0.0125),
+        frames: 4,
+    };
+    check_job("capture_photos", &JobSpec::CapturePhotos(capture));
 }
 
 fn finalization() -> Finalization {
@@ -270,6 +280,23 @@ fn dataset_and_report_results_are_stored_as_before() {
     let suggestions = SuggestResult { holograms: vec![suggested], worth_photographs: 6.5 };
     check_stored("suggest_result", &JobResult::SuggestHolograms(suggestions));
     let plane = PlaneOpinion { wavelength: GREEN, distance: NEAR, opinions: [OPINION; 3] };
+    let photo = CapturedPhoto {
+        id: "p01".to_owned(),
+        photo: digest(2),
+        frame: 1234,
+        exposure_time_ms: 1_800_000_000_000,
+        exposure_s: 0.0125,
+        correlation: Some(0.9375),
+        other_correlation: Some(0.25),
+        temperature_c: Some(23.5),
+    };
+    let captured = CapturePhotosResult {
+        rig: "lightpath-rig 0.1.0".to_owned(),
+        black_level: Some(0.0078125),
+        photos: vec![photo],
+        retaken: vec![Retaken { id: "p01".to_owned(), reason: "is black".to_owned() }],
+    };
+    check_stored("capture_photos_result", &JobResult::CapturePhotos(captured));
     check_stored("verify_result", &JobResult::VerifyHologram(VerifyResult { planes: vec![plane] }));
 }
 

@@ -93,6 +93,8 @@ const ABSENCE_MIN: f64 = 0.6;
 const HEARTBEATS_WAIT: Duration = Duration::from_secs(10);
 /// Longest lease that can be set \[ms\]. One that ends later was given before the database's clock was set back.
 const LEASE_MS_MAX: i64 = 3_600_000;
+/// Time between two looks for jobs at benches, while a rig is connected.
+const BENCH_INTERVAL: Duration = Duration::from_millis(300);
 /// Longest time between two reads of the queue.
 const POLL_INTERVAL_MAX: Duration = Duration::from_secs(60);
 
@@ -175,7 +177,18 @@ impl Worker {
         let engines = Arc::new(EngineCache::new(cache_bytes_max(config.memory_bytes) as usize));
         let memory = JobMemory::new(config.memory_bytes);
         let (clock, live_pictures) = (Clock::of(&store), LivePictures::default());
-        Self { store, artifacts, engines, memory, config, task, clock, live_pictures, job_program: None, rigs: Rigs::default() }
+        Self {
+            store,
+            artifacts,
+            engines,
+            memory,
+            config,
+            task,
+            clock,
+            live_pictures,
+            job_program: None,
+            rigs: Rigs::default(),
+        }
     }
 
     /// Runs jobs during which a server died with `program`, in a process of its own each. Without it, they run in this
@@ -277,7 +290,9 @@ impl Worker {
     async fn claim_loop(&self, index: usize, pool: Arc<ThreadPool>, drain: CancellationToken) {
         let name = format!("{}-{index}", self.config.name);
         let abilities = self.config.abilities();
-        self.claim_until(&name, &pool, &drain, || Some(abilities.clone()), std::future::pending).await;
+        let claimable = self.store.claimable();
+        let changed = || claimable.notified();
+        self.claim_until(&name, &pool, &drain, || Some(abilities.clone()), changed).await;
     }
 
     /// Claims and runs the jobs that need a connected rig, one after the other.
@@ -289,9 +304,16 @@ impl Worker {
             let labels = Labels::all_of([own.labels.clone(), only_for.clone()]);
             (!only_for.is_empty()).then(|| Abilities { labels, only_for, ..own.clone() })
         };
+        // It takes no part in the notifications about new jobs: each wakes one worker, and may be about any job.
         let changed = || {
             let mut labels = self.rigs.labels();
-            async move { drop(labels.changed().await) }
+            let has_rigs = !labels.borrow_and_update().is_empty();
+            async move {
+                tokio::select! {
+                    _ = labels.changed() => {}
+                    () = sleep(BENCH_INTERVAL), if has_rigs => {}
+                }
+            }
         };
         self.claim_until(&name, &pool, &drain, abilities, changed).await;
     }
@@ -308,13 +330,12 @@ impl Worker {
     ) {
         // Lease of a claim whose answer was lost.
         let mut unsure: Option<String> = None;
-        let claimable = self.store.claimable();
         while !drain.is_cancelled() {
             let changed = changed();
             let wait = match self.claimed(name, &abilities, &mut unsure).await {
                 Claimed::Job(job, lease) => {
                     // More jobs may be ready: wake another idle worker.
-                    claimable.notify_one();
+                    self.store.claimable().notify_one();
                     self.attempt(*job, lease, pool, drain).await;
                     continue;
                 }
@@ -325,7 +346,6 @@ impl Worker {
                 }
             };
             tokio::select! {
-                () = claimable.notified() => {}
                 () = changed => {}
                 () = sleep(wait) => {}
                 () = drain.cancelled() => {}

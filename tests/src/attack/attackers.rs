@@ -149,7 +149,7 @@ async fn follow(field: Field) {
 /// Asks for calibration targets of the largest display.
 async fn paint(field: Field) {
     let attack = |client: Client| async move {
-        let request = v1::CreateCalibrationTargetRequest { display: names::display("wide") };
+        let request = v1::CreateCalibrationTargetRequest { display: names::display("wide"), picture: None };
         let _ = client.create_calibration_target(request).await;
     };
     field.repeat(6, attack).await;

@@ -79,8 +79,7 @@ impl Api {
             ServiceError::Precondition { reason, message: format!("displays/{id}: {refusal}") }
         })?;
         let (api, call, stopping) = (self.clone(), call.clone(), self.stopping.clone());
-        let serving =
-            Serving { api, call, session, said, stopping, greeted: false, has_ended: false, _open: open };
+        let serving = Serving { api, call, session, said, stopping, greeted: false, has_ended: false, _open: open };
         let answers = stream::unfold(serving, |mut serving| async move {
             if serving.has_ended {
                 return None;
@@ -151,6 +150,7 @@ async fn next(said: &mut Streaming<v1::ServeRigRequest>) -> Result<Option<Messag
 }
 
 fn replaced() -> ServiceError {
-    let message = "another connection of the same token serves this display now; run one rig for each display".to_owned();
+    let message =
+        "another connection of the same token serves this display now; run one rig for each display".to_owned();
     ServiceError::Precondition { reason: PreconditionReason::RigReplaced, message }
 }

@@ -187,7 +187,9 @@ impl TestRig {
         let mut scale = take.exposure_s / USUAL_EXPOSURE_S;
         let mut seen = match fault {
             Fault::Stale => before,
-            Fault::Half => Plane::from_fn(HEIGHT, WIDTH, |y, x| if y < HEIGHT / 2 { light.at(y, x) } else { before.at(y, x) }),
+            Fault::Half => {
+                Plane::from_fn(HEIGHT, WIDTH, |y, x| if y < HEIGHT / 2 { light.at(y, x) } else { before.at(y, x) })
+            }
             Fault::Shifted => Plane::from_fn(HEIGHT, WIDTH, |y, x| light.at(y, (x + 6).min(WIDTH - 1))),
             Fault::Ahead if ahead.is_some() => ahead.unwrap(),
             Fault::Ahead => {
@@ -302,7 +304,8 @@ async fn every_planted_fault_is_noticed_and_no_photograph_is_kept_under_another_
     let patterns = patterns(&dataset.serving, &rig.bench, count).await;
     let found = capture(&dataset.serving, patterns.clone(), "datasets/d").await.unwrap();
 
-    let ids = |photos: &[v1::capture_photos_result::Photo]| photos.iter().map(|photo| photo.id.clone()).collect::<Vec<_>>();
+    let ids =
+        |photos: &[v1::capture_photos_result::Photo]| photos.iter().map(|photo| photo.id.clone()).collect::<Vec<_>>();
     assert_eq!(ids(&found.photos), patterns.iter().map(|pattern| pattern.id.clone()).collect::<Vec<_>>());
     let state = rig.state.lock().unwrap();
     for photo in &found.photos {
@@ -387,7 +390,11 @@ async fn a_bench_has_one_rig_whose_display_fits_and_only_its_token_serves_it() {
 
     let (_say, mut first) = connect(serving, Some(&own), description("bench")).await.unwrap();
     let refused = connect(serving, Some(&second), description("bench")).await;
-    expect(refused.map(drop), Code::FailedPrecondition, "displays/bench: a rig of the token \"rig-1\" serves the display");
+    expect(
+        refused.map(drop),
+        Code::FailedPrecondition,
+        "displays/bench: a rig of the token \"rig-1\" serves the display",
+    );
     let _later = connect(serving, Some(&own), description("bench")).await.unwrap();
     let ended = first.message().await.unwrap_err();
     assert_eq!(ended.code(), Code::FailedPrecondition, "{ended}");

@@ -13,7 +13,7 @@ import { pager } from "../pager.js";
 import { noteNewPhotographs } from "../photographs.js";
 
 const STATES = ["queued", "running", "succeeded", "failed", "cancelled"];
-const KINDS = ["optimize_hologram", "learn_kernel", "simulate_capture", "evaluate_kernel", "prepare_dataset", "report_kernel", "verify_hologram", "suggest_holograms"];
+const KINDS = ["optimize_hologram", "learn_kernel", "simulate_capture", "evaluate_kernel", "prepare_dataset", "report_kernel", "verify_hologram", "suggest_holograms", "capture_photos"];
 const FILTERS = ["text", "state", "kind", "display", "owner", "batch", "since"];
 /** Jobs of which this many are not in memory are read together. */
 const TOGETHER = 4;

@@ -18,7 +18,10 @@ impl JobError {
     /// machine starts no more threads or processes, or the rig at the bench is gone.
     #[must_use]
     pub fn is_of_the_machine(&self) -> bool {
-        matches!(self.reason, FailureReason::DiskFull | FailureReason::Remote | FailureReason::NotStarted | FailureReason::RigAbsent)
+        matches!(
+            self.reason,
+            FailureReason::DiskFull | FailureReason::Remote | FailureReason::NotStarted | FailureReason::RigAbsent
+        )
     }
 }
 

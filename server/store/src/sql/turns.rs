@@ -155,7 +155,8 @@ impl State {
     /// Mean of the times for which clients have held connections \[s\].
     fn mean_held_s(&self) -> f64 {
         let of_clients = self.clients.iter().filter(|(client, _)| client.is_some());
-        let (sum_s, count) = of_clients.fold((0.0, 0), |(sum_s, count), (_, account)| (sum_s + account.held_s, count + 1));
+        let (sum_s, count) =
+            of_clients.fold((0.0, 0), |(sum_s, count), (_, account)| (sum_s + account.held_s, count + 1));
         sum_s / f64::from(count.max(1))
     }
 

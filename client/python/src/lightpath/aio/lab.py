@@ -244,7 +244,7 @@ _READERS: dict[str, Callable[[Connection, v1.Job], Awaitable[Any]]] = {
     "report_kernel": read_report,
     "prepare_dataset": read_preparation,
 }
-_READ_AS_MESSAGES = {"verify_hologram", "suggest_holograms"}
+_READ_AS_MESSAGES = {"verify_hologram", "suggest_holograms", "capture_photos"}
 
 
 async def _read_result(connection: Connection, job: v1.Job) -> Any:

@@ -98,6 +98,7 @@ impl Kind for CapturePhotos {
 pub fn need(engine: EngineSize, decoding_bytes: u64, patterns: usize, photo_s: f64) -> Need {
     let n = engine.pixels();
     // A pattern, a photograph, its copy on the display's grid, and what the pattern should show.
-    let stages = [engine.engine_bytes() + engine.scratch_bytes() + decoding_bytes + engine.light_bytes() + 4 * REAL * n];
+    let stages =
+        [engine.engine_bytes() + engine.scratch_bytes() + decoding_bytes + engine.light_bytes() + 4 * REAL * n];
     Need::new(stages, 2.0 * engine.light_work() * patterns as f64).and_waiting(photo_s * patterns as f64)
 }

@@ -28,8 +28,7 @@ pub(super) struct Bench<'a> {
 impl<'a> Bench<'a> {
     /// The rig, if it has the light and the place of the job.
     pub(super) fn of(context: &'a JobContext, spec: &'a CapturePhotos) -> Result<Self, TaskError> {
-        let absent =
-            || TaskError::transient(FailureReason::RigAbsent, TakeError::Absent(spec.display.clone()));
+        let absent = || TaskError::transient(FailureReason::RigAbsent, TakeError::Absent(spec.display.clone()));
         let rig = context.rigs().of(&spec.display).ok_or_else(absent)?;
         let (wavelength_m, distance_m) = (spec.wavelength.m(), spec.distance.m());
         let refused = |message: String| {
@@ -37,7 +36,8 @@ impl<'a> Bench<'a> {
             TaskError::permanent(FailureReason::RigFailed, message)
         };
         if (rig.distance_m - distance_m).abs() > PLACE_TOLERANCE_M {
-            let of_rig = Distance::from_m(rig.distance_m).map_or_else(|| rig.distance_m.to_string(), |each| each.to_string());
+            let of_rig =
+                Distance::from_m(rig.distance_m).map_or_else(|| rig.distance_m.to_string(), |each| each.to_string());
             return Err(refused(format!(
                 "its camera is focused at {of_rig}, but the job is for {}; focus it there, and say so in the rig's settings, \
                  or submit the job for that place",
@@ -105,7 +105,9 @@ impl<'a> Bench<'a> {
         let asked = self.context.rigs().photograph(&self.spec.display, &take, wait_max);
         match self.context.wait_unless_stopped(asked)? {
             Ok(taken) => Ok(Ok(taken)),
-            Err(TakeError::Failed { message, retryable: true, .. }) => Ok(Err(format!("could not be taken: {message}"))),
+            Err(TakeError::Failed { message, retryable: true, .. }) => {
+                Ok(Err(format!("could not be taken: {message}")))
+            }
             Err(silent @ TakeError::Silent { .. }) => Ok(Err(format!("could not be taken: {silent}"))),
             Err(error @ TakeError::Absent(_)) => Err(TaskError::transient(FailureReason::RigAbsent, error)),
             Err(error @ TakeError::Failed { .. }) => Err(TaskError::permanent(FailureReason::RigFailed, error)),

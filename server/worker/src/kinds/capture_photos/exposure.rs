@@ -52,17 +52,13 @@ pub(super) fn found(
         last = Some((exposure_s, brightness));
         exposure_s = next_s;
     }
-    let (exposure_s, brightness) = last.unwrap_or((exposure_s, Brightness { brightest: 0.0, saturated: 0.0, light: 0.0 }));
+    let (exposure_s, brightness) =
+        last.unwrap_or((exposure_s, Brightness { brightest: 0.0, saturated: 0.0, light: 0.0 }));
     Err(impossible(spec, exposure_s, brightness))
 }
 
 /// A shorter exposure for a pattern that saturates the camera \[s\]; `None`: it does not, or the exposure is given.
-pub(super) fn shorter(
-    bench: &Bench<'_>,
-    spec: &CapturePhotos,
-    exposure_s: f64,
-    brightness: Brightness,
-) -> Option<f64> {
+pub(super) fn shorter(bench: &Bench<'_>, spec: &CapturePhotos, exposure_s: f64, brightness: Brightness) -> Option<f64> {
     let shorter_s = next(exposure_s, brightness).max(bench.rig().camera.exposure_min_s);
     let may_be = spec.exposure_s.is_none() && brightness.saturated > SATURATED_MAX;
     (may_be && shorter_s < exposure_s).then_some(shorter_s)

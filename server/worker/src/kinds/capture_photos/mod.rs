@@ -110,7 +110,8 @@ fn refused(saved: &mut Saved, id: &str, reason: String) -> Result<(), TaskError>
     }
     let of_it = saved.result.retaken.iter().filter(|retaken| retaken.id == id);
     let reasons: Vec<&str> = of_it.map(|retaken| retaken.reason.as_str()).collect();
-    let message = format!("none of {TRIES_MAX} photographs of pattern \"{id}\" can be used; they are: {}", reasons.join("; "));
+    let message =
+        format!("none of {TRIES_MAX} photographs of pattern \"{id}\" can be used; they are: {}", reasons.join("; "));
     Err(TaskError::permanent(FailureReason::PhotoMismatch, message))
 }
 

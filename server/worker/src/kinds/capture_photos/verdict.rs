@@ -4,9 +4,7 @@ use super::{Saved, Shown, bench};
 use crate::display_setup::DisplaySetup;
 use crate::{JobContext, TaskError};
 use lightpath_domain::job::CapturePhotos;
-use lightpath_media::captures::identity::{
-    Brightness, Comparison, Details, Expectation, SATURATED_MAX, compare,
-};
+use lightpath_media::captures::identity::{Brightness, Comparison, Details, Expectation, SATURATED_MAX, compare};
 use lightpath_media::captures::{CaptureError, Captures, Reconstructor};
 use lightpath_media::pictures::Photo;
 use lightpath_rigs::Taken;
@@ -16,13 +14,14 @@ use serde::{Deserialize, Serialize};
 const EXPOSURE_TOLERANCE: f64 = 0.1;
 /// Part of saturated pixels above which a photograph is useless, beside the one that the exposure was found with.
 const SATURATED_MUCH: f64 = 20.0 * SATURATED_MAX;
-/// Correlation with what its pattern should show below which a photograph shows something else, if it is also below
-/// [`CORRELATION_PART`] times that of the other photographs.
-const CORRELATION_MIN: f64 = 0.5;
-/// See [`CORRELATION_MIN`].
-const CORRELATION_PART: f64 = 0.6;
-/// How much more than its own pattern a photograph must resemble another one to count as its photograph.
-const LEAD: f64 = 0.1;
+/// Correlation with what its pattern should show below which a photograph is in doubt, if others correlate with theirs.
+const CORRELATION_NONE: f64 = 0.2;
+/// Median correlation of the others from which [`CORRELATION_NONE`] decides.
+const CORRELATION_TELLING: f64 = 0.5;
+/// Correlation with what another pattern should show from which a photograph may be of that one.
+const CORRELATION_OTHER: f64 = 0.6;
+/// How much more than its own pattern it must resemble that one. Pictures have features in common, such as a bright middle.
+const LEAD: f64 = 0.2;
 /// Largest ratio between the light of a photograph and that of the others, for the same exposure: the light beside the picture,
 /// which the camera may not see, depends on the pattern.
 const LIGHT_RATIO: f64 = 1.8;
@@ -51,6 +50,8 @@ pub(super) struct Judge {
     /// Details of the latest photographs, with the numbers of their patterns.
     details: Vec<(usize, Details)>,
     evidence: Vec<Evidence>,
+    /// A photograph that does not resemble what its pattern should show, with the number of the pattern.
+    doubtful: Option<(usize, Details)>,
     /// Number and time of the last frame.
     last: Option<(u64, i64)>,
 }
@@ -74,7 +75,7 @@ impl Judge {
             }
         };
         let (names, patterns) = spec.patterns.iter().map(|named| (named.id.clone(), named.pattern.clone())).unzip();
-        Ok(Self { model, names, patterns, details: Vec::new(), evidence: Vec::new(), last: None })
+        Ok(Self { model, names, patterns, details: Vec::new(), evidence: Vec::new(), doubtful: None, last: None })
     }
 
     /// Takes over what an earlier attempt has kept.
@@ -119,6 +120,9 @@ impl Judge {
             if let Some(reason) = self.against_expectation(&comparison) {
                 return Ok(Err(reason));
             }
+            if let Some(reason) = self.doubt(index, &comparison, &details) {
+                return Ok(Err(reason));
+            }
             let Comparison { own, other, shift_px } = comparison;
             evidence = Evidence { own: Some(own), other: other.map(|(_, other)| other), shift_px, ..evidence };
         }
@@ -134,7 +138,9 @@ impl Judge {
     /// What the rig itself says against a photograph.
     fn by_the_rig(&self, shown: &Shown, exposure_s: f64, taken: &Taken) -> Option<String> {
         if taken.levels_sha256 != shown.levels_sha256 {
-            return Some("shows other levels than those of its pattern: the SLM did not show what it was sent".to_owned());
+            return Some(
+                "shows other levels than those of its pattern: the SLM did not show what it was sent".to_owned(),
+            );
         }
         if (taken.exposure_s / exposure_s - 1.0).abs() > EXPOSURE_TOLERANCE {
             return Some(format!("was exposed for {:.2e} s instead of {exposure_s:.2e} s", taken.exposure_s));
@@ -206,19 +212,35 @@ impl Judge {
     fn against_expectation(&self, comparison: &Comparison) -> Option<String> {
         let Comparison { own, other, shift_px } = *comparison;
         if let Some((index, other)) = other
-            && other > (own + LEAD).max(CORRELATION_MIN)
+            && other > (own + LEAD).max(CORRELATION_OTHER)
         {
             let name = &self.names[index];
             return Some(format!("resembles pattern \"{name}\" ({other:.2}) more than its own ({own:.2})"));
-        }
-        let usual = self.median(|evidence| evidence.own);
-        if own < CORRELATION_MIN && usual.is_some_and(|usual| own < CORRELATION_PART * usual) {
-            return Some(format!("does not show its pattern: their correlation is {own:.2}"));
         }
         let usual_px = self.median(|evidence| evidence.shift_px).unwrap_or(SHIFT_PX);
         shift_px
             .filter(|shift_px| *shift_px > usual_px + SHIFT_PX)
             .map(|shift_px| format!("is displaced by {shift_px:.1} px"))
+    }
+
+    /// A doubt about a photograph that does not resemble what its pattern should show. A display may be so far from ideal: then
+    /// the same photograph comes again, and counts.
+    fn doubt(&mut self, index: usize, comparison: &Comparison, details: &Details) -> Option<String> {
+        let own = comparison.own;
+        let usual = self.median(|evidence| evidence.own);
+        if own >= CORRELATION_NONE || usual.is_none_or(|usual| usual <= CORRELATION_TELLING) {
+            return None;
+        }
+        if let Some((_, before)) = self.doubtful.take().filter(|(of, _)| *of == index)
+            && let (same, all) = details.strips_as_in(&before)
+            && same == all
+        {
+            return None;
+        }
+        self.doubtful = Some((index, details.clone()));
+        Some(format!(
+            "does not resemble what its pattern should show (correlation {own:.2}); another shows whether it repeats"
+        ))
     }
 
     /// Median of a measure over the photographs that were kept; `None`: there is none.
