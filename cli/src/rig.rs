@@ -1,6 +1,7 @@
 //! The command `lightpath rig`.
 
 use super::failure::Failure;
+use super::jobs::capture_photos::exposure;
 use super::session::Session;
 use super::show;
 use super::table::Table;
@@ -42,7 +43,7 @@ fn row(rig: &v1::Rig) -> [String; 7] {
         show::place(rig.place.as_ref()),
         show::lengths(rig.wavelengths_m.iter().copied()),
         format!("{}×{} px, {} bits", camera.width_px, camera.height_px, camera.bit_depth),
-        format!("{} to {}", show::duration(camera.exposure_min_s), show::duration(camera.exposure_max_s)),
+        format!("{} to {}", exposure(camera.exposure_min_s), exposure(camera.exposure_max_s)),
         if rig.has_shutter { "yes" } else { "no" }.to_owned(),
         show::plain(&rig.program),
     ]

@@ -194,7 +194,7 @@ pub(crate) fn table(result: &CapturePhotosResult) -> String {
 }
 
 /// An exposure as text, such as `12.5 ms`.
-fn exposure(exposure_s: f64) -> String {
+pub(crate) fn exposure(exposure_s: f64) -> String {
     match exposure_s {
         ..1e-3 => format!("{:.3} ms", 1e3 * exposure_s),
         1e-3..1.0 => format!("{:.1} ms", 1e3 * exposure_s),

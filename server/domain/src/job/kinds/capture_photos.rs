@@ -20,7 +20,7 @@ pub struct CapturePhotos {
     /// Id of the dataset whose alignment says where the camera sees the display; `None`: the photographs are not compared with
     /// what their patterns should show.
     pub aligned_by: Option<String>,
-    /// Exposure of all photographs \[s\]; `None`: it is searched with the first pattern, and shortened where others saturate.
+    /// Exposure of all photographs \[s\]; `None`: it is searched with the first pattern, and shortened for those that saturate.
     pub exposure_s: Option<f64>,
     /// Number of frames of which each photograph is the mean.
     pub frames: u32,

@@ -28,6 +28,8 @@ struct Saved {
     takes: u32,
     /// The exposure that was found or given \[s\].
     exposure_s: Option<f64>,
+    /// A shorter one for the present pattern, which saturates the camera \[s\].
+    shorter_s: Option<f64>,
     result: CapturePhotosResult,
     /// What is known of the photographs, for the next ones.
     evidence: Vec<Evidence>,
@@ -68,7 +70,7 @@ fn photograph(
     spec: &CapturePhotos,
     (levels, index): (&[Shown], usize),
 ) -> Result<(), TaskError> {
-    let Some(exposure_s) = saved.exposure_s else { return Err(TaskError::Stopped) };
+    let Some(exposure_s) = saved.shorter_s.or(saved.exposure_s) else { return Err(TaskError::Stopped) };
     let id = &spec.patterns[index].id;
     let taken = match bench.taken(saved, &levels[index], exposure_s, levels.get(index + 1))? {
         Ok(taken) => taken,
@@ -77,7 +79,7 @@ fn photograph(
     let photo = bench.read(&taken)?;
     let brightness = Brightness::of(&photo.light);
     if let Some(shorter_s) = exposure::shorter(bench, spec, exposure_s, brightness) {
-        saved.exposure_s = Some(shorter_s);
+        saved.shorter_s = Some(shorter_s);
         return Ok(());
     }
     match judge.verdict(context, index, (&levels[index], exposure_s), &taken, (photo, brightness))? {
@@ -93,7 +95,7 @@ fn photograph(
                 temperature_c: taken.temperature_c,
             });
             saved.evidence.push(evidence);
-            saved.tries = 0;
+            (saved.tries, saved.shorter_s) = (0, None);
             Ok(())
         }
         Err(reason) => refused(saved, id, reason),
