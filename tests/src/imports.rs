@@ -4,11 +4,12 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Every crate, with the crates of the workspace that it may depend on.
-pub(super) const CRATES: [(&str, &[&str]); 26] = [
+pub(super) const CRATES: [(&str, &[&str]); 27] = [
     ("optics/fft", &[]),
     ("optics", &["fft"]),
     ("optics/bench", &["fft", "optics"]),
     ("optics/camera", &["optics"]),
+    ("optics/gpu", &["optics"]),
     ("manifest", &[]),
     ("proto", &[]),
     ("program-docs", &[]),
@@ -69,12 +70,13 @@ pub(super) const CRATES: [(&str, &[&str]); 26] = [
     ("tests", &[]),
 ];
 /// External dependencies that only some crates may have, each with these crates.
-const RESTRICTED: [(&str, &[&str]); 10] = [
+const RESTRICTED: [(&str, &[&str]); 11] = [
     ("sqlx", &["server/store", "server/fixtures"]),
     ("tonic", &["proto", "client", "server/api", "server/daemon"]),
     ("prost", &["proto", "server/api"]),
     ("axum", &["server/api"]),
     ("pyo3", &["client/python/engine"]),
+    ("wgpu", &["optics/gpu"]),
     ("numpy", &["client/python/engine"]),
     (
         "tokio",
