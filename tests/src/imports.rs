@@ -27,7 +27,7 @@ pub(super) const CRATES: [(&str, &[&str]); 27] = [
     ("server/metrics", &["artifacts", "domain", "store"]),
     ("server/dashboard", &[]),
     ("server/webhooks", &["domain", "metrics", "store"]),
-    ("server/worker", &["artifacts", "bench", "camera", "domain", "media", "metrics", "optics", "store"]),
+    ("server/worker", &["artifacts", "bench", "camera", "domain", "gpu", "media", "metrics", "optics", "store"]),
     ("server/service", &["artifacts", "camera", "domain", "manifest", "media", "metrics", "optics", "store"]),
     (
         "server/api",
@@ -55,6 +55,7 @@ pub(super) const CRATES: [(&str, &[&str]); 27] = [
             "bench",
             "domain",
             "fail-points",
+            "gpu",
             "manifest",
             "media",
             "metrics",

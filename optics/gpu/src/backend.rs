@@ -1,9 +1,10 @@
 //! The card as what computes holograms.
 
 use crate::card::Card;
-use crate::handover::{Handover, Task};
+use crate::handover::Handover;
 use crate::problem::{CardProblem, Refusal};
 use crate::record::{Computed, Record};
+use crate::task::Task;
 use lightpath_optics::engine::EngineCache;
 use lightpath_optics::hologram::{Backend, Loss, Picture, ProblemSize, Project};
 use lightpath_optics::{Error, RegionOfInterest, Result};

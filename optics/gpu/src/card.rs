@@ -5,8 +5,9 @@ use crate::shaders::Shader;
 use lightpath_optics::interrupt;
 use std::collections::HashMap;
 use std::fmt;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::yield_now;
 use std::time::{Duration, Instant};
 use wgpu::{BufferUsages, PollType};
 
@@ -44,7 +45,7 @@ pub struct Card {
     pub(crate) faults: Faults,
     shaders: Mutex<HashMap<Shader, Arc<Compiled>>>,
     #[cfg(test)]
-    pub(crate) planted: crate::planted_faults::Planted,
+    pub(crate) planted: crate::planted::Planted,
 }
 
 /// A shader that the driver has compiled.
@@ -87,12 +88,8 @@ impl Card {
     /// [`Fault`] if there is no such card, or its driver does not open it.
     pub fn open(number: usize) -> Result<Arc<Self>, Fault> {
         let adapters = adapters();
-        let adapter = adapters.get(number).ok_or_else(|| {
-            Fault::Lost(format!(
-                "there is no card number {number}; the drivers of this machine offer {}",
-                adapters.len()
-            ))
-        })?;
+        let missing = || Fault::Missing { number, offered: adapters.len() };
+        let adapter = adapters.get(number).ok_or_else(missing)?;
         // The limits of the card instead of those that every card has: half the memory of a workgroup is not enough.
         let limits = adapter.limits();
         let descriptor = wgpu::DeviceDescriptor { required_limits: limits.clone(), ..Default::default() };
@@ -111,7 +108,7 @@ impl Card {
             faults,
             shaders: Mutex::default(),
             #[cfg(test)]
-            planted: crate::planted_faults::Planted::default(),
+            planted: crate::planted::Planted::default(),
         }))
     }
 
@@ -128,7 +125,8 @@ impl Card {
     }
 
     /// Takes the card away, as a reset of its driver does. Everything that it computes afterwards fails.
-    pub fn lose(&self) {
+    #[cfg(test)]
+    pub(crate) fn lose(&self) {
         self.device.destroy();
         self.faults.note(Fault::Lost("it was given up".to_owned()));
     }
@@ -246,15 +244,17 @@ impl Card {
     ) -> Result<(), Fault> {
         self.faults.check()?;
         let submission = self.queue.submit([commands.finish()]);
+        let unmapped = Arc::new(AtomicUsize::new(results.len()));
         for (buffer, _) in &*results {
-            let faults = self.faults.clone();
+            let (faults, unmapped) = (self.faults.clone(), Arc::clone(&unmapped));
             buffer.map_async(wgpu::MapMode::Read, .., move |mapped| {
                 if let Err(error) = mapped {
                     faults.note(Fault::Lost(error.to_string()));
                 }
+                unmapped.fetch_sub(1, Ordering::Release);
             });
         }
-        self.wait(&submission)?;
+        self.wait(&submission, &unmapped)?;
         for (buffer, into) in results {
             let range = buffer.get_mapped_range(..).map_err(|error| Fault::Lost(error.to_string()))?;
             into.copy_from_slice(&range[..into.len()]);
@@ -266,7 +266,9 @@ impl Card {
         Ok(())
     }
 
-    fn wait(&self, submission: &wgpu::SubmissionIndex) -> Result<(), Fault> {
+    /// Waits for the end of a submission, and until what it left is mapped. That may happen on another thread, which waits
+    /// for its own submission.
+    fn wait(&self, submission: &wgpu::SubmissionIndex, unmapped: &AtomicUsize) -> Result<(), Fault> {
         let begin = Instant::now();
         loop {
             let waited = self
@@ -274,7 +276,8 @@ impl Card {
                 .poll(PollType::Wait { submission_index: Some(submission.clone()), timeout: Some(LOOK_INTERVAL) });
             self.faults.check()?;
             match waited {
-                Ok(_) => return Ok(()),
+                Ok(_) if unmapped.load(Ordering::Acquire) == 0 => return Ok(()),
+                Ok(_) => yield_now(),
                 Err(wgpu::PollError::Timeout) => interrupt::check(),
                 Err(error) => return Err(Fault::Refused(error.to_string())),
             }

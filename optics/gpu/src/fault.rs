@@ -6,6 +6,14 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// processor.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Fault {
+    /// There is no card with this number.
+    #[error("there is no graphics card number {number}: the Vulkan drivers of this machine offer {offered}")]
+    Missing {
+        /// The number.
+        number: usize,
+        /// Number of cards that there are.
+        offered: usize,
+    },
     /// The card is gone: its driver was reset, or the card was removed.
     #[error("the graphics card was lost: {0}")]
     Lost(String),

@@ -3,19 +3,26 @@
 //! Every call of [`Evaluate`] depends on its arguments only. So a call that fails on the card is answered by the
 //! processor with the same arguments, and the method that called notices nothing: no step is lost, and none is wrong.
 
+use crate::adam::AdamRun;
 use crate::fault::Fault;
 use crate::problem::CardProblem;
 use crate::projection::Projection;
 use crate::record::Record;
-use lightpath_optics::engine::{EngineCache, Prepared, Slm};
-use lightpath_optics::hologram::{Backend, Evaluate, Evaluation, Loss, Picture, ProblemSize, Project};
+use crate::task::{OwnedPicture, Task};
+use lightpath_optics::Plane;
+use lightpath_optics::engine::Slm;
+use lightpath_optics::hologram::{AdamState, Evaluate, Evaluation, ProblemSize, Project};
 use lightpath_optics::metrics::Gain;
-use lightpath_optics::{Carrier, Detector, DisplayModel, Plane, RegionOfInterest};
 use num_complex::Complex32;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 /// Largest relative error of a tested result. The card and the processor both compute in f32 and differ by 1e-6.
 const ERROR_MAX: f64 = 1e-5;
+/// Largest relative error of tested steps of Adam. A step has one length wherever the gradient is not exactly 0, so some
+/// pixels with nearly no gradient go the other way.
+const STEPS_ERROR_MAX: f64 = 1e-3;
+/// Number of tested steps, and their learning rate \[rad\].
+const TESTED_STEPS: (u32, f64) = (3, 0.1);
 
 /// A problem with what the processor needs to go on with it.
 #[derive(Debug)]
@@ -23,67 +30,12 @@ pub(crate) struct Handover {
     /// `None` once the card has failed.
     card: Option<CardProblem>,
     projection: Mutex<Option<Projection>>,
+    adam: Mutex<Option<AdamRun>>,
     size: ProblemSize,
     on_processor: OnceLock<Box<dyn Project>>,
     slm: OnceLock<Slm<f32>>,
     task: Task,
     record: Arc<Record>,
-}
-
-/// The problem, for the processor.
-#[derive(Debug)]
-pub(crate) struct Task {
-    pub(crate) processor: Arc<EngineCache>,
-    pub(crate) pictures: Vec<OwnedPicture>,
-    pub(crate) frames: usize,
-    pub(crate) region: RegionOfInterest,
-    pub(crate) loss: Loss,
-}
-
-/// A [`Picture`] that borrows nothing.
-#[derive(Clone, Debug)]
-pub(crate) struct OwnedPicture {
-    model: DisplayModel,
-    detector: Detector,
-    carrier: Option<Carrier>,
-    target: Plane<f32>,
-    weight: Option<Plane<f32>>,
-    share: f64,
-}
-
-impl From<&Picture<'_>> for OwnedPicture {
-    fn from(Picture { display, target, weight, share }: &Picture<'_>) -> Self {
-        Self {
-            model: display.model().clone(),
-            detector: display.detector(),
-            carrier: display.modulator().carrier(),
-            target: target.clone(),
-            weight: weight.clone(),
-            share: *share,
-        }
-    }
-}
-
-impl OwnedPicture {
-    fn borrowed(&self) -> Picture<'_> {
-        let Self { target, weight, share, .. } = self;
-        Picture { display: self.display(), target: target.clone(), weight: weight.clone(), share: *share }
-    }
-
-    fn display(&self) -> Prepared<'_> {
-        // The model was valid when the problem was made, and does not change.
-        Prepared::new(&self.model, self.detector, self.carrier)
-            .unwrap_or_else(|error| unreachable!("a display became invalid: {error}"))
-    }
-}
-
-impl Task {
-    fn on_processor(&self) -> Box<dyn Project> {
-        let pictures = self.pictures.iter().map(OwnedPicture::borrowed).collect();
-        self.processor
-            .hologram(pictures, self.frames, self.region, self.loss)
-            .unwrap_or_else(|error| unreachable!("the processor computes every valid problem: {error}"))
-    }
 }
 
 impl Handover {
@@ -94,8 +46,9 @@ impl Handover {
             Ok(card) => (Some(card), None),
             Err(fault) => (None, Some(fault)),
         };
-        let (projection, on_processor, slm) = (Mutex::default(), OnceLock::new(), OnceLock::new());
-        let mut made = Self { card, projection, size, on_processor, slm, task, record };
+        let (projection, adam) = (Mutex::default(), Mutex::default());
+        let (on_processor, slm) = (OnceLock::new(), OnceLock::new());
+        let mut made = Self { card, projection, adam, size, on_processor, slm, task, record };
         match fault {
             Some(fault) => made.record.hand_over(&fault),
             None => made.test(),
@@ -194,6 +147,38 @@ impl Handover {
         run(projection)
     }
 
+    /// Takes steps of Adam on the card. Its program is made, and compared with the processor, when the method needs it.
+    fn steps_on_card(
+        &self,
+        problem: &CardProblem,
+        state: &AdamState,
+        learning_rate: f64,
+        steps: u32,
+    ) -> Result<(AdamState, Vec<Evaluation>), Fault> {
+        let mut adam = self.adam.lock().unwrap_or_else(PoisonError::into_inner);
+        let run = match &mut *adam {
+            Some(run) => run,
+            none => none.insert(AdamRun::new(problem)?),
+        };
+        if !run.is_tested() {
+            let mut processor = self.task.on_processor();
+            let phase = pseudorandom_phase(self.size.parameters());
+            let gain = processor.measure(&phase, 1.0).best_gain;
+            let mut wanted = AdamState::new(phase, gain);
+            let (count, rate) = TESTED_STEPS;
+            let (found, _) = problem.adam_steps(run, &wanted, rate, count)?;
+            let (begin, mut gradient) = (wanted.phase.clone(), vec![0.0; wanted.phase.len()]);
+            processor.adam_steps(&mut wanted, rate, count, &mut gradient, &mut |_| {});
+            let moved = |end: &[f32]| -> Vec<f32> { end.iter().zip(&begin).map(|(end, begin)| end - begin).collect() };
+            let error = difference(&moved(&found.phase), &moved(&wanted.phase));
+            if error.is_nan() || error > STEPS_ERROR_MAX {
+                return Err(Fault::Wrong(format!("steps are off by {error:.1e}")));
+            }
+            run.mark_tested();
+        }
+        problem.adam_steps(run, state, learning_rate, steps)
+    }
+
     /// The field that targets send back, from the card; `None` where it failed.
     fn back_propagated_on_card(&self, image_phase: &[f32]) -> Option<Vec<Complex32>> {
         let problem = self.card.as_ref()?;
@@ -267,6 +252,36 @@ impl Evaluate for Handover {
         )
     }
 
+    fn adam_steps(
+        &mut self,
+        state: &mut AdamState,
+        learning_rate: f64,
+        steps: u32,
+        gradient: &mut [f32],
+        each: &mut dyn FnMut(Evaluation),
+    ) {
+        let evaluations = self.answer(
+            state,
+            |body, problem, state| {
+                let (next, evaluations) = body.steps_on_card(problem, state, learning_rate, steps)?;
+                // The processor begins at the same state if this one is wrong.
+                if is_something(&next.phase) && evaluations.iter().all(is_plausible) {
+                    *state = next;
+                    return Ok(evaluations);
+                }
+                Ok(Vec::new())
+            },
+            |evaluations, _| !evaluations.is_empty() && evaluations.iter().all(is_plausible),
+            |processor, state| {
+                let mut evaluations = Vec::new();
+                let mut keep = |evaluation| evaluations.push(evaluation);
+                processor.adam_steps(state, learning_rate, steps, gradient, &mut keep);
+                evaluations
+            },
+        );
+        evaluations.into_iter().for_each(each);
+    }
+
     fn measure(&mut self, phase: &[f32], gain: f64) -> Evaluation {
         self.answer(
             &mut (),
@@ -292,7 +307,7 @@ impl Project for Handover {
     }
 
     fn target_amplitudes(&self) -> Vec<Plane<f32>> {
-        self.task.pictures.iter().map(|picture| picture.target.map(f32::sqrt)).collect()
+        self.task.pictures.iter().map(OwnedPicture::target_amplitudes).collect()
     }
 
     fn back_propagated(&self, image_phase: &[f32]) -> Vec<Complex32> {

@@ -18,8 +18,9 @@
 //!
 //! | files | what |
 //! |---|---|
-//! | `backend.rs`, `handover.rs`, `record.rs` | the border: who computes, and what happens when a card fails |
-//! | `problem.rs`, `projection.rs` | a problem on a card: evaluations; rounds of Gerchberg–Saxton |
+//! | `backend.rs`, `handover.rs`, `task.rs`, `record.rs` | the border: who computes, and what happens when a card fails |
+//! | `device.rs`, `speed.rs` | the choice between card and processor |
+//! | `problem.rs`, `adam.rs`, `projection.rs` | a problem on a card: evaluations; steps of Adam; rounds of Gerchberg–Saxton |
 //! | `passes.rs`, `program.rs` | which shaders run in which order, recorded once |
 //! | `shape.rs`, `sizes.rs`, `plan.rs` | sizes: layout of fields, radices and threads |
 //! | `display.rs`, `tables.rs`, `memory.rs` | a display's tables and a problem's arrays in the card's memory |
@@ -27,16 +28,20 @@
 //! | `card.rs`, `fault.rs` | the card itself, and what goes wrong with it. Nothing else waits for the card |
 #![cfg_attr(test, allow(clippy::unwrap_used))]
 
+mod adam;
 mod backend;
 mod card;
+mod device;
 mod display;
 mod fault;
+#[cfg(test)]
+mod fault_tests;
 mod handover;
 mod memory;
 mod passes;
 mod plan;
 #[cfg(test)]
-mod planted_faults;
+mod planted;
 mod problem;
 mod program;
 mod projection;
@@ -44,9 +49,13 @@ mod record;
 mod shaders;
 mod shape;
 mod sizes;
+mod speed;
 mod tables;
+mod task;
 
 pub use backend::{CardOrProcessor, GpuBackend};
 pub use card::{Card, CardInfo, cards};
+pub use device::{Device, DeviceChoice};
 pub use fault::Fault;
-pub use record::{Computed, Record};
+pub use record::Computed;
+pub use speed::evaluation_time;

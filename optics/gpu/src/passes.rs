@@ -9,7 +9,7 @@ use crate::shaders::image_rows::ImageRows;
 use crate::shaders::pixels::{self, AxisBlur};
 use crate::shaders::slm_rows::{Pixels, SlmRows};
 use crate::shaders::{Call, Shader, Slot};
-use crate::shape::Shape;
+use crate::shape::{Sent, Shape};
 use std::ops::Range;
 
 /// What a pass needs of a picture.
@@ -29,14 +29,6 @@ pub(crate) enum End<'a> {
     Gradient,
     /// In a field of all frames.
     Field(&'a wgpu::Buffer),
-}
-
-/// A field: a picture, a mode of its display's light, and a frame.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Sent {
-    pub(crate) picture: usize,
-    pub(crate) mode: usize,
-    pub(crate) frame: usize,
 }
 
 /// Records passes of a problem.

@@ -89,6 +89,10 @@ impl CardProblem {
         if shape.size.parameters().max(lanes * shape.layout.lane_len()) > u32::MAX as usize {
             return Err(Refusal::NotComputed("the display has more pixels than a graphics card counts"));
         }
+        let rows = shape.size.height_px * shape.light_planes().max(frames);
+        if rows > card.limits().max_compute_workgroups_per_dimension as usize {
+            return Err(Refusal::NotComputed("the problem has more rows than a graphics card takes in one pass"));
+        }
         let shares: f64 = pictures.iter().map(|picture| picture.share).sum();
         let compared: Vec<_> =
             pictures.iter().map(|picture| Compared::new(picture, &shape, region, picture.share / shares)).collect();
@@ -204,7 +208,7 @@ impl CardProblem {
 /// ```
 ///
 /// Near the best gain nothing cancels here.
-fn evaluation(rows: &[[f32; 4]], s: f32, gain: Gain) -> Evaluation {
+pub(crate) fn evaluation(rows: &[[f32; 4]], s: f32, gain: Gain) -> Evaluation {
     let sum = |term: usize| rows.iter().map(|row| f64::from(row[term])).sum::<f64>();
     let (qq, eq, ee) = (sum(0), sum(1), sum(2));
     let (best_gain, best_loss) = match qq > 0.0 {

@@ -2,12 +2,13 @@
 //! the step from a field to its phase are numbers of pixels, which the host computes from the light.
 
 use crate::fault::Fault;
-use crate::passes::{End, Passes, Sent};
+use crate::passes::{End, Passes};
 use crate::problem::{CardProblem, Compared};
 use crate::program::Program;
 use crate::shaders::columns::Columns;
 use crate::shaders::slm_rows::{Pixels, SlmRows};
 use crate::shaders::{Call, Slot};
+use crate::shape::Sent;
 use lightpath_optics::Plane;
 use lightpath_optics::engine::Slm;
 use lightpath_optics::engine::photometry::Quantity;

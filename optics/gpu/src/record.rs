@@ -7,7 +7,7 @@ use std::sync::{Mutex, PoisonError};
 
 /// What computes the problems of one backend, as far as they have got.
 #[derive(Debug, Default)]
-pub struct Record(Mutex<Computed>);
+pub(crate) struct Record(Mutex<Computed>);
 
 /// What computed.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -20,8 +20,7 @@ pub struct Computed {
 
 impl Record {
     /// What computed so far.
-    #[must_use]
-    pub fn computed(&self) -> Computed {
+    pub(crate) fn computed(&self) -> Computed {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 

@@ -1,6 +1,5 @@
 //! Sizes of a problem, and the shaders that follow from them.
 
-use crate::passes::Sent;
 use crate::shaders::columns::Columns;
 use crate::shaders::image_rows::ImageRows;
 use crate::shaders::layout::Layout;
@@ -8,6 +7,14 @@ use crate::shaders::pixels::{self, AxisBlur};
 use lightpath_optics::Detector;
 use lightpath_optics::engine::photometry::Quantity;
 use lightpath_optics::hologram::ProblemSize;
+
+/// A field: a picture, a mode of its display's light, and a frame.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Sent {
+    pub(crate) picture: usize,
+    pub(crate) mode: usize,
+    pub(crate) frame: usize,
+}
 
 /// What the shaders of a problem depend on.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -32,9 +32,14 @@ fn card_passes_the_suite_of_all_backends() {
 fn sizes_with_every_radix_agree_with_the_processor() {
     let card = Card::open(0).expect(NEEDED);
     let processor = Arc::new(EngineCache::new(1 << 20));
-    for (height_px, width_px, detector) in
-        [(90, 160, Detector::Point), (98, 77, Detector::Pixel), (169, 48, Detector::Supersampled)]
-    {
+    let sizes = [
+        (90, 160, Detector::Point),
+        (98, 77, Detector::Pixel),
+        (169, 48, Detector::Supersampled),
+        // Its columns exchange real and imaginary parts one after the other where a workgroup has 32 KiB.
+        (1080, 16, Detector::Point),
+    ];
+    for (height_px, width_px, detector) in sizes {
         let grid = Grid::try_new(height_px, width_px, 8e-6).unwrap();
         let model = DisplayModel::ideal(OpticalSetup::try_new(grid, 515e-9, 5e-3).unwrap());
         let target = Plane::from_fn(height_px, width_px, |y, x| 0.5 + 0.4 * ((3 * y + 5 * x) as f32).sin());

@@ -29,6 +29,7 @@ mod two_pass_buffers;
 mod two_passes;
 mod wanted;
 
+pub use adam::AdamState;
 pub use backend::{Backend, Picture};
 pub use evaluate::{Evaluate, Evaluation, ProblemSize, Project};
 pub use gerchberg_saxton::subtract_excess;

@@ -67,6 +67,18 @@ pub(crate) enum Slot {
     GainOut,
     /// Gradient that is written or added to.
     Gradient,
+    /// The gain, and the number of steps of Adam so far.
+    GainIn,
+    /// Sums of each step of Adam.
+    History,
+    /// Factors of each step of Adam.
+    Factors,
+    /// Phases that are written.
+    PhaseOut,
+    /// Moments of Adam, first and second.
+    Moments,
+    /// Gradient that is read.
+    GradientIn,
     /// Weights of a blur.
     Taps,
     /// Numbers of pixels that are read.
@@ -101,6 +113,12 @@ impl Slot {
             Self::Gain => ("gain", "f32", false),
             Self::GainOut => ("gain_out", "f32", true),
             Self::Gradient => ("gradient", "f32", true),
+            Self::GainIn => ("gain_in", "f32", false),
+            Self::History => ("history", "vec4f", true),
+            Self::Factors => ("factors", "vec2f", false),
+            Self::PhaseOut => ("phase_out", "f32", true),
+            Self::Moments => ("moments", "vec2f", true),
+            Self::GradientIn => ("gradient_in", "f32", false),
             Self::Taps => ("taps", "f32", false),
             Self::ValuesIn => ("values_in", "f32", false),
             Self::ValuesOut => ("values_out", "f32", true),

@@ -108,13 +108,43 @@ pub(crate) fn slopes(width_px: usize, planes: usize, quantity: Quantity) -> Shad
     Shader::new("slopes", slots, THREADS, &(comparison(quantity) + &summed(THREADS)), &main)
 }
 
-/// The gain that fits best, from the sums of all rows in their order. One group.
+/// The sums of all rows in their order, and the gain that fits best, as text with `total` and `best` in thread 0.
+const TOTAL: &str = "  var terms_of_rows = vec4f();
+  for (var i = lid; i < arrayLength(&partials_in); i += 64u) { terms_of_rows += partials_in[i]; }
+  let total = summed(lid, terms_of_rows);
+  let s = gain_out[0];
+  let best = select(0.0f, s - total.y / total.x, total.x > 0.0f);
+";
+
+/// The gain that fits best. One group.
 pub(crate) fn fit_gain() -> Shader {
-    let main = format!(
-        "  var terms_of_rows = vec4f();\n  \
-         for (var i = lid; i < arrayLength(&partials_in); i += {THREADS}u) {{ terms_of_rows += partials_in[i]; }}\n  \
-         let total = summed(lid, terms_of_rows);\n  \
-         if (lid == 0u) {{ gain_out[0] = select(0.0f, gain_out[0] - total.y / total.x, total.x > 0.0f); }}\n"
-    );
+    let main = format!("{TOTAL}  if (lid == 0u) {{ gain_out[0] = best; }}\n");
     Shader::new("fit gain", vec![Slot::PartialsIn, Slot::GainOut], THREADS, &summed(THREADS), &main)
+}
+
+/// Ends the evaluation of a step of Adam: notes its sums with its gain, and sets the gain of the next step. One group.
+pub(crate) fn end_evaluation() -> Shader {
+    let main = format!(
+        "{TOTAL}  if (lid == 0u) {{\n    let step = u32(gain_out[1]);\n    history[step] = vec4f(total.xyz, s);\n    \
+         gain_out[0] = best;\n    gain_out[1] = f32(step + 1u);\n  }}\n"
+    );
+    let slots = vec![Slot::PartialsIn, Slot::GainOut, Slot::History];
+    Shader::new("end evaluation", slots, THREADS, &summed(THREADS), &main)
+}
+
+/// A step of Adam along the gradient, which is multiplied by the number of phases. Row y is one of all frames.
+///
+/// ```text
+/// m ← β₁m + (1−β₁)g,  v ← β₂v + (1−β₂)g²,  φ ← φ − f₁ m / (√(f₂ v) + ε)
+/// ```
+pub(crate) fn adam(width_px: usize, phases: usize) -> Shader {
+    let main = format!(
+        "{}  let i = y * {width_px}u + x;\n  let f = factors[u32(gain_in[1]) - 1u];\n  \
+         let g = gradient_in[i] * {phases}.0f;\n  \
+         let m = vec2f(0.9f * moments[i].x + 0.1f * g, 0.999f * moments[i].y + 0.001f * g * g);\n  moments[i] = m;\n  \
+         phase_out[i] -= f.x * m.x / (sqrt(f.y * m.y) + 1e-8f);\n",
+        pixel(width_px)
+    );
+    let slots = vec![Slot::GainIn, Slot::Factors, Slot::GradientIn, Slot::Moments, Slot::PhaseOut];
+    Shader::new("adam", slots, THREADS, "", &main)
 }

@@ -164,12 +164,11 @@ impl Transform {
                 guard.iter().for_each(|_| lines.line("}"));
             }
             lines.line("workgroupBarrier();");
-            // The imaginary parts are still in the registers when the real parts have been exchanged.
-            let into = if *part == ".x" { "real" } else { "z" };
+            // The imaginary parts are still in `z` when the real parts are exchanged.
+            let into = if *part == ".x" { format!("real{i}") } else { "z".to_owned() };
             if *part == ".x" {
-                lines.line(&format!("var real: array<f32, {}>;", self.values()).replace("real", &format!("real{i}")));
+                lines.line(&format!("var {into}: array<f32, {}>;", self.values()));
             }
-            let into = if into == "real" { format!("real{i}") } else { into.to_owned() };
             for (round, at) in read.iter().enumerate() {
                 for j in 0..next {
                     let (register, value) = (round * next + j, format!("shared_values[{at} + {}u]", j * step));

@@ -1,62 +1,20 @@
-//! Faults that tests plant in a card, and what must come of them: the processor's numbers.
+//! What must come of faults in a card: the processor's numbers.
 
 use crate::{Card, Computed, Fault, GpuBackend};
 use lightpath_optics::engine::{EngineCache, Prepared};
-use lightpath_optics::hologram::{Backend, Loss, Picture, Project};
+use lightpath_optics::hologram::{AdamState, Backend, Loss, Picture, Project};
 use lightpath_optics::metrics::Gain;
 use lightpath_optics::{Detector, DisplayModel, Grid, OpticalSetup, Plane, RegionOfInterest};
-use std::sync::atomic::{AtomicBool, AtomicI64, Ordering};
-use std::sync::{Arc, Mutex};
-
-/// Faults of a card.
-#[derive(Debug)]
-pub(crate) struct Planted {
-    /// Number of allocations before one is refused; negative: none is.
-    allocations: AtomicI64,
-    /// Shader whose text is changed, with the part that is replaced and its replacement.
-    wrong: Mutex<Option<(&'static str, &'static str, &'static str)>>,
-    /// Whether all that is read is 0.
-    zeros: AtomicBool,
-}
-
-impl Default for Planted {
-    fn default() -> Self {
-        Self { allocations: AtomicI64::new(-1), wrong: Mutex::default(), zeros: AtomicBool::default() }
-    }
-}
-
-impl Planted {
-    pub(crate) fn allocate(&self) -> Result<(), Fault> {
-        match self.allocations.fetch_sub(1, Ordering::Relaxed) {
-            0 => Err(Fault::OutOfMemory("planted".to_owned())),
-            _ => Ok(()),
-        }
-    }
-
-    pub(crate) fn text(&self, name: &str, text: &str) -> String {
-        match *self.wrong.lock().unwrap() {
-            Some((of, part, by)) if of == name => {
-                assert!(text.contains(part), "{name} has no {part}");
-                text.replacen(part, by, 1)
-            }
-            _ => text.to_owned(),
-        }
-    }
-
-    pub(crate) fn read(&self, values: &mut [u8]) {
-        if self.zeros.load(Ordering::Relaxed) {
-            values.fill(0);
-        }
-    }
-}
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
 
 const SIDE_PX: usize = 32;
 
-fn card() -> Arc<Card> {
+pub(crate) fn card() -> Arc<Card> {
     Card::open(0).expect("a Vulkan driver is needed, such as Debian's mesa-vulkan-drivers")
 }
 
-fn problem(backend: &dyn Backend) -> Box<dyn Project> {
+pub(crate) fn problem(backend: &dyn Backend) -> Box<dyn Project> {
     let grid = Grid::try_new(SIDE_PX, SIDE_PX, 8e-6).unwrap();
     let model = DisplayModel::ideal(OpticalSetup::try_new(grid, 515e-9, 3e-3).unwrap());
     let target = Plane::from_fn(SIDE_PX, SIDE_PX, |y, x| 0.5 + 0.4 * ((3 * y + 5 * x) as f32).sin());
@@ -82,7 +40,9 @@ fn have_same_bits(first: &mut dyn Project, second: &mut dyn Project) -> bool {
         let (mut next, mut wanted) = (phase.clone(), body.target_amplitudes());
         let round = body.project(&mut next, &mut wanted, true);
         let field = body.back_propagated(&phase);
-        (evaluation, gradient, body.measure(&phase, 1.0), body.light(&phase), (round, next, wanted, field))
+        let mut adam = AdamState::new(phase.clone(), 1.0);
+        body.adam_steps(&mut adam, 0.1, 3, &mut gradient.clone(), &mut |_| {});
+        (evaluation, gradient, body.measure(&phase, 1.0), body.light(&phase), (round, next, wanted, field, adam))
     };
     all(first) == all(second)
 }
