@@ -4,11 +4,12 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// Every crate, with the crates of the workspace that it may depend on.
-pub(super) const CRATES: [(&str, &[&str]); 28] = [
+pub(super) const CRATES: [(&str, &[&str]); 29] = [
     ("optics/fft", &[]),
     ("optics", &["fft"]),
     ("optics/bench", &["fft", "optics"]),
     ("optics/camera", &["optics"]),
+    ("optics/gpu", &["optics"]),
     ("manifest", &[]),
     ("proto", &[]),
     ("program-docs", &[]),
@@ -28,7 +29,10 @@ pub(super) const CRATES: [(&str, &[&str]); 28] = [
     ("server/dashboard", &[]),
     ("server/webhooks", &["domain", "metrics", "store"]),
     ("server/rigs", &["domain"]),
-    ("server/worker", &["artifacts", "bench", "camera", "domain", "media", "metrics", "optics", "rigs", "store"]),
+    (
+        "server/worker",
+        &["artifacts", "bench", "camera", "domain", "gpu", "media", "metrics", "optics", "rigs", "store"],
+    ),
     ("server/service", &["artifacts", "bench", "camera", "domain", "manifest", "media", "metrics", "optics", "store"]),
     (
         "server/api",
@@ -57,6 +61,7 @@ pub(super) const CRATES: [(&str, &[&str]); 28] = [
             "bench",
             "domain",
             "fail-points",
+            "gpu",
             "manifest",
             "media",
             "metrics",
@@ -73,12 +78,13 @@ pub(super) const CRATES: [(&str, &[&str]); 28] = [
     ("tests", &[]),
 ];
 /// External dependencies that only some crates may have, each with these crates.
-const RESTRICTED: [(&str, &[&str]); 10] = [
+const RESTRICTED: [(&str, &[&str]); 11] = [
     ("sqlx", &["server/store", "server/fixtures"]),
     ("tonic", &["proto", "client", "server/api", "server/daemon"]),
     ("prost", &["proto", "server/api"]),
     ("axum", &["server/api"]),
     ("pyo3", &["client/python/engine"]),
+    ("wgpu", &["optics/gpu"]),
     ("numpy", &["client/python/engine"]),
     (
         "tokio",

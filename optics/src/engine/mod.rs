@@ -31,4 +31,5 @@ pub use prepared::Prepared;
 pub use propagator::{Propagated, Propagator, PropagatorCore, propagate};
 pub(crate) use sample_transfers::sample_transfers;
 pub use single_precision::Engine;
+pub use slm::Slm;
 pub(crate) use sub_samples::{reported_nodes, sub_samples};

@@ -4,9 +4,7 @@
 //! is therefore multiplied by the number of phases. This does not change Adam's steps, but it keeps Adam's ε small
 //! beside the gradient.
 
-use super::evaluate::{Evaluate, Evaluation};
 use crate::interrupt;
-use crate::metrics::Gain;
 use crate::numerics::optimizer::adam::AdamStep;
 use pulp::Arch;
 use rayon::prelude::*;
@@ -14,34 +12,32 @@ use serde::{Deserialize, Serialize};
 
 /// State of Adam between two steps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct AdamState {
+pub struct AdamState {
     /// Phases φ \[rad\], not wrapped, in row-major order.
-    pub(super) phase: Vec<f32>,
-    /// First moment m of the gradient.
-    pub(super) first_moment: Vec<f32>,
-    /// Second moment v of the gradient.
-    pub(super) second_moment: Vec<f32>,
+    pub phase: Vec<f32>,
+    /// First moment m of the gradient, which is multiplied by the number of phases.
+    pub first_moment: Vec<f32>,
+    /// Second moment v of the gradient, which is multiplied by the number of phases.
+    pub second_moment: Vec<f32>,
     /// Number of steps done.
-    pub(super) iteration: u32,
+    pub iteration: u32,
     /// Gain at which the next step compares the light with the target.
-    pub(super) gain: f64,
+    pub gain: f64,
 }
 
 impl AdamState {
     /// Initial state for `phase`, with the gain that fits best.
-    pub(super) fn new(problem: &mut dyn Evaluate, phase: Vec<f32>) -> Self {
-        let gain = problem.measure(&phase, 1.0).best_gain;
+    #[must_use]
+    pub fn new(phase: Vec<f32>, gain: f64) -> Self {
         let zeros = vec![0.0; phase.len()];
         Self { phase, first_moment: zeros.clone(), second_moment: zeros, iteration: 0, gain }
     }
 
-    /// Takes one step and returns the evaluation of the phase before it. The gain is the best fit of the previous
-    /// evaluation, so it costs no extra pass.
-    pub(super) fn step(&mut self, problem: &mut dyn Evaluate, learning_rate: f64, gradient: &mut [f32]) -> Evaluation {
-        let evaluation = problem.evaluate(&self.phase, Gain::Given(self.gain), gradient);
-        self.gain = evaluation.best_gain;
+    /// Takes one step along a gradient, whose evaluation found that `best_gain` fits best. The next step is evaluated at
+    /// this gain, so it costs no extra pass.
+    pub(super) fn step(&mut self, best_gain: f64, learning_rate: f64, width_px: usize, gradient: &[f32]) {
+        self.gain = best_gain;
         self.iteration += 1;
-        let width_px = problem.size().width_px;
         let scale = gradient.len() as f64;
         let step = AdamStep::new(learning_rate, self.iteration, scale);
         let arch = Arch::new();
@@ -56,6 +52,5 @@ impl AdamState {
                 interrupt::check();
                 arch.dispatch(|| step.take(phase, m, v, g));
             });
-        evaluation
     }
 }

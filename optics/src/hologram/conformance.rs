@@ -239,8 +239,11 @@ fn check_methods(backend: &dyn Backend) {
     let case = Case::plain((6, 10), Detector::Pixel);
     let found = [case.body(backend), case.body(&Plain)].map(|mut body| {
         let mut gradient = vec![0.0; case.phase().len()];
-        let mut adam = AdamState::new(&mut *body, case.phase());
-        (0..3).for_each(|_| _ = adam.step(&mut *body, 0.1, &mut gradient));
+        let mut adam = AdamState::new(case.phase(), body.measure(&case.phase(), 1.0).best_gain);
+        let mut losses = Vec::new();
+        body.adam_steps(&mut adam, 0.1, 2, &mut gradient, &mut |evaluation| losses.push(evaluation.loss));
+        body.adam_steps(&mut adam, 0.1, 1, &mut gradient, &mut |evaluation| losses.push(evaluation.loss));
+        assert!(losses.len() == 3 && losses.is_sorted_by(|before, after| after < before), "{losses:?}");
         let (mut memory, mut workspace) = (LimitedMemory::new(case.phase()), Workspace::default());
         for _ in 0..4 {
             memory.advance(&mut workspace, |phase, gradient| body.evaluate(phase, Gain::Fitted, gradient).loss);

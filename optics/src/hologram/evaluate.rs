@@ -6,6 +6,7 @@
 //!
 //! Phases and gradients are plain vectors of the caller: the rows of one frame after the other.
 
+use super::adam::AdamState;
 use crate::engine::photometry::Sums;
 use crate::engine::slm::Slm;
 use crate::metrics::Gain;
@@ -77,6 +78,25 @@ pub trait Evaluate: fmt::Debug + Send {
     /// Computes the light of the first image plane, the mean over the frames: for each row of pixels the rows of the
     /// detector's light planes, one after the other.
     fn light(&mut self, phase: &[f32]) -> Vec<f32>;
+
+    /// Takes steps of Adam, and calls `each` with the evaluation before each of them. `gradient` is scratch.
+    ///
+    /// By default these are evaluations with a step after each. A card keeps phases and moments in its own memory until
+    /// the last step. The steps are the same in whatever number of calls they are taken.
+    fn adam_steps(
+        &mut self,
+        state: &mut AdamState,
+        learning_rate: f64,
+        steps: u32,
+        gradient: &mut [f32],
+        each: &mut dyn FnMut(Evaluation),
+    ) {
+        for _ in 0..steps {
+            let evaluation = self.evaluate(&state.phase, Gain::Given(state.gain), gradient);
+            state.step(evaluation.best_gain, learning_rate, self.size().width_px, gradient);
+            each(evaluation);
+        }
+    }
 
     /// The light of the latest evaluation in the form of [`Self::light`]; `None` if the evaluation kept none.
     fn latest_light(&self) -> Option<&[f32]> {

@@ -38,8 +38,18 @@ pub(super) fn round(
     evaluation
 }
 
-/// Replaces the phases of all frames by those that show the phase of the modulator's field without the `excess`. `room`
-/// gives room for at least a row of the field.
+/// Replaces the phases of all frames by those that show the phase of the modulator's field without the `excess`: the end
+/// of a round of Gerchberg–Saxton, for a [`Backend`](super::Backend) that computes the excess itself.
+///
+/// # Panics
+///
+/// If the excess and the phases do not have the same length, a multiple of `frame_len`.
+pub fn subtract_excess(slm: &Slm<f32>, frame_len: usize, excess: &[Complex32], phase: &mut [f32]) {
+    assert!(excess.len() == phase.len() && phase.len().is_multiple_of(frame_len), "an excess for each phase");
+    subtract(slm, frame_len, || vec![Complex32::ZERO; slm.width_px], excess, phase);
+}
+
+/// [`subtract_excess`] with `room`, which gives room for at least a row of the field.
 pub(super) fn subtract<R: AsMut<[Complex32]>>(
     slm: &Slm<f32>,
     frame_len: usize,

@@ -29,8 +29,10 @@ mod two_pass_buffers;
 mod two_passes;
 mod wanted;
 
+pub use adam::AdamState;
 pub use backend::{Backend, Picture};
 pub use evaluate::{Evaluate, Evaluation, ProblemSize, Project};
+pub use gerchberg_saxton::subtract_excess;
 pub use initial::{InitialPhase, RANDOM_RANGE_RAD, default_focal_length_m, initial_phase};
 pub use loss::{ImagePlane, Loss};
 pub use optimization::{Optimization, Step};

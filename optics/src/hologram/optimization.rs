@@ -60,7 +60,10 @@ impl Optimization {
         phase.expect_finite("initial_phase")?;
         let phase = phase.into_vec();
         let run = match options.method {
-            HologramMethod::Adam { .. } => Run::Adam(AdamState::new(body, phase)),
+            HologramMethod::Adam { .. } => {
+                let gain = body.measure(&phase, 1.0).best_gain;
+                Run::Adam(AdamState::new(phase, gain))
+            }
             HologramMethod::Lbfgs => Run::Lbfgs { memory: Box::new(LimitedMemory::new(phase)), gain: 0.0 },
             HologramMethod::GerchbergSaxton | HologramMethod::WeightedGerchbergSaxton => {
                 Run::GerchbergSaxton { wanted: body.target_amplitudes(), phase }
@@ -112,6 +115,40 @@ impl Optimization {
 
     /// Takes the next step; `None` once all steps are done.
     pub fn step(&mut self) -> Option<Step> {
+        let mut taken = None;
+        self.steps(1, |step| taken = Some(step));
+        taken
+    }
+
+    /// Takes at least one step, at most `most`, and calls `each` with each; with none once all steps are done. Adam takes
+    /// as many as it can in one call of [`Evaluate::adam_steps`], the others one. The steps are the same as those of
+    /// [`Self::step`].
+    pub fn steps(&mut self, most: u32, mut each: impl FnMut(Step)) {
+        let (first, iterations) = (self.state.iteration, self.options.all_iterations());
+        let free_steps = self.options.free_iterations().saturating_sub(first);
+        let (Run::Adam(adam), HologramMethod::Adam { learning_rate }) = (&mut self.state.run, self.options.method)
+        else {
+            self.single_step().into_iter().for_each(each);
+            return;
+        };
+        // The step to the levels of the display is taken between two steps.
+        if free_steps == 0 {
+            self.single_step().into_iter().for_each(each);
+            return;
+        }
+        let gradient = &mut self.scratch.gradient;
+        gradient.resize(adam.phase.len(), 0.0);
+        let mut problem = Timed { body: &mut *self.problem.body, stopwatch: &mut self.stopwatch };
+        let mut iteration = first;
+        problem.adam_steps(adam, learning_rate, free_steps.min(most.max(1)), gradient, &mut |evaluation| {
+            iteration += 1;
+            each(Step { iteration, iterations, evaluation });
+        });
+        self.state.iteration = iteration;
+    }
+
+    /// One step of any method; `None` once all steps are done.
+    fn single_step(&mut self) -> Option<Step> {
         let (iterations, free_iterations) = (self.options.all_iterations(), self.options.free_iterations());
         if self.state.iteration >= iterations {
             return None;
@@ -157,7 +194,9 @@ impl Optimization {
                     unreachable!("the state belongs to the method")
                 };
                 gradient.resize(state.phase.len(), 0.0);
-                state.step(problem, learning_rate, gradient)
+                let mut taken = None;
+                problem.adam_steps(state, learning_rate, 1, gradient, &mut |evaluation| taken = Some(evaluation));
+                taken.expect("one step is evaluated once")
             }
             Run::Lbfgs { memory, gain } => {
                 let mut found = None;

@@ -5,7 +5,7 @@
 //! ```
 
 use super::evaluate::{Evaluation, Project};
-use super::gerchberg_saxton::subtract;
+use super::gerchberg_saxton::subtract_excess;
 use super::plain::{PlainProblem, best_gain, widened};
 use crate::display::Detector;
 use crate::engine::slm::Slm;
@@ -47,7 +47,7 @@ impl Project for PlainProblem {
             wanted.iter_mut().zip(&wanted_exact).for_each(|(wanted, exact)| *wanted = exact.map(|value| value as f32));
         }
         let excess = narrowed(&self.excess(&exact, &lights, &wanted_exact));
-        subtract(&self.slm, self.size.frame_len(), || vec![Complex32::ZERO; self.size.width_px], &excess, phase);
+        subtract_excess(&self.slm, self.size.frame_len(), &excess, phase);
         self.compare(&lights, Gain::Given(1.0), 0.0)
     }
 }

@@ -1,6 +1,7 @@
 //! Time spent in evaluations of loss and gradient, measured with a clock that the caller gives. This crate reads
 //! no clock of its own.
 
+use super::adam::AdamState;
 use super::evaluate::{Evaluate, Evaluation, ProblemSize, Project};
 use crate::metrics::Gain;
 use crate::numerics::Plane;
@@ -64,6 +65,19 @@ impl Evaluate for Timed<'_> {
 
     fn light(&mut self, phase: &[f32]) -> Vec<f32> {
         self.body.light(phase)
+    }
+
+    fn adam_steps(
+        &mut self,
+        state: &mut AdamState,
+        learning_rate: f64,
+        steps: u32,
+        gradient: &mut [f32],
+        each: &mut dyn FnMut(Evaluation),
+    ) {
+        let begin = self.stopwatch.start();
+        self.body.adam_steps(state, learning_rate, steps, gradient, each);
+        self.stopwatch.stop(begin);
     }
 
     fn latest_light(&self) -> Option<&[f32]> {

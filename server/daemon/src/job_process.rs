@@ -1,7 +1,7 @@
 //! The process that a server starts for one job, because an earlier server died while it ran the job.
 
 use crate::config::{Config, LogFormat};
-use crate::server::ServeError;
+use crate::server::{ServeError, open_device};
 use crate::upkeep::UpkeepError;
 use lightpath_artifacts::Artifacts;
 use lightpath_worker::{JobInput, JobProgram, OpticsTask, Worker};
@@ -30,11 +30,12 @@ pub fn this_program(config: &Config) -> std::io::Result<JobProgram> {
 /// # Errors
 ///
 /// [`ServeError`] if the job cannot begin.
-pub async fn run(input: JobInput, config: Config) -> Result<(), ServeError> {
+pub async fn run(input: JobInput, mut config: Config) -> Result<(), ServeError> {
     let (folder, space, bucket) = (config.data_dir.clone(), config.space(), config.bucket()?);
     let open = move || Artifacts::open_beside(&folder, space, bucket.as_ref());
     let artifacts = tokio::task::spawn_blocking(open).await?.map_err(UpkeepError::from)?;
     let store = config.database()?.open_shared().await?;
-    input.run(Worker::new(store, artifacts, config.workers(), Arc::new(OpticsTask))).await?;
+    let device = open_device(&mut config).await?;
+    input.run(Worker::new(store, artifacts, config.workers(), Arc::new(OpticsTask)).computing_on(device)).await?;
     Ok(())
 }

@@ -11,6 +11,7 @@
 //! - [`config`], [`server`]: settings, and the assembly of store, workers and API. [`database`]: where the database is.
 //!   [`worker_process`]: the assembly of a process that only runs jobs. [`job_process`]: the process of a single job. `workers`: start and end of the workers.
 //!   `life`: by what others know that this process lives.
+//!   [`devices`]: graphics cards: the choice of a process, and the list for people.
 //!   [`listening`]: the port, and who has it if it is taken.
 //! - [`upkeep`]: commands for operators on a data folder: check, back up, restore, collect.
 //! - [`demo`]: the whole loop on a simulated display, for new users.
@@ -20,6 +21,7 @@
 pub mod config;
 pub mod database;
 pub mod demo;
+pub mod devices;
 pub mod fuzzing;
 pub mod job_process;
 pub mod listening;

@@ -6,6 +6,7 @@ use anyhow::Context as _;
 use clap::{CommandFactory as _, Parser, Subcommand};
 use lightpath_server::config::{Config, Effective, LogFormat, ServeFlags, Settings, WorkerFlags};
 use lightpath_server::demo::{self, DemoArgs};
+use lightpath_server::devices::DevicesArgs;
 use lightpath_server::upkeep::{
     BackupArgs, CheckArgs, CollectArgs, KeyCommand, MigrateArgs, RestoreArgs, RestoredArgs, TokenCommand,
 };
@@ -45,6 +46,7 @@ enum Command {
     #[command(subcommand)]
     Key(KeyCommand),
     Demo(DemoArgs),
+    Devices(DevicesArgs),
     Man(Man),
     /// Run one job in a process of its own; servers and workers call this
     #[command(name = job_process::COMMAND, hide = true)]
@@ -130,6 +132,7 @@ fn main() -> ExitCode {
         Command::Token(command) => Ok(command.run()),
         Command::Key(command) => Ok(command.run()),
         Command::Demo(args) => demo::run(args).map(|()| ExitCode::SUCCESS),
+        Command::Devices(args) => print(&args.run()).map(|()| ExitCode::SUCCESS),
         Command::Man(man) => man.run().map(|()| ExitCode::SUCCESS),
         Command::Job => run_job().map(|()| ExitCode::SUCCESS),
     };
@@ -145,6 +148,10 @@ fn main() -> ExitCode {
             ExitCode::FAILURE
         }
     }
+}
+
+fn print(text: &str) -> anyhow::Result<()> {
+    Ok(write!(std::io::stdout().lock(), "{text}")?)
 }
 
 impl Man {

@@ -2,15 +2,17 @@
 
 use crate::config::{Config, ConfigError};
 use crate::database::DatabaseError;
+use crate::devices;
 use crate::life::Life;
 use crate::upkeep::{self, Collected, Retention, UpkeepError};
-use crate::workers::Workers;
+use crate::workers::{Means, Workers};
 use lightpath_api::Api;
 use lightpath_api::audit::Audit;
 use lightpath_api::connections;
 use lightpath_api::http::{self, Admission, EndedTokens, KnownTokens, MemoryBudget, Rate};
 use lightpath_api::tls::{self, Tls, TlsError};
 use lightpath_artifacts::Artifacts;
+use lightpath_gpu::{Device, DeviceChoice, Fault};
 use lightpath_metrics as metrics;
 use lightpath_rigs::Rigs;
 use lightpath_service::{Service, ServiceLimits};
@@ -77,6 +79,9 @@ pub enum ServeError {
          127.0.0.1"
     )]
     NoTokens,
+    /// The graphics card that the settings name cannot be used.
+    #[error("device is {choice}, but {fault}; `lightpathd devices` lists what there is")]
+    Device { choice: DeviceChoice, fault: Fault },
     #[error("the API's descriptors cannot be read")]
     Reflection(#[from] tonic_reflection::server::Error),
 }
@@ -103,7 +108,7 @@ pub async fn run(
 /// [`ServeError`] if the server cannot start or the workers fail.
 pub async fn run_and_announce(
     listener: TcpListener,
-    config: Config,
+    mut config: Config,
     job_program: Option<JobProgram>,
     announce: impl FnOnce(SocketAddr) -> io::Result<()> + Send,
     shutdown: impl Future<Output = ()> + Send,
@@ -116,11 +121,11 @@ pub async fn run_and_announce(
     tend_keys(&store).await;
     let address = listener.local_addr().map_err(ServeError::Listener)?;
     let tokens_required = check_access(&store, &config, address).await?;
-    let hosts = config.hosts(tokens_required)?;
-    let webhook_origins = config.webhook_origins()?;
+    let (hosts, webhook_origins) = (config.hosts(tokens_required)?, config.webhook_origins()?);
     let tls = tls.map(Tls::open).transpose()?.map(Arc::new);
     let audit = Arc::new(Audit::open(&config.data_dir).map_err(ServeError::Audit)?);
     artifacts.space().set_stored_bytes(store.artifact_totals().await?.1);
+    let device = if config.no_worker { Arc::default() } else { open_device(&mut config).await? };
     let life = Life::begin(&store, &artifacts, &config, kind(&config)).await?;
     announce(address).map_err(ServeError::Announcement)?;
     let stopping = CancellationToken::new();
@@ -136,8 +141,9 @@ pub async fn run_and_announce(
     let (grpc, health) = api.clone().routes()?;
     set_health(&health, ServingStatus::Serving).await;
     let watching = tokio::spawn(health_loop(api.clone(), health.clone(), stopping.clone()));
-    let shared = (api.live_pictures(), api.rigs());
-    let starting = Workers::start(store, artifacts, &config, shared, job_program, stopping.clone());
+    let pictures = api.live_pictures();
+    let means = Means { device, job_program, rigs: api.rigs() };
+    let starting = Workers::start(store, artifacts, &config, pictures, means, stopping.clone());
     let mut workers = if config.no_worker { None } else { Some(starting.await?) };
     let (ended_tokens, known_tokens) = (EndedTokens::default(), KnownTokens::default());
     loops.spawn(token_loop(api.store().clone(), ended_tokens.clone(), stopping.clone()));
@@ -188,6 +194,12 @@ fn shared_rate(
     let shared = Arc::clone(&rate);
     loops.spawn(life.go_on(rigs, stopping.clone(), move |servers| shared.share_among(servers)));
     rate
+}
+
+/// Opens the device of the settings, and gives a process with a card its label.
+pub(crate) async fn open_device(config: &mut Config) -> Result<Arc<Device>, ServeError> {
+    let choice = config.device;
+    devices::open(config).await?.map_err(|fault| ServeError::Device { choice, fault })
 }
 
 /// Opens the data folder, and the bucket behind it if there is one.

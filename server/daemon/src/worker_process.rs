@@ -2,8 +2,8 @@
 
 use crate::config::Config;
 use crate::life::Life;
-use crate::server::{COUNT_INTERVAL, ServeError, make_private, open_artifacts};
-use crate::workers::Workers;
+use crate::server::{COUNT_INTERVAL, ServeError, make_private, open_artifacts, open_device};
+use crate::workers::{Means, Workers};
 use lightpath_api::http::serve_worker_status;
 use lightpath_artifacts::Artifacts;
 use lightpath_media::live_pictures::LivePictures;
@@ -25,7 +25,7 @@ use tokio_util::sync::CancellationToken;
 /// [`ServeError`] if the workers cannot start or fail.
 pub async fn run(
     status: Option<TcpListener>,
-    config: Config,
+    mut config: Config,
     job_program: Option<JobProgram>,
     shutdown: impl Future<Output = ()> + Send,
 ) -> Result<(), ServeError> {
@@ -38,6 +38,7 @@ pub async fn run(
     // They end when the process stops.
     let mut loops = JoinSet::new();
     loops.spawn(count_loop(store.clone(), artifacts.clone(), stopping.clone()));
+    let device = open_device(&mut config).await?;
     let life = Life::begin(&store, &artifacts, &config, ProcessKind::Worker).await?;
     loops.spawn(life.go_on(Rigs::refusing(), stopping.clone(), drop));
     if let Some(listener) = status {
@@ -48,15 +49,8 @@ pub async fn run(
             }
         });
     }
-    let mut workers = Workers::start(
-        store,
-        artifacts,
-        &config,
-        (LivePictures::default(), Rigs::refusing()),
-        job_program,
-        stopping.clone(),
-    )
-    .await?;
+    let (pictures, means) = (LivePictures::default(), Means { device, job_program, rigs: Rigs::refusing() });
+    let mut workers = Workers::start(store, artifacts, &config, pictures, means, stopping.clone()).await?;
     tracing::info!("working");
     let early = tokio::select! {
         () = shutdown => None,

@@ -3,6 +3,7 @@
 use crate::config::Config;
 use crate::upkeep::Result;
 use lightpath_artifacts::Artifacts;
+use lightpath_gpu::Device;
 use lightpath_media::live_pictures::LivePictures;
 use lightpath_rigs::Rigs;
 use lightpath_store::Store;
@@ -16,6 +17,17 @@ use tokio_util::sync::CancellationToken;
 /// Longest time for returning the jobs to the queue that did not stop in time, while the database may be away.
 const RELEASE_MAX: Duration = Duration::from_secs(2);
 
+/// What the workers run jobs with.
+#[derive(Debug)]
+pub(crate) struct Means {
+    /// What computes holograms.
+    pub(crate) device: Arc<Device>,
+    /// What runs the jobs during which a server died.
+    pub(crate) job_program: Option<JobProgram>,
+    /// The rigs at the benches that are connected to this process.
+    pub(crate) rigs: Rigs,
+}
+
 /// The running workers of this process.
 #[derive(Debug)]
 pub(crate) struct Workers {
@@ -26,20 +38,21 @@ pub(crate) struct Workers {
 }
 
 impl Workers {
-    /// Starts the workers. They end when `stopping` is cancelled. Jobs during which a server died run with `job_program`.
+    /// Starts the workers. They end when `stopping` is cancelled. They run jobs with `means`.
     pub(crate) async fn start(
         store: Store,
         artifacts: Artifacts,
         config: &Config,
-        (live_pictures, rigs): (LivePictures, Rigs),
-        job_program: Option<JobProgram>,
+        live_pictures: LivePictures,
+        means: Means,
         stopping: CancellationToken,
     ) -> Result<Self> {
         // Two processes cannot hold the same data folder, so its identity is that of the process.
         let process = if store.is_shared() { Some(artifacts.folder_identity().await?) } else { None };
         let config = WorkerConfig { process: process.clone(), labels: config.labels()?, ..config.workers() };
         let worker = Worker::new(store.clone(), artifacts, config, Arc::new(OpticsTask));
-        let worker = worker.showing(live_pictures).at_benches(rigs).isolating(job_program);
+        let worker = worker.computing_on(means.device).at_benches(means.rigs);
+        let worker = worker.showing(live_pictures).isolating(means.job_program);
         Ok(Self { running: tokio::spawn(worker.run(stopping)), store, process })
     }
 

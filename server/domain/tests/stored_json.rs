@@ -341,6 +341,7 @@ fn hologram_capture_and_evaluation_results_are_stored_as_before() {
         detector: Detector::Pixel,
         iterations: 200,
         iteration_time_s: 0.0025,
+        computed_by: None,
         judged: Judging::Full,
     };
     check_stored("hologram_result", &JobResult::OptimizeHologram(Box::new(holograms)));

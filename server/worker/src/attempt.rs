@@ -72,6 +72,7 @@ impl Worker {
             store: self.store.clone(),
             artifacts: self.artifacts.clone(),
             engines: Arc::clone(&self.engines),
+            device: Arc::clone(&self.device),
             clock: self.clock.clone(),
             runtime: Handle::current(),
             stop: Arc::clone(&stop),

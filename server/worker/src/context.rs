@@ -6,6 +6,7 @@ use super::{Clock, checkpoint};
 use lightpath_artifacts::{ArtifactError, Artifacts};
 use lightpath_domain::causes::with_causes;
 use lightpath_domain::job::{FailureReason, Job, JobEffect, JobError, JobResult, Lease, Progress};
+use lightpath_gpu::Device;
 use lightpath_optics::EngineCache;
 use lightpath_optics::interrupt::Interrupt;
 use lightpath_rigs::Rigs;
@@ -117,6 +118,7 @@ pub struct JobContext {
     pub(super) store: Store,
     pub(super) artifacts: Artifacts,
     pub(super) engines: Arc<EngineCache>,
+    pub(super) device: Arc<Device>,
     pub(super) clock: Clock,
     pub(super) runtime: Handle,
     pub(super) stop: Arc<StopFlag>,
@@ -197,8 +199,13 @@ impl JobContext {
     }
 
     /// Cache of engines and of the parts that the jobs of this server share.
-    pub(super) fn engines(&self) -> &EngineCache {
+    pub(super) fn engines(&self) -> &Arc<EngineCache> {
         &self.engines
+    }
+
+    /// What computes the holograms of this server.
+    pub(super) fn device(&self) -> &Device {
+        &self.device
     }
 
     /// Reads an artifact and checks it against its digest.

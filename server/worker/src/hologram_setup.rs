@@ -5,8 +5,10 @@ use super::{JobContext, TaskError};
 use lightpath_domain::dataset::Encoding;
 use lightpath_domain::job::{ImagePlane, OptimizeHologram, nearest_planes, pixels_of_planes, weight_in_plane};
 use lightpath_domain::units::Wavelength;
+use lightpath_gpu::CardOrProcessor;
 use lightpath_media::pictures::{self, Channel, Hologram, Placement};
-use lightpath_optics::hologram::{self, HologramOptions, HologramProblem, Levels, with_other_orders};
+use lightpath_optics::engine::Prepared;
+use lightpath_optics::hologram::{self, HologramOptions, HologramProblem, Levels, Picture, with_other_orders};
 use lightpath_optics::{DisplayModel, Engine, Plane, RegionOfInterest, ValidityReport};
 
 /// The pictures that the hologram of one wavelength must show.
@@ -90,8 +92,20 @@ impl HologramSetup {
     }
 
     /// Builds the optimization problem. Planes of a depth map without any weight are left out.
-    pub(super) fn problem(&self, spec: &OptimizeHologram) -> Result<HologramProblem, TaskError> {
+    pub(super) fn problem(
+        &self,
+        spec: &OptimizeHologram,
+        card: Option<&CardOrProcessor>,
+    ) -> Result<HologramProblem, TaskError> {
         let weighted = self.planes.iter().filter(|plane| plane.share > 0.0);
+        if let Some(card) = card {
+            let pictures = weighted.map(|plane| {
+                let display = Prepared::new(&plane.model, spec.detector, self.display.carrier)?;
+                Ok(Picture { display, target: plane.target.clone(), weight: plane.weight.clone(), share: plane.share })
+            });
+            let pictures = pictures.collect::<Result<_, lightpath_optics::Error>>()?;
+            return Ok(HologramProblem::on(card, pictures, spec.subframes as usize, self.region, spec.loss)?);
+        }
         let planes = weighted.map(|plane| hologram::ImagePlane {
             engine: plane.engine.clone(),
             target: plane.target.clone(),

@@ -66,6 +66,7 @@ use job_memory::JobMemory;
 use lightpath_artifacts::{ArtifactError, Artifacts};
 use lightpath_domain::ability::{Abilities, Labels};
 use lightpath_domain::job::{Job, Lease};
+use lightpath_gpu::Device;
 use lightpath_media::live_pictures::LivePictures;
 use lightpath_metrics::{self as metrics, LeaseLoss};
 use lightpath_optics::EngineCache;
@@ -155,6 +156,7 @@ pub struct Worker {
     store: Store,
     artifacts: Artifacts,
     engines: Arc<EngineCache>,
+    device: Arc<Device>,
     memory: JobMemory,
     config: WorkerConfig,
     task: Arc<dyn Task>,
@@ -177,18 +179,16 @@ impl Worker {
         let engines = Arc::new(EngineCache::new(cache_bytes_max(config.memory_bytes) as usize));
         let memory = JobMemory::new(config.memory_bytes);
         let (clock, live_pictures) = (Clock::of(&store), LivePictures::default());
-        Self {
-            store,
-            artifacts,
-            engines,
-            memory,
-            config,
-            task,
-            clock,
-            live_pictures,
-            job_program: None,
-            rigs: Rigs::default(),
-        }
+        let device = Arc::new(Device::processor());
+        let (job_program, rigs) = (None, Rigs::default());
+        Self { store, artifacts, engines, device, memory, config, task, clock, live_pictures, job_program, rigs }
+    }
+
+    /// Computes holograms on `device`. Without it the processor computes everything.
+    #[must_use]
+    pub fn computing_on(mut self, device: Arc<Device>) -> Self {
+        self.device = device;
+        self
     }
 
     /// Runs jobs during which a server died with `program`, in a process of its own each. Without it, they run in this

@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 const ROOM_BYTES: usize = 64 << 10;
 
 /// State of a hologram job besides the running optimization: the holograms of the finished wavelengths, the loss of the
-/// last step, and the steps taken and their time \[s\].
+/// last step, the steps taken and their time \[s\], and what computes.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct HologramState {
     #[serde(with = "as_json")]
@@ -22,6 +22,11 @@ pub(super) struct HologramState {
     pub(super) loss: f64,
     pub(super) steps: u32,
     pub(super) compute_s: f64,
+    /// The card that computes the job, or none; `None` as long as that is not chosen. Another card, or the processor,
+    /// computes other bytes.
+    pub(super) card: Option<Option<String>>,
+    /// What computed the finished holograms, if not the processor alone by choice.
+    pub(super) computed_by: Option<String>,
 }
 
 /// Writes a state as bytes. A state that cannot be written gives no bytes; the resumed job then starts from the
@@ -133,7 +138,7 @@ mod tests {
             largest_amplitude: None,
             notes: vec!["the target is dark".to_owned()],
         }];
-        let state = HologramState { finished, loss: 0.1 + 0.2, steps: 7, compute_s: 1e-3 };
+        let state = HologramState { finished, loss: 0.1 + 0.2, steps: 7, compute_s: 1e-3, ..HologramState::default() };
         for method in [
             HologramMethod::Adam { learning_rate: 0.1 },
             HologramMethod::Lbfgs,

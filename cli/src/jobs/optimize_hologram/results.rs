@@ -66,9 +66,10 @@ fn notes(result: &v1::OptimizeHologramResult) -> impl Iterator<Item = &str> {
     all.map(String::as_str).filter(move |note| seen.insert(*note))
 }
 
-/// The time of an iteration.
+/// The time of an iteration, and what computed it if that was not a processor without a card.
 pub(super) fn speed(result: &v1::OptimizeHologramResult) -> String {
-    format!("{:.1} ms per iteration, {} iterations", 1e3 * result.iteration_time_s, result.iterations)
+    let by = if result.computed_by.is_empty() { String::new() } else { format!(", on {}", result.computed_by) };
+    format!("{:.1} ms per iteration, {} iterations{by}", 1e3 * result.iteration_time_s, result.iterations)
 }
 
 /// Files and quality of each hologram, plane by plane.

@@ -15,6 +15,8 @@ pub struct BlurRatios<const TAPS: usize> {
 }
 
 impl<const TAPS: usize> BlurRatios<TAPS> {
+    /// Number of weights along an axis, which is odd.
+    pub const TAPS: usize = TAPS;
     /// No blur.
     pub const NONE: Self = Self { ratio_x: 0.0, ratio_y: 0.0 };
 

@@ -20,6 +20,7 @@ pub use setting::Allowed;
 
 use lightpath_domain::ability::LabelError;
 use lightpath_domain::origin::OriginError;
+use lightpath_gpu::DeviceChoice;
 use serde::{Deserialize, Serialize};
 use setting::{Setting, settings};
 use std::net::{Ipv4Addr, SocketAddr};
@@ -101,6 +102,9 @@ settings! {
     /// Labels of this process, separated by commas: it runs only jobs whose needs are among these labels, and jobs
     /// without needs
     worker_labels: String = String::new(), "LABELS", Allowed::Text("labels separated by commas, such as gpu,bench-2");
+    /// What computes holograms: auto (a graphics card where it is faster than the processor), cpu, gpu, or gpu:N, the card
+    /// with the number N in `lightpathd devices`; a process with a card has the label gpu
+    device: DeviceChoice = DeviceChoice::Auto, "DEVICE", Allowed::Text("auto, cpu, gpu, or gpu: and a number, such as gpu:1");
     /// Number of jobs that run at the same time
     workers: u32 = 1, "COUNT", Allowed::Numbers(1.0, 64.0);
     /// Number of threads of one job; by default one for each core

@@ -11,6 +11,7 @@ mod bucket;
 mod captures;
 mod conversions;
 mod decoders;
+mod devices;
 mod displays;
 mod events;
 mod forms;

@@ -10,6 +10,7 @@ use crate::{JobContext, TaskError, TaskOutput};
 use lightpath_domain::job::{
     HologramResult, JobEffect, JobResult, OptimizeHologram, PlaneResult, Progress, Subframe, WavelengthResult,
 };
+use lightpath_gpu::CardOrProcessor;
 use lightpath_media::pictures;
 use lightpath_metrics as metrics;
 use lightpath_optics::display::phase_response::wrap_f32;
@@ -22,16 +23,26 @@ use std::time::{Duration, Instant};
 /// Longest side of the picture that a running job shows \[px\]: enough to see what becomes of it, in a few kilobytes.
 const LIVE_SIDE_PX_MAX: usize = 320;
 
+/// Time between two reports of progress on a card, whose steps may take less than a millisecond each. It takes them without
+/// the host.
+const REPORT_INTERVAL: Duration = Duration::from_millis(100);
+/// Most steps between two reports.
+const STEPS_MAX: u32 = 1000;
+
 pub(super) fn run(context: &JobContext, spec: &OptimizeHologram) -> Result<TaskOutput, TaskError> {
     let wavelengths = spec.wavelengths.len();
     let mut running = RunningJob { context, spec, state: HologramState::default(), current: None, eta: None };
-    if let Some((state, current)) = context.take_saved_state().and_then(|bytes| from_bytes(&bytes)) {
+    let saved: Option<(HologramState, OptimizationState)> =
+        context.take_saved_state().and_then(|bytes| from_bytes(&bytes));
+    if let Some((state, current)) = saved.filter(|(state, _)| running.has_card_of(state)) {
         (running.state, running.current) = (state, Some(current));
     }
     for index in running.state.finished.len()..wavelengths {
         let setup = HologramSetup::read(context, spec, index)?;
-        let mut optimization = running.begin(&setup, index)?;
+        let card = running.card(&setup);
+        let mut optimization = running.begin(&setup, index, card.as_ref())?;
         let loss = running.iterate(&mut optimization, wavelengths, &setup)?;
+        running.note_what_computed(card.as_ref());
         let finished = Finished { setup: &setup, optimization, loss };
         running.state.finished.push(finished.store(context, spec)?);
     }
@@ -56,9 +67,47 @@ struct RunningJob<'a> {
 }
 
 impl RunningJob<'_> {
+    /// Whether this process computes on what a saved state was computed on.
+    fn has_card_of(&self, state: &HologramState) -> bool {
+        let Some(Some(card)) = &state.card else { return true };
+        self.context.device().card().is_some_and(|here| here.to_string() == *card)
+    }
+
+    /// The card that computes the job; `None`: the processor. It is chosen once, at the job's first hologram.
+    fn card(&mut self, setup: &HologramSetup) -> Option<CardOrProcessor> {
+        let (device, engines) = (self.context.device(), self.context.engines());
+        let (height_px, width_px) = (setup.display.height_px(), setup.display.width_px());
+        if let Some(chosen) = &self.state.card {
+            return chosen.as_ref().and_then(|_| device.any_size(engines));
+        }
+        let card = device.backend(engines, height_px, width_px);
+        self.state.card = Some(device.card().filter(|_| card.is_some()).map(ToString::to_string));
+        card
+    }
+
+    /// Notes what computed a hologram, if that was to be a card.
+    fn note_what_computed(&mut self, card: Option<&CardOrProcessor>) {
+        let by = match (card, &self.state.card) {
+            (Some(card), _) => card.0.computed().to_string(),
+            (None, Some(Some(_))) => "processor: the graphics card had failed before".to_owned(),
+            (None, _) => return,
+        };
+        match &mut self.state.computed_by {
+            // The holograms of several wavelengths usually have one computer.
+            Some(known) if known.contains(&by) => {}
+            Some(known) => *known = format!("{known}; {by}"),
+            none => *none = Some(by),
+        }
+    }
+
     /// Resumes the optimization of an earlier attempt, or starts a new one.
-    fn begin(&mut self, setup: &HologramSetup, index: usize) -> Result<Optimization, TaskError> {
-        let (problem, options) = (setup.problem(self.spec)?, setup.options(self.spec)?);
+    fn begin(
+        &mut self,
+        setup: &HologramSetup,
+        index: usize,
+        card: Option<&CardOrProcessor>,
+    ) -> Result<Optimization, TaskError> {
+        let (problem, options) = (setup.problem(self.spec, card)?, setup.options(self.spec)?);
         if let Some(state) = self.current.take() {
             return Ok(Optimization::resume(problem, options, state)?.timed_by(since_first_call));
         }
@@ -82,14 +131,23 @@ impl RunningJob<'_> {
         let (before, steps_total) = (self.state.finished.len() as u32 * steps_each, steps_each * wavelengths as u32);
         let stage = if wavelengths == 1 { "optimize".to_owned() } else { format!("optimize {}", setup.wavelength) };
         let eta = *self.eta.get_or_insert_with(|| Eta::from(before + optimization.iteration()));
+        let (on_card, mut most, mut taken) = (self.state.card.iter().any(Option::is_some), 1, Vec::new());
         loop {
             let (started, transformed) = (Instant::now(), optimization.evaluation_time());
-            let Some(done) = optimization.step() else { return Ok(self.state.loss) };
+            taken.clear();
+            optimization.steps(most, |step| taken.push(step));
+            let Some(&done) = taken.last() else { return Ok(self.state.loss) };
             let took = started.elapsed();
-            self.state.loss = finite("the loss", done.evaluation.loss)?;
-            metrics::hologram_iteration(took, optimization.evaluation_time() - transformed);
+            let (count, evaluated) = (taken.len() as u32, optimization.evaluation_time() - transformed);
+            for step in &taken {
+                self.state.loss = finite("the loss", step.evaluation.loss)?;
+                metrics::hologram_iteration(took / count, evaluated / count);
+            }
             self.state.compute_s += took.as_secs_f64();
-            self.state.steps += 1;
+            self.state.steps += count;
+            if on_card {
+                most = steps_within(REPORT_INTERVAL, took / count);
+            }
             let step = before + done.iteration;
             let (loss, eta_s) = (Some(self.state.loss), eta.left_s(step, steps_total));
             let progress = Progress { stage: stage.clone(), step, steps_total, loss, eta_s };
@@ -101,7 +159,7 @@ impl RunningJob<'_> {
 
     fn result(self) -> Result<HologramResult, TaskError> {
         let colour_reconstructions = self.colour_reconstructions()?;
-        let HologramState { finished, compute_s, steps: done, .. } = self.state;
+        let HologramState { finished, compute_s, steps: done, computed_by, .. } = self.state;
         let iteration_time_s = compute_s / f64::from(done.max(1));
         let (detector, iterations) = (self.spec.detector, steps(self.spec));
         Ok(HologramResult {
@@ -111,6 +169,7 @@ impl RunningJob<'_> {
             iterations,
             iteration_time_s,
             judged: self.spec.judge,
+            computed_by,
         })
     }
 
@@ -210,6 +269,11 @@ fn intensity_scale(quantity: Quantity, gain: f64) -> f64 {
 fn picture_so_far(optimization: &mut Optimization, intensity_scale: f64) -> Option<Vec<u8>> {
     let light = optimization.light_preview(LIVE_SIDE_PX_MAX);
     pictures::grey_png_srgb(&light.map(|light| (intensity_scale * f64::from(light)) as f32)).ok()
+}
+
+/// Number of steps that take about as long as an interval, at the time of one.
+fn steps_within(interval: Duration, step: Duration) -> u32 {
+    (interval.as_secs_f64() / step.as_secs_f64().max(1e-6)).clamp(1.0, f64::from(STEPS_MAX)) as u32
 }
 
 /// Number of iterations of each hologram.

@@ -138,6 +138,10 @@ pub struct HologramResult {
     /// How thoroughly the holograms were judged.
     #[serde(default)]
     pub judged: Judging,
+    /// The graphics card that computed the holograms, with its driver, and why the processor computed a part or all of
+    /// them although there was one; `None`: the processor, without a card.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub computed_by: Option<String>,
 }
 
 /// The hologram of one wavelength.

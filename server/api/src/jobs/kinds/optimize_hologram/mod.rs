@@ -191,6 +191,7 @@ pub(super) fn result(result: HologramResult) -> v1::OptimizeHologramResult {
         iterations: result.iterations,
         iteration_time_s: result.iteration_time_s,
         judged: result.judged.to_wire(),
+        computed_by: result.computed_by.unwrap_or_default(),
     }
 }
 
