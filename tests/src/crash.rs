@@ -13,7 +13,7 @@ use std::time::Duration;
 use tempfile::TempDir;
 
 /// Number of kills, unless `LIGHTPATH_KILL_CYCLES` sets another.
-const CYCLES: u64 = 25;
+const CYCLES: u64 = 12;
 /// Jobs submitted between two kills.
 const JOBS_PER_LIFE: u64 = 2;
 /// Longest time between a start and a kill \[ms\].

@@ -94,6 +94,7 @@ const RESTRICTED: [(&str, &[&str]); 11] = [
             "rig",
             "server/artifacts",
             "server/store",
+            "server/rigs",
             "server/webhooks",
             "server/worker",
             "server/service",

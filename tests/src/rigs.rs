@@ -16,14 +16,14 @@ wavelengths = ["515nm"]
 adapter = "simulated"
 
 [slm]
-width_px = 192
-height_px = 128
+width_px = 160
+height_px = 96
 bit_depth = 8
 settling_time_ms = 4.0
 
 [camera]
-width_px = 192
-height_px = 128
+width_px = 160
+height_px = 96
 bit_depth = 10
 exposure_min_ms = 0.1
 exposure_max_ms = 1000.0
@@ -50,7 +50,7 @@ log = "planted.txt"
 #[tokio::test(flavor = "multi_thread")]
 async fn one_command_calibrates_a_display_although_its_rig_is_killed() {
     let cli = CommandLine::start().await;
-    cli.text("display create lab --resolution 192x128 --pixel-pitch 8um --wavelength 515nm").await;
+    cli.text("display create lab --resolution 160x96 --pixel-pitch 8um --wavelength 515nm").await;
     cli.write("bench.toml", b"seed = 4\nmisalignment_px = 2.0\nrotation_rad = 0.01\n");
     let file = cli.write("rig.toml", settings(cli.server.url()).as_bytes());
     let refused = cli.run("calibrate --display lab").await;
@@ -61,7 +61,7 @@ async fn one_command_calibrates_a_display_although_its_rig_is_killed() {
         sleep(Duration::from_millis(50)).await;
     }
     let planted = || std::fs::read_to_string(cli.path("planted.txt")).unwrap_or_default();
-    let calibrating = cli.run("calibrate --display lab --photos 8 --degree 5 -o @/out");
+    let calibrating = cli.run("calibrate --display lab --photos 6 --degree 5 -o @/out");
     let killing = async {
         // The rig is in the middle of the photographs when its first fault is planted.
         while planted().is_empty() {
@@ -85,7 +85,7 @@ async fn one_command_calibrates_a_display_although_its_rig_is_killed() {
     }
     let photos = cli.json("job list --limit 0").await;
     let jobs = photos["jobs"].as_array().unwrap().len();
-    let again = cli.text("calibrate --display lab --photos 8 --degree 5").await;
+    let again = cli.text("calibrate --display lab --photos 6 --degree 5").await;
     assert!(again.contains("versions/1 is active"), "{again}");
     let photos = cli.json("job list --limit 0").await;
     assert_eq!(photos["jobs"].as_array().unwrap().len(), jobs, "the same command again starts nothing anew");

@@ -51,7 +51,7 @@ impl Calibration {
         let kind = job_spec::Kind::OptimizeHologram(OptimizeHologram {
             wavelengths_m: vec![dataset.wavelength_m()],
             display: dataset.display,
-            planes: vec![ImagePlane { place: dataset.place, target: target.target, weight: None }],
+            planes: vec![ImagePlane { place: dataset.place, target: target.target.clone(), weight: None }],
             kernel: Some(v1::KernelChoice::ideal()),
             iterations: Some(self.iterations),
             seed: 1,
@@ -66,7 +66,7 @@ impl Calibration {
                 }
             }
             session.print(&job, |_| {
-                format!("hologram of {}×{} dots  {}", target.columns, target.rows, destination::shown(&pattern))
+                format!("hologram of {}×{} dots  {}", target.columns(), target.rows(), destination::shown(&pattern))
             })?;
             jobs::check_success(&[job])?;
         }

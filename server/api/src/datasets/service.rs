@@ -80,14 +80,15 @@ impl Api {
         request: v1::CreateCalibrationTargetRequest,
     ) -> Result<v1::CalibrationTarget> {
         let display = self.display_named(call, &Field::new("display"), &request.display).await?;
-        let CalibrationTarget { target, columns, rows } = match request.picture {
+        let CalibrationTarget { target, dots } = match request.picture {
             None => self.service.datasets.calibration_target(call, &display).await?,
             Some(number) => {
                 let number = Field::new("picture").integer(number, 0..=PICTURE_MAX)?;
                 self.service.datasets.test_picture(call, &display, number).await?
             }
         };
-        Ok(v1::CalibrationTarget { target, columns: columns as u32, rows: rows as u32 })
+        let (columns, rows) = dots.map(|(columns, rows)| (columns as u32, rows as u32)).unzip();
+        Ok(v1::CalibrationTarget { target, columns, rows })
     }
 
     async fn delete_dataset(

@@ -68,7 +68,7 @@ async fn photograph_of_the_dots_aligns_photographs_of_any_size() {
     let (bench, mut dataset) = (TestBench::new(5), Dataset::open().await);
     let request = v1::CreateCalibrationTargetRequest { display: "displays/bench".into(), picture: None };
     let target = dataset.client.create_calibration_target(request).await.unwrap().into_inner();
-    assert!(target.columns >= 14 && target.rows >= 8, "{target:?}");
+    assert!(target.columns() >= 14 && target.rows() >= 8, "{target:?}");
     let dots = lightpath_camera::alignment::DotGrid::of_display(HEIGHT, WIDTH).unwrap().target();
     let map = Homography::try_new([1.3, 0.05, 40.0, -0.04, 1.35, 30.0, 6e-5, -4e-5, 1.0]).unwrap();
     let (height, width) = (380, 600);

@@ -67,8 +67,8 @@ struct TestRig {
 struct State {
     taken: HashMap<String, Taken>,
     lights: HashMap<String, (Plane<f32>, Vec<u8>)>,
-    /// Light of the frame before.
-    before: Option<Plane<f32>>,
+    /// The pattern before, and its light.
+    before: Option<(String, Plane<f32>)>,
     count: usize,
     /// Photographs with a fault.
     planted: HashMap<String, Fault>,
@@ -182,7 +182,13 @@ impl TestRig {
         state.count += 1;
         let mut fault = (self.faults)(state.count);
         let (light, mut levels) = state.lights[&take.pattern].clone();
-        let before = state.before.replace(light.clone()).unwrap_or_else(|| light.clone());
+        let before = state.before.replace((take.pattern.clone(), light.clone()));
+        // A frame from before shows nothing else where the pattern has not changed.
+        let before = before.filter(|(pattern, _)| *pattern != take.pattern).map(|(_, light)| light);
+        if matches!(fault, Fault::Stale | Fault::Half) && before.is_none() {
+            fault = Fault::None;
+        }
+        let before = before.unwrap_or_else(|| light.clone());
         let ahead = state.lights.get(&take.next_pattern).map(|(light, _)| light.clone());
         let mut scale = take.exposure_s / USUAL_EXPOSURE_S;
         let mut seen = match fault {

@@ -43,7 +43,7 @@ async fn display_is_learned_from_turned_overexposed_and_swapped_photographs() {
     assert!(reported(Kind::Saturated).count() >= PAIRS - 1, "{:?}", finalized.findings);
     let alignment = finalized.alignment.as_ref().expect("the photographs are turned");
 
-    let learn = v1::LearnKernel { datasets: vec!["datasets/d".into()], ..Default::default() };
+    let learn = v1::LearnKernel { datasets: vec!["datasets/d".into()], degree: Some(5), ..Default::default() };
     let job = submit(&dataset.serving, job_spec::Kind::LearnKernel(learn), "").await.unwrap();
     let job = watch_to_end(&dataset.serving, &job.name).await;
     let Some(v1::job_result::Kind::LearnKernel(learned)) = job.result.clone().and_then(|result| result.kind) else {

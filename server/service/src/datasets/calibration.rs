@@ -18,10 +18,8 @@ const TARGET_BYTES_PER_PX: u64 = 4 + 1 + 1;
 pub struct CalibrationTarget {
     /// Artifact digest of the picture.
     pub target: String,
-    /// Dots in a row; 0: it shows no dots.
-    pub columns: usize,
-    /// Rows of dots; 0: it shows no dots.
-    pub rows: usize,
+    /// Dots in a row, and rows of dots; `None`: it is a test picture.
+    pub dots: Option<(usize, usize)>,
 }
 
 impl Datasets {
@@ -32,12 +30,12 @@ impl Datasets {
         let grid = DotGrid::of_display(height_px, width_px);
         let grid =
             grid.map_err(|error| field.invalid(format!("({}): {error}", display.id), "name a larger display"))?;
-        let (columns, rows) = grid.size();
+        let dots = Some(grid.size());
         let need_bytes = TARGET_BYTES_PER_PX * (height_px * width_px) as u64;
         let file = self.computing.run(call, need_bytes, move || pictures::grey_png_srgb(&grid.target())).await?;
         let file = file.map_err(|error| field.invalid(error, "name a smaller display"))?;
         let target = self.files.store(call, file).await?;
-        Ok(CalibrationTarget { target, columns, rows })
+        Ok(CalibrationTarget { target, dots })
     }
 
     /// Draws a test picture of a display's size: all kinds of scenes and charts in turn, each time from another seed.
@@ -51,6 +49,6 @@ impl Datasets {
         let file = self.computing.run(call, need_bytes, draw).await?;
         let file = file.map_err(|error: lightpath_optics::Error| field.invalid(error, "name another display"))?;
         let file = file.map_err(|error| field.invalid(error, "name a smaller display"))?;
-        Ok(CalibrationTarget { target: self.files.store(call, file).await?, columns: 0, rows: 0 })
+        Ok(CalibrationTarget { target: self.files.store(call, file).await?, dots: None })
     }
 }

@@ -217,7 +217,7 @@ fn other_jobs() -> Vec<Example> {
             "place": { "distance_m": 4e-3 },
             "patterns": [{ "id": "p", "pattern": "$phase_npy" }],
         } })),
-        submit(json!({ "capture_photos": { "display": "$display", "aligned_by": "$dataset" } }))
+        submit(json!({ "capture_photos": { "display": "$display", "aligned_by": "$near" } }))
             .refused(Code::InvalidArgument),
     ]
 }
@@ -321,11 +321,19 @@ fn devices() -> Vec<Example> {
 
 fn photos_and_rigs() -> Vec<Example> {
     let request = json!({ "photo": "$target", "target": "$target" });
-    let rig = json!({ "description": { "name": "$rig", "program": "rig 1" } });
+    let rig = json!({ "description": {
+        "name": "$rig",
+        "program": "rig 1",
+        "slm": { "width_px": 64, "height_px": 48, "bit_depth": 8 },
+        "camera": {
+            "width_px": 64, "height_px": 48, "bit_depth": 8, "exposure_min_s": 0.001, "exposure_max_s": 1.0
+        },
+        "wavelengths_m": [515e-9],
+        "place": { "distance_m": 4e-3 },
+    } });
     vec![
         Example::new::<v1::ScorePhotoRequest>("PhotoService/ScorePhoto", request),
-        // A rig that describes its bench is refused nothing by the scope of its token, and stays connected.
-        Example::new::<v1::ServeRigRequest>("RigService/ServeRig", rig).refused(Code::InvalidArgument),
+        Example::new::<v1::ServeRigRequest>("RigService/ServeRig", rig),
         Example::new::<v1::ListRigsRequest>("RigService/ListRigs", json!({})),
     ]
 }

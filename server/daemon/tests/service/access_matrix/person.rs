@@ -19,7 +19,7 @@ impl Person<'_> {
     /// Sends messages to a method such as `JobService/GetJob`, and returns the messages of its answer. Streams that
     /// follow a resource end after the first message.
     pub(super) async fn send(&self, method: &str, messages: Vec<Vec<u8>>) -> Result<Vec<Bytes>, Status> {
-        let answers_max = if method.contains("/Watch") { 1 } else { usize::MAX };
+        let answers_max = if method.contains("/Watch") || method.ends_with("/ServeRig") { 1 } else { usize::MAX };
         self.receive(method, messages, answers_max).await
     }
 
