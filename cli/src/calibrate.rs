@@ -22,7 +22,7 @@ use steps::Steps;
 const ITERATIONS: u32 = 60;
 /// Range of the random phases of every second hologram \[rad\]: full turns light all of the optics, narrow ranges show the
 /// shape of the modulator.
-const WIDE_RANGE_RAD: f64 = 6.28;
+const WIDE_RANGE_RAD: f64 = std::f64::consts::TAU;
 /// Number of steps that are counted for people.
 const STEPS: usize = 12;
 /// Number of the steps that fill the dataset.
@@ -61,9 +61,9 @@ pub(crate) struct Calibrate {
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(6..=100))]
     photos: u32,
 
-    /// Take the mean of this many frames for each photograph, 1 to 100
+    /// Take the mean of this many exposures for each photograph, 1 to 100
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100))]
-    frames: u32,
+    exposures: u32,
 
     /// Set the highest polynomial degree of what is learned, 1 to 12 [default: the one that predicts best]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=12))]
@@ -84,7 +84,7 @@ struct Bench {
     dataset: String,
     wavelength_m: f64,
     place: v1::Place,
-    frames: u32,
+    exposures: u32,
 }
 
 impl Calibrate {
@@ -143,7 +143,7 @@ impl Calibrate {
         };
         let place = self.distance.map(v1::Place::at_m).or(rig.place).unwrap_or_default();
         let dataset = self.dataset.clone().unwrap_or_else(|| format!("calibration-{}", self.display));
-        Ok(Bench { display, dataset, wavelength_m, place, frames: self.frames })
+        Ok(Bench { display, dataset, wavelength_m, place, exposures: self.exposures })
     }
 
     /// The dataset, which is created if there is none yet.
@@ -277,7 +277,7 @@ impl Bench {
             patterns: patterns.to_vec(),
             aligned_by: if is_aligned { names::dataset(&self.dataset) } else { String::new() },
             exposure_s: None,
-            frames: Some(self.frames),
+            exposure_count: Some(self.exposures),
         })
     }
 

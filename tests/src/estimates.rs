@@ -21,7 +21,7 @@ fn few() -> Vec<Shape> {
     vec![
         hologram("L-BFGS, pixel", SMALL, LBFGS),
         hologram("Adam, point, 4 subframes", SMALL, Hologram { detector: Detector::Point, subframes: 4, ..adam() }),
-        Shape { name: "display, 224×128".into(), size_px: (224, 128), spec: Spec::Dataset(v1::KernelModel::Display) },
+        Shape { name: "display, 288×160".into(), size_px: (288, 160), spec: Spec::Dataset(v1::KernelModel::Display) },
         Shape { name: "on 4 dense versions, 960×540".into(), size_px: SMALL, spec: Spec::DenseReport(3) },
     ]
 }

@@ -42,7 +42,7 @@ seed = 7
 stale_frame = 0.05
 half_frame = 0.05
 black_frame = 0.05
-log = "planted.txt"
+
 "#
     )
 }
@@ -60,11 +60,13 @@ async fn one_command_calibrates_a_display_although_its_rig_is_killed() {
     while !cli.text("rig list").await.contains("lab") {
         sleep(Duration::from_millis(50)).await;
     }
-    let planted = || std::fs::read_to_string(cli.path("planted.txt")).unwrap_or_default();
     let calibrating = cli.run("calibrate --display lab --photos 6 --degree 5 -o @/out");
     let killing = async {
-        // The rig is in the middle of the photographs when its first fault is planted.
-        while planted().is_empty() {
+        let is_photographing = |jobs: serde_json::Value| {
+            let newest = jobs["jobs"][0].clone();
+            newest["label"] == "calibrate calibration-lab: photos" && newest["state"] == "STATE_RUNNING"
+        };
+        while !is_photographing(cli.json("job list --limit 1").await) {
             sleep(Duration::from_millis(5)).await;
         }
         first.kill().await.unwrap();

@@ -33,7 +33,8 @@ const PATTERNS: &[&str] = &["png", "bmp", "npy"];
 )]
 #[command(after_long_help = "\
 Examples:
-  lightpath capture --display lab-2 --distance 150mm --pattern p01.png -o c01.png
+  lightpath capture --display lab-2 --distance 150mm --pattern p01.png \\
+      -o c01.png
 
   All holograms of a folder, as pairs of a dataset, and as files
     lightpath capture --display lab-2 --distance 150mm --pattern holograms/ \\
@@ -63,9 +64,9 @@ pub(crate) struct Capture {
     #[arg(long, value_name = "TIME", value_parser = times::exposure_s)]
     exposure: Option<f64>,
 
-    /// Take the mean of this many frames for each photograph, 1 to 100
+    /// Take the mean of this many exposures for each photograph, 1 to 100
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100))]
-    frames: u32,
+    exposures: u32,
 
     #[command(flatten)]
     submission: Submission,
@@ -96,7 +97,7 @@ impl Capture {
             patterns: patterns.clone(),
             aligned_by,
             exposure_s: self.exposure,
-            frames: Some(self.frames),
+            exposure_count: Some(self.exposures),
         });
         let job = self.submission.submit_and_wait(session, kind).await?;
         let result = photos_result(&job)?;

@@ -15,7 +15,9 @@ from lightpath.aio import lab as entry
 PACKAGE = Path(lightpath.__file__).parent
 
 # Calls that only the stubs of gRPC have, each with the reason.
-RAW: dict[str, str] = {}
+RAW: dict[str, str] = {
+    "RigService.ServeRig": "both sides speak for as long as a rig runs; docs/rig.md has the program for that",
+}
 
 
 def services() -> dict[str, list[str]]:

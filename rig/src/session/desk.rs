@@ -175,7 +175,7 @@ impl Desk {
             }
         }
         self.read_ahead(take.next_pattern);
-        let Take { exposure_s, frames, dark, wavelength_m, .. } = take;
+        let Take { exposure_s, exposure_count: frames, dark, wavelength_m, .. } = take;
         let order = Order { levels, exposure_s, frames, dark, wavelength_m };
         let (photographer, bench) = (Arc::clone(&self.photographer), Arc::clone(&self.bench));
         let taking = tokio::task::spawn_blocking(move || photographer.photograph(&bench, permit, &order));

@@ -41,7 +41,7 @@ async fn the_program_serves_pauses_and_ends_on_a_signal() {
     let levels = Levels::try_new(64, 40, 8, (0..64 * 40).map(|at| (at * 37 % 256) as u16).collect::<Vec<_>>()).unwrap();
     let pattern = server.store(pictures::levels_png(&levels).unwrap());
     let (take, wavelength_m) = ("t1".to_owned(), 515e-9);
-    server.ask(Take { take, pattern, exposure_s: 0.01, frames: 2, wavelength_m, ..Take::default() }).await;
+    server.ask(Take { take, pattern, exposure_s: 0.01, exposure_count: 2, wavelength_m, ..Take::default() }).await;
     let Some(Message::Taken(taken)) = heard.recv().await else { panic!("not taken") };
     assert_eq!(taken.levels_sha256, levels.sha256());
     let photo = pictures::grey(&server.stored(&taken.photo).unwrap()).unwrap();

@@ -54,7 +54,14 @@ impl World {
     /// A request for a photograph of a pattern.
     fn request(&self, take: &str, seed: u16) -> Take {
         let pattern = self.server.store(pictures::levels_png(&levels(seed)).unwrap());
-        Take { take: take.into(), pattern, exposure_s: 0.001, frames: 1, wavelength_m: 515e-9, ..Take::default() }
+        Take {
+            take: take.into(),
+            pattern,
+            exposure_s: 0.001,
+            exposure_count: 1,
+            wavelength_m: 515e-9,
+            ..Take::default()
+        }
     }
 
     async fn answer(&mut self) -> Message {
@@ -217,8 +224,8 @@ async fn what_limits_and_bench_do_not_allow_is_refused_for_good_and_named() {
     let coloured = world.server.store(b"hello".to_vec());
     for (request, name) in [
         (Take { exposure_s: 0.021, ..plain.clone() }, "limits.exposure_max_ms"),
-        (Take { frames: 3, ..plain.clone() }, "limits.frames_max"),
-        (Take { exposure_s: 0.02, frames: 2, ..plain.clone() }, "limits.duty_percent"),
+        (Take { exposure_count: 3, ..plain.clone() }, "limits.frames_max"),
+        (Take { exposure_s: 0.02, exposure_count: 2, ..plain.clone() }, "limits.duty_percent"),
         (Take { exposure_s: 0.0, ..plain.clone() }, "not within those of the camera"),
         (Take { wavelength_m: 633e-9, ..plain.clone() }, "no light of 633.000 nm"),
         (Take { pattern: coloured, ..plain.clone() }, "no PNG"),
@@ -236,7 +243,7 @@ async fn what_limits_and_bench_do_not_allow_is_refused_for_good_and_named() {
     }
     world.fake.change(|inside| inside.chooses_s = None);
     assert_eq!(world.frames(), 0);
-    world.server.ask(Take { dark: true, frames: 2, ..plain }).await;
+    world.server.ask(Take { dark: true, exposure_count: 2, ..plain }).await;
     let dark = world.taken().await;
     let photo = pictures::grey(&world.server.stored(&dark.photo).unwrap()).unwrap();
     assert!(photo.values.iter().all(|&value| value == 0), "the shutter was closed");

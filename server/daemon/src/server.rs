@@ -135,15 +135,13 @@ pub async fn run_and_announce(
     loops.spawn(lightpath_webhooks::run(store.clone(), webhook_origins.clone(), stopping.clone()));
     let limits = service_limits(&config).await?;
     let service = Service::new(&store, &artifacts, &limits, webhook_origins, stopping.clone());
-    let rigs = if config.no_worker { Rigs::refusing() } else { Rigs::default() };
-    let api = Api::new(service, store.clone(), artifacts.clone(), stopping.clone()).with_rigs(rigs);
+    let api = Api::new(service, store.clone(), artifacts.clone(), stopping.clone()).with_rigs(rigs(&config));
     loops.spawn(flush_loop(Arc::clone(&audit), tls.clone(), stopping.clone()));
     let (grpc, health) = api.clone().routes()?;
     set_health(&health, ServingStatus::Serving).await;
     let watching = tokio::spawn(health_loop(api.clone(), health.clone(), stopping.clone()));
-    let pictures = api.live_pictures();
     let means = Means { device, job_program, rigs: api.rigs() };
-    let starting = Workers::start(store, artifacts, &config, pictures, means, stopping.clone());
+    let starting = Workers::start(store, artifacts, &config, api.live_pictures(), means, stopping.clone());
     let mut workers = if config.no_worker { None } else { Some(starting.await?) };
     let (ended_tokens, known_tokens) = (EndedTokens::default(), KnownTokens::default());
     loops.spawn(token_loop(api.store().clone(), ended_tokens.clone(), stopping.clone()));
@@ -177,6 +175,11 @@ pub async fn run_and_announce(
     workers_ended??;
     tracing::info!("stopped");
     Ok(())
+}
+
+/// The rigs that may connect: none to a server that runs no jobs.
+fn rigs(config: &Config) -> Rigs {
+    if config.no_worker { Rigs::refusing() } else { Rigs::default() }
 }
 
 fn kind(config: &Config) -> ProcessKind {

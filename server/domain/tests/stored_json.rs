@@ -207,7 +207,7 @@ fn dataset_and_report_jobs_are_stored_as_before() {
         patterns: vec![NamedPattern { id: "p01".to_owned(), pattern: digest(1) }],
         aligned_by: Some("bench-1".to_owned()),
         exposure_s: Some(0.0125),
-        frames: 4,
+        exposures: 4,
     };
     check_job("capture_photos", &JobSpec::CapturePhotos(capture));
 }

@@ -33,8 +33,8 @@ pub struct Take {
     pub pattern: String,
     /// Exposure \[s\].
     pub exposure_s: f64,
-    /// Number of frames of which the photograph is the mean.
-    pub frames: u32,
+    /// Number of exposures of which the photograph is the mean.
+    pub exposures: u32,
     /// Whether the shutter is closed.
     pub dark: bool,
     /// Artifact digest of the pattern that probably comes next.

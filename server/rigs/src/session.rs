@@ -139,7 +139,7 @@ mod tests {
     fn take(id: &str) -> Take {
         let pattern = "sha256-0".to_owned();
         let id = id.to_owned();
-        Take { id, pattern, exposure_s: 0.01, frames: 1, dark: false, next_pattern: None, wavelength_m: 515e-9 }
+        Take { id, pattern, exposure_s: 0.01, exposures: 1, dark: false, next_pattern: None, wavelength_m: 515e-9 }
     }
 
     fn taken(photo: &str) -> Taken {

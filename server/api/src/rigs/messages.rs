@@ -108,14 +108,14 @@ pub(super) fn failed(field: &Field, failed: serve_rig_request::Failed) -> Result
 /// Message for what is asked of a rig.
 pub(super) fn ask(ask: Ask) -> v1::ServeRigResponse {
     let message = match ask {
-        Ask::Take(Take { id, pattern, exposure_s, frames, dark, next_pattern, wavelength_m }) => {
+        Ask::Take(Take { id, pattern, exposure_s, exposures, dark, next_pattern, wavelength_m }) => {
             let next_pattern = next_pattern.unwrap_or_default();
             let take = id;
             serve_rig_response::Message::Take(serve_rig_response::Take {
                 take,
                 pattern,
                 exposure_s,
-                frames,
+                exposure_count: exposures,
                 dark,
                 next_pattern,
                 wavelength_m,

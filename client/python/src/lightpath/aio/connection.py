@@ -20,6 +20,7 @@ from lightpath.v1.event_pb2_grpc import EventServiceStub
 from lightpath.v1.job_pb2_grpc import JobServiceStub
 from lightpath.v1.kernel_pb2_grpc import KernelServiceStub
 from lightpath.v1.photo_pb2_grpc import PhotoServiceStub
+from lightpath.v1.rig_pb2_grpc import RigServiceStub
 from lightpath.v1.rollout_pb2_grpc import RolloutServiceStub
 from lightpath.v1.server_pb2_grpc import ServerServiceStub
 from lightpath.v1.webhook_pb2_grpc import WebhookServiceStub
@@ -65,6 +66,7 @@ class Connection:
         self.jobs = JobServiceStub(self.channel)
         self.kernels = KernelServiceStub(self.channel)
         self.photos = PhotoServiceStub(self.channel)
+        self.rigs = RigServiceStub(self.channel)
         self.rollouts = RolloutServiceStub(self.channel)
         self.servers = ServerServiceStub(self.channel)
         self.webhooks = WebhookServiceStub(self.channel)

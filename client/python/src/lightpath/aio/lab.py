@@ -142,6 +142,11 @@ class Lab(Operations):
             displays += [Display(self.connection, each) for each in page.displays]
         return displays
 
+    async def rigs(self) -> list[v1.Rig]:
+        """Return the rigs at the benches that are connected to the server, in the order of their displays."""
+        answer: v1.ListRigsResponse = await self.connection.call(self.connection.rigs.ListRigs, v1.ListRigsRequest())
+        return list(answer.rigs)
+
     async def dataset(self, dataset_id: str) -> Dataset:
         """Return a dataset. `Display.create_dataset` creates one."""
         request = v1.GetDatasetRequest(name=names.with_collection("datasets", dataset_id))

@@ -12,10 +12,10 @@ use std::collections::HashSet;
 
 /// Limit on the patterns of a job. Each result names all of its photographs.
 const PATTERNS_MAX: usize = 500;
-/// Limit on the frames of a photograph.
-const FRAMES_MAX: u32 = 100;
+/// Limit on the exposures of a photograph.
+const EXPOSURES_MAX: u32 = 100;
 /// Shortest and longest exposure \[s\]; the rig may allow less.
-const EXPOSURES_S: std::ops::RangeInclusive<f64> = 1e-6..=3600.0;
+const EXPOSURE_RANGE_S: std::ops::RangeInclusive<f64> = 1e-6..=3600.0;
 
 /// Checks a request, looks up the named resources, fills in defaults, and converts the request.
 pub(super) async fn from_wire(
@@ -33,14 +33,14 @@ pub(super) async fn from_wire(
             Some(api.service.datasets.named(call, &at("aligned_by"), &id).await?)
         }
     };
-    let exposure_s = message.exposure_s.map(|exposure_s| at("exposure_s").number(exposure_s, EXPOSURES_S));
+    let exposure_s = message.exposure_s.map(|exposure_s| at("exposure_s").number(exposure_s, EXPOSURE_RANGE_S));
     let spec = CapturePhotos {
         wavelength: at("wavelength_m").wavelength_of(message.wavelength_m, &display)?,
         distance: distance(&at("place"), message.place.as_ref())?,
         patterns: patterns(&at("patterns"), message.patterns)?,
         aligned_by: aligned_by.as_ref().map(|dataset| dataset.id.clone()),
         exposure_s: exposure_s.transpose()?,
-        frames: at("frames").integer_or(message.frames, 1, 1..=FRAMES_MAX)?,
+        exposures: at("exposure_count").integer_or(message.exposure_count, 1, 1..=EXPOSURES_MAX)?,
         display: display.id.clone(),
     };
     api.service.jobs.require_photographable(call, field, &spec, (&display, aligned_by.as_ref())).await?;
@@ -72,7 +72,7 @@ pub(super) fn to_wire(spec: CapturePhotos) -> v1::CapturePhotos {
         patterns: spec.patterns.into_iter().map(pattern).collect(),
         aligned_by: spec.aligned_by.map(|id| format!("datasets/{id}")).unwrap_or_default(),
         exposure_s: spec.exposure_s,
-        frames: Some(spec.frames),
+        exposure_count: Some(spec.exposures),
     }
 }
 

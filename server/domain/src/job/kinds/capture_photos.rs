@@ -22,8 +22,8 @@ pub struct CapturePhotos {
     pub aligned_by: Option<String>,
     /// Exposure of all photographs \[s\]; `None`: it is searched with the first pattern, and shortened for those that saturate.
     pub exposure_s: Option<f64>,
-    /// Number of frames of which each photograph is the mean.
-    pub frames: u32,
+    /// Number of exposures of which each photograph is the mean.
+    pub exposures: u32,
 }
 
 /// A pattern with the name that its photograph gets.

@@ -33,7 +33,7 @@ impl Kind for CapturePhotos {
         let engine = jobs.ideal_engine(&display, &key, Detector::Pixel, None, false)?;
         // Two bytes a pixel in the file, then its values in single precision, and a copy.
         let decoding_bytes = 10 * CAMERA_PX_PER_PX * engine.pixels();
-        let photo_s = PHOTO_S + f64::from(self.frames) * self.exposure_s.unwrap_or(EXPOSURE_S);
+        let photo_s = PHOTO_S + f64::from(self.exposures) * self.exposure_s.unwrap_or(EXPOSURE_S);
         Ok(capture_photos::need(engine, decoding_bytes, self.patterns.len(), photo_s))
     }
 }

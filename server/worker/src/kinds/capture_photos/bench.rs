@@ -94,13 +94,13 @@ impl<'a> Bench<'a> {
             id: format!("{}-{}", self.context.job_id(), saved.takes),
             pattern: shown.digest.clone(),
             exposure_s,
-            frames: self.spec.frames,
+            exposures: self.spec.exposures,
             dark,
             next_pattern: next.map(|next| next.digest.clone()),
             wavelength_m: self.spec.wavelength.m(),
         };
         saved.takes += 1;
-        let frames = f64::from(take.frames + self.rig.camera.exposure_delay_frames + 2);
+        let frames = f64::from(take.exposures + self.rig.camera.exposure_delay_frames + 2);
         let wait_max = PATIENCE + Duration::from_secs_f64(self.rig.slm.settling_time_s + frames * exposure_s);
         let asked = self.context.rigs().photograph(&self.spec.display, &take, wait_max);
         match self.context.wait_unless_stopped(asked)? {
