@@ -149,6 +149,12 @@ impl Rigs {
         self.lock().get(display).map(|bench| bench.description.clone())
     }
 
+    /// Whether the rig of a display was asked lately to show this pattern, an artifact digest. It may read no others.
+    #[must_use]
+    pub fn shows(&self, display: &str, pattern: &str) -> bool {
+        self.lock().get(display).is_some_and(|bench| bench.shows(pattern))
+    }
+
     /// Asks the rig of a display for a photograph, and waits for it, also while the rig's connection is cut for some seconds.
     ///
     /// # Errors

@@ -1,9 +1,12 @@
 //! The connection of one rig.
 
 use crate::{Answer, Ask, RigDescription, Rigs, Take};
-use std::collections::HashMap;
+use std::collections::{HashMap, VecDeque};
 use std::sync::atomic::Ordering;
 use tokio::sync::{mpsc, oneshot};
+
+/// Patterns that a rig may read: the latest ones.
+const PATTERNS_MAX: usize = 32;
 
 /// A connected rig.
 #[derive(Debug)]
@@ -16,6 +19,8 @@ pub(crate) struct Bench {
     asks: mpsc::UnboundedSender<Ask>,
     /// Who waits for an answer, by the id of the request.
     waiting: HashMap<String, oneshot::Sender<Answer>>,
+    /// Digests of the patterns that it was asked to show or to prepare, the latest at the end.
+    patterns: VecDeque<String>,
 }
 
 impl Bench {
@@ -27,8 +32,19 @@ impl Bench {
     pub(crate) fn ask_for(&mut self, take: &Take) -> oneshot::Receiver<Answer> {
         let (answered, answer) = oneshot::channel();
         self.waiting.insert(take.id.clone(), answered);
+        for pattern in [Some(&take.pattern), take.next_pattern.as_ref()].into_iter().flatten() {
+            self.patterns.retain(|known| known != pattern);
+            self.patterns.push_back(pattern.clone());
+        }
+        while self.patterns.len() > PATTERNS_MAX {
+            self.patterns.pop_front();
+        }
         self.ask(Ask::Take(take.clone()));
         answer
+    }
+
+    pub(crate) fn shows(&self, pattern: &str) -> bool {
+        self.patterns.iter().any(|known| known == pattern)
     }
 
     pub(crate) fn forget(&mut self, take: &str) {
@@ -77,8 +93,11 @@ impl Rigs {
             if let Some(other) = benches.get(display).filter(|bench| bench.holder != holder) {
                 return Err(Refusal::Busy { holder: other.holder.clone() });
             }
-            let (holder, waiting) = (holder.to_owned(), HashMap::new());
-            benches.insert(display.to_owned(), Bench { description, holder, session: number, asks: sender, waiting });
+            let (holder, waiting, patterns) = (holder.to_owned(), HashMap::new(), VecDeque::new());
+            benches.insert(
+                display.to_owned(),
+                Bench { description, holder, session: number, asks: sender, waiting, patterns },
+            );
         }
         self.announce();
         Ok(Session { rigs: self.clone(), display: display.to_owned(), number, asks })
@@ -163,6 +182,7 @@ mod tests {
             async move { rigs.photograph("lab", &take("a"), LONG).await }
         });
         assert_eq!(id_of_next(&mut first).await, "a");
+        assert!(rigs.shows("lab", "sha256-0") && !rigs.shows("lab", "sha256-1") && !rigs.shows("other", "sha256-0"));
         drop(first);
         assert!(rigs.of("lab").is_none() && rigs.labels().borrow().is_empty());
         let mut second = rigs.connect("lab", description(), "bench").unwrap();

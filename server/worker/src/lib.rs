@@ -17,7 +17,7 @@
 //! - `attempt`: one job from claim to end. `context`: interface of a task to the server. `stop`: the shared stop flag.
 //! - `job_process`: a process of its own for a job during which a server died.
 //! - `job_memory`: the memory that running jobs share. `speed`: the speed of this machine.
-//! - `config`: the settings. `checkpoint`: the envelope of saved states. `computer`: what may resume them. `backoff`: pauses
+//! - `claiming`: the loops that claim jobs. `config`: the settings. `checkpoint`: the envelope of saved states. `computer`: what may resume them. `backoff`: pauses
 //!   before retries. `clock`: the time of day.
 //! - `kinds`: runs each kind of job by its own function, in a file of its own. They share `display_setup` (a display at a
 //!   wavelength and distance), `pairs`, `losses` and `state_bytes`. `live_picture`: what a hologram job shows while it
@@ -29,6 +29,7 @@ mod attempt;
 mod backoff;
 mod captured;
 mod checkpoint;
+mod claiming;
 mod clock;
 mod computer;
 mod config;
@@ -61,23 +62,21 @@ pub use kinds::OpticsTask;
 pub use speed::measured_work_per_s;
 pub use stop::StopReason;
 
-use computer::computer;
 use job_memory::JobMemory;
 use lightpath_artifacts::{ArtifactError, Artifacts};
-use lightpath_domain::ability::{Abilities, Labels};
-use lightpath_domain::job::{Job, Lease};
+use lightpath_domain::job::Job;
 use lightpath_gpu::Device;
 use lightpath_media::live_pictures::LivePictures;
 use lightpath_metrics::{self as metrics, LeaseLoss};
 use lightpath_optics::EngineCache;
 use lightpath_rigs::Rigs;
-use lightpath_store::{Claimant, Store, StoreError};
+use lightpath_store::{Store, StoreError};
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 use std::collections::HashSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 use tokio::task::JoinSet;
-use tokio::time::{MissedTickBehavior, sleep};
+use tokio::time::MissedTickBehavior;
 use tokio_util::sync::CancellationToken;
 
 /// Pause of a claim loop after an error of the store, or while the disk is full.
@@ -94,10 +93,6 @@ const ABSENCE_MIN: f64 = 0.6;
 const HEARTBEATS_WAIT: Duration = Duration::from_secs(10);
 /// Longest lease that can be set \[ms\]. One that ends later was given before the database's clock was set back.
 const LEASE_MS_MAX: i64 = 3_600_000;
-/// Time between two looks for jobs at benches, while a rig is connected.
-const BENCH_INTERVAL: Duration = Duration::from_millis(300);
-/// Longest time between two reads of the queue.
-const POLL_INTERVAL_MAX: Duration = Duration::from_secs(60);
 
 /// The work of a job. It runs on a compute thread, inside a rayon pool.
 pub trait Task: Send + Sync + 'static {
@@ -140,15 +135,6 @@ pub enum WorkerError {
     Store(#[from] StoreError),
     #[error("old checkpoints could not be removed")]
     Artifacts(#[from] ArtifactError),
-}
-
-/// What came of an attempt to claim a job.
-enum Claimed {
-    Job(Box<Job>, Lease),
-    /// There is none; look again after this time.
-    Nothing(Duration),
-    /// Jobs cannot be claimed at present.
-    NotNow,
 }
 
 /// Workers that share one store and one folder of artifacts.
@@ -284,123 +270,6 @@ impl Worker {
             }
         }
         Ok(())
-    }
-
-    /// Claims and runs jobs of all kinds, one after the other.
-    async fn claim_loop(&self, index: usize, pool: Arc<ThreadPool>, drain: CancellationToken) {
-        let name = format!("{}-{index}", self.config.name);
-        let abilities = self.config.abilities();
-        let claimable = self.store.claimable();
-        let changed = || claimable.notified();
-        self.claim_until(&name, &pool, &drain, || Some(abilities.clone()), changed).await;
-    }
-
-    /// Claims and runs the jobs that need a connected rig, one after the other.
-    async fn bench_loop(&self, pool: Arc<ThreadPool>, drain: CancellationToken) {
-        let name = format!("{}-bench", self.config.name);
-        let (own, labels) = (self.config.abilities(), self.rigs.labels());
-        let abilities = || {
-            let only_for = labels.borrow().clone();
-            let labels = Labels::all_of([own.labels.clone(), only_for.clone()]);
-            (!only_for.is_empty()).then(|| Abilities { labels, only_for, ..own.clone() })
-        };
-        // It takes no part in the notifications about new jobs: each wakes one worker, and may be about any job.
-        let changed = || {
-            let mut labels = self.rigs.labels();
-            let has_rigs = !labels.borrow_and_update().is_empty();
-            async move {
-                tokio::select! {
-                    _ = labels.changed() => {}
-                    () = sleep(BENCH_INTERVAL), if has_rigs => {}
-                }
-            }
-        };
-        self.claim_until(&name, &pool, &drain, abilities, changed).await;
-    }
-
-    /// Claims and runs jobs until the end. `abilities` tells what the jobs may need; `None`: nothing can be claimed now.
-    /// `changed` waits until that changes.
-    async fn claim_until<C: Future<Output = ()>>(
-        &self,
-        name: &str,
-        pool: &Arc<ThreadPool>,
-        drain: &CancellationToken,
-        abilities: impl Fn() -> Option<Abilities>,
-        changed: impl Fn() -> C,
-    ) {
-        // Lease of a claim whose answer was lost.
-        let mut unsure: Option<String> = None;
-        while !drain.is_cancelled() {
-            let changed = changed();
-            let wait = match self.claimed(name, &abilities, &mut unsure).await {
-                Claimed::Job(job, lease) => {
-                    // More jobs may be ready: wake another idle worker.
-                    self.store.claimable().notify_one();
-                    self.attempt(*job, lease, pool, drain).await;
-                    continue;
-                }
-                Claimed::Nothing(wait) => wait,
-                Claimed::NotNow => {
-                    _ = drain.run_until_cancelled(sleep(PAUSE)).await;
-                    continue;
-                }
-            };
-            tokio::select! {
-                () = changed => {}
-                () = sleep(wait) => {}
-                () = drain.cancelled() => {}
-            }
-        }
-        if let Some(lease_id) = unsure {
-            // Without an answer the lease ends, and the job returns to the queue then.
-            drop(self.store.abandon_claim(&lease_id, self.clock.now_ms()).await);
-        }
-    }
-
-    /// Claims a job, unless the disk is full or the end of an earlier claim is not known.
-    async fn claimed(
-        &self,
-        name: &str,
-        abilities: &impl Fn() -> Option<Abilities>,
-        unsure: &mut Option<String>,
-    ) -> Claimed {
-        if self.artifacts.space().room_to_start().is_err() {
-            return Claimed::NotNow;
-        }
-        let now_ms = self.clock.now_ms();
-        if let Some(lease_id) = &unsure {
-            if self.store.abandon_claim(lease_id, now_ms).await.is_err() {
-                return Claimed::NotNow;
-            }
-            *unsure = None;
-        }
-        let Some(abilities) = abilities() else { return Claimed::Nothing(POLL_INTERVAL_MAX) };
-        let (process, computer) = (self.config.process.clone(), Some(computer().to_owned()));
-        let claimant = Claimant { process, abilities, computer, ..Claimant::named(name) };
-        match self.store.claim_within(self.config.limits, now_ms, self.lease_ms(), &claimant).await {
-            Ok(Some((job, lease))) => Claimed::Job(Box::new(job), lease),
-            Ok(None) => Claimed::Nothing(self.until_next_job(now_ms, &claimant.abilities).await),
-            Err(error) => {
-                tracing::error!(error = &error as &dyn std::error::Error, "no job could be claimed");
-                *unsure = Some(claimant.lease_id);
-                Claimed::NotNow
-            }
-        }
-    }
-
-    /// Time until a job becomes due that was not yet due when the last claim found none.
-    async fn until_next_job(&self, claimed_ms: i64, abilities: &Abilities) -> Duration {
-        match self.store.next_run_time(claimed_ms, abilities).await {
-            Ok(Some(due_ms)) => {
-                let wait_ms = due_ms.saturating_sub(self.clock.now_ms()).max(1).unsigned_abs();
-                Duration::from_millis(wait_ms).min(POLL_INTERVAL_MAX)
-            }
-            Ok(None) => POLL_INTERVAL_MAX,
-            Err(error) => {
-                tracing::error!(error = &error as &dyn std::error::Error, "the queue could not be read");
-                PAUSE
-            }
-        }
     }
 
     /// Takes jobs from workers that lost their leases without ending the attempt, for example because its end could not

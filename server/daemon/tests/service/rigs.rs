@@ -401,11 +401,27 @@ async fn a_bench_has_one_rig_whose_display_fits_and_only_its_token_serves_it() {
         Code::FailedPrecondition,
         "displays/bench: a rig of the token \"rig-1\" serves the display",
     );
-    let _later = connect(serving, Some(&own), description("bench")).await.unwrap();
+    let (_say, mut asked) = connect(serving, Some(&own), description("bench")).await.unwrap();
     let ended = first.message().await.unwrap_err();
     assert_eq!(ended.code(), Code::FailedPrecondition, "{ended}");
     assert!(ended.message().starts_with("another connection of the same token"), "{ended}");
     let listing = with_token(&guarded.tokens["viewer"], v1::ListRigsRequest {});
     let rigs = RigServiceClient::new(serving.channel.clone()).list_rigs(listing).await.unwrap().into_inner().rigs;
     assert_eq!(rigs, [description("bench")]);
+
+    // It reads the pattern that it is asked to show, which the server made of a phase, and nothing else.
+    let client =
+        |token: &str| lightpath::Client::connect_with_token(&format!("http://{}", serving.address), token).unwrap();
+    let (admin, rig) = (client(&guarded.tokens["admin"]), client(&own));
+    let phase = pictures::npy_f32(&Plane::from_fn(HEIGHT, WIDTH, |y, x| (x + y) as f32 * 0.1)).unwrap();
+    let pattern = admin.upload_bytes(phase).await.unwrap();
+    let spec = Kind::CapturePhotos(request(vec![Pattern { id: "p".into(), pattern: pattern.clone() }], ""));
+    admin.submit(v1::SubmitJobRequest { spec: Some(lightpath::job_spec(spec)), ..Default::default() }).await.unwrap();
+    let Some(Asked::Take(take)) = asked.message().await.unwrap().unwrap().message else { panic!("nothing is asked") };
+    assert_ne!(take.pattern, pattern);
+    assert!(rig.download(&take.pattern).await.unwrap().starts_with(b"\x89PNG"));
+    for other in [&pattern, &take.pattern.replace('1', "2")] {
+        let refused = rig.download(other).await.unwrap_err();
+        assert_eq!(refused.code(), Some(Code::NotFound), "{refused}");
+    }
 }

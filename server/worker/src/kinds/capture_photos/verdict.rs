@@ -50,7 +50,7 @@ pub(super) struct Judge {
     /// Details of the latest photographs, with the numbers of their patterns.
     details: Vec<(usize, Details)>,
     evidence: Vec<Evidence>,
-    /// A photograph that does not resemble what its pattern should show, with the number of the pattern.
+    /// The last photograph in doubt, with the number of its pattern.
     doubtful: Option<(usize, Details)>,
     /// Number and time of the last frame.
     last: Option<(u64, i64)>,
@@ -113,18 +113,19 @@ impl Judge {
             return Ok(Err(reason));
         }
         let mut evidence = Evidence { light_per_s: brightness.light / exposure_s, ..Evidence::default() };
-        if let Some(reason) = self.by_its_light(evidence.light_per_s) {
-            return Ok(Err(reason));
-        }
+        let mut doubt = self.by_its_light(evidence.light_per_s);
         if let Some(comparison) = self.compared(context, index, photo)? {
-            if let Some(reason) = self.against_expectation(&comparison) {
+            if let Some(reason) = self.as_another(&comparison).or_else(|| self.by_its_place(&comparison)) {
                 return Ok(Err(reason));
             }
-            if let Some(reason) = self.doubt(index, &comparison, &details) {
-                return Ok(Err(reason));
-            }
+            doubt = doubt.or_else(|| self.by_expectation(&comparison));
             let Comparison { own, other, shift_px } = comparison;
             evidence = Evidence { own: Some(own), other: other.map(|(_, other)| other), shift_px, ..evidence };
+        }
+        if let Some(reason) = doubt
+            && !self.repeats(index, &details)
+        {
+            return Ok(Err(reason));
         }
         self.details.push((index, details));
         if self.details.len() > KEPT {
@@ -208,39 +209,36 @@ impl Judge {
         Ok(Some(of?))
     }
 
-    /// What the expectations say against a photograph.
-    fn against_expectation(&self, comparison: &Comparison) -> Option<String> {
-        let Comparison { own, other, shift_px } = *comparison;
-        if let Some((index, other)) = other
-            && other > (own + LEAD).max(CORRELATION_OTHER)
-        {
-            let name = &self.names[index];
-            return Some(format!("resembles pattern \"{name}\" ({other:.2}) more than its own ({own:.2})"));
-        }
-        let usual_px = self.median(|evidence| evidence.shift_px).unwrap_or(SHIFT_PX);
-        shift_px
-            .filter(|shift_px| *shift_px > usual_px + SHIFT_PX)
-            .map(|shift_px| format!("is displaced by {shift_px:.1} px"))
+    /// Whether the photograph is rather of another pattern.
+    fn as_another(&self, comparison: &Comparison) -> Option<String> {
+        let Comparison { own, other, .. } = *comparison;
+        let (index, other) = other.filter(|(_, other)| *other > (own + LEAD).max(CORRELATION_OTHER))?;
+        let name = &self.names[index];
+        Some(format!("resembles pattern \"{name}\" ({other:.2}) more than its own ({own:.2})"))
     }
 
-    /// A doubt about a photograph that does not resemble what its pattern should show. A display may be so far from ideal: then
-    /// the same photograph comes again, and counts.
-    fn doubt(&mut self, index: usize, comparison: &Comparison, details: &Details) -> Option<String> {
-        let own = comparison.own;
-        let usual = self.median(|evidence| evidence.own);
-        if own >= CORRELATION_NONE || usual.is_none_or(|usual| usual <= CORRELATION_TELLING) {
-            return None;
-        }
-        if let Some((_, before)) = self.doubtful.take().filter(|(of, _)| *of == index)
-            && let (same, all) = details.strips_as_in(&before)
-            && same == all
-        {
-            return None;
-        }
-        self.doubtful = Some((index, details.clone()));
-        Some(format!(
-            "does not resemble what its pattern should show (correlation {own:.2}); another shows whether it repeats"
-        ))
+    /// Whether the photograph is displaced. A camera that was moved needs a new alignment.
+    fn by_its_place(&self, comparison: &Comparison) -> Option<String> {
+        let usual_px = self.median(|evidence| evidence.shift_px).unwrap_or(SHIFT_PX);
+        let shift_px = comparison.shift_px.filter(|shift_px| *shift_px > usual_px + SHIFT_PX)?;
+        Some(format!("is displaced by {shift_px:.1} px"))
+    }
+
+    /// What the expectation of its pattern says against a photograph.
+    fn by_expectation(&self, comparison: &Comparison) -> Option<String> {
+        let (own, usual) = (comparison.own, self.median(|evidence| evidence.own)?);
+        (own < CORRELATION_NONE && usual > CORRELATION_TELLING)
+            .then(|| format!("does not resemble what its pattern should show (correlation {own:.2})"))
+    }
+
+    /// Whether a photograph in doubt shows the same as the one in doubt before, of the same pattern. Then it is what the
+    /// display shows, which may be far from ideal, and counts: no fault of a camera comes twice in the same way.
+    fn repeats(&mut self, index: usize, details: &Details) -> bool {
+        let before = self.doubtful.replace((index, details.clone())).filter(|(of, _)| *of == index);
+        before.is_some_and(|(_, before)| {
+            let (same, all) = details.strips_as_in(&before);
+            same == all
+        })
     }
 
     /// Median of a measure over the photographs that were kept; `None`: there is none.
