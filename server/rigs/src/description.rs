@@ -1,5 +1,7 @@
 //! What a rig says of its bench.
 
+use lightpath_domain::units::{Distance, Wavelength};
+
 /// A bench.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RigDescription {
@@ -11,10 +13,10 @@ pub struct RigDescription {
     pub camera: Camera,
     /// Whether the rig can keep the light from the camera.
     pub has_shutter: bool,
-    /// Wavelengths of the light \[m\].
-    pub wavelengths_m: Vec<f64>,
-    /// Distance from the SLM to the plane on which the camera is focused \[m\].
-    pub distance_m: f64,
+    /// Wavelengths of the light, each one of the display's.
+    pub wavelengths: Vec<Wavelength>,
+    /// Distance from the SLM to the plane on which the camera is focused.
+    pub distance: Distance,
 }
 
 /// What shows patterns.

@@ -137,6 +137,7 @@ mod tests {
     use super::*;
     use crate::{Camera, Failure, Slm, TakeError, Taken};
     use lightpath_domain::ability::Labels;
+    use lightpath_domain::units::{Distance, Wavelength};
     use std::time::Duration;
 
     const LONG: Duration = Duration::from_secs(10);
@@ -152,7 +153,8 @@ mod tests {
             exposure_delay_frames: 2,
         };
         let program = "test".to_owned();
-        RigDescription { program, slm, camera, has_shutter: false, wavelengths_m: vec![515e-9], distance_m: 0.1 }
+        let (wavelengths, distance) = (vec![Wavelength::from_m(515e-9).unwrap()], Distance::from_m(0.1).unwrap());
+        RigDescription { program, slm, camera, has_shutter: false, wavelengths, distance }
     }
 
     fn take(id: &str) -> Take {

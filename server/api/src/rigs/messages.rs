@@ -1,10 +1,12 @@
 //! Conversions of the messages of rigs.
 
+use crate::optics::to_wire::place;
 use crate::time::ms;
 use lightpath_domain::display::Display;
+use lightpath_domain::units::Wavelength;
 use lightpath_proto::v1::{self, serve_rig_request, serve_rig_response};
 use lightpath_rigs::{Ask, Camera, Failure, RigDescription, Slm, Take, Taken};
-use lightpath_service::{Field, Result, check_all};
+use lightpath_service::{Field, Result, check_all, collect_all};
 
 /// Limit on the length of the name of a program \[bytes\].
 const PROGRAM_BYTES_MAX: usize = 256;
@@ -18,8 +20,6 @@ const CAMERA_PX_MAX: u32 = 16_384;
 const TIME_S_MAX: f64 = 3600.0;
 /// Coldest and hottest bench \[°C\].
 const TEMPERATURES_C: std::ops::RangeInclusive<f64> = -100.0..=200.0;
-/// Largest difference between a wavelength of the rig and one of the display \[m\].
-const WAVELENGTH_TOLERANCE_M: f64 = 0.5e-9;
 
 /// Checks the description of a bench at a display.
 pub(super) fn description(field: &Field, rig: v1::Rig, display: &Display) -> Result<RigDescription> {
@@ -28,11 +28,10 @@ pub(super) fn description(field: &Field, rig: v1::Rig, display: &Display) -> Res
         program = field.at("program").line(rig.program, PROGRAM_BYTES_MAX);
         slm = of_slm.required(rig.slm).and_then(|slm| self::slm(&of_slm, slm, display));
         camera = of_camera.required(rig.camera).and_then(|camera| self::camera(&of_camera, camera));
-        wavelengths_m = wavelengths_m(&field.at("wavelengths_m"), rig.wavelengths_m, display);
+        wavelengths = wavelengths(&field.at("wavelengths_m"), &rig.wavelengths_m, display);
         distance = crate::optics::from_wire::distance(&field.at("place"), rig.place.as_ref());
     }
-    let (has_shutter, distance_m) = (rig.has_shutter, distance.m());
-    Ok(RigDescription { program, slm, camera, has_shutter, wavelengths_m, distance_m })
+    Ok(RigDescription { program, slm, camera, has_shutter: rig.has_shutter, wavelengths, distance })
 }
 
 fn slm(field: &Field, slm: v1::rig::Slm, display: &Display) -> Result<Slm> {
@@ -61,18 +60,12 @@ fn camera(field: &Field, camera: v1::rig::Camera) -> Result<Camera> {
     Ok(Camera { width_px, height_px, bit_depth, exposure_min_s, exposure_max_s, exposure_delay_frames })
 }
 
-fn wavelengths_m(field: &Field, wavelengths_m: Vec<f64>, display: &Display) -> Result<Vec<f64>> {
+fn wavelengths(field: &Field, wavelengths_m: &[f64], display: &Display) -> Result<Vec<Wavelength>> {
     if wavelengths_m.is_empty() {
         return Err(field.but("is empty", "must have the wavelengths with which the rig lights the SLM [m]"));
     }
-    for (index, &wavelength_m) in wavelengths_m.iter().enumerate() {
-        let mut own = display.wavelengths.iter();
-        if !own.any(|own| (own.m() - wavelength_m).abs() <= WAVELENGTH_TOLERANCE_M) {
-            let problem = format!("is {wavelength_m}, which is no wavelength of displays/{}", display.id);
-            return Err(field.index(index).invalid(problem, "give one of the display's"));
-        }
-    }
-    Ok(wavelengths_m)
+    let each = wavelengths_m.iter().enumerate();
+    collect_all(each.map(|(index, &wavelength_m)| field.index(index).wavelength_of(Some(wavelength_m), display)))
 }
 
 /// Checks a photograph that was taken, and returns also the id of its request.
@@ -128,7 +121,7 @@ pub(super) fn ask(ask: Ask) -> v1::ServeRigResponse {
 
 /// Message for a connected rig.
 pub(super) fn rig(display: &str, rig: RigDescription) -> v1::Rig {
-    let RigDescription { program, slm, camera, has_shutter, wavelengths_m, distance_m } = rig;
+    let RigDescription { program, slm, camera, has_shutter, wavelengths, distance } = rig;
     let Slm { width_px, height_px, bit_depth, settling_time_s, reads_back } = slm;
     let slm = v1::rig::Slm { width_px, height_px, bit_depth, settling_time_s, reads_back };
     let Camera { width_px, height_px, bit_depth, exposure_min_s, exposure_max_s, exposure_delay_frames } = camera;
@@ -140,7 +133,7 @@ pub(super) fn rig(display: &str, rig: RigDescription) -> v1::Rig {
         slm: Some(slm),
         camera: Some(camera),
         has_shutter,
-        wavelengths_m,
-        place: Some(v1::Place::at_m(distance_m)),
+        wavelengths_m: wavelengths.into_iter().map(Wavelength::m).collect(),
+        place: place(distance),
     }
 }

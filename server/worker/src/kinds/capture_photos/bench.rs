@@ -5,7 +5,6 @@ use crate::{JobContext, TaskError};
 use lightpath_domain::dataset::Encoding;
 use lightpath_domain::digests::sha256_hex;
 use lightpath_domain::job::{CapturePhotos, FailureReason};
-use lightpath_domain::units::Distance;
 use lightpath_media::pictures::{self, Photo, PhotoReading, PictureError};
 use lightpath_optics::Plane;
 use lightpath_rigs::{RigDescription, Take, TakeError, Taken};
@@ -15,8 +14,6 @@ use std::time::Duration;
 const PATIENCE: Duration = Duration::from_secs(120);
 /// Largest distance between the places of the job and of the rig's camera \[m\].
 const PLACE_TOLERANCE_M: f64 = 0.5e-3;
-/// Largest difference between a wavelength of the rig and one of the display \[m\].
-const WAVELENGTH_TOLERANCE_M: f64 = 0.5e-9;
 
 /// The rig of the job's display.
 pub(super) struct Bench<'a> {
@@ -30,21 +27,18 @@ impl<'a> Bench<'a> {
     pub(super) fn of(context: &'a JobContext, spec: &'a CapturePhotos) -> Result<Self, TaskError> {
         let absent = || TaskError::transient(FailureReason::RigAbsent, TakeError::Absent(spec.display.clone()));
         let rig = context.rigs().of(&spec.display).ok_or_else(absent)?;
-        let (wavelength_m, distance_m) = (spec.wavelength.m(), spec.distance.m());
         let refused = |message: String| {
             let message = format!("the rig of displays/{}: {message}", spec.display);
             TaskError::permanent(FailureReason::RigFailed, message)
         };
-        if (rig.distance_m - distance_m).abs() > PLACE_TOLERANCE_M {
-            let of_rig =
-                Distance::from_m(rig.distance_m).map_or_else(|| rig.distance_m.to_string(), |each| each.to_string());
+        if (rig.distance.m() - spec.distance.m()).abs() > PLACE_TOLERANCE_M {
             return Err(refused(format!(
-                "its camera is focused at {of_rig}, but the job is for {}; focus it there, and say so in the rig's settings, \
+                "its camera is focused at {}, but the job is for {}; focus it there, and say so in the rig's settings, \
                  or submit the job for that place",
-                spec.distance
+                rig.distance, spec.distance
             )));
         }
-        if !rig.wavelengths_m.iter().any(|each| (each - wavelength_m).abs() <= WAVELENGTH_TOLERANCE_M) {
+        if !rig.wavelengths.contains(&spec.wavelength) {
             return Err(refused(format!("it has no light of {}", spec.wavelength)));
         }
         let camera = rig.camera;
@@ -129,9 +123,11 @@ impl<'a> Bench<'a> {
         }
         Ok(photo)
     }
+}
 
-    /// Lets the rig go into its safe state.
-    pub(super) fn rest(&self) {
+impl Drop for Bench<'_> {
+    /// Lets the rig go into its safe state, however the attempt ends.
+    fn drop(&mut self) {
         self.context.rigs().rest(&self.spec.display);
     }
 }

@@ -11,7 +11,8 @@ use crate::display_setup::DisplaySetup;
 use crate::{JobContext, TaskError, TaskOutput};
 use bench::Bench;
 use lightpath_domain::job::{
-    CapturePhotos, CapturePhotosResult, CapturedPhoto, FailureReason, JobEffect, JobResult, Progress, Retaken,
+    CapturePhotos, CapturePhotosResult, CapturedPhoto, FailureReason, JobEffect, JobResult, NamedPattern, Progress,
+    Retaken,
 };
 use lightpath_media::captures::identity::Brightness;
 use lightpath_media::pictures::{self, Hologram};
@@ -58,7 +59,6 @@ pub(super) fn run(context: &JobContext, spec: &CapturePhotos) -> Result<TaskOutp
         photograph(context, (&bench, &mut judge), &mut saved, spec, (&levels, index))?;
     }
     context.report(progress(spec.patterns.len(), spec))?;
-    bench.rest();
     Ok(TaskOutput { result: JobResult::CapturePhotos(saved.result), effect: JobEffect::None })
 }
 
@@ -128,9 +128,12 @@ struct Shown {
 /// The patterns as levels. Those that are phases become levels by the display's response.
 fn levels(context: &JobContext, display: &DisplaySetup, spec: &CapturePhotos) -> Result<Vec<Shown>, TaskError> {
     let bit_depth = display.declared.bit_depth;
-    let shown = |pattern: &str| {
-        let file = context.read_artifact(pattern)?;
-        let levels = match pictures::hologram(&file, bit_depth, display.height_px(), display.width_px())? {
+    let shown = |named: &NamedPattern| {
+        let file = context.read_artifact(&named.pattern)?;
+        let hologram = pictures::hologram(&file, bit_depth, display.height_px(), display.width_px());
+        let unreadable =
+            |error| TaskError::permanent(FailureReason::InvalidPicture, format!("pattern \"{}\": {error}", named.id));
+        let levels = match hologram.map_err(unreadable)? {
             Hologram::Levels(levels) => levels,
             Hologram::Phase(phase) => display.levels_of(&phase)?,
         };
@@ -138,7 +141,7 @@ fn levels(context: &JobContext, display: &DisplaySetup, spec: &CapturePhotos) ->
         let digest = context.put_artifact(pictures::levels_png(&levels, bit_depth)?)?;
         Ok(Shown { digest, levels_sha256 })
     };
-    spec.patterns.iter().map(|named| shown(&named.pattern)).collect()
+    spec.patterns.iter().map(shown).collect()
 }
 
 fn state(saved: &Saved) -> Vec<u8> {
